@@ -1,0 +1,56 @@
+"""Surface normals from one photo under red, green and blue light (multispectral photometric stereo).
+
+The nouns are small frozen dataclasses that hold NumPy arrays, the verbs are functions that take nouns and give nouns::
+
+    from mpsnet_core import estimate_normals, read_capture, read_rig, write_normals
+
+    capture = read_capture("photo.exr", read_rig("rig.json"))
+    write_normals("normals.png", estimate_normals(capture, "lambertian"))
+
+Camera space everywhere: x right, y up, z towards the camera, right-handed.
+"""
+
+import importlib
+from typing import Any
+
+__version__ = "0.1.0"
+
+# Loaded on first use, so that Blender can import the light nouns without onnxruntime, OpenImageIO or trimesh.
+_HOME = {
+    "Camera": "camera",
+    "Capture": "capture",
+    "InputError": "errors",
+    "LightRig": "rig",
+    "Mesh": "surface.mesh",
+    "NormalMap": "normals",
+    "Texture": "surface.texture",
+    "View": "surface.bake",
+    "angular_error": "normals",
+    "bake_normals": "surface.bake",
+    "estimate_normals": "estimate",
+    "published_rig": "rig",
+    "read_camera": "camera",
+    "read_capture": "capture",
+    "read_image": "images",
+    "read_mask": "images",
+    "read_mesh": "surface.mesh",
+    "read_normals": "normals",
+    "read_rig": "rig",
+    "write_camera": "camera",
+    "write_image": "images",
+    "write_normals": "normals",
+    "write_rig": "rig",
+    "write_texture": "surface.texture",
+}
+
+__all__ = sorted(_HOME)  # noqa: PLE0605
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOME:
+        return getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *_HOME]

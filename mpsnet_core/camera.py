@@ -1,0 +1,136 @@
+"""Camera: orthographic or perspective, with its pose; camera files."""
+
+import os
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.files import read_json, write_json
+
+CAMERA_FORMAT = "mpsnet-camera"
+CAMERA_VERSION = 1
+
+Projection = Literal["orthographic", "perspective"]
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole or orthographic camera.
+
+    projection: "orthographic" or "perspective".
+    width, height: image size in pixels.
+    focal: (2,) pixels along x and y: the focal length of a perspective camera; the pixels a world unit of an
+        orthographic one.
+    centre: (2,) pixels, where the optical axis meets the image; pixel (row r, column c) covers [c, c+1] x [r, r+1]
+        with row 0 on top. The image's middle unless given.
+    world_from_camera: (4, 4) rigid pose. Camera axes: x right, y up, z towards the viewer (Blender's and OpenGL's).
+
+    Raises InputError where a size is not positive or the pose is not rigid.
+    """
+
+    projection: Projection
+    width: int
+    height: int
+    focal: NDArray[np.float64]
+    centre: NDArray[np.float64] | None = None
+    world_from_camera: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+
+    def __post_init__(self) -> None:
+        if self.projection not in ("orthographic", "perspective"):
+            raise InputError(f'a camera\'s projection is "orthographic" or "perspective", not {self.projection!r}')
+        for what, size in (("width", self.width), ("height", self.height)):
+            if isinstance(size, bool) or not isinstance(size, int | np.integer) or size < 1:
+                raise InputError(f"the camera's {what} must be a whole number of pixels above 0, not {size!r}")
+        focal = _numbers(self.focal, (2,), "focal")
+        if (focal <= 0).any():
+            raise InputError("the camera's focal must be above 0 in x and in y")
+        centre = np.array([self.width / 2, self.height / 2]) if self.centre is None else self.centre
+        centre = _numbers(centre, (2,), "centre")
+        pose = _numbers(self.world_from_camera, (4, 4), "world_from_camera")
+        turn = pose[:3, :3]
+        rigid = np.allclose(turn.T @ turn, np.eye(3), atol=1e-4) and np.linalg.det(turn) > 0
+        if not rigid or not np.allclose(pose[3], [0, 0, 0, 1]):
+            raise InputError(
+                "the camera's world_from_camera is not a rotation and a translation; remove scale, shear and mirroring"
+            )
+        for name, value in (("focal", focal), ("centre", centre), ("world_from_camera", pose)):
+            value.flags.writeable = False
+            object.__setattr__(self, name, value)
+
+    @property
+    def rotation(self) -> NDArray[np.float64]:
+        """(3, 3): turns vectors from camera space to world space."""
+        return self.world_from_camera[:3, :3]
+
+    def projection_rows(self) -> NDArray[np.float64]:
+        """(3, 4) matrix P: a homogeneous world point p gives (x·w, y·w, w) in pixels; w is 1 if orthographic."""
+        camera_from_world = np.linalg.inv(self.world_from_camera)
+        assert self.centre is not None
+        (fx, fy), (cx, cy) = self.focal, self.centre
+        if self.projection == "orthographic":
+            rows = np.array([[fx, 0, 0, cx], [0, -fy, 0, cy], [0, 0, 0, 1.0]])
+        else:
+            rows = np.array([[fx, 0, -cx, 0], [0, -fy, -cy, 0], [0, 0, -1.0, 0]])
+        return rows @ camera_from_world
+
+    def depth_row(self) -> NDArray[np.float64]:
+        """(4,) row d: a homogeneous world point's distance in front of the camera along its axis is d·p."""
+        return -np.linalg.inv(self.world_from_camera)[2]
+
+    def rays(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """World-space origins and unit directions, each (N, 3), of the rays through image points (N, 2) in pixels."""
+        points = np.asarray(points, dtype=np.float64)
+        assert self.centre is not None
+        x, y = ((points - self.centre) / self.focal * (1, -1)).T
+        zero, one = np.zeros_like(x), np.ones_like(x)
+        if self.projection == "orthographic":
+            origins, directions = np.stack([x, y, zero], -1), np.stack([zero, zero, -one], -1)
+        else:
+            origins, directions = np.zeros((len(x), 3)), np.stack([x, y, -one], -1)
+            directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        return origins @ self.rotation.T + self.world_from_camera[:3, 3], directions @ self.rotation.T
+
+
+def _numbers(value: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float64]:
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        array = np.empty(0)
+    if array.shape != shape or not np.isfinite(array).all():
+        raise InputError(f"the camera's {what} must be {' by '.join(map(str, shape))} finite numbers")
+    return array
+
+
+def read_camera(path: str | os.PathLike[str]) -> Camera:
+    """Read a JSON camera file. Raises InputError where it is missing or malformed."""
+    data = read_json(path, CAMERA_FORMAT, CAMERA_VERSION)
+    missing = [key for key in ("projection", "width", "height", "focal", "world_from_camera") if key not in data]
+    if missing:
+        raise InputError(f'camera file {path} lacks "{missing[0]}"; add it')
+    try:
+        return Camera(
+            data["projection"], data["width"], data["height"], data["focal"], data.get("centre"), data["world_from_camera"]
+        )
+    except InputError as error:
+        raise InputError(f"camera file {path}: {error}") from None
+
+
+def write_camera(path: str | os.PathLike[str], camera: Camera) -> None:
+    """Write a JSON camera file, whole or not at all."""
+    assert camera.centre is not None
+    write_json(
+        path,
+        {
+            "format": CAMERA_FORMAT,
+            "version": CAMERA_VERSION,
+            "projection": camera.projection,
+            "width": int(camera.width),
+            "height": int(camera.height),
+            "focal": camera.focal.tolist(),
+            "centre": camera.centre.tolist(),
+            "world_from_camera": camera.world_from_camera.tolist(),
+        },
+    )

@@ -1,0 +1,78 @@
+"""Files that appear whole or not at all, and JSON files that say what they are."""
+
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from mpsnet_core.errors import InputError
+
+# Rigs and cameras are a few hundred bytes; a larger file is not one of ours and is not parsed.
+MAX_JSON_BYTES = 1 << 20
+
+
+@contextmanager
+def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Give a temporary path beside `path`; on success rename it to `path`, on failure remove it.
+
+    The temporary name keeps the suffix (image writers choose the format by it) and holds the process id, so that
+    whoever had to kill this process can clear up with :func:`remove_unfinished`.
+
+    Raises InputError where the folder is missing or cannot be written.
+    """
+    path = Path(path)
+    if not path.parent.is_dir():
+        raise InputError(f"cannot write {path}: the folder {path.parent} does not exist; create it first")
+    if path.is_dir():
+        raise InputError(f"cannot write {path}: it is a folder; give a file name")
+    if not os.access(path.parent, os.W_OK):
+        raise InputError(f"cannot write {path}: no permission to write in {path.parent}; choose another folder")
+    unfinished = path.with_name(f".{path.stem}.{os.getpid()}.unfinished{path.suffix}")
+    try:
+        yield unfinished
+        unfinished.replace(path)
+    finally:
+        unfinished.unlink(missing_ok=True)
+
+
+def remove_unfinished(folder: str | os.PathLike[str], pid: int) -> None:
+    """Remove what process `pid`, ended by force, left unfinished in `folder`."""
+    for left in Path(folder).glob(f".*.{pid}.unfinished*"):
+        left.unlink(missing_ok=True)
+
+
+def existing_file(path: str | os.PathLike[str], what: str) -> Path:
+    """`path` as a Path, or InputError where there is no such file."""
+    path = Path(path)
+    if path.is_dir():
+        raise InputError(f"{what} {path} is a folder, not a file; name a file in it")
+    if not path.is_file():
+        raise InputError(f"{what} {path} does not exist; check the path")
+    return path
+
+
+def read_json(path: str | os.PathLike[str], format_name: str, version: int) -> dict[str, Any]:
+    """Read a JSON object whose "format" is `format_name` and whose "version" is at most `version`."""
+    path = existing_file(path, format_name)
+    if path.stat().st_size > MAX_JSON_BYTES:
+        raise InputError(f"{path} is larger than 1 MiB and so not a {format_name} file; check the path")
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path} is not valid JSON ({error}); write it again as a {format_name} file") from None
+    found = data.get("format") if isinstance(data, dict) else None
+    if found != format_name:
+        raise InputError(f'{path} is not a {format_name} file: its "format" is {found!r}, expected {format_name!r}')
+    if not isinstance(data.get("version"), int) or not 1 <= data["version"] <= version:
+        raise InputError(
+            f"{path} is version {data.get('version')!r} of {format_name}, this program reads up to {version}; update it"
+        )
+    return data
+
+
+def write_json(path: str | os.PathLike[str], data: dict[str, Any]) -> None:
+    """Write `data` as indented JSON, whole or not at all."""
+    with written_whole(path) as unfinished:
+        unfinished.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
