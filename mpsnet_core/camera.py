@@ -112,7 +112,12 @@ def read_camera(path: str | os.PathLike[str]) -> Camera:
         raise InputError(f'camera file {path} lacks "{missing[0]}"; add it')
     try:
         return Camera(
-            data["projection"], data["width"], data["height"], data["focal"], data.get("centre"), data["world_from_camera"]
+            data["projection"],
+            data["width"],
+            data["height"],
+            data["focal"],
+            data.get("centre"),
+            data["world_from_camera"],
         )
     except InputError as error:
         raise InputError(f"camera file {path}: {error}") from None

@@ -162,6 +162,4 @@ def write_rig(path: str | os.PathLike[str], rig: LightRig) -> None:
     lights: Sequence[dict[str, float]] = [
         {"slant": float(slant), "tilt": float(tilt)} for slant, tilt in zip(rig.slants, rig.tilts, strict=True)
     ]
-    write_json(
-        path, {"format": RIG_FORMAT, "version": RIG_VERSION, "lights": lights, "mixing": rig.mixing.tolist()}
-    )
+    write_json(path, {"format": RIG_FORMAT, "version": RIG_VERSION, "lights": lights, "mixing": rig.mixing.tolist()})

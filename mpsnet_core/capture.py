@@ -1,0 +1,110 @@
+"""Capture: the one photo as linear values, with its mask, rig and camera."""
+
+import logging
+import os
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.camera import Camera
+from mpsnet_core.errors import InputError
+from mpsnet_core.images import Encoding, Image, read_image, read_mask
+from mpsnet_core.rig import LightRig
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Capture:
+    """One photo under three lights at once.
+
+    image: (H, W, 3) float32, linear; channel i is camera channel R, G, B.
+    mask: (H, W) bool, the pixels of the object.
+    rig: the lights, in camera space.
+    camera: its projection and pose, where known.
+    clip: linear value at which a channel saturates; infinity for renders.
+
+    Raises InputError where the shapes do not agree, the mask is empty or a value is not finite.
+    """
+
+    image: NDArray[np.float32]
+    mask: NDArray[np.bool_]
+    rig: LightRig
+    camera: Camera | None = None
+    clip: float = np.inf
+
+    def __post_init__(self) -> None:
+        image, mask = np.asarray(self.image, np.float32), np.asarray(self.mask, bool)
+        if image.ndim != 3 or image.shape[2] != 3:
+            raise InputError(f"a photo has three channels a pixel; this one has shape {image.shape}")
+        if mask.shape != image.shape[:2]:
+            raise InputError(f"the mask is {_size(mask)} but the photo is {_size(image)}; they must be the same size")
+        if not mask.any():
+            raise InputError("the mask is empty: no pixel of the object is marked; choose another mask or threshold")
+        if not np.isfinite(image[mask]).all():
+            raise InputError("the photo holds values that are not finite inside the mask; export it again")
+        if not (image[mask] > 0).any():
+            raise InputError("the photo is black inside the mask; were the lights on, and is it the right mask?")
+        if self.camera is not None and (self.camera.height, self.camera.width) != mask.shape:
+            raise InputError(
+                f"the camera is {self.camera.width} x {self.camera.height} but the photo is {_size(image)}; "
+                "they must be the same size"
+            )
+        object.__setattr__(self, "image", image)
+        object.__setattr__(self, "mask", mask)
+
+
+def _size(array: NDArray[np.generic]) -> str:
+    return f"{array.shape[1]} x {array.shape[0]}"
+
+
+def read_capture(
+    path: str | os.PathLike[str],
+    rig: LightRig,
+    *,
+    mask: str | os.PathLike[str] | None = None,
+    encoding: Encoding = "auto",
+    layer: str | None = None,
+    camera: Camera | None = None,
+) -> Capture:
+    """Read a photo as a capture.
+
+    mask: a mask file, or "alpha", "none" (the whole photo), or "threshold:T" (pixels whose brightest channel is
+        above T times the photo's 99.9th percentile). Unless given: alpha where the photo has it, else the whole photo.
+    encoding, layer: as in :func:`mpsnet_core.images.read_image`.
+
+    Raises InputError where a file is missing or broken, or photo, mask and camera do not fit each other.
+    """
+    image = read_image(path, encoding=encoding, layer=layer)
+    try:
+        return Capture(image.pixels, _mask(image, mask), rig, camera, image.clip)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _mask(image: Image, mask: str | os.PathLike[str] | None) -> NDArray[np.bool_]:
+    choice = "" if mask is None else os.fspath(mask)
+    if choice == "none" or (not choice and image.alpha is None):
+        if not choice:
+            log.warning("no mask and no alpha: the whole photo is taken as the object")
+        return np.ones(image.pixels.shape[:2], bool)
+    if choice in ("", "alpha"):
+        if image.alpha is None:
+            raise InputError("the photo has no alpha channel to take the mask from; give a mask file or a threshold")
+        return image.alpha > 0.5
+    if choice.startswith("threshold:"):
+        return threshold_mask(image.pixels, choice.partition(":")[2])
+    return read_mask(choice)
+
+
+def threshold_mask(pixels: NDArray[np.float32], threshold: str | float) -> NDArray[np.bool_]:
+    """(H, W) bool: where the brightest channel is above `threshold` (0 to 1) times its 99.9th percentile."""
+    try:
+        level = float(threshold)
+    except ValueError:
+        level = -1.0
+    if not 0 <= level < 1:
+        raise InputError(f"a mask threshold is a number from 0 up to 1, not {threshold!r}; 0.05 is a good start")
+    brightest = pixels.max(axis=-1)
+    return brightest > level * np.percentile(brightest, 99.9)

@@ -1,0 +1,54 @@
+"""From a capture to a normal map: the Lambertian baseline and the networks, one call for all."""
+
+import os
+from typing import Any
+
+from mpsnet_core.capture import Capture
+from mpsnet_core.estimate.lambertian import lambertian_normals
+from mpsnet_core.estimate.shelf import DEFAULT_MODEL, LAMBERTIAN, LAMBERTIAN_GREY_WORLD, find_model
+from mpsnet_core.normals import NormalMap
+from mpsnet_core.progress import Progress, silent
+
+__all__ = ["Estimator", "estimate_normals"]
+
+
+class Estimator:
+    """A model made ready once, for any number of captures.
+
+    model: a name of `mpsnet models` or the path of an ONNX file.
+    options: provider ("cpu", "cuda", "directml", "coreml"), threads and tile for ONNX models, see
+        :class:`mpsnet_core.estimate.onnx_model.OnnxModel`.
+
+    Raises InputError where there is no such model or its file is not one of ours.
+    """
+
+    def __init__(self, model: str | os.PathLike[str] = DEFAULT_MODEL, **options: Any) -> None:
+        self.name = os.fspath(model)
+        self._network = None
+        if self.name not in (LAMBERTIAN, LAMBERTIAN_GREY_WORLD):
+            from mpsnet_core.estimate.onnx_model import OnnxModel  # onnxruntime takes a while to load
+
+            self._network = OnnxModel(find_model(self.name), **options)
+
+    def __call__(self, capture: Capture, progress: Progress = silent) -> NormalMap:
+        """Normals of `capture`, in camera space. Raises Cancelled where `progress` does."""
+        if self._network is not None:
+            return self._network(capture, progress)
+        progress(0.0, "solving equation 2")
+        normals = lambertian_normals(capture, grey_world=self.name == LAMBERTIAN_GREY_WORLD)
+        progress(1.0, "normals estimated")
+        return normals
+
+
+def estimate_normals(
+    capture: Capture,
+    model: str | os.PathLike[str] = DEFAULT_MODEL,
+    *,
+    progress: Progress = silent,
+    **options: Any,
+) -> NormalMap:
+    """Estimate the surface normal of every pixel inside the capture's mask.
+
+    Model and options as in :class:`Estimator`, which is the one to keep when there are many captures.
+    """
+    return Estimator(model, **options)(capture, progress)

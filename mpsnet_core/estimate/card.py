@@ -1,0 +1,85 @@
+"""The card of an ONNX model, kept in the file's own metadata: what it is and how its inputs are made."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.estimate.features import FEATURE_CHANNELS
+
+CARD_KEY = "mpsnet.card"
+CARD_FORMAT = "mpsnet-model"
+CARD_VERSION = 1
+
+
+@dataclass(frozen=True)
+class ModelCard:
+    """What an ONNX file says of itself.
+
+    name, network, licence: for people. network names the architecture.
+    kind: "dense" maps (N, C, H, W) to (N, 3, H, W); "patch" maps (N, C, patch, patch) to (N, 3), one pixel a patch.
+    inputs: for each ONNX input the features that are stacked along its channels, see
+        :data:`mpsnet_core.estimate.features.FEATURE_CHANNELS`.
+    halo: dense only; how many pixels around it an output pixel depends on at most (receptive field radius).
+    multiple: dense only; height and width must be a multiple of this (pooling).
+    patch: patch only; the side of a patch in pixels, odd.
+    """
+
+    name: str
+    network: str
+    licence: str
+    kind: Literal["dense", "patch"]
+    inputs: Mapping[str, tuple[str, ...]]
+    halo: int = 0
+    multiple: int = 1
+    patch: int = 1
+
+    def __post_init__(self) -> None:
+        for key in ("name", "network", "licence"):
+            if not isinstance(getattr(self, key), str) or not getattr(self, key):
+                raise InputError(f'its card needs a text for "{key}"')
+        if self.kind not in ("dense", "patch"):
+            raise InputError(f'its card\'s "kind" is {self.kind!r}; expected "dense" or "patch"')
+        if not isinstance(self.inputs, Mapping) or not self.inputs:
+            raise InputError("its card's \"inputs\" must name each input's features")
+        for features in self.inputs.values():
+            for feature in features:
+                if feature not in FEATURE_CHANNELS:
+                    raise InputError(f"its card asks for {feature!r}; this program makes {', '.join(FEATURE_CHANNELS)}")
+        for key, least in (("halo", 0), ("multiple", 1), ("patch", 1)):
+            value = getattr(self, key)
+            if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= 4096:
+                raise InputError(f'its card\'s "{key}" is {value!r}; expected a whole number from {least} to 4096')
+        if self.patch % 2 == 0:
+            raise InputError(f'its card\'s "patch" is {self.patch}; expected an odd number of pixels')
+
+    def to_json(self) -> str:
+        """The card as the text that stands under :data:`CARD_KEY` in the ONNX file's metadata."""
+        inputs = {name: list(features) for name, features in self.inputs.items()}
+        return json.dumps({"format": CARD_FORMAT, "version": CARD_VERSION, **self.__dict__, "inputs": inputs})
+
+
+def card_from_metadata(metadata: Mapping[str, str]) -> ModelCard:
+    """The card in an ONNX file's metadata. Raises InputError where there is none or it is malformed."""
+    text = metadata.get(CARD_KEY)
+    if text is None:
+        raise InputError(f"it has no card (metadata {CARD_KEY!r}), so nothing says how its inputs are made")
+    try:
+        data: Any = json.loads(text)
+    except (ValueError, RecursionError):
+        raise InputError(f"its card (metadata {CARD_KEY!r}) is not valid JSON") from None
+    if not isinstance(data, dict) or data.pop("format", None) != CARD_FORMAT:
+        raise InputError(f"its card is not a {CARD_FORMAT} card")
+    version = data.pop("version", None)
+    if version != CARD_VERSION:
+        raise InputError(f"its card is version {version!r}, this program reads version {CARD_VERSION}; update it")
+    known = {key: data[key] for key in ModelCard.__dataclass_fields__ if key in data}
+    if isinstance(known.get("inputs"), dict):
+        known["inputs"] = {
+            name: tuple(features) if isinstance(features, list) else () for name, features in known["inputs"].items()
+        }
+    missing = [key for key in ("name", "network", "licence", "kind", "inputs") if key not in known]
+    if missing:
+        raise InputError(f'its card lacks "{missing[0]}"')
+    return ModelCard(**known)

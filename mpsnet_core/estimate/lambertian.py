@@ -1,0 +1,56 @@
+"""The baseline: equation 2 of the paper, initial normals from three lights and a matt surface."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.capture import Capture
+from mpsnet_core.normals import NormalMap, normalised
+
+# Below this share of its channel's 99th percentile inside the mask a pixel counts as unlit by that channel's light.
+SHADOW_SHARE = 0.02
+# Above this share of the clip value a channel counts as saturated: an 8-bit sRGB 254 is linear 0.991.
+SATURATED_SHARE = 0.99
+
+
+def unmixed(capture: Capture) -> NDArray[np.float32]:
+    """(H, W, 3) what each light alone gives: the image multiplied by the inverse of the rig's mixing matrix.
+
+    Undoes ``c = M s`` of the image formation for a surface of one grey; exact for a rig without crosstalk.
+    """
+    if np.array_equal(capture.rig.mixing, np.eye(3)):
+        return capture.image
+    return capture.image @ np.linalg.inv(capture.rig.mixing).T.astype(np.float32)
+
+
+def grey_world_image(image: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """(H, W, 3) each channel divided by its own mean inside the mask; a channel that is black there stays as it is."""
+    mean = image[mask].mean(axis=0, dtype=np.float64)
+    return image / np.where(mean > 0, mean, 1).astype(np.float32)
+
+
+def initial_normals(image: NDArray[np.float32], directions: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Equation 2: ``n = L⁻¹ c``, normalised.
+
+    image: (..., 3) linear, one channel a light. directions: (3, 3), a unit vector a row. Returns (..., 3) unit
+    vectors in the directions' frame; a black pixel, which tells nothing, faces the camera (+z).
+    """
+    return normalised(image @ np.linalg.inv(directions).T.astype(np.float32))
+
+
+def usable_channels(capture: Capture) -> NDArray[np.bool_]:
+    """(H, W, 3) False where a light does not reach the pixel (shadow) or its channel is saturated."""
+    saturated = capture.image >= SATURATED_SHARE * capture.clip
+    if not np.array_equal(capture.rig.mixing, np.eye(3)):
+        # Every light's share is drawn from all channels, so one saturated channel spoils all three.
+        saturated = np.broadcast_to(saturated.any(axis=-1, keepdims=True), saturated.shape)
+    light = unmixed(capture)
+    return (light > SHADOW_SHARE * np.percentile(light[capture.mask], 99, axis=0)) & ~saturated
+
+
+def lambertian_normals(capture: Capture, grey_world: bool = False) -> NormalMap:
+    """Normals by equation 2, with or without grey-world. Confidence is the share of usable channels (0, ⅓, ⅔, 1)."""
+    image = unmixed(capture)
+    if grey_world:
+        image = grey_world_image(image, capture.mask)
+    confidence = usable_channels(capture).mean(axis=-1, dtype=np.float32)
+    return NormalMap(initial_normals(image, capture.rig.directions), capture.mask, confidence)

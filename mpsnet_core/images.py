@@ -1,0 +1,262 @@
+"""The only door to image files: OpenImageIO in, linear float32 out, and back."""
+
+import logging
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import OpenImageIO as oiio
+from numpy.typing import NDArray
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.files import existing_file, written_whole
+
+log = logging.getLogger(__name__)
+
+Encoding = Literal["auto", "linear", "srgb"]
+ENCODINGS: tuple[Encoding, ...] = ("auto", "linear", "srgb")
+
+# Checked before any memory is asked for: a broken or hostile header can claim any size.
+MAX_PIXELS = 400_000_000
+MAX_CHANNELS = 1024
+
+# Bits a channel that each kind of file can hold; the first is what is written unless asked otherwise.
+WRITABLE_BITS = {".png": (16, 8), ".tif": (16, 8, 32), ".tiff": (16, 8, 32), ".exr": (32, 16), ".jpg": (8,)}
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr")
+
+
+@dataclass(frozen=True)
+class Image:
+    """An image as read.
+
+    pixels: (H, W, 3) float32, linear, row 0 on top, not premultiplied by alpha.
+    alpha: (H, W) float32 in 0 to 1, or None where the file has none.
+    clip: the linear value from which a channel may be saturated: 1 in integer files, infinity in float files.
+    note: how the file's values were taken, for people to read.
+    """
+
+    pixels: NDArray[np.float32]
+    alpha: NDArray[np.float32] | None
+    clip: float
+    note: str
+
+
+@dataclass(frozen=True)
+class _Layer:
+    """Where a layer's channels stand: a subimage (part) of the file and channel numbers by their short names."""
+
+    subimage: int
+    channels: dict[str, int]
+
+
+def srgb_to_linear(values: NDArray[Any]) -> NDArray[Any]:
+    """The sRGB curve undone (IEC 61966-2-1); any shape, 0 to 1."""
+    return np.where(values <= 0.04045, values / 12.92, ((np.maximum(values, 0) + 0.055) / 1.055) ** 2.4)
+
+
+def linear_to_srgb(values: NDArray[Any]) -> NDArray[Any]:
+    """The sRGB curve (IEC 61966-2-1); any shape, clipped to 0 to 1."""
+    values = np.clip(values, 0, 1)
+    return np.where(values <= 0.0031308, values * 12.92, 1.055 * values ** (1 / 2.4) - 0.055)
+
+
+def image_layers(path: str | os.PathLike[str]) -> list[str]:
+    """Names of the layers in a file; "" is the layer whose channels carry no name. Multi-part EXR parts count too."""
+    path = existing_file(path, "image")
+    source = _open(path)
+    try:
+        return list(_layers(source, path))
+    finally:
+        source.close()
+
+
+def read_image(path: str | os.PathLike[str], *, encoding: Encoding = "auto", layer: str | None = None) -> Image:
+    """Read a colour image.
+
+    encoding: how the file's values are meant. "auto": float files and files that say so are linear, all others sRGB.
+    layer: which layer of a multi-layer or multi-part EXR; its full name or its last part ("Combined"). Unless
+        given: the unnamed layer, else the only one, else the one called Combined.
+
+    Raises InputError where the file is missing, broken, too large, not RGB, or the layer is not there or not told.
+    """
+    if encoding not in ENCODINGS:
+        raise InputError(f"encoding {encoding!r} is not known; choose {', '.join(ENCODINGS)}")
+    values, names, spec = _read_layer(Path(path), layer)
+    colour = [names.get(name) for name in ("XYZ" if "X" in names else "RGB")]
+    if any(channel is None for channel in colour):
+        raise InputError(
+            f"{path} has {len(names)} channel(s) ({', '.join(names)}) where red, green and blue are needed; "
+            "give a colour image"
+        )
+    pixels = values[..., colour]
+    alpha = np.clip(values[..., names["A"]], 0, 1) if "A" in names else None
+    if not np.isfinite(pixels).all():
+        raise InputError(f"{path} holds values that are not finite; render or export it again")
+    is_float = spec.format.basetype in (oiio.HALF, oiio.FLOAT, oiio.DOUBLE)
+    if alpha is not None and not spec.getattribute("oiio:UnassociatedAlpha"):
+        pixels = np.divide(pixels, alpha[..., None], out=np.zeros_like(pixels), where=alpha[..., None] > 1e-6)
+    declared = str(spec.getattribute("oiio:ColorSpace") or "").lower()
+    if encoding == "auto":
+        linear = is_float or "lin" in declared or declared in ("raw", "data")
+        note = f"taken as {'linear' if linear else 'sRGB'} ({'float' if is_float else spec.format} file)"
+    else:
+        linear = encoding == "linear"
+        note = f"taken as {'linear' if linear else 'sRGB'} as told"
+    if not linear:
+        pixels = srgb_to_linear(pixels).astype(np.float32)
+    log.info("%s: %s", path, note)
+    return Image(np.ascontiguousarray(pixels), alpha, np.inf if is_float else 1.0, note)
+
+
+def read_mask(path: str | os.PathLike[str]) -> NDArray[np.bool_]:
+    """Read a mask, (H, W) bool: the alpha channel where it varies, else where the brightest channel is above half.
+
+    Raises InputError where the file is missing or broken.
+    """
+    values, names, _ = _read_layer(Path(path), None)
+    if "A" in names:
+        alpha = values[..., names.pop("A")]
+        if alpha.min() < alpha.max() or not names:
+            return alpha > 0.5
+    return values[..., list(names.values())].max(axis=-1) > 0.5
+
+
+def read_data(
+    path: str | os.PathLike[str], layer: str | None = None
+) -> tuple[NDArray[np.float32], NDArray[Any] | None]:
+    """Read three channels of data (normals) as they stand: (H, W, 3) float32 without any curve, and alpha or None."""
+    image = read_image(path, encoding="linear", layer=layer)
+    return image.pixels, image.alpha
+
+
+def write_image(
+    path: str | os.PathLike[str], pixels: NDArray[Any], *, bits: int | None = None, color_space: str = "raw"
+) -> None:
+    """Write (H, W) or (H, W, C) values as they stand, whole or not at all.
+
+    A fourth channel is alpha, not premultiplied into the others here. bits: 8, 16 or 32 as the format allows; integers
+    hold 0 to 1, EXR 16 is half. color_space: "raw" for data, "sRGB" for pictures whose values carry that curve.
+
+    Raises InputError where the format, the bits or the place to write are not usable.
+    """
+    path = Path(path)
+    choices = writable_bits(path)
+    bits = choices[0] if bits is None else bits
+    if bits not in choices:
+        allowed = " or ".join(map(str, sorted(choices)))
+        raise InputError(
+            f"{path.suffix} files hold {allowed} bits a channel, not {bits}; change the bits or the suffix"
+        )
+    pixels = np.ascontiguousarray(pixels if pixels.ndim == 3 else pixels[..., None], dtype=np.float32)
+    height, width, channels = pixels.shape
+    is_exr = path.suffix.lower() == ".exr"
+    kind = ("half" if bits == 16 else "float") if is_exr else {8: "uint8", 16: "uint16", 32: "float"}[bits]
+    spec = oiio.ImageSpec(width, height, channels, kind)
+    spec.attribute("oiio:ColorSpace", color_space)
+    if path.suffix.lower() == ".png":
+        spec.attribute("png:compressionLevel", 3)
+    elif not path.suffix.lower().startswith(".jp"):
+        spec.attribute("compression", "zip")
+    if channels == 4:
+        spec.alpha_channel = 3
+        if is_exr:
+            # OpenEXR defines colour as premultiplied.
+            pixels = np.concatenate([pixels[..., :3] * pixels[..., 3:], pixels[..., 3:]], axis=-1)
+        else:
+            spec.attribute("oiio:UnassociatedAlpha", 1)
+    with written_whole(path) as unfinished:
+        target = oiio.ImageOutput.create(str(unfinished))
+        if target is None:
+            raise InputError(f"cannot write {path}: {oiio.geterror()}")
+        done = target.open(str(unfinished), spec) and target.write_image(pixels)
+        if not (target.close() and done):
+            raise InputError(f"cannot write {path}: {target.geterror() or oiio.geterror()}")
+
+
+def writable_bits(path: Path) -> tuple[int, ...]:
+    """Bits a channel that a file of this suffix can hold, the usual first. Raises InputError for other suffixes."""
+    bits = WRITABLE_BITS.get(path.suffix.lower())
+    if bits is None:
+        known = ", ".join(WRITABLE_BITS)
+        raise InputError(
+            f"cannot write {path}: {path.suffix or 'no suffix'} is not an image format of ours; use {known}"
+        )
+    return bits
+
+
+def _open(path: Path) -> Any:
+    config = oiio.ImageSpec()
+    config.attribute("oiio:UnassociatedAlpha", 1)
+    source = oiio.ImageInput.open(str(path), config)
+    if source is None:
+        reason = " ".join(oiio.geterror().split())
+        raise InputError(f"{path} cannot be read as an image ({reason}); is it PNG, JPEG, TIFF or EXR, and whole?")
+    return source
+
+
+def _layers(source: Any, path: Path) -> dict[str, _Layer]:
+    layers: dict[str, _Layer] = {}
+    subimage = 0
+    while source.seek_subimage(subimage, 0):
+        spec = source.spec()
+        if spec.width * spec.height > MAX_PIXELS or spec.nchannels > MAX_CHANNELS or spec.depth > 1:
+            raise InputError(
+                f"{path} says it is {spec.width} x {spec.height} with {spec.nchannels} channels, more than this "
+                f"program reads ({MAX_PIXELS // 10**6} megapixels, {MAX_CHANNELS} channels, no volumes)"
+            )
+        part = str(spec.getattribute("oiio:subimagename") or "")
+        for number, channel in enumerate(spec.channelnames):
+            prefix, _, name = channel.rpartition(".")
+            # Blender 5 writes a part a pass and repeats its name in the channels only where a pass has a layer.
+            layer = prefix or (part if subimage or not _is_colour(spec.channelnames) else "")
+            layers.setdefault(layer, _Layer(subimage, {})).channels.setdefault(_short(name, spec.nchannels), number)
+        subimage += 1
+    source.geterror()  # seeking past the last part leaves a message behind
+    return layers
+
+
+def _is_colour(names: tuple[str, ...]) -> bool:
+    return {"R", "G", "B"} <= set(names)
+
+
+def _short(name: str, count: int) -> str:
+    """Channel names as files spell them, brought to R, G, B, A, X, Y, Z."""
+    if count > 1 and name.lower() in ("red", "green", "blue", "alpha"):
+        return name[0].upper()
+    return name.upper() if len(name) == 1 else name
+
+
+def _choose(layers: dict[str, _Layer], wanted: str | None, path: Path) -> _Layer:
+    if wanted is not None:
+        matches = [name for name in layers if name == wanted or name.endswith("." + wanted)]
+    elif "" in layers or len(layers) == 1:
+        matches = [""] if "" in layers else list(layers)
+    else:
+        matches = [name for name in layers if name.rpartition(".")[2] == "Combined"]
+    if len(matches) == 1:
+        return layers[matches[0]]
+    names = ", ".join(sorted(name or "(unnamed)" for name in layers))
+    if wanted is not None and not matches:
+        raise InputError(f"{path} has no layer {wanted!r}; it has {names}")
+    raise InputError(f"{path} has several layers; name one of {names}")
+
+
+def _read_layer(path: Path, layer: str | None) -> tuple[NDArray[np.float32], dict[str, int], Any]:
+    """All values of a layer (H, W, C) float32 as stored, its channels by short name, and the file's spec."""
+    path = existing_file(path, "image")
+    source = _open(path)
+    try:
+        chosen = _choose(_layers(source, path), layer, path)
+        source.seek_subimage(chosen.subimage, 0)
+        spec = source.spec()
+        first, last = min(chosen.channels.values()), max(chosen.channels.values())
+        values = source.read_image(chosen.subimage, 0, first, last + 1, oiio.FLOAT)
+        reason = " ".join(source.geterror().split())
+    finally:
+        source.close()
+    if values is None or reason:
+        raise InputError(f"{path} is damaged or cut short ({reason or 'no pixels'}); copy or export it again")
+    values = np.asarray(values, dtype=np.float32).reshape(spec.height, spec.width, last + 1 - first)
+    return values, {name: number - first for name, number in chosen.channels.items()}, spec

@@ -1,0 +1,102 @@
+"""NormalMap: a unit vector for every pixel; its encodings in files; the angular error."""
+
+import os
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.images import read_data, write_image
+
+Convention = Literal["opengl", "directx"]
+CONVENTIONS: tuple[Convention, ...] = ("opengl", "directx")
+
+
+@dataclass(frozen=True)
+class NormalMap:
+    """Surface normals in camera space (x right, y up, z towards the camera).
+
+    vectors: (H, W, 3) float32; unit length inside the mask, zero outside; normalised here.
+    mask: (H, W) bool.
+    confidence: (H, W) float32 in 0 to 1, zero outside the mask.
+
+    Raises InputError where the shapes do not agree or the mask is empty.
+    """
+
+    vectors: NDArray[np.float32]
+    mask: NDArray[np.bool_]
+    confidence: NDArray[np.float32] | None = None
+
+    def __post_init__(self) -> None:
+        vectors, mask = np.asarray(self.vectors, np.float32), np.asarray(self.mask, bool)
+        if vectors.shape != (*mask.shape, 3) or mask.ndim != 2:
+            raise InputError(f"normals of shape {vectors.shape} do not fit a mask of shape {mask.shape}")
+        if not mask.any():
+            raise InputError("the normal map's mask is empty; there is nothing to work on")
+        confidence = np.ones(mask.shape) if self.confidence is None else np.asarray(self.confidence)
+        if confidence.shape != mask.shape:
+            raise InputError(f"a confidence of shape {confidence.shape} does not fit a mask of shape {mask.shape}")
+        object.__setattr__(self, "vectors", np.where(mask[..., None], normalised(vectors), np.float32(0)))
+        object.__setattr__(self, "mask", mask)
+        object.__setattr__(self, "confidence", np.where(mask, np.clip(confidence, 0, 1), 0).astype(np.float32))
+
+
+def normalised(vectors: NDArray[Any]) -> NDArray[Any]:
+    """Vectors (..., 3) brought to unit length; those without a direction become +z, never NaN."""
+    length = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))[..., None]
+    facing = np.array([0, 0, 1], dtype=vectors.dtype)
+    return np.where(length > 1e-12, vectors / np.maximum(length, 1e-12), facing).astype(vectors.dtype, copy=False)
+
+
+def angular_error(estimate: NDArray[Any], truth: NDArray[Any]) -> NDArray[np.float64]:
+    """Angle in degrees between unit vectors (..., 3); accurate near 0° and 180°, where arccos is not."""
+    a, b = np.asarray(estimate, np.float64), np.asarray(truth, np.float64)
+    return np.degrees(2 * np.arctan2(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1)))
+
+
+def encode(vectors: NDArray[Any], convention: Convention = "opengl") -> NDArray[np.float32]:
+    """Vectors (..., 3) as colours 0.5 + 0.5 n; green down for DirectX."""
+    return (0.5 + 0.5 * np.asarray(vectors, np.float32) * _signs(convention)).astype(np.float32)
+
+
+def decode(colours: NDArray[Any], convention: Convention = "opengl") -> NDArray[np.float32]:
+    """Colours (..., 3) back to unit vectors; the inverse of :func:`encode`."""
+    return normalised((np.asarray(colours, np.float32) * 2 - 1) * _signs(convention))
+
+
+def _signs(convention: Convention) -> NDArray[np.float32]:
+    if convention not in CONVENTIONS:
+        raise InputError(f"convention {convention!r} is not known; choose {' or '.join(CONVENTIONS)}")
+    return np.array([1, 1 if convention == "opengl" else -1, 1], dtype=np.float32)
+
+
+def write_normals(
+    path: str | os.PathLike[str],
+    normals: NormalMap,
+    *,
+    convention: Convention = "opengl",
+    bits: int | None = None,
+) -> None:
+    """Write camera-space normals as colours with the mask as alpha: PNG or TIFF (16 bits) or EXR (float)."""
+    colours = encode(normals.vectors, convention)
+    write_image(path, np.concatenate([colours, normals.mask[..., None]], axis=-1), bits=bits)
+
+
+def read_normals(path: str | os.PathLike[str], *, convention: Convention = "opengl") -> NormalMap:
+    """Read camera-space normals written by :func:`write_normals`, or any such map.
+
+    Without alpha the mask is where the colours decode to a vector of about unit length.
+
+    Raises InputError where the file is not a normal map.
+    """
+    colours, alpha = read_data(path)
+    length = np.linalg.norm(colours * 2 - 1, axis=-1)
+    unit = np.abs(length - 1) < 0.1
+    mask = unit if alpha is None else alpha > 0.5
+    if not mask.any():
+        raise InputError(f"{path} holds no normals: its mask is empty; estimate them again")
+    if unit[mask].mean() < 0.5:
+        raise InputError(f"{path} is not a normal map: its colours are not unit vectors 0.5 + 0.5 n; choose another")
+    return NormalMap(decode(colours, convention), mask)
