@@ -1,0 +1,276 @@
+"""Build the extension's zips, one per platform, each with the wheels of every Python that Blender has there.
+
+    python blender_addon/build_extension.py [--python 3.11,3.13] [--platform linux-x64,windows-x64,macos-arm64]
+
+A zip may hold wheels for several Pythons: when it is enabled, Blender unpacks those that fit its own Python.
+"""
+
+import argparse
+import importlib.util
+import json
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from packaging.requirements import Requirement
+from packaging.tags import Tag, compatible_tags, cpython_tags, mac_platforms
+from packaging.utils import canonicalize_name, parse_wheel_filename
+
+ADDON = Path(__file__).resolve().parent
+PROJECT = ADDON.parent
+WORK = PROJECT / "build" / "extension"
+
+# The oldest NumPy that a Blender with this Python brings along; what we bundle has to work with it. 4.5 and 5.0 have
+# Python 3.11, 5.1 and 5.2 have 3.13; Debian builds its Blender with its own 3.14.
+BLENDER_NUMPY = {"3.11": "1.26.*", "3.13": "2.2.*", "3.14": "2.3.*"}
+
+
+@dataclass(frozen=True)
+class Platform:
+    """One of Blender's platforms: the wheel tags that work there, and its names in a requirement's markers."""
+
+    tags: list[str]
+    sys_platform: str
+    platform_system: str
+    os_name: str
+    platform_machine: str
+
+
+# glibc 2.28 is what Blender itself needs; onnxruntime's wheels begin at macOS 14.
+MANYLINUX = [*(f"manylinux_2_{minor}_x86_64" for minor in range(28, 16, -1)), "manylinux2014_x86_64"]
+PLATFORMS = {
+    "linux-x64": Platform(MANYLINUX, "linux", "Linux", "posix", "x86_64"),
+    "windows-x64": Platform(["win_amd64"], "win32", "Windows", "nt", "AMD64"),
+    "macos-arm64": Platform(list(mac_platforms((14, 0), "arm64")), "darwin", "Darwin", "posix", "arm64"),
+}
+
+# extensions.blender.org takes no larger file.
+MAX_ZIP_BYTES = 200 * 1000 * 1000
+
+
+class BuildError(Exception):
+    """The build cannot go on. The message is one sentence: what is wrong and how to mend it."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """One Python on one platform."""
+
+    python: str
+    platform: str
+
+    def __str__(self) -> str:
+        return f"Python {self.python} on {self.platform}"
+
+    @property
+    def pip_options(self) -> list[str]:
+        options = ["--only-binary=:all:", "--implementation=cp", f"--python-version={self.python}"]
+        return [*options, *(f"--platform={tag}" for tag in PLATFORMS[self.platform].tags)]
+
+    @property
+    def markers(self) -> dict[str, str]:
+        """The environment that markers such as `sys_platform == "win32"` are judged by."""
+        names = {key: value for key, value in vars(PLATFORMS[self.platform]).items() if key != "tags"}
+        return {**names, "python_version": self.python, "python_full_version": f"{self.python}.0", "extra": ""}
+
+    @property
+    def tags(self) -> set[Tag]:
+        """The wheel tags that this Python can use."""
+        version = tuple(int(number) for number in self.python.split("."))
+        platforms = PLATFORMS[self.platform].tags
+        interpreter = f"cp{version[0]}{version[1]}"
+        return {*cpython_tags(version, platforms=platforms), *compatible_tags(version, interpreter, platforms)}
+
+
+def run(command: Sequence[str | Path], failure: str) -> None:
+    """Run `command` quietly; raise BuildError with `failure` and its last words where it fails."""
+    done = subprocess.run(command, capture_output=True, text=True, cwd=PROJECT)
+    if done.returncode:
+        lines = [line.strip() for line in (done.stderr + done.stdout).splitlines() if line.strip()]
+        errors = [line for line in lines if line.lower().startswith(("error", "fatal"))] or lines[-1:]
+        raise BuildError(f"{failure}: {'; '.join(errors) or f'exit code {done.returncode}'}")
+
+
+def find_blender_ext() -> Path:
+    """Blender's own command-line packager inside the installed bpy."""
+    spec = importlib.util.find_spec("bpy")
+    for folder in (spec.submodule_search_locations if spec else None) or ():
+        for found in Path(folder).glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py"):
+            return found
+    raise BuildError("bpy is not installed here; install it or name a Blender's blender_ext.py with --blender-ext")
+
+
+def build_core_wheel(folder: Path) -> Path:
+    """Make the wheel of mpsnet_core in `folder`."""
+    shutil.rmtree(folder, ignore_errors=True)
+    run(
+        [sys.executable, "-m", "pip", "wheel", "--no-deps", f"--wheel-dir={folder}", PROJECT], "no wheel of mpsnet_core"
+    )
+    return next(folder.glob("*.whl"))
+
+
+def resolve(requirements: Sequence[str], target: Target) -> list[str]:
+    """All that `requirements` need on `target`, as "name==version", without numpy, which is Blender's own.
+
+    Raises BuildError where there is no such set of wheels, or none that works with Blender's NumPy.
+    """
+    WORK.mkdir(parents=True, exist_ok=True)
+    report, constraints = WORK / "report.json", WORK / "constraints.txt"
+    constraints.write_text(f"numpy=={BLENDER_NUMPY[target.python]}\n", encoding="utf-8")
+    wanted = list(requirements)
+    while True:
+        # `install --dry-run` only resolves; --target is what allows another Python's wheels.
+        options = ["--dry-run", "--ignore-installed", f"--target={WORK}", f"--report={report}", "--quiet"]
+        command = [sys.executable, "-m", "pip", "install", *options, *target.pip_options, f"--constraint={constraints}"]
+        run([*command, *wanted], f"the dependencies for {target} cannot be resolved")
+        found = [item["metadata"] for item in json.loads(report.read_text(encoding="utf-8"))["install"]]
+        # pip judges markers by the Python and platform it runs on, so what only `target` needs is still missing.
+        missing = missing_requirements(found, target)
+        if not missing:
+            return sorted(
+                f"{canonicalize_name(item['name'])}=={item['version']}" for item in found if item["name"] != "numpy"
+            )
+        wanted += missing
+
+
+def missing_requirements(found: Sequence[dict[str, Any]], target: Target) -> list[str]:
+    """The requirements of `found` (wheels' metadata) that hold on `target` and that nothing in `found` meets."""
+    names = {canonicalize_name(item["name"]) for item in found}
+    needed = (Requirement(line) for item in found for line in item.get("requires_dist", []))
+    return sorted(
+        {
+            f"{one.name}{one.specifier}"
+            for one in needed
+            if canonicalize_name(one.name) not in names and (one.marker is None or one.marker.evaluate(target.markers))
+        }
+    )
+
+
+def download(pins: Sequence[str], target: Target) -> list[Path]:
+    """Fetch the wheels of `pins`; kept in the build folder, so that the next build finds them there."""
+    folder = WORK / "wheels" / f"{target.python}-{target.platform}"
+    command = [sys.executable, "-m", "pip", "download", "--no-deps", f"--dest={folder}", *target.pip_options]
+    run([*command, *pins], f"the wheels for {target} cannot be downloaded")
+    wheels = [wheel for wheel in sorted(folder.glob("*.whl")) if "==".join(identity(wheel)) in pins]
+    if len(wheels) != len(pins):
+        raise BuildError(f"{folder} holds {len(wheels)} wheels of {len(pins)} packages; empty it and build again")
+    return wheels
+
+
+def identity(wheel: Path) -> tuple[str, str]:
+    """A wheel's normalised name and version."""
+    name, version, _, _ = parse_wheel_filename(wheel.name)
+    return str(name), str(version)
+
+
+def check_unambiguous(chosen: dict[Target, list[Path]]) -> None:
+    """Refuse sets from which Blender would unpack something else than was resolved.
+
+    Of two wheels of a package that both fit its Python, Blender takes the newer.
+    """
+    for target, wheels in chosen.items():
+        own = {path.name for path in wheels}
+        same_platform = (path for one, paths in chosen.items() if one.platform == target.platform for path in paths)
+        for wheel in same_platform:
+            if wheel.name not in own and parse_wheel_filename(wheel.name)[3] & target.tags:
+                raise BuildError(
+                    f"{wheel.name} was chosen for another Python but {target} would take it too; "
+                    f"pin {identity(wheel)[0]} in pyproject.toml to a version that serves both"
+                )
+
+
+def stage(core: Path, wheels: Iterable[Path], platforms: Sequence[str]) -> Path:
+    """Lay out the extension's source with its wheels, and name them in its manifest."""
+    source = WORK / "source"
+    shutil.rmtree(source, ignore_errors=True)
+    shutil.copytree(ADDON, source, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy2(PROJECT / "LICENSE", source)
+    (source / "wheels").mkdir()
+    names = sorted({Path(shutil.copy2(wheel, source / "wheels")).name for wheel in (core, *wheels)})
+    manifest = source / "blender_manifest.toml"
+    # JSON's lists of strings are TOML's as well; ahead of everything else they are in no table.
+    head = f"platforms = {json.dumps(list(platforms))}\nwheels = {json.dumps([f'./wheels/{name}' for name in names])}\n"
+    manifest.write_text(head + manifest.read_text(encoding="utf-8"), encoding="utf-8")
+    return source
+
+
+def check_zip(path: Path, blender_ext: Path) -> None:
+    """Raise BuildError where the zip is not one that Blender and extensions.blender.org take."""
+    run([sys.executable, blender_ext, "validate", path], f"Blender refuses {path.name}")
+    with zipfile.ZipFile(path) as archive:
+        if any(Path(name).name.startswith("numpy-") for name in archive.namelist()):
+            raise BuildError(f"{path.name} holds a numpy wheel, which would replace Blender's own; leave it out")
+    if path.stat().st_size > MAX_ZIP_BYTES:
+        raise BuildError(f"{path.name} is above the 200 MB that extensions.blender.org takes; build fewer Pythons")
+
+
+def build(pythons: Sequence[str], platforms: Sequence[str], output: Path, blender_ext: Path) -> list[Path]:
+    """Build one zip a platform into `output` and give their paths."""
+    project = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    manifest = tomllib.loads((ADDON / "blender_manifest.toml").read_text(encoding="utf-8"))
+    if manifest["version"] != project["version"]:
+        raise BuildError(
+            f"blender_manifest.toml has version {manifest['version']}, pyproject.toml {project['version']}; match them"
+        )
+    core = build_core_wheel(WORK / "core")
+    chosen: dict[Target, list[Path]] = {}
+    for target in (Target(python, platform) for platform in platforms for python in pythons):
+        pins = resolve(project["dependencies"], target)
+        print(f"{target}: {', '.join(pins)}", flush=True)
+        chosen[target] = download(pins, target)
+    check_unambiguous(chosen)
+    source = stage(core, (wheel for wheels in chosen.values() for wheel in wheels), platforms)
+    output.mkdir(parents=True, exist_ok=True)
+    packager = [sys.executable, str(blender_ext)]
+    run([*packager, "validate", str(source)], "Blender refuses the extension")
+    build_options = ["build", f"--source-dir={source}", f"--output-dir={output}", "--split-platforms"]
+    run([*packager, *build_options], "Blender cannot pack the extension")
+    stem = f"{manifest['id']}-{manifest['version']}"
+    zips = [output / f"{stem}-{platform.replace('-', '_')}.zip" for platform in platforms]
+    for path in zips:
+        check_zip(path, blender_ext)
+    return zips
+
+
+def choices(allowed: Iterable[str]) -> Any:
+    """An argparse type: a comma-separated list, each one of `allowed`."""
+
+    def parse(text: str) -> list[str]:
+        unknown = [one for one in text.split(",") if one not in allowed]
+        if unknown:
+            raise argparse.ArgumentTypeError(f"{unknown[0]!r} is none of {', '.join(allowed)}")
+        return list(dict.fromkeys(text.split(",")))
+
+    return parse
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description="Build the Blender extension's zips, one per platform.")
+    parser.add_argument("--python", type=choices(BLENDER_NUMPY), default=["3.11", "3.13"], metavar="LIST")
+    parser.add_argument("--platform", type=choices(PLATFORMS), default=list(PLATFORMS), metavar="LIST")
+    parser.add_argument("--output", type=Path, default=PROJECT / "dist", help="folder of the zips (default: dist)")
+    parser.add_argument(
+        "--blender-ext", type=Path, help="Blender's blender_ext.py (default: that of the installed bpy)"
+    )
+    options = parser.parse_args()
+    try:
+        blender_ext = options.blender_ext or find_blender_ext()
+        if not blender_ext.is_file():
+            raise BuildError(f"{blender_ext} does not exist; Blender has it under scripts/addons_core/bl_pkg/cli")
+        zips = build(options.python, options.platform, options.output.resolve(), blender_ext.resolve())
+    except BuildError as error:
+        print(f"build_extension: {error}", file=sys.stderr)
+        return 2
+    for path in zips:
+        print(f"{path}  {path.stat().st_size / 1e6:.1f} MB")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
