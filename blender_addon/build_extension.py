@@ -94,7 +94,7 @@ def run(command: Sequence[str | Path], failure: str) -> None:
     if done.returncode:
         lines = [line.strip() for line in (done.stderr + done.stdout).splitlines() if line.strip()]
         errors = [line for line in lines if line.lower().startswith(("error", "fatal"))] or lines[-1:]
-        raise BuildError(f"{failure}: {'; '.join(errors) or f'exit code {done.returncode}'}")
+        raise BuildError(f"{failure}: {errors[0] if errors else f'exit code {done.returncode}'}")
 
 
 def find_blender_ext() -> Path:
@@ -174,14 +174,16 @@ def check_unambiguous(chosen: dict[Target, list[Path]]) -> None:
 
     Of two wheels of a package that both fit its Python, Blender takes the newer.
     """
+    every = {wheel.name: wheel for wheels in chosen.values() for wheel in wheels}
     for target, wheels in chosen.items():
-        own = {path.name for path in wheels}
-        same_platform = (path for one, paths in chosen.items() if one.platform == target.platform for path in paths)
-        for wheel in same_platform:
-            if wheel.name not in own and parse_wheel_filename(wheel.name)[3] & target.tags:
+        own = {identity(wheel)[0]: wheel.name for wheel in wheels}
+        for name in every:
+            package, version, _, tags = parse_wheel_filename(name)
+            expected = own.get(package, name)
+            if tags & target.tags and (version, name) > (parse_wheel_filename(expected)[1], expected):
                 raise BuildError(
-                    f"{wheel.name} was chosen for another Python but {target} would take it too; "
-                    f"pin {identity(wheel)[0]} in pyproject.toml to a version that serves both"
+                    f"{target} was to have {expected} but would take {name}, chosen for another; "
+                    f"pin {package} in pyproject.toml to a version that serves both"
                 )
 
 
