@@ -1,0 +1,1 @@
+"""The object's surface: its mesh and tangents, and the baking of normals onto its UVs."""

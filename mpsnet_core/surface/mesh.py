@@ -1,0 +1,182 @@
+"""Mesh: triangles with UVs, shading normals and tangents for every corner; mesh files."""
+
+import os
+import zipfile
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.files import existing_file, written_whole
+from mpsnet_core.normals import normalised
+from mpsnet_core.surface.mikktspace import mikktspace_tangents
+
+MESH_FORMAT = "mpsnet-mesh"
+MESH_VERSION = 1
+MAX_MESH_BYTES = 4 << 30
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """A triangle mesh; everything but world_from_object is in the object's own space.
+
+    vertices: (V, 3). triangles: (T, 3) vertex numbers, counter-clockwise seen from outside.
+    corner_normals: (T, 3, 3) unit shading normals. uvs: (T, 3, 2), v up; one unit square is the texture.
+    tangents: (T, 3, 4) MikkTSpace tangent and the bitangent's sign (B = sign N x T); computed where not given.
+    world_from_object: (4, 4) affine, may be scaled.
+
+    Raises InputError where shapes do not fit, a number is not finite, or no UV lies inside the texture.
+    """
+
+    vertices: NDArray[np.float64]
+    triangles: NDArray[np.int32]
+    corner_normals: NDArray[np.float32]
+    uvs: NDArray[np.float32]
+    given_tangents: NDArray[np.float32] | None = None
+    world_from_object: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+
+    def __post_init__(self) -> None:
+        count = len(self.triangles)
+        if count == 0 or len(self.vertices) == 0:
+            raise InputError("the mesh has no faces; choose an object with a surface")
+        shapes: dict[str, tuple[int, ...]] = {
+            "vertices": (len(self.vertices), 3),
+            "triangles": (count, 3),
+            "corner_normals": (count, 3, 3),
+            "uvs": (count, 3, 2),
+            "world_from_object": (4, 4),
+        }
+        if self.given_tangents is not None:
+            shapes["given_tangents"] = (count, 3, 4)
+        kinds = {"triangles": np.int32, "vertices": np.float64, "world_from_object": np.float64}
+        for name, shape in shapes.items():
+            value = np.asarray(getattr(self, name), dtype=kinds.get(name, np.float32))
+            if value.shape != shape:
+                raise InputError(f"the mesh's {name} have shape {value.shape}, expected {shape}; export it again")
+            if not np.isfinite(value).all():
+                raise InputError(f"the mesh's {name} hold a value that is not finite; mend the mesh")
+            object.__setattr__(self, name, value)
+        if self.triangles.min() < 0 or self.triangles.max() >= len(self.vertices):
+            raise InputError("the mesh's triangles name vertices that it does not have; export it again")
+        if abs(np.linalg.det(self.world_from_object[:3, :3])) < 1e-12:
+            raise InputError("the object is scaled to nothing in one direction; give it a scale above 0")
+        low, high = self.uvs.min(axis=(0, 1)), self.uvs.max(axis=(0, 1))
+        if (high <= 0).any() or (low >= 1).any():
+            raise InputError("all of the mesh's UVs lie outside the texture (0 to 1); move the UV islands into it")
+
+    @cached_property
+    def tangents(self) -> NDArray[np.float32]:
+        """(T, 3, 4) tangent (unit) and bitangent sign of every corner."""
+        if self.given_tangents is not None:
+            return self.given_tangents
+        return mikktspace_tangents(self.vertices[self.triangles], self.corner_normals, self.uvs)
+
+    @cached_property
+    def world_vertices(self) -> NDArray[np.float64]:
+        """(V, 3) vertices in world space."""
+        return self.vertices @ self.world_from_object[:3, :3].T + self.world_from_object[:3, 3]
+
+
+def read_mesh(path: str | os.PathLike[str]) -> Mesh:
+    """Read a mesh with UVs: OBJ, PLY, GLB, glTF, OFF or STL through trimesh, or the ``.npz`` that the add-on writes.
+
+    Polygons become triangles. Shading normals are the file's own, else smooth ones (angle-weighted, across UV seams).
+    The file's axes are taken as they stand: cameras must be given in the same world.
+
+    Raises InputError where the file is missing, broken, without faces or without UVs.
+    """
+    path = existing_file(path, "mesh file")
+    if path.stat().st_size > MAX_MESH_BYTES:
+        raise InputError(f"mesh file {path} is larger than 4 GiB; reduce the mesh first")
+    try:
+        return _read_npz(path) if path.suffix.lower() == ".npz" else _read_with_trimesh(path)
+    except InputError as error:
+        raise InputError(f"mesh file {path}: {error}") from None
+
+
+def write_mesh(path: str | os.PathLike[str], mesh: Mesh) -> None:
+    """Write a mesh as ``.npz`` with all that :func:`read_mesh` gives back, whole or not at all."""
+    if Path(path).suffix.lower() != ".npz":
+        raise InputError(f"cannot write {path}: meshes are written as .npz")
+    with written_whole(path) as unfinished:
+        np.savez(
+            unfinished,
+            format=np.array(MESH_FORMAT),
+            version=np.array(MESH_VERSION),
+            vertices=mesh.vertices,
+            triangles=mesh.triangles,
+            corner_normals=mesh.corner_normals,
+            uvs=mesh.uvs,
+            tangents=mesh.tangents,
+            world_from_object=mesh.world_from_object,
+        )
+
+
+def _read_npz(path: Path) -> Mesh:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if sum(entry.file_size for entry in archive.infolist()) > MAX_MESH_BYTES:
+                raise InputError("it unpacks to more than 4 GiB; reduce the mesh first")
+        with np.load(path, allow_pickle=False) as data:
+            arrays: dict[str, NDArray[Any]] = {name: data[name] for name in data.files}
+    except (ValueError, OSError, zipfile.BadZipFile, EOFError) as error:
+        raise InputError(f"it cannot be read ({error}); export it again") from None
+    if str(arrays.get("format")) != MESH_FORMAT:
+        raise InputError(f"it is not a {MESH_FORMAT} file; export it with the add-on")
+    if arrays.get("version") != MESH_VERSION:
+        raise InputError(f"it is version {arrays.get('version')}, this program reads version {MESH_VERSION}; update it")
+    missing = [name for name in ("vertices", "triangles", "corner_normals", "uvs") if name not in arrays]
+    if missing:
+        raise InputError(f'it lacks "{missing[0]}"; export it again')
+    return Mesh(
+        arrays["vertices"],
+        arrays["triangles"],
+        arrays["corner_normals"],
+        arrays["uvs"],
+        arrays.get("tangents"),
+        arrays.get("world_from_object", np.eye(4)),
+    )
+
+
+def _read_with_trimesh(path: Path) -> Mesh:
+    import trimesh  # takes a while to load
+
+    if path.suffix.lower().lstrip(".") not in trimesh.available_formats():
+        raise InputError(f"{path.suffix or 'no suffix'} is not a mesh format we read; use OBJ, PLY, GLB or npz")
+    try:
+        # process=False: merging vertices would lose UV seams and sharp edges.
+        loaded = trimesh.load(path, process=False, maintain_order=True, force="mesh")
+        triangles = np.asarray(loaded.faces, np.int32)
+        vertices = np.asarray(loaded.vertices, np.float64)
+    except (ValueError, KeyError, IndexError, TypeError, AttributeError, OSError, NotImplementedError) as error:
+        raise InputError(f"it cannot be read ({type(error).__name__}: {error}); export it again") from None
+    if len(triangles) == 0:
+        raise InputError("it has no faces; choose a mesh with a surface")
+    uv = getattr(loaded.visual, "uv", None)
+    if uv is None or len(uv) != len(vertices):
+        raise InputError("it has no UVs; unwrap it in Blender (UV > Smart UV Project) and export it with UVs")
+    # trimesh computes vertex normals on demand; its cache holds them beforehand only where the file gave them.
+    if "vertex_normals" in loaded._cache:
+        normals = np.asarray(loaded.vertex_normals)[triangles]
+    else:
+        normals = smooth_corner_normals(vertices, triangles)
+    return Mesh(vertices, triangles, normalised(normals), np.asarray(uv)[triangles])
+
+
+def smooth_corner_normals(vertices: NDArray[np.float64], triangles: NDArray[np.int32]) -> NDArray[np.float64]:
+    """(T, 3, 3) smooth normals, the faces' normals weighted by their angles; vertices at one position count as one."""
+    _, merged = np.unique(vertices, axis=0, return_inverse=True)
+    corner_ids = merged.reshape(-1)[triangles]
+    corners = vertices[triangles]
+    ahead, behind = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    faces = np.cross(ahead[:, 0], behind[:, 0])
+    across = np.linalg.norm(np.cross(ahead, behind), axis=-1)
+    angles = np.arctan2(across, np.einsum("tci,tci->tc", ahead, behind))
+    weighted = (normalised(faces)[:, None] * angles[..., None]).reshape(-1, 3)
+    count = int(corner_ids.max()) + 1
+    summed = np.stack([np.bincount(corner_ids.ravel(), weighted[:, axis], count) for axis in range(3)], axis=-1)
+    return normalised(summed)[corner_ids]

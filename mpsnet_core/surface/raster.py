@@ -1,0 +1,75 @@
+"""Which triangle covers which texel."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def texel_coordinates(uvs: NDArray[np.floating], size: int) -> NDArray[np.float64]:
+    """UVs (..., 2) as texel coordinates: x right, y down, whole numbers at texel centres, row 0 at v = 1."""
+    return np.stack([uvs[..., 0] * size - 0.5, (1 - uvs[..., 1].astype(np.float64)) * size - 0.5], axis=-1)
+
+
+def triangle_of_texel(corners: NDArray[np.float64], size: int) -> NDArray[np.int32]:
+    """(size, size) the number of the triangle that covers each texel's centre, -1 where none does.
+
+    corners: (T, 3, 2) texel coordinates. Where triangles overlap, the one with the highest number wins.
+    """
+    x, y = corners[..., 0], corners[..., 1]
+    top = np.clip(np.ceil(y.min(axis=1)), 0, size).astype(np.int64)
+    bottom = np.clip(np.floor(y.max(axis=1)) + 1, top, size).astype(np.int64)
+    triangle = np.repeat(np.arange(len(corners)), bottom - top)
+    row = _counted(top, bottom - top)
+    # Where each of the three edges crosses the row; edges that do not reach it take no part.
+    left, right = np.full(len(row), np.inf), np.full(len(row), -np.inf)
+    for first, second in ((0, 1), (1, 2), (2, 0)):
+        x0, y0, x1, y1 = x[triangle, first], y[triangle, first], x[triangle, second], y[triangle, second]
+        reaches = (np.minimum(y0, y1) <= row) & (np.maximum(y0, y1) >= row)
+        level = y1 == y0
+        along = np.where(level, 0.0, (row - y0) / np.where(level, 1.0, y1 - y0))
+        crossing = x0 + along * (x1 - x0)
+        left = np.where(reaches, np.minimum(left, np.where(level, np.minimum(x0, x1), crossing)), left)
+        right = np.where(reaches, np.maximum(right, np.where(level, np.maximum(x0, x1), crossing)), right)
+    start = np.clip(np.ceil(left), 0, size).astype(np.int64)
+    stop = np.clip(np.floor(np.maximum(right, -1.0)) + 1, start, size).astype(np.int64)
+    texel = _counted(row * size + start, stop - start)
+    owner = np.full(size * size, -1, np.int32)
+    owner[texel] = np.repeat(triangle, stop - start)
+    return owner.reshape(size, size)
+
+
+def _counted(start: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.int64]:
+    """start[0], start[0] + 1, ... (count[0] of them), start[1], ..."""
+    before = np.cumsum(count) - count
+    return np.arange(int(count.sum())) + np.repeat(start - before, count)
+
+
+def grown(values: NDArray[np.float32], filled: NDArray[np.bool_], distance: int) -> NDArray[np.float32]:
+    """`values` (S, S, C) with the texels within `distance` of the filled ones given their nearest one's value.
+
+    Without such a margin, filtering and mipmaps pull the background in over the UV islands' borders.
+    """
+    # A border that counts as done, so that steps never leave the texture.
+    done = np.pad(filled, 1, constant_values=True)
+    stride = done.shape[1]
+    steps = np.array([-stride, stride, -1, 1, -stride - 1, -stride + 1, stride - 1, stride + 1])
+    across = done[:, :-2] & done[:, 1:-1] & done[:, 2:]
+    surrounded = across[:-2] & across[1:-1] & across[2:]
+    front = np.flatnonzero(np.pad(filled & ~surrounded, 1))
+    source = np.arange(done.size)
+    flat = done.ravel()
+    reached = [np.empty(0, np.int64)]
+    for _ in range(distance):
+        neighbours = (front[:, None] + steps).T.ravel()
+        origins = np.tile(front, len(steps))
+        new = ~flat[neighbours]
+        neighbours, first = np.unique(neighbours[new], return_index=True)
+        source[neighbours] = source[origins[new][first]]
+        flat[neighbours] = True
+        reached.append(neighbours)
+        front = neighbours
+    target = np.concatenate(reached)
+    out = values.copy()
+    rows, columns = np.divmod(target, stride)
+    from_rows, from_columns = np.divmod(source[target], stride)
+    out[rows - 1, columns - 1] = values[from_rows - 1, from_columns - 1]
+    return out

@@ -1,0 +1,41 @@
+"""Texture: baked normals on a mesh's UVs, ready for artists."""
+
+import os
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.images import write_image
+from mpsnet_core.normals import Convention, encode
+
+Space = Literal["tangent", "object"]
+SPACES: tuple[Space, ...] = ("tangent", "object")
+
+
+@dataclass(frozen=True)
+class Texture:
+    """Normals for every texel.
+
+    vectors: (S, S, 3) float32 unit vectors in `space`, row 0 at v = 1; flat (+z) where there is no surface.
+    seen: (S, S) bool, texels that at least one view saw. covered: (S, S) bool, texels on the surface.
+    space: "tangent" (MikkTSpace) or "object".
+    """
+
+    vectors: NDArray[np.float32]
+    seen: NDArray[np.bool_]
+    covered: NDArray[np.bool_]
+    space: Space
+
+    @property
+    def seen_fraction(self) -> float:
+        """The share of the surface's texels that some view saw."""
+        return float(self.seen.sum() / max(self.covered.sum(), 1))
+
+
+def write_texture(
+    path: str | os.PathLike[str], texture: Texture, *, convention: Convention = "opengl", bits: int | None = None
+) -> None:
+    """Write the texture as colours 0.5 + 0.5 n: PNG or TIFF (16 bits unless told) or EXR (float). Non-Color."""
+    write_image(path, encode(texture.vectors, convention), bits=bits)
