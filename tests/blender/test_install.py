@@ -1,0 +1,70 @@
+"""The installed zip: what registering it costs, and where its packages come from."""
+
+import json
+import zipfile
+from pathlib import Path
+
+import pytest
+
+# The heavy ones: only the child process may import them.
+HEAVY = {"onnxruntime", "OpenImageIO", "trimesh", "embreex"}
+
+# Wraps the one function by which Blender enables add-ons at its start, in the folder of scripts that run before that.
+PROBE = """
+import json, os, sys, time
+import addon_utils
+
+enable = addon_utils.enable
+
+def timed(module_name, *arguments, **options):
+    start = time.perf_counter()
+    module = enable(module_name, *arguments, **options)
+    if module_name.endswith(".mpsnet"):
+        with open(os.environ["MPSNET_REPORT"], "w") as file:
+            json.dump({"seconds": time.perf_counter() - start, "modules": sorted(sys.modules)}, file)
+    return module
+
+def register():
+    addon_utils.enable = timed
+
+def unregister():
+    addon_utils.enable = enable
+"""
+
+
+@pytest.fixture
+def probe(blender):
+    script = blender.user / "scripts" / "startup" / "mpsnet_probe.py"
+    script.parent.mkdir(parents=True, exist_ok=True)
+    script.write_text(PROBE, encoding="utf-8")
+    yield
+    script.unlink()
+
+
+def test_registering_is_quick_and_imports_nothing_heavy(blender, probe, tmp_path):
+    seconds = []
+    for turn in range(5):
+        report = tmp_path / f"{turn}.json"
+        done = blender.run("-b", "--python-expr", "pass", MPSNET_REPORT=str(report))
+        assert report.is_file(), done.stdout + done.stderr
+        start = json.loads(report.read_text(encoding="utf-8"))
+        assert HEAVY.isdisjoint(start["modules"])
+        assert "bl_ext.user_default.mpsnet" in start["modules"]
+        seconds.append(start["seconds"])
+    # What else the machine is doing only ever adds: the quickest start is the one that says what registering costs.
+    assert min(seconds) <= 0.1, seconds
+
+
+def test_the_packages_are_the_extension_s_and_numpy_is_blender_s(blender, tmp_path):
+    found = blender.script("packages.py", tmp_path / "report.json")
+    assert found["operators"]
+    for package in ("mpsnet_core", *HEAVY):
+        assert Path(found[package]).is_relative_to(blender.user), (package, found[package])
+    assert not Path(found["numpy"]).is_relative_to(blender.user)
+
+
+def test_the_zip_holds_the_addon_and_no_tools_or_numpy(extension_zip):
+    with zipfile.ZipFile(extension_zip) as archive:
+        names = archive.namelist()
+    assert {"__init__.py", "blender_manifest.toml", "LICENSE"} <= set(names)
+    assert not [name for name in names if "build_extension" in name or "__pycache__" in name or "numpy-" in name]
