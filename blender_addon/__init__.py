@@ -1,0 +1,21 @@
+"""MPSNet for Blender: a rig of three coloured lights, the one photo, its normals, and a baked normal texture.
+
+The four steps are the operators ``bpy.ops.mps.*``; heavy work runs in a child process, see ``core_process.py``. The
+package is the extension ``bl_ext.<repository>.mpsnet`` in Blender and ``blender_addon`` beside pip's bpy.
+"""
+
+from . import properties, rig
+
+_MODULES = (properties, rig)
+
+
+def register() -> None:
+    """Add the operators, settings, panels and the ``mpsnet`` command to Blender."""
+    for module in _MODULES:
+        module.register()
+
+
+def unregister() -> None:
+    """Take everything away that :func:`register` added."""
+    for module in reversed(_MODULES):
+        module.unregister()

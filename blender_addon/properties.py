@@ -1,0 +1,370 @@
+"""The settings of the four steps: defined once, kept in the scene, and taken by the operators of the same name."""
+
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
+
+# Without it Blender fills an operator's unset properties with those of its last run instead of the scene's settings.
+GIVEN = {"SKIP_SAVE"}
+
+FILE_FORMATS = (
+    ("PNG", "PNG", "16-bit PNG"),
+    ("TIFF", "TIFF", "16-bit TIFF"),
+    ("EXR", "OpenEXR", "32-bit float OpenEXR"),
+)
+
+
+class RigSettings:
+    """Where the three lights and the camera stand around the object."""
+
+    light_type: EnumProperty(
+        name="Lights",
+        description="What kind of lights the rig has",
+        items=[
+            ("SUN", "Sun", "Parallel light: as bright and from the same direction everywhere on the object"),
+            ("AREA", "Area", "Discs at a distance: brighter and from a steeper direction where the object is nearer"),
+        ],
+        default="SUN",
+        options=GIVEN,
+    )
+    slant: FloatProperty(
+        name="Slant (°)",
+        description="Angle in degrees between each light and the line from the object to the camera",
+        default=30.0,
+        min=1.0,
+        max=89.0,
+        options=GIVEN,
+    )
+    tilt: FloatProperty(
+        name="Tilt (°)",
+        description="Direction in degrees of the red light as the camera sees it: 0 is right, 90 is up. "
+        "Green and blue follow at 120 and 240 degrees more",
+        default=90.0,
+        min=-360.0,
+        max=360.0,
+        options=GIVEN,
+    )
+    distance: FloatProperty(
+        name="Distance",
+        description="How far the lights and an orthographic camera stand from the object's centre, in radii of the object",
+        default=5.0,
+        min=1.5,
+        max=1000.0,
+        options=GIVEN,
+    )
+    light_size: FloatProperty(
+        name="Light Size (°)",
+        description="How large each light looks from the object, as an angle in degrees. Larger lights give softer shadows",
+        default=0.5,
+        min=0.0,
+        max=90.0,
+        options=GIVEN,
+    )
+    strength: FloatProperty(
+        name="Strength",
+        description="Brightness of a white matte surface that faces the light, where 1 is full white",
+        default=1.0,
+        min=0.001,
+        max=1000.0,
+        options=GIVEN,
+    )
+    projection: EnumProperty(
+        name="Camera",
+        description="How the camera projects",
+        items=[
+            ("ORTHOGRAPHIC", "Orthographic", "No perspective: every pixel looks in the same direction"),
+            ("PERSPECTIVE", "Perspective", "As a lens sees it"),
+        ],
+        default="ORTHOGRAPHIC",
+        options=GIVEN,
+    )
+    focal_length: FloatProperty(
+        name="Focal Length (mm)",
+        description="Focal length in millimetres of the perspective camera, on a sensor 36 mm wide",
+        default=85.0,
+        min=10.0,
+        max=1000.0,
+        options=GIVEN,
+    )
+    view: EnumProperty(
+        name="View",
+        description="The side of the object that the camera sees",
+        items=[
+            ("FRONT", "Front", "Along +Y, as Blender's front view"),
+            ("BACK", "Back", "Along -Y"),
+            ("LEFT", "Left", "Along +X, as Blender's left view"),
+            ("RIGHT", "Right", "Along -X"),
+            ("TOP", "Top", "From above"),
+            ("BOTTOM", "Bottom", "From below"),
+            ("VIEWPORT", "Viewport", "As the 3D viewport looks at it now"),
+        ],
+        default="FRONT",
+        options=GIVEN,
+    )
+    margin: FloatProperty(
+        name="Margin",
+        description="Free space around the object in the picture, as a fraction of the object's size",
+        default=0.1,
+        min=0.0,
+        max=5.0,
+        options=GIVEN,
+    )
+
+
+class PhotoSettings:
+    """How the one photo is rendered."""
+
+    width: IntProperty(
+        name="Width", description="Width of the photo in pixels", default=1024, min=8, max=16384, options=GIVEN
+    )
+    height: IntProperty(
+        name="Height", description="Height of the photo in pixels", default=1024, min=8, max=16384, options=GIVEN
+    )
+    samples: IntProperty(
+        name="Samples",
+        description="Cycles samples a pixel: more take longer and give less noise",
+        default=64,
+        min=1,
+        max=65536,
+        options=GIVEN,
+    )
+    output: StringProperty(
+        name="Photo File",
+        description="OpenEXR file to write. Empty: a name of its own in the output folder",
+        subtype="FILE_PATH",
+        options=GIVEN,
+    )
+
+
+class EstimateSettings:
+    """How the photo is read and which model turns it into normals."""
+
+    mask: EnumProperty(
+        name="Mask",
+        description="Which pixels of the photo are the object",
+        items=[
+            ("AUTO", "Automatic", "The photo's alpha if it has one, else the whole photo"),
+            ("ALPHA", "Alpha", "Where the photo is opaque"),
+            ("FILE", "File", "Where a mask picture is white"),
+            ("THRESHOLD", "Threshold", "Where the photo is brighter than a threshold"),
+            ("NONE", "None", "The whole photo"),
+        ],
+        default="AUTO",
+        options=GIVEN,
+    )
+    mask_file: StringProperty(
+        name="Mask File",
+        description="Picture that is white where the object is and black elsewhere",
+        subtype="FILE_PATH",
+        options=GIVEN,
+    )
+    threshold: FloatProperty(
+        name="Threshold",
+        description="Pixels brighter than this fraction of the photo's brightest are the object",
+        default=0.05,
+        min=0.0,
+        max=0.99,
+        options=GIVEN,
+    )
+    encoding: EnumProperty(
+        name="Encoding",
+        description="How the photo's values stand for light",
+        items=[
+            ("AUTO", "Automatic", "sRGB for 8-bit pictures, linear for the others, unless the file says otherwise"),
+            ("LINEAR", "Linear", "Twice the value is twice the light"),
+            ("SRGB", "sRGB", "As for a screen"),
+        ],
+        default="AUTO",
+        options=GIVEN,
+    )
+    rig_file: StringProperty(
+        name="Rig File",
+        description="Measured rig (.json or .lp) of a photo taken with a real camera. Empty: the rig in this scene",
+        subtype="FILE_PATH",
+        options=GIVEN,
+    )
+    model: EnumProperty(
+        name="Model",
+        description="What turns the photo into normals",
+        items=[
+            ("LAMBERTIAN", "Lambertian", "Matte surface of one grey: the baseline, at once"),
+            (
+                "LAMBERTIAN_GREY_WORLD",
+                "Lambertian, Grey World",
+                "Matte surface of one colour: each channel is divided by its own mean first",
+            ),
+            ("FILE", "File", "A network in an .onnx file"),
+        ],
+        default="LAMBERTIAN",
+        options=GIVEN,
+    )
+    model_file: StringProperty(
+        name="Model File", description="Network in an .onnx file", subtype="FILE_PATH", options=GIVEN
+    )
+    file_format: EnumProperty(
+        name="Format", description="File format of the normal map", items=FILE_FORMATS, default="PNG", options=GIVEN
+    )
+    output: StringProperty(
+        name="Normal Map File",
+        description="File to write; its ending decides the format. Empty: a name of its own in the output folder",
+        subtype="FILE_PATH",
+        options=GIVEN,
+    )
+
+
+class BakeSettings:
+    """The texture and how it is baked."""
+
+    uv_map: StringProperty(
+        name="UV Map",
+        description="UV map of the target to bake onto. Empty: the one that is active for rendering",
+        options=GIVEN,
+    )
+    size: IntProperty(
+        name="Size",
+        description="Width and height of the texture in pixels",
+        default=2048,
+        min=16,
+        max=16384,
+        options=GIVEN,
+    )
+    space: EnumProperty(
+        name="Space",
+        description="What the texture's normals are relative to",
+        items=[
+            ("TANGENT", "Tangent", "To the surface: the object may move, bend and be reused. The usual choice"),
+            ("OBJECT", "Object", "To the object: for objects that do not bend"),
+        ],
+        default="TANGENT",
+        options=GIVEN,
+    )
+    convention: EnumProperty(
+        name="Convention",
+        description="Which way the texture's green channel points",
+        items=[
+            ("OPENGL", "OpenGL", "Green is up: Blender, glTF, Unity"),
+            ("DIRECTX", "DirectX", "Green is down: Unreal Engine. In Blender the material turns it round"),
+        ],
+        default="OPENGL",
+        options=GIVEN,
+    )
+    margin: IntProperty(
+        name="Margin",
+        description="Pixels by which the texture is continued beyond the borders of the UV islands",
+        default=16,
+        min=0,
+        max=1024,
+        options=GIVEN,
+    )
+    file_format: EnumProperty(
+        name="Format", description="File format of the texture", items=FILE_FORMATS, default="PNG", options=GIVEN
+    )
+    output: StringProperty(
+        name="Texture File",
+        description="File to write; its ending decides the format. Empty: a name of its own in the output folder",
+        subtype="FILE_PATH",
+        options=GIVEN,
+    )
+
+
+class MPS_PG_light(bpy.types.PropertyGroup):
+    """One of the rig's lights; a pointer, so that it survives renaming."""
+
+    object: PointerProperty(type=bpy.types.Object)
+
+
+class MPS_PG_rig(RigSettings, bpy.types.PropertyGroup):
+    """The rig: its settings and the objects it is made of."""
+
+    lights: CollectionProperty(type=MPS_PG_light)
+    camera: PointerProperty(type=bpy.types.Object)
+    target: PointerProperty(type=bpy.types.Object)
+
+
+class MPS_PG_photo(PhotoSettings, bpy.types.PropertyGroup):
+    """The one photo: how it is rendered, and the image once it is there."""
+
+    image: PointerProperty(
+        name="Photo", description="The photo under red, green and blue light", type=bpy.types.Image
+    )
+
+
+class MPS_PG_estimate(EstimateSettings, bpy.types.PropertyGroup):
+    """The estimate: its settings, and the normal map once it is there."""
+
+    image: PointerProperty(name="Normals", description="Normal map in camera space", type=bpy.types.Image)
+
+
+class MPS_PG_bake(BakeSettings, bpy.types.PropertyGroup):
+    """The bake: its settings and target, and the texture once it is there."""
+
+    target: PointerProperty(
+        name="Target",
+        description="Mesh object that gets the texture. Empty: the active object",
+        type=bpy.types.Object,
+        poll=lambda _, candidate: candidate.type == "MESH",
+    )
+    image: PointerProperty(name="Texture", description="The baked normal texture", type=bpy.types.Image)
+
+
+class MPS_PG_scene(bpy.types.PropertyGroup):
+    """Everything the add-on keeps in a scene: ``scene.mps``."""
+
+    rig: PointerProperty(type=MPS_PG_rig)
+    photo: PointerProperty(type=MPS_PG_photo)
+    estimate: PointerProperty(type=MPS_PG_estimate)
+    bake: PointerProperty(type=MPS_PG_bake)
+
+
+class MPS_PG_job(bpy.types.PropertyGroup):
+    """The child process that runs at the moment: ``window_manager.mps``. Neither saved nor undone."""
+
+    running: StringProperty()
+    progress: FloatProperty(min=0.0, max=1.0)
+    message: StringProperty()
+    cancel: BoolProperty()
+
+
+def take_given(operator: bpy.types.Operator, settings: type, group: bpy.types.PropertyGroup) -> None:
+    """Write what the caller gave the operator to the scene's settings, and fill in the rest from there.
+
+    Afterwards operator and scene say the same, and the "Adjust Last Operation" panel shows what was used.
+    """
+    for name in settings.__annotations__:
+        if operator.properties.is_property_set(name):
+            setattr(group, name, getattr(operator, name))
+        else:
+            setattr(operator, name, getattr(group, name))
+
+
+CLASSES = (
+    MPS_PG_light,
+    MPS_PG_rig,
+    MPS_PG_photo,
+    MPS_PG_estimate,
+    MPS_PG_bake,
+    MPS_PG_scene,
+    MPS_PG_job,
+)
+
+
+def register() -> None:
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.types.Scene.mps = PointerProperty(type=MPS_PG_scene)
+    bpy.types.WindowManager.mps = PointerProperty(type=MPS_PG_job)
+
+
+def unregister() -> None:
+    del bpy.types.WindowManager.mps
+    del bpy.types.Scene.mps
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

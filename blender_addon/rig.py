@@ -1,0 +1,335 @@
+"""The rig: three coloured lights and a camera around an object, and what they are as the core's nouns."""
+
+import math
+from collections.abc import Iterable
+
+import bpy
+import numpy as np
+from mathutils import Matrix, Vector
+from mpsnet_core.camera import Camera
+from mpsnet_core.errors import InputError
+from mpsnet_core.rig import LightRig, direction_from_angles
+from numpy.typing import NDArray
+
+from .operators import SaysWhy
+from .properties import RigSettings, take_given
+
+COLOURS = {"Red": (1.0, 0.0, 0.0), "Green": (0.0, 1.0, 0.0), "Blue": (0.0, 0.0, 1.0)}
+COLLECTION = "MPS Rig"
+SENSOR_WIDTH = 36.0
+
+# Columns are the camera's x, y and z axes in the world.
+_VIEWS = {
+    "FRONT": ((1, 0, 0), (0, 0, 1), (0, -1, 0)),
+    "BACK": ((-1, 0, 0), (0, 0, 1), (0, 1, 0)),
+    "LEFT": ((0, -1, 0), (0, 0, 1), (-1, 0, 0)),
+    "RIGHT": ((0, 1, 0), (0, 0, 1), (1, 0, 0)),
+    "TOP": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+    "BOTTOM": ((1, 0, 0), (0, -1, 0), (0, 0, -1)),
+}
+
+
+class MPS_OT_add_rig(SaysWhy, RigSettings, bpy.types.Operator):
+    """Add three coloured lights and a camera around the selected objects, in place of an earlier rig"""
+
+    bl_idname = "mps.add_rig"
+    bl_label = "Add Rig"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if context.mode != "OBJECT":
+            cls.poll_message_set("Switch to Object Mode first")
+            return False
+        return True
+
+    def act(self, context: bpy.types.Context) -> None:
+        take_given(self, RigSettings, context.scene.mps.rig)
+        add_rig(context)
+
+
+class MPS_OT_remove_rig(bpy.types.Operator):
+    """Remove the rig's lights, camera and target"""
+
+    bl_idname = "mps.remove_rig"
+    bl_label = "Remove Rig"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if context.scene.mps.rig.target is None:
+            cls.poll_message_set("There is no rig in this scene")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        remove_rig(context.scene)
+        return {"FINISHED"}
+
+
+def add_rig(context: bpy.types.Context) -> None:
+    """Build the rig around the selected objects with the scene's settings, in place of an earlier one.
+
+    Raises InputError where nothing with a surface is selected.
+    """
+    scene, settings = context.scene, context.scene.mps.rig
+    old = set(rig_objects(scene))
+    selected = [obj for obj in context.selected_objects if obj not in old]
+    if not selected:
+        raise InputError("nothing is selected; select the object that the rig shall stand around")
+    centre, radius = bounding_sphere(context.evaluated_depsgraph_get(), selected)
+    orientation = _orientation(context, settings.view)
+    remove_rig(scene)
+
+    collection = bpy.data.collections.new(COLLECTION)
+    scene.collection.children.link(collection)
+    target = bpy.data.objects.new("MPS Target", None)
+    target.empty_display_size = radius / 4
+    target.matrix_world = Matrix.Translation(centre) @ orientation.to_4x4()
+    collection.objects.link(target)
+    settings.target = target
+    settings.camera = _add_camera(scene, radius)
+    reach = settings.distance * radius
+    directions = direction_from_angles([settings.slant] * 3, settings.tilt + np.array([0.0, 120.0, 240.0]))
+    for name, direction in zip(COLOURS, directions, strict=True):
+        settings.lights.add().object = _add_light(settings, name, Vector(direction) * reach)
+    for obj in (settings.camera, *(light.object for light in settings.lights)):
+        obj.parent = target
+        collection.objects.link(obj)
+    if scene.camera is None:
+        scene.camera = settings.camera
+    context.view_layer.update()
+
+
+def remove_rig(scene: bpy.types.Scene) -> None:
+    """Remove the rig's objects, and its collection unless something else lies in it."""
+    settings = scene.mps.rig
+    for obj in list(rig_objects(scene)):
+        collections, data = list(obj.users_collection), obj.data
+        bpy.data.objects.remove(obj)
+        if isinstance(data, bpy.types.Camera) and not data.users:
+            bpy.data.cameras.remove(data)
+        elif isinstance(data, bpy.types.Light) and not data.users:
+            bpy.data.lights.remove(data)
+        for collection in collections:
+            if collection.name.startswith(COLLECTION) and not collection.all_objects:
+                bpy.data.collections.remove(collection)
+    settings.lights.clear()
+
+
+def rig_objects(scene: bpy.types.Scene) -> Iterable[bpy.types.Object]:
+    """The rig's objects that still exist in the file: lights, camera, target."""
+    settings = scene.mps.rig
+    every = [light.object for light in settings.lights] + [settings.camera, settings.target]
+    return (obj for obj in every if obj is not None)
+
+
+def bounding_sphere(
+    depsgraph: bpy.types.Depsgraph, objects: Iterable[bpy.types.Object]
+) -> tuple[Vector, float]:
+    """Centre and radius, in the world, of a sphere around the objects' surfaces as modifiers and instances make them.
+
+    Raises InputError where none of them has a surface.
+    """
+    wanted = set(objects)
+    clouds = []
+    for instance in depsgraph.object_instances:
+        owner = instance.parent or instance.object
+        if owner.original not in wanted:
+            continue
+        points = _vertices(instance.object)
+        if len(points):
+            matrix = np.array(instance.matrix_world)
+            clouds.append(points @ matrix[:3, :3].T + matrix[:3, 3])
+    if not clouds:
+        raise InputError("no selected object has a surface; select the mesh that the rig shall stand around")
+    points = np.concatenate(clouds)
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2
+    radius = float(np.linalg.norm(points - centre, axis=1).max())
+    if radius == 0:
+        raise InputError("the selected object is a single point; select a mesh with a surface")
+    return Vector(centre), radius
+
+
+def _vertices(evaluated: bpy.types.Object) -> NDArray[np.float64]:
+    if evaluated.type not in {"MESH", "CURVE", "SURFACE", "META", "FONT"}:
+        return np.empty((0, 3))
+    mesh = evaluated.to_mesh()
+    if mesh is None:
+        return np.empty((0, 3))
+    flat = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", flat)
+    evaluated.to_mesh_clear()
+    return flat.reshape(-1, 3).astype(np.float64)
+
+
+def _orientation(context: bpy.types.Context, view: str) -> Matrix:
+    if view != "VIEWPORT":
+        return Matrix(_VIEWS[view]).transposed()
+    region = context.region_data
+    if region is None:
+        raise InputError('view "VIEWPORT" needs a 3D viewport to take it from; choose "FRONT" or another side')
+    return region.view_rotation.to_matrix()
+
+
+def _add_camera(scene: bpy.types.Scene, radius: float) -> bpy.types.Object:
+    """A camera on the target's +z axis, from where the sphere fits the photo with its margin."""
+    settings, photo = scene.mps.rig, scene.mps.photo
+    data = bpy.data.cameras.new("MPS Camera")
+    longer, shorter = max(photo.width, photo.height), min(photo.width, photo.height)
+    framed = radius * (1 + settings.margin)
+    data.sensor_fit, data.sensor_width, data.lens = "AUTO", SENSOR_WIDTH, settings.focal_length
+    if settings.projection == "ORTHOGRAPHIC":
+        data.type = "ORTHO"
+        data.ortho_scale = 2 * framed * longer / shorter
+        away = max(settings.distance, 2.0) * radius
+    else:
+        data.type = "PERSP"
+        half_angle = math.atan(SENSOR_WIDTH / 2 / settings.focal_length * shorter / longer)
+        away = framed / math.sin(half_angle)
+    # Room for an object that is moved within the rig, without the loss of depth that 0.1 mm to 1 km would cost.
+    data.clip_start, data.clip_end = (away - radius) / 100, (away + radius) * 10
+    camera = bpy.data.objects.new("MPS Camera", data)
+    camera.location = (0, 0, away)
+    return camera
+
+
+def _add_light(settings: bpy.types.PropertyGroup, name: str, location: Vector) -> bpy.types.Object:
+    """A light of pure colour at `location` in the target's axes, which turns to the target wherever it is moved."""
+    reach, angle = location.length, math.radians(settings.light_size)
+    data = bpy.data.lights.new(f"MPS {name}", settings.light_type)
+    data.color = COLOURS[name]
+    if settings.light_type == "SUN":
+        data.angle = angle
+        data.energy = settings.strength * math.pi
+    else:
+        data.shape = "DISK"
+        data.size = max(2 * reach * math.tan(angle / 2), 1e-4 * reach)
+        data.energy = settings.strength * _area_power(reach)
+    light = bpy.data.objects.new(f"MPS {name}", data)
+    light.location = location
+    light.rotation_euler = location.to_track_quat("Z", "Y").to_euler()
+    aim = light.constraints.new("DAMPED_TRACK")
+    aim.name, aim.target, aim.track_axis = "MPS Aim", settings.target, "TRACK_NEGATIVE_Z"
+    return light
+
+
+def _area_power(distance: float) -> float:
+    """Watts with which an area light at `distance` lights a surface facing it as a sun of strength π does."""
+    return (math.pi * distance) ** 2
+
+
+def light_rig(scene: bpy.types.Scene) -> LightRig:
+    """The rig as its objects stand now, in the camera's axes.
+
+    A sun shines along its own axis wherever it stands; any other light shines from its place towards the target. The
+    mixing matrix follows from the lights' colours and brightness.
+
+    Raises InputError where a part of the rig is missing, or no normal can be told from how the lights stand.
+    """
+    camera, target, lights = _parts(scene)
+    scene.view_layers[0].update()
+    to_camera = np.array(camera.matrix_world.normalized().to_3x3()).T
+    centre = target.matrix_world.translation
+    directions = np.array([_direction(light, centre) for light in lights])
+    return LightRig(directions @ to_camera.T, _mixing(lights, centre))
+
+
+def _parts(
+    scene: bpy.types.Scene,
+) -> tuple[bpy.types.Object, bpy.types.Object, list[bpy.types.Object]]:
+    settings = scene.mps.rig
+    if not settings.lights:
+        raise InputError("there is no rig in this scene; select the object and add one first")
+    in_scene = set(scene.objects)
+    for what, obj in (("camera", settings.camera), ("target", settings.target)):
+        if obj is None or obj not in in_scene:
+            raise InputError(f"the rig's {what} was deleted; add the rig again")
+    if settings.camera.type != "CAMERA":
+        raise InputError(f'the rig\'s camera "{settings.camera.name}" is not a camera; add the rig again')
+    lights = [light.object for light in settings.lights]
+    for colour, light in zip(COLOURS, lights, strict=True):
+        if light is None or light not in in_scene or light.type != "LIGHT":
+            raise InputError(f"the rig's {colour.lower()} light was deleted; add the rig again")
+    return settings.camera, settings.target, lights
+
+
+def _direction(light: bpy.types.Object, centre: Vector) -> Vector:
+    if light.data.type == "SUN":
+        return light.matrix_world.to_3x3().col[2].normalized()
+    direction = light.matrix_world.translation - centre
+    if direction.length < 1e-9:
+        raise InputError(f'light "{light.name}" stands in the rig\'s target; move it away from the object')
+    return direction.normalized()
+
+
+def _mixing(lights: Iterable[bpy.types.Object], centre: Vector) -> NDArray[np.float64]:
+    columns = np.stack([_brightness(light, centre) for light in lights], axis=-1)
+    if columns.max() <= 0:
+        raise InputError("the rig's lights are all black; give them their strength back")
+    return columns / columns.max()
+
+
+def _brightness(light: bpy.types.Object, centre: Vector) -> NDArray[np.float64]:
+    """(3,) red, green and blue that the light brings to the target."""
+    data = light.data
+    colour = np.array(data.color) * data.energy * 2.0**data.exposure
+    if data.use_temperature:
+        colour *= np.array(data.temperature_color)
+    if data.type == "SUN":
+        return colour / math.pi
+    return colour / _area_power((light.matrix_world.translation - centre).length)
+
+
+def scene_camera(
+    camera: bpy.types.Object, scene: bpy.types.Scene, size: tuple[int, int] | None = None
+) -> Camera:
+    """A Blender camera as the core's: its pose, and its focal length and centre in pixels.
+
+    size: width and height of the picture in pixels, which are square; the scene's own resolution unless given.
+
+    Raises InputError for a panoramic camera and for one that its parents shear.
+    """
+    data = camera.data
+    if data.type not in {"PERSP", "ORTHO"}:
+        raise InputError(
+            f'camera "{camera.name}" is panoramic; make it orthographic or perspective in its properties'
+        )
+    render = scene.render
+    if size is None:
+        width = int(render.resolution_x * render.resolution_percentage / 100)
+        height = int(render.resolution_y * render.resolution_percentage / 100)
+        aspect = np.array([render.pixel_aspect_x, render.pixel_aspect_y])
+    else:
+        (width, height), aspect = size, np.ones(2)
+    extent = np.array([width, height]) * aspect
+    fit = data.sensor_fit
+    if fit == "AUTO":
+        fit = "HORIZONTAL" if extent[0] >= extent[1] else "VERTICAL"
+        sensor = data.sensor_width
+    else:
+        sensor = data.sensor_width if fit == "HORIZONTAL" else data.sensor_height
+    fitted = extent[0] if fit == "HORIZONTAL" else extent[1]
+    per_unit = fitted / data.ortho_scale if data.type == "ORTHO" else fitted * data.lens / sensor
+    shift = np.array([data.shift_x, -data.shift_y]) * fitted / aspect
+    return Camera(
+        "orthographic" if data.type == "ORTHO" else "perspective",
+        width,
+        height,
+        per_unit / aspect,
+        np.array([width, height]) / 2 - shift,
+        np.array(camera.matrix_world.normalized(), dtype=np.float64),
+    )
+
+
+CLASSES = (MPS_OT_add_rig, MPS_OT_remove_rig)
+
+
+def register() -> None:
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+
+
+def unregister() -> None:
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)
