@@ -101,12 +101,12 @@ def read_image(path: str | os.PathLike[str], *, encoding: Encoding = "auto", lay
     if encoding == "auto":
         linear = is_float or "lin" in declared or declared in ("raw", "data")
         note = f"taken as {'linear' if linear else 'sRGB'} ({'float' if is_float else spec.format} file)"
+        log.info("%s: %s", path, note)
     else:
         linear = encoding == "linear"
         note = f"taken as {'linear' if linear else 'sRGB'} as told"
     if not linear:
         pixels = srgb_to_linear(pixels).astype(np.float32)
-    log.info("%s: %s", path, note)
     return Image(np.ascontiguousarray(pixels), alpha, np.inf if is_float else 1.0, note)
 
 
@@ -142,13 +142,7 @@ def write_image(
     Raises InputError where the format, the bits or the place to write are not usable.
     """
     path = Path(path)
-    choices = writable_bits(path)
-    bits = choices[0] if bits is None else bits
-    if bits not in choices:
-        allowed = " or ".join(map(str, sorted(choices)))
-        raise InputError(
-            f"{path.suffix} files hold {allowed} bits a channel, not {bits}; change the bits or the suffix"
-        )
+    bits = checked_bits(path, bits)
     pixels = np.ascontiguousarray(pixels if pixels.ndim == 3 else pixels[..., None], dtype=np.float32)
     height, width, channels = pixels.shape
     is_exr = path.suffix.lower() == ".exr"
@@ -175,14 +169,20 @@ def write_image(
             raise InputError(f"cannot write {path}: {target.geterror() or oiio.geterror()}")
 
 
-def writable_bits(path: Path) -> tuple[int, ...]:
-    """Bits a channel that a file of this suffix can hold, the usual first. Raises InputError for other suffixes."""
-    bits = WRITABLE_BITS.get(path.suffix.lower())
+def checked_bits(path: Path, bits: int | None = None) -> int:
+    """Bits a channel to write `path` with: `bits` if its format can hold them, the format's usual ones if None.
+
+    Raises InputError where the format is not ours or cannot hold them.
+    """
+    choices = WRITABLE_BITS.get(path.suffix.lower())
+    if choices is None:
+        kind = path.suffix or "no suffix"
+        raise InputError(f"cannot write {path}: {kind} is not an image format of ours; use {', '.join(WRITABLE_BITS)}")
     if bits is None:
-        known = ", ".join(WRITABLE_BITS)
-        raise InputError(
-            f"cannot write {path}: {path.suffix or 'no suffix'} is not an image format of ours; use {known}"
-        )
+        return choices[0]
+    if bits not in choices:
+        allowed = " or ".join(map(str, sorted(choices)))
+        raise InputError(f"cannot write {path}: {path.suffix} files hold {allowed} bits a channel, not {bits}")
     return bits
 
 

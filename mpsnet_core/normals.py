@@ -66,9 +66,14 @@ def decode(colours: NDArray[Any], convention: Convention = "opengl") -> NDArray[
     return normalised((np.asarray(colours, np.float32) * 2 - 1) * _signs(convention))
 
 
-def _signs(convention: Convention) -> NDArray[np.float32]:
+def check_convention(convention: str) -> None:
+    """Raises InputError where `convention` is neither "opengl" nor "directx"."""
     if convention not in CONVENTIONS:
         raise InputError(f"convention {convention!r} is not known; choose {' or '.join(CONVENTIONS)}")
+
+
+def _signs(convention: Convention) -> NDArray[np.float32]:
+    check_convention(convention)
     return np.array([1, 1 if convention == "opengl" else -1, 1], dtype=np.float32)
 
 

@@ -1,0 +1,323 @@
+"""The command line: one command, ``mpsnet``, with a subcommand for each verb.
+
+Exit codes: 0; 2 and one line on stderr for bad input; 130 when cancelled.
+"""
+
+import argparse
+import itertools
+import json
+import logging
+import signal
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+from mpsnet_core import __version__
+from mpsnet_core.errors import Cancelled, InputError
+
+log = logging.getLogger(__name__)
+
+EXIT_BAD_INPUT = 2
+EXIT_CANCELLED = 130
+
+
+class _Notes(logging.Handler):
+    """Keeps what the core notes on its way, to be told once the work is done."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.INFO)
+        self.lines: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        line = record.getMessage()
+        if line not in self.lines:
+            self.lines.append(line)
+
+
+class _Reporter:
+    """Tells progress and result: as a bar on stderr, as one JSON object a line on stdout, or not at all."""
+
+    def __init__(self, style: str) -> None:
+        if style == "auto":
+            style = "bar" if sys.stderr.isatty() else "none"
+        self.style, self.bar, self.told = style, None, -1.0
+
+    def progress(self, fraction: float, message: str) -> None:
+        if self.style == "json":
+            # A reader that draws a bar gains nothing from steps below half a percent.
+            if fraction >= 1 or fraction - self.told >= 0.005 or fraction < self.told:
+                self.told = fraction
+                print(json.dumps({"progress": round(fraction, 4), "message": message}), flush=True)
+        elif self.style == "bar":
+            if self.bar is None:
+                from tqdm import tqdm
+
+                self.bar = tqdm(total=100, bar_format="{l_bar}{bar}| {elapsed} left {remaining}", leave=False)
+            self.bar.set_description_str(message, refresh=False)
+            self.bar.n = round(100 * fraction)
+            self.bar.refresh()
+
+    def close(self) -> None:
+        if self.bar is not None:
+            self.bar.close()
+
+
+class _Parser(argparse.ArgumentParser):
+    """Bad arguments are bad input: one sentence instead of argparse's usage text."""
+
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f"{message}; see {self.prog} --help")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line and give its exit code."""
+    for name in ("SIGTERM", "SIGBREAK"):  # SIGBREAK is how Windows asks a process group to end
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), _cancel)
+    notes = _Notes()
+    core_log = logging.getLogger("mpsnet_core")
+    core_log.addHandler(notes)
+    core_log.setLevel(logging.INFO)
+    core_log.propagate = False
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    reporter = _Reporter("json" if _wants_json(arguments) else "none")
+    try:
+        options = _parser().parse_args(arguments)
+        reporter = _Reporter(options.progress)
+        result = options.verb(options, reporter)
+        reporter.close()
+        if reporter.style == "json":
+            print(json.dumps({"result": {**result, "notes": notes.lines}}), flush=True)
+        else:
+            for line in notes.lines:
+                print(f"note: {line}", file=sys.stderr)
+            if result.get("text"):
+                print(result["text"])
+        return 0
+    except InputError as error:
+        reporter.close()
+        sentence = " ".join(str(error).split())
+        if reporter.style == "json":
+            print(json.dumps({"error": sentence}), flush=True)
+        print(f"mpsnet: {sentence}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    except (Cancelled, KeyboardInterrupt):
+        reporter.close()
+        return EXIT_CANCELLED
+    finally:
+        core_log.removeHandler(notes)
+
+
+def _cancel(*_: Any) -> None:
+    raise Cancelled
+
+
+def _wants_json(arguments: Sequence[str]) -> bool:
+    """Whether ``--progress json`` is asked for, known even where the arguments cannot be parsed."""
+    return "--progress=json" in arguments or ("--progress", "json") in itertools.pairwise(arguments)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="mpsnet",
+        description="Surface normals from one photo under red, green and blue light, baked onto the object's UVs.",
+    )
+    parser.add_argument("--version", action="version", version=f"mpsnet {__version__}")
+    verbs = parser.add_subparsers(metavar="VERB", required=True)
+    common = _Parser(add_help=False)
+    common.add_argument(
+        "--progress", choices=("auto", "bar", "json", "none"), default="auto", help="how to tell progress"
+    )
+    _add_estimate(verbs.add_parser("estimate", parents=[common], help="photo to camera-space normal map"))
+    _add_bake(verbs.add_parser("bake", parents=[common], help="normal maps to a texture on a mesh's UVs"))
+    _add_evaluate(verbs.add_parser("evaluate", help="measure models against known normals"), common)
+    models = verbs.add_parser("models", parents=[common], help="list the models that can be asked for by name")
+    models.set_defaults(verb=_models)
+    return parser
+
+
+# --- estimate ---------------------------------------------------------------------------------------------------------
+
+
+def _add_estimate(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("image", nargs="+", help="photo(s), a folder of them, or a pattern: frame_####.png, *.tif")
+    parser.add_argument("--rig", required=True, help="rig file (.json, or .lp with three lights)")
+    parser.add_argument("--mask", help="mask file, alpha, none or threshold:0.05; alpha unless given")
+    parser.add_argument("--model", default=None, help="a name of `mpsnet models` or an .onnx file")
+    parser.add_argument("--encoding", default="auto", help="auto, linear or srgb: how the photo's values are meant")
+    parser.add_argument("--layer", help="layer of a multi-layer EXR")
+    parser.add_argument("--convention", default="opengl", help="opengl (green up) or directx (green down)")
+    parser.add_argument("--confidence", metavar="FILE", help="also write the confidence map (one photo only)")
+    parser.add_argument("--format", default="png", help="png, tif or exr, where OUT is a folder")
+    parser.add_argument("--provider", default="cpu", help="cpu, cuda, directml or coreml, for networks")
+    parser.add_argument("--threads", type=int, default=0, help="CPU threads for networks, 0 for all")
+    parser.add_argument("--tile", type=int, default=1024, help="tile side in pixels for networks")
+    parser.add_argument("-o", "--output", required=True, help="image file, or a folder where there are several photos")
+    parser.set_defaults(verb=_estimate)
+
+
+def _estimate(options: argparse.Namespace, reporter: _Reporter) -> dict[str, Any]:
+    from mpsnet_core.capture import read_capture
+    from mpsnet_core.estimate import Estimator
+    from mpsnet_core.estimate.shelf import DEFAULT_MODEL
+    from mpsnet_core.frames import expand_images, output_files
+    from mpsnet_core.images import writable_bits, write_image
+    from mpsnet_core.normals import check_convention, write_normals
+    from mpsnet_core.progress import part
+    from mpsnet_core.rig import read_rig
+
+    check_convention(options.convention)
+    rig = read_rig(options.rig)
+    photos = expand_images(options.image)
+    outputs = output_files(photos, options.output, f".{options.format.lstrip('.')}")
+    if options.confidence:
+        if len(photos) > 1:
+            raise InputError("--confidence takes one photo at a time; leave it out or give one photo")
+        checked_bits(Path(options.confidence))
+    estimator = Estimator(
+        options.model or DEFAULT_MODEL, provider=options.provider, threads=options.threads, tile=options.tile
+    )
+    pixels = 0
+    for number, (photo, output) in enumerate(zip(photos, outputs, strict=True)):
+        step = part(reporter.progress, number / len(photos), (number + 1) / len(photos))
+        step(0.0, f"reading {photo.name}")
+        capture = read_capture(photo, rig, mask=options.mask, encoding=options.encoding, layer=options.layer)
+        normals = estimator(capture, part(step, 0.1, 0.9))
+        pixels += int(normals.mask.sum())
+        step(0.9, f"writing {output.name}")
+        write_normals(output, normals, convention=options.convention)
+        if options.confidence:
+            write_image(options.confidence, normals.confidence)
+        step(1.0, "done")
+    return {
+        "outputs": [str(output) for output in outputs],
+        "pixels": pixels,
+        "text": "\n".join(f"{output}: normals by {estimator.name}" for output in outputs),
+    }
+
+
+# --- bake -------------------------------------------------------------------------------------------------------------
+
+
+def _add_bake(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--mesh", required=True, help="mesh with UVs: .obj, .ply, .glb, or the add-on's .npz")
+    parser.add_argument(
+        "--view", required=True, action="append", metavar="CAMERA=NORMALS", help="camera file and its normal map"
+    )
+    parser.add_argument("--size", type=int, default=2048, help="side of the texture in texels")
+    parser.add_argument("--space", default="tangent", help="tangent (MikkTSpace) or object")
+    parser.add_argument("--convention", default="opengl", help="of the texture: opengl (green up) or directx")
+    parser.add_argument("--normals-convention", default="opengl", help="of the normal maps that are read")
+    parser.add_argument("--margin", type=int, default=16, help="texels that the islands' borders are grown by")
+    parser.add_argument("--bits", type=int, help="8, 16 or 32 bits a channel, as the format allows")
+    parser.add_argument("-o", "--output", required=True, help="texture file: .png, .tif or .exr")
+    parser.set_defaults(verb=_bake)
+
+
+def _bake(options: argparse.Namespace, reporter: _Reporter) -> dict[str, Any]:
+    from mpsnet_core.camera import read_camera
+    from mpsnet_core.images import checked_bits
+    from mpsnet_core.normals import check_convention, read_normals
+    from mpsnet_core.progress import part
+    from mpsnet_core.surface.bake import View, bake_normals
+    from mpsnet_core.surface.mesh import read_mesh
+    from mpsnet_core.surface.texture import write_texture
+
+    check_convention(options.convention)
+    check_convention(options.normals_convention)
+    checked_bits(Path(options.output), options.bits)
+    pairs = []
+    for view in options.view:
+        camera, equals, normals = view.partition("=")
+        if not (camera and equals and normals):
+            raise InputError(f"--view {view} is not CAMERA=NORMALS; give a camera file, an equals sign, a normal map")
+        pairs.append((camera, normals))
+    reporter.progress(0.0, "reading the mesh")
+    mesh = read_mesh(options.mesh)
+    views = []
+    for camera, normals in pairs:
+        reporter.progress(0.05, f"reading {Path(normals).name}")
+        try:
+            views.append(View(read_camera(camera), read_normals(normals, convention=options.normals_convention)))
+        except InputError as error:
+            raise InputError(f"view {camera}={normals}: {error}") from None
+    texture = bake_normals(
+        mesh,
+        views,
+        size=options.size,
+        space=options.space,
+        margin=options.margin,
+        progress=part(reporter.progress, 0.1, 0.9),
+    )
+    reporter.progress(0.9, "writing the texture")
+    write_texture(options.output, texture, convention=options.convention, bits=options.bits)
+    facts = f"{options.space} space, {options.convention}, {texture.seen_fraction:.1%} of its surface seen"
+    return {
+        "output": options.output,
+        "seen": round(texture.seen_fraction, 4),
+        "text": f"{options.output}: {options.size} x {options.size}, {facts}",
+    }
+
+
+# --- evaluate ---------------------------------------------------------------------------------------------------------
+
+
+def _add_evaluate(parser: argparse.ArgumentParser, common: argparse.ArgumentParser) -> None:
+    tests = parser.add_subparsers(metavar="TEST", required=True)
+    diligent = tests.add_parser("diligent", parents=[common], help="the DiLiGenT photographs, multiplexed")
+    diligent.add_argument("folder", help="DiLiGenT's pmsData folder; objects that are absent are named and skipped")
+    diligent.add_argument("--lights", action="append", metavar="A,B,C", help="lights giving R, G, B; may be repeated")
+    diligent.add_argument("--protocol", action="append", help="separated, published or white; may be repeated")
+    diligent.add_argument("--model", action="append", help="may be repeated; the default model unless given")
+    diligent.add_argument("--json", metavar="FILE", help="write the rows as JSON")
+    diligent.add_argument("-o", "--output", metavar="REPORT", help="write an HTML report with pictures")
+    diligent.set_defaults(verb=_evaluate_diligent)
+
+
+def _evaluate_diligent(options: argparse.Namespace, reporter: _Reporter) -> dict[str, Any]:
+    from mpsnet_core.estimate.shelf import DEFAULT_MODEL
+    from mpsnet_core.evaluation.diligent import PROTOCOLS, PUBLISHED_LIGHTS, evaluate_diligent
+    from mpsnet_core.evaluation.report import text_table, write_html_report
+    from mpsnet_core.files import write_json
+
+    skipped: list[str] = []
+    results = list(
+        evaluate_diligent(
+            options.folder,
+            lights=[_triple(text) for text in options.lights] if options.lights else PUBLISHED_LIGHTS,
+            protocols=options.protocol or list(PROTOCOLS),
+            models=options.model or [DEFAULT_MODEL],
+            skipped=skipped,
+            progress=reporter.progress,
+        )
+    )
+    rows = [result.row() for result in results]
+    if options.json:
+        write_json(options.json, {"rows": rows, "skipped": skipped})
+    if options.output:
+        write_html_report(options.output, results, skipped)
+    table = "mean angular error in degrees\n" + text_table(rows)
+    return {"rows": rows, "skipped": skipped, "text": "\n".join([table, *skipped])}
+
+
+def _triple(text: str) -> tuple[int, int, int]:
+    try:
+        first, second, third = (int(number) for number in text.split(","))
+    except ValueError:
+        raise InputError(f"--lights {text} is not three numbers; write them like 48,1,96") from None
+    return first, second, third
+
+
+# --- models -----------------------------------------------------------------------------------------------------------
+
+
+def _models(options: argparse.Namespace, reporter: _Reporter) -> dict[str, Any]:
+    from mpsnet_core.estimate.shelf import shelf
+
+    entries = shelf()
+    width = max(len(entry.name) for entry in entries)
+    return {
+        "models": [{"name": entry.name, "title": entry.title} for entry in entries],
+        "text": "\n".join(f"{entry.name.ljust(width)}  {entry.title}" for entry in entries),
+    }
