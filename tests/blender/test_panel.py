@@ -1,0 +1,110 @@
+"""The panel in a real window: drawn, and clicked through as a person would."""
+
+import json
+import os
+import shlex
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+SCRIPT = Path(__file__).parent / "scripts" / "window.py"
+ROW = 6  # pixels; a button is about 20 high
+
+
+class Window:
+    """A Blender with a window, which says in `state` how things stand; see scripts/window.py."""
+
+    def __init__(self, state: Path, request: Path, screen: list[str]) -> None:
+        self.file, self.request, self.screen = state, request, screen
+        self.requests = 0
+
+    @property
+    def state(self) -> dict[str, Any]:
+        return json.loads(self.file.read_text(encoding="utf-8")) if self.file.exists() else {"sidebar": None}
+
+    def wait(self, until: Callable[[dict[str, Any]], Any], seconds: float, what: str) -> dict[str, Any]:
+        deadline = time.monotonic() + seconds
+        while time.monotonic() < deadline:
+            state = self.state
+            if until(state):
+                return state
+            time.sleep(0.1)
+        pytest.fail(f"after {seconds} s still no {what}: {self.state}")
+
+    def input(self, *arguments: str | int) -> None:
+        subprocess.run([*self.screen, "xdotool", *map(str, arguments)], check=True, capture_output=True)
+
+    def clear_clipboard(self) -> None:
+        self.requests += 1
+        self.request.write_text(str(self.requests), encoding="utf-8")
+        self.wait(lambda state: state.get("answered") == str(self.requests), 20, "empty clipboard")
+
+    def under_mouse(self, x: int, y: int) -> str:
+        """The Python command of the button at (x, y), which Blender copies on Ctrl C; "" where there is none."""
+        self.clear_clipboard()
+        self.input("mousemove", x, y, "sleep", "0.2", "key", "ctrl+c", "sleep", "0.3")
+        return self.state["clipboard"]
+
+    def click(self, operator: str) -> None:
+        """Find the button of `operator` in the sidebar from top to bottom and click it."""
+        left, top, width, height = self.state["sidebar"]
+        x = left + width // 2
+        for y in range(top + ROW, top + height, ROW):
+            if self.under_mouse(x, y).startswith(f"bpy.ops.{operator}("):
+                self.input("mousemove", x, y, "sleep", "0.2", "click", 1)
+                return
+        pytest.fail(f"no button for {operator} in the sidebar")
+
+    def screenshot(self, path: Path) -> np.ndarray:
+        """(H, W, 3) values 0 to 1 of the whole screen."""
+        subprocess.run([*self.screen, "import", "-window", "root", path], check=True)
+        return oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT)[..., :3]
+
+
+@pytest.fixture
+def window(blender, tmp_path) -> Iterator[Window]:
+    if "MPSNET_BLENDER_UI" not in os.environ:
+        pytest.skip("MPSNET_BLENDER_UI is not set")
+    state, request = tmp_path / "state.json", tmp_path / "request"
+    command = [*shlex.split(os.environ["MPSNET_BLENDER_UI"]), "--python", SCRIPT, "--", state, request]
+    with (tmp_path / "window.log").open("w") as log:
+        process = subprocess.Popen(
+            command, env=blender.environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True
+        )
+        window = Window(state, request, shlex.split(os.environ.get("MPSNET_SCREEN", "")))
+        try:
+            window.wait(lambda state: state["sidebar"], 120, "sidebar")
+            yield window
+        finally:
+            request.write_text("quit", encoding="utf-8")
+            try:
+                process.wait(30)
+            except subprocess.TimeoutExpired:
+                os.killpg(process.pid, signal.SIGTERM)
+
+
+def test_panel_is_drawn_and_adds_a_rig(window, tmp_path):
+    before = window.wait(lambda state: "Cube" in state["objects"], 10, "default scene")
+    left, top, width, height = before["sidebar"]
+    picture = window.screenshot(tmp_path / "panel.png")
+    panel = picture[top : top + height, left : left + width]
+    assert width > 100 and height > 400
+    # An empty or black sidebar is one colour; labels and buttons make edges all over its upper part.
+    edges = np.abs(np.diff(panel[: height // 2].mean(axis=-1), axis=1)) > 0.1
+    assert panel.std() > 0.02
+    assert edges.any(axis=1).mean() > 0.3
+
+    window.click("mps.add_rig")
+    after = window.wait(lambda state: len(state["objects"]) > len(before["objects"]), 20, "rig")
+    added = set(after["objects"]) - set(before["objects"])
+    assert {"MPS Red", "MPS Green", "MPS Blue", "MPS Camera"} <= added
+
+    window.input("key", "ctrl+z")
+    window.wait(lambda state: state["objects"] == before["objects"], 20, "undo")
