@@ -35,7 +35,7 @@ class Camera:
     width: int
     height: int
     focal: NDArray[np.float64]
-    centre: NDArray[np.float64] | None = None
+    centre: NDArray[np.float64] = None  # type: ignore[assignment]  # never None once made
     world_from_camera: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
 
     def __post_init__(self) -> None:
@@ -47,8 +47,8 @@ class Camera:
         focal = _numbers(self.focal, (2,), "focal")
         if (focal <= 0).any():
             raise InputError("the camera's focal must be above 0 in x and in y")
-        centre = np.array([self.width / 2, self.height / 2]) if self.centre is None else self.centre
-        centre = _numbers(centre, (2,), "centre")
+        middle = np.array([self.width / 2, self.height / 2])
+        centre = _numbers(middle if self.centre is None else self.centre, (2,), "centre")
         pose = _numbers(self.world_from_camera, (4, 4), "world_from_camera")
         turn = pose[:3, :3]
         rigid = np.allclose(turn.T @ turn, np.eye(3), atol=1e-4) and np.linalg.det(turn) > 0
@@ -68,7 +68,6 @@ class Camera:
     def projection_rows(self) -> NDArray[np.float64]:
         """(3, 4) matrix P: a homogeneous world point p gives (x·w, y·w, w) in pixels; w is 1 if orthographic."""
         camera_from_world = np.linalg.inv(self.world_from_camera)
-        assert self.centre is not None
         (fx, fy), (cx, cy) = self.focal, self.centre
         if self.projection == "orthographic":
             rows = np.array([[fx, 0, 0, cx], [0, -fy, 0, cy], [0, 0, 0, 1.0]])
@@ -83,7 +82,6 @@ class Camera:
     def rays(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """World-space origins and unit directions, each (N, 3), of the rays through image points (N, 2) in pixels."""
         points = np.asarray(points, dtype=np.float64)
-        assert self.centre is not None
         x, y = ((points - self.centre) / self.focal * (1, -1)).T
         zero, one = np.zeros_like(x), np.ones_like(x)
         if self.projection == "orthographic":
@@ -125,7 +123,6 @@ def read_camera(path: str | os.PathLike[str]) -> Camera:
 
 def write_camera(path: str | os.PathLike[str], camera: Camera) -> None:
     """Write a JSON camera file, whole or not at all."""
-    assert camera.centre is not None
     write_json(
         path,
         {

@@ -41,7 +41,8 @@ class _Reporter:
     def __init__(self, style: str) -> None:
         if style == "auto":
             style = "bar" if sys.stderr.isatty() else "none"
-        self.style, self.bar, self.told = style, None, -1.0
+        self.style, self.told = style, -1.0
+        self.bar: Any = None
 
     def progress(self, fraction: float, message: str) -> None:
         if self.style == "json":
@@ -162,7 +163,7 @@ def _estimate(options: argparse.Namespace, reporter: _Reporter) -> dict[str, Any
     from mpsnet_core.estimate import Estimator
     from mpsnet_core.estimate.shelf import DEFAULT_MODEL
     from mpsnet_core.frames import expand_images, output_files
-    from mpsnet_core.images import writable_bits, write_image
+    from mpsnet_core.images import checked_bits, write_image
     from mpsnet_core.normals import check_convention, write_normals
     from mpsnet_core.progress import part
     from mpsnet_core.rig import read_rig

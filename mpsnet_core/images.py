@@ -84,8 +84,8 @@ def read_image(path: str | os.PathLike[str], *, encoding: Encoding = "auto", lay
     if encoding not in ENCODINGS:
         raise InputError(f"encoding {encoding!r} is not known; choose {', '.join(ENCODINGS)}")
     values, names, spec = _read_layer(Path(path), layer)
-    colour = [names.get(name) for name in ("XYZ" if "X" in names else "RGB")]
-    if any(channel is None for channel in colour):
+    colour = [names[name] for name in ("XYZ" if "X" in names else "RGB") if name in names]
+    if len(colour) != 3:
         raise InputError(
             f"{path} has {len(names)} channel(s) ({', '.join(names)}) where red, green and blue are needed; "
             "give a colour image"

@@ -1,7 +1,7 @@
 """NormalMap: a unit vector for every pixel; its encodings in files; the angular error."""
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -20,14 +20,14 @@ class NormalMap:
 
     vectors: (H, W, 3) float32; unit length inside the mask, zero outside; normalised here.
     mask: (H, W) bool.
-    confidence: (H, W) float32 in 0 to 1, zero outside the mask.
+    confidence: (H, W) float32 in 0 to 1, zero outside the mask; 1 inside it unless given.
 
     Raises InputError where the shapes do not agree or the mask is empty.
     """
 
     vectors: NDArray[np.float32]
     mask: NDArray[np.bool_]
-    confidence: NDArray[np.float32] | None = None
+    confidence: NDArray[np.float32] = field(default_factory=lambda: np.ones((), np.float32))
 
     def __post_init__(self) -> None:
         vectors, mask = np.asarray(self.vectors, np.float32), np.asarray(self.mask, bool)
@@ -35,8 +35,8 @@ class NormalMap:
             raise InputError(f"normals of shape {vectors.shape} do not fit a mask of shape {mask.shape}")
         if not mask.any():
             raise InputError("the normal map's mask is empty; there is nothing to work on")
-        confidence = np.ones(mask.shape) if self.confidence is None else np.asarray(self.confidence)
-        if confidence.shape != mask.shape:
+        confidence = np.asarray(self.confidence)
+        if confidence.shape not in ((), mask.shape):
             raise InputError(f"a confidence of shape {confidence.shape} does not fit a mask of shape {mask.shape}")
         object.__setattr__(self, "vectors", np.where(mask[..., None], normalised(vectors), np.float32(0)))
         object.__setattr__(self, "mask", mask)

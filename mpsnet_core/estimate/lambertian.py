@@ -25,7 +25,8 @@ def unmixed(capture: Capture) -> NDArray[np.float32]:
 def grey_world_image(image: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
     """(H, W, 3) each channel divided by its own mean inside the mask; a channel that is black there stays as it is."""
     mean = image[mask].mean(axis=0, dtype=np.float64)
-    return image / np.where(mean > 0, mean, 1).astype(np.float32)
+    divisor: NDArray[np.float32] = np.where(mean > 0, mean, 1).astype(np.float32)
+    return image / divisor
 
 
 def initial_normals(image: NDArray[np.float32], directions: NDArray[np.float64]) -> NDArray[np.float32]:

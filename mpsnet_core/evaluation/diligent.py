@@ -4,6 +4,7 @@ import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +47,7 @@ class Result:
     estimate: NormalMap
     truth: NDArray[np.float32]
 
-    def row(self) -> dict[str, object]:
+    def row(self) -> dict[str, Any]:
         """The result as a row of the table that ``--json`` writes."""
         return {
             "object": self.object,

@@ -6,6 +6,7 @@ import os
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,14 +21,14 @@ from mpsnet_core.normals import NormalMap, angular_error
 HIGHEST_ERROR = 45.0
 
 
-def text_table(rows: Sequence[dict[str, object]]) -> str:
+def text_table(rows: Sequence[dict[str, Any]]) -> str:
     """The mean angular errors in degrees, a line for each model, lights and protocol, a column for each object."""
     objects = list(dict.fromkeys(str(row["object"]) for row in rows))
     lines: dict[tuple[str, str, str], dict[str, float]] = {}
     for row in rows:
-        lights = ",".join(map(str, row["lights"]))  # type: ignore[call-overload]
+        lights = ",".join(map(str, row["lights"]))
         key = (str(row["model"]), lights, str(row["protocol"]))
-        lines.setdefault(key, {})[str(row["object"])] = float(str(row["mae_deg"]))
+        lines.setdefault(key, {})[str(row["object"])] = row["mae_deg"]
     table = [["model", "lights", "protocol", *objects, "mean"]]
     for key, errors in lines.items():
         known = [errors[name] for name in objects if name in errors]

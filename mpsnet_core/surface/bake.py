@@ -150,7 +150,6 @@ class _Projector:
         self.projection = view.camera.projection_rows()
         self.depth = view.camera.depth_row()
         normals = view.normals
-        assert normals.confidence is not None
         # A little weight where the confidence is zero: a doubtful normal is better than none.
         weight = np.where(normals.mask, np.maximum(normals.confidence, 0.01), 0).astype(np.float32)
         world = normals.vectors @ view.camera.rotation.T.astype(np.float32)

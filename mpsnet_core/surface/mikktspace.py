@@ -11,7 +11,7 @@ from mpsnet_core.normals import normalised
 
 
 def mikktspace_tangents(
-    corners: NDArray[np.float64], normals: NDArray[np.float32], uvs: NDArray[np.float32]
+    corners: NDArray[np.floating], normals: NDArray[np.floating], uvs: NDArray[np.floating]
 ) -> NDArray[np.float32]:
     """Tangent and bitangent sign for every corner of every triangle.
 
@@ -35,7 +35,7 @@ def mikktspace_tangents(
 
     group = _groups(vertex, turns, usable)
     count = int(group.max()) + 1
-    summed = np.stack([np.bincount(group, weighted[:, axis], count) for axis in range(3)], axis=-1)
+    summed: NDArray[np.float64] = np.stack([np.bincount(group, weighted[:, axis], count) for axis in range(3)], axis=-1)
     tangents = normalised_or_zero(summed)[group]
     signs = np.where(np.repeat(turns, 3), 1.0, -1.0)
 
@@ -51,16 +51,18 @@ def mikktspace_tangents(
     return np.concatenate([tangents, signs[:, None]], axis=1).reshape(-1, 3, 4).astype(np.float32)
 
 
-def normalised_or_zero(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+def normalised_or_zero(vectors: NDArray[np.floating]) -> NDArray[np.floating]:
     """Vectors (..., 3) brought to unit length; those without a direction stay zero."""
-    return np.where(np.any(vectors != 0, axis=-1, keepdims=True), normalised(vectors), 0.0)
+    return np.asarray(np.where(np.any(vectors != 0, axis=-1, keepdims=True), normalised(vectors), 0.0))
 
 
-def _in_plane(vectors: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArray[np.float64]:
+def _in_plane(vectors: NDArray[np.floating], normals: NDArray[np.floating]) -> NDArray[np.floating]:
     return vectors - normals * np.einsum("tci,tci->tc", np.broadcast_to(vectors, normals.shape), normals)[..., None]
 
 
-def _welded(corners: NDArray[np.float64], normals: NDArray[np.float64], uvs: NDArray[np.float64]) -> NDArray[np.int64]:
+def _welded(
+    corners: NDArray[np.floating], normals: NDArray[np.floating], uvs: NDArray[np.floating]
+) -> NDArray[np.int64]:
     """(T, 3) a number for every distinct position, normal and UV."""
     rows = np.concatenate([corners, normals, uvs], axis=2).reshape(-1, 8).astype(np.float32) + np.float32(0)
     keys = np.ascontiguousarray(rows).view(np.dtype((np.void, rows.itemsize * rows.shape[1]))).ravel()
@@ -68,8 +70,8 @@ def _welded(corners: NDArray[np.float64], normals: NDArray[np.float64], uvs: NDA
 
 
 def _triangle_tangents(
-    corners: NDArray[np.float64], uvs: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
+    corners: NDArray[np.floating], uvs: NDArray[np.floating]
+) -> tuple[NDArray[np.floating], NDArray[np.bool_], NDArray[np.bool_]]:
     """Each triangle's unit direction of growing u, whether its UVs turn counter-clockwise, and whether it has both."""
     d1, d2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     t1, t2 = uvs[:, 1] - uvs[:, 0], uvs[:, 2] - uvs[:, 0]
