@@ -4,6 +4,10 @@ The four steps are the operators ``bpy.ops.mps.*``; heavy work runs in a child p
 package is the extension ``bl_ext.<repository>.mpsnet`` in Blender and ``blender_addon`` beside pip's bpy.
 """
 
+import atexit
+
+import bpy
+
 from . import properties, rig
 
 _MODULES = (properties, rig)
@@ -13,9 +17,13 @@ def register() -> None:
     """Add the operators, settings, panels and the ``mpsnet`` command to Blender."""
     for module in _MODULES:
         module.register()
+    if bpy.app.module:
+        # Blender unregisters its extensions when it quits; pip's bpy does not, and then hangs on what is left.
+        atexit.register(unregister)
 
 
 def unregister() -> None:
     """Take everything away that :func:`register` added."""
+    atexit.unregister(unregister)
     for module in reversed(_MODULES):
         module.unregister()

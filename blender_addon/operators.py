@@ -1,6 +1,7 @@
 """What all the add-on's operators share: bad input becomes one sentence to the person or the script."""
 
 import bpy
+
 from mpsnet_core.errors import InputError
 
 

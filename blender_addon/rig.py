@@ -6,10 +6,11 @@ from collections.abc import Iterable
 import bpy
 import numpy as np
 from mathutils import Matrix, Vector
+from numpy.typing import NDArray
+
 from mpsnet_core.camera import Camera
 from mpsnet_core.errors import InputError
 from mpsnet_core.rig import LightRig, direction_from_angles
-from numpy.typing import NDArray
 
 from .operators import SaysWhy
 from .properties import RigSettings, take_given

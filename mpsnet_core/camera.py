@@ -114,8 +114,8 @@ def read_camera(path: str | os.PathLike[str]) -> Camera:
             data["width"],
             data["height"],
             data["focal"],
-            data.get("centre"),
-            data["world_from_camera"],
+            world_from_camera=data["world_from_camera"],
+            **({"centre": data["centre"]} if "centre" in data else {}),
         )
     except InputError as error:
         raise InputError(f"camera file {path}: {error}") from None

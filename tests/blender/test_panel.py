@@ -52,15 +52,18 @@ class Window:
         self.input("mousemove", x, y, "sleep", "0.2", "key", "ctrl+c", "sleep", "0.3")
         return self.state["clipboard"]
 
-    def click(self, operator: str) -> None:
-        """Find the button of `operator` in the sidebar from top to bottom and click it."""
+    def find(self, operator: str) -> tuple[int, int]:
+        """Where in the sidebar, looking from top to bottom, the button of `operator` begins."""
         left, top, width, height = self.state["sidebar"]
         x = left + width // 2
         for y in range(top + ROW, top + height, ROW):
             if self.under_mouse(x, y).startswith(f"bpy.ops.{operator}("):
-                self.input("mousemove", x, y, "sleep", "0.2", "click", 1)
-                return
+                return x, y
         pytest.fail(f"no button for {operator} in the sidebar")
+
+    def click(self, operator: str) -> None:
+        x, y = self.find(operator)
+        self.input("mousemove", x, y, "sleep", "0.2", "click", 1)
 
     def screenshot(self, path: Path) -> np.ndarray:
         """(H, W, 3) values 0 to 1 of the whole screen."""
@@ -93,12 +96,15 @@ def window(blender, tmp_path) -> Iterator[Window]:
 def test_panel_is_drawn_and_adds_a_rig(window, tmp_path):
     before = window.wait(lambda state: "Cube" in state["objects"], 10, "default scene")
     left, top, width, height = before["sidebar"]
-    picture = window.screenshot(tmp_path / "panel.png")
-    panel = picture[top : top + height, left : left + width]
     assert width > 100 and height > 400
-    # An empty or black sidebar is one colour; labels and buttons make edges all over its upper part.
-    edges = np.abs(np.diff(panel[: height // 2].mean(axis=-1), axis=1)) > 0.1
+    _, y = window.find("mps.add_rig")
+    window.input("mousemove", 10, 500, "sleep", "0.5")
+    picture = window.screenshot(tmp_path / "panel.png").mean(axis=-1)
+    panel, button = picture[top : top + height, left : left + width], picture[y : y + 2 * ROW, left : left + width]
+    # An empty or black sidebar is of one colour; the button has its label, and everything above it labels and fields.
     assert panel.std() > 0.02
+    assert np.ptp(button, axis=1).max() > 0.3
+    edges = np.abs(np.diff(picture[top:y, left : left + width], axis=1)) > 0.1
     assert edges.any(axis=1).mean() > 0.3
 
     window.click("mps.add_rig")

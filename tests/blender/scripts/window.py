@@ -4,6 +4,7 @@ Arguments: the JSON file to write the state to, and a file whose text is the num
 number empties the clipboard, and "quit" ends Blender.
 """
 
+import contextlib
 import json
 import sys
 from pathlib import Path
@@ -17,17 +18,17 @@ bpy.context.preferences.view.show_splash = False
 
 
 def sidebar():
-    """The 3D viewport's sidebar, opened on the tab; None until Blender has laid it out."""
+    """The 3D viewport's sidebar once it shows the tab."""
     area = next(area for area in bpy.context.window_manager.windows[0].screen.areas if area.type == "VIEW_3D")
     area.spaces.active.show_region_ui = True
     region = next(region for region in area.regions if region.type == "UI")
-    try:
+    if region.active_panel_category == "MPS":
+        return region
+    # The tabs cannot be chosen before they have been drawn.
+    with contextlib.suppress(AttributeError, TypeError):
         region.active_panel_category = "MPS"
-    except (AttributeError, TypeError):
-        # The tabs cannot be chosen before they have been drawn.
-        area.tag_redraw()
-        return None
-    return region
+    area.tag_redraw()
+    return None
 
 
 def state():
