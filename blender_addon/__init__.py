@@ -8,9 +8,9 @@ import atexit
 
 import bpy
 
-from . import properties, rig
+from . import bake, estimate, operators, preferences, properties, render, rig
 
-_MODULES = (properties, rig)
+_MODULES = (properties, preferences, operators, rig, render, estimate, bake)
 
 
 def register() -> None:

@@ -54,7 +54,7 @@ class RigSettings:
     )
     distance: FloatProperty(
         name="Distance",
-        description="How far the lights and an orthographic camera stand from the object's centre, in radii of the object",
+        description="How far the lights and an orthographic camera stand from the object, in radii of the object",
         default=5.0,
         min=1.5,
         max=1000.0,
@@ -62,7 +62,7 @@ class RigSettings:
     )
     light_size: FloatProperty(
         name="Light Size (°)",
-        description="How large each light looks from the object, as an angle in degrees. Larger lights give softer shadows",
+        description="How large each light looks from the object, in degrees. Larger lights give softer shadows",
         default=0.5,
         min=0.0,
         max=90.0,
@@ -167,7 +167,7 @@ class EstimateSettings:
         options=GIVEN,
     )
     threshold: FloatProperty(
-        name="Threshold",
+        name="Mask Threshold",
         description="Pixels brighter than this fraction of the photo's brightest are the object",
         default=0.05,
         min=0.0,
@@ -208,6 +208,12 @@ class EstimateSettings:
     )
     model_file: StringProperty(
         name="Model File", description="Network in an .onnx file", subtype="FILE_PATH", options=GIVEN
+    )
+    confidence: BoolProperty(
+        name="Confidence Map",
+        description="Also write how far each normal can be trusted, beside the normal map",
+        default=False,
+        options=GIVEN,
     )
     file_format: EnumProperty(
         name="Format", description="File format of the normal map", items=FILE_FORMATS, default="PNG", options=GIVEN

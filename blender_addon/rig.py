@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable
+from typing import Any
 
 import bpy
 import numpy as np
@@ -38,13 +39,13 @@ class MPS_OT_add_rig(SaysWhy, RigSettings, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def poll(cls, context: Any) -> bool:
         if context.mode != "OBJECT":
             cls.poll_message_set("Switch to Object Mode first")
             return False
         return True
 
-    def act(self, context: bpy.types.Context) -> None:
+    def act(self, context: Any) -> None:
         take_given(self, RigSettings, context.scene.mps.rig)
         add_rig(context)
 
@@ -57,18 +58,18 @@ class MPS_OT_remove_rig(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def poll(cls, context: Any) -> bool:
         if context.scene.mps.rig.target is None:
             cls.poll_message_set("There is no rig in this scene")
             return False
         return True
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def execute(self, context: Any) -> set[Any]:
         remove_rig(context.scene)
         return {"FINISHED"}
 
 
-def add_rig(context: bpy.types.Context) -> None:
+def add_rig(context: Any) -> None:
     """Build the rig around the selected objects with the scene's settings, in place of an earlier one.
 
     Raises InputError where nothing with a surface is selected.
@@ -102,7 +103,7 @@ def add_rig(context: bpy.types.Context) -> None:
     context.view_layer.update()
 
 
-def remove_rig(scene: bpy.types.Scene) -> None:
+def remove_rig(scene: Any) -> None:
     """Remove the rig's objects, and its collection unless something else lies in it."""
     settings = scene.mps.rig
     for obj in list(rig_objects(scene)):
@@ -118,7 +119,7 @@ def remove_rig(scene: bpy.types.Scene) -> None:
     settings.lights.clear()
 
 
-def rig_objects(scene: bpy.types.Scene) -> Iterable[bpy.types.Object]:
+def rig_objects(scene: Any) -> Iterable[Any]:
     """The rig's objects that still exist in the file: lights, camera, target."""
     settings = scene.mps.rig
     every = [light.object for light in settings.lights] + [settings.camera, settings.target]
@@ -126,7 +127,7 @@ def rig_objects(scene: bpy.types.Scene) -> Iterable[bpy.types.Object]:
 
 
 def bounding_sphere(
-    depsgraph: bpy.types.Depsgraph, objects: Iterable[bpy.types.Object]
+    depsgraph: Any, objects: Iterable[Any]
 ) -> tuple[Vector, float]:
     """Centre and radius, in the world, of a sphere around the objects' surfaces as modifiers and instances make them.
 
@@ -152,7 +153,7 @@ def bounding_sphere(
     return Vector(centre), radius
 
 
-def _vertices(evaluated: bpy.types.Object) -> NDArray[np.float64]:
+def _vertices(evaluated: Any) -> NDArray[np.float64]:
     if evaluated.type not in {"MESH", "CURVE", "SURFACE", "META", "FONT"}:
         return np.empty((0, 3))
     mesh = evaluated.to_mesh()
@@ -164,7 +165,7 @@ def _vertices(evaluated: bpy.types.Object) -> NDArray[np.float64]:
     return flat.reshape(-1, 3).astype(np.float64)
 
 
-def _orientation(context: bpy.types.Context, view: str) -> Matrix:
+def _orientation(context: Any, view: str) -> Matrix:
     if view != "VIEWPORT":
         return Matrix(_VIEWS[view]).transposed()
     region = context.region_data
@@ -173,7 +174,7 @@ def _orientation(context: bpy.types.Context, view: str) -> Matrix:
     return region.view_rotation.to_matrix()
 
 
-def _add_camera(scene: bpy.types.Scene, radius: float) -> bpy.types.Object:
+def _add_camera(scene: Any, radius: float) -> Any:
     """A camera on the target's +z axis, from where the sphere fits the photo with its margin."""
     settings, photo = scene.mps.rig, scene.mps.photo
     data = bpy.data.cameras.new("MPS Camera")
@@ -195,7 +196,7 @@ def _add_camera(scene: bpy.types.Scene, radius: float) -> bpy.types.Object:
     return camera
 
 
-def _add_light(settings: bpy.types.PropertyGroup, name: str, location: Vector) -> bpy.types.Object:
+def _add_light(settings: Any, name: str, location: Vector) -> Any:
     """A light of pure colour at `location` in the target's axes, which turns to the target wherever it is moved."""
     reach, angle = location.length, math.radians(settings.light_size)
     data = bpy.data.lights.new(f"MPS {name}", settings.light_type)
@@ -220,7 +221,7 @@ def _area_power(distance: float) -> float:
     return (math.pi * distance) ** 2
 
 
-def light_rig(scene: bpy.types.Scene) -> LightRig:
+def light_rig(scene: Any) -> LightRig:
     """The rig as its objects stand now, in the camera's axes.
 
     A sun shines along its own axis wherever it stands; any other light shines from its place towards the target. The
@@ -228,7 +229,7 @@ def light_rig(scene: bpy.types.Scene) -> LightRig:
 
     Raises InputError where a part of the rig is missing, or no normal can be told from how the lights stand.
     """
-    camera, target, lights = _parts(scene)
+    camera, target, lights = rig_parts(scene)
     scene.view_layers[0].update()
     to_camera = np.array(camera.matrix_world.normalized().to_3x3()).T
     centre = target.matrix_world.translation
@@ -236,9 +237,10 @@ def light_rig(scene: bpy.types.Scene) -> LightRig:
     return LightRig(directions @ to_camera.T, _mixing(lights, centre))
 
 
-def _parts(
-    scene: bpy.types.Scene,
-) -> tuple[bpy.types.Object, bpy.types.Object, list[bpy.types.Object]]:
+def rig_parts(
+    scene: Any,
+) -> tuple[Any, Any, list[Any]]:
+    """The rig's camera, target and three lights. Raises InputError where one is missing."""
     settings = scene.mps.rig
     if not settings.lights:
         raise InputError("there is no rig in this scene; select the object and add one first")
@@ -252,10 +254,12 @@ def _parts(
     for colour, light in zip(COLOURS, lights, strict=True):
         if light is None or light not in in_scene or light.type != "LIGHT":
             raise InputError(f"the rig's {colour.lower()} light was deleted; add the rig again")
+        if light.hide_render:
+            raise InputError(f"the rig's {colour.lower()} light is hidden from renders; show it again")
     return settings.camera, settings.target, lights
 
 
-def _direction(light: bpy.types.Object, centre: Vector) -> Vector:
+def _direction(light: Any, centre: Vector) -> Vector:
     if light.data.type == "SUN":
         return light.matrix_world.to_3x3().col[2].normalized()
     direction = light.matrix_world.translation - centre
@@ -264,14 +268,14 @@ def _direction(light: bpy.types.Object, centre: Vector) -> Vector:
     return direction.normalized()
 
 
-def _mixing(lights: Iterable[bpy.types.Object], centre: Vector) -> NDArray[np.float64]:
+def _mixing(lights: Iterable[Any], centre: Vector) -> NDArray[np.float64]:
     columns = np.stack([_brightness(light, centre) for light in lights], axis=-1)
     if columns.max() <= 0:
         raise InputError("the rig's lights are all black; give them their strength back")
     return columns / columns.max()
 
 
-def _brightness(light: bpy.types.Object, centre: Vector) -> NDArray[np.float64]:
+def _brightness(light: Any, centre: Vector) -> NDArray[np.float64]:
     """(3,) red, green and blue that the light brings to the target."""
     data = light.data
     colour = np.array(data.color) * data.energy * 2.0**data.exposure
@@ -283,7 +287,7 @@ def _brightness(light: bpy.types.Object, centre: Vector) -> NDArray[np.float64]:
 
 
 def scene_camera(
-    camera: bpy.types.Object, scene: bpy.types.Scene, size: tuple[int, int] | None = None
+    camera: Any, scene: Any, size: tuple[int, int] | None = None
 ) -> Camera:
     """A Blender camera as the core's: its pose, and its focal length and centre in pixels.
 

@@ -1,0 +1,227 @@
+"""The bake: normals seen by the camera become a texture on the target's UVs, and its material wears it."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from bpy.props import StringProperty
+from numpy.typing import NDArray
+
+from mpsnet_core.camera import write_camera
+from mpsnet_core.errors import InputError
+
+from .operators import RunsCore, idle
+from .outputs import image_file, load_image, output_path
+from .properties import BakeSettings, take_given
+from .rig import rig_parts, scene_camera
+
+_BITS = {".png": "16", ".tif": "16", ".tiff": "16", ".exr": "32"}
+
+
+class MPS_OT_bake(RunsCore, BakeSettings, bpy.types.Operator):
+    """Bake the estimated normals into a texture on the target's UV map and give its material a Normal Map node"""
+
+    bl_idname = "mps.bake"
+    bl_label = "Bake Texture"
+    bl_options = {"UNDO"}
+
+    target: StringProperty(
+        name="Target",
+        description="Name of the mesh object that gets the texture. Empty: the panel's target, else the active object",
+        options={"SKIP_SAVE"},
+    )
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        if context.scene.mps.estimate.image is None:
+            cls.poll_message_set("Estimate the normals first")
+            return False
+        return idle(cls, context)
+
+    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+        scene = context.scene
+        settings = scene.mps.bake
+        take_given(self, BakeSettings, settings)
+        normals_image = scene.mps.estimate.image
+        normals = image_file(normals_image, "normal map", "estimate the normals first")
+        if self.target:
+            settings.target = _named(scene, self.target)
+        target = settings.target or context.object
+        if target is None:
+            raise InputError("there is no target to bake onto; choose a mesh object")
+        output = output_path(self.output, f"{target.name}_normal", self.file_format)
+        camera, _, _ = rig_parts(scene)
+        context.view_layer.update()
+        write_camera(folder / "camera.json", scene_camera(camera, scene, tuple(normals_image.size)))
+        self._uv_map = write_mesh(folder / "mesh.npz", target, context.evaluated_depsgraph_get(), self.uv_map)
+        self._scene, self._target, self._output = scene.name, target.name, output
+        arguments = ["bake", "--mesh", str(folder / "mesh.npz"), "--output", str(output)]
+        arguments += ["--view", f"{folder / 'camera.json'}={normals}"]
+        arguments += ["--size", str(self.size), "--margin", str(self.margin), "--bits", _BITS[output.suffix.lower()]]
+        arguments += ["--space", self.space.lower(), "--convention", self.convention.lower()]
+        return arguments, [output]
+
+    def finish(self, context: Any, result: dict[str, Any]) -> None:
+        scene, target = bpy.data.scenes.get(self._scene), bpy.data.objects.get(self._target)
+        if scene is None or target is None:
+            raise InputError(f'"{self._target}" is gone or renamed; its texture is in {self._output}')
+        image = load_image(self._output, f"MPS {target.name}", is_data=True)
+        scene.mps.bake.image = image
+        for material in _own_materials(target):
+            wear(material, image, self._uv_map, self.space, self.convention)
+        for note in result.get("notes", []):
+            self.report({"INFO"}, note)
+        turned = "; DirectX, so the material turns its green round for Blender" if self.convention == "DIRECTX" else ""
+        self.report({"INFO"}, f"Texture written to {self._output}; {result['seen']:.0%} of the surface seen{turned}")
+
+
+def _named(scene: Any, name: str) -> Any:
+    target = scene.objects.get(name)
+    if target is None:
+        raise InputError(f'there is no object "{name}" in the scene; check its name')
+    return target
+
+
+def write_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str) -> str:
+    """Write an object as the render sees it, modifiers applied, as the core's mesh file; give the UV map's name.
+
+    Normals and tangents of each corner are Blender's own.
+
+    Raises InputError where the object is no mesh, has no faces, or lacks the UV map.
+    """
+    if obj.type != "MESH":
+        raise InputError(f'"{obj.name}" is not a mesh but {obj.type.lower()}; convert it to a mesh first')
+    if obj.mode == "EDIT":
+        obj.update_from_editmode()
+    mesh = bpy.data.meshes.new_from_object(
+        obj.evaluated_get(depsgraph), preserve_all_data_layers=True, depsgraph=depsgraph
+    )
+    try:
+        uv_map = _uv_map(obj, mesh, uv_map)
+        if not mesh.polygons:
+            raise InputError(f'"{obj.name}" has no faces; choose an object with a surface')
+        corners = _read(mesh.loop_triangles, "loops", 3, np.int32)
+        normals = _read(mesh.corner_normals, "vector", 3)[corners]
+        uvs = _read(mesh.uv_layers[uv_map].uv, "vector", 2)[corners]
+        triangles = _read(mesh.loop_triangles, "vertices", 3, np.int32)
+        vertices = _read(mesh.vertices, "co", 3)
+        if max(polygon.loop_total for polygon in mesh.polygons) > 4:
+            tangents = _tangents_of_triangles(vertices, triangles, normals, uvs)
+        else:
+            mesh.calc_tangents(uvmap=uv_map)
+            tangents = _tangents(mesh)[corners]
+        np.savez(
+            path,
+            format=np.array("mpsnet-mesh"),
+            version=np.array(1),
+            vertices=vertices,
+            triangles=triangles,
+            corner_normals=normals,
+            uvs=uvs,
+            tangents=tangents,
+            world_from_object=np.array(obj.matrix_world, dtype=np.float64),
+        )
+    finally:
+        bpy.data.meshes.remove(mesh)
+    return uv_map
+
+
+def _uv_map(obj: Any, mesh: Any, name: str) -> str:
+    if not mesh.uv_layers:
+        raise InputError(f'"{obj.name}" has no UV map; unwrap it first')
+    if not name:
+        return next((layer.name for layer in mesh.uv_layers if layer.active_render), mesh.uv_layers[0].name)
+    if name not in mesh.uv_layers:
+        there = ", ".join(f'"{layer.name}"' for layer in mesh.uv_layers)
+        raise InputError(f'"{obj.name}" has no UV map "{name}"; choose {there}')
+    return name
+
+
+def _read(elements: Any, attribute: str, width: int, kind: type = np.float32) -> NDArray[Any]:
+    values = np.empty(len(elements) * width, kind)
+    elements.foreach_get(attribute, values)
+    return values.reshape(-1, width)
+
+
+def _tangents(mesh: Any) -> NDArray[np.float32]:
+    """(loops, 4): tangent and bitangent sign, once ``calc_tangents`` has run."""
+    return np.hstack([_read(mesh.loops, "tangent", 3), _read(mesh.loops, "bitangent_sign", 1)])
+
+
+def _tangents_of_triangles(
+    vertices: NDArray[Any], triangles: NDArray[Any], normals: NDArray[Any], uvs: NDArray[Any]
+) -> NDArray[np.float32]:
+    """(T, 3, 4): Blender has no tangents for faces with five sides and more, so they come from a triangulated copy."""
+    mesh = bpy.data.meshes.new("MPS Triangles")
+    try:
+        mesh.from_pydata(vertices.tolist(), [], triangles.tolist())
+        layer = mesh.uv_layers.new(name="UVMap")
+        layer.uv.foreach_set("vector", uvs.ravel())
+        mesh.normals_split_custom_set(normals.reshape(-1, 3).tolist())
+        mesh.calc_tangents(uvmap="UVMap")
+        return _tangents(mesh).reshape(-1, 3, 4)
+    finally:
+        bpy.data.meshes.remove(mesh)
+
+
+def _own_materials(target: Any) -> list[Any]:
+    """The target's materials, made where there are none, and copied where other meshes wear them too."""
+    if not target.material_slots:
+        target.data.materials.append(None)
+    for slot in target.material_slots:
+        if slot.material is None:
+            slot.material = bpy.data.materials.new(f"MPS {target.name}")
+        elif slot.material.library or any(
+            other.data is not target.data and slot.material.name in other.material_slots
+            for other in bpy.data.objects
+        ):
+            slot.material = slot.material.copy()
+        if bpy.app.version < (5, 0):
+            slot.material.use_nodes = True
+    return list({slot.material.name: slot.material for slot in target.material_slots}.values())
+
+
+def wear(material: Any, image: Any, uv_map: str, space: str, convention: str) -> None:
+    """Give every shader of a material the texture as its normal; nodes of an earlier bake are used again."""
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    shaders = [node for node in nodes if node.type.startswith("BSDF") and "Normal" in node.inputs]
+    if not shaders:
+        raise InputError(f'material "{material.name}" has no shader with a Normal input; add a Principled BSDF to it')
+    left, top = min(node.location.x for node in shaders), min(node.location.y for node in shaders) - 300
+
+    def node(name: str, kind: str, steps: int) -> Any:
+        found = nodes.get(name)
+        if found is None:
+            found = nodes.new(kind)
+            found.name = found.label = name
+            found.location = (left - 200 * steps, top)
+        return found
+
+    uv, texture = node("MPS UV", "ShaderNodeUVMap", 5), node("MPS Texture", "ShaderNodeTexImage", 4)
+    normal = node("MPS Normal", "ShaderNodeNormalMap", 1)
+    uv.uv_map = normal.uv_map = uv_map
+    texture.image, normal.space = image, space
+    links.new(uv.outputs["UV"], texture.inputs["Vector"])
+    colour = texture.outputs["Color"]
+    if convention == "DIRECTX":
+        # Blender 4.5's Normal Map node knows OpenGL only; a node that turns green round works in every version.
+        turn = node("MPS Green", "ShaderNodeVectorMath", 2)
+        turn.operation = "MULTIPLY_ADD"
+        turn.inputs[1].default_value, turn.inputs[2].default_value = (1, -1, 1), (0, 1, 0)
+        links.new(colour, turn.inputs[0])
+        colour = turn.outputs["Vector"]
+    elif "MPS Green" in nodes:
+        nodes.remove(nodes["MPS Green"])
+    links.new(colour, normal.inputs["Color"])
+    for shader in shaders:
+        links.new(normal.outputs["Normal"], shader.inputs["Normal"])
+
+
+def register() -> None:
+    bpy.utils.register_class(MPS_OT_bake)
+
+
+def unregister() -> None:
+    bpy.utils.unregister_class(MPS_OT_bake)

@@ -1,0 +1,153 @@
+"""The core as a child process: it cannot freeze Blender's window, cannot crash it, and is cancelled by ending it."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+import weakref
+from collections import deque
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import IO, Any
+
+import numpy
+
+import mpsnet_core
+from mpsnet_core.errors import Cancelled, InputError
+from mpsnet_core.files import remove_unfinished
+
+CANCEL_SECONDS = 0.8
+LAST_WORDS = 20
+
+
+class CoreCrashed(Exception):
+    """The core ended without a result. The message holds its last words."""
+
+
+class CoreProcess:
+    """One run of ``python -m mpsnet_core``, from the moment it is made.
+
+    arguments: verb and options as on the command line.
+    outputs: files that the run writes; their folders are cleared of unfinished files after a kill.
+
+    Attributes `progress` (0 to 1) and `message` say how far it is.
+    """
+
+    def __init__(self, arguments: Sequence[str], outputs: Sequence[Path] = ()) -> None:
+        self.progress = 0.0
+        self.message = "starting"
+        self._outputs = outputs
+        self._answer: dict[str, Any] = {}
+        self._last_words: deque[str] = deque(maxlen=LAST_WORDS)
+        # A group of its own, so that Windows can be asked to end the child and not Blender with it.
+        new_group = subprocess.CREATE_NEW_PROCESS_GROUP if sys.platform == "win32" else 0
+        self._child = subprocess.Popen(
+            [sys.executable, "-m", "mpsnet_core", *arguments, "--progress", "json"],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            encoding="utf-8",
+            errors="replace",
+            env=_environment(),
+            creationflags=new_group,
+        )
+        # Also runs when Blender quits in the middle of the work.
+        weakref.finalize(self, _end, self._child)
+        assert self._child.stdout and self._child.stderr
+        self._readers = [
+            threading.Thread(target=self._read_answers, args=(self._child.stdout,), daemon=True),
+            threading.Thread(target=self._read_last_words, args=(self._child.stderr,), daemon=True),
+        ]
+        for reader in self._readers:
+            reader.start()
+
+    @property
+    def pid(self) -> int:
+        return self._child.pid
+
+    def running(self) -> bool:
+        return self._child.poll() is None
+
+    def result(self) -> dict[str, Any]:
+        """Wait for the end and give what the core answered.
+
+        Raises InputError with the core's sentence on bad input, Cancelled, or CoreCrashed with its last words.
+        """
+        code = self._child.wait()
+        for reader in self._readers:
+            reader.join()
+        if code == 0 and "result" in self._answer:
+            return dict(self._answer["result"])
+        self._clear()
+        if "error" in self._answer:
+            raise InputError(self._answer["error"])
+        if code == 130:
+            raise Cancelled
+        words = self._last_words[-1] if self._last_words else "it said nothing"
+        raise CoreCrashed(f"the core ended unexpectedly (exit code {code}); its last words: {words}")
+
+    def cancel(self) -> None:
+        """End the child within a second; nothing half-written stays behind."""
+        _end(self._child)
+        self._clear()
+
+    def _clear(self) -> None:
+        for folder in {output.parent for output in self._outputs}:
+            remove_unfinished(folder, self.pid)
+
+    def _read_answers(self, stream: IO[str]) -> None:
+        for line in stream:
+            try:
+                answer = json.loads(line)
+            except ValueError:
+                answer = None
+            if not isinstance(answer, dict):
+                self._last_words.append(line.strip())
+            elif "progress" in answer:
+                self.progress, self.message = answer["progress"], answer["message"]
+            else:
+                self._answer = answer
+
+    def _read_last_words(self, stream: IO[str]) -> None:
+        self._last_words.extend(line.strip() for line in stream if line.strip())
+
+
+def run(
+    arguments: Sequence[str],
+    outputs: Sequence[Path] = (),
+    on_progress: Callable[[float, str], None] | None = None,
+) -> dict[str, Any]:
+    """Run the core, wait for it, and give its result. Raises as :meth:`CoreProcess.result` does."""
+    process = CoreProcess(arguments, outputs)
+    try:
+        while process.running():
+            if on_progress is not None:
+                on_progress(process.progress, process.message)
+            time.sleep(0.02)
+    except BaseException:
+        process.cancel()
+        raise
+    return process.result()
+
+
+def _environment() -> dict[str, str]:
+    """The child finds its packages where this process found them: an extension's are not on Python's own path."""
+    homes = [str(Path(package.__file__).parents[1]) for package in (mpsnet_core, numpy) if package.__file__]
+    environment = {key: value for key, value in os.environ.items() if key != "PYTHONHOME"}
+    environment["PYTHONPATH"] = os.pathsep.join(dict.fromkeys(homes))
+    environment["PYTHONIOENCODING"] = "utf-8"
+    return environment
+
+
+def _end(child: "subprocess.Popen[str]") -> None:
+    if child.poll() is not None:
+        return
+    try:
+        child.send_signal(signal.CTRL_BREAK_EVENT if sys.platform == "win32" else signal.SIGTERM)
+        child.wait(CANCEL_SECONDS)
+    except (subprocess.TimeoutExpired, OSError):
+        child.kill()
+        child.wait()

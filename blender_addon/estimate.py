@@ -1,0 +1,87 @@
+"""The estimate: the photo becomes a normal map in camera space, in the core's process."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.rig import write_rig
+
+from .operators import RunsCore, idle
+from .outputs import image_file, load_image, output_path
+from .preferences import preference
+from .properties import EstimateSettings, take_given
+from .rig import light_rig
+
+
+class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
+    """Estimate the surface normals that the photo shows"""
+
+    bl_idname = "mps.estimate"
+    bl_label = "Estimate Normals"
+    bl_options = {"UNDO"}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        if context.scene.mps.photo.image is None:
+            cls.poll_message_set("Render or open a photo first")
+            return False
+        return idle(cls, context)
+
+    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+        scene = context.scene
+        take_given(self, EstimateSettings, scene.mps.estimate)
+        photo = image_file(scene.mps.photo.image, "photo", "render or open one first")
+        output = output_path(self.output, f"{scene.name}_normals", self.file_format)
+        if self.rig_file:
+            rig = Path(bpy.path.abspath(self.rig_file))
+        else:
+            rig = folder / "rig.json"
+            write_rig(rig, light_rig(scene))
+        arguments = ["estimate", str(photo), "--rig", str(rig), "--output", str(output)]
+        arguments += ["--encoding", self.encoding.lower(), "--model", self._model()]
+        arguments += ["--provider", preference("provider").lower(), "--threads", str(preference("threads"))]
+        arguments += self._mask()
+        outputs = [output]
+        if self.confidence:
+            outputs.append(output.with_name(f"{output.stem}_confidence{output.suffix}"))
+            arguments += ["--confidence", str(outputs[1])]
+        self._scene, self._output = scene.name, output
+        return arguments, outputs
+
+    def _model(self) -> str:
+        if self.model != "FILE":
+            return self.model.lower().replace("_", "-")
+        if not self.model_file:
+            raise InputError("the model is a file but none is named; choose an .onnx file")
+        return bpy.path.abspath(self.model_file)
+
+    def _mask(self) -> list[str]:
+        if self.mask == "AUTO":
+            return []
+        if self.mask == "THRESHOLD":
+            return ["--mask", f"threshold:{self.threshold:g}"]
+        if self.mask != "FILE":
+            return ["--mask", self.mask.lower()]
+        if not self.mask_file:
+            raise InputError("the mask is a file but none is named; choose a picture")
+        return ["--mask", bpy.path.abspath(self.mask_file)]
+
+    def finish(self, context: Any, result: dict[str, Any]) -> None:
+        scene = bpy.data.scenes.get(self._scene)
+        if scene is None:
+            raise InputError(f'the scene "{self._scene}" is gone; its normals are in {self._output}')
+        scene.mps.estimate.image = load_image(self._output, "MPS Normals", is_data=True)
+        for note in result.get("notes", []):
+            self.report({"INFO"}, note)
+        self.report({"INFO"}, f"Normals written to {self._output}")
+
+
+def register() -> None:
+    bpy.utils.register_class(MPS_OT_estimate)
+
+
+def unregister() -> None:
+    bpy.utils.unregister_class(MPS_OT_estimate)

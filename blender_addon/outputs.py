@@ -1,0 +1,68 @@
+"""Where files go, and how they come into Blender as images."""
+
+from pathlib import Path
+
+import bpy
+
+from mpsnet_core.errors import InputError
+
+from .preferences import preference
+
+_SUFFIXES = {"PNG": ".png", "TIFF": ".tif", "EXR": ".exr"}
+_ENDINGS = {".png", ".tif", ".tiff", ".exr"}
+
+
+def output_path(given: str, name: str, file_format: str) -> Path:
+    """The file to write: `given`, or `name` in the output folder, with the format's ending unless it has one.
+
+    Raises InputError where its folder does not exist or the ending is of no format that can be written.
+    """
+    path = Path(bpy.path.abspath(given)) if given else output_folder() / bpy.path.clean_name(name)
+    if not path.suffix:
+        path = path.with_name(path.name + _SUFFIXES[file_format])
+    if path.suffix.lower() not in _ENDINGS:
+        raise InputError(f"cannot write {path}: the ending {path.suffix} is not known; use .png, .tif or .exr")
+    if not path.parent.is_dir():
+        raise InputError(f"cannot write {path}: the folder {path.parent} does not exist; create it first")
+    return path
+
+
+def output_folder() -> Path:
+    """The preferences' folder, else that of the saved .blend file, else Blender's temporary one."""
+    chosen = preference("output_folder")
+    if chosen:
+        return Path(bpy.path.abspath(chosen))
+    return Path(bpy.data.filepath).parent if bpy.data.filepath else Path(bpy.app.tempdir)
+
+
+def load_image(path: Path, name: str, *, is_data: bool) -> bpy.types.Image:
+    """The file as an image of Blender's, read anew where it is one already.
+
+    is_data: its colours are numbers, not light: no colour space is applied.
+
+    Raises InputError where Blender cannot read it.
+    """
+    try:
+        image = bpy.data.images.load(str(path), check_existing=True)
+    except RuntimeError:
+        raise InputError(f"cannot open {path}: it does not exist or is not an image; check the path") from None
+    image.reload()
+    if not image.has_data and not image.size[0]:
+        bpy.data.images.remove(image)
+        raise InputError(f"cannot read {path}: it is not an image or is damaged; export it again")
+    image.name = name
+    if is_data:
+        image.colorspace_settings.is_data = True
+    if bpy.data.filepath and Path(bpy.data.filepath).parent in path.parents:
+        image.filepath = bpy.path.relpath(str(path))
+    return image
+
+
+def image_file(image: bpy.types.Image | None, what: str, mend: str) -> Path:
+    """The file an image comes from. Raises InputError where there is no image or it has no file on disk."""
+    if image is None:
+        raise InputError(f"there is no {what} yet; {mend}")
+    path = Path(bpy.path.abspath(image.filepath, library=image.library))
+    if not image.filepath or not path.is_file():
+        raise InputError(f'the {what} "{image.name}" has no file on disk; save it, or {mend}')
+    return path

@@ -1,0 +1,55 @@
+"""Preferences of the add-on: what belongs to the machine rather than to a scene."""
+
+from typing import Any
+
+import bpy
+from bpy.props import EnumProperty, IntProperty, StringProperty
+
+
+class MPS_AddonPreferences(bpy.types.AddonPreferences):
+    bl_idname = __package__
+
+    provider: EnumProperty(
+        name="Compute On",
+        description="What networks run on. The Lambertian baseline always runs on the CPU",
+        items=[
+            ("CPU", "CPU", "Works everywhere"),
+            ("CUDA", "CUDA", "NVIDIA graphics cards, where the installed onnxruntime has it"),
+            ("DIRECTML", "DirectML", "Graphics cards on Windows, where the installed onnxruntime has it"),
+            ("COREML", "Core ML", "Apple computers, where the installed onnxruntime has it"),
+        ],
+        default="CPU",
+    )
+    threads: IntProperty(
+        name="Threads", description="CPU threads for networks. 0: all there are", default=0, min=0, max=1024
+    )
+    output_folder: StringProperty(
+        name="Output Folder",
+        description="Where photos, normal maps and textures go. Empty: beside the saved .blend file, "
+        "else Blender's temporary folder",
+        subtype="DIR_PATH",
+    )
+
+    def draw(self, context: bpy.types.Context) -> None:
+        column = self.layout.column()
+        column.use_property_split = True
+        column.use_property_decorate = False
+        column.prop(self, "provider")
+        column.prop(self, "threads")
+        column.prop(self, "output_folder")
+
+
+def preference(name: str) -> Any:
+    """A preference as the person set it, or its default where the add-on runs as a plain module."""
+    addon = bpy.context.preferences.addons.get(__package__)
+    if addon is not None and addon.preferences is not None:
+        return getattr(addon.preferences, name)
+    return MPS_AddonPreferences.bl_rna.properties[name].default
+
+
+def register() -> None:
+    bpy.utils.register_class(MPS_AddonPreferences)
+
+
+def unregister() -> None:
+    bpy.utils.unregister_class(MPS_AddonPreferences)
