@@ -1,9 +1,9 @@
 """From one photo to a baked normal texture, from start to end, with no file needed.
 
-Builds a detailed monkey and its low-poly copy with UVs, puts three coloured lights and a camera around it, renders the
 Builds a detailed monkey and its low-poly copy with UVs, puts three coloured lights and a camera around it, renders
 the one photo, estimates the normals, bakes them onto the low-poly's UVs, relights the result and compares it with
 the truth. Leaves a contact sheet in examples/output/quickstart.png.
+
     python examples/quickstart.py                      (with bpy from PyPI)
     blender -b --python examples/quickstart.py         (with the extension installed)
 """

@@ -20,21 +20,29 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     The temporary name keeps the suffix (image writers choose the format by it) and holds the process id, so that
     whoever had to kill this process can clear up with :func:`remove_unfinished`.
 
-    Raises InputError where the folder is missing or cannot be written.
+    Raises InputError where the folder is missing or cannot be written, or the disk is full.
     """
-    path = Path(path)
-    if not path.parent.is_dir():
-        raise InputError(f"cannot write {path}: the folder {path.parent} does not exist; create it first")
-    if path.is_dir():
-        raise InputError(f"cannot write {path}: it is a folder; give a file name")
-    if not os.access(path.parent, os.W_OK):
-        raise InputError(f"cannot write {path}: no permission to write in {path.parent}; choose another folder")
+    path = writable_path(path)
     unfinished = path.with_name(f".{path.stem}.{os.getpid()}.unfinished{path.suffix}")
     try:
         yield unfinished
         unfinished.replace(path)
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror}; make room or choose another folder") from None
     finally:
         unfinished.unlink(missing_ok=True)
+
+
+def writable_path(path: str | os.PathLike[str]) -> Path:
+    """`path` as a Path, or InputError where a file cannot be put there; asked before long work starts."""
+    path = Path(path)
+    if not os.path.isdir(path.parent):
+        raise InputError(f"cannot write {path}: the folder {path.parent} does not exist; create it first")
+    if os.path.isdir(path):
+        raise InputError(f"cannot write {path}: it is a folder; give a file name")
+    if not os.access(path.parent, os.W_OK):
+        raise InputError(f"cannot write {path}: no permission to write in {path.parent}; choose another folder")
+    return path
 
 
 def remove_unfinished(folder: str | os.PathLike[str], pid: int) -> None:
