@@ -8,9 +8,9 @@ import atexit
 
 import bpy
 
-from . import bake, estimate, operators, preferences, properties, render, rig
+from . import bake, commands, estimate, operators, panels, preferences, properties, render, rig
 
-_MODULES = (properties, preferences, operators, rig, render, estimate, bake)
+_MODULES = (properties, preferences, operators, rig, render, estimate, bake, panels, commands)
 
 
 def register() -> None:

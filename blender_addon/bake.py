@@ -174,8 +174,7 @@ def _own_materials(target: Any) -> list[Any]:
         if slot.material is None:
             slot.material = bpy.data.materials.new(f"MPS {target.name}")
         elif slot.material.library or any(
-            other.data is not target.data and slot.material.name in other.material_slots
-            for other in bpy.data.objects
+            other.data is not target.data and slot.material.name in other.material_slots for other in bpy.data.objects
         ):
             slot.material = slot.material.copy()
         if bpy.app.version < (5, 0):

@@ -1,6 +1,5 @@
 """The settings of the four steps: defined once, kept in the scene, and taken by the operators of the same name."""
 
-
 import bpy
 from bpy.props import (
     BoolProperty,
@@ -131,9 +130,15 @@ class PhotoSettings:
     samples: IntProperty(
         name="Samples",
         description="Cycles samples a pixel: more take longer and give less noise",
-        default=64,
+        default=128,
         min=1,
         max=65536,
+        options=GIVEN,
+    )
+    denoise: BoolProperty(
+        name="Denoise",
+        description="Remove Cycles' noise from the photo, by the photo alone: the true normals play no part in it",
+        default=True,
         options=GIVEN,
     )
     output: StringProperty(
@@ -298,9 +303,7 @@ class MPS_PG_rig(RigSettings, bpy.types.PropertyGroup):
 class MPS_PG_photo(PhotoSettings, bpy.types.PropertyGroup):
     """The one photo: how it is rendered, and the image once it is there."""
 
-    image: PointerProperty(
-        name="Photo", description="The photo under red, green and blue light", type=bpy.types.Image
-    )
+    image: PointerProperty(name="Photo", description="The photo under red, green and blue light", type=bpy.types.Image)
 
 
 class MPS_PG_estimate(EstimateSettings, bpy.types.PropertyGroup):

@@ -126,9 +126,7 @@ def rig_objects(scene: Any) -> Iterable[Any]:
     return (obj for obj in every if obj is not None)
 
 
-def bounding_sphere(
-    depsgraph: Any, objects: Iterable[Any]
-) -> tuple[Vector, float]:
+def bounding_sphere(depsgraph: Any, objects: Iterable[Any]) -> tuple[Vector, float]:
     """Centre and radius, in the world, of a sphere around the objects' surfaces as modifiers and instances make them.
 
     Raises InputError where none of them has a surface.
@@ -286,9 +284,7 @@ def _brightness(light: Any, centre: Vector) -> NDArray[np.float64]:
     return colour / _area_power((light.matrix_world.translation - centre).length)
 
 
-def scene_camera(
-    camera: Any, scene: Any, size: tuple[int, int] | None = None
-) -> Camera:
+def scene_camera(camera: Any, scene: Any, size: tuple[int, int] | None = None) -> Camera:
     """A Blender camera as the core's: its pose, and its focal length and centre in pixels.
 
     size: width and height of the picture in pixels, which are square; the scene's own resolution unless given.
@@ -297,9 +293,7 @@ def scene_camera(
     """
     data = camera.data
     if data.type not in {"PERSP", "ORTHO"}:
-        raise InputError(
-            f'camera "{camera.name}" is panoramic; make it orthographic or perspective in its properties'
-        )
+        raise InputError(f'camera "{camera.name}" is panoramic; make it orthographic or perspective in its properties')
     render = scene.render
     if size is None:
         width = int(render.resolution_x * render.resolution_percentage / 100)

@@ -1,0 +1,135 @@
+"""``blender -b scene.blend --command mpsnet VERB``: the operators as a command line, their settings as its flags."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+import bpy
+
+from mpsnet_core.errors import InputError
+
+COMMAND = "mpsnet"
+VERBS = ("add_rig", "render_photo", "open_photo", "render_truth", "estimate", "bake")
+EXIT_BAD_INPUT = 2
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f"{message}; see {self.prog} --help")
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run one verb on the open file and give the exit code: 0, or 2 and one sentence on stderr for bad input."""
+    try:
+        options = vars(_parser().parse_args(argv))
+        verb, names, save = options.pop("verb"), options.pop("object"), options.pop("save")
+        _select(names)
+        if save and not Path(save).resolve().parent.is_dir():
+            raise InputError(f"cannot save {save}: its folder does not exist; create it first")
+        operator = getattr(bpy.ops.mps, verb)
+        if not operator.poll():
+            raise InputError(_obstacle(verb))
+        operator(**options)
+        if save:
+            bpy.ops.wm.save_as_mainfile(filepath=str(Path(save).resolve()))
+    except (InputError, RuntimeError) as error:
+        # Blender turns an operator's report into a RuntimeError and puts its own words before the sentence.
+        sentence = " ".join(str(error).split()).removeprefix("Error: ")
+        print(f"{COMMAND}: {sentence}", file=sys.stderr)  # noqa: T201
+        return EXIT_BAD_INPUT
+    except SystemExit as leaving:  # --help
+        return int(leaving.code or 0)
+    return 0
+
+
+def _obstacle(verb: str) -> str:
+    """Why a verb cannot run yet: the poll's message, which only a call that fails tells."""
+    try:
+        getattr(bpy.ops.mps, verb)()
+    except RuntimeError as error:
+        return " ".join(str(error).split()).split("poll() ", 1)[-1]
+    return f"{verb.replace('_', '-')} cannot run on this scene"
+
+
+def _select(names: Sequence[str]) -> None:
+    if not names:
+        return
+    layer = bpy.context.view_layer
+    missing = [name for name in names if name not in layer.objects]
+    if missing:
+        raise InputError(f'there is no object "{missing[0]}" in the scene; check its name')
+    for obj in layer.objects:
+        obj.select_set(obj.name in names)
+    layer.objects.active = layer.objects[names[-1]]
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(prog=COMMAND, description="A normal texture from one photo under red, green and blue light.")
+    verbs = parser.add_subparsers(metavar="VERB", required=True)
+    for verb in VERBS:
+        kind = getattr(bpy.ops.mps, verb).get_rna_type()
+        sub = verbs.add_parser(
+            verb.replace("_", "-"),
+            help=kind.description.splitlines()[0],
+            description=kind.description,
+            argument_default=argparse.SUPPRESS,
+        )
+        sub.set_defaults(verb=verb, object=[], save="")
+        selecting = "select this object first; may be repeated, the last is active"
+        sub.add_argument("--object", action="append", metavar="NAME", help=selecting)
+        sub.add_argument("--save", metavar="FILE", help="save the scene as this .blend file afterwards")
+        for setting in kind.properties:
+            if setting.identifier != "rna_type" and not setting.is_hidden:
+                _add_flag(sub, setting)
+    return parser
+
+
+def _add_flag(parser: argparse.ArgumentParser, setting: Any) -> None:
+    flag = "--" + setting.identifier.replace("_", "-")
+    words = setting.description.replace("%", "%%")
+    if setting.type == "BOOLEAN":
+        parser.add_argument(flag, action=argparse.BooleanOptionalAction, help=words)
+        return
+    default = f" (the scene's own, {setting.default} when new)" if setting.default != "" else ""
+    if setting.type == "ENUM":
+        choices = [item.identifier for item in setting.enum_items]
+        parser.add_argument(flag, type=str.upper, choices=choices, help=words + default)
+    elif setting.type == "STRING":
+        path = setting.subtype in {"FILE_PATH", "DIR_PATH"}
+        parser.add_argument(flag, type=_absolute if path else str, metavar="FILE" if path else "NAME", help=words)
+    else:
+        number = _number(int if setting.type == "INT" else float, setting.hard_min, setting.hard_max)
+        parser.add_argument(flag, type=number, metavar="N", help=words + default)
+
+
+def _absolute(path: str) -> str:
+    """Relative paths are relative to where the command was given, not to the .blend file as within Blender."""
+    return path if path.startswith("//") else str(Path(path).resolve())
+
+
+def _number(kind: type, low: float, high: float) -> Any:
+    """A parser that refuses what Blender would silently bring into range."""
+
+    def parse(text: str) -> float:
+        try:
+            value = kind(text)
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"{text!r} is not a{'n integer' if kind is int else ' number'}") from None
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{text} is outside {low:g} to {high:g}")
+        return value
+
+    return parse
+
+
+_handle: list[Any] = []
+
+
+def register() -> None:
+    _handle.append(bpy.utils.register_cli_command(COMMAND, main))
+
+
+def unregister() -> None:
+    bpy.utils.unregister_cli_command(_handle.pop())

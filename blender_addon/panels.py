@@ -1,0 +1,164 @@
+"""The sidebar's tab "MPS": the four steps from top to bottom."""
+
+from typing import Any
+
+import bpy
+
+from mpsnet_core.errors import InputError
+
+from .rig import COLOURS, light_rig
+
+
+class _Step(bpy.types.Panel):
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "MPS"
+
+    def column(self, *, heading: str = "") -> Any:
+        column = self.layout.column(heading=heading)
+        column.use_property_split = True
+        column.use_property_decorate = False
+        return column
+
+    def progress_or(self, context: Any, operator: str, icon: str) -> None:
+        """The step's button, or while its work runs the progress and a way to stop it."""
+        job = context.window_manager.mps
+        if job.running != operator:
+            self.layout.operator(operator, icon=icon)
+            return
+        row = self.layout.row(align=True)
+        row.progress(factor=job.progress, text=job.message.capitalize())
+        row.operator("mps.cancel", text="", icon="X")
+
+    def picture(self, image: Any) -> None:
+        if image is not None:
+            self.layout.template_icon(icon_value=image.preview_ensure().icon_id, scale=8)
+
+
+class MPS_PT_rig(_Step):
+    bl_label = "1  Rig"
+
+    def draw(self, context: Any) -> None:
+        rig = context.scene.mps.rig
+        column = self.column()
+        column.prop(rig, "light_type")
+        column.prop(rig, "slant")
+        column.prop(rig, "tilt")
+        column.prop(rig, "distance")
+        column.prop(rig, "light_size")
+        column.prop(rig, "strength")
+        column = self.column()
+        column.prop(rig, "projection")
+        if rig.projection == "PERSPECTIVE":
+            column.prop(rig, "focal_length")
+        column.prop(rig, "view")
+        column.prop(rig, "margin")
+        row = self.layout.row(align=True)
+        row.operator("mps.add_rig", text="Replace Rig" if rig.lights else "Add Rig", icon="LIGHT")
+        if rig.lights:
+            row.operator("mps.remove_rig", text="", icon="TRASH")
+            self._standing(context.scene)
+
+    def _standing(self, scene: Any) -> None:
+        box = self.layout.box().column(align=True)
+        try:
+            lights = light_rig(scene)
+        except InputError as error:
+            _wrapped(box, str(error))
+            return
+        grid = box.grid_flow(row_major=True, columns=3, even_columns=True)
+        for heading in ("", "Slant", "Tilt"):
+            grid.label(text=heading)
+        for colour, slant, tilt in zip(COLOURS, lights.slants, lights.tilts, strict=True):
+            grid.label(text=colour)
+            grid.label(text=f"{slant:.1f}°")
+            grid.label(text=f"{tilt:.1f}°")
+
+
+class MPS_PT_photo(_Step):
+    bl_label = "2  Photo"
+
+    def draw(self, context: Any) -> None:
+        photo, estimate = context.scene.mps.photo, context.scene.mps.estimate
+        column = self.column()
+        size = column.column(align=True)
+        size.prop(photo, "width")
+        size.prop(photo, "height")
+        column.prop(photo, "samples")
+        column.prop(photo, "denoise")
+        column.prop(photo, "output", text="File", placeholder="Automatic")
+        self.layout.operator("mps.render_photo", icon="RENDER_STILL")
+        self.layout.template_ID(photo, "image", open="mps.open_photo")
+        self.picture(photo.image)
+        column = self.column()
+        column.prop(estimate, "mask")
+        if estimate.mask == "FILE":
+            column.prop(estimate, "mask_file")
+        elif estimate.mask == "THRESHOLD":
+            column.prop(estimate, "threshold", slider=True)
+        column.prop(estimate, "encoding")
+        column.prop(estimate, "rig_file", placeholder="Rig of this scene")
+
+
+class MPS_PT_estimate(_Step):
+    bl_label = "3  Estimate"
+
+    def draw(self, context: Any) -> None:
+        estimate = context.scene.mps.estimate
+        column = self.column()
+        column.prop(estimate, "model")
+        if estimate.model == "FILE":
+            column.prop(estimate, "model_file")
+        column.prop(estimate, "file_format")
+        column.prop(estimate, "output", text="File", placeholder="Automatic")
+        column.prop(estimate, "confidence")
+        self.progress_or(context, "mps.estimate", "NORMALS_FACE")
+        self.layout.template_ID(estimate, "image", open="image.open")
+        self.picture(estimate.image)
+
+
+class MPS_PT_bake(_Step):
+    bl_label = "4  Bake"
+
+    def draw(self, context: Any) -> None:
+        bake = context.scene.mps.bake
+        target = bake.target or context.object
+        column = self.column()
+        column.prop(bake, "target", placeholder=target.name if target else "")
+        if target is not None and target.type == "MESH":
+            column.prop_search(bake, "uv_map", target.data, "uv_layers")
+        else:
+            column.prop(bake, "uv_map")
+        column.prop(bake, "size")
+        column.prop(bake, "space")
+        column.prop(bake, "convention")
+        column.prop(bake, "margin")
+        column.prop(bake, "file_format")
+        column.prop(bake, "output", text="File", placeholder="Automatic")
+        self.progress_or(context, "mps.bake", "TEXTURE")
+        self.layout.template_ID(bake, "image", open="image.open")
+        self.picture(bake.image)
+
+
+def _wrapped(layout: Any, sentence: str, width: int = 36) -> None:
+    """A sentence over several labels: Blender cuts a label off where the panel ends."""
+    line = ""
+    for word in sentence.split():
+        if line and len(line) + len(word) >= width:
+            layout.label(text=line)
+            line = ""
+        line = f"{line} {word}".strip()
+    layout.label(text=line)
+
+
+CLASSES = (MPS_PT_rig, MPS_PT_photo, MPS_PT_estimate, MPS_PT_bake)
+
+
+def register() -> None:
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+
+
+def unregister() -> None:
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)
