@@ -96,9 +96,14 @@ def main(argv: Sequence[str] | None = None) -> int:
             if result.get("text"):
                 print(result["text"])
         return 0
-    except InputError as error:
+    except BrokenPipeError:  # whoever read our words has gone
+        return EXIT_CANCELLED
+    except (InputError, OSError) as error:
         reporter.close()
-        sentence = " ".join(str(error).split())
+        sentence = str(error)
+        if isinstance(error, OSError):
+            sentence = f"{error.filename}: {error.strerror}; check the path and its permissions"
+        sentence = " ".join(sentence.split())
         if reporter.style == "json":
             print(json.dumps({"error": sentence}), flush=True)
         print(f"mpsnet: {sentence}", file=sys.stderr)
@@ -151,7 +156,9 @@ def _add_estimate(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--convention", default="opengl", help="opengl (green up) or directx (green down)")
     parser.add_argument("--confidence", metavar="FILE", help="also write the confidence map (one photo only)")
     parser.add_argument("--format", default="png", help="png, tif or exr, where OUT is a folder")
-    parser.add_argument("--provider", default="cpu", help="cpu, cuda, directml or coreml, for networks")
+    parser.add_argument(
+        "--provider", default="cpu", choices=("cpu", "cuda", "directml", "coreml"), help="what runs networks"
+    )
     parser.add_argument("--threads", type=int, default=0, help="CPU threads for networks, 0 for all")
     parser.add_argument("--tile", type=int, default=1024, help="tile side in pixels for networks")
     parser.add_argument("-o", "--output", required=True, help="image file, or a folder where there are several photos")
@@ -162,7 +169,8 @@ def _estimate(options: argparse.Namespace, reporter: _Reporter) -> dict[str, Any
     from mpsnet_core.capture import read_capture
     from mpsnet_core.estimate import Estimator
     from mpsnet_core.estimate.shelf import DEFAULT_MODEL
-    from mpsnet_core.frames import expand_images, output_files
+    from mpsnet_core.files import writable_path
+    from mpsnet_core.frames import check_apart, expand_images, output_files
     from mpsnet_core.images import checked_bits, write_image
     from mpsnet_core.normals import check_convention, write_normals
     from mpsnet_core.progress import part
@@ -172,10 +180,13 @@ def _estimate(options: argparse.Namespace, reporter: _Reporter) -> dict[str, Any
     rig = read_rig(options.rig)
     photos = expand_images(options.image)
     outputs = output_files(photos, options.output, f".{options.format.lstrip('.')}")
+    inputs = [*photos, options.rig, options.mask or options.rig]
+    check_apart(inputs, outputs)
     if options.confidence:
         if len(photos) > 1:
             raise InputError("--confidence takes one photo at a time; leave it out or give one photo")
-        checked_bits(Path(options.confidence))
+        checked_bits(writable_path(options.confidence))
+        check_apart([*inputs, *outputs], [options.confidence])
     estimator = Estimator(
         options.model or DEFAULT_MODEL, provider=options.provider, threads=options.threads, tile=options.tile
     )
@@ -218,6 +229,8 @@ def _add_bake(parser: argparse.ArgumentParser) -> None:
 
 def _bake(options: argparse.Namespace, reporter: _Reporter) -> dict[str, Any]:
     from mpsnet_core.camera import read_camera
+    from mpsnet_core.files import writable_path
+    from mpsnet_core.frames import check_apart
     from mpsnet_core.images import checked_bits
     from mpsnet_core.normals import check_convention, read_normals
     from mpsnet_core.progress import part
@@ -227,13 +240,14 @@ def _bake(options: argparse.Namespace, reporter: _Reporter) -> dict[str, Any]:
 
     check_convention(options.convention)
     check_convention(options.normals_convention)
-    checked_bits(Path(options.output), options.bits)
+    checked_bits(writable_path(options.output), options.bits)
     pairs = []
     for view in options.view:
         camera, equals, normals = view.partition("=")
         if not (camera and equals and normals):
             raise InputError(f"--view {view} is not CAMERA=NORMALS; give a camera file, an equals sign, a normal map")
         pairs.append((camera, normals))
+    check_apart([options.mesh, *(file for pair in pairs for file in pair)], [options.output])
     reporter.progress(0.0, "reading the mesh")
     mesh = read_mesh(options.mesh)
     views = []
@@ -279,9 +293,13 @@ def _add_evaluate(parser: argparse.ArgumentParser, common: argparse.ArgumentPars
 def _evaluate_diligent(options: argparse.Namespace, reporter: _Reporter) -> dict[str, Any]:
     from mpsnet_core.estimate.shelf import DEFAULT_MODEL
     from mpsnet_core.evaluation.diligent import PROTOCOLS, PUBLISHED_LIGHTS, evaluate_diligent
-    from mpsnet_core.evaluation.report import text_table, write_html_report
-    from mpsnet_core.files import write_json
+    from mpsnet_core.evaluation.report import report_path, text_table, write_html_report
+    from mpsnet_core.files import writable_path, write_json
 
+    if options.json:
+        writable_path(options.json)
+    if options.output:
+        report_path(options.output)
     skipped: list[str] = []
     results = list(
         evaluate_diligent(

@@ -36,9 +36,9 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
 def writable_path(path: str | os.PathLike[str]) -> Path:
     """`path` as a Path, or InputError where a file cannot be put there; asked before long work starts."""
     path = Path(path)
-    if not os.path.isdir(path.parent):
+    if not path.parent.is_dir():
         raise InputError(f"cannot write {path}: the folder {path.parent} does not exist; create it first")
-    if os.path.isdir(path):
+    if path.is_dir():
         raise InputError(f"cannot write {path}: it is a folder; give a file name")
     if not os.access(path.parent, os.W_OK):
         raise InputError(f"cannot write {path}: no permission to write in {path.parent}; choose another folder")
@@ -52,12 +52,16 @@ def remove_unfinished(folder: str | os.PathLike[str], pid: int) -> None:
 
 
 def existing_file(path: str | os.PathLike[str], what: str) -> Path:
-    """`path` as a Path, or InputError where there is no such file."""
+    """`path` as a Path, or InputError where there is no such file or it cannot be opened."""
     path = Path(path)
-    if path.is_dir():
-        raise InputError(f"{what} {path} is a folder, not a file; name a file in it")
-    if not path.is_file():
-        raise InputError(f"{what} {path} does not exist; check the path")
+    try:
+        if path.is_dir():
+            raise InputError(f"{what} {path} is a folder, not a file; name a file in it")
+        if not path.is_file():
+            raise InputError(f"{what} {path} does not exist; check the path")
+        path.open("rb").close()
+    except OSError as error:
+        raise InputError(f"{what} {path} cannot be opened ({error.strerror}); check the path") from None
     return path
 
 

@@ -3,10 +3,11 @@
 import glob
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from mpsnet_core.errors import InputError
+from mpsnet_core.files import writable_path
 from mpsnet_core.images import IMAGE_SUFFIXES, checked_bits
 
 
@@ -45,25 +46,32 @@ def output_files(photos: Sequence[Path], output: str | os.PathLike[str], suffix:
     Raises InputError where two results would share a name, or a result would overwrite a photo.
     """
     target = Path(output)
-    if len(photos) == 1 and target.suffix and not target.is_dir():
+    if len(photos) == 1 and not target.is_dir() and (target.suffix or target.is_file()):
         checked_bits(target)
-        files = [target]
-    else:
+        check_apart(photos, [target])
+        return [writable_path(target)]
+    if not target.is_dir():
         if target.is_file() or target.suffix.lower() in IMAGE_SUFFIXES:
             raise InputError(f"{target} is one file, but there are {len(photos)} photos; give a folder")
-        checked_bits(Path(f"normals{suffix}"))
-        files = [target / f"{photo.stem}_normals{suffix}" for photo in photos]
-        if len(set(files)) < len(files):
-            twice = next(file for file in files if files.count(file) > 1)
-            raise InputError(f"two photos would both be written to {twice}; rename one or estimate them apart")
         if not target.parent.is_dir():
             raise InputError(f"cannot make folder {target}: {target.parent} does not exist; create it first")
-        target.mkdir(exist_ok=True)
-    for photo in photos:
-        if photo.resolve() in [file.resolve() for file in files]:
-            raise InputError(f"the result would overwrite the photo {photo}; choose another output")
+    checked_bits(Path(f"normals{suffix}"))
+    files = [target / f"{photo.stem}_normals{suffix}" for photo in photos]
+    if len(set(files)) < len(files):
+        twice = next(file for file in files if files.count(file) > 1)
+        raise InputError(f"two photos would both be written to {twice}; rename one or estimate them apart")
+    check_apart(photos, files)
+    target.mkdir(exist_ok=True)
     return files
 
 
+def check_apart(taken: Iterable[str | os.PathLike[str]], outputs: Iterable[str | os.PathLike[str]]) -> None:
+    """Raises InputError where one of `outputs` is among the files that are `taken` already, as input or output."""
+    files = {Path(file).resolve() for file in taken}
+    for output in outputs:
+        if Path(output).resolve() in files:
+            raise InputError(f"the result would overwrite {output}, a file that it needs; choose another output")
+
+
 def _is_image(file: Path) -> bool:
-    return file.suffix.lower() in IMAGE_SUFFIXES and not file.name.startswith(".")
+    return file.suffix.lower() in IMAGE_SUFFIXES and not file.name.startswith(".") and file.is_file()

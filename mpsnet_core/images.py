@@ -165,8 +165,14 @@ def write_image(
         if target is None:
             raise InputError(f"cannot write {path}: {oiio.geterror()}")
         done = target.open(str(unfinished), spec) and target.write_image(pixels)
-        if not (target.close() and done):
-            raise InputError(f"cannot write {path}: {target.geterror() or oiio.geterror()}")
+        if not (target.close() and done and _has_its_end(unfinished)):
+            reason = target.geterror() or oiio.geterror() or "the file was cut short"
+            raise InputError(f"cannot write {path} ({' '.join(reason.split())}); is the disk full?")
+
+
+def _has_its_end(file: Path) -> bool:
+    """Whether a PNG has its last chunk: OpenImageIO reports success where a full disk cut it short."""
+    return file.suffix.lower() != ".png" or file.read_bytes()[-8:-4] == b"IEND"
 
 
 def checked_bits(path: Path, bits: int | None = None) -> int:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mpsnet_core.errors import InputError
 from mpsnet_core.evaluation.diligent import Result
 from mpsnet_core.evaluation.pictures import colour_scale, cropped, error_picture, normals_picture, photo_picture, sheet
-from mpsnet_core.files import written_whole
+from mpsnet_core.files import writable_path, written_whole
 from mpsnet_core.images import write_image
 from mpsnet_core.normals import NormalMap, angular_error
 
@@ -61,11 +61,17 @@ def comparison(
     return [*zip(titles, pictures, strict=True), ("degrees", colour_scale(highest, 320))]
 
 
+def report_path(path: str | os.PathLike[str]) -> Path:
+    """`path` as a Path, or InputError where no report can be put there; asked before long work starts."""
+    path = writable_path(path)
+    if path.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"cannot write {path}: reports are written as .html; change the suffix")
+    return path
+
+
 def write_html_report(path: str | os.PathLike[str], results: Sequence[Result], notes: Sequence[str]) -> None:
     """One HTML page: the table, then a row of pictures for each result. Whole or not at all."""
-    path = Path(path)
-    if path.suffix.lower() not in (".html", ".htm"):
-        raise InputError(f"cannot write {path}: reports are written as .html")
+    path = report_path(path)
     parts = [
         "<!doctype html><html lang='en'><meta charset='utf-8'><title>MPS-Net evaluation</title>",
         "<style>body{background:#222;color:#eee;font:15px sans-serif;margin:2em}pre{font-size:14px}"

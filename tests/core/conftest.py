@@ -1,0 +1,52 @@
+"""Fixtures of the core's tests. MPSNET_TEST_DATA is the folder with DiLiGenT and the captures, where there is one."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from synthetic import Sphere, shaded_sphere, write_file
+
+from mpsnet_core.rig import write_rig
+
+Mpsnet = Callable[..., "subprocess.CompletedProcess[str]"]
+
+
+@pytest.fixture(scope="session")
+def diligent() -> Path:
+    """DiLiGenT's pmsData folder."""
+    folder = Path(os.environ.get("MPSNET_TEST_DATA", "")) / "diligent" / "pmsData"
+    if "MPSNET_TEST_DATA" not in os.environ or not folder.is_dir():
+        pytest.skip("MPSNET_TEST_DATA does not name a folder with diligent/pmsData")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def sphere() -> Sphere:
+    return shaded_sphere()
+
+
+@pytest.fixture
+def rig_file(tmp_path: Path, sphere: Sphere) -> Path:
+    path = tmp_path / "rig.json"
+    write_rig(path, sphere.rig)
+    return path
+
+
+@pytest.fixture
+def photo_file(tmp_path: Path, sphere: Sphere) -> Path:
+    """The sphere as a float EXR without alpha."""
+    return write_file(tmp_path / "photo.exr", sphere.image, "float")
+
+
+@pytest.fixture
+def mpsnet() -> Mpsnet:
+    """Runs the command line in a process of its own, to the end."""
+
+    def run(*arguments: str | Path) -> "subprocess.CompletedProcess[str]":
+        command = [sys.executable, "-m", "mpsnet_core", *map(str, arguments)]
+        return subprocess.run(command, capture_output=True, text=True, timeout=120)
+
+    return run

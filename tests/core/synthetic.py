@@ -1,0 +1,92 @@
+"""What the tests look at: a shaded sphere whose normals are known, and image files written by OpenImageIO directly."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio
+
+from mpsnet_core.capture import Capture
+from mpsnet_core.rig import LightRig, published_rig
+
+CROSSTALK = [[0.80, 0.15, 0.05], [0.10, 0.85, 0.10], [0.02, 0.18, 0.75]]
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """A Lambertian sphere seen orthographically. lit: where all three lights reach it (no attached shadow)."""
+
+    image: np.ndarray
+    normals: np.ndarray
+    mask: np.ndarray
+    lit: np.ndarray
+    rig: LightRig
+
+    def capture(self, **changes: Any) -> Capture:
+        return Capture(**{"image": self.image, "mask": self.mask, "rig": self.rig, **changes})
+
+
+def shaded_sphere(size: int = 64, rig: LightRig | None = None, albedo: Sequence[float] = (0.8, 0.8, 0.8)) -> Sphere:
+    """A sphere that fills the frame, shaded by the image formation: c = M (albedo * max(n·l, 0))."""
+    rig = rig or published_rig()
+    x = (np.arange(size) + 0.5) / size * 2 - 1
+    x, y = np.meshgrid(x, -x)
+    inside = x**2 + y**2 < 0.98
+    z = np.sqrt(np.where(inside, 1 - x**2 - y**2, 0))
+    normals = np.stack([x, y, z], axis=-1)
+    normals[~inside] = 0
+    shading = np.stack([normals @ light for light in rig.directions], axis=-1)
+    light = np.maximum(shading, 0) * albedo
+    image = np.stack([light @ row for row in rig.mixing], axis=-1).astype(np.float32)
+    return Sphere(image, normals, inside, inside & (shading > 0).all(axis=-1), rig)
+
+
+def degrees_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """The angle between vectors (..., 3) of any length, in degrees, by arctan2 of cross and dot product."""
+    a, b = np.asarray(a, float), np.asarray(b, float)
+    return np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(axis=-1)))
+
+
+def write_file(path: Path, values: np.ndarray, kind: str, **attributes: Any) -> Path:
+    """Write (H, W, C) values with OpenImageIO as `kind` (uint8, uint16, half, float); attributes with ':' as '__'."""
+    values = np.atleast_3d(values).astype(np.float32)
+    height, width, channels = values.shape
+    spec = oiio.ImageSpec(width, height, channels, kind)
+    for name, value in attributes.items():
+        spec.attribute(name.replace("__", ":"), value)
+    target = oiio.ImageOutput.create(str(path))
+    assert target.open(str(path), spec) and target.write_image(np.ascontiguousarray(values)), target.geterror()
+    assert target.close()
+    return path
+
+
+def write_parts(path: Path, parts: Sequence[tuple[str | None, Mapping[str, np.ndarray]]], kind: str = "float") -> Path:
+    """Write an EXR with the given parts: (name, {channel: (H, W) values}) each."""
+    specs, buffers = [], []
+    for name, channels in parts:
+        values = np.stack(list(channels.values()), axis=-1).astype(np.float32)
+        spec = oiio.ImageSpec(values.shape[1], values.shape[0], values.shape[2], kind)
+        spec.channelnames = tuple(channels)
+        if name is not None:
+            spec.attribute("oiio:subimagename", name)
+        specs.append(spec)
+        buffers.append(np.ascontiguousarray(values))
+    target = oiio.ImageOutput.create(str(path))
+    assert target.open(str(path), specs if len(specs) > 1 else specs[0]), target.geterror()
+    for number, (spec, buffer) in enumerate(zip(specs, buffers, strict=True)):
+        assert number == 0 or target.open(str(path), spec, "AppendSubimage"), target.geterror()
+        assert target.write_image(buffer), target.geterror()
+    assert target.close()
+    return path
+
+
+def named(prefix: str, channels: str, values: np.ndarray) -> dict[str, np.ndarray]:
+    """{prefix + letter: (H, W)} for the letters of `channels` and values (H, W, C)."""
+    return {prefix + letter: values[..., number] for number, letter in enumerate(channels)}
+
+
+def listing(folder: Path) -> list[str]:
+    """Names of all that lies in a folder, hidden files too."""
+    return sorted(file.name for file in folder.iterdir())

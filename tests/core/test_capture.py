@@ -1,0 +1,59 @@
+"""Captures: where the mask comes from, and what is handed on from the file."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from synthetic import Sphere, write_file
+
+from mpsnet_core.camera import Camera
+from mpsnet_core.capture import read_capture, threshold_mask
+from mpsnet_core.rig import published_rig
+
+
+@pytest.fixture
+def with_alpha(tmp_path: Path, sphere: Sphere) -> Path:
+    """The sphere rendered as Blender does: premultiplied, alpha one on the object."""
+    return write_file(tmp_path / "photo.exr", np.dstack([sphere.image, sphere.mask]), "float")
+
+
+def test_alpha_is_the_mask_unless_told_otherwise(with_alpha: Path, sphere: Sphere) -> None:
+    capture = read_capture(with_alpha, sphere.rig)
+    np.testing.assert_array_equal(capture.mask, sphere.mask)
+    np.testing.assert_allclose(capture.image[sphere.mask], sphere.image[sphere.mask], rtol=1e-6)
+    np.testing.assert_array_equal(read_capture(with_alpha, sphere.rig, mask="alpha").mask, sphere.mask)
+    assert read_capture(with_alpha, sphere.rig, mask="none").mask.all()
+
+
+def test_without_alpha_the_whole_photo_is_taken_and_that_is_said(
+    photo_file: Path, sphere: Sphere, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert read_capture(photo_file, sphere.rig).mask.all()
+    assert "the whole photo is taken as the object" in caplog.text
+
+
+def test_a_mask_file_is_used(tmp_path: Path, photo_file: Path, sphere: Sphere) -> None:
+    mask = write_file(tmp_path / "mask.png", sphere.mask, "uint8")
+    np.testing.assert_array_equal(read_capture(photo_file, sphere.rig, mask=mask).mask, sphere.mask)
+
+
+def test_a_threshold_counts_from_the_brightest_pixels_not_from_one_hot_one() -> None:
+    pixels = np.zeros((100, 100, 3), np.float32)
+    pixels[20:60, 20:60, 1] = 0.4
+    pixels[30, 30, 0] = 0.021
+    pixels[0, 0] = 1000
+    pixels[5, 5] = 0.019
+    mask = threshold_mask(pixels, 0.05)
+    assert mask[20:60, 20:60].all() and mask[0, 0]
+    assert mask.sum() == 40 * 40 + 1
+
+
+@pytest.mark.parametrize(("kind", "clip"), [("uint8", 1.0), ("float", np.inf)])
+def test_only_integer_files_saturate(tmp_path: Path, sphere: Sphere, kind: str, clip: float) -> None:
+    photo = write_file(tmp_path / "photo.tif", sphere.image, kind)
+    assert read_capture(photo, sphere.rig).clip == clip
+
+
+def test_the_camera_is_kept(photo_file: Path) -> None:
+    camera = Camera("orthographic", 64, 64, (32, 32))
+    assert read_capture(photo_file, published_rig(), camera=camera).camera is camera

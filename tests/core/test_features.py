@@ -1,0 +1,48 @@
+"""The maps that networks see, against their definitions written out."""
+
+import numpy as np
+import pytest
+from synthetic import CROSSTALK, degrees_between, shaded_sphere
+
+from mpsnet_core.estimate.features import FEATURE_CHANNELS, feature_maps
+from mpsnet_core.rig import LightRig, published_rig
+
+SPHERE = shaded_sphere(48, LightRig(published_rig().directions, np.array(CROSSTALK)), albedo=(0.9, 0.5, 0.3))
+UNMIXED = np.linalg.solve(np.array(CROSSTALK), SPHERE.image.astype(float)[..., None])[..., 0]
+
+
+def feature(name: str) -> np.ndarray:
+    return feature_maps(SPHERE.capture(), [name])[name].transpose(1, 2, 0)
+
+
+@pytest.mark.parametrize("name", FEATURE_CHANNELS)
+def test_every_map_has_its_channels_and_is_zero_outside_the_mask(name: str) -> None:
+    values = feature_maps(SPHERE.capture(), [name])[name]
+    assert values.shape == (FEATURE_CHANNELS[name], 48, 48)
+    assert values.dtype == np.float32 and values.flags.c_contiguous
+    assert (values[:, ~SPHERE.mask] == 0).all() and values[:, SPHERE.mask].any()
+
+
+def test_photo_is_unmixed_and_has_mean_one() -> None:
+    expected = UNMIXED[SPHERE.mask] / UNMIXED[SPHERE.mask].mean()
+    np.testing.assert_allclose(feature("photo")[SPHERE.mask], expected, atol=1e-5)
+
+
+def test_grey_world_has_mean_one_in_each_channel() -> None:
+    expected = UNMIXED[SPHERE.mask] / UNMIXED[SPHERE.mask].mean(axis=0)
+    np.testing.assert_allclose(feature("grey_world")[SPHERE.mask], expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("image", ["photo", "grey_world"])
+def test_initial_normals_solve_equation_2(image: str) -> None:
+    name = {"photo": "initial_normals", "grey_world": "initial_normals_grey_world"}[image]
+    expected = np.linalg.solve(SPHERE.rig.directions, feature(image).astype(float)[..., None])[..., 0]
+    assert degrees_between(feature(name), expected)[SPHERE.mask].max() < 0.01
+    assert np.linalg.norm(feature(name)[SPHERE.mask], axis=-1) == pytest.approx(1, abs=1e-5)
+
+
+def test_lights_and_mask_are_the_same_everywhere() -> None:
+    assert feature("light_directions")[SPHERE.mask] == pytest.approx(
+        np.tile(SPHERE.rig.directions.ravel(), (SPHERE.mask.sum(), 1))
+    )
+    np.testing.assert_array_equal(feature("mask")[..., 0], SPHERE.mask)

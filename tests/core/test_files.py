@@ -1,0 +1,86 @@
+"""Files appear whole or not at all, whatever stops the writing."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from synthetic import listing
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.files import remove_unfinished, write_json, written_whole
+
+
+def test_a_file_appears_only_once_it_is_whole(tmp_path: Path) -> None:
+    target = tmp_path / "a.txt"
+    with written_whole(target) as unfinished:
+        unfinished.write_text("new")
+        assert not target.exists()
+    assert target.read_text() == "new"
+    assert listing(tmp_path) == ["a.txt"]
+
+
+@pytest.mark.parametrize("stopped_by", [InputError, KeyboardInterrupt])
+def test_what_stops_the_writing_leaves_the_old_file_and_no_litter(
+    tmp_path: Path, stopped_by: type[BaseException]
+) -> None:
+    target = tmp_path / "a.txt"
+    target.write_text("old")
+    with pytest.raises(stopped_by), written_whole(target) as unfinished:
+        unfinished.write_text("half")
+        raise stopped_by
+    assert target.read_text() == "old"
+    assert listing(tmp_path) == ["a.txt"]
+
+
+FULL_DISK = """
+import resource, sys
+import numpy as np
+from pathlib import Path
+from mpsnet_core.errors import InputError
+from mpsnet_core.files import write_json
+from mpsnet_core.images import write_image
+
+resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
+path = Path(sys.argv[1])
+try:
+    if path.suffix == ".json":
+        write_json(path, {"numbers": list(range(10000))})
+    else:
+        write_image(path, np.random.default_rng(0).random((128, 128, 4)))
+except InputError as error:
+    sys.exit(f"refused: {error}")
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="file size limits are POSIX")
+@pytest.mark.parametrize("suffix", [".json", ".png", ".tif", ".exr"])
+def test_a_disk_that_fills_up_leaves_the_old_file_and_no_litter(tmp_path: Path, suffix: str) -> None:
+    target = tmp_path / f"result{suffix}"
+    target.write_text("old")
+    done = subprocess.run([sys.executable, "-c", FULL_DISK, target], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1
+    assert f"refused: cannot write {target}" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert target.read_text() == "old"
+    assert listing(tmp_path) == [target.name]
+
+
+def test_what_a_killed_process_left_is_removed_and_nothing_else(tmp_path: Path) -> None:
+    killed = "import os, sys; from mpsnet_core.files import written_whole\n" + (
+        "with written_whole(sys.argv[1]) as unfinished: unfinished.write_text('half'); os._exit(9)"
+    )
+    child = subprocess.Popen([sys.executable, "-c", killed, tmp_path / "out.png"])
+    assert child.wait(60) == 9
+    (tmp_path / "keep.png").touch()
+    other = tmp_path / f".out.{child.pid + 1}.unfinished.png"
+    other.touch()
+    assert len(listing(tmp_path)) == 3
+    remove_unfinished(tmp_path, child.pid)
+    assert listing(tmp_path) == sorted(["keep.png", other.name])
+
+
+def test_json_is_written_whole(tmp_path: Path) -> None:
+    with pytest.raises(TypeError):
+        write_json(tmp_path / "a.json", {"not json": object()})
+    assert listing(tmp_path) == []

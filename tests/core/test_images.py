@@ -1,0 +1,217 @@
+"""The door to image files. What is read was written by OpenImageIO directly; what is written is read by it directly."""
+
+import logging
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from synthetic import listing, named, write_file, write_parts
+
+from mpsnet_core.images import image_layers, linear_to_srgb, read_data, read_image, read_mask, write_image
+
+# IEC 61966-2-1 by hand: stored value, linear value.
+SRGB = {0.0: 0.0, 0.04: 0.04 / 12.92, 0.5: 0.2140411, 0.735357: 0.5, 1.0: 1.0}
+
+
+@pytest.fixture
+def colours() -> np.ndarray:
+    return np.random.default_rng(7).random((5, 9, 3)).astype(np.float32)
+
+
+def as_linear(stored: np.ndarray) -> np.ndarray:
+    grid = np.linspace(0, 1, 4097)
+    return np.interp(stored, grid, [v / 12.92 if v <= 0.04045 else ((v + 0.055) / 1.055) ** 2.4 for v in grid])
+
+
+@pytest.mark.parametrize(
+    ("suffix", "kind", "linear", "tolerance"),
+    [
+        (".png", "uint8", False, 0.5 / 255),
+        (".png", "uint16", False, 0.5 / 65535),
+        (".tif", "uint8", False, 0.5 / 255),
+        (".tif", "uint16", False, 0.5 / 65535),
+        (".tif", "float", True, 0),
+        (".exr", "half", True, 2**-12),
+        (".exr", "float", True, 0),
+    ],
+)
+def test_every_kind_of_file_is_read_linear(
+    tmp_path: Path, colours: np.ndarray, suffix: str, kind: str, linear: bool, tolerance: float
+) -> None:
+    image = read_image(write_file(tmp_path / f"photo{suffix}", colours, kind))
+    assert image.pixels.dtype == np.float32
+    assert image.alpha is None
+    # The sRGB curve is at most 2.4 times as steep as the identity.
+    expected, slope = (colours, 1) if linear else (as_linear(colours), 2.4)
+    np.testing.assert_allclose(image.pixels, expected, rtol=0, atol=slope * tolerance + 1e-6)
+    assert image.clip == (np.inf if kind in ("half", "float") else 1.0)
+
+
+def test_jpeg_is_read_linear(tmp_path: Path) -> None:
+    flat = np.tile(np.float32([0.735357, 0.5, 0.2]), (32, 32, 1))
+    image = read_image(write_file(tmp_path / "photo.jpg", flat, "uint8", Compression="jpeg:98"))
+    np.testing.assert_allclose(image.pixels, as_linear(flat), atol=0.02)
+
+
+@pytest.mark.parametrize(("stored", "linear"), SRGB.items())
+def test_the_srgb_curve_is_undone(tmp_path: Path, stored: float, linear: float) -> None:
+    image = read_image(write_file(tmp_path / "photo.png", np.full((2, 2, 3), stored), "uint16"))
+    assert image.pixels == pytest.approx(np.full((2, 2, 3), linear), abs=3e-5)
+    assert linear_to_srgb(np.array(linear)) == pytest.approx(stored, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "kind", "encoding", "taken_as"),
+    [
+        (".png", "uint16", "auto", "sRGB"),
+        (".png", "uint16", "linear", "linear"),
+        (".exr", "float", "auto", "linear"),
+        (".exr", "float", "srgb", "sRGB"),
+    ],
+)
+def test_the_assumption_is_noted_and_can_be_overridden(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, suffix: str, kind: str, encoding: str, taken_as: str
+) -> None:
+    path = write_file(tmp_path / f"photo{suffix}", np.full((2, 2, 3), 0.5), kind)
+    with caplog.at_level(logging.INFO, "mpsnet_core"):
+        image = read_image(path, encoding=encoding)
+    assert f"taken as {taken_as}" in image.note
+    assert image.pixels == pytest.approx(np.full((2, 2, 3), 0.5 if taken_as == "linear" else SRGB[0.5]), abs=1e-4)
+    assumed = [record.getMessage() for record in caplog.records]
+    assert assumed == ([f"{path}: {image.note}"] if encoding == "auto" else [])
+
+
+def test_a_file_that_says_it_is_linear_is_left_alone(tmp_path: Path) -> None:
+    path = write_file(tmp_path / "photo.png", np.full((2, 2, 3), 0.5), "uint16", oiio__ColorSpace="raw")
+    assert read_image(path).pixels == pytest.approx(np.full((2, 2, 3), 0.5), abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "kind", "attributes", "premultiplied"),
+    [
+        (".png", "uint16", {"oiio__UnassociatedAlpha": 1}, False),
+        (".tif", "float", {"oiio__UnassociatedAlpha": 1}, False),
+        (".tif", "float", {}, True),
+        (".exr", "float", {}, True),
+    ],
+)
+def test_colour_comes_without_alpha_multiplied_into_it(
+    tmp_path: Path, suffix: str, kind: str, attributes: dict[str, int], premultiplied: bool
+) -> None:
+    colour, alpha = np.float32([0.8, 0.6, 0.4]), np.float32([[0, 0.25, 0.5, 1]])
+    stored = np.dstack([*(alpha * c if premultiplied else np.full_like(alpha, c) for c in colour), alpha])
+    # OpenImageIO premultiplies nothing on writing: what is handed over must be as the file's kind wants it.
+    image = read_image(write_file(tmp_path / f"photo{suffix}", stored, kind, **attributes), encoding="linear")
+    np.testing.assert_allclose(image.alpha, alpha, atol=1e-4)
+    np.testing.assert_allclose(image.pixels[0, 1:], np.tile(colour, (3, 1)), atol=1e-4)
+    assert np.isfinite(image.pixels).all()
+
+
+class TestLayers:
+    """Multi-layer files as Blender writes them: 4.5 one part with full channel names, 5.x a part for each pass."""
+
+    @pytest.fixture
+    def passes(self) -> dict[str, np.ndarray]:
+        values = np.random.default_rng(3).random((4, 6, 7)).astype(np.float32)
+        values[..., 3] = 1
+        return {
+            **named("ViewLayer.Combined.", "RGBA", values[..., :4]),
+            **named("ViewLayer.Normal.", "XYZ", values[..., 4:]),
+        }
+
+    @pytest.fixture(params=["one part", "a part for each pass"])
+    def file(self, request: pytest.FixtureRequest, tmp_path: Path, passes: dict[str, np.ndarray]) -> Path:
+        if request.param == "one part":
+            parts = [(None, passes)]
+        else:
+            names = ["ViewLayer.Combined", "ViewLayer.Normal"]
+            parts = [(name, {k: v for k, v in passes.items() if k.startswith(name)}) for name in names]
+        return write_parts(tmp_path / "render.exr", parts)
+
+    def test_the_layers_are_named(self, file: Path) -> None:
+        assert image_layers(file) == ["ViewLayer.Combined", "ViewLayer.Normal"]
+
+    def test_combined_is_what_a_photo_is_taken_from(self, file: Path, passes: dict[str, np.ndarray]) -> None:
+        image = read_image(file)
+        expected = np.stack([passes[f"ViewLayer.Combined.{c}"] for c in "RGB"], axis=-1)
+        np.testing.assert_allclose(image.pixels, expected, rtol=1e-6)
+        np.testing.assert_array_equal(image.alpha, np.ones((4, 6)))
+
+    @pytest.mark.parametrize("name", ["Normal", "ViewLayer.Normal"])
+    def test_another_layer_is_read_by_its_full_or_last_name(
+        self, file: Path, passes: dict[str, np.ndarray], name: str
+    ) -> None:
+        values, alpha = read_data(file, name)
+        np.testing.assert_array_equal(values, np.stack([passes[f"ViewLayer.Normal.{c}"] for c in "XYZ"], axis=-1))
+        assert alpha is None
+
+    def test_parts_whose_channels_carry_no_layer_are_known_by_the_parts_name(self, tmp_path: Path) -> None:
+        left, right = np.random.default_rng(4).random((2, 3, 5, 3)).astype(np.float32)
+        path = write_parts(
+            tmp_path / "stereo.exr", [("left", named("", "RGB", left)), ("right", named("", "RGB", right))], "half"
+        )
+        assert image_layers(path) == ["", "right"]
+        np.testing.assert_allclose(read_image(path).pixels, left, atol=1e-3)
+        np.testing.assert_allclose(read_image(path, layer="right").pixels, right, atol=1e-3)
+
+
+class TestMasks:
+    @pytest.mark.parametrize("kind", ["grey", "colour", "alpha", "grey with flat alpha"])
+    def test_bright_or_opaque_is_the_object(self, tmp_path: Path, kind: str) -> None:
+        expected = np.zeros((4, 5), bool)
+        expected[1:3, 2:] = True
+        flat = np.ones((4, 5), np.float32)
+        channels = {
+            "grey": [expected],
+            "colour": [expected, 0 * flat, 0 * flat],
+            "alpha": [flat, flat, flat, expected],
+            "grey with flat alpha": [expected, flat],
+        }[kind]
+        values = np.stack(channels, axis=-1)
+        assert (read_mask(write_file(tmp_path / "mask.png", values, "uint8")) == expected).all()
+
+
+class TestWriting:
+    @pytest.mark.parametrize(
+        ("name", "bits", "stored"),
+        [
+            ("a.png", None, "uint16"),
+            ("a.png", 8, "uint8"),
+            ("a.tif", None, "uint16"),
+            ("a.tiff", 32, "float"),
+            ("a.exr", None, "float"),
+            ("a.exr", 16, "half"),
+            ("a.jpg", None, "uint8"),
+        ],
+    )
+    def test_bits_are_what_was_asked_for(
+        self, tmp_path: Path, colours: np.ndarray, name: str, bits: int | None, stored: str
+    ) -> None:
+        write_image(tmp_path / name, colours, bits=bits)
+        buffer = oiio.ImageBuf(str(tmp_path / name))
+        assert str(buffer.nativespec().format) == stored
+        if not name.endswith(".jpg"):
+            tolerance = {"uint8": 0.5 / 255, "uint16": 0.5 / 65535, "half": 2**-12, "float": 0}[stored]
+            np.testing.assert_allclose(buffer.get_pixels(oiio.FLOAT), colours, rtol=0, atol=tolerance + 1e-7)
+        assert listing(tmp_path) == [name]
+
+    @pytest.mark.parametrize(("suffix", "stored"), [(".png", 0.5), (".tif", 0.5), (".exr", 0.125)])
+    def test_alpha_is_stored_as_the_format_defines_it(self, tmp_path: Path, suffix: str, stored: float) -> None:
+        path = tmp_path / f"a{suffix}"
+        write_image(path, np.tile(np.float32([0.5, 0.5, 0.5, 0.25]), (2, 2, 1)))
+        unassociated = oiio.ImageSpec()
+        unassociated.attribute("oiio:UnassociatedAlpha", 1)
+        raw = oiio.ImageInput.open(str(path), unassociated).read_image(oiio.FLOAT)
+        assert raw[0, 0] == pytest.approx([stored] * 3 + [0.25], abs=1e-4)
+        assert read_image(path, encoding="linear").pixels[0, 0] == pytest.approx([0.5] * 3, abs=1e-4)
+
+    def test_one_channel_is_written_as_grey(self, tmp_path: Path) -> None:
+        write_image(tmp_path / "a.png", np.full((3, 4), 0.25))
+        buffer = oiio.ImageBuf(str(tmp_path / "a.png"))
+        assert buffer.nchannels == 1
+        assert buffer.get_pixels(oiio.FLOAT) == pytest.approx(np.full((3, 4, 1), 0.25), abs=1e-5)
+
+    def test_integer_files_clip(self, tmp_path: Path) -> None:
+        write_image(tmp_path / "a.png", np.tile(np.float32([-1, 0.5, 7]), (2, 2, 1)))
+        assert oiio.ImageBuf(str(tmp_path / "a.png")).getpixel(0, 0) == pytest.approx((0, 0.5, 1), abs=1e-5)

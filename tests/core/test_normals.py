@@ -1,0 +1,79 @@
+"""Normal maps: encodings by hand, files back and forth, and angles where the usual formula fails."""
+
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from synthetic import Sphere, degrees_between, write_file
+
+from mpsnet_core.normals import NormalMap, angular_error, decode, encode, normalised, read_normals, write_normals
+
+ROOT = np.sqrt(0.5)
+
+
+@pytest.mark.parametrize(
+    ("vector", "convention", "colour"),
+    [
+        ([0, 0, 1], "opengl", [0.5, 0.5, 1]),
+        ([0, 1, 0], "opengl", [0.5, 1, 0.5]),
+        ([0, 1, 0], "directx", [0.5, 0, 0.5]),
+        ([-ROOT, 0, ROOT], "directx", [0.5 - ROOT / 2, 0.5, 0.5 + ROOT / 2]),
+    ],
+)
+def test_colours_are_half_plus_half_the_vector(vector: list[float], convention: str, colour: list[float]) -> None:
+    assert encode(np.array(vector), convention) == pytest.approx(colour)
+    assert decode(np.array(colour), convention) == pytest.approx(vector, abs=1e-6)
+
+
+@pytest.mark.parametrize("angle", [0, 1e-6, 1e-3, 30, 90, 179.9999, 180])
+def test_the_angle_is_exact_near_zero_and_near_180(angle: float) -> None:
+    a, b = np.array([0, 0, 1.0]), np.array([np.sin(np.radians(angle)), 0, np.cos(np.radians(angle))])
+    assert angular_error(a, b) == pytest.approx(angle, rel=1e-6, abs=1e-9)
+
+
+def test_a_vector_without_direction_faces_the_camera() -> None:
+    assert normalised(np.array([[0, 0, 0], [0, 3, 4.0]])) == pytest.approx(np.array([[0, 0, 1], [0, 0.6, 0.8]]))
+
+
+@pytest.mark.parametrize("length", [1e-6, 1e15])
+def test_a_vector_of_any_length_is_brought_to_length_one(length: float) -> None:
+    vectors = normalised(np.float32([[length, 0, -length]]))
+    assert vectors == pytest.approx(np.array([[ROOT, 0, -ROOT]]))
+
+
+def test_outside_the_mask_there_is_nothing(sphere: Sphere) -> None:
+    normals = NormalMap(np.ones((*sphere.mask.shape, 3)), sphere.mask, np.full(sphere.mask.shape, 7.0))
+    assert (normals.vectors[~sphere.mask] == 0).all() and (normals.confidence[~sphere.mask] == 0).all()
+    assert normals.vectors[sphere.mask] == pytest.approx(3**-0.5)
+    assert (normals.confidence[sphere.mask] == 1).all()
+
+
+# Rounding an n-bit colour turns a vector by at most sqrt(3) / (2^n - 1) radians.
+@pytest.mark.parametrize("convention", ["opengl", "directx"])
+@pytest.mark.parametrize(
+    ("name", "bits", "degrees"),
+    [("n.png", 16, 0.0016), ("n.png", 8, 0.4), ("n.tif", 16, 0.0016), ("n.exr", 32, 1e-4), ("n.exr", 16, 0.06)],
+)
+def test_files_give_the_normals_back(
+    tmp_path: Path, sphere: Sphere, name: str, bits: int, degrees: float, convention: str
+) -> None:
+    write_normals(tmp_path / name, NormalMap(sphere.normals, sphere.mask), convention=convention, bits=bits)
+    back = read_normals(tmp_path / name, convention=convention)
+    np.testing.assert_array_equal(back.mask, sphere.mask)
+    assert degrees_between(back.vectors, sphere.normals)[sphere.mask].max() <= degrees
+
+
+def test_the_convention_is_what_stands_in_the_file(tmp_path: Path, sphere: Sphere) -> None:
+    top = np.argmax(sphere.normals[..., 1])
+    for convention in ("opengl", "directx"):
+        write_normals(tmp_path / f"{convention}.png", NormalMap(sphere.normals, sphere.mask), convention=convention)
+    green = [oiio.ImageBuf(str(tmp_path / f"{c}.png")).get_pixels(oiio.FLOAT)[..., 1] for c in ("opengl", "directx")]
+    assert green[0].flat[top] > 0.98 and green[1].flat[top] < 0.02
+
+
+def test_a_foreign_map_without_alpha_is_masked_by_unit_length(tmp_path: Path, sphere: Sphere) -> None:
+    colours = np.where(sphere.mask[..., None], 0.5 + 0.5 * sphere.normals, 0)
+    back = read_normals(write_file(tmp_path / "n.png", colours, "uint8"))
+    np.testing.assert_array_equal(back.mask, sphere.mask)
+    assert degrees_between(back.vectors, sphere.normals)[sphere.mask].max() < 0.4
