@@ -2,6 +2,8 @@
 
 import logging
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -258,7 +260,8 @@ def _read_layer(path: Path, layer: str | None) -> tuple[NDArray[np.float32], dic
         source.seek_subimage(chosen.subimage, 0)
         spec = source.spec()
         first, last = min(chosen.channels.values()), max(chosen.channels.values())
-        values = source.read_image(chosen.subimage, 0, first, last + 1, oiio.FLOAT)
+        with _libraries_silent():
+            values = source.read_image(chosen.subimage, 0, first, last + 1, oiio.FLOAT)
         reason = " ".join(source.geterror().split())
     finally:
         source.close()
@@ -266,3 +269,20 @@ def _read_layer(path: Path, layer: str | None) -> tuple[NDArray[np.float32], dic
         raise InputError(f"{path} is damaged or cut short ({reason or 'no pixels'}); copy or export it again")
     values = np.asarray(values, dtype=np.float32).reshape(spec.height, spec.width, last + 1 - first)
     return values, {name: number - first for name, number in chosen.channels.items()}, spec
+
+
+@contextmanager
+def _libraries_silent() -> Iterator[None]:
+    """Keep libpng and OpenEXR from printing to stderr what OpenImageIO hands to us as well."""
+    try:
+        stderr = os.dup(2)
+    except OSError:  # a windowed program has none
+        yield
+        return
+    with Path(os.devnull).open("wb") as nowhere:
+        os.dup2(nowhere.fileno(), 2)
+    try:
+        yield
+    finally:
+        os.dup2(stderr, 2)
+        os.close(stderr)

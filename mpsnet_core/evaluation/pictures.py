@@ -76,7 +76,9 @@ def cropped(
 
 def _inferno(values: NDArray[np.floating]) -> NDArray[np.float32]:
     source = oiio.ImageBuf(np.ascontiguousarray(values[..., None], dtype=np.float32))
-    return np.asarray(oiio.ImageBufAlgo.color_map(source, 0, "inferno").get_pixels(oiio.FLOAT), np.float32)
+    # OpenImageIO's maps are linear.
+    linear = oiio.ImageBufAlgo.color_map(source, 0, "inferno").get_pixels(oiio.FLOAT)
+    return linear_to_srgb(np.asarray(linear)).astype(np.float32)
 
 
 def _scaled(picture: NDArray[np.float32], height: int) -> NDArray[np.float32]:

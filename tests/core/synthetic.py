@@ -1,5 +1,7 @@
-"""What the tests look at: a shaded sphere whose normals are known, and image files written by OpenImageIO directly."""
+"""What the tests look at: a shaded sphere whose normals are known, and files written without the core's help."""
 
+import struct
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -90,3 +92,44 @@ def named(prefix: str, channels: str, values: np.ndarray) -> dict[str, np.ndarra
 def listing(folder: Path) -> list[str]:
     """Names of all that lies in a folder, hidden files too."""
     return sorted(file.name for file in folder.iterdir())
+
+
+def mat_file(path: Path, compressed: bool = False, **arrays: np.ndarray) -> Path:
+    """Write float64 arrays as a MATLAB 5 file, by MathWorks' "MAT-File Format"."""
+
+    def element(kind: int, body: bytes) -> bytes:
+        return struct.pack("<II", kind, len(body)) + body + bytes(-len(body) % 8)
+
+    data = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
+    for name, values in arrays.items():
+        flags, shape = struct.pack("<II", 6, 0), struct.pack(f"<{values.ndim}i", *values.shape)
+        numbers = values.astype("<f8").tobytes(order="F")
+        parts = [element(6, flags), element(5, shape), element(1, name.encode()), element(9, numbers)]
+        matrix = element(14, b"".join(parts))
+        if compressed:
+            packed = zlib.compress(matrix)
+            matrix = struct.pack("<II", 15, len(packed)) + packed
+        data += matrix
+    path.write_bytes(data)
+    return path
+
+
+INTENSITIES = np.array([[0.9, 1.0, 1.1], [0.5, 0.6, 0.7], [1.4, 1.3, 1.2], [1.0, 1.0, 1.0]])
+
+
+def diligent_object(root: Path, name: str, albedo: Sequence[float] = (0.4, 0.4, 0.4)) -> Sphere:
+    """A sphere in DiLiGenT's layout: a photograph under white light from each of four directions."""
+    folder = root / f"{name}PNG"
+    folder.mkdir(parents=True)
+    sphere = shaded_sphere()
+    directions = np.array([*sphere.rig.directions, [0, 0, 1]])
+    names = [f"{number:03d}.png" for number in range(1, 5)]
+    for file, direction, intensity in zip(names, directions, INTENSITIES, strict=True):
+        shading = np.maximum(sphere.normals @ direction, 0)[..., None]
+        write_file(folder / file, shading * albedo * intensity, "uint16")
+    (folder / "filenames.txt").write_text("\n".join(names) + "\n")
+    np.savetxt(folder / "light_directions.txt", directions)
+    np.savetxt(folder / "light_intensities.txt", INTENSITIES)
+    write_file(folder / "mask.png", sphere.mask, "uint8")
+    mat_file(folder / "Normal_gt.mat", compressed=True, Normal_gt=sphere.normals)
+    return sphere

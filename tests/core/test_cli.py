@@ -1,0 +1,198 @@
+"""The command line as another program meets it: exit codes, what stands on stdout and stderr, and being cancelled."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from conftest import Mpsnet
+from networks import pass_through
+from synthetic import Sphere, degrees_between, diligent_object, listing, write_file
+
+from mpsnet_core.normals import read_normals
+
+
+def events(stdout: str) -> tuple[list[float], dict[str, Any]]:
+    """The fractions told, and the last object; every line of stdout must be one JSON object."""
+    lines = [json.loads(line) for line in stdout.splitlines()]
+    assert all(set(line) == {"progress", "message"} for line in lines[:-1])
+    return [line["progress"] for line in lines[:-1]], lines[-1]
+
+
+def test_estimate_writes_what_it_says(
+    tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, photo_file: Path, sphere: Sphere
+) -> None:
+    mask, out = write_file(tmp_path / "mask.png", sphere.mask, "uint8"), tmp_path / "normals.png"
+    confidence = tmp_path / "confidence.tif"
+    command = ["estimate", photo_file, "--rig", rig_file, "--mask", mask, "--confidence", confidence, "-o", out]
+    done = mpsnet(*command, "--progress", "json")
+    assert (done.returncode, done.stderr) == (0, "")
+    told, last = events(done.stdout)
+    assert told == sorted(told) and 0 <= told[0] < told[-1] == 1
+    result = last["result"]
+    assert result["outputs"] == [str(out)]
+    assert result["pixels"] == sphere.mask.sum()
+    assert any(str(photo_file) in note and "linear" in note for note in result["notes"])
+    normals = read_normals(out)
+    assert degrees_between(normals.vectors, sphere.normals)[sphere.lit].mean() < 0.01
+    shares = oiio.ImageBuf(str(confidence)).get_pixels(oiio.FLOAT)[..., 0]
+    assert set(np.rint(3 * shares[sphere.mask])) >= {2, 3}
+    assert not shares[~sphere.mask].any()
+    assert listing(tmp_path) == ["confidence.tif", "mask.png", "normals.png", "photo.exr", "rig.json"]
+
+
+def test_the_options_reach_the_estimate(
+    tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, photo_file: Path, sphere: Sphere
+) -> None:
+    """A network, a mask by threshold, the DirectX convention, and a file's values taken as sRGB."""
+    model, out = pass_through(tmp_path / "identity.onnx"), tmp_path / "normals.exr"
+    command = ["estimate", photo_file, "--rig", rig_file, "--model", model, "--mask", "threshold:0.5"]
+    done = mpsnet(*command, "--convention", "directx", "--encoding", "srgb", "--threads", "1", "-o", out)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert str(out) in done.stdout
+    normals = read_normals(out, convention="directx")
+    linear = np.where(sphere.image <= 0.04045, sphere.image / 12.92, ((sphere.image + 0.055) / 1.055) ** 2.4)
+    expected = np.linalg.solve(sphere.rig.directions, linear[..., None].astype(float))[..., 0]
+    assert degrees_between(normals.vectors, expected)[normals.mask].max() < 0.01
+    np.testing.assert_array_equal(normals.mask, linear.max(axis=-1) > 0.5 * np.percentile(linear.max(axis=-1), 99.9))
+
+
+def test_without_json_notes_go_to_stderr(tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, photo_file: Path) -> None:
+    done = mpsnet("estimate", photo_file, "--rig", rig_file, "-o", tmp_path / "n.png")
+    assert done.returncode == 0
+    assert done.stdout == f"{tmp_path / 'n.png'}: normals by lambertian\n"
+    assert all(line.startswith("note: ") for line in done.stderr.splitlines())
+    assert "the whole photo is taken as the object" in done.stderr
+
+
+def test_a_folder_of_frames_becomes_a_folder_of_normals(
+    tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, sphere: Sphere
+) -> None:
+    (tmp_path / "shots").mkdir()
+    for number in (1, 2, 3):
+        write_file(tmp_path / "shots" / f"frame_{number:04d}.exr", sphere.image, "half")
+    done = mpsnet(
+        *("estimate", tmp_path / "shots", "--rig", rig_file, "--format", "tif", "-o", tmp_path / "out"),
+        *("--progress", "json"),
+    )
+    assert done.returncode == 0
+    told, last = events(done.stdout)
+    assert told == sorted(told)
+    names = [f"frame_{number:04d}_normals.tif" for number in (1, 2, 3)]
+    assert listing(tmp_path / "out") == names
+    assert last["result"]["outputs"] == [str(tmp_path / "out" / name) for name in names]
+
+
+@pytest.mark.parametrize("style", ["none", "json", "bar", "auto"])
+def test_bad_input_is_one_line_and_exit_code_2(tmp_path: Path, mpsnet: Mpsnet, photo_file: Path, style: str) -> None:
+    missing, out = tmp_path / "missing.json", tmp_path / "n.png"
+    done = mpsnet("estimate", photo_file, "--rig", missing, "-o", out, "--progress", style)
+    assert done.returncode == 2
+    sentence = f"mpsnet-rig {missing} does not exist; check the path"
+    assert done.stderr == f"mpsnet: {sentence}\n"
+    assert done.stdout == (json.dumps({"error": sentence}) + "\n" if style == "json" else "")
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("suffix", [".png", ".exr", ".tif", ".jpg"])
+def test_image_libraries_do_not_add_to_stderr(
+    tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, sphere: Sphere, suffix: str
+) -> None:
+    photo = tmp_path / f"cut{suffix}"
+    write_file(photo, sphere.image, "uint8" if suffix != ".exr" else "half")
+    photo.write_bytes(photo.read_bytes()[: photo.stat().st_size * 2 // 3])
+    done = mpsnet("estimate", photo, "--rig", rig_file, "-o", tmp_path / "n.png")
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 1 and done.stderr.startswith(f"mpsnet: {photo} is damaged or cut short")
+
+
+def test_models_are_listed(mpsnet: Mpsnet) -> None:
+    done = mpsnet("models", "--progress", "json")
+    assert done.returncode == 0
+    models = {model["name"]: model["title"] for model in events(done.stdout)[1]["result"]["models"]}
+    assert {"lambertian", "lambertian-grey-world"} <= set(models) and all(models.values())
+    assert all(name in mpsnet("models").stdout for name in models)
+
+
+def test_help_names_the_verbs(mpsnet: Mpsnet) -> None:
+    done = mpsnet("--help")
+    assert done.returncode == 0
+    assert all(verb in done.stdout for verb in ("estimate", "bake", "evaluate", "models"))
+
+
+def test_evaluate_reports_rows_skipped_objects_and_progress(tmp_path: Path, mpsnet: Mpsnet) -> None:
+    diligent_object(tmp_path / "pmsData", "ball")
+    report, rows = tmp_path / "report.html", tmp_path / "rows.json"
+    done = mpsnet(
+        *("evaluate", "diligent", tmp_path / "pmsData", "--lights", "1,2,3", "--lights", "3,2,1"),
+        *("--protocol", "white", "--model", "lambertian", "--model", "lambertian-grey-world"),
+        *("--json", rows, "-o", report, "--progress", "json"),
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    told, last = events(done.stdout)
+    assert told == sorted(told) and told[-1] == 1
+    assert json.loads(rows.read_text())["rows"] == last["result"]["rows"]
+    assert [(row["lights"], row["model"]) for row in last["result"]["rows"]] == [
+        (lights, model) for lights in ([1, 2, 3], [3, 2, 1]) for model in ("lambertian", "lambertian-grey-world")
+    ]
+    assert "cat" in last["result"]["skipped"][0]
+    assert report.stat().st_size > 10_000
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+class TestCancelling:
+    FRAMES = 400
+
+    def start(self, *arguments: str | Path) -> "subprocess.Popen[str]":
+        command = [sys.executable, "-m", "mpsnet_core", *map(str, arguments), "--progress", "json"]
+        # A shell's background jobs ignore SIGINT and pass that on; the child must start with the usual disposition.
+        return subprocess.Popen(
+            command,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+        )
+
+    def cancel(self, child: "subprocess.Popen[str]", how: signal.Signals, after: int) -> None:
+        """Send the signal once `after` lines of progress are there; the child must end as cancelled."""
+        assert child.stdout is not None
+        for _ in range(after):
+            assert "progress" in json.loads(child.stdout.readline())
+        child.send_signal(how)
+        rest, words = child.communicate(timeout=30)
+        assert child.returncode == 130
+        assert words == ""
+        assert all("progress" in json.loads(line) for line in rest.splitlines())
+
+    @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGINT], ids=["SIGTERM", "SIGINT"])
+    def test_an_estimate_of_many_frames_leaves_whole_files_only(
+        self, tmp_path: Path, rig_file: Path, sphere: Sphere, how: signal.Signals
+    ) -> None:
+        shots, out = tmp_path / "shots", tmp_path / "out"
+        shots.mkdir()
+        large = write_file(shots / "frame_0000.tif", np.tile(sphere.image, (4, 4, 1)), "uint16")
+        for number in range(1, self.FRAMES):
+            os.link(large, shots / f"frame_{number:04d}.tif")
+        self.cancel(self.start("estimate", shots, "--rig", rig_file, "-o", out), how, after=10)
+        written = listing(out)
+        assert 0 < len(written) < self.FRAMES
+        assert written == [f"frame_{number:04d}_normals.png" for number in range(len(written))]
+        assert read_normals(out / written[-1]).mask.all()
+
+    def test_an_evaluation_leaves_nothing(self, tmp_path: Path) -> None:
+        data = tmp_path / "pmsData"
+        diligent_object(data, "ball")
+        for name in ("bear", "buddha", "cat", "cow", "goblet"):
+            shutil.copytree(data / "ballPNG", data / f"{name}PNG")
+        many = [part for _ in range(50) for part in ("--lights", "1,2,3")]
+        out = ["--json", tmp_path / "rows.json", "-o", tmp_path / "report.html"]
+        self.cancel(self.start("evaluate", "diligent", data, *many, *out), signal.SIGTERM, after=3)
+        assert listing(tmp_path) == ["pmsData"]

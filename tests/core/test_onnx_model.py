@@ -1,0 +1,184 @@
+"""The ONNX path with networks whose answer is known. Files that are refused are in test_bad_input."""
+
+from pathlib import Path
+
+import numpy as np
+import onnxruntime
+import pytest
+from networks import card, conv, pass_through, random_weights, write_model
+from onnx import helper
+from synthetic import Sphere, shaded_sphere
+
+from mpsnet_core.capture import Capture
+from mpsnet_core.errors import Cancelled
+from mpsnet_core.estimate import estimate_normals
+from mpsnet_core.estimate.card import CARD_KEY, card_from_metadata
+from mpsnet_core.estimate.features import feature_maps
+from mpsnet_core.estimate.onnx_model import PATCHES_A_BATCH
+from mpsnet_core.normals import normalised
+
+
+@pytest.fixture(scope="module")
+def odd() -> Capture:
+    """A capture whose mask is an ellipse with ragged edges, odd in size and away from the image's corner."""
+    y, x = np.mgrid[:173, :211]
+    mask = ((x - 107) / 88) ** 2 + ((y - 82) / 66) ** 2 < 1
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    assert (len(rows) % 2, len(columns) % 2, rows[0] > 0, columns[0] > 0) == (1, 1, True, True)
+    random = np.random.default_rng(5)
+    return Capture(random.random((173, 211, 3)), mask & (random.random(mask.shape) < 0.98), shaded_sphere(8).rig)
+
+
+def difference(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.abs(a - b).max())
+
+
+def test_passing_the_initial_normals_through_is_the_lambertian_baseline(tmp_path: Path, sphere: Sphere) -> None:
+    network = estimate_normals(sphere.capture(), pass_through(tmp_path / "identity.onnx"))
+    baseline = estimate_normals(sphere.capture(), "lambertian")
+    assert difference(network.vectors, baseline.vectors) < 1e-6
+    np.testing.assert_array_equal(network.mask, baseline.mask)
+    np.testing.assert_array_equal(network.confidence, sphere.mask)
+
+
+def plain(path: Path, halo: int) -> Path:
+    """A 3x3 and a 5x5 convolution: an output pixel sees three pixels around it."""
+    weights = random_weights(1, a=(8, 6, 3, 3), b=(3, 8, 5, 5))
+    nodes = [
+        conv("x", "h", "a", pads=[1] * 4),
+        helper.make_node("Relu", ["h"], ["r"]),
+        conv("r", "normals", "b", pads=[2] * 4),
+    ]
+    seen = card(inputs={"x": ("photo", "initial_normals_grey_world")}, halo=halo)
+    return write_model(path, nodes, weights, seen, inputs={"x": ("n", 6, "h", "w")})
+
+
+def pooled(path: Path, halo: int) -> Path:
+    """Twice pooled and brought back by interpolation, with 3x3 and 5x5 convolutions between.
+
+    Around an output pixel: 1 for the last 3x3, 5 for the interpolation, 2 · 4 for the 5x5 at a quarter of the size, 1
+    for the first 3x3; 15, so 16 on the grain of 4.
+    """
+    weights = random_weights(2, a=(8, 3, 3, 3), b=(8, 8, 5, 5), c=(3, 8, 3, 3))
+    nodes = [
+        conv("x", "h1", "a", pads=[1] * 4),
+        helper.make_node("MaxPool", ["h1"], ["h2"], kernel_shape=[2, 2], strides=[2, 2]),
+        helper.make_node("AveragePool", ["h2"], ["h3"], kernel_shape=[2, 2], strides=[2, 2]),
+        conv("h3", "h4", "b", pads=[2] * 4),
+        helper.make_node("Resize", ["h4", "", "s"], ["h5"], mode="linear", coordinate_transformation_mode="half_pixel"),
+        conv("h5", "normals", "c", pads=[1] * 4),
+    ]
+    weights["s"] = np.float32([1, 1, 4, 4])
+    return write_model(path, nodes, weights, card(halo=halo, multiple=4))
+
+
+# Network, its halo, and a halo that is too small for it.
+NETWORKS = [pytest.param(plain, 3, 2, id="plain"), pytest.param(pooled, 16, 12, id="pooled")]
+
+
+@pytest.mark.parametrize(("network", "halo", "too_small"), NETWORKS)
+def test_tiled_and_untiled_agree(tmp_path: Path, odd: Capture, network, halo: int, too_small: int) -> None:
+    untiled, tiled = (estimate_normals(odd, network(tmp_path / "n.onnx", halo), tile=tile) for tile in (1024, 64))
+    assert difference(tiled.vectors, untiled.vectors) < 1e-4
+    assert np.ptp(untiled.vectors[odd.mask], axis=0).min() > 0.1
+
+
+@pytest.mark.parametrize(("network", "halo", "too_small"), NETWORKS)
+def test_with_too_small_a_halo_they_do_not(tmp_path: Path, odd: Capture, network, halo: int, too_small: int) -> None:
+    untiled = estimate_normals(odd, network(tmp_path / "n.onnx", halo))
+    for wrong in (0, too_small):
+        tiled = estimate_normals(odd, network(tmp_path / "wrong.onnx", wrong), tile=64)
+        assert difference(tiled.vectors, untiled.vectors) > 1e-2
+
+
+@pytest.mark.parametrize(("network", "halo", "too_small"), NETWORKS)
+def test_the_network_sees_the_masks_box(tmp_path: Path, odd: Capture, network, halo: int, too_small: int) -> None:
+    """The same network run by hand on the features of the mask's bounding box."""
+    path = network(tmp_path / "n.onnx", halo)
+    rows, columns = (slice(np.flatnonzero(o)[0], np.flatnonzero(o)[-1] + 1) for o in (odd.mask.any(1), odd.mask.any(0)))
+    names = ["photo", "initial_normals_grey_world"] if network is plain else ["initial_normals"]
+    maps = feature_maps(odd, names)
+    box = np.concatenate([maps[name] for name in names])[:, rows, columns]
+    grain = 1 if network is plain else 4
+    box = np.pad(box, [(0, 0), (0, -box.shape[1] % grain), (0, -box.shape[2] % grain)])
+    (answer,) = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"]).run(None, {"x": box[None]})
+    by_hand = np.zeros((*odd.mask.shape, 3), np.float32)
+    size = rows.stop - rows.start, columns.stop - columns.start
+    by_hand[rows, columns] = answer[0].transpose(1, 2, 0)[: size[0], : size[1]]
+    expected = np.where(odd.mask[..., None], normalised(by_hand), 0)
+    assert difference(estimate_normals(odd, path).vectors, expected) < 1e-4
+
+
+def test_patches_are_centred_and_zero_outside_the_mask(tmp_path: Path) -> None:
+    """Against loops over every pixel; more pixels than one batch holds."""
+    capture, side = shaded_sphere(49).capture(), 5
+    assert capture.mask.sum() > PATCHES_A_BATCH
+    weights = random_weights(3, w=(3, 7, side, side))
+    nodes = [conv("x", "h", "w"), helper.make_node("Flatten", ["h"], ["normals"])]
+    features = ("initial_normals", "photo", "mask")
+    model = write_model(
+        tmp_path / "patch.onnx",
+        nodes,
+        weights,
+        card(kind="patch", patch=side, inputs={"x": features}),
+        inputs={"x": ("n", 7, side, side)},
+        outputs={"normals": ("n", 3)},
+    )
+    maps = feature_maps(capture, features)
+    seen = np.pad(np.concatenate([maps[name] for name in features]), [(0, 0), (2, 2), (2, 2)]).astype(float)
+    expected = np.zeros((*capture.mask.shape, 3))
+    for y, x in np.argwhere(capture.mask):
+        patch = seen[:, y : y + side, x : x + side]
+        expected[y, x] = [(kernel * patch).sum() for kernel in weights["w"]]
+        expected[y, x] /= np.linalg.norm(expected[y, x])
+    assert difference(estimate_normals(capture, model).vectors, expected) < 1e-4
+
+
+@pytest.mark.parametrize("kind", ["dense", "patch"])
+def test_confidence_is_the_networks_own_where_it_gives_one(tmp_path: Path, sphere: Sphere, kind: str) -> None:
+    side = 1 if kind == "patch" else None
+    pick = np.float32([[[[0.7]], [[0]], [[0]]]])
+    model = write_model(
+        tmp_path / "two.onnx",
+        [conv("x", "normals", "w"), conv("light", "confidence", "p")],
+        {"w": np.eye(3, dtype=np.float32)[..., None, None], "p": pick},
+        card(kind=kind, inputs={"x": ("initial_normals",), "light": ("photo",)}),
+        inputs={"x": ("n", 3, side, side), "light": ("n", 3, side, side)},
+        outputs={"confidence": ("n", 1, side, side), "normals": ("n", 3, side, side)},
+    )
+    normals = estimate_normals(sphere.capture(), model, tile=64)
+    red = 0.7 * sphere.image[..., 0] / sphere.image[sphere.mask].mean()
+    assert red.max() > 1 > red[sphere.mask].min()
+    np.testing.assert_allclose(normals.confidence, np.where(sphere.mask, np.clip(red, 0, 1), 0), atol=1e-5)
+    assert difference(normals.vectors, estimate_normals(sphere.capture()).vectors) < 1e-6
+
+
+def test_what_the_photo_holds_outside_the_mask_does_not_matter(tmp_path: Path, odd: Capture) -> None:
+    model = plain(tmp_path / "n.onnx", 3)
+    loud = np.where(odd.mask[..., None], odd.image, np.nan)
+    again = estimate_normals(Capture(loud, odd.mask, odd.rig), model)
+    np.testing.assert_array_equal(again.vectors, estimate_normals(odd, model).vectors)
+
+
+def test_the_number_of_threads_does_not_matter(tmp_path: Path, odd: Capture) -> None:
+    model = plain(tmp_path / "n.onnx", 3)
+    one, two = (estimate_normals(odd, model, threads=threads) for threads in (1, 2))
+    assert difference(one.vectors, two.vectors) < 1e-5
+
+
+def test_cancelling_between_tiles_stops_the_work(tmp_path: Path, odd: Capture) -> None:
+    told = []
+
+    def cancel(fraction: float, message: str) -> None:
+        told.append(message)
+        if len(told) == 3:
+            raise Cancelled
+
+    with pytest.raises(Cancelled):
+        estimate_normals(odd, plain(tmp_path / "n.onnx", 3), tile=64, progress=cancel)
+    assert told == ["tile 1 of 9", "tile 2 of 9", "tile 3 of 9"]
+
+
+def test_a_card_comes_back_from_its_text() -> None:
+    given = card(kind="patch", patch=7, inputs={"a": ("photo", "mask"), "b": ("light_directions",)})
+    assert card_from_metadata({CARD_KEY: given.to_json()}) == given
