@@ -95,6 +95,8 @@ def write_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str) -> str:
         raise InputError(f'"{obj.name}" is not a mesh but {obj.type.lower()}; convert it to a mesh first')
     if obj.mode == "EDIT":
         obj.update_from_editmode()
+    obj.data.update_tag()
+    depsgraph.update()
     mesh = bpy.data.meshes.new_from_object(
         obj.evaluated_get(depsgraph), preserve_all_data_layers=True, depsgraph=depsgraph
     )

@@ -6,7 +6,7 @@ import bpy
 
 from mpsnet_core.errors import InputError
 
-from .rig import COLOURS, light_rig
+from .rig import COLOURS, drawn_rig
 
 
 class _Step(bpy.types.Panel):
@@ -62,7 +62,7 @@ class MPS_PT_rig(_Step):
     def _standing(self, scene: Any) -> None:
         box = self.layout.box().column(align=True)
         try:
-            lights = light_rig(scene)
+            lights = drawn_rig(scene)
         except InputError as error:
             _wrapped(box, str(error))
             return

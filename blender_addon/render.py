@@ -14,7 +14,7 @@ from mpsnet_core.files import written_whole
 from .operators import SaysWhy
 from .outputs import load_image, output_path
 from .properties import PhotoSettings, take_given
-from .rig import light_rig, rig_parts
+from .rig import light_rig, rig_parts, view_layer
 
 _NORMAL_SAMPLES = 16
 
@@ -135,7 +135,7 @@ def _studio(scene: Any) -> Iterator[Any]:
     photo = scene.mps.photo
     studio = bpy.data.scenes.new("MPS Studio")
     try:
-        for obj in {*_rendered(scene.view_layers[0].layer_collection), *lights, camera}:
+        for obj in {*_rendered(view_layer(scene).layer_collection), *lights, camera}:
             studio.collection.objects.link(obj)
         studio.camera = camera
         studio.frame_set(scene.frame_current, subframe=scene.frame_subframe)

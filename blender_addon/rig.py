@@ -227,12 +227,22 @@ def light_rig(scene: Any) -> LightRig:
 
     Raises InputError where a part of the rig is missing, or no normal can be told from how the lights stand.
     """
+    view_layer(scene).update()
+    return drawn_rig(scene)
+
+
+def drawn_rig(scene: Any) -> LightRig:
+    """:func:`light_rig` as Blender last evaluated the scene, for panels, which must not evaluate it."""
     camera, target, lights = rig_parts(scene)
-    scene.view_layers[0].update()
     to_camera = np.array(camera.matrix_world.normalized().to_3x3()).T
     centre = target.matrix_world.translation
     directions = np.array([_direction(light, centre) for light in lights])
     return LightRig(directions @ to_camera.T, _mixing(lights, centre))
+
+
+def view_layer(scene: Any) -> Any:
+    """The view layer in use, or the first one of a scene that is not open."""
+    return bpy.context.view_layer if scene == bpy.context.scene else scene.view_layers[0]
 
 
 def rig_parts(

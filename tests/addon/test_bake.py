@@ -1,0 +1,170 @@
+"""The estimate and the bake in Blender, and whether a render with the texture looks as it should."""
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix, Vector
+
+from blender_addon.bake import write_mesh
+from blender_addon.rig import light_rig
+from mpsnet_core import angular_error, read_normals
+
+from .conftest import matte
+from .test_photo import pixels, sphere_normals
+
+
+def test_the_estimate_is_the_spheres_normals(estimated, scene, tmp_path):
+    image = scene.mps.estimate.image
+    assert tuple(image.size) == (96, 96) and image.colorspace_settings.is_data
+    found = read_normals(tmp_path / "normals.png")
+    truth, mask = sphere_normals(scene, 96, 96)
+    lit = mask & (truth @ light_rig(scene).directions.T > 0.1).all(-1)
+    assert angular_error(found.vectors, truth)[lit].mean() < 1.5
+
+
+def test_estimate_options_reach_the_core(photographed, scene, tmp_path):
+    bpy.ops.mps.estimate(
+        output=str(tmp_path / "n.exr"), mask="THRESHOLD", threshold=0.5, model="LAMBERTIAN_GREY_WORLD", confidence=True
+    )
+    assert read_normals(tmp_path / "n.exr").mask.mean() < pixels(tmp_path / "photo.exr")[..., 3].mean()
+    assert (tmp_path / "n_confidence.exr").is_file()
+
+
+@pytest.mark.parametrize("space", ["TANGENT", "OBJECT"])
+@pytest.mark.parametrize("convention", ["OPENGL", "DIRECTX"])
+def test_the_material_wears_the_texture_once(estimated, scene, tmp_path, space, convention):
+    for _ in range(2):
+        bpy.ops.mps.bake(size=64, space=space, convention=convention, output=str(tmp_path / "texture.png"))
+    (material,) = (slot.material for slot in estimated.material_slots)
+    tree = material.node_tree
+    shader = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
+    normal = shader.inputs["Normal"].links[0].from_node
+    assert (normal.type, normal.space, normal.uv_map) == ("NORMAL_MAP", space, "UVMap")
+    textures = [node for node in tree.nodes if node.type == "TEX_IMAGE"]
+    assert len(textures) == 1 and textures[0].image == scene.mps.bake.image
+    assert textures[0].image.colorspace_settings.is_data
+    assert len(tree.nodes) == (6 if convention == "DIRECTX" else 5)
+
+
+def test_a_material_of_other_objects_is_left_alone(estimated, scene, tmp_path):
+    bpy.ops.mesh.primitive_cube_add()
+    shared = estimated.material_slots[0].material
+    bpy.context.object.data.materials.append(shared)
+    nodes = len(shared.node_tree.nodes)
+    bpy.ops.mps.bake(target=estimated.name, size=32, output=str(tmp_path / "texture.png"))
+    assert len(shared.node_tree.nodes) == nodes
+    assert estimated.material_slots[0].material != shared
+    assert bpy.context.object.material_slots[0].material == shared
+
+
+@pytest.fixture(scope="module")
+def tilted_light():
+    """A direction from above on the right: up and down, left and right are told apart."""
+    return Vector((0.5, -1.0, 0.8)).normalized()
+
+
+def low_poly_shot(scene, direction, path):
+    """Render what the rig's camera sees under one white sun."""
+    lights = [light.object for light in scene.mps.rig.lights]
+    colours = [tuple(light.data.color) for light in lights]
+    matrix, constraint = lights[0].matrix_world.copy(), lights[0].constraints[0]
+    for light, colour in zip(lights, ((1, 1, 1), (0, 0, 0), (0, 0, 0)), strict=True):
+        light.data.color = colour
+    constraint.enabled = False
+    lights[0].matrix_world = direction.to_track_quat("Z", "Y").to_matrix().to_4x4()
+    from blender_addon.render import _render, _studio
+
+    with _studio(scene) as studio:
+        studio.cycles.samples = 64
+        _render(studio, path, "OPEN_EXR")
+    constraint.enabled = True
+    lights[0].matrix_world = matrix
+    for light, colour in zip(lights, colours, strict=True):
+        light.data.color = colour
+    return pixels(path)[..., :3]
+
+
+def bumpy_sphere():
+    """A sphere with large and small bumps, unlike in every direction."""
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=192, ring_count=96)
+    bpy.ops.object.shade_smooth()
+    obj = bpy.context.object
+    points = np.empty(len(obj.data.vertices) * 3, np.float32)
+    obj.data.vertices.foreach_get("co", points)
+    points = points.reshape(-1, 3)
+    x, z = points[:, 0], points[:, 2]
+    bumps = np.sin(9 * x + 1) * np.sin(11 * z) + 0.5 * np.sin(17 * z + 5 * x)
+        17 * points[:, 2] + 5 * points[:, 0]
+    )
+    points *= (1 + 0.02 * bumps)[:, None]
+    obj.data.vertices.foreach_set("co", points.ravel())
+    obj.data.update()
+    obj.data.materials.append(matte())
+    return obj
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_the_texture_brings_the_low_poly_closer_to_the_original(scene, tmp_path, tilted_light, mirrored):
+    high = bumpy_sphere()
+    bpy.ops.mps.add_rig(slant=25)
+    bpy.ops.mps.render_photo(width=128, height=128, samples=128, output=str(tmp_path / "photo.exr"))
+    bpy.ops.mps.estimate(output=str(tmp_path / "normals.png"))
+    target = low_poly_shot(scene, tilted_light, tmp_path / "high.exr")
+
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=24, ring_count=12)
+    bpy.ops.object.shade_smooth()
+    low = bpy.context.object
+    if mirrored:
+        low.data.uv_layers[0].uv.foreach_get("vector", uv := np.empty(len(low.data.loops) * 2, np.float32))
+        uv[::2] = 1 - uv[::2]
+        low.data.uv_layers[0].uv.foreach_set("vector", uv)
+    low.data.materials.append(matte())
+    low.matrix_world = Matrix.LocRotScale(None, Matrix.Rotation(0.6, 3, "Z"), Vector((1, 1, 1)))
+    high.hide_render = True
+    bare = low_poly_shot(scene, tilted_light, tmp_path / "bare.exr")
+
+    errors = {"bare": np.abs(bare - target).mean()}
+    for space in ("TANGENT", "OBJECT"):
+        for convention in ("OPENGL", "DIRECTX"):
+            name = f"{space}_{convention}"
+            bpy.ops.mps.bake(size=512, space=space, convention=convention, output=str(tmp_path / f"{name}.png"))
+            shot = low_poly_shot(scene, tilted_light, tmp_path / f"{name}_shot.exr")
+            errors[name] = np.abs(shot - target).mean()
+    # The same texture read with green the wrong way: what this test has to be able to see.
+    normal = low.material_slots[0].material.node_tree.nodes["MPS Normal"]
+    texture = low.material_slots[0].material.node_tree.nodes["MPS Texture"]
+    low.material_slots[0].material.node_tree.links.new(texture.outputs["Color"], normal.inputs["Color"])
+    errors["wrong"] = np.abs(low_poly_shot(scene, tilted_light, tmp_path / "wrong.exr") - target).mean()
+    print(errors)
+    right = [error for name, error in errors.items() if name not in {"bare", "wrong"}]
+    assert max(right) < 0.6 * errors["bare"]
+    assert max(right) < 0.6 * errors["wrong"]
+
+
+def test_the_mesh_file_is_the_evaluated_mesh(scene, tmp_path):
+    bpy.ops.mesh.primitive_cylinder_add(vertices=12)  # with n-gons as its caps
+    obj = bpy.context.object
+    obj.location = (1, 2, 3)
+    obj.modifiers.new("Array", "ARRAY").count = 2
+    bpy.context.view_layer.update()
+    meshes = len(bpy.data.meshes)
+    name = write_mesh(tmp_path / "mesh.npz", obj, bpy.context.evaluated_depsgraph_get(), "")
+    assert name == "UVMap" and len(bpy.data.meshes) == meshes
+    data = np.load(tmp_path / "mesh.npz", allow_pickle=False)
+    triangles = 2 * (12 * 2 + 2 * 10)
+    assert (str(data["format"]), int(data["version"])) == ("mpsnet-mesh", 1)
+    assert data["triangles"].shape == (triangles, 3)
+    assert data["vertices"].shape == (48, 3)
+    assert data["uvs"].shape == (triangles, 3, 2)
+    assert np.allclose(data["world_from_object"][:3, 3], (1, 2, 3))
+    normals, tangents = data["corner_normals"], data["tangents"]
+    assert np.allclose(np.linalg.norm(normals, axis=-1), 1, atol=1e-5)
+    assert np.allclose((normals * tangents[..., :3]).sum(-1), 0, atol=1e-3)
+    assert set(np.unique(tangents[..., 3])) <= {-1, 1}
+    # On the flat faces of a cylinder the tangent is the direction in which u grows.
+    corners = data["vertices"][data["triangles"]]
+    (e1, e2), (d1, d2) = (np.moveaxis(a[:, 1:] - a[:, :1], 1, 0) for a in (corners, data["uvs"]))
+    direction = e1 * d2[:, 1:] - e2 * d1[:, 1:]
+    direction *= np.sign(d1[:, :1] * d2[:, 1:] - d2[:, :1] * d1[:, 1:])
+    direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
+    assert np.allclose(tangents[..., :3].mean(1), direction, atol=2e-2)

@@ -1,0 +1,339 @@
+"""Bad input: one sentence, to scripts as a RuntimeError."""
+
+import sys
+
+import bpy
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+from blender_addon.commands import main
+
+from .conftest import matte
+
+
+def delete(obj):
+    bpy.data.objects.remove(obj)
+
+
+def nothing_selected(scene, tmp_path):
+    bpy.ops.object.select_all(action="DESELECT")
+    bpy.ops.mps.add_rig()
+
+
+def only_an_empty_selected(scene, tmp_path):
+    bpy.ops.object.empty_add()
+    bpy.ops.object.select_all(action="DESELECT")
+    bpy.context.object.select_set(True)
+    bpy.ops.mps.add_rig()
+
+
+def a_single_point(scene, tmp_path):
+    mesh = bpy.data.meshes.new("Point")
+    mesh.from_pydata([(0, 0, 0)], [], [])
+    obj = bpy.data.objects.new("Point", mesh)
+    scene.collection.objects.link(obj)
+    bpy.ops.object.select_all(action="DESELECT")
+    obj.select_set(True)
+    bpy.ops.mps.add_rig()
+
+
+def no_viewport(scene, tmp_path):
+    bpy.ops.mps.add_rig(view="VIEWPORT")
+
+
+def edit_mode(scene, tmp_path):
+    bpy.ops.object.mode_set(mode="EDIT")
+    try:
+        bpy.ops.mps.add_rig()
+    finally:
+        bpy.ops.object.mode_set(mode="OBJECT")
+
+
+def no_rig(scene, tmp_path):
+    bpy.ops.mps.remove_rig()
+    bpy.ops.mps.render_photo()
+
+
+def light_deleted(scene, tmp_path):
+    delete(scene.mps.rig.lights[1].object)
+    bpy.ops.mps.render_photo()
+
+
+def light_hidden(scene, tmp_path):
+    scene.mps.rig.lights[2].object.hide_render = True
+    bpy.ops.mps.render_photo()
+
+
+def camera_deleted(scene, tmp_path):
+    delete(scene.mps.rig.camera)
+    bpy.ops.mps.render_photo()
+
+
+def target_deleted(scene, tmp_path):
+    delete(scene.mps.rig.target)
+    bpy.ops.mps.estimate()
+
+
+def light_behind(scene, tmp_path):
+    scene.mps.rig.lights[0].object.location.z = -20
+    bpy.ops.mps.estimate()
+
+
+def light_in_the_target(scene, tmp_path):
+    bpy.ops.mps.add_rig(light_type="AREA")
+    scene.mps.rig.lights[0].object.location = (0, 0, 0)
+    bpy.ops.mps.estimate()
+
+
+def lights_in_a_plane(scene, tmp_path):
+    for number, light in enumerate(scene.mps.rig.lights):
+        light.object.location = (number - 1, 0, 4)
+    bpy.ops.mps.estimate()
+
+
+def lights_off(scene, tmp_path):
+    for light in scene.mps.rig.lights:
+        light.object.data.energy = 0
+    bpy.ops.mps.estimate()
+
+
+def panorama(scene, tmp_path):
+    scene.mps.rig.camera.data.type = "PANO"
+    bpy.ops.mps.bake(output=str(tmp_path / "t.png"))
+
+
+def no_photo(scene, tmp_path):
+    scene.mps.photo.image = None
+    bpy.ops.mps.estimate()
+
+
+def photo_without_file(scene, tmp_path):
+    scene.mps.photo.image = bpy.data.images.new("Painted", 8, 8)
+    bpy.ops.mps.estimate()
+
+
+def photo_gone(scene, tmp_path):
+    (tmp_path / "photo.exr").unlink()
+    bpy.ops.mps.estimate()
+
+
+def photo_not_named(scene, tmp_path):
+    bpy.ops.mps.open_photo()
+
+
+def photo_not_there(scene, tmp_path):
+    bpy.ops.mps.open_photo(filepath=str(tmp_path / "nowhere.png"))
+
+
+def photo_not_an_image(scene, tmp_path):
+    (tmp_path / "text.png").write_text("not an image")
+    bpy.ops.mps.open_photo(filepath=str(tmp_path / "text.png"))
+
+
+def photo_ending(scene, tmp_path):
+    bpy.ops.mps.render_photo(output=str(tmp_path / "photo.png"))
+
+
+def photo_folder(scene, tmp_path):
+    bpy.ops.mps.render_photo(output=str(tmp_path / "nowhere" / "photo.exr"))
+
+
+def photo_black(scene, tmp_path):
+    oiio.ImageBuf(oiio.ImageSpec(8, 8, 3, oiio.FLOAT)).write(str(tmp_path / "black.exr"))
+    bpy.ops.mps.open_photo(filepath=str(tmp_path / "black.exr"))
+    bpy.ops.mps.estimate(output=str(tmp_path / "n.png"))
+
+
+def mask_not_named(scene, tmp_path):
+    bpy.ops.mps.estimate(mask="FILE")
+
+
+def mask_not_there(scene, tmp_path):
+    bpy.ops.mps.estimate(mask="FILE", mask_file=str(tmp_path / "nowhere.png"))
+
+
+def mask_of_another_size(scene, tmp_path):
+    buffer = oiio.ImageBuf(oiio.ImageSpec(8, 8, 1, oiio.UINT8))
+    buffer.set_pixels(oiio.ROI.All, np.ones((8, 8, 1), np.float32))
+    buffer.write(str(tmp_path / "mask.png"))
+    bpy.ops.mps.estimate(mask="FILE", mask_file=str(tmp_path / "mask.png"))
+
+
+def rig_file_not_there(scene, tmp_path):
+    bpy.ops.mps.estimate(rig_file=str(tmp_path / "nowhere.json"))
+
+
+def model_not_named(scene, tmp_path):
+    bpy.ops.mps.estimate(model="FILE")
+
+
+def model_not_there(scene, tmp_path):
+    bpy.ops.mps.estimate(model="FILE", model_file=str(tmp_path / "nowhere.onnx"))
+
+
+def unknown_ending(scene, tmp_path):
+    bpy.ops.mps.estimate(output=str(tmp_path / "normals.jpg"))
+
+
+def no_normals(scene, tmp_path):
+    scene.mps.estimate.image = None
+    bpy.ops.mps.bake()
+
+
+def normals_gone(scene, tmp_path):
+    (tmp_path / "normals.png").unlink()
+    bpy.ops.mps.bake()
+
+
+def no_target(scene, tmp_path):
+    bpy.context.view_layer.objects.active = None
+    bpy.ops.mps.bake()
+
+
+def no_such_target(scene, tmp_path):
+    bpy.ops.mps.bake(target="Nobody")
+
+
+def target_not_a_mesh(scene, tmp_path):
+    bpy.ops.mps.bake(target=scene.mps.rig.lights[0].object.name)
+
+
+def target_without_uvs(scene, tmp_path):
+    bpy.context.object.data.uv_layers.remove(bpy.context.object.data.uv_layers[0])
+    bpy.ops.mps.bake()
+
+
+def no_such_uv_map(scene, tmp_path):
+    bpy.ops.mps.bake(uv_map="Lightmap")
+
+
+def target_without_faces(scene, tmp_path):
+    mesh = bpy.data.meshes.new("Bare")
+    mesh.uv_layers.new(name="UVMap")
+    scene.collection.objects.link(bpy.data.objects.new("Bare", mesh))
+    bpy.ops.mps.bake(target="Bare")
+
+
+def target_not_seen(scene, tmp_path):
+    bpy.context.object.location.x = 100
+    bpy.ops.mps.bake(output=str(tmp_path / "t.png"), size=32)
+
+
+def material_without_shader(scene, tmp_path):
+    material = matte()
+    material.node_tree.nodes.clear()
+    bpy.context.object.data.materials.append(material)
+    bpy.ops.mps.bake(output=str(tmp_path / "t.png"), size=32)
+
+
+CASES = [
+    (nothing_selected, "nothing is selected; select the object"),
+    (only_an_empty_selected, "no selected object has a surface"),
+    (a_single_point, "a single point"),
+    (no_viewport, 'view "VIEWPORT" needs a 3D viewport'),
+    (edit_mode, "Switch to Object Mode first"),
+    (no_rig, "Add a rig first"),
+    (light_deleted, "the rig's green light was deleted; add the rig again"),
+    (light_hidden, "the rig's blue light is hidden from renders; show it again"),
+    (camera_deleted, "the rig's camera was deleted; add the rig again"),
+    (target_deleted, "the rig's target was deleted; add the rig again"),
+    (light_behind, "the first light is behind the object"),
+    (light_in_the_target, 'light "MPS Red" stands in the rig\'s target'),
+    (lights_in_a_plane, "lie (nearly) in one plane"),
+    (lights_off, "the rig's lights are all black"),
+    (panorama, "is panoramic; make it orthographic or perspective"),
+    (no_photo, "Render or open a photo first"),
+    (photo_without_file, 'the photo "Painted" has no file on disk'),
+    (photo_gone, "has no file on disk"),
+    (photo_not_named, "no photo was named"),
+    (photo_not_there, "does not exist or is not an image"),
+    (photo_not_an_image, "is not an image"),
+    (photo_ending, "renders are written as OpenEXR"),
+    (photo_folder, "does not exist; create it first"),
+    (photo_black, "the photo is black inside the mask"),
+    (mask_not_named, "the mask is a file but none is named"),
+    (mask_not_there, "nowhere.png does not exist"),
+    (mask_of_another_size, "they must be the same size"),
+    (rig_file_not_there, "nowhere.json does not exist"),
+    (model_not_named, "the model is a file but none is named"),
+    (model_not_there, "nowhere.onnx does not exist"),
+    (unknown_ending, "the ending .jpg is not known"),
+    (no_normals, "Estimate the normals first"),
+    (normals_gone, "has no file on disk"),
+    (no_target, "there is no target to bake onto"),
+    (no_such_target, 'there is no object "Nobody" in the scene'),
+    (target_not_a_mesh, "is not a mesh but light"),
+    (target_without_uvs, "has no UV map; unwrap it first"),
+    (no_such_uv_map, 'has no UV map "Lightmap"; choose "UVMap"'),
+    (target_without_faces, "has no faces"),
+    (target_not_seen, "no view sees any of the mesh"),
+    (material_without_shader, "has no shader with a Normal input"),
+]
+
+
+@pytest.mark.parametrize(("wrong", "sentence"), CASES, ids=[case.__name__ for case, _ in CASES])
+def test_bad_input_is_one_sentence(wrong, sentence, scene, tmp_path):
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=16, ring_count=8)
+    sphere = bpy.context.object
+    bpy.ops.mps.add_rig()
+    bpy.ops.mps.render_photo(width=16, height=16, samples=1, denoise=False, output=str(tmp_path / "photo.exr"))
+    bpy.ops.mps.estimate(output=str(tmp_path / "normals.png"))
+    scene.mps.estimate.output = ""
+    bpy.context.view_layer.objects.active = sphere
+    with pytest.raises(RuntimeError) as caught:
+        wrong(scene, tmp_path)
+    message = str(caught.value).removeprefix("Error: ").strip()
+    assert sentence in message
+    assert "\n" not in message and "Traceback" not in message
+    assert not [path for path in tmp_path.iterdir() if "unfinished" in path.name]
+
+
+def test_the_command_line_gives_exit_code_2_and_the_sentence(scene, capfd, tmp_path):
+    bpy.ops.mesh.primitive_cube_add()
+    bad = [
+        (["bake"], "Estimate the normals first"),
+        (["bake", "--size", "huge"], "'huge' is not an integer"),
+        (["bake", "--size", "1"], "1 is outside 16 to 16384"),
+        (["add-rig", "--object", "Nobody"], 'there is no object "Nobody"'),
+        (["add-rig", "--view", "sideways"], "invalid choice"),
+        (["add-rig", "--save", str(tmp_path / "no" / "x.blend")], "its folder does not exist"),
+        (["dance"], "invalid choice: 'dance'"),
+    ]
+    for arguments, sentence in bad:
+        assert main(arguments) == 2
+        captured = capfd.readouterr().err.strip()
+        assert captured.startswith("mpsnet: ") and sentence in captured and "\n" not in captured
+
+
+def test_the_command_line_has_every_setting_with_its_tooltip(capfd):
+    for verb in ("add_rig", "render_photo", "open_photo", "estimate", "bake"):
+        assert main([verb.replace("_", "-"), "--help"]) == 0
+        text = " ".join(capfd.readouterr().out.split())
+        for setting in getattr(bpy.ops.mps, verb).get_rna_type().properties:
+            if setting.identifier != "rna_type" and not setting.is_hidden:
+                assert f"--{setting.identifier.replace('_', '-')}" in text
+                assert setting.description.split(".")[0][:30] in text
+
+
+def test_the_command_line_does_the_verbs(scene, tmp_path):
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=16, ring_count=8)
+    photo, normals, texture = (str(tmp_path / name) for name in ("p.exr", "n.png", "t.tif"))
+    saved = tmp_path / "saved.blend"
+    assert main(["add-rig", "--object", "Sphere", "--slant", "40", "--projection", "perspective"]) == 0
+    assert scene.mps.rig.slant == 40 and scene.mps.rig.camera.data.type == "PERSP"
+    small = ["--width", "16", "--height", "16", "--samples", "1", "--no-denoise"]
+    assert main(["render-photo", "--output", photo, *small]) == 0
+    assert main(["estimate", "--output", normals]) == 0
+    assert main(["bake", "--output", texture, "--size", "32", "--object", "Sphere", "--save", str(saved)]) == 0
+    bpy.ops.wm.open_mainfile(filepath=str(saved))
+    assert "MPS Normal" in bpy.data.objects["Sphere"].material_slots[0].material.node_tree.nodes
+
+
+def test_registering_loads_nothing_heavy():
+    import subprocess
+
+    code = "import bpy, blender_addon, sys; blender_addon.register(); print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60).stdout.split()
+    assert "blender_addon.bake" in loaded
+    assert not {"onnxruntime", "trimesh", "OpenImageIO", "tqdm", "torch"} & set(loaded)

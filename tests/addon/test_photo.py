@@ -1,0 +1,131 @@
+"""The photo that Blender renders: what is in it, and that nothing else changes."""
+
+import bpy
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+from blender_addon.render import render_normals
+from blender_addon.rig import light_rig, scene_camera
+
+
+def pixels(path):
+    """(H, W, C) of the first part of an EXR."""
+    return oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT)
+
+
+def channels(path):
+    """{channel name: (H, W)} over all parts of an EXR."""
+    found, part = {}, oiio.ImageInput.open(str(path))
+    index = 0
+    while part.seek_subimage(index, 0):
+        spec = part.spec()
+        data = part.read_image(index, 0, 0, spec.nchannels, oiio.FLOAT)
+        found |= {name: data[..., number] for number, name in enumerate(spec.channelnames)}
+        index += 1
+    return found
+
+
+def sphere_normals(scene, width, height):
+    """(H, W, 3) camera-space normals and (H, W) mask of a unit sphere at the origin before an orthographic camera."""
+    camera = scene_camera(scene.mps.rig.camera, scene, (width, height))
+    x = (np.arange(width) + 0.5 - camera.centre[0]) / camera.focal[0]
+    y = (camera.centre[1] - np.arange(height) - 0.5) / camera.focal[1]
+    x, y = np.meshgrid(x, y)
+    return np.stack([x, y, np.sqrt(np.clip(1 - x**2 - y**2, 0, 1))], -1), x**2 + y**2 < 0.9
+
+
+def settings_of(data):
+    """Every plain setting of a piece of Blender's data, and of what belongs to it."""
+    found = {}
+    for setting in data.bl_rna.properties:
+        if setting.identifier in {"rna_type", "mps"}:
+            continue
+        value = getattr(data, setting.identifier)
+        if setting.type in {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"}:
+            plain = isinstance(value, (bool, int, float, str, set))
+            found[setting.identifier] = value if plain else repr(tuple(np.ravel(np.array(value, dtype=object))))
+    return found
+
+
+def everything(scene):
+    parts = [scene, scene.render, scene.cycles, scene.view_settings, scene.display_settings, scene.eevee]
+    parts += [scene.render.image_settings, scene.view_layers[0], scene.view_layers[0].cycles]
+    parts += [obj for obj in scene.objects] + [obj.data for obj in scene.objects if obj.data]
+    kinds = [name for name in dir(bpy.data) if isinstance(getattr(bpy.data, name), bpy.types.bpy_prop_collection)]
+    names = {kind: sorted(getattr(bpy.data, kind).keys()) for kind in kinds if kind != "images"}
+    return [settings_of(part) for part in parts], names, bpy.context.scene.name, [o.name for o in scene.objects]
+
+
+def test_a_matte_sphere_shines_as_the_cosine_of_each_light(photographed, scene, tmp_path):
+    photo = pixels(tmp_path / "photo.exr")
+    assert photo.shape == (96, 96, 4)
+    normals, mask = sphere_normals(scene, 96, 96)
+    expected = 0.8 * np.clip(normals @ light_rig(scene).directions.T, 0, None)
+    assert np.abs(photo[..., :3] - expected)[mask].mean() < 0.015
+    assert (photo[mask][:, 3] == 1).all()
+    assert photo[0, 0].tolist() == [0, 0, 0, 0]
+
+
+@pytest.mark.parametrize("strength", [0.5, 2.0])
+def test_sun_and_area_lights_are_as_bright_as_was_asked(sphere, scene, tmp_path, strength):
+    for light_type in ("SUN", "AREA"):
+        bpy.ops.mps.add_rig(light_type=light_type, slant=20, strength=strength, distance=200, light_size=0.5)
+        bpy.ops.mps.render_photo(width=32, height=32, samples=256, output=str(tmp_path / "photo.exr"))
+        facing = pixels(tmp_path / "photo.exr")[14:18, 14:18, :3].mean()
+        assert facing == pytest.approx(strength * 0.8 * np.cos(np.radians(20)), rel=0.04), light_type
+
+
+def test_only_the_rig_lights_the_photo(sphere, scene, tmp_path):
+    bpy.ops.mps.add_rig()
+    bpy.ops.mps.render_photo(width=32, height=32, samples=16, output=str(tmp_path / "alone.exr"))
+    scene.world = bpy.data.worlds.new("Bright")
+    scene.world.color = (1, 1, 1)
+    bpy.ops.object.light_add(type="SUN")
+    bpy.context.object.data.energy = 50
+    bpy.ops.mps.render_photo(output=str(tmp_path / "among.exr"))
+    assert np.allclose(pixels(tmp_path / "alone.exr"), pixels(tmp_path / "among.exr"), atol=1e-5)
+
+
+def test_what_the_scenes_render_hides_is_not_in_the_photo(sphere, scene, tmp_path):
+    bpy.ops.mps.add_rig()
+    sphere.hide_render = True
+    bpy.ops.mps.render_photo(width=16, height=16, samples=1, output=str(tmp_path / "photo.exr"))
+    assert np.allclose(pixels(tmp_path / "photo.exr"), 0, atol=1e-4)
+
+
+def test_rendering_leaves_no_trace(sphere, scene, tmp_path):
+    scene.render.engine = "BLENDER_WORKBENCH"
+    scene.render.resolution_x, scene.render.filepath = 123, "//mine.png"
+    bpy.ops.mps.add_rig()
+    scene.mps.photo.width = scene.mps.photo.height = 16
+    before = everything(scene)
+    bpy.ops.mps.render_photo(samples=1, output=str(tmp_path / "photo.exr"))
+    bpy.ops.mps.render_truth(output=str(tmp_path / "truth.exr"))
+    with pytest.raises(RuntimeError):
+        bpy.ops.mps.render_photo(output=str(tmp_path / "missing" / "photo.exr"))
+    with pytest.raises(RuntimeError):
+        bpy.ops.mps.render_photo(output=str(tmp_path / "photo.png"))
+    assert everything(scene) == before
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["photo.exr", "truth.exr"]
+
+
+def test_true_normals_are_the_spheres_own(sphere, scene, tmp_path):
+    bpy.ops.mps.add_rig(view="LEFT")
+    scene.mps.photo.width, scene.mps.photo.height = 64, 48
+    render_normals(scene, tmp_path / "truth.exr")
+    found = channels(tmp_path / "truth.exr")
+    world = np.stack([found[f"ViewLayer.Normal.{axis}"] for axis in "XYZ"], -1)
+    normals, mask = sphere_normals(scene, 64, 48)
+    ours = world @ scene_camera(scene.mps.rig.camera, scene).rotation
+    ours /= np.maximum(np.linalg.norm(ours, axis=-1, keepdims=True), 1e-9)
+    assert np.degrees(np.arccos(np.clip((ours * normals).sum(-1), -1, 1)))[mask].mean() < 1
+    assert found["ViewLayer.Combined.A"][mask].min() == 1
+
+
+def test_a_photo_opened_from_a_file(scene, tmp_path):
+    path = tmp_path / "captured.png"
+    buffer = oiio.ImageBuf(oiio.ImageSpec(20, 10, 3, oiio.UINT8))
+    buffer.write(str(path))
+    bpy.ops.mps.open_photo(filepath=str(path))
+    assert tuple(scene.mps.photo.image.size) == (20, 10)

@@ -1,0 +1,181 @@
+"""The rig in Blender and as the core's nouns."""
+
+import math
+
+import bpy
+import numpy as np
+import pytest
+from bpy_extras.object_utils import world_to_camera_view
+from mathutils import Matrix, Vector
+
+from blender_addon.rig import bounding_sphere, light_rig, scene_camera
+
+EXACT = 1e-4  # degrees
+
+
+def angles_apart(a, b):
+    return np.abs((np.asarray(a) - np.asarray(b) + 180) % 360 - 180)
+
+
+@pytest.mark.parametrize("light_type", ["SUN", "AREA"])
+@pytest.mark.parametrize("projection", ["ORTHOGRAPHIC", "PERSPECTIVE"])
+@pytest.mark.parametrize("view", ["FRONT", "LEFT", "TOP"])
+def test_lights_stand_where_they_were_asked_to(sphere, scene, light_type, projection, view):
+    bpy.ops.mps.add_rig(slant=40, tilt=10, light_type=light_type, projection=projection, view=view)
+    rig = light_rig(scene)
+    assert angles_apart(rig.slants, 40).max() < EXACT
+    assert angles_apart(rig.tilts, [10, 130, 250]).max() < EXACT
+    assert np.allclose(rig.mixing, np.eye(3), atol=1e-6)
+
+
+def test_lights_are_pure_red_green_and_blue(sphere, scene):
+    bpy.ops.mps.add_rig()
+    assert [tuple(light.object.data.color) for light in scene.mps.rig.lights] == [(1, 0, 0), (0, 1, 0), (0, 0, 1)]
+
+
+@pytest.mark.parametrize("light_type", ["SUN", "AREA"])
+def test_a_light_moved_by_hand_is_known(sphere, scene, light_type):
+    bpy.ops.mps.add_rig(light_type=light_type)
+    green = scene.mps.rig.lights[1].object
+    place = Vector((3.0, -4.0, 1.0))
+    bpy.context.view_layer.update()
+    green.matrix_world = Matrix.Translation(place)
+    # The front camera's x, y and z are the world's x, z and -y.
+    x, y, z = place.x, place.z, -place.y
+    rig = light_rig(scene)
+    assert rig.slants[1] == pytest.approx(math.degrees(math.atan2(math.hypot(x, y), z)), abs=EXACT)
+    assert rig.tilts[1] == pytest.approx(math.degrees(math.atan2(y, x)), abs=EXACT)
+    assert angles_apart(rig.slants[[0, 2]], 30).max() < EXACT
+
+
+def test_a_turned_sun_without_its_aim_is_known(sphere, scene):
+    bpy.ops.mps.add_rig()
+    red = scene.mps.rig.lights[0].object
+    red.constraints.clear()
+    red.parent = None
+    red.rotation_euler = (math.radians(90 - 20), 0, 0)  # 90° shines along +Y, away from the front camera
+    rig = light_rig(scene)
+    assert rig.slants[0] == pytest.approx(20, abs=EXACT)
+    assert rig.tilts[0] == pytest.approx(90, abs=EXACT)
+
+
+def test_the_rig_keeps_its_angles_under_a_turned_and_scaled_parent(sphere, scene):
+    bpy.ops.mps.add_rig(slant=35)
+    parent = bpy.data.objects.new("Parent", None)
+    scene.collection.objects.link(parent)
+    scene.mps.rig.target.parent = parent
+    parent.matrix_world = Matrix.LocRotScale(Vector((1, 2, 3)), Matrix.Rotation(0.7, 3, "Y"), Vector((3, 3, 3)))
+    rig = light_rig(scene)
+    assert angles_apart(rig.slants, 35).max() < EXACT
+    assert scene.mps.rig.camera.matrix_world.translation.length > 10
+
+
+def test_moving_the_target_moves_everything(sphere, scene):
+    bpy.ops.mps.add_rig()
+    parts = [scene.mps.rig.camera, *(light.object for light in scene.mps.rig.lights)]
+    before = [part.matrix_world.translation.copy() for part in parts]
+    scene.mps.rig.target.location.x += 5
+    bpy.context.view_layer.update()
+    for part, place in zip(parts, before, strict=True):
+        assert (part.matrix_world.translation - place - Vector((5, 0, 0))).length < 1e-5
+
+
+def test_adding_again_replaces_the_rig(sphere, scene):
+    bpy.ops.mps.add_rig()
+    first = set(bpy.data.objects.keys())
+    bpy.ops.mps.add_rig(light_type="AREA")
+    assert set(bpy.data.objects.keys()) == first
+    assert (len(bpy.data.lights), len(bpy.data.cameras)) == (3, 1)
+    assert [collection.name for collection in bpy.data.collections] == ["MPS Rig"]
+    bpy.ops.mps.remove_rig()
+    assert list(bpy.data.objects) == [sphere]
+    assert not bpy.data.lights and not bpy.data.collections
+
+
+def test_renaming_and_saving_keep_the_rig(sphere, scene, tmp_path):
+    bpy.ops.mps.add_rig(slant=25)
+    for obj in bpy.data.objects:
+        obj.name = f"renamed {obj.name}"
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+    assert angles_apart(light_rig(bpy.context.scene).slants, 25).max() < EXACT
+    assert bpy.context.scene.mps.rig.slant == 25
+
+
+def test_lights_of_unlike_colour_and_strength_mix(sphere, scene):
+    bpy.ops.mps.add_rig()
+    red, green, _ = (light.object.data for light in scene.mps.rig.lights)
+    red.color = (1.0, 0.25, 0.0)
+    green.energy /= 2
+    expected = np.array([[1, 0, 0], [0.25, 0.5, 0], [0, 0, 1]])
+    assert np.allclose(light_rig(scene).mixing, expected, atol=1e-6)
+
+
+def test_the_sphere_around_objects_counts_modifiers_and_instances(scene):
+    bpy.ops.mesh.primitive_cube_add(size=2, location=(10, 0, 0))
+    cube = bpy.context.object
+    array = cube.modifiers.new("Array", "ARRAY")
+    array.count, array.relative_offset_displace = 3, (1, 0, 0)
+    centre, radius = bounding_sphere(bpy.context.evaluated_depsgraph_get(), [cube])
+    assert np.allclose(centre, (12, 0, 0), atol=1e-6)
+    assert radius == pytest.approx(math.sqrt(9 + 1 + 1), abs=1e-6)
+
+    collection = bpy.data.collections.new("Instanced")
+    collection.objects.link(cube)
+    scene.collection.objects.unlink(cube)
+    instance = bpy.data.objects.new("Instance", None)
+    instance.instance_type, instance.instance_collection = "COLLECTION", collection
+    instance.location.z = 7
+    scene.collection.objects.link(instance)
+    centre, _ = bounding_sphere(bpy.context.evaluated_depsgraph_get(), [instance])
+    assert np.allclose(centre, (12, 0, 7), atol=1e-6)
+
+
+@pytest.mark.parametrize("projection", ["ORTHOGRAPHIC", "PERSPECTIVE"])
+@pytest.mark.parametrize("size", [(64, 64), (200, 50), (50, 200)])
+def test_the_object_is_framed_with_its_margin(sphere, scene, projection, size):
+    scene.mps.photo.width, scene.mps.photo.height = size
+    bpy.ops.mps.add_rig(projection=projection, margin=0.25)
+    camera = scene_camera(scene.mps.rig.camera, scene, size)
+    vertices = np.array([(*vertex.co, 1) for vertex in sphere.data.vertices])
+    points = vertices @ camera.projection_rows().T
+    extent = np.ptp(points[:, :2] / points[:, 2:], axis=0).max()
+    assert extent == pytest.approx(min(size) / 1.25, rel=0.05 if projection == "PERSPECTIVE" else 0.01)
+
+
+@pytest.mark.parametrize("kind", ["ORTHO", "PERSP"])
+@pytest.mark.parametrize("fit", ["AUTO", "HORIZONTAL", "VERTICAL"])
+@pytest.mark.parametrize(
+    ("width", "height", "percentage", "aspect"),
+    [(192, 108, 100, (1, 1)), (60, 80, 50, (1, 1)), (72, 58, 100, (1.5, 1)), (64, 64, 100, (1, 2))],
+)
+def test_the_camera_projects_as_blenders(scene, kind, fit, width, height, percentage, aspect):
+    data = bpy.data.cameras.new("Camera")
+    camera = bpy.data.objects.new("Camera", data)
+    scene.collection.objects.link(camera)
+    data.type, data.sensor_fit = kind, fit
+    data.lens, data.ortho_scale, data.sensor_width, data.sensor_height = 40, 5, 30, 20
+    data.shift_x, data.shift_y = 0.13, -0.21
+    camera.matrix_world = Matrix.LocRotScale(Vector((1, -8, 2)), Matrix.Rotation(1.4, 3, "X"), Vector((2, 2, 2)))
+    render = scene.render
+    render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, percentage
+    render.pixel_aspect_x, render.pixel_aspect_y = aspect
+    bpy.context.view_layer.update()
+
+    ours = scene_camera(camera, scene)
+    for point in np.random.default_rng(1).uniform(-2, 2, (20, 3)):
+        x, y, w = ours.projection_rows() @ [*point, 1]
+        theirs = world_to_camera_view(scene, camera, Vector(point))
+        assert x / w == pytest.approx(theirs.x * ours.width, abs=1e-4)
+        assert y / w == pytest.approx((1 - theirs.y) * ours.height, abs=1e-4)
+        assert ours.depth_row() @ [*point, 1] == pytest.approx(theirs.z, abs=1e-5)
+
+
+def test_given_settings_are_kept_and_the_others_are_the_scenes(sphere, scene):
+    scene.mps.rig.slant = 20
+    bpy.ops.mps.add_rig(tilt=45)
+    bpy.ops.mps.add_rig()
+    rig = light_rig(scene)
+    assert angles_apart(rig.slants, 20).max() < EXACT
+    assert angles_apart(rig.tilts, [45, 165, 285]).max() < EXACT
+    assert (scene.mps.rig.slant, scene.mps.rig.tilt) == (20, 45)
