@@ -94,8 +94,6 @@ def bumpy_sphere():
     points = points.reshape(-1, 3)
     x, z = points[:, 0], points[:, 2]
     bumps = np.sin(9 * x + 1) * np.sin(11 * z) + 0.5 * np.sin(17 * z + 5 * x)
-        17 * points[:, 2] + 5 * points[:, 0]
-    )
     points *= (1 + 0.02 * bumps)[:, None]
     obj.data.vertices.foreach_set("co", points.ravel())
     obj.data.update()
