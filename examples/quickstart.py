@@ -48,7 +48,7 @@ def main() -> None:
     select(detailed)
     bpy.ops.mps.add_rig(slant=30.0, light_type="SUN", projection="ORTHOGRAPHIC")
     photo = OUTPUT / "photo.exr"
-    bpy.ops.mps.render_photo(width=PIXELS, height=PIXELS, samples=64, output=str(photo))
+    bpy.ops.mps.render_photo(width=PIXELS, height=PIXELS, samples=128, output=str(photo))
     truth = render_truth(OUTPUT / "truth.exr")
 
     step("estimating the normals")
@@ -110,14 +110,13 @@ def render_truth(path: Path) -> NormalMap:
 
 def relit(target: bpy.types.Object, path: Path) -> np.ndarray:
     """A picture of `target` alone, by the rig's camera, under one white lamp from the upper right."""
-    scene = bpy.context.scene.copy()
-    for thing in list(scene.collection.all_objects):
-        thing.hide_render = thing != target
+    scene = bpy.data.scenes.new("Relit")
     lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "SUN"))
     lamp.data.energy = 3.5
     lamp.rotation_euler = (math.radians(35), math.radians(50), 0)
-    scene.collection.objects.link(lamp)
     scene.camera = bpy.context.scene.mps.rig.camera
+    for thing in (target, lamp, scene.camera):
+        scene.collection.objects.link(thing)
     scene.render.engine = "CYCLES"
     scene.cycles.samples = 24
     scene.render.film_transparent = True

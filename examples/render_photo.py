@@ -16,7 +16,7 @@ OUTPUT = Path(__file__).resolve().parent / "output"
 
 def add_monkey():
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
-    bpy.ops.mesh.primitive_monkey_add(rotation=(-0.6, 0, 0.3))
+    bpy.ops.mesh.primitive_monkey_add(rotation=(-0.1, 0, 0.3))
     monkey = bpy.context.object
     monkey.modifiers.new("Subdivision", "SUBSURF").render_levels = 3
     bpy.ops.object.shade_smooth()
