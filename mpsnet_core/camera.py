@@ -12,6 +12,7 @@ from mpsnet_core.files import read_json, write_json
 
 CAMERA_FORMAT = "mpsnet-camera"
 CAMERA_VERSION = 1
+MAX_SIDE = 1_000_000
 
 Projection = Literal["orthographic", "perspective"]
 
@@ -42,8 +43,8 @@ class Camera:
         if self.projection not in ("orthographic", "perspective"):
             raise InputError(f'a camera\'s projection is "orthographic" or "perspective", not {self.projection!r}')
         for what, size in (("width", self.width), ("height", self.height)):
-            if isinstance(size, bool) or not isinstance(size, int | np.integer) or size < 1:
-                raise InputError(f"the camera's {what} must be a whole number of pixels above 0, not {size!r}")
+            if isinstance(size, bool) or not isinstance(size, int | np.integer) or not 1 <= size <= MAX_SIDE:
+                raise InputError(f"the camera's {what} must be a whole number of pixels from 1 to {MAX_SIDE}")
         focal = _numbers(self.focal, (2,), "focal")
         if (focal <= 0).any():
             raise InputError("the camera's focal must be above 0 in x and in y")
@@ -95,7 +96,7 @@ class Camera:
 def _numbers(value: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float64]:
     try:
         array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         array = np.empty(0)
     if array.shape != shape or not np.isfinite(array).all():
         raise InputError(f"the camera's {what} must be {' by '.join(map(str, shape))} finite numbers")

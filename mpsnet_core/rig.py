@@ -25,7 +25,7 @@ LIGHT_NAMES = ("first", "second", "third")
 def _matrix(value: ArrayLike, what: str) -> NDArray[np.float64]:
     try:
         matrix = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"{what} must be three rows of three numbers") from None
     if matrix.shape != (3, 3):
         raise InputError(f"{what} must be three rows of three numbers, not an array of shape {matrix.shape}")
@@ -134,7 +134,7 @@ def _json_direction(light: Any, name: str) -> NDArray[np.float64]:
             direction = np.array(light["direction"], dtype=np.float64)
         else:
             direction = direction_from_angles(float(light["slant"]), float(light["tilt"]))
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"the {name} light holds something that is not a number") from None
     if direction.shape != (3,):
         raise InputError(f"the {name} light's direction needs three numbers")
@@ -147,10 +147,10 @@ def _lp_directions(path: Path) -> NDArray[np.float64]:
     lines = [line.split() for line in text.splitlines() if line.strip()]
     try:
         count = int(lines[0][0])
-        directions = np.array([[float(number) for number in line[-3:]] for line in lines[1:]])
+        directions = np.array([[float(x), float(y), float(z)] for *_, x, y, z in lines[1:]])
     except (IndexError, ValueError):
         raise InputError('not an .lp file: the first line is the count, then a line "name x y z" a light') from None
-    if directions.shape != (count, 3):
+    if len(directions) != count:
         raise InputError(f"the first line says {count} lights but {len(lines) - 1} lines follow; mend the count")
     if count != 3:
         raise InputError(f"it holds {count} lights, a rig has three; keep the lines of the red, green and blue light")

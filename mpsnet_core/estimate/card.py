@@ -43,9 +43,11 @@ class ModelCard:
             raise InputError(f'its card\'s "kind" is {self.kind!r}; expected "dense" or "patch"')
         if not isinstance(self.inputs, Mapping) or not self.inputs:
             raise InputError("its card's \"inputs\" must name each input's features")
-        for features in self.inputs.values():
+        for name, features in self.inputs.items():
+            if not features:
+                raise InputError(f"its card's \"inputs\" gives no list of features for input {name!r}")
             for feature in features:
-                if feature not in FEATURE_CHANNELS:
+                if not isinstance(feature, str) or feature not in FEATURE_CHANNELS:
                     raise InputError(f"its card asks for {feature!r}; this program makes {', '.join(FEATURE_CHANNELS)}")
         for key, least in (("halo", 0), ("multiple", 1), ("patch", 1)):
             value = getattr(self, key)

@@ -81,13 +81,24 @@ class OnnxModel:
             outputs = dict(zip(self._outputs, self.session.run(None, inputs), strict=True))
         except _RUNTIME_ERRORS as error:
             shapes = ", ".join(f"{name} {value.shape}" for name, value in inputs.items())
-            reason = str(error).splitlines()[0]
+            reason = " ".join(str(error).split())[:200]
             raise InputError(
                 f"model file {self.path} failed on {shapes}: {reason}; export it with dynamic sizes"
             ) from None
-        if not np.isfinite(outputs["normals"]).all():
+        if not all(np.isfinite(outputs[name]).all() for name in ("normals", "confidence") if name in outputs):
             raise InputError(f"model file {self.path} gave values that are not finite; train or export it again")
         return outputs
+
+    def _shaped(
+        self, name: str, outputs: dict[str, NDArray[np.float32]], expected: tuple[int, ...]
+    ) -> NDArray[np.float32]:
+        """An output in the shape it must have; axes of length one do not matter."""
+        shape = outputs[name].shape
+        if [size for size in shape if size > 1] != [size for size in expected if size > 1]:
+            raise InputError(
+                f'model file {self.path} cannot be used: its output "{name}" is {shape}, expected {expected}'
+            )
+        return outputs[name].reshape(expected)
 
     def _dense(
         self, inputs: dict[str, NDArray[np.float32]], mask: NDArray[np.bool_], progress: Progress
@@ -108,16 +119,10 @@ class OnnxModel:
             if not mask[place].any():
                 continue
             outputs = self._run({name: values[(slice(None), *outer)][None] for name, values in inputs.items()})
-            normals = outputs["normals"]
-            expected = (1, 3, outer[0].stop - outer[0].start, outer[1].stop - outer[1].start)
-            if normals.shape != expected:
-                raise InputError(
-                    f'model file {self.path} cannot be used: its output "normals" is {normals.shape}, '
-                    f"expected {expected}"
-                )
-            vectors[place] = normals[0].transpose(1, 2, 0)[inner]
+            size = (outer[0].stop - outer[0].start, outer[1].stop - outer[1].start)
+            vectors[place] = self._shaped("normals", outputs, (1, 3, *size))[0].transpose(1, 2, 0)[inner]
             if "confidence" in outputs:
-                confidence[place] = outputs["confidence"].reshape(expected[2:])[inner]
+                confidence[place] = self._shaped("confidence", outputs, (1, 1, *size))[0, 0][inner]
         return vectors[:height, :width], confidence[:height, :width]
 
     def _patches(
@@ -138,14 +143,9 @@ class OnnxModel:
             outputs = self._run(
                 {name: np.ascontiguousarray(view[:, y, x].swapaxes(0, 1)) for name, view in windows.items()}
             )
-            if outputs["normals"].reshape(len(y), -1).shape != (len(y), 3):
-                raise InputError(
-                    f'model file {self.path} cannot be used: its output "normals" is {outputs["normals"].shape} for '
-                    f"{len(y)} patches, expected ({len(y)}, 3)"
-                )
-            vectors[y, x] = outputs["normals"].reshape(len(y), 3)
+            vectors[y, x] = self._shaped("normals", outputs, (len(y), 3))
             if "confidence" in outputs:
-                confidence[y, x] = outputs["confidence"].reshape(len(y))
+                confidence[y, x] = self._shaped("confidence", outputs, (len(y), 1))[:, 0]
         return vectors, confidence
 
 

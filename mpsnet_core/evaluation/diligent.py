@@ -80,6 +80,8 @@ def read_diligent(folder: str | os.PathLike[str], lights: Lights, protocol: str)
         raise InputError(f"protocol {protocol!r} is not known; choose {', '.join(PROTOCOLS)}")
     directions = _numbers(folder / "light_directions.txt")
     intensities = _numbers(folder / "light_intensities.txt")
+    if (intensities <= 0).any():
+        raise InputError(f"{folder / 'light_intensities.txt'} holds a light without intensity; all must be above 0")
     names = existing_file(folder / "filenames.txt", "DiLiGenT's list").read_text().split()
     count = min(len(directions), len(intensities), len(names))
     for light in lights:
@@ -90,7 +92,10 @@ def read_diligent(folder: str | os.PathLike[str], lights: Lights, protocol: str)
         # The photographs' 16-bit values are linear, whatever the files say.
         photo, _ = read_data(folder / names[light - 1])
         mixed.append(photo / intensities[light - 1] @ weights)
-    rig = LightRig(directions[[light - 1 for light in lights]])
+    try:
+        rig = LightRig(directions[[light - 1 for light in lights]])
+    except InputError as error:
+        raise InputError(f"{folder.name}, lights {lights}: {error}") from None
     return Capture(np.stack(mixed, axis=-1).astype(np.float32), read_mask(folder / "mask.png"), rig)
 
 
@@ -144,7 +149,8 @@ def evaluate_diligent(
 
 def _numbers(path: Path) -> NDArray[np.float64]:
     try:
-        values = np.loadtxt(existing_file(path, "DiLiGenT's list"), ndmin=2)
+        lines = existing_file(path, "DiLiGenT's list").read_text().splitlines()
+        values = np.array([[float(number) for number in line.split()] for line in lines if line.strip()])
     except ValueError as error:
         raise InputError(f"{path} is not a table of numbers ({error}); copy it again") from None
     if values.shape[1:] != (3,) or not np.isfinite(values).all():

@@ -40,7 +40,7 @@ def read_mat_array(path: str | os.PathLike[str], name: str) -> NDArray[np.float6
                 found = _matrix(body, name)
                 if found is not None:
                     return found
-    except (zlib.error, struct.error, ValueError, StopIteration, KeyError) as error:
+    except (zlib.error, struct.error, ValueError, StopIteration, KeyError, IndexError) as error:
         raise InputError(f"{path} is damaged ({error or 'it ends early'}); copy it again") from None
     raise InputError(f"{path} holds no numeric array called {name!r}")
 

@@ -2,6 +2,7 @@
 
 import os
 import zipfile
+import zlib
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -40,11 +41,11 @@ class Mesh:
     world_from_object: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
 
     def __post_init__(self) -> None:
-        count = len(self.triangles)
-        if count == 0 or len(self.vertices) == 0:
+        count, points = len(np.atleast_1d(self.triangles)), len(np.atleast_1d(self.vertices))
+        if count == 0 or points == 0:
             raise InputError("the mesh has no faces; choose an object with a surface")
         shapes: dict[str, tuple[int, ...]] = {
-            "vertices": (len(self.vertices), 3),
+            "vertices": (points, 3),
             "triangles": (count, 3),
             "corner_normals": (count, 3, 3),
             "uvs": (count, 3, 2),
@@ -54,7 +55,10 @@ class Mesh:
             shapes["given_tangents"] = (count, 3, 4)
         kinds = {"triangles": np.int32, "vertices": np.float64, "world_from_object": np.float64}
         for name, shape in shapes.items():
-            value = np.asarray(getattr(self, name), dtype=kinds.get(name, np.float32))
+            try:
+                value = np.asarray(getattr(self, name), dtype=kinds.get(name, np.float32))
+            except (TypeError, ValueError, OverflowError):
+                raise InputError(f"the mesh's {name} are not numbers; export it again") from None
             if value.shape != shape:
                 raise InputError(f"the mesh's {name} have shape {value.shape}, expected {shape}; export it again")
             if not np.isfinite(value).all():
@@ -123,11 +127,11 @@ def _read_npz(path: Path) -> Mesh:
                 raise InputError("it unpacks to more than 4 GiB; reduce the mesh first")
         with np.load(path, allow_pickle=False) as data:
             arrays: dict[str, NDArray[Any]] = {name: data[name] for name in data.files}
-    except (ValueError, OSError, zipfile.BadZipFile, EOFError) as error:
+    except (ValueError, OSError, zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
         raise InputError(f"it cannot be read ({error}); export it again") from None
     if str(arrays.get("format")) != MESH_FORMAT:
         raise InputError(f"it is not a {MESH_FORMAT} file; export it with the add-on")
-    if arrays.get("version") != MESH_VERSION:
+    if not np.array_equal(arrays.get("version", 0), MESH_VERSION):
         raise InputError(f"it is version {arrays.get('version')}, this program reads version {MESH_VERSION}; update it")
     missing = [name for name in ("vertices", "triangles", "corner_normals", "uvs") if name not in arrays]
     if missing:

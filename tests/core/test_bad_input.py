@@ -1,0 +1,1111 @@
+"""Every kind of bad input we know of, and the one sentence it gets.
+
+A case is a name, what brings the bad input about on a `Bench`, and the words that its sentence must hold, in order,
+parted by "…". Command lines run in this process, with what they print on stderr as their sentence.
+"""
+
+import contextlib
+import io
+import json
+import logging
+import os
+import pickle
+import re
+import signal
+import struct
+import zipfile
+import zlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from networks import DENSE, card, conv, pass_through, random_weights, write_model
+from onnx import TensorProto, helper
+from synthetic import diligent_object, mat_file, named, shaded_sphere, write_file, write_parts
+
+from mpsnet_core import (
+    Camera,
+    Capture,
+    InputError,
+    LightRig,
+    Mesh,
+    NormalMap,
+    View,
+    bake_normals,
+    estimate_normals,
+    published_rig,
+    read_camera,
+    read_capture,
+    read_image,
+    read_mask,
+    read_mesh,
+    read_normals,
+    read_rig,
+    write_camera,
+    write_image,
+    write_normals,
+    write_rig,
+    write_texture,
+)
+from mpsnet_core.cli import main
+from mpsnet_core.estimate.card import CARD_VERSION
+from mpsnet_core.evaluation.diligent import read_diligent, read_truth
+from mpsnet_core.surface.mesh import write_mesh
+
+SPHERE = shaded_sphere(16)
+NAN = float("nan")
+# A square that faces +z, its UVs the whole texture.
+SQUARE: dict[str, Any] = {
+    "vertices": np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]]),
+    "triangles": np.array([[0, 1, 2], [0, 2, 3]]),
+    "corner_normals": np.tile([0, 0, 1.0], (2, 3, 1)),
+    "uvs": np.array([[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1.0]]]),
+}
+AWAY = np.diag([1.0, -1, -1, 1])  # turned about x: looks along +z
+AWAY[2, 3] = 5
+
+
+class Bench:
+    """A folder with what each verb needs, in good order, and ways to make the same in bad order."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def __truediv__(self, name: str) -> Path:
+        return self.folder / name
+
+    def text(self, name: str, text: str) -> Path:
+        (self / name).write_text(text)
+        return self / name
+
+    def bytes(self, name: str, data: bytes) -> Path:
+        (self / name).write_bytes(data)
+        return self / name
+
+    def rig(self, name: str = "rig.json", **changes: Any) -> Path:
+        write_rig(self / name, SPHERE.rig)
+        return self.changed(self / name, changes)
+
+    def lights(self, **changes: Any) -> Path:
+        """A rig file with its second light changed; None takes a key out."""
+        light = {"slant": 30, "tilt": 210, **changes}
+        good = [{"slant": 30, "tilt": tilt} for tilt in (90, 330)]
+        light = {key: value for key, value in light.items() if value is not None}
+        return self.rig(lights=[good[0], light, good[1]])
+
+    def camera(self, name: str = "camera.json", *, pose: np.ndarray | None = None, **changes: Any) -> Path:
+        write_camera(self / name, Camera("orthographic", 16, 16, (8, 8), None, np.eye(4) if pose is None else pose))
+        return self.changed(self / name, changes)
+
+    def changed(self, path: Path, changes: dict[str, Any]) -> Path:
+        data = json.loads(path.read_text()) | changes
+        path.write_text(json.dumps({key: value for key, value in data.items() if value is not None}))
+        return path
+
+    def photo(self, name: str = "photo.exr", pixels: np.ndarray = SPHERE.image, kind: str = "float") -> Path:
+        return write_file(self / name, pixels, kind)
+
+    def mask(self, name: str = "mask.png", values: np.ndarray = SPHERE.mask) -> Path:
+        return write_file(self / name, values, "uint8")
+
+    def normals(self, name: str = "normals.png", size: int = 16) -> Path:
+        sphere = shaded_sphere(size)
+        write_normals(self / name, NormalMap(sphere.normals, sphere.mask))
+        return self / name
+
+    def mesh(self, name: str = "mesh.npz", **changes: Any) -> Path:
+        """The square as the add-on writes it; None takes an array out."""
+        write_mesh(self / name, Mesh(**SQUARE))
+        with np.load(self / name) as data:
+            arrays = {**data, **changes}
+        np.savez(self / name, **{key: value for key, value in arrays.items() if value is not None})
+        return self / name
+
+    def diligent(self, **files: str) -> Path:
+        """DiLiGenT's layout with one object; `files` overwrites a file's text, "" removes it."""
+        diligent_object(self / "pmsData", "ball")
+        for name, text in files.items():
+            path = next((self / "pmsData" / "ballPNG").glob(f"{name}*"))
+            path.write_text(text) if text else path.unlink()
+        return self / "pmsData"
+
+    def run(self, *arguments: str | Path) -> None:
+        """Run the command line; its one line on stderr is raised as an InputError."""
+        words = io.StringIO()
+        with contextlib.redirect_stderr(words), contextlib.redirect_stdout(io.StringIO()):
+            code = main([str(argument) for argument in arguments])
+        assert code == 2, words.getvalue()
+        (line,) = words.getvalue().splitlines()
+        assert line.startswith("mpsnet: ")
+        raise InputError(line.removeprefix("mpsnet: "))
+
+    def estimate(self, *photos: str | Path, output: str = "out.png", **options: str | Path) -> None:
+        """`mpsnet estimate` with good values for what is not given."""
+        given = {"rig": self.rig(), "mask": self.mask(), **options}
+        flags = [part for key, value in given.items() for part in (f"--{key}", value)]
+        self.run("estimate", *(photos or [self.photo()]), *flags, "-o", self / output)
+
+    def bake(self, *arguments: str | Path, view: str | None = None, output: str = "texture.png") -> None:
+        """`mpsnet bake` with good values for what is not given; later arguments win."""
+        view = view or f"{self.camera()}={self.normals()}"
+        good = ["--mesh", self.mesh(), "--size", "32", "--margin", "2", "--view", view]
+        self.run("bake", *good, "-o", self / output, *arguments)
+
+    def evaluate(self, *arguments: str | Path) -> None:
+        self.run("evaluate", "diligent", self.diligent(), "--lights", "1,2,3", *arguments)
+
+
+def dense(output: str = "normals", **changes: Any) -> Callable[[Path], Path]:
+    """A one-convolution network with something wrong in it."""
+    count, shape = changes.pop("channels", 3), changes.pop("shape", DENSE)
+    weights = random_weights(0, w=(changes.pop("answers", 3), count, 1, 1))
+    nodes = changes.pop("nodes", [conv("x", output, "w")])
+    model_card = changes.pop("card", card())
+
+    def write(path: Path) -> Path:
+        inputs, outputs = {"x": shape}, {output: (None,) * 4}
+        return write_model(path, nodes, weights, model_card, inputs=inputs, outputs=outputs, **changes)
+
+    return write
+
+
+def use(model: Callable[[Path], Path]) -> Callable[[Bench], Any]:
+    return lambda b: estimate_normals(SPHERE.capture(), model(b / "m.onnx"))
+
+
+def card_with(**changes: Any) -> Callable[[Bench], Any]:
+    """The good card's text with some values changed; None takes a key out."""
+    data = json.loads(card().to_json()) | changes
+    return use(dense(card={key: value for key, value in data.items() if value is not None}))
+
+
+def huge_png(width: int, height: int) -> bytes:
+    def chunk(kind: bytes, body: bytes) -> bytes:
+        return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    parts = chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(b"")) + chunk(b"IEND", b"")
+    return b"\x89PNG\r\n\x1a\n" + parts
+
+
+def huge_exr(b: Bench) -> Path:
+    """An EXR whose header says it is 100000 x 100000."""
+    data = b.photo("huge.exr").read_bytes()
+    small, huge = struct.pack("<4i", 0, 0, 15, 15), struct.pack("<4i", 0, 0, 99999, 99999)
+    assert small in data
+    return b.bytes("huge.exr", data.replace(small, huge))
+
+
+def cut(path: Path, share: float = 0.6) -> Path:
+    data = path.read_bytes()
+    path.write_bytes(data[: int(len(data) * share)])
+    return path
+
+
+def pickled(b: Bench) -> Path:
+    """An npz that would run code if it were unpickled."""
+
+    class Danger:
+        def __reduce__(self) -> tuple[Any, ...]:
+            return os.mkdir, (str(b / "unpickled"),)
+
+    np.savez(b / "mesh.npz", format=np.array("mpsnet-mesh"), vertices=np.array([Danger()], dtype=object))
+    return b / "mesh.npz"
+
+
+def two(b: Bench) -> list[Path]:
+    for name in ("a", "b"):
+        (b / name).mkdir()
+    return [b.photo("a/same.exr"), b.photo("b/same.exr")]
+
+
+def with_pixel(value: float) -> np.ndarray:
+    image = SPHERE.image.copy()
+    image[8, 8, 1] = value
+    return image
+
+
+Case = tuple[str, Callable[[Bench], Any], str]
+
+RIGS: list[Case] = [
+    (
+        "zero vector",
+        lambda b: read_rig(b.lights(direction=[0, 0, 0], slant=None, tilt=None)),
+        "rig.json…second light…zero vector; give where",
+    ),
+    (
+        "behind",
+        lambda b: read_rig(b.lights(slant=120)),
+        "rig.json…second light is behind the object…z towards the camera",
+    ),
+    (
+        "coplanar",
+        lambda b: LightRig([[0, 0.5, 1], [0, -0.5, 1], [0, 0, 1]]),
+        "three light directions lie (nearly) in one plane…move one light",
+    ),
+    ("nearly coplanar", lambda b: published_rig(slant=0.5), "(nearly) in one plane"),
+    ("twice the same light", lambda b: read_rig(b.lights(tilt=90)), "rig.json…(nearly) in one plane"),
+    ("direction not finite", lambda b: LightRig([[0, NAN, 1], [1, 0, 1], [0, 0, 1]]), "light directions…not finite"),
+    ("angle not finite", lambda b: read_rig(b.lights(slant=NAN)), "rig.json…not finite"),
+    ("angle beyond all numbers", lambda b: read_rig(b.lights(slant=10**400)), "rig.json…second light…not a number"),
+    ("two lights", lambda b: read_rig(b.rig(lights=[{"slant": 30, "tilt": 0}] * 2)), "rig.json…list of three lights"),
+    (
+        "directions of the wrong shape",
+        lambda b: LightRig(np.ones((2, 3))),
+        "light directions must be three rows of three numbers…(2, 3)",
+    ),
+    (
+        "a direction of two numbers",
+        lambda b: read_rig(b.lights(direction=[0, 1], slant=None, tilt=None)),
+        "rig.json…second light's direction needs three numbers",
+    ),
+    (
+        "direction and angles",
+        lambda b: read_rig(b.lights(direction=[0, 0, 1])),
+        "rig.json…second light needs either…or",
+    ),
+    ("neither direction nor angles", lambda b: read_rig(b.lights(tilt=None)), "rig.json…second light needs either"),
+    ("an angle in words", lambda b: read_rig(b.lights(slant="steep")), "rig.json…second light…not a number"),
+    ("a light that is no object", lambda b: read_rig(b.rig(lights=[1, 2, 3])), "rig.json…first light needs either"),
+    (
+        "singular mixing",
+        lambda b: read_rig(b.rig(mixing=[[1, 1, 0], [1, 1, 0], [0, 0, 1]])),
+        "rig.json…mixing matrix cannot be inverted…measure it again or leave it out",
+    ),
+    (
+        "mixing of the wrong shape",
+        lambda b: read_rig(b.rig(mixing=[[1, 0], [0, 1]])),
+        "rig.json…mixing matrix must be three rows of three",
+    ),
+    ("mixing in words", lambda b: read_rig(b.rig(mixing="none")), "rig.json…mixing matrix must be three rows of three"),
+    (
+        "mixing beyond all numbers",
+        lambda b: read_rig(b.rig(mixing=[[10**400, 0, 0], [0, 1, 0], [0, 0, 1]])),
+        "rig.json…mixing matrix",
+    ),
+    ("missing", lambda b: read_rig(b / "rig.json"), "rig.json does not exist; check the path"),
+    ("a folder", lambda b: read_rig(b.folder), "is a folder, not a file"),
+    ("a name too long for the system", lambda b: read_rig(b / ("x" * 300)), "xxx cannot be opened…check the path"),
+    (
+        "not JSON",
+        lambda b: read_rig(b.text("rig.json", '{"format": "mpsnet-rig",')),
+        "rig.json is not valid JSON…write it again",
+    ),
+    ("not text", lambda b: read_rig(b.bytes("rig.json", b"\xff\xfe\x00")), "rig.json is not valid JSON"),
+    ("JSON too deep", lambda b: read_rig(b.text("rig.json", "[" * 100_000)), "rig.json is not valid JSON"),
+    (
+        "another format",
+        lambda b: read_rig(b.camera()),
+        "camera.json is not a mpsnet-rig file…'mpsnet-camera', expected 'mpsnet-rig'",
+    ),
+    ("no object", lambda b: read_rig(b.text("rig.json", "[1, 2]")), "rig.json is not a mpsnet-rig file"),
+    ("a newer version", lambda b: read_rig(b.rig(version=2)), "rig.json is version 2…reads up to 1; update it"),
+    ("a version in words", lambda b: read_rig(b.rig(version="new")), "rig.json is version 'new'"),
+    ("not a small file", lambda b: read_rig(b.text("rig.json", " " * (1 << 21))), "rig.json is larger than 1 MiB"),
+    (
+        ".lp with four lights",
+        lambda b: read_rig(b.text("r.lp", "4\n" + "a 0 0 1\n" * 4)),
+        "r.lp…holds 4 lights, a rig has three; keep",
+    ),
+    (
+        ".lp with a wrong count",
+        lambda b: read_rig(b.text("r.lp", "3\n" + "a 0 0 1\n" * 2)),
+        "r.lp…says 3 lights but 2 lines follow; mend the count",
+    ),
+    (".lp with no light", lambda b: read_rig(b.text("r.lp", "0\n")), "r.lp…holds 0 lights, a rig has three"),
+    (".lp with two numbers a line", lambda b: read_rig(b.text("r.lp", "3\n" + "0 1\n" * 3)), "r.lp…name x y z"),
+    (".lp that is empty", lambda b: read_rig(b.text("r.lp", "")), "r.lp…not an .lp file…first line is the count"),
+    (".lp that is something else", lambda b: read_rig(b.text("r.lp", "hello\nworld")), "r.lp…not an .lp file"),
+]
+
+CAMERAS: list[Case] = [
+    (
+        "unknown projection",
+        lambda b: read_camera(b.camera(projection="fisheye")),
+        'camera.json…"orthographic" or "perspective", not \'fisheye\'',
+    ),
+    ("width 0", lambda b: read_camera(b.camera(width=0)), "camera.json…width must be a whole number of pixels from 1"),
+    ("half a pixel", lambda b: read_camera(b.camera(height=1.5)), "camera.json…height must be a whole number"),
+    ("width beyond all numbers", lambda b: read_camera(b.camera(width=10**400, centre=None)), "camera.json…width"),
+    ("focal 0", lambda b: read_camera(b.camera(focal=[8, 0])), "camera.json…focal must be above 0"),
+    ("one focal", lambda b: read_camera(b.camera(focal=8)), "camera.json…focal must be 2 finite numbers"),
+    (
+        "centre not finite",
+        lambda b: read_camera(b.camera(centre=[NAN, 0])),
+        "camera.json…centre must be 2 finite numbers",
+    ),
+    (
+        "pose with scale",
+        lambda b: read_camera(b.camera(world_from_camera=np.diag([2, 2, 2, 1]).tolist())),
+        "camera.json…not a rotation and a translation; remove scale",
+    ),
+    ("pose mirrored", lambda b: Camera("orthographic", 4, 4, (1, 1), None, np.diag([-1, 1, 1, 1])), "mirroring"),
+    (
+        "pose of three rows",
+        lambda b: read_camera(b.camera(world_from_camera=np.eye(3).tolist())),
+        "camera.json…world_from_camera must be 4 by 4",
+    ),
+    (
+        "pose beyond all numbers",
+        lambda b: read_camera(b.camera(world_from_camera=[[10**400] * 4] * 4)),
+        "camera.json…world_from_camera must be 4 by 4 finite",
+    ),
+    (
+        "without a pose",
+        lambda b: read_camera(b.camera(world_from_camera=None)),
+        'camera.json lacks "world_from_camera"; add it',
+    ),
+    ("a rig in its place", lambda b: read_camera(b.rig()), "rig.json is not a mpsnet-camera file"),
+]
+
+IMAGES: list[Case] = [
+    ("missing", lambda b: read_image(b / "photo.png"), "photo.png does not exist; check the path"),
+    ("a folder", lambda b: read_image(b.folder), "is a folder, not a file; name a file in it"),
+    (
+        "empty",
+        lambda b: read_image(b.bytes("photo.png", b"")),
+        "photo.png cannot be read as an image…PNG, JPEG, TIFF or EXR",
+    ),
+    ("not an image", lambda b: read_image(b.text("photo.png", "hello")), "photo.png cannot be read as an image"),
+    ("of no known kind", lambda b: read_image(b.text("photo.txt", "hello")), "photo.txt cannot be read as an image"),
+    (
+        "PNG cut short",
+        lambda b: read_image(cut(b.photo("p.png", kind="uint16"))),
+        "p.png is damaged or cut short…copy or export it again",
+    ),
+    (
+        "JPEG cut short",
+        lambda b: read_image(cut(b.photo("p.jpg", kind="uint8"), 0.95)),
+        "p.jpg is damaged or cut short",
+    ),
+    ("TIFF cut short", lambda b: read_image(cut(b.photo("p.tif", kind="uint16"))), "p.tif"),
+    ("EXR cut short", lambda b: read_image(cut(b.photo("p.exr"))), "p.exr is damaged or cut short"),
+    (
+        "grey",
+        lambda b: read_image(b.photo("p.png", SPHERE.mask, "uint8")),
+        "p.png has 1 channel(s) (Y)…give a colour image",
+    ),
+    (
+        "two channels",
+        lambda b: read_image(b.photo("p.tif", SPHERE.image[..., :2], "uint8")),
+        "p.tif has 2 channel(s)…red, green and blue are needed",
+    ),
+    (
+        "NaN",
+        lambda b: read_image(b.photo(pixels=with_pixel(NAN))),
+        "photo.exr holds values that are not finite; render or export it again",
+    ),
+    (
+        "infinity",
+        lambda b: read_image(b.photo(pixels=with_pixel(np.inf), kind="half")),
+        "photo.exr holds values that are not finite",
+    ),
+    (
+        "unknown layer",
+        lambda b: read_image(write_parts(b / "l.exr", [(None, named("A.", "RGB", SPHERE.image))]), layer="B"),
+        "l.exr has no layer 'B'; it has A",
+    ),
+    (
+        "several layers",
+        lambda b: read_image(
+            write_parts(b / "l.exr", [(None, named("A.", "RGB", SPHERE.image) | named("B.", "RGB", SPHERE.image))])
+        ),
+        "l.exr has several layers; name one of A, B",
+    ),
+    (
+        "a layer of two view layers",
+        lambda b: read_image(
+            write_parts(
+                b / "l.exr",
+                [(None, named("A.Combined.", "RGB", SPHERE.image) | named("B.Combined.", "RGB", SPHERE.image))],
+            ),
+            layer="Combined",
+        ),
+        "l.exr has several layers; name one of A.Combined, B.Combined",
+    ),
+    (
+        "unknown encoding",
+        lambda b: read_image(b.photo(), encoding="log"),
+        "encoding 'log' is not known; choose auto, linear, srgb",
+    ),
+    (
+        "a PNG header of 10^10 pixels",
+        lambda b: read_image(b.bytes("p.png", huge_png(100_000, 100_000))),
+        "p.png…100000",
+    ),
+    (
+        "a PNG header of 10^9 pixels",
+        lambda b: read_image(b.bytes("p.png", huge_png(31_623, 31_623))),
+        "p.png says it is 31623 x 31623…more than this program reads (400 megapixels",
+    ),
+    ("an EXR header of 10^10 pixels", lambda b: read_image(huge_exr(b)), "huge.exr"),
+    (
+        "1100 channels",
+        lambda b: read_image(write_file(b / "c.exr", np.zeros((2, 2, 1100)), "half")),
+        "c.exr…1100 channels",
+    ),
+]
+
+CAPTURES: list[Case] = [
+    (
+        "empty mask",
+        lambda b: read_capture(b.photo(), SPHERE.rig, mask=b.mask(values=0 * SPHERE.mask)),
+        "photo.exr…mask is empty…choose another mask or threshold",
+    ),
+    (
+        "empty alpha",
+        lambda b: read_capture(b.photo(pixels=np.dstack([SPHERE.image, 0 * SPHERE.mask])), SPHERE.rig),
+        "photo.exr…mask is empty",
+    ),
+    (
+        "mask of another size",
+        lambda b: read_capture(b.photo(), SPHERE.rig, mask=b.mask(values=np.ones((8, 4)))),
+        "photo.exr…mask is 4 x 8 but the photo is 16 x 16; they must be the same size",
+    ),
+    ("missing mask", lambda b: read_capture(b.photo(), SPHERE.rig, mask=b / "mask.png"), "mask.png does not exist"),
+    ("a mask that is no image", lambda b: read_mask(b.rig()), "rig.json cannot be read as an image"),
+    (
+        "alpha where there is none",
+        lambda b: read_capture(b.photo(), SPHERE.rig, mask="alpha"),
+        "photo.exr…no alpha channel…give a mask file or a threshold",
+    ),
+    (
+        "threshold in words",
+        lambda b: read_capture(b.photo(), SPHERE.rig, mask="threshold:low"),
+        "photo.exr…from 0 up to 1, not 'low'; 0.05",
+    ),
+    (
+        "threshold without number",
+        lambda b: read_capture(b.photo(), SPHERE.rig, mask="threshold:"),
+        "photo.exr…from 0 up to 1, not ''",
+    ),
+    (
+        "threshold above 1",
+        lambda b: read_capture(b.photo(), SPHERE.rig, mask="threshold:1.5"),
+        "from 0 up to 1, not '1.5'",
+    ),
+    (
+        "threshold not finite",
+        lambda b: read_capture(b.photo(), SPHERE.rig, mask="threshold:nan"),
+        "from 0 up to 1, not 'nan'",
+    ),
+    (
+        "black",
+        lambda b: read_capture(b.photo(pixels=0 * SPHERE.image), SPHERE.rig),
+        "photo.exr…black inside the mask; were the lights on",
+    ),
+    ("not finite inside the mask", lambda b: SPHERE.capture(image=with_pixel(NAN)), "not finite inside the mask"),
+    ("grey image", lambda b: SPHERE.capture(image=SPHERE.image[..., 0]), "three channels a pixel…(16, 16)"),
+    (
+        "a camera of another size",
+        lambda b: SPHERE.capture(camera=Camera("orthographic", 20, 10, (8, 8))),
+        "camera is 20 x 10 but the photo is 16 x 16",
+    ),
+]
+
+NORMALS: list[Case] = [
+    ("not a normal map", lambda b: read_normals(b.photo("photo.png", 0.5 + 0 * SPHERE.image, "uint8")), "photo.png"),
+    (
+        "a photo with alpha",
+        lambda b: read_normals(b.photo("photo.png", np.dstack([SPHERE.image, SPHERE.mask]), "uint8")),
+        "photo.png is not a normal map…choose another",
+    ),
+    (
+        "empty alpha",
+        lambda b: read_normals(b.photo("n.png", np.dstack([SPHERE.image, 0 * SPHERE.mask]), "uint8")),
+        "n.png holds no normals: its mask is empty; estimate them again",
+    ),
+    (
+        "unknown convention",
+        lambda b: read_normals(b.normals(), convention="maya"),
+        "convention 'maya' is not known; choose opengl or directx",
+    ),
+    (
+        "shapes that differ",
+        lambda b: NormalMap(SPHERE.normals, SPHERE.mask[:8]),
+        "normals of shape (16, 16, 3) do not fit a mask of shape (8, 16)",
+    ),
+    (
+        "confidence that differs",
+        lambda b: NormalMap(SPHERE.normals, SPHERE.mask, np.ones((4, 4))),
+        "confidence of shape (4, 4) does not fit",
+    ),
+    ("no mask", lambda b: NormalMap(SPHERE.normals, 0 * SPHERE.mask), "mask is empty"),
+]
+
+MODELS: list[Case] = [
+    (
+        "unknown name",
+        lambda b: estimate_normals(SPHERE.capture(), "mpsnet9"),
+        "no model 'mpsnet9'; choose lambertian, lambertian-grey-world…or give an .onnx file",
+    ),
+    (
+        "missing file",
+        lambda b: estimate_normals(SPHERE.capture(), b / "m.onnx"),
+        "m.onnx does not exist; check the path",
+    ),
+    (
+        "garbage",
+        lambda b: estimate_normals(SPHERE.capture(), b.bytes("m.onnx", bytes(range(256)))),
+        "m.onnx is not an ONNX model that can be run…export it again",
+    ),
+    (
+        "empty file",
+        lambda b: estimate_normals(SPHERE.capture(), b.bytes("m.onnx", b"")),
+        "m.onnx is not an ONNX model that can be run",
+    ),
+    ("no card", use(dense(card=None)), "m.onnx…no card (metadata 'mpsnet.card')"),
+    ("card not JSON", use(dense(card="{")), "m.onnx…card…not valid JSON"),
+    ("card of another format", use(dense(card={"format": "recipe"})), "m.onnx…not a mpsnet-model card"),
+    (
+        "card of a newer version",
+        card_with(version=CARD_VERSION + 1),
+        "m.onnx…version 2, this program reads version 1; update it",
+    ),
+    ("card without a licence", card_with(licence=None), 'm.onnx…card lacks "licence"'),
+    ("card with an empty name", card_with(name=""), 'm.onnx…needs a text for "name"'),
+    ("card with an unknown kind", card_with(kind="sparse"), 'm.onnx…"kind" is \'sparse\'; expected "dense" or "patch"'),
+    (
+        "card with an unknown feature",
+        card_with(inputs={"x": ["depth"]}),
+        "m.onnx…asks for 'depth'; this program makes photo, grey_world",
+    ),
+    (
+        "card with a feature that is a list",
+        card_with(inputs={"x": [["photo"]]}),
+        "m.onnx…asks for ['photo']; this program makes",
+    ),
+    ("card without features", card_with(inputs={"x": []}), "m.onnx…no list of features for input 'x'"),
+    ("card with features in words", card_with(inputs={"x": "photo"}), "m.onnx…no list of features for input 'x'"),
+    ("card with inputs as a list", card_with(inputs=["photo"]), 'm.onnx…"inputs" must name each input\'s features'),
+    ("card with a negative halo", card_with(halo=-1), 'm.onnx…"halo" is -1; expected a whole number from 0'),
+    ("card with an even patch", card_with(kind="patch", patch=4), 'm.onnx…"patch" is 4; expected an odd number'),
+    ("card with other inputs", card_with(inputs={"y": ["photo"]}), "m.onnx…inputs ['x'], its card describes ['y']"),
+    (
+        "wrong channel count",
+        use(dense(channels=4, shape=("n", 4, "h", "w"))),
+        "m.onnx…input 'x'…'any', 4, 'any'…expected tensor(float) ['any', 3, 'any', 'any'] for initial_normals",
+    ),
+    (
+        "wrong type",
+        use(
+            dense(
+                nodes=[helper.make_node("Cast", ["x"], ["c"], to=TensorProto.FLOAT), conv("c", "normals", "w")],
+                input_type=TensorProto.DOUBLE,
+            )
+        ),
+        "m.onnx…tensor(double)…expected tensor(float)",
+    ),
+    ("fixed size", use(dense(shape=("n", 3, 64, 64))), "m.onnx…fixed size…64, 64]…export with dynamic sizes"),
+    (
+        "a patch of another size",
+        use(dense(shape=("n", 3, 7, 7), card=card(kind="patch", patch=5))),
+        "m.onnx…7, 7]; expected tensor(float) ['any', 3, 5, 5]",
+    ),
+    (
+        "flat input",
+        use(dense(shape=("n", 3), nodes=[helper.make_node("Identity", ["x"], ["normals"])])),
+        "m.onnx…input 'x'…expected tensor(float) ['any', 3, 'any', 'any']",
+    ),
+    ("no output called normals", use(dense("depth")), 'm.onnx…no output called "normals"'),
+    ("four channels out", use(dense(answers=4)), 'm.onnx…output "normals" is (1, 4,…expected (1, 3,'),
+    (
+        "output of half the size",
+        use(dense(nodes=[conv("x", "normals", "w", strides=[2, 2])])),
+        'm.onnx…output "normals" is (1, 3, 8, 8), expected (1, 3, 16, 16)',
+    ),
+    (
+        "patches that give too much",
+        use(lambda path: pass_through(path, card(kind="patch", patch=3), inputs={"x": ("n", 3, 3, 3)})),
+        'm.onnx…output "normals" is (208, 3, 3, 3), expected (208, 3)',
+    ),
+    (
+        "NaN out",
+        use(
+            dense(
+                nodes=[
+                    conv("x", "h", "w"),
+                    helper.make_node("Sub", ["h", "h"], ["z"]),
+                    helper.make_node("Div", ["z", "z"], ["normals"]),
+                ]
+            )
+        ),
+        "m.onnx gave values that are not finite",
+    ),
+    (
+        "NaN confidence",
+        use(
+            lambda path: write_model(
+                path,
+                [
+                    helper.make_node("Identity", ["x"], ["normals"]),
+                    helper.make_node("Sub", ["x", "x"], ["z"]),
+                    helper.make_node("Div", ["z", "z"], ["q"]),
+                    helper.make_node("ReduceMean", ["q"], ["confidence"], axes=[1]),
+                ],
+                {},
+                card(),
+                outputs={"normals": DENSE, "confidence": ("n", 1, "h", "w")},
+            )
+        ),
+        "m.onnx gave values that are not finite",
+    ),
+    (
+        "confidence of another shape",
+        use(
+            lambda path: write_model(
+                path,
+                [helper.make_node("Identity", ["x"], ["normals"]), helper.make_node("Identity", ["x"], ["confidence"])],
+                {},
+                card(),
+                outputs={"normals": DENSE, "confidence": DENSE},
+            )
+        ),
+        'm.onnx…output "confidence" is (1, 3, 16, 16), expected (1, 1, 16, 16)',
+    ),
+    (
+        "failing as it runs",
+        use(
+            dense(
+                channels=3,
+                nodes=[
+                    helper.make_node("Reshape", ["x", "s"], ["normals"]),
+                    helper.make_node(
+                        "ConstantOfShape", ["k"], ["s"], value=helper.make_tensor("v", TensorProto.INT64, [1], [7])
+                    ),
+                    helper.make_node("Constant", [], ["k"], value_ints=[4]),
+                ][::-1],
+            )
+        ),
+        "m.onnx failed on x (1, 3, 16, 16)",
+    ),
+    (
+        "a tile too small",
+        lambda b: estimate_normals(SPHERE.capture(), pass_through(b / "m.onnx"), tile=8),
+        "tile of 8 pixels is too small; use 64 or more",
+    ),
+    (
+        "fewer than no threads",
+        lambda b: estimate_normals(SPHERE.capture(), pass_through(b / "m.onnx"), threads=-1),
+        "-1 threads cannot be; use 0",
+    ),
+    (
+        "unknown provider",
+        lambda b: estimate_normals(SPHERE.capture(), pass_through(b / "m.onnx"), provider="gpu"),
+        "provider 'gpu' is not known; choose cpu, cuda, directml, coreml",
+    ),
+]
+
+MESHES: list[Case] = [
+    ("missing", lambda b: read_mesh(b / "mesh.obj"), "mesh.obj does not exist"),
+    (
+        "not a mesh",
+        lambda b: read_mesh(b.photo("mesh.png", kind="uint8")),
+        "mesh.png…not a mesh format…use OBJ, PLY, GLB or npz",
+    ),
+    ("an OBJ of words", lambda b: read_mesh(b.text("mesh.obj", "hello\n")), "mesh.obj"),
+    ("a broken PLY", lambda b: read_mesh(b.text("mesh.ply", "ply\nformat ascii 1.0\nelement vertex 3\n")), "mesh.ply"),
+    ("a broken GLB", lambda b: read_mesh(b.bytes("mesh.glb", b"glTF\x02\x00\x00\x00")), "mesh.glb"),
+    (
+        "no UVs",
+        lambda b: read_mesh(b.text("mesh.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")),
+        "mesh.obj…no UVs; unwrap it in Blender",
+    ),
+    ("no faces", lambda b: read_mesh(b.text("mesh.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n")), "mesh.obj"),
+    ("npz cut short", lambda b: read_mesh(cut(b.mesh())), "mesh.npz…cannot be read…export it again"),
+    ("npz with a broken array", lambda b: read_mesh(broken_array(b)), "mesh.npz…cannot be read…export it again"),
+    ("npz with pickles", lambda b: read_mesh(pickled(b)), "mesh.npz…cannot be read…pickle…export it again"),
+    (
+        "npz that is a pickle",
+        lambda b: read_mesh(b.bytes("mesh.npz", pickle.dumps({"a": 1}))),
+        "mesh.npz…cannot be read",
+    ),
+    ("npz of something else", lambda b: read_mesh(b.mesh(format=None)), "mesh.npz…not a mpsnet-mesh file"),
+    (
+        "npz of a newer version",
+        lambda b: read_mesh(b.mesh(version=np.array(2))),
+        "mesh.npz…version 2, this program reads version 1; update it",
+    ),
+    ("npz with two versions", lambda b: read_mesh(b.mesh(version=np.array([1, 2]))), "mesh.npz…version [1 2]"),
+    ("npz without UVs", lambda b: read_mesh(b.mesh(uvs=None)), 'mesh.npz…lacks "uvs"; export it again'),
+    ("npz of words", lambda b: read_mesh(b.mesh(uvs=np.full((2, 3, 2), "u"))), "mesh.npz…uvs…export it again"),
+    (
+        "npz with a single number",
+        lambda b: read_mesh(b.mesh(vertices=np.array(1.0))),
+        "mesh.npz…vertices…export it again",
+    ),
+    (
+        "UVs of another shape",
+        lambda b: read_mesh(b.mesh(uvs=np.zeros((4, 2)))),
+        "mesh.npz…uvs have shape (4, 2), expected (2, 3, 2)",
+    ),
+    (
+        "bad indices",
+        lambda b: read_mesh(b.mesh(triangles=np.array([[0, 1, 2], [0, 2, 9]]))),
+        "mesh.npz…triangles name vertices that it does not have",
+    ),
+    (
+        "negative indices",
+        lambda b: read_mesh(b.mesh(triangles=np.array([[0, 1, 2], [0, 2, -1]]))),
+        "mesh.npz…triangles name vertices",
+    ),
+    (
+        "vertices not finite",
+        lambda b: Mesh(**{**SQUARE, "vertices": SQUARE["vertices"] * NAN}),
+        "vertices hold a value that is not finite",
+    ),
+    (
+        "UVs outside",
+        lambda b: Mesh(**{**SQUARE, "uvs": SQUARE["uvs"] + 1}),
+        "UVs lie outside the texture (0 to 1); move",
+    ),
+    (
+        "no triangles",
+        lambda b: Mesh(**{key: SQUARE[key][:0] if key != "vertices" else SQUARE[key] for key in SQUARE}),
+        "no faces",
+    ),
+    (
+        "scale 0",
+        lambda b: Mesh(**SQUARE, world_from_object=np.diag([1, 1, 0, 1])),
+        "scaled to nothing…give it a scale above 0",
+    ),
+    ("written as OBJ", lambda b: write_mesh(b / "mesh.obj", Mesh(**SQUARE)), "mesh.obj…written as .npz"),
+]
+
+BAKES: list[Case] = [
+    ("no views", lambda b: bake_normals(Mesh(**SQUARE), []), "no view to bake; give at least one camera"),
+    (
+        "sizes differ",
+        lambda b: b.bake(view=f"{b.camera()}={b.normals(size=32)}"),
+        "camera.json…normals.png…camera is 16 x 16 but its normal map is 32 x 32",
+    ),
+    (
+        "sizes differ in Python",
+        lambda b: View(Camera("orthographic", 4, 8, (1, 1)), read_normals(b.normals())),
+        "camera is 4 x 8 but its normal map is 16 x 16",
+    ),
+    ("a view without a camera", lambda b: b.bake(view=str(b.normals())), "normals.png is not CAMERA=NORMALS"),
+    ("a view whose camera is missing", lambda b: b.bake(view=f"{b / 'c.json'}={b.normals()}"), "c.json does not exist"),
+    ("size 0", lambda b: b.bake("--size", "0"), "texture of 0 texels…choose a size from 1 to 16384"),
+    ("size beyond reason", lambda b: b.bake("--size", "1000000"), "texture of 1000000 texels"),
+    ("size in words", lambda b: b.bake("--size", "large"), "--size…'large'…see mpsnet bake --help"),
+    ("negative margin", lambda b: b.bake("--margin", "-1"), "margin of -1 texels…choose 0 to 32"),
+    ("unknown space", lambda b: b.bake("--space", "world"), "space 'world' is not known; choose tangent or object"),
+    (
+        "unknown convention",
+        lambda b: b.bake("--convention", "vulkan"),
+        "convention 'vulkan' is not known; choose opengl or directx",
+    ),
+    ("8-bit EXR", lambda b: b.bake("--bits", "8", output="t.exr"), "t.exr…hold 16 or 32 bits a channel, not 8"),
+    ("32-bit PNG", lambda b: b.bake("--bits", "32"), "texture.png…hold 8 or 16 bits a channel, not 32"),
+    (
+        "a camera that looks elsewhere",
+        lambda b: b.bake(view=f"{b.camera(pose=AWAY)}={b.normals()}"),
+        "no view sees any of the mesh; check that the cameras and the mesh share one world",
+    ),
+    ("over the normals", lambda b: b.bake(output="normals.png"), "overwrite…normals.png…choose another output"),
+    (
+        "a photo for normals",
+        lambda b: b.bake(view=f"{b.camera()}={b.photo('p.png', np.dstack([SPHERE.image, SPHERE.mask]), 'uint8')}"),
+        "p.png is not a normal map",
+    ),
+    ("no view at all", lambda b: b.run("bake", "--mesh", b.mesh(), "-o", b / "t.png"), "--view"),
+]
+
+OUTPUTS: list[Case] = [
+    (
+        "folder missing",
+        lambda b: b.estimate(output="nowhere/out.png"),
+        "nowhere/out.png…nowhere does not exist; create it first",
+    ),
+    (
+        "texture's folder missing",
+        lambda b: b.bake(output="nowhere/t.png"),
+        "nowhere/t.png…nowhere does not exist; create it first",
+    ),
+    (
+        "folder of frames in no folder",
+        lambda b: b.estimate(b.photo("a.exr"), b.photo("b.exr"), output="no/where"),
+        "no/where…does not exist; create it first",
+    ),
+    ("unknown suffix", lambda b: b.estimate(output="out.gif"), "out.gif…not an image format of ours; use .png"),
+    ("no suffix", lambda b: write_image(b / "out", SPHERE.image), "out…no suffix…use .png"),
+    ("a folder", lambda b: write_image(b.folder, SPHERE.image), "no suffix"),
+    (
+        "a folder with a suffix",
+        lambda b: ((b / "t.png").mkdir(), b.bake(output="t.png")),
+        "t.png…it is a folder; give a file name",
+    ),
+    (
+        "over the photo",
+        lambda b: b.estimate(b.photo("out.png", kind="uint16")),
+        "overwrite…out.png…choose another output",
+    ),
+    ("over the mask", lambda b: b.estimate(output="mask.png"), "overwrite…mask.png…choose another output"),
+    (
+        "confidence over the photo",
+        lambda b: b.estimate(confidence=b.photo()),
+        "overwrite…photo.exr…choose another output",
+    ),
+    (
+        "confidence over the normals",
+        lambda b: b.estimate(confidence=b / "out.png"),
+        "overwrite…out.png…choose another output",
+    ),
+    (
+        "confidence in no folder",
+        lambda b: b.estimate(confidence=b / "nowhere/c.png"),
+        "nowhere/c.png…does not exist; create it first",
+    ),
+    (
+        "confidence of several",
+        lambda b: b.estimate(b.photo("a.exr"), b.photo("b.exr"), output="out", confidence=b / "c.png"),
+        "--confidence takes one photo",
+    ),
+    (
+        "one file for several photos",
+        lambda b: b.estimate(b.photo("a.exr"), b.photo("b.exr")),
+        "out.png is one file, but there are 2 photos; give a folder",
+    ),
+    (
+        "unknown format for several",
+        lambda b: b.estimate(b.photo("a.exr"), b.photo("b.exr"), output="out", format="gif"),
+        ".gif is not an image format of ours",
+    ),
+    (
+        "unknown convention",
+        lambda b: write_normals(b / "n.png", NormalMap(SPHERE.normals, SPHERE.mask), convention="y-up"),
+        "convention 'y-up' is not known",
+    ),
+    (
+        "texture bits",
+        lambda b: write_texture(
+            b / "t.tif",
+            bake_normals(
+                Mesh(**SQUARE),
+                [View(Camera("orthographic", 16, 16, (8, 8)), read_normals(b.normals()))],
+                size=8,
+                margin=0,
+            ),
+            bits=12,
+        ),
+        "t.tif…hold 8 or 16 or 32 bits a channel, not 12",
+    ),
+    (
+        "rig in no folder",
+        lambda b: write_rig(b / "no" / "rig.json", SPHERE.rig),
+        "no/rig.json…does not exist; create it first",
+    ),
+]
+
+FRAMES: list[Case] = [
+    (
+        "a pattern that matches nothing",
+        lambda b: b.estimate(b / "frame_####.png"),
+        "no image matches…frame_####.png; check the pattern",
+    ),
+    ("a pattern in a missing folder", lambda b: b.estimate(b / "shots" / "*.png"), "no image matches…shots/*.png"),
+    (
+        "a folder without images",
+        lambda b: ((b / "shots").mkdir(), b.estimate(b / "shots")),
+        "shots holds no images (.png",
+    ),
+    ("missing", lambda b: b.estimate(b / "photo.png"), "photo.png does not exist; check the path"),
+    ("a name too long for the system", lambda b: b.estimate(b / ("x" * 300 + ".png")), "xxx.png…too long"),
+    (
+        "two of the same name",
+        lambda b: b.estimate(*two(b), output="out"),
+        "two photos would both be written to…same_normals.png; rename one",
+    ),
+    (
+        "one bad frame among good ones",
+        lambda b: b.estimate(b.photo("a.exr"), b.photo("b.exr", 0 * SPHERE.image), output="out"),
+        "b.exr…black inside the mask",
+    ),
+]
+
+COMMANDS: list[Case] = [
+    ("no verb", lambda b: b.run(), "VERB; see mpsnet --help"),
+    ("unknown verb", lambda b: b.run("paint"), "'paint'…see mpsnet --help"),
+    ("no rig", lambda b: b.run("estimate", b.photo(), "-o", b / "n.png"), "--rig; see mpsnet estimate --help"),
+    ("unknown option", lambda b: b.estimate(colour="red"), "--colour…see mpsnet"),
+    ("unknown provider", lambda b: b.estimate(provider="gpu"), "--provider…'gpu'…cpu"),
+    (
+        "unknown encoding",
+        lambda b: b.estimate(encoding="log"),
+        "encoding 'log' is not known; choose auto, linear, srgb",
+    ),
+    ("unknown progress", lambda b: b.run("models", "--progress", "loud"), "--progress…'loud'…auto"),
+]
+
+DILIGENT: list[Case] = [
+    (
+        "no such folder",
+        lambda b: b.run("evaluate", "diligent", b / "nowhere"),
+        "nowhere has none of DiLiGenT's folders (ballPNG…give its pmsData folder",
+    ),
+    ("a folder without objects", lambda b: b.run("evaluate", "diligent", b.folder), "has none of DiLiGenT's folders"),
+    (
+        "a light out of range",
+        lambda b: b.evaluate("--lights", "1,2,97"),
+        "ballPNG has lights 1 to 4, not 97; mend --lights",
+    ),
+    (
+        "light 0",
+        lambda b: read_diligent(b.diligent() / "ballPNG", (0, 1, 2), "white"),
+        "ballPNG has lights 1 to 4, not 0",
+    ),
+    (
+        "lights in words",
+        lambda b: b.evaluate("--lights", "red,green,blue"),
+        "--lights red,green,blue is not three numbers; write them like 48,1,96",
+    ),
+    ("two lights", lambda b: b.evaluate("--lights", "1,2"), "--lights 1,2 is not three numbers"),
+    ("twice the same light", lambda b: b.evaluate("--lights", "1,2,1"), "ballPNG…(1, 2, 1)…one plane"),
+    (
+        "unknown protocol",
+        lambda b: b.evaluate("--protocol", "mixed"),
+        "protocol 'mixed' is not known; choose separated, published, white",
+    ),
+    ("unknown model", lambda b: b.evaluate("--model", "mpsnet9"), "no model 'mpsnet9'"),
+    (
+        "report of another kind",
+        lambda b: b.evaluate("-o", b / "report.pdf"),
+        "report.pdf…written as .html; change the suffix",
+    ),
+    (
+        "rows in no folder",
+        lambda b: b.evaluate("--json", b / "no" / "rows.json"),
+        "no/rows.json…does not exist; create it first",
+    ),
+    (
+        "light table missing",
+        lambda b: read_diligent(b.diligent(light_directions="") / "ballPNG", (1, 2, 3), "white"),
+        "light_directions.txt does not exist",
+    ),
+    (
+        "light table in words",
+        lambda b: read_diligent(b.diligent(light_directions="a b c\n") / "ballPNG", (1, 2, 3), "white"),
+        "light_directions.txt is not a table of numbers",
+    ),
+    (
+        "light table empty",
+        lambda b: read_diligent(b.diligent(light_intensities="\n") / "ballPNG", (1, 2, 3), "white"),
+        "light_intensities.txt must hold three numbers a line",
+    ),
+    (
+        "intensity 0",
+        lambda b: read_diligent(b.diligent(light_intensities="0 1 1\n" * 4) / "ballPNG", (1, 2, 3), "white"),
+        "light_intensities.txt…above 0",
+    ),
+    (
+        "a photograph missing",
+        lambda b: read_diligent(b.diligent(filenames="x.png " * 4) / "ballPNG", (1, 2, 3), "white"),
+        "x.png does not exist",
+    ),
+    ("truth missing", lambda b: read_truth(b.diligent(Normal_gt="") / "ballPNG"), "Normal_gt.mat does not exist"),
+    (
+        "truth broken",
+        lambda b: read_truth(cut(b.diligent() / "ballPNG" / "Normal_gt.mat").parent),
+        "Normal_gt.mat is damaged…copy it again",
+    ),
+    (
+        "truth of an older MATLAB",
+        lambda b: read_truth(b.diligent(Normal_gt="MATLAB 4" * 40) / "ballPNG"),
+        "Normal_gt.mat is not a little-endian MATLAB 5 file; save it with -v7",
+    ),
+    (
+        "truth under another name",
+        lambda b: read_truth(mat_file(b / "Normal_gt.mat", normals=np.zeros((2, 2, 3))).parent),
+        "Normal_gt.mat holds no numeric array called 'Normal_gt'",
+    ),
+    (
+        "truth that is flat",
+        lambda b: read_truth(mat_file(b / "Normal_gt.mat", Normal_gt=np.zeros((2, 2))).parent),
+        "Normal_gt has shape (2, 2), expected height x width x 3",
+    ),
+    (
+        "truth of another size",
+        lambda b: (
+            mat_file(b.diligent() / "ballPNG" / "Normal_gt.mat", Normal_gt=np.zeros((2, 2, 3))),
+            b.run("evaluate", "diligent", b / "pmsData", "--lights", "1,2,3"),
+        ),
+        "ballPNG…truth is (2, 2, 3), the photos (64, 64, 3)",
+    ),
+    (
+        "truth with an empty header",
+        lambda b: read_truth(
+            b.bytes("Normal_gt.mat", bytes(124) + b"\x00\x01IM" + struct.pack("<IIII", 14, 8, 6, 0)).parent
+        ),
+        "Normal_gt.mat is damaged",
+    ),
+]
+
+
+def broken_array(b: Bench) -> Path:
+    """A zip whose UVs are not an array at all."""
+    with zipfile.ZipFile(b.mesh(uvs=None), "a") as archive:
+        archive.writestr("uvs.npy", b"\x93NUMPY\x01\x00garbage")
+    return b / "mesh.npz"
+
+
+TOPICS = {
+    "rig": RIGS,
+    "camera": CAMERAS,
+    "image": IMAGES,
+    "capture": CAPTURES,
+    "normals": NORMALS,
+    "model": MODELS,
+    "mesh": MESHES,
+    "bake": BAKES,
+    "output": OUTPUTS,
+    "frames": FRAMES,
+    "command": COMMANDS,
+    "diligent": DILIGENT,
+}
+CASES = [pytest.param(*case[1:], id=f"{topic}: {case[0]}") for topic, cases in TOPICS.items() for case in cases]
+
+
+@pytest.fixture(autouse=True)
+def settings_kept() -> Iterator[None]:
+    """`main` sets the process up for itself alone; put back what it set."""
+    handler, log = signal.getsignal(signal.SIGTERM), logging.getLogger("mpsnet_core")
+    propagate, level = log.propagate, log.level
+    yield
+    signal.signal(signal.SIGTERM, handler)
+    log.propagate = propagate
+    log.setLevel(level)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("bad_input", "words"), CASES)
+def test_bad_input_gets_one_clear_sentence(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], bad_input: Callable[[Bench], Any], words: str
+) -> None:
+    with pytest.raises(InputError) as caught:
+        bad_input(Bench(tmp_path))
+    sentence = str(caught.value)
+    assert re.search(".*".join(map(re.escape, words.split("…"))), sentence), sentence
+    assert "\n" not in sentence and "Traceback" not in sentence
+    assert len(sentence.replace(str(tmp_path), "").replace("x" * 300, "")) < 400, sentence
+    assert capfd.readouterr().err == ""
+    assert not list(tmp_path.rglob("*unfinished*")) and not (tmp_path / "unpickled").exists()
+
+
+def test_there_are_many_kinds_of_bad_input() -> None:
+    assert len({case.id for case in CASES}) == len(CASES) >= 40
+
+
+def test_the_bench_itself_is_in_order(tmp_path: Path) -> None:
+    """What the cases spoil works when it is not spoilt, so that each fails for its own reason."""
+    b = Bench(tmp_path)
+    assert read_rig(b.lights()).tilts == pytest.approx([90, 210, 330])
+    assert isinstance(read_capture(b.photo(), read_rig(b.rig()), mask=b.mask()), Capture)
+    assert read_mesh(b.mesh()).triangles.shape == (2, 3)
+    estimate_normals(SPHERE.capture(), pass_through(b / "m.onnx"))
+    estimate_normals(SPHERE.capture(), dense(card=json.loads(card().to_json()))(b / "m.onnx"))
+    for good in (b.estimate, b.bake, b.evaluate):
+        with pytest.raises(AssertionError, match=r"^(note: .*)?\s*assert 0 == 2"):
+            good()
