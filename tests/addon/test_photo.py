@@ -53,7 +53,7 @@ def everything(scene):
     parts += [scene.render.image_settings, scene.view_layers[0], scene.view_layers[0].cycles]
     parts += [obj for obj in scene.objects] + [obj.data for obj in scene.objects if obj.data]
     kinds = [name for name in dir(bpy.data) if isinstance(getattr(bpy.data, name), bpy.types.bpy_prop_collection)]
-    names = {kind: sorted(getattr(bpy.data, kind).keys()) for kind in kinds if kind != "images"}
+    names = {kind: sorted(getattr(bpy.data, kind).keys()) for kind in kinds if kind not in {"images", "all_ids"}}
     return [settings_of(part) for part in parts], names, bpy.context.scene.name, [o.name for o in scene.objects]
 
 
