@@ -86,9 +86,9 @@ class Mesh:
 
 
 def read_mesh(path: str | os.PathLike[str]) -> Mesh:
-    """Read a mesh with UVs: OBJ, PLY, GLB, glTF, OFF or STL through trimesh, or the ``.npz`` that the add-on writes.
+    """Read a mesh with UVs: OBJ; PLY, GLB, glTF and more through trimesh; or the ``.npz`` that the add-on writes.
 
-    Polygons become triangles. Shading normals are the file's own, else smooth ones (angle-weighted, across UV seams).
+    Polygons become fans of triangles, and all of the file's objects and materials one mesh. Shading normals are the file's own, else smooth ones (angle-weighted, across UV seams).
     The file's axes are taken as they stand: cameras must be given in the same world.
 
     Raises InputError where the file is missing, broken, without faces or without UVs.
@@ -96,8 +96,9 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     path = existing_file(path, "mesh file")
     if path.stat().st_size > MAX_MESH_BYTES:
         raise InputError(f"mesh file {path} is larger than 4 GiB; reduce the mesh first")
+    readers = {".npz": _read_npz, ".obj": _read_obj}
     try:
-        return _read_npz(path) if path.suffix.lower() == ".npz" else _read_with_trimesh(path)
+        return readers.get(path.suffix.lower(), _read_with_trimesh)(path)
     except InputError as error:
         raise InputError(f"mesh file {path}: {error}") from None
 
@@ -146,6 +147,51 @@ def _read_npz(path: Path) -> Mesh:
     )
 
 
+def _read_obj(path: Path) -> Mesh:
+    """OBJ by hand: trimesh splits vertices at seams and loses the UVs of files with quads or several materials."""
+    values: dict[str, list[list[float]]] = {"v": [], "vt": [], "vn": []}
+    width = {"v": 3, "vt": 2, "vn": 3}
+    corners: list[tuple[int, ...]] = []
+    # Names may be in any encoding; they are not used. A backslash joins a line with the next one.
+    text = path.read_text(encoding="utf-8", errors="replace").replace("\\\n", " ")
+    for number, line in enumerate(text.splitlines(), 1):
+        key, *words = line.partition("#")[0].split() or [""]
+        try:
+            if key in values:
+                row = [float(word) for word in words[: width[key]]]
+                if len(row) < width[key]:
+                    raise ValueError
+                values[key].append(row)
+            elif key == "f":
+                counts = [len(values[kind]) for kind in ("v", "vt", "vn")]
+                face = [_obj_corner(word, counts) for word in words]
+                for second, third in zip(face[1:], face[2:], strict=False):
+                    corners += face[0], second, third
+        except ValueError:
+            raise InputError(f"line {number} cannot be read ({line.strip()[:60]!r}); export it again") from None
+    if not corners:
+        raise InputError("it has no faces; choose a mesh with a surface")
+    v, vt, vn = np.moveaxis(np.array(corners).reshape(-1, 3, 3), 2, 0)
+    if (vt < 0).any():
+        raise _without_uvs("its faces have" if (vt < 0).all() else "some of its faces have")
+    vertices = np.array(values["v"])
+    normals = smooth_corner_normals(vertices, v)
+    normals[vn >= 0] = np.array(values["vn"]).reshape(-1, 3)[vn[vn >= 0]]
+    return Mesh(vertices, v, normalised(normals), np.array(values["vt"])[vt])
+
+
+def _obj_corner(word: str, counts: list[int]) -> tuple[int, ...]:
+    """ "5/7/2" as numbers from 0 of vertex, UV and normal; -1 for those not given. Negative ones count from the end."""
+    given = [int(part) if part else 0 for part in word.split("/")]
+    numbers = [
+        number - 1 if number > 0 else count + number if number else -1
+        for number, count in zip([*given, 0, 0], counts, strict=False)
+    ]
+    if len(given) > 3 or not given[0] or any(not (-1 <= n < c) for n, c in zip(numbers, counts, strict=True)):
+        raise ValueError
+    return tuple(numbers)
+
+
 def _read_with_trimesh(path: Path) -> Mesh:
     import trimesh  # takes a while to load
 
@@ -153,22 +199,40 @@ def _read_with_trimesh(path: Path) -> Mesh:
         raise InputError(f"{path.suffix or 'no suffix'} is not a mesh format we read; use OBJ, PLY, GLB or npz")
     try:
         # process=False: merging vertices would lose UV seams and sharp edges.
-        loaded = trimesh.load(path, process=False, maintain_order=True, force="mesh")
-        triangles = np.asarray(loaded.faces, np.int32)
-        vertices = np.asarray(loaded.vertices, np.float64)
+        scene = trimesh.load_scene(path, process=False, maintain_order=True)
+        placed = [scene.graph[node] for node in scene.graph.nodes_geometry]
+        parts = [_placed(scene.geometry[name], pose) for pose, name in placed]
     except (ValueError, KeyError, IndexError, TypeError, AttributeError, OSError, NotImplementedError) as error:
         raise InputError(f"it cannot be read ({type(error).__name__}: {error}); export it again") from None
-    if len(triangles) == 0:
+    parts = [part for part in parts if len(part[1])]
+    if not parts:
         raise InputError("it has no faces; choose a mesh with a surface")
-    uv = getattr(loaded.visual, "uv", None)
-    if uv is None or len(uv) != len(vertices):
-        raise InputError("it has no UVs; unwrap it in Blender (UV > Smart UV Project) and export it with UVs")
+    # Joined here and not by trimesh, which packs the textures of several materials anew and moves the UVs.
+    starts = np.cumsum([0] + [len(part[0]) for part in parts[:-1]])
+    triangles = np.concatenate([part[1] + start for part, start in zip(parts, starts, strict=True)])
+    vertices, normals, uvs = (np.concatenate([part[index] for part in parts]) for index in (0, 2, 3))
+    normals = np.where(np.isnan(normals)[triangles], smooth_corner_normals(vertices, triangles), normals[triangles])
+    return Mesh(vertices, triangles, normalised(normals), uvs[triangles])
+
+
+def _placed(part: Any, pose: NDArray[np.float64]) -> tuple[NDArray[Any], ...]:
+    """Vertices, triangles, normals (NaN where the file has none) and UVs of one of trimesh's meshes where it stands."""
+    faces = np.asarray(getattr(part, "faces", np.empty((0, 3))), np.int32)
+    vertices = np.asarray(part.vertices, np.float64)
+    uvs = getattr(part.visual, "uv", None) if len(faces) else np.empty((len(vertices), 2))
+    if uvs is None or len(uvs) != len(vertices):
+        raise _without_uvs("it has")
+    normals = np.full_like(vertices, np.nan)
     # trimesh computes vertex normals on demand; its cache holds them beforehand only where the file gave them.
-    if "vertex_normals" in loaded._cache:
-        normals = np.asarray(loaded.vertex_normals)[triangles]
-    else:
-        normals = smooth_corner_normals(vertices, triangles)
-    return Mesh(vertices, triangles, normalised(normals), np.asarray(uv)[triangles])
+    if "vertex_normals" in part._cache:
+        normals = np.asarray(part.vertex_normals) @ np.linalg.inv(pose[:3, :3])
+    if np.linalg.det(pose[:3, :3]) < 0:
+        faces = faces[:, ::-1]
+    return vertices @ pose[:3, :3].T + pose[:3, 3], faces, normals, np.asarray(uvs)
+
+
+def _without_uvs(who: str) -> InputError:
+    return InputError(f"{who} no UVs; unwrap it in Blender (UV > Smart UV Project) and export it with UVs")
 
 
 def smooth_corner_normals(vertices: NDArray[np.float64], triangles: NDArray[np.int32]) -> NDArray[np.float64]:
