@@ -1,0 +1,252 @@
+"""Baking, where the answer is known: spheres under any transform, and planes whose views disagree."""
+
+import numpy as np
+import pytest
+from surface_shapes import camera_looking, first_on_sphere, sphere_mesh, sphere_view, texels_of, towards_camera
+from synthetic import degrees_between
+
+from mpsnet_core.camera import Camera
+from mpsnet_core.errors import Cancelled, InputError
+from mpsnet_core.normals import NormalMap
+from mpsnet_core.surface.bake import View, bake_normals
+from mpsnet_core.surface.mesh import Mesh
+from mpsnet_core.surface.texture import Texture
+
+SIZE = 96
+SIX_SIDES = [(1, 0.1, 0), (-1, 0, 0.1), (0, 1, 0.1), (0.1, -1, 0), (0.1, 0, 1), (0, 0.1, -1)]
+
+
+def affine(scale: tuple[float, float, float], place: tuple[float, float, float] = (0.4, -2.0, 1.0)) -> np.ndarray:
+    """Scaled, then turned about two axes, then moved."""
+    a, b = np.radians(35), np.radians(-20)
+    about_z = np.array([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]])
+    about_x = np.array([[1, 0, 0], [0, np.cos(b), -np.sin(b)], [0, np.sin(b), np.cos(b)]])
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = about_z @ about_x @ np.diag(scale), place
+    return pose
+
+
+def plane(world_from_object: np.ndarray | None = None) -> Mesh:
+    """The square from -1 to 1 in z = 0, its front at +z, its UVs the whole texture."""
+    vertices = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float)
+    triangles = np.array([[0, 1, 2], [0, 2, 3]])
+    normals = np.broadcast_to([0.0, 0.0, 1.0], (2, 3, 3))
+    uvs = (vertices[triangles][..., :2] + 1) / 2
+    return Mesh(vertices, triangles, normals, uvs, None, np.eye(4) if world_from_object is None else world_from_object)
+
+
+def constant_view(camera: Camera, world_normal: list[float], confidence: float | np.ndarray = 1.0) -> View:
+    """A view in which every pixel says `world_normal`."""
+    shape = (camera.height, camera.width)
+    vectors = np.broadcast_to(np.array(world_normal) @ camera.rotation, (*shape, 3))
+    return View(camera, NormalMap(vectors, np.ones(shape, bool), np.broadcast_to(confidence, shape)))
+
+
+def in_object_space(texture: Texture, mesh: Mesh) -> np.ndarray:
+    """(S, S, 3) what a renderer makes of the texture: x T + y B + z N with T and N interpolated over the triangle."""
+    texels = texels_of(mesh.uvs, len(texture.vectors))
+    x, y, z = texture.vectors[tuple(texels.place.T)].T[..., None]
+    normal, tangent = texels.of(mesh.corner_normals), texels.of(mesh.tangents[..., :3])
+    sign = mesh.tangents[texels.triangle, 0, 3:]
+    out = np.full_like(texture.vectors, np.nan)
+    out[tuple(texels.place.T)] = x * tangent + y * sign * np.cross(normal, tangent) + z * normal
+    return out
+
+
+@pytest.mark.parametrize("layout", ["whole", "mirrored", "overlapping"])
+@pytest.mark.parametrize("projection", ["orthographic", "perspective"])
+@pytest.mark.parametrize("scale", [(1, 1, 1), (1.5, 0.6, 1.1), (-1, 1, 1.3)])
+def test_one_view_gives_each_texel_the_normal_behind_it(
+    layout: str, projection: str, scale: tuple[float, float, float]
+) -> None:
+    """The texel's point lies on a flat triangle; the view shows the smooth sphere there, so that is what to bake."""
+    pose = affine(scale)
+    mesh = sphere_mesh(layout=layout, world_from_object=pose)
+    camera = camera_looking((0.9, -0.5, 0.4), projection, size=512, distance=6, target=tuple(pose[:3, 3]), reach=1.9)
+    texels = texels_of(mesh.uvs, SIZE)
+    points = texels.of(mesh.world_vertices[mesh.triangles])
+    truth = first_on_sphere(points, towards_camera(camera, points), pose)
+    shading = texels.of(mesh.corner_normals) @ np.linalg.inv(pose[:3, :3])
+    cosine = (shading * towards_camera(camera, points)).sum(1) / np.linalg.norm(shading, axis=1)
+
+    place = tuple(texels.place.T)
+    for space in ("object", "tangent"):
+        texture = bake_normals(mesh, [sphere_view(camera, pose)], size=SIZE, space=space, margin=0)
+        assert texture.covered[place].all() and texture.covered.sum() == len(texels.place)
+        seen = texture.seen[place]
+        assert seen[cosine > 0.25].all() and not seen[cosine < 0].any()
+        assert np.linalg.norm(texture.vectors, axis=-1) == pytest.approx(1, abs=1e-5)
+        baked = texture.vectors if space == "object" else in_object_space(texture, mesh)
+        error = degrees_between(baked[place], truth)
+        assert error[seen & (cosine > 0.4)].max() < 0.1
+        assert error[seen].mean() < 0.1
+
+
+@pytest.mark.parametrize("projection", ["orthographic", "perspective"])
+def test_six_views_give_the_whole_sphere(projection: str) -> None:
+    pose = affine((1.2, 0.8, 1.0))
+    mesh = sphere_mesh(48, 24, world_from_object=pose)
+    views = [
+        sphere_view(camera_looking(side, projection, target=tuple(pose[:3, 3]), reach=1.4), pose) for side in SIX_SIDES
+    ]
+    texture = bake_normals(mesh, views, size=SIZE, space="object", margin=0)
+    assert texture.seen_fraction == 1
+    texels = texels_of(mesh.uvs, SIZE)
+    truth = texels.of(mesh.corner_normals)  # the smooth sphere's, but for the triangles' flatness
+    error = degrees_between(texture.vectors[tuple(texels.place.T)], truth)
+    assert error.mean() < 0.2 and error.max() < 2.5
+
+
+def test_unseen_texels_keep_the_meshs_own_normal() -> None:
+    mesh = sphere_mesh()
+    view = sphere_view(camera_looking((1, 0, 0)))
+    texels = texels_of(mesh.uvs, SIZE)
+    place = tuple(texels.place.T)
+    own = {"tangent": np.array([0, 0, 1.0]), "object": texels.of(mesh.corner_normals)}
+    for space, expected in own.items():
+        texture = bake_normals(mesh, [view], size=SIZE, space=space, margin=0)
+        seen = texture.seen[place]
+        assert 0.3 < seen.mean() < 0.6
+        assert (degrees_between(texture.vectors[place], expected)[~seen]).max() < 0.05
+        assert (texture.vectors[~texture.covered] == [0, 0, 1]).all()
+        assert texture.seen_fraction == pytest.approx(seen.mean())
+
+
+def test_pixels_outside_the_mask_take_no_part() -> None:
+    """What lies beyond the mask is garbage; the texels next to its edge must not take any of it."""
+    camera = camera_looking((0, 0, 1), size=64, reach=1.0)
+    mask = np.zeros((64, 64), bool)
+    mask[:, :32] = True
+    vectors = np.broadcast_to(np.array([0.6, 0, 0.8]) @ camera.rotation, (64, 64, 3))
+    left = View(camera, NormalMap(np.where(mask[..., None], vectors, [0, 0, 1.0]), mask))
+    texture = bake_normals(plane(), [left], size=64, space="object", margin=0)
+    share_seen = texture.seen.mean()
+    assert 0.48 < share_seen < 0.55
+    assert degrees_between(texture.vectors[texture.seen], [0.6, 0, 0.8]).max() < 1e-3
+
+
+def test_the_more_confident_view_counts_more() -> None:
+    cameras = [camera_looking((side, 0, 2), reach=1.6) for side in (1, -1)]
+    normals = [[0.6, 0.0, 0.8], [0.0, 0.6, 0.8]]
+    for first, second in ((1.0, 1.0), (0.75, 0.25), (0.1, 0.9)):
+        views = [constant_view(cameras[0], normals[0], first), constant_view(cameras[1], normals[1], second)]
+        texture = bake_normals(plane(), views, size=16, space="object")
+        expected = first * np.array(normals[0]) + second * np.array(normals[1])
+        assert degrees_between(texture.vectors, expected).max() < 0.01
+
+
+def test_a_pixel_without_confidence_is_better_than_none() -> None:
+    camera = camera_looking((0, 0, 1))
+    texture = bake_normals(plane(), [constant_view(camera, [0.6, 0, 0.8], 0.0)], size=16, space="object")
+    assert texture.seen.all() and degrees_between(texture.vectors, [0.6, 0, 0.8]).max() < 0.01
+
+
+def test_the_view_from_ahead_counts_more_than_the_glancing_one() -> None:
+    ahead = constant_view(camera_looking((0, 0, 1)), [0.6, 0, 0.8])
+    glancing = constant_view(camera_looking((0, 2, 1)), [0, 0.6, 0.8])
+    texture = bake_normals(plane(), [glancing, ahead], size=16, space="object")
+    to_ahead = degrees_between(texture.vectors, [0.6, 0, 0.8])
+    assert (to_ahead < 0.2 * degrees_between(texture.vectors, [0, 0.6, 0.8])).all()
+
+
+def test_what_another_part_hides_is_not_baked_onto_it() -> None:
+    """A small square floats before a large one: the camera's normals reach only the one in front."""
+    back = plane()
+    front = np.array([0.3, 0.3, 1]) * back.vertices + [0, 0, 0.5]
+    uvs = np.concatenate([0.5 * back.uvs, 0.5 * back.uvs + 0.5])
+    normals = np.broadcast_to([0.0, 0.0, 1.0], (4, 3, 3))
+    triangles = np.concatenate([back.triangles, back.triangles + 4])
+    mesh = Mesh(np.concatenate([back.vertices, front]), triangles, normals, uvs)
+    camera = camera_looking((0, 0, 1), size=200, reach=1.2)
+    texture = bake_normals(mesh, [constant_view(camera, [0.6, 0, 0.8])], size=200, margin=0)
+
+    row, column = np.argwhere(texture.covered).T
+    x, y = (column + 0.5) / 50 - 1, 3 - (row + 0.5) / 50
+    at_back = (column < 100) & (row >= 100)
+    hidden = at_back & (np.abs(x) < 0.28) & (np.abs(y) < 0.28)
+    free = ~at_back | (np.maximum(np.abs(x), np.abs(y)) > 0.32)
+    seen = texture.seen[row, column]
+    assert hidden.sum() > 500 and not seen[hidden].any() and seen[free].all()
+
+
+def test_what_stands_behind_a_perspective_camera_is_not_seen() -> None:
+    """Two squares face the camera: one ahead of it, one at its back."""
+    square = plane()
+    mesh = Mesh(
+        np.concatenate([square.vertices, square.vertices + [0, 0, 10]]),
+        np.concatenate([square.triangles, square.triangles[:, ::-1] + 4]),
+        np.concatenate([square.corner_normals, -square.corner_normals]),
+        np.concatenate([0.5 * square.uvs, 0.5 * square.uvs + 0.5]),
+    )
+    camera = camera_looking((0, 0, 1), "perspective", distance=4)
+    texture = bake_normals(mesh, [constant_view(camera, [0, 0, 1.0])], size=64, margin=0)
+    assert texture.seen[32:, :32].all() and not texture.seen[:32, 32:].any()
+
+
+def test_the_margin_reaches_as_far_as_asked_and_changes_nothing_else() -> None:
+    mesh, view = sphere_mesh(layout="mirrored"), sphere_view(camera_looking((1, 0, 0.3)))
+    bare = bake_normals(mesh, [view], size=SIZE, margin=0, space="object")
+    grown = bake_normals(mesh, [view], size=SIZE, margin=1, space="object")
+    row, column = np.argwhere(bare.covered).T
+    near = np.zeros((SIZE + 2, SIZE + 2), bool)
+    for down in range(3):
+        for right in range(3):
+            near[row + down, column + right] = True
+    ring = near[1:-1, 1:-1] & ~bare.covered
+    changed = (bare.vectors != grown.vectors).any(axis=-1)
+    assert ring.sum() > 100 and (changed[ring]).mean() > 0.95 and not changed[~ring].any()
+    assert (grown.seen == bare.seen).all() and (grown.covered == bare.covered).all()
+
+
+def test_texels_and_threads_do_not_change_one_another() -> None:
+    """A texture of several million texels is worked on in parts; it agrees with the one that is worked on at once."""
+    mesh, views = sphere_mesh(), [sphere_view(camera_looking(side)) for side in SIX_SIDES[:3]]
+    small = bake_normals(mesh, views, size=200, margin=0)
+    large = bake_normals(mesh, views, size=600, margin=0)  # every third texel's centre is the small one's
+    at_centres = (slice(1, None, 3), slice(1, None, 3))
+    both = small.covered & large.covered[at_centres]
+    assert (small.seen == large.seen[at_centres])[both].mean() > 0.999
+    both &= small.seen & large.seen[at_centres]
+    assert degrees_between(small.vectors, large.vectors[at_centres])[both].max() < 0.1
+
+
+def test_progress_grows_from_0_to_1() -> None:
+    told: list[float] = []
+    bake_normals(
+        sphere_mesh(), [sphere_view(camera_looking((1, 0, 0)))], size=600, progress=lambda f, _: told.append(f)
+    )
+    assert told[0] == 0 and told[-1] == 1 and told == sorted(told) and len(told) > 5
+
+
+@pytest.mark.parametrize("after", [0.0, 0.3, 0.9])
+def test_cancelled_from_progress_ends_the_bake(after: float) -> None:
+    def stop(fraction: float, _: str) -> None:
+        if fraction >= after:
+            raise Cancelled
+
+    with pytest.raises(Cancelled):
+        bake_normals(sphere_mesh(), [sphere_view(camera_looking((1, 0, 0)))], size=600, progress=stop)
+
+
+def test_what_cannot_be_baked_is_refused_with_the_mend() -> None:
+    mesh, view = plane(), constant_view(camera_looking((0, 0, 1)), [0, 0, 1.0])
+    away = constant_view(camera_looking((0, 0, -1)), [0, 0, -1.0])
+    for arguments, said in [
+        (([],), "give at least one camera"),
+        (([away],), "check that the cameras and the mesh share one world"),
+    ]:
+        with pytest.raises(InputError, match=said):
+            bake_normals(mesh, *arguments)
+    for settings, said in [
+        ({"size": 0}, "choose a size from 1"),
+        ({"size": 1 << 20}, "choose a size from 1"),
+        ({"margin": -1}, "margin"),
+        ({"space": "world"}, "tangent or object"),
+    ]:
+        with pytest.raises(InputError, match=said):
+            bake_normals(mesh, [view], **settings)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="64 x 64 but its normal map is 32 x 16"):
+        View(camera_looking((0, 0, 1), size=64), NormalMap(np.ones((16, 32, 3)), np.ones((16, 32), bool)))
+    speck = Mesh(mesh.vertices, mesh.triangles, mesh.corner_normals, 1e-3 * mesh.uvs)
+    with pytest.raises(InputError, match="choose a larger size"):
+        bake_normals(speck, [view], size=64)

@@ -1,0 +1,221 @@
+"""Meshes: files written by hand and read back, smooth normals one corner at a time, and what is refused."""
+
+import base64
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from surface_shapes import sphere_mesh
+from synthetic import degrees_between
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.surface.mesh import Mesh, read_mesh, smooth_corner_normals, write_mesh
+
+# Two squares side by side, the right one bent up; each has UVs of its own.
+POINTS = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 1], [2, 1, 1]]
+UVS = [[0, 0], [0.4, 0], [0.4, 1], [0, 1], [0.5, 0], [0.9, 0], [0.9, 1], [0.5, 1]]
+LEFT, RIGHT = [(0, 0), (1, 1), (2, 2), (3, 3)], [(1, 4), (4, 5), (5, 6), (2, 7)]
+UP, SLANTED = [0.0, 0.0, 1.0], [-np.sqrt(0.5), 0.0, np.sqrt(0.5)]
+
+
+def obj(path: Path, faces: str, *, normals: bool = True) -> Path:
+    lines = ["# a comment", "mtllib none.mtl", *(f"v {x} {y} {z}" for x, y, z in POINTS)]
+    lines += [f"vt {u} {v}" for u, v in UVS]
+    lines += [f"vn {x} {y} {z}" for x, y, z in (UP, SLANTED)] if normals else []
+    path.write_text("\n".join([*lines, faces]) + "\n")
+    return path
+
+
+def corners_of(mesh: Mesh) -> list[list[list[float]]]:
+    """For each triangle, its corners as position and UV, rounded."""
+    return np.concatenate([mesh.vertices[mesh.triangles], mesh.uvs], axis=2).round(5).tolist()
+
+
+def fan(*faces: list[tuple[int, int]]) -> list[list[list[float]]]:
+    triangles = [(face[0], face[i], face[i + 1]) for face in faces for i in range(1, len(face) - 1)]
+    return [[[*map(float, POINTS[v]), *UVS[t]] for v, t in triangle] for triangle in triangles]
+
+
+def test_npz_gives_back_what_was_written(tmp_path: Path) -> None:
+    pose = np.array([[0, -2, 0, 1], [1, 0, 0, 2], [0, 0, 3, 3], [0, 0, 0, 1.0]])
+    mesh = sphere_mesh(layout="mirrored", world_from_object=pose)
+    write_mesh(tmp_path / "mesh.npz", mesh)
+    back = read_mesh(tmp_path / "mesh.npz")
+    for name in ("vertices", "triangles", "corner_normals", "uvs", "tangents", "world_from_object"):
+        assert (getattr(back, name) == getattr(mesh, name)).all(), name
+    assert back.given_tangents is not None
+    assert [path.name for path in tmp_path.iterdir()] == ["mesh.npz"]
+
+
+@pytest.mark.parametrize(
+    "faces",
+    [
+        "f 1/1/1 2/2/1 3/3/1 4/4/1\nf 2/5/2 5/6/2 6/7/2 3/8/2",
+        "o left\nusemtl a\nf 1/1/1 2/2/1 3/3/1 4/4/1\no right\nusemtl b\ns 1\nf 2/5/2 5/6/2 6/7/2 3/8/2",
+        "f -6/-8/-2 -5/-7/-2 -4/-6/-2 -3/-5/-2\nf -5/-4/-1 -2/-3/-1 -1/-2/-1 -4/-1/-1",
+        "f 1/1/1 2/2/1 \\\n 3/3/1 4/4/1 # a comment\n\nf  2/5/2\t5/6/2 6/7/2 3/8/2 ",
+    ],
+    ids=["quads", "objects and materials", "counted from the end", "lines that go on"],
+)
+def test_obj_corner_by_corner(tmp_path: Path, faces: str) -> None:
+    mesh = read_mesh(obj(tmp_path / "mesh.obj", faces))
+    assert corners_of(mesh) == fan(LEFT, RIGHT)
+    assert mesh.corner_normals[:2] == pytest.approx(np.broadcast_to(UP, (2, 3, 3)))
+    assert mesh.corner_normals[2:] == pytest.approx(np.broadcast_to(SLANTED, (2, 3, 3)), abs=1e-6)
+
+
+def test_obj_of_triangles_and_polygons_mixed(tmp_path: Path) -> None:
+    faces = "f 1/1 2/2 3/3\nf 1/1 3/3 4/4\nf 1/1 2/2 5/6 6/7 3/3 4/4"
+    mesh = read_mesh(obj(tmp_path / "mesh.obj", faces, normals=False))
+    hexagon = [(0, 0), (1, 1), (4, 5), (5, 6), (2, 2), (3, 3)]
+    assert corners_of(mesh) == fan(LEFT, hexagon)
+
+
+def test_obj_without_normals_is_smooth_also_where_the_uvs_part(tmp_path: Path) -> None:
+    quads = "f 1/1 2/2 3/3 4/4\nf 2/5 5/6 6/7 3/8"
+    mesh = read_mesh(obj(tmp_path / "mesh.obj", quads, normals=False))
+    at_fold = mesh.vertices[mesh.triangles][..., 0] == 1
+    between = np.add(UP, SLANTED)
+    assert degrees_between(mesh.corner_normals[at_fold], between).max() < 0.01
+    assert degrees_between(mesh.corner_normals[:2][~at_fold[:2]], UP).max() < 0.01
+
+
+def test_obj_corners_without_a_normal_get_the_smooth_one(tmp_path: Path) -> None:
+    faces = "f 1/1/1 2/2/1 3/3/1 4/4/1\nf 2/5 5/6 6/7 3/8"
+    mesh = read_mesh(obj(tmp_path / "mesh.obj", faces))
+    assert mesh.corner_normals[:2] == pytest.approx(np.broadcast_to(UP, (2, 3, 3)))
+    folded = mesh.vertices[mesh.triangles[2:]][..., 0] == 1
+    assert degrees_between(mesh.corner_normals[2:][folded], np.add(UP, SLANTED)).max() < 0.01
+    assert degrees_between(mesh.corner_normals[2:][~folded], SLANTED).max() < 0.01
+
+
+@pytest.mark.parametrize(
+    ("faces", "said"),
+    [
+        ("f 1/1 2/2 3/3\nf 2//1 5//1 6//1", "some of its faces have no UVs; unwrap it"),
+        ("f 1 2 3", "its faces have no UVs; unwrap it"),
+        ("f 1/1 2/2 7/3", "line 19 cannot be read .*f 1/1 2/2 7/3.*export it again"),
+        ("f 1/1 2/2 0/3", "line 19 cannot be read"),
+        ("f 1/1 2/2 -9/3", "line 19 cannot be read"),
+        ("f 1/1 2/2 3/x", "line 19 cannot be read"),
+        ("v 1 2\nf 1/1 2/2 3/3", "line 19 cannot be read"),
+        ("f 1/1 2/2", "it has no faces"),
+        ("v nan 0 0\nf 1/1 2/2 3/3", "not finite; mend the mesh"),
+    ],
+)
+def test_obj_that_cannot_be_meant(tmp_path: Path, faces: str, said: str) -> None:
+    with pytest.raises(InputError, match=rf"mesh\.obj: .*{said}"):
+        read_mesh(obj(tmp_path / "mesh.obj", faces))
+
+
+def test_ply_with_uvs_and_normals(tmp_path: Path) -> None:
+    """As Blender writes it: a vertex for every place and UV, s and t for UVs."""
+    corners = [(*POINTS[v], *normal, *UVS[t]) for face, normal in ((LEFT, UP), (RIGHT, SLANTED)) for v, t in face]
+    names = ["x", "y", "z", "nx", "ny", "nz", "s", "t"]
+    header = ["ply", "format ascii 1.0", "element vertex 8", *(f"property float {name}" for name in names)]
+    header += ["element face 4", "property list uchar uint vertex_indices", "end_header"]
+    faces = ["3 0 1 2", "3 0 2 3", "3 4 5 6", "3 4 6 7"]
+    path = tmp_path / "mesh.ply"
+    path.write_text("\n".join([*header, *(" ".join(map(str, row)) for row in corners), *faces]) + "\n")
+    mesh = read_mesh(path)
+    assert corners_of(mesh) == fan(LEFT, RIGHT)
+    assert mesh.corner_normals[2:] == pytest.approx(np.broadcast_to(SLANTED, (2, 3, 3)), abs=1e-5)
+
+
+def gltf(path: Path, *, normals: bool, mirrored: bool = False) -> Path:
+    """Both squares as meshes of their own, with two materials; the right one is moved by its node."""
+    buffer, views, accessors, meshes = b"", [], [], []
+
+    def accessor(values: np.ndarray, kind: str, component: int) -> int:
+        nonlocal buffer
+        views.append({"buffer": 0, "byteOffset": len(buffer), "byteLength": values.nbytes})
+        bounds = {"min": values.min(0).tolist(), "max": values.max(0).tolist()} if kind == "VEC3" else {}
+        accessors.append(
+            {"bufferView": len(views) - 1, "componentType": component, "count": len(values), "type": kind, **bounds}
+        )
+        buffer += values.tobytes()
+        return len(accessors) - 1
+
+    for material, (face, normal) in enumerate(((LEFT, UP), (RIGHT, SLANTED))):
+        points = np.array([POINTS[v] for v, _ in face], np.float32)
+        if material == 1:  # its node moves it back
+            points = (points - [5, 0, 0]).astype(np.float32) * np.array([-1 if mirrored else 1, 1, 1], np.float32)
+            normal = np.array(normal) * (-1 if mirrored else 1, 1, 1)
+        order = [0, 2, 1, 0, 3, 2] if mirrored and material == 1 else [0, 1, 2, 0, 2, 3]
+        uvs = np.array([[UVS[t][0], 1 - UVS[t][1]] for _, t in face], np.float32)  # glTF's v points down
+        attributes: dict[str, Any] = {
+            "POSITION": accessor(points, "VEC3", 5126),
+            "TEXCOORD_0": accessor(uvs, "VEC2", 5126),
+        }
+        if normals:
+            attributes["NORMAL"] = accessor(np.tile(np.array(normal, np.float32), (4, 1)), "VEC3", 5126)
+        indices = accessor(np.array(order, np.uint32), "SCALAR", 5125)
+        meshes.append({"primitives": [{"attributes": attributes, "indices": indices, "material": material}]})
+    data = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0, 1]}],
+        "nodes": [{"mesh": 0}, {"mesh": 1, "translation": [5, 0, 0], "scale": [-1 if mirrored else 1, 1, 1]}],
+        "materials": [{"name": "a"}, {"name": "b", "pbrMetallicRoughness": {"baseColorFactor": [1, 0, 0, 1]}}],
+        "meshes": meshes,
+        "accessors": accessors,
+        "bufferViews": views,
+        "buffers": [
+            {
+                "byteLength": len(buffer),
+                "uri": "data:application/octet-stream;base64," + base64.b64encode(buffer).decode(),
+            }
+        ],
+    }
+    path.write_text(json.dumps(data))
+    return path
+
+
+@pytest.mark.parametrize("normals", [True, False])
+def test_gltf_with_several_meshes_and_materials(tmp_path: Path, normals: bool) -> None:
+    mesh = read_mesh(gltf(tmp_path / "mesh.gltf", normals=normals))
+    assert sorted(corners_of(mesh)) == sorted(fan(LEFT, RIGHT))
+    is_left = mesh.uvs[..., 0].max(axis=1) < 0.45
+    fold = mesh.vertices[mesh.triangles][..., 0] == 1
+    expected = np.where(is_left[:, None, None], UP, SLANTED)
+    if not normals:
+        expected = np.where(fold[..., None], np.add(UP, SLANTED), expected)
+    assert degrees_between(mesh.corner_normals, expected).max() < 0.01
+
+
+def test_gltf_with_a_mirroring_node_keeps_its_outside(tmp_path: Path) -> None:
+    mesh = read_mesh(gltf(tmp_path / "mesh.gltf", normals=True, mirrored=True))
+    a, b, c = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
+    assert degrees_between(np.cross(b - a, c - a)[:, None], mesh.corner_normals).max() < 0.01
+    assert (np.cross(b - a, c - a)[:, 2] > 0).all()
+
+
+def test_smooth_normals_one_corner_at_a_time() -> None:
+    rng = np.random.default_rng(1)
+    sphere = sphere_mesh(12, 6)
+    points = sphere.vertices * rng.uniform(0.6, 1.4, (len(sphere.vertices), 1))
+    # Vertices that stand at one place, as at UV seams, count as one.
+    twice = np.concatenate([points, points])
+    points = twice
+    triangles = sphere.triangles + np.where(rng.random(len(sphere.triangles)) < 0.5, len(sphere.vertices), 0)[:, None]
+    expected: dict[tuple[float, ...], np.ndarray] = {}
+    for triangle in triangles:
+        for corner in range(3):
+            here, ahead, behind = (points[triangle[(corner + step) % 3]] for step in range(3))
+            face = np.cross(ahead - here, behind - here)
+            angle = np.radians(degrees_between(ahead - here, behind - here))
+            key = tuple(here)
+            expected[key] = expected.get(key, np.zeros(3)) + angle * face / np.linalg.norm(face)
+    found = smooth_corner_normals(points, triangles.astype(np.int32))
+    truth = np.array([[expected[tuple(points[vertex])] for vertex in triangle] for triangle in triangles])
+    assert degrees_between(found, truth).max() < 1e-4
+    assert np.linalg.norm(found, axis=-1) == pytest.approx(1)
+
+
+def test_world_vertices_stand_where_the_pose_says() -> None:
+    pose = np.array([[0, -2, 0, 1], [1, 0, 0, 2], [0, 0, 3, 3], [0, 0, 0, 1.0]])
+    mesh = sphere_mesh(world_from_object=pose)
+    x, y, z = mesh.vertices.T
+    assert mesh.world_vertices == pytest.approx(np.stack([1 - 2 * y, 2 + x, 3 + 3 * z], axis=1))

@@ -1,0 +1,106 @@
+"""Rasterising UVs and growing margins, against twins that look at every texel on its own."""
+
+import numpy as np
+import pytest
+from surface_shapes import texels_of
+
+from mpsnet_core.surface.raster import grown, texel_coordinates, triangle_of_texel
+
+
+def owners_one_by_one(uvs: np.ndarray, size: int) -> np.ndarray:
+    owner = np.full((size, size), -1)
+    texels = texels_of(uvs, size)
+    owner[tuple(texels.place.T)] = texels.triangle
+    return owner
+
+
+def owners(uvs: np.ndarray, size: int) -> np.ndarray:
+    return triangle_of_texel(texel_coordinates(uvs, size), size)
+
+
+def random_triangles(kind: str, count: int = 150) -> np.ndarray:
+    rng = np.random.default_rng(5)
+    uvs = rng.random((count, 1, 2)) + rng.normal(0, 0.2, (count, 3, 2))
+    if kind == "slivers":
+        uvs[:, 2] = uvs[:, 0] + rng.random((count, 1)) * (uvs[:, 1] - uvs[:, 0]) + rng.normal(0, 1e-3, (count, 2))
+    elif kind == "smaller than a texel":
+        uvs = rng.random((count, 1, 2)) + rng.normal(0, 0.005, (count, 3, 2))
+    elif kind == "far outside":
+        uvs = rng.normal(0.5, 3, (count, 3, 2))
+    return uvs
+
+
+@pytest.mark.parametrize("kind", ["ordinary", "slivers", "smaller than a texel", "far outside"])
+@pytest.mark.parametrize("size", [1, 31, 64])
+def test_each_texel_is_the_last_triangles_that_holds_its_centre(kind: str, size: int) -> None:
+    uvs = random_triangles(kind)
+    expected = owners_one_by_one(uvs, size)
+    assert (owners(uvs, size) == expected).all()
+    assert (expected >= 0).any() or size == 1
+
+
+def test_triangles_without_area_leave_the_others_as_they_are() -> None:
+    uvs = random_triangles("ordinary", 40)
+    point, line = np.full((3, 2), 0.3), np.array([[0.1, 0.2], [0.5, 0.6], [0.9, 1.0]])
+    with_them = owners(np.concatenate([uvs, [point, line + 1e-4 * np.sqrt(2)]]), 64)
+    lines_texels = with_them >= 40
+    assert ((with_them == owners(uvs, 64)) | lines_texels).all()
+    assert lines_texels.sum() <= 64  # a line can lie on centres, but on no more than one in a row
+
+
+@pytest.mark.parametrize("turn", [0, 30, 45, 77])
+@pytest.mark.parametrize("cells", [3, 7, 11])
+def test_neighbours_leave_no_crack(cells: int, turn: int) -> None:
+    """Triangles that share an edge cover it whole, also where it runs exactly through texel centres."""
+    line = np.arange(cells + 1) / cells * 3 - 1
+    x, y = np.meshgrid(line, line, indexing="ij")
+    angle = np.radians(turn)
+    grid = np.stack([np.cos(angle) * x - np.sin(angle) * y, np.sin(angle) * x + np.cos(angle) * y], -1) + 0.3
+    a, b, c, d = grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]
+    uvs = np.concatenate([np.stack([a, b, c], 2).reshape(-1, 3, 2), np.stack([c, d, a], 2).reshape(-1, 3, 2)])
+    for size in (30, 63, 100):
+        corners = texel_coordinates(uvs, size)
+        middle = np.abs((np.stack(np.mgrid[:size, :size][::-1], -1) + 0.5) / size - 0.5).max(-1) < 0.4
+        inside = middle if turn == 0 else np.ones_like(middle) & (_in_grid(size, angle))
+        assert (triangle_of_texel(corners, size)[inside] >= 0).all()
+
+
+def _in_grid(size: int, angle: float) -> np.ndarray:
+    row, column = np.mgrid[:size, :size] + 0.5
+    u, v = column / size - 0.3, 1 - row / size - 0.3
+    x, y = np.cos(angle) * u + np.sin(angle) * v, -np.sin(angle) * u + np.cos(angle) * v
+    return np.maximum(np.abs(x - 0.5), np.abs(y - 0.5)) < 1.499
+
+
+def test_the_first_row_is_at_the_top_of_the_texture() -> None:
+    corner = np.array([[[0.0, 1.0], [0.3, 1.0], [0.0, 0.7]]])
+    covered = owners(corner, 10) >= 0
+    assert covered[0, 0] and not covered[-1].any() and not covered[:, -1].any()
+
+
+@pytest.mark.parametrize("share", [0.001, 0.02, 0.4])
+@pytest.mark.parametrize("distance", [0, 1, 5, 40])
+def test_the_margin_holds_the_nearest_filled_texels_value(share: float, distance: int) -> None:
+    rng = np.random.default_rng(11)
+    size = 40
+    filled = rng.random((size, size)) < share
+    filled[7, 33] = True
+    values = np.where(filled[..., None], rng.random((size, size, 3)), 0).astype(np.float32)
+    result = grown(values, filled, distance)
+
+    at = np.argwhere(filled)
+    for place in np.ndindex(size, size):
+        steps = np.abs(at - place).max(axis=1)
+        if steps.min() > distance:
+            assert (result[place] == values[place]).all()
+        else:
+            nearest = at[steps == steps.min()]
+            assert (result[place] == values[tuple(nearest.T)]).all(axis=1).any()
+
+
+def test_growing_leaves_its_input_alone() -> None:
+    values, filled = np.zeros((8, 8, 3), np.float32), np.zeros((8, 8), bool)
+    values[3, 3], filled[3, 3] = 1, True
+    grown(values, filled, 2)
+    assert values.sum() == 3 and filled.sum() == 1
+    assert (grown(values, np.ones((8, 8), bool), 5) == values).all()

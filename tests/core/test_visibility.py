@@ -1,0 +1,122 @@
+"""Visibility against rays that are intersected with every triangle, where surfaces hide one another."""
+
+import numpy as np
+import pytest
+from surface_shapes import camera_looking, sphere_mesh, towards_camera
+
+from mpsnet_core.surface.mesh import Mesh
+from mpsnet_core.surface.visibility import RayScene, Visibility
+
+VIEWS = [((1, 0.2, 0.1), "orthographic"), ((-0.3, 1, 0.4), "perspective"), ((-0.8, -0.3, -0.4), "perspective")]
+
+
+def hidden_ring() -> Mesh:
+    """A torus around a sphere, with another sphere behind: from the side, each hides parts of the others."""
+    sphere = sphere_mesh(20, 10)
+    ring, tube = np.mgrid[:32, :12] * np.array([2 * np.pi / 32, 2 * np.pi / 12])[:, None, None]
+    away = 1.6 + 0.35 * np.cos(tube)
+    torus = np.stack([away * np.cos(ring), away * np.sin(ring), 0.35 * np.sin(tube)], axis=-1).reshape(-1, 3)
+    i, j = np.mgrid[:32, :12]
+
+    def number(i: np.ndarray, j: np.ndarray) -> np.ndarray:
+        return (i % 32) * 12 + j % 12
+
+    quads = np.stack([number(i, j), number(i + 1, j), number(i + 1, j + 1), number(i, j + 1)], -1).reshape(-1, 4)
+    parts = [
+        (sphere.vertices, sphere.triangles),
+        (torus, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])),
+        (0.5 * sphere.vertices + (2.4, 0.3, 0.8), sphere.triangles),
+    ]
+    starts = np.cumsum([0] + [len(vertices) for vertices, _ in parts[:-1]])
+    vertices = np.concatenate([vertices for vertices, _ in parts])
+    triangles = np.concatenate([triangles + start for (_, triangles), start in zip(parts, starts, strict=True)])
+    normals = np.broadcast_to([0, 0, 1], (len(triangles), 3, 3))
+    return Mesh(vertices, triangles, normals, np.random.default_rng(0).random((len(triangles), 3, 2)))
+
+
+def nearest_hit(mesh: Mesh, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """(N,) the distance to the first triangle beyond 1e-6, by Cramer's rule on every triangle."""
+    a, b, c = np.moveaxis(mesh.world_vertices[mesh.triangles], 1, 0)
+    nearest = np.full(len(origins), np.inf)
+    for corner, e1, e2 in zip(a, b - a, c - a, strict=True):
+        across = np.cross(directions, e2)
+        volume = across @ e1
+        start = origins - corner
+        with np.errstate(divide="ignore", invalid="ignore"):
+            u = (start * across).sum(1) / volume
+            turned = np.cross(start, e1)
+            v = (directions * turned).sum(1) / volume
+            distance = turned @ e2 / volume
+        hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (distance > 1e-6)
+        nearest = np.where(hit, np.minimum(nearest, distance), nearest)
+    return nearest
+
+
+@pytest.fixture(scope="module")
+def mesh() -> Mesh:
+    return hidden_ring()
+
+
+@pytest.mark.parametrize(("direction", "projection"), VIEWS)
+@pytest.mark.parametrize("size", [300, 2000])
+def test_what_is_seen_is_what_no_triangle_hides(
+    mesh: Mesh, direction: tuple[float, float, float], projection: str, size: int
+) -> None:
+    camera = camera_looking(direction, projection, size=size, distance=9, reach=3.2)
+    rng = np.random.default_rng(2)
+    triangle = rng.integers(0, len(mesh.triangles), 1500)
+    corners = mesh.world_vertices[mesh.triangles[triangle]]
+    points = np.einsum("nc,nci->ni", rng.dirichlet([1, 1, 1], len(triangle)), corners)
+    outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    towards = towards_camera(camera, points)
+    cosine = (outward * towards).sum(1) / np.linalg.norm(outward, axis=1)
+    points, towards = points[cosine > 0.1], towards[cosine > 0.1]
+
+    in_camera = (points - camera.world_from_camera[:3, 3]) @ camera.world_from_camera[:3, :3]
+    scale = camera.focal[0] / (-in_camera[:, 2:] if projection == "perspective" else 1)
+    pixels = size / 2 + in_camera[:, :2] * scale * (1, -1)
+    assert (pixels > 0).all() and (pixels < size).all()
+    seen = Visibility(mesh, camera, RayScene(mesh)).seen(points, pixels, -in_camera[:, 2])
+
+    # Rays that pass a silhouette by less than the ray's own offset may go either way.
+    side = np.cross(towards, [0.3, 0.5, 0.8])
+    side *= 2e-3 / np.linalg.norm(side, axis=1, keepdims=True)
+    shifts = (0 * side, side, -side, np.cross(towards, side), -np.cross(towards, side))
+    free = np.array([np.isinf(nearest_hit(mesh, points + 0.025 * towards + shift, towards)) for shift in shifts])
+    clear = (free == free[0]).all(axis=0)
+    assert clear.mean() > 0.9
+    assert 0.1 < free[0].mean() < 0.9
+    assert (seen == free[0])[clear].all()
+
+
+def test_a_scene_gives_the_distance_of_the_first_hit(mesh: Mesh) -> None:
+    rng = np.random.default_rng(4)
+    directions = rng.normal(size=(500, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    origins = -6 * directions + rng.normal(0, 0.8, (500, 3))
+    expected = nearest_hit(mesh, origins, directions)
+    found = RayScene(mesh).distances(origins, directions)
+    hit = np.isfinite(expected)
+    assert 0.3 < hit.mean() < 0.95
+    assert (np.isfinite(found) != hit).sum() <= 2  # a ray that grazes an edge
+    both = hit & np.isfinite(found)
+    assert np.abs(found[both] - expected[both]).max() < 1e-4
+
+
+def test_it_does_not_matter_how_large_or_how_far_away_the_object_is() -> None:
+    """A millimetre or a kilometre in size, far from the origin: the same half of a sphere is seen."""
+    counts = []
+    for scale, place in ((1.0, (0, 0, 0)), (1e-3, (5, -3, 2)), (1e3, (1e5, 2e5, -1e5))):
+        pose = np.diag([scale, scale, scale, 1.0])
+        pose[:3, 3] = place
+        mesh = sphere_mesh(48, 24, world_from_object=pose)
+        camera = camera_looking((1, 0.3, 0.2), distance=4 * scale, target=place, reach=1.1 * scale)
+        points = mesh.world_vertices
+        in_camera = (points - camera.world_from_camera[:3, 3]) @ camera.world_from_camera[:3, :3]
+        pixels = camera.width / 2 + in_camera[:, :2] * camera.focal * (1, -1)
+        # Seen or not, off the limb: the surface there faces the camera, or turns away.
+        height = (in_camera[:, 2] + 4 * scale) / scale
+        seen = Visibility(mesh, camera, RayScene(mesh)).seen(points, pixels, -in_camera[:, 2])
+        assert (seen == (height > 0))[np.abs(height) > 0.2].all()
+        counts.append(seen.sum())
+    assert np.ptp(counts) <= 0.02 * counts[0]
