@@ -5,6 +5,7 @@ import zipfile
 import zlib
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -88,7 +89,8 @@ class Mesh:
 def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     """Read a mesh with UVs: OBJ; PLY, GLB, glTF and more through trimesh; or the ``.npz`` that the add-on writes.
 
-    Polygons become fans of triangles, and all of the file's objects and materials one mesh. Shading normals are the file's own, else smooth ones (angle-weighted, across UV seams).
+    Polygons become fans of triangles, and all of the file's objects and materials one mesh. Shading normals are the
+    file's own, else smooth ones (angle-weighted, across UV seams).
     The file's axes are taken as they stand: cameras must be given in the same world.
 
     Raises InputError where the file is missing, broken, without faces or without UVs.
@@ -165,7 +167,7 @@ def _read_obj(path: Path) -> Mesh:
             elif key == "f":
                 counts = [len(values[kind]) for kind in ("v", "vt", "vn")]
                 face = [_obj_corner(word, counts) for word in words]
-                for second, third in zip(face[1:], face[2:], strict=False):
+                for second, third in pairwise(face[1:]):
                     corners += face[0], second, third
         except ValueError:
             raise InputError(f"line {number} cannot be read ({line.strip()[:60]!r}); export it again") from None

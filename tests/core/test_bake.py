@@ -173,7 +173,7 @@ def test_what_stands_behind_a_perspective_camera_is_not_seen() -> None:
     """Two squares face the camera: one ahead of it, one at its back."""
     square = plane()
     mesh = Mesh(
-        np.concatenate([square.vertices, square.vertices + [0, 0, 10]]),
+        np.concatenate([square.vertices, square.vertices + np.array([0, 0, 10])]),
         np.concatenate([square.triangles, square.triangles[:, ::-1] + 4]),
         np.concatenate([square.corner_normals, -square.corner_normals]),
         np.concatenate([0.5 * square.uvs, 0.5 * square.uvs + 0.5]),

@@ -46,7 +46,7 @@ def test_on_a_sphere_they_run_along_the_circles_of_latitude(layout: str) -> None
 
 def test_corners_share_a_tangent_where_triangles_meet_the_same_way_round() -> None:
     """Two triangles at an edge: one tangent each at shared corners; two where UVs, normals or winding part them."""
-    corners = np.array([SQUARE[[0, 1, 2]], SQUARE[[0, 2, 3]]]) + [[[0, 0, 0]], [[0, 0, 0]]]
+    corners = SQUARE[HALVES]
     corners[1, 2, 2] = 0.8  # folded, so that the two have tangents of their own
     normals = np.broadcast_to(np.array([-0.3, 0.3, 0.9]) / np.linalg.norm([-0.3, 0.3, 0.9]), (2, 3, 3))
     uvs = np.array([[[0.1, 0.1], [0.4, 0.15], [0.4, 0.4]], [[0.1, 0.1], [0.4, 0.4], [0.15, 0.4]]])
@@ -56,7 +56,7 @@ def test_corners_share_a_tangent_where_triangles_meet_the_same_way_round() -> No
         return bool(np.allclose(tangents[0, 0], tangents[1, 0]) and np.allclose(tangents[0, 2], tangents[1, 1]))
 
     assert same_at_shared_corners(normals, uvs)
-    assert not same_at_shared_corners(normals, uvs + [[[0, 0]], [[0.5, 0]]])
+    assert not same_at_shared_corners(normals, uvs + np.array([[[0, 0]], [[0.5, 0]]]))
     sharp = normals.copy()
     sharp[1] = [0, 0, 1]
     assert not same_at_shared_corners(sharp, uvs)
