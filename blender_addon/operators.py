@@ -74,7 +74,7 @@ class RunsCore(SaysWhy):
             return {"CANCELLED"}
         self._process = CoreProcess(arguments, outputs)
         manager = context.window_manager
-        manager.mps.running, manager.mps.cancel = self.bl_idname, False
+        manager.mps.running, manager.mps.cancel = self.bl_idname, False  # MPS_OT_..., as Blender writes it
         self._show(context)
         self._timer = manager.event_timer_add(TICK_SECONDS, window=context.window)
         manager.modal_handler_add(self)

@@ -20,14 +20,14 @@ class _Step(bpy.types.Panel):
         column.use_property_decorate = False
         return column
 
-    def progress_or(self, context: Any, operator: str, icon: str) -> None:
+    def progress_or(self, context: Any, verb: str, icon: str) -> None:
         """The step's button, or while its work runs the progress and a way to stop it."""
         job = context.window_manager.mps
-        if job.running != operator:
-            self.layout.operator(operator, icon=icon)
+        if job.running != f"MPS_OT_{verb}":
+            self.layout.operator(f"mps.{verb}", icon=icon)
             return
         row = self.layout.row(align=True)
-        row.progress(factor=job.progress, text=job.message.capitalize())
+        row.progress(factor=job.progress, text=job.message[:1].upper() + job.message[1:])
         row.operator("mps.cancel", text="", icon="X")
 
     def picture(self, image: Any) -> None:
@@ -112,7 +112,7 @@ class MPS_PT_estimate(_Step):
         column.prop(estimate, "file_format")
         column.prop(estimate, "output", text="File", placeholder="Automatic")
         column.prop(estimate, "confidence")
-        self.progress_or(context, "mps.estimate", "NORMALS_FACE")
+        self.progress_or(context, "estimate", "NORMALS_FACE")
         self.layout.template_ID(estimate, "image", open="image.open")
         self.picture(estimate.image)
 
@@ -135,7 +135,7 @@ class MPS_PT_bake(_Step):
         column.prop(bake, "margin")
         column.prop(bake, "file_format")
         column.prop(bake, "output", text="File", placeholder="Automatic")
-        self.progress_or(context, "mps.bake", "TEXTURE")
+        self.progress_or(context, "bake", "TEXTURE")
         self.layout.template_ID(bake, "image", open="image.open")
         self.picture(bake.image)
 
