@@ -48,7 +48,7 @@ class MPS_OT_bake(RunsCore, BakeSettings, bpy.types.Operator):
         normals = image_file(normals_image, "normal map", "estimate the normals first")
         if self.target:
             settings.target = _named(scene, self.target)
-        target = settings.target or context.object
+        target = settings.target or context.view_layer.objects.active  # `--command` has no context.object
         if target is None:
             raise InputError("there is no target to bake onto; choose a mesh object")
         output = output_path(self.output, f"{target.name}_normal", self.file_format)
@@ -142,7 +142,7 @@ def _uv_map(obj: Any, mesh: Any, name: str) -> str:
 
 
 def _read(elements: Any, attribute: str, width: int, kind: type = np.float32) -> NDArray[Any]:
-    values = np.empty(len(elements) * width, kind)
+    values: NDArray[Any] = np.empty(len(elements) * width, kind)
     elements.foreach_get(attribute, values)
     return values.reshape(-1, width)
 

@@ -42,8 +42,10 @@ class CoreProcess:
         self._outputs = outputs
         self._answer: dict[str, Any] = {}
         self._last_words: deque[str] = deque(maxlen=LAST_WORDS)
-        # A group of its own, so that Windows can be asked to end the child and not Blender with it.
-        new_group = subprocess.CREATE_NEW_PROCESS_GROUP if sys.platform == "win32" else 0
+        flags = 0
+        if sys.platform == "win32":
+            # A group of its own, so that the child can be asked to end and not Blender with it.
+            flags = subprocess.CREATE_NEW_PROCESS_GROUP
         self._child = subprocess.Popen(
             [sys.executable, "-m", "mpsnet_core", *arguments, "--progress", "json"],
             stdin=subprocess.DEVNULL,
@@ -52,7 +54,7 @@ class CoreProcess:
             encoding="utf-8",
             errors="replace",
             env=_environment(),
-            creationflags=new_group,
+            creationflags=flags,
         )
         # Also runs when Blender quits in the middle of the work.
         weakref.finalize(self, _end, self._child)
@@ -146,7 +148,10 @@ def _end(child: "subprocess.Popen[str]") -> None:
     if child.poll() is not None:
         return
     try:
-        child.send_signal(signal.CTRL_BREAK_EVENT if sys.platform == "win32" else signal.SIGTERM)
+        if sys.platform == "win32":
+            child.send_signal(signal.CTRL_BREAK_EVENT)
+        else:
+            child.terminate()
         child.wait(CANCEL_SECONDS)
     except (subprocess.TimeoutExpired, OSError):
         child.kill()

@@ -122,7 +122,7 @@ class MPS_PT_bake(_Step):
 
     def draw(self, context: Any) -> None:
         bake = context.scene.mps.bake
-        target = bake.target or context.object
+        target = bake.target or context.view_layer.objects.active
         column = self.column()
         column.prop(bake, "target", placeholder=target.name if target else "")
         if target is not None and target.type == "MESH":

@@ -40,7 +40,8 @@ class MPS_OT_add_rig(SaysWhy, RigSettings, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        if context.mode != "OBJECT":
+        active = context.view_layer.objects.active
+        if active is not None and active.mode != "OBJECT":
             cls.poll_message_set("Switch to Object Mode first")
             return False
         return True
@@ -76,7 +77,7 @@ def add_rig(context: Any) -> None:
     """
     scene, settings = context.scene, context.scene.mps.rig
     old = set(rig_objects(scene))
-    selected = [obj for obj in context.selected_objects if obj not in old]
+    selected = [obj for obj in context.view_layer.objects.selected if obj not in old]
     if not selected:
         raise InputError("nothing is selected; select the object that the rig shall stand around")
     centre, radius = bounding_sphere(context.evaluated_depsgraph_get(), selected)
@@ -166,7 +167,7 @@ def _vertices(evaluated: Any) -> NDArray[np.float64]:
 def _orientation(context: Any, view: str) -> Matrix:
     if view != "VIEWPORT":
         return Matrix(_VIEWS[view]).transposed()
-    region = context.region_data
+    region = getattr(context, "region_data", None)
     if region is None:
         raise InputError('view "VIEWPORT" needs a 3D viewport to take it from; choose "FRONT" or another side')
     return region.view_rotation.to_matrix()
