@@ -15,7 +15,7 @@ import OpenImageIO as oiio
 import pytest
 
 SCRIPT = Path(__file__).parent / "scripts" / "window.py"
-STEP = 10  # pixels; a button is about 25 high
+STEP = 8  # pixels; a button is about 20 high
 
 
 class Window:
@@ -41,19 +41,23 @@ class Window:
     def input(self, *arguments: str | int) -> None:
         subprocess.run([*self.screen, "xdotool", *map(str, arguments)], check=True, capture_output=True)
 
-    def clear_clipboard(self) -> None:
+    def ask(self, verb: str, *arguments: Any) -> None:
         self.requests += 1
-        self.request.write_text(str(self.requests), encoding="utf-8")
-        self.wait(lambda state: state.get("answered") == str(self.requests), 20, "empty clipboard")
+        unfinished = self.request.with_suffix(".unfinished")
+        unfinished.write_text(json.dumps([self.requests, verb, *arguments]), encoding="utf-8")
+        unfinished.replace(self.request)
+        if verb != "quit":
+            self.wait(lambda state: state.get("answered") == self.requests, 60, f"answer to {verb} {arguments}")
 
     def under_mouse(self, x: int, y: int) -> str:
         """The Python command of the button at (x, y), which Blender copies on Ctrl C; "" where there is none."""
-        self.clear_clipboard()
-        self.input("mousemove", x, y, "sleep", "0.2", "key", "ctrl+c", "sleep", "0.3")
-        return self.state["clipboard"]
+        self.ask("clear")
+        self.input("mousemove", x, y, "sleep", "0.1", "key", "ctrl+c")
+        sent = self.state["ticks"]
+        return self.wait(lambda state: state["ticks"] >= sent + 3, 60, "answer to Ctrl C")["clipboard"]
 
     def find(self, operator: str) -> tuple[int, int]:
-        """Where in the sidebar, looking from top to bottom, the button of `operator` begins."""
+        """Where in the sidebar, looking from top to bottom, the button of `operator` is."""
         left, top, width, height = self.state["sidebar"]
         x = left + width // 2
         for y in range(top + STEP, top + height, STEP):
@@ -84,15 +88,16 @@ def window(blender, tmp_path) -> Iterator[Window]:
         try:
             window.wait(lambda state: state["sidebar"], 120, "sidebar")
             yield window
+            window.screenshot(tmp_path / "last.png")
         finally:
-            request.write_text("quit", encoding="utf-8")
+            window.ask("quit")
             try:
                 process.wait(30)
             except subprocess.TimeoutExpired:
                 os.killpg(process.pid, signal.SIGTERM)
 
 
-def test_panel_is_drawn_and_adds_a_rig(window, tmp_path):
+def test_panel_is_drawn_and_its_button_adds_a_rig(window, tmp_path):
     before = window.wait(lambda state: "Cube" in state["objects"], 10, "default scene")
     left, top, width, height = before["sidebar"]
     assert width > 100 and height > 400
@@ -107,9 +112,31 @@ def test_panel_is_drawn_and_adds_a_rig(window, tmp_path):
     assert edges.any(axis=1).mean() > 0.3
 
     window.click(x, y)
-    after = window.wait(lambda state: len(state["objects"]) > len(before["objects"]), 20, "rig")
+    after = window.wait(lambda state: len(state["objects"]) > len(before["objects"]), 60, "rig")
     added = set(after["objects"]) - set(before["objects"])
     assert {"MPS Red", "MPS Green", "MPS Blue", "MPS Camera"} <= added
 
     window.input("key", "ctrl+z")
-    window.wait(lambda state: state["objects"] == before["objects"], 20, "undo")
+    window.wait(lambda state: state["objects"] == before["objects"], 60, "undo")
+
+
+def test_the_steps_run_beside_a_live_window(window, tmp_path):
+    window.ask("invoke", "add_rig", {})
+    window.ask("invoke", "render_photo", {"width": 128, "height": 128, "samples": 16})
+    window.wait(lambda state: "MPS Photo" in state["images"], 120, "photo")
+
+    window.ask("invoke", "estimate", {})
+    # The operator came back at once, and the window goes on ticking until the normals are there.
+    window.wait(lambda state: "MPS Normals" in state["images"] and not state["running"], 120, "normals")
+
+    cancelled = tmp_path / "cancelled.png"
+    window.ask("invoke", "bake", {"size": 16384, "output": str(cancelled)})
+    window.wait(lambda state: state["running"] and state["progress"] > 0, 60, "running bake")
+    window.input("mousemove", 500, 500, "key", "Escape")
+    window.wait(lambda state: not state["running"], 60, "end of the cancelled bake")
+    assert not [path.name for path in tmp_path.iterdir() if "cancelled" in path.name]
+
+    texture = tmp_path / "texture.png"
+    window.ask("invoke", "bake", {"size": 128, "output": str(texture)})
+    window.wait(lambda state: "MPS Cube" in state["images"] and not state["running"], 120, "texture")
+    assert texture.is_file()

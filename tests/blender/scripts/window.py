@@ -1,7 +1,8 @@
-"""Runs inside a Blender with a window: opens the sidebar's MPS tab, and says ten times a second how things stand.
+"""Runs inside a Blender with a window: opens the sidebar's MPS tab, says ten times a second how things stand, and
+does what it is asked to.
 
-Arguments: the JSON file to write the state to, and a file whose text is the number of the last request: each new
-number empties the clipboard, and "quit" ends Blender.
+Arguments: the JSON file to write the state to, and the JSON file of the request: [number, verb, argument...] with
+"clear" (empty the clipboard), "invoke" (an operator with settings, as its button does) and "quit".
 """
 
 import contextlib
@@ -12,14 +13,19 @@ from pathlib import Path
 import bpy
 
 state_file, request_file = map(Path, sys.argv[sys.argv.index("--") + 1 :])
-answered = ""
+answered, ticks = 0, 0
 
 bpy.context.preferences.view.show_splash = False
 
 
+def viewport():
+    window = bpy.context.window_manager.windows[0]
+    return window, next(area for area in window.screen.areas if area.type == "VIEW_3D")
+
+
 def sidebar():
     """The 3D viewport's sidebar once it shows the tab."""
-    area = next(area for area in bpy.context.window_manager.windows[0].screen.areas if area.type == "VIEW_3D")
+    _, area = viewport()
     area.spaces.active.show_region_ui = True
     region = next(region for region in area.regions if region.type == "UI")
     if region.active_panel_category == "MPS":
@@ -34,27 +40,42 @@ def sidebar():
 def state():
     region = sidebar()
     if region is None:
-        return {"answered": answered, "sidebar": None}
+        return {"sidebar": None}
     manager = bpy.context.window_manager
     return {
         "answered": answered,
+        "ticks": ticks,
         # Left, top, width and height in pixels from the window's upper left corner.
         "sidebar": [region.x, manager.windows[0].height - region.y - region.height, region.width, region.height],
         "clipboard": manager.clipboard,
         "objects": sorted(bpy.data.objects.keys()),
-        "images": sorted(image.name for image in bpy.data.images if image.has_data),
+        "images": sorted(bpy.data.images.keys()),
         "running": manager.mps.running,
+        "progress": manager.mps.progress,
     }
 
 
-def tick():
-    global answered
-    request = request_file.read_text(encoding="utf-8") if request_file.exists() else ""
-    if request == "quit":
+def answer(verb, *arguments):
+    if verb == "quit":
         bpy.ops.wm.quit_blender()
-    elif request != answered:
+    elif verb == "clear":
         bpy.context.window_manager.clipboard = ""
-        answered = request
+    elif verb == "invoke":
+        operator, settings = arguments
+        window, area = viewport()
+        region = next(region for region in area.regions if region.type == "WINDOW")
+        with bpy.context.temp_override(window=window, area=area, region=region):
+            getattr(bpy.ops.mps, operator)("INVOKE_DEFAULT", **settings)
+
+
+def tick():
+    global answered, ticks
+    ticks += 1
+    if request_file.exists():
+        number, *request = json.loads(request_file.read_text(encoding="utf-8"))
+        if number != answered:
+            answered = number
+            answer(*request)
     unfinished = state_file.with_suffix(".unfinished")
     unfinished.write_text(json.dumps(state()), encoding="utf-8")
     unfinished.replace(state_file)
