@@ -70,6 +70,16 @@ def test_grey_world_undoes_the_colour_of_the_surface() -> None:
     assert mean_error(brown, model="lambertian-grey-world") < 0.5
 
 
+def test_grey_world_leaves_a_black_channel_black(sphere: Sphere) -> None:
+    image = sphere.image * [1, 0, 3]
+    mean = image[sphere.mask].mean(axis=0)
+    divided = np.stack([image[..., 0] / mean[0], image[..., 1], image[..., 2] / mean[2]], axis=-1)
+    expected = np.linalg.solve(sphere.rig.directions, divided[..., None])[..., 0]
+    estimate = estimate_normals(sphere.capture(image=image), "lambertian-grey-world")
+    told = sphere.mask & (image.max(axis=-1) > 0)
+    assert degrees_between(estimate.vectors, expected)[told].max() < 0.01
+
+
 def test_an_estimator_gives_what_the_one_call_gives(sphere: Sphere) -> None:
     told = []
     estimate = Estimator("lambertian")(sphere.capture(), lambda fraction, message: told.append(fraction))
@@ -133,7 +143,7 @@ class TestConfidence:
     def test_under_crosstalk_one_saturated_channel_spoils_all(self) -> None:
         sphere = shaded_sphere(rig=MIXED)
         image = sphere.image.copy()
-        image[30:34, 30:34, 0] = 1
+        image[30:34, 30:34, 1] = 1
         confidence = estimate_normals(sphere.capture(image=image, clip=1.0)).confidence
         assert (confidence[30:34, 30:34] == 0).all() and confidence[29, 29] == 1
 
