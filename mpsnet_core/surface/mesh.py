@@ -90,7 +90,7 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     """Read a mesh with UVs: OBJ; PLY, GLB, glTF and more through trimesh; or the ``.npz`` that the add-on writes.
 
     Polygons become fans of triangles, and all of the file's objects and materials one mesh. Shading normals are the
-    file's own, else smooth ones (angle-weighted, across UV seams).
+    file's own, else smooth ones, across UV seams too.
     The file's axes are taken as they stand: cameras must be given in the same world.
 
     Raises InputError where the file is missing, broken, without faces or without UVs.
@@ -213,7 +213,10 @@ def _read_with_trimesh(path: Path) -> Mesh:
     starts = np.cumsum([0] + [len(part[0]) for part in parts[:-1]])
     triangles = np.concatenate([part[1] + start for part, start in zip(parts, starts, strict=True)])
     vertices, normals, uvs = (np.concatenate([part[index] for part in parts]) for index in (0, 2, 3))
-    normals = np.where(np.isnan(normals)[triangles], smooth_corner_normals(vertices, triangles), normals[triangles])
+    # These formats split vertices where UVs part; for smooth normals those at one place count as one.
+    places, place = np.unique(vertices, axis=0, return_inverse=True)
+    smooth = smooth_corner_normals(places, place.reshape(-1)[triangles])
+    normals = np.where(np.isnan(normals)[triangles], smooth, normals[triangles])
     return Mesh(vertices, triangles, normalised(normals), uvs[triangles])
 
 
@@ -224,7 +227,7 @@ def _placed(part: Any, pose: NDArray[np.float64]) -> tuple[NDArray[Any], ...]:
     uvs = getattr(part.visual, "uv", None) if len(faces) else np.empty((len(vertices), 2))
     if uvs is None or len(uvs) != len(vertices):
         raise _without_uvs("it has")
-    normals = np.full_like(vertices, np.nan)
+    normals: NDArray[Any] = np.full_like(vertices, np.nan)
     # trimesh computes vertex normals on demand; its cache holds them beforehand only where the file gave them.
     if "vertex_normals" in part._cache:
         normals = np.asarray(part.vertex_normals) @ np.linalg.inv(pose[:3, :3])
@@ -238,15 +241,13 @@ def _without_uvs(who: str) -> InputError:
 
 
 def smooth_corner_normals(vertices: NDArray[np.float64], triangles: NDArray[np.int32]) -> NDArray[np.float64]:
-    """(T, 3, 3) smooth normals, the faces' normals weighted by their angles; vertices at one position count as one."""
-    _, merged = np.unique(vertices, axis=0, return_inverse=True)
-    corner_ids = merged.reshape(-1)[triangles]
+    """(T, 3, 3) smooth normals, as Blender's: for each vertex the normals of its faces, weighted by their angles."""
     corners = vertices[triangles]
     ahead, behind = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
     faces = np.cross(ahead[:, 0], behind[:, 0])
     across = np.linalg.norm(np.cross(ahead, behind), axis=-1)
     angles = np.arctan2(across, np.einsum("tci,tci->tc", ahead, behind))
     weighted = (normalised(faces)[:, None] * angles[..., None]).reshape(-1, 3)
-    count = int(corner_ids.max()) + 1
-    summed = np.stack([np.bincount(corner_ids.ravel(), weighted[:, axis], count) for axis in range(3)], axis=-1)
-    return normalised(summed)[corner_ids]
+    summed = np.stack([np.bincount(triangles.ravel(), weighted[:, axis], len(vertices)) for axis in range(3)], axis=-1)
+    normals: NDArray[np.float64] = normalised(summed)[triangles]
+    return normals

@@ -20,11 +20,17 @@ def mikktspace_tangents(
 
     Corners that share position, normal and UV, and whose triangles meet at an edge and turn the same way round in UV
     space, share one tangent: the mean of their triangles' tangents, weighted by the triangles' angles there.
-    Triangles without area in UV space, which hold no texel, take the tangent of a corner they share, else +x.
+    Triangles without area in UV space, which hold no texel, belong to their neighbours' groups; a corner that no group
+    gives a tangent takes one from a corner at the same vertex, else +x. mikktspace.c leaves zero at the few corners
+    whose angle is too small for single precision (below 4e-4 rad); here they have the unit tangent.
     """
     corners, normals, uvs = (np.asarray(a, np.float64) for a in (corners, normals, uvs))
     vertex = _welded(corners, normals, uvs)
     directions, turns, usable = _triangle_tangents(corners, uvs)
+    distinct = _three_places(corners)
+    usable &= distinct
+    pairs = _meeting_edges(vertex, distinct)
+    turns = _adopted(turns, usable, pairs)
 
     # The triangle's tangent in each corner's own tangent plane, weighted by the triangle's angle there.
     projected = normalised_or_zero(_in_plane(directions[:, None], normals))
@@ -33,7 +39,7 @@ def mikktspace_tangents(
     angles = np.arccos(np.clip(np.einsum("tci,tci->tc", ahead, behind), -1, 1))
     weighted = np.where(usable[:, None, None], projected * angles[..., None], 0).reshape(-1, 3)
 
-    group = _groups(vertex, turns, usable)
+    group = _groups(pairs, turns)
     count = int(group.max()) + 1
     summed: NDArray[np.float64] = np.stack([np.bincount(group, weighted[:, axis], count) for axis in range(3)], axis=-1)
     tangents = normalised_or_zero(summed)[group]
@@ -41,13 +47,14 @@ def mikktspace_tangents(
 
     # Corners without a tangent of their own borrow one from a corner at the same welded vertex.
     flat_vertex = vertex.ravel()
-    have = np.flatnonzero(np.repeat(usable, 3) & tangents.any(axis=1))
+    has_tangent = tangents.any(axis=1)
+    have = np.flatnonzero(has_tangent)
     lender = np.full(int(flat_vertex.max()) + 1, -1)
     lender[flat_vertex[have[::-1]]] = have[::-1]
-    need = np.flatnonzero(~(np.repeat(usable, 3) & tangents.any(axis=1)))
+    need = np.flatnonzero(~has_tangent)
     source = lender[flat_vertex[need]]
     tangents[need] = np.where((source >= 0)[:, None], tangents[source], [1.0, 0.0, 0.0])
-    signs[need] = np.where(source >= 0, signs[source], signs[need])
+    signs[need] = np.where(source >= 0, signs[source], -1.0)
     return np.concatenate([tangents, signs[:, None]], axis=1).reshape(-1, 3, 4).astype(np.float32)
 
 
@@ -77,36 +84,60 @@ def _triangle_tangents(
     t1, t2 = uvs[:, 1] - uvs[:, 0], uvs[:, 2] - uvs[:, 0]
     doubled_area = t1[:, 0] * t2[:, 1] - t1[:, 1] * t2[:, 0]
     turns = doubled_area > 0
-    along_u = (t2[:, 1:] * d1 - t1[:, 1:] * d2) * np.where(turns, 1.0, -1.0)[:, None]
+    along_u: NDArray[np.float64] = (t2[:, 1:] * d1 - t1[:, 1:] * d2) * np.where(turns, 1.0, -1.0)[:, None]
     along_v = -t2[:, :1] * d1 + t1[:, :1] * d2
     tiny = np.finfo(np.float32).tiny
     usable = (
         (np.abs(doubled_area) > tiny)
         & (np.linalg.norm(along_u, axis=1) > tiny)
         & (np.linalg.norm(along_v, axis=1) > tiny)
-        & (np.linalg.norm(np.cross(d1, d2), axis=1) > 0)
     )
     return normalised_or_zero(along_u), turns, usable
 
 
-def _groups(vertex: NDArray[np.int64], turns: NDArray[np.bool_], usable: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """(3T,) a number for every set of corners that share one tangent."""
-    corner = np.arange(vertex.size).reshape(-1, 3)
-    start, end = vertex, np.roll(vertex, -1, axis=1)
-    start_corner, end_corner = corner, np.roll(corner, -1, axis=1)
-    edges = np.repeat(usable, 3)
-    low, high = np.minimum(start, end).ravel()[edges], np.maximum(start, end).ravel()[edges]
-    forward = (start < end).ravel()[edges]
+def _three_places(corners: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(T,) whether no two of a triangle's corners stand at one place."""
+    rounded = corners.astype(np.float32)
+    same: NDArray[np.bool_] = (rounded == np.roll(rounded, 1, axis=1)).all(axis=2).any(axis=1)
+    return ~same
+
+
+def _meeting_edges(vertex: NDArray[np.int64], distinct: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """(E, 2, 2) corners, numbered through, where two triangles meet: their edge's two ends, on either triangle.
+
+    They meet where they run along the edge in opposite directions.
+    """
+    corner = np.arange(vertex.size).reshape(-1, 3)[distinct]
+    ends = np.stack([corner, np.roll(corner, -1, axis=1)], axis=-1).reshape(-1, 2)
+    places = vertex.ravel()[ends]
+    forward = places[:, 0] < places[:, 1]
+    ends = np.where(forward[:, None], ends, ends[:, ::-1])
+    low, high = np.sort(places, axis=1).T
     order = np.lexsort((np.arange(len(low)), high, low))
-    low, high, forward = low[order], high[order], forward[order]
-    starts, ends = start_corner.ravel()[edges][order], end_corner.ravel()[edges][order]
-    # Two triangles meet at an edge when they run along it in opposite directions.
-    pair = np.flatnonzero((low[1:] == low[:-1]) & (high[1:] == high[:-1]) & (forward[1:] != forward[:-1]))
-    same_turn = turns[starts[pair] // 3] == turns[starts[pair + 1] // 3]
-    pair = pair[same_turn]
-    a = np.concatenate([starts[pair], ends[pair]])
-    b = np.concatenate([ends[pair + 1], starts[pair + 1]])
-    return _connected(vertex.size, a, b)
+    low, high, forward, ends = low[order], high[order], forward[order], ends[order]
+    first = np.flatnonzero((low[1:] == low[:-1]) & (high[1:] == high[:-1]) & (forward[1:] != forward[:-1]))
+    return np.stack([ends[first], ends[first + 1]], axis=-1)
+
+
+def _adopted(turns: NDArray[np.bool_], usable: NDArray[np.bool_], pairs: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Triangles without UV area turn as the first neighbour does, so that groups reach across them."""
+    turns, known = turns.copy(), usable.copy()
+    triangles = pairs[:, 0] // 3
+    both = np.concatenate([triangles, triangles[:, ::-1]])
+    while True:
+        waiting = both[known[both[:, 0]] & ~known[both[:, 1]]]
+        if not len(waiting):
+            return turns
+        waiting = waiting[np.argsort(-waiting[:, 0], kind="stable")]  # where several offer, the least number stays
+        turns[waiting[:, 1]] = turns[waiting[:, 0]]
+        known[waiting[:, 1]] = True
+
+
+def _groups(pairs: NDArray[np.int64], turns: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """(3T,) a number for every set of corners that share one tangent."""
+    triangles = pairs[:, 0] // 3
+    sharing = pairs[turns[triangles[:, 0]] == turns[triangles[:, 1]]].reshape(-1, 2)
+    return _connected(3 * len(turns), sharing[:, 0], sharing[:, 1])
 
 
 def _connected(count: int, a: NDArray[np.int64], b: NDArray[np.int64]) -> NDArray[np.int64]:
