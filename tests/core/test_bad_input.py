@@ -53,6 +53,7 @@ from mpsnet_core import (
 from mpsnet_core.cli import main
 from mpsnet_core.estimate.card import CARD_VERSION
 from mpsnet_core.evaluation.diligent import read_diligent, read_truth
+from mpsnet_core.frames import output_files
 from mpsnet_core.surface.mesh import write_mesh
 
 SPHERE = shaded_sphere(16)
@@ -850,6 +851,11 @@ OUTPUTS: list[Case] = [
         "over the photo",
         lambda b: b.estimate(b.photo("out.png", kind="uint16")),
         "overwrite…out.png…choose another output",
+    ),
+    (
+        "over a photo in the folder",
+        lambda b: output_files([b / "a.png", b / "a_normals.png"], b.folder, ".png"),
+        "overwrite…a_normals.png…choose another output",
     ),
     ("over the mask", lambda b: b.estimate(output="mask.png"), "overwrite…mask.png…choose another output"),
     (

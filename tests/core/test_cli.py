@@ -14,7 +14,7 @@ import OpenImageIO as oiio
 import pytest
 from conftest import Mpsnet
 from networks import pass_through
-from synthetic import Sphere, degrees_between, diligent_object, listing, write_file
+from synthetic import Sphere, degrees_between, diligent_object, listing, named, write_file, write_parts
 
 from mpsnet_core.normals import read_normals
 
@@ -48,12 +48,12 @@ def test_estimate_writes_what_it_says(
     assert listing(tmp_path) == ["confidence.tif", "mask.png", "normals.png", "photo.exr", "rig.json"]
 
 
-def test_the_options_reach_the_estimate(
-    tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, photo_file: Path, sphere: Sphere
-) -> None:
-    """A network, a mask by threshold, the DirectX convention, and a file's values taken as sRGB."""
-    model, out = pass_through(tmp_path / "identity.onnx"), tmp_path / "normals.exr"
-    command = ["estimate", photo_file, "--rig", rig_file, "--model", model, "--mask", "threshold:0.5"]
+def test_the_options_reach_the_estimate(tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, sphere: Sphere) -> None:
+    """A network, a layer, a mask by threshold, the DirectX convention, and a file's values taken as sRGB."""
+    layers = named("A.", "RGB", 0 * sphere.image) | named("B.", "RGB", sphere.image)
+    photo, out = write_parts(tmp_path / "layers.exr", [(None, layers)]), tmp_path / "normals.exr"
+    model = pass_through(tmp_path / "identity.onnx")
+    command = ["estimate", photo, "--layer", "B", "--rig", rig_file, "--model", model, "--mask", "threshold:0.5"]
     done = mpsnet(*command, "--convention", "directx", "--encoding", "srgb", "--threads", "1", "-o", out)
     assert (done.returncode, done.stderr) == (0, "")
     assert str(out) in done.stdout
