@@ -10,11 +10,11 @@ from onnx import helper
 from synthetic import Sphere, shaded_sphere
 
 from mpsnet_core.capture import Capture
-from mpsnet_core.errors import Cancelled
+from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.estimate import estimate_normals
 from mpsnet_core.estimate.card import CARD_KEY, card_from_metadata
 from mpsnet_core.estimate.features import feature_maps
-from mpsnet_core.estimate.onnx_model import PATCHES_A_BATCH
+from mpsnet_core.estimate.onnx_model import PATCHES_A_BATCH, OnnxModel
 from mpsnet_core.normals import normalised
 
 
@@ -164,6 +164,19 @@ def test_the_number_of_threads_does_not_matter(tmp_path: Path, odd: Capture) -> 
     model = plain(tmp_path / "n.onnx", 3)
     one, two = (estimate_normals(odd, model, threads=threads) for threads in (1, 2))
     assert difference(one.vectors, two.vectors) < 1e-5
+
+
+@pytest.mark.parametrize(
+    ("asked", "full_name"),
+    [("cuda", "CUDAExecutionProvider"), ("directml", "DmlExecutionProvider"), ("coreml", "CoreMLExecutionProvider")],
+)
+def test_a_provider_that_is_not_there_is_refused_with_those_that_are(
+    tmp_path: Path, asked: str, full_name: str
+) -> None:
+    if full_name in onnxruntime.get_available_providers():
+        pytest.skip(f"this onnxruntime has {full_name}")
+    with pytest.raises(InputError, match=f"provider '{asked}' is not in this onnxruntime; choose .*cpu"):
+        OnnxModel(pass_through(tmp_path / "identity.onnx"), provider=asked)
 
 
 def test_cancelling_between_tiles_stops_the_work(tmp_path: Path, odd: Capture) -> None:
