@@ -13,9 +13,9 @@ from mpsnet_core.camera import write_camera
 from mpsnet_core.errors import InputError
 
 from .operators import RunsCore, idle
-from .outputs import image_file, load_image, output_path
+from .outputs import beside, image_file, load_image, output_path
 from .properties import BakeSettings, take_given
-from .rig import rig_parts, scene_camera
+from .rig import rig_camera, scene_camera
 
 _BITS = {".png": "16", ".tif": "16", ".tiff": "16", ".exr": "32"}
 
@@ -52,13 +52,15 @@ class MPS_OT_bake(RunsCore, BakeSettings, bpy.types.Operator):
         if target is None:
             raise InputError("there is no target to bake onto; choose a mesh object")
         output = output_path(self.output, f"{target.name}_normal", self.file_format)
-        camera, _, _ = rig_parts(scene)
         context.view_layer.update()
-        write_camera(folder / "camera.json", scene_camera(camera, scene, tuple(normals_image.size)))
+        camera = beside(normals, "camera")
+        if not camera.is_file():
+            camera = folder / "camera.json"
+            write_camera(camera, scene_camera(rig_camera(scene), scene, tuple(normals_image.size)))
         self._uv_map = write_mesh(folder / "mesh.npz", target, context.evaluated_depsgraph_get(), self.uv_map)
         self._scene, self._target, self._output = scene.name, target.name, output
         arguments = ["bake", "--mesh", str(folder / "mesh.npz"), "--output", str(output)]
-        arguments += ["--view", f"{folder / 'camera.json'}={normals}"]
+        arguments += ["--view", f"{camera}={normals}"]
         arguments += ["--size", str(self.size), "--margin", str(self.margin), "--bits", _BITS[output.suffix.lower()]]
         arguments += ["--space", self.space.lower(), "--convention", self.convention.lower()]
         return arguments, [output]

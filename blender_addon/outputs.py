@@ -27,6 +27,14 @@ def output_path(given: str, name: str, file_format: str) -> Path:
     return path
 
 
+def beside(picture: Path, what: str) -> Path:
+    """The file beside a photo or normal map that tells its "rig" or "camera": NAME.rig.json, NAME.camera.json.
+
+    They hold what stood when the photo was taken, whatever has been moved since.
+    """
+    return picture.with_name(f"{picture.stem}.{what}.json")
+
+
 def output_folder() -> Path:
     """The preferences' folder, else that of the saved .blend file, else Blender's temporary one."""
     chosen = preference("output_folder")

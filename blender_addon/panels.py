@@ -85,7 +85,6 @@ class MPS_PT_photo(_Step):
         size.prop(photo, "width")
         size.prop(photo, "height")
         column.prop(photo, "samples")
-        column.prop(photo, "denoise")
         column.prop(photo, "output", text="File", placeholder="Automatic")
         self.layout.operator("mps.render_photo", icon="RENDER_STILL")
         self.layout.template_ID(photo, "image", open="mps.open_photo")

@@ -129,16 +129,10 @@ class PhotoSettings:
     )
     samples: IntProperty(
         name="Samples",
-        description="Cycles samples a pixel: more take longer and give less noise",
-        default=128,
+        description="Cycles samples a pixel for each of the three lights: more take longer and give less noise",
+        default=32,
         min=1,
         max=65536,
-        options=GIVEN,
-    )
-    denoise: BoolProperty(
-        name="Denoise",
-        description="Remove Cycles' noise from the photo, by the photo alone: the true normals play no part in it",
-        default=True,
         options=GIVEN,
     )
     output: StringProperty(
@@ -192,7 +186,8 @@ class EstimateSettings:
     )
     rig_file: StringProperty(
         name="Rig File",
-        description="Measured rig (.json or .lp) of a photo taken with a real camera. Empty: the rig in this scene",
+        description="Measured rig (.json or .lp) of a photo taken with a real camera. "
+        "Empty: the one that was written beside the photo, else the rig in this scene",
         subtype="FILE_PATH",
         options=GIVEN,
     )

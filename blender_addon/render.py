@@ -3,18 +3,22 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import bpy
 from bpy.props import StringProperty
 
+from mpsnet_core.camera import write_camera
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import written_whole
+from mpsnet_core.rig import write_rig
 
+from .core_process import run
 from .operators import SaysWhy
-from .outputs import load_image, output_path
+from .outputs import beside, load_image, output_path
 from .properties import PhotoSettings, take_given
-from .rig import light_rig, rig_parts, view_layer
+from .rig import light_rig, rig_parts, scene_camera, view_layer
 
 _NORMAL_SAMPLES = 16
 
@@ -22,7 +26,8 @@ _NORMAL_SAMPLES = 16
 class MPS_OT_render_photo(SaysWhy, PhotoSettings, bpy.types.Operator):
     """Render the object with Cycles, lit by the rig's red, green and blue light alone.
 
-    Other lights and the world are off; glowing materials are not. The scene's own render settings stay as they are"""
+    Other lights and the world are off. The scene's own render settings stay as they are. The rig and the camera, as
+    they stand, are written beside the photo"""
 
     bl_idname = "mps.render_photo"
     bl_label = "Render Photo"
@@ -99,16 +104,28 @@ def needs_rig(cls: Any, context: Any) -> bool:
 def render_photo(scene: Any, path: Path) -> None:
     """Render what the rig's camera sees under the rig's lights alone, as a linear float EXR with alpha.
 
-    Size and samples are those of ``scene.mps.photo``. Nothing else in the file changes.
+    Size and samples are those of ``scene.mps.photo``. The rig and the camera are written beside the photo, see
+    :func:`mpsnet.outputs.beside`. Nothing in the .blend file changes.
 
-    Raises InputError where the rig is incomplete or the file cannot be written.
+    Raises InputError where the rig is incomplete, something glows or the file cannot be written.
     """
-    light_rig(scene)  # a rig from which no normal could be told is refused before the render, not after
-    with _studio(scene) as studio:
-        studio.cycles.samples = scene.mps.photo.samples
-        studio.cycles.use_denoising = scene.mps.photo.denoise
-        studio.cycles.denoising_input_passes = "RGB"
-        _render(studio, path, "OPEN_EXR")
+    rig, photo = light_rig(scene), scene.mps.photo
+    camera, _, lights = rig_parts(scene)
+    _refuse_glow(scene)
+    with _studio(scene) as studio, TemporaryDirectory(prefix="mpsnet-") as folder:
+        studio.cycles.samples = photo.samples
+        # Each Cycles sample draws one of the lights by chance; with one light at a time there is no such noise.
+        parts = [Path(folder) / f"{number}.exr" for number in range(len(lights))]
+        for light, part in zip(lights, parts, strict=True):
+            others = [other for other in lights if other != light]
+            for other in others:
+                studio.collection.objects.unlink(other)
+            _render(studio, part, "OPEN_EXR")
+            for other in others:
+                studio.collection.objects.link(other)
+        run(["superpose", *map(str, parts), "--output", str(path)], [path])
+    write_rig(beside(path, "rig"), rig)
+    write_camera(beside(path, "camera"), scene_camera(camera, scene, (photo.width, photo.height)))
 
 
 def render_normals(scene: Any, path: Path) -> None:
@@ -150,9 +167,6 @@ def _studio(scene: Any) -> Iterator[Any]:
         cycles.device = scene.cycles.device
         cycles.use_denoising = cycles.use_adaptive_sampling = False
         cycles.sample_clamp_indirect = 0.0
-        # Each sample draws one of the three lights. Drawn evenly, and not by the light tree, the noise is a third less.
-        cycles.use_light_tree = False
-        cycles.sampling_pattern = "BLUE_NOISE"
         yield studio
     finally:
         bpy.data.scenes.remove(studio)
@@ -165,6 +179,30 @@ def _rendered(layer: Any) -> Iterator[Any]:
     yield from (obj for obj in layer.collection.objects if obj.type != "LIGHT" and not obj.hide_render)
     for child in layer.children:
         yield from _rendered(child)
+
+
+def _refuse_glow(scene: Any) -> None:
+    """A photo under the three lights alone cannot have a fourth in it."""
+    for obj in _rendered(view_layer(scene).layer_collection):
+        for slot in obj.material_slots:
+            if slot.material and slot.material.node_tree and _glows(slot.material.node_tree):
+                raise InputError(
+                    f'material "{slot.material.name}" of "{obj.name}" glows, but the photo shows the three lights '
+                    "alone; set its emission to 0"
+                )
+
+
+def _glows(tree: Any) -> bool:
+    for node in tree.nodes:
+        if node.type == "GROUP" and node.node_tree and _glows(node.node_tree):
+            return True
+        name = "Strength" if node.type == "EMISSION" else "Emission Strength"
+        strength = node.inputs.get(name)
+        if strength is None or node.type not in {"EMISSION", "BSDF_PRINCIPLED"} or not node.outputs[0].is_linked:
+            continue
+        if strength.is_linked or strength.default_value > 0:
+            return True
+    return False
 
 
 def _render(studio: Any, path: Path, file_format: str) -> None:

@@ -246,26 +246,32 @@ def view_layer(scene: Any) -> Any:
     return bpy.context.view_layer if scene == bpy.context.scene else scene.view_layers[0]
 
 
-def rig_parts(
-    scene: Any,
-) -> tuple[Any, Any, list[Any]]:
+def rig_parts(scene: Any) -> tuple[Any, Any, list[Any]]:
     """The rig's camera, target and three lights. Raises InputError where one is missing."""
     settings = scene.mps.rig
-    if not settings.lights:
-        raise InputError("there is no rig in this scene; select the object and add one first")
+    camera = rig_camera(scene)
     in_scene = set(scene.objects)
-    for what, obj in (("camera", settings.camera), ("target", settings.target)):
-        if obj is None or obj not in in_scene:
-            raise InputError(f"the rig's {what} was deleted; add the rig again")
-    if settings.camera.type != "CAMERA":
-        raise InputError(f'the rig\'s camera "{settings.camera.name}" is not a camera; add the rig again')
+    if settings.target not in in_scene:
+        raise InputError("the rig's target was deleted; add the rig again")
     lights = [light.object for light in settings.lights]
     for colour, light in zip(COLOURS, lights, strict=True):
         if light is None or light not in in_scene or light.type != "LIGHT":
             raise InputError(f"the rig's {colour.lower()} light was deleted; add the rig again")
         if light.hide_render:
             raise InputError(f"the rig's {colour.lower()} light is hidden from renders; show it again")
-    return settings.camera, settings.target, lights
+    return camera, settings.target, lights
+
+
+def rig_camera(scene: Any) -> Any:
+    """The rig's camera. Raises InputError where there is none."""
+    settings = scene.mps.rig
+    if not settings.lights:
+        raise InputError("there is no rig in this scene; select the object and add one first")
+    if settings.camera not in set(scene.objects):
+        raise InputError("the rig's camera was deleted; add the rig again")
+    if settings.camera.type != "CAMERA":
+        raise InputError(f'the rig\'s camera "{settings.camera.name}" is not a camera; add the rig again')
+    return settings.camera
 
 
 def _direction(light: Any, centre: Vector) -> Vector:

@@ -48,7 +48,7 @@ def main() -> None:
     select(detailed)
     bpy.ops.mps.add_rig(slant=30.0, light_type="SUN", projection="ORTHOGRAPHIC")
     photo = OUTPUT / "photo.exr"
-    bpy.ops.mps.render_photo(width=PIXELS, height=PIXELS, samples=128, output=str(photo))
+    bpy.ops.mps.render_photo(width=PIXELS, height=PIXELS, samples=32, output=str(photo))
     truth = render_truth(OUTPUT / "truth.exr")
 
     step("estimating the normals")

@@ -36,6 +36,7 @@ _HOME = {
     "read_mesh": "surface.mesh",
     "read_normals": "normals",
     "read_rig": "rig",
+    "superpose": "superpose",
     "write_camera": "camera",
     "write_image": "images",
     "write_normals": "normals",

@@ -136,6 +136,8 @@ def _parser() -> argparse.ArgumentParser:
         "--progress", choices=("auto", "bar", "json", "none"), default="auto", help="how to tell progress"
     )
     _add_estimate(verbs.add_parser("estimate", parents=[common], help="photo to camera-space normal map"))
+    superpose = verbs.add_parser("superpose", parents=[common], help="add up photos that show one light each")
+    _add_superpose(superpose)
     _add_bake(verbs.add_parser("bake", parents=[common], help="normal maps to a texture on a mesh's UVs"))
     _add_evaluate(verbs.add_parser("evaluate", help="measure models against known normals"), common)
     models = verbs.add_parser("models", parents=[common], help="list the models that can be asked for by name")
@@ -207,6 +209,32 @@ def _estimate(options: argparse.Namespace, reporter: _Reporter) -> dict[str, Any
         "pixels": pixels,
         "text": "\n".join(f"{output}: normals by {estimator.name}" for output in outputs),
     }
+
+
+# --- superpose --------------------------------------------------------------------------------------------------------
+
+
+def _add_superpose(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("image", nargs="+", help="photos of a thing that did not move, one for each light")
+    parser.add_argument("--encoding", default="auto", help="auto, linear or srgb: how the photos' values are meant")
+    parser.add_argument("-o", "--output", required=True, help="the photo under all lights: .exr, or a float .tif")
+    parser.set_defaults(verb=_superpose)
+
+
+def _superpose(options: argparse.Namespace, reporter: _Reporter) -> dict[str, Any]:
+    import numpy as np
+
+    from mpsnet_core.images import checked_bits, write_image
+    from mpsnet_core.superpose import superpose
+
+    # A sum of light can be above 1, which only float files hold.
+    bits = checked_bits(Path(options.output), 32)
+    reporter.progress(0.0, "adding up the light")
+    pixels, alpha = superpose(options.image, encoding=options.encoding)
+    planes = [pixels] if alpha is None else [pixels, alpha[..., None]]
+    write_image(options.output, np.concatenate(planes, axis=-1), bits=bits, color_space="lin_rec709_scene")
+    reporter.progress(1.0, "done")
+    return {"output": options.output, "text": f"{options.output}: {len(options.image)} photos added up"}
 
 
 # --- bake -------------------------------------------------------------------------------------------------------------

@@ -45,7 +45,7 @@ class ModelCard:
             raise InputError("its card's \"inputs\" must name each input's features")
         for name, features in self.inputs.items():
             if not features:
-                raise InputError(f"its card's \"inputs\" gives no list of features for input {name!r}")
+                raise InputError(f'its card\'s "inputs" gives no list of features for input {name!r}')
             for feature in features:
                 if not isinstance(feature, str) or feature not in FEATURE_CHANNELS:
                     raise InputError(f"its card asks for {feature!r}; this program makes {', '.join(FEATURE_CHANNELS)}")

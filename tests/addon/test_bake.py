@@ -24,7 +24,7 @@ def test_the_estimate_is_the_spheres_normals(estimated, scene, tmp_path):
 
 def test_estimate_options_reach_the_core(photographed, scene, tmp_path):
     bpy.ops.mps.estimate(
-        output=str(tmp_path / "n.exr"), mask="THRESHOLD", threshold=0.5, model="LAMBERTIAN_GREY_WORLD", confidence=True
+        output=str(tmp_path / "n.exr"), mask="THRESHOLD", threshold=0.8, model="LAMBERTIAN_GREY_WORLD", confidence=True
     )
     assert read_normals(tmp_path / "n.exr").mask.mean() < pixels(tmp_path / "photo.exr")[..., 3].mean()
     assert (tmp_path / "n_confidence.exr").is_file()

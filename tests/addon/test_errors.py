@@ -277,7 +277,7 @@ def test_bad_input_is_one_sentence(wrong, sentence, scene, tmp_path):
     bpy.ops.mesh.primitive_uv_sphere_add(segments=16, ring_count=8)
     sphere = bpy.context.object
     bpy.ops.mps.add_rig()
-    bpy.ops.mps.render_photo(width=16, height=16, samples=1, denoise=False, output=str(tmp_path / "photo.exr"))
+    bpy.ops.mps.render_photo(width=16, height=16, samples=1, output=str(tmp_path / "photo.exr"))
     bpy.ops.mps.estimate(output=str(tmp_path / "normals.png"))
     scene.mps.estimate.output = ""
     bpy.context.view_layer.objects.active = sphere
@@ -322,7 +322,7 @@ def test_the_command_line_does_the_verbs(scene, tmp_path):
     saved = tmp_path / "saved.blend"
     assert main(["add-rig", "--object", "Sphere", "--slant", "40", "--projection", "perspective"]) == 0
     assert scene.mps.rig.slant == 40 and scene.mps.rig.camera.data.type == "PERSP"
-    small = ["--width", "16", "--height", "16", "--samples", "1", "--no-denoise"]
+    small = ["--width", "16", "--height", "16", "--samples", "1"]
     assert main(["render-photo", "--output", photo, *small]) == 0
     assert main(["estimate", "--output", normals]) == 0
     assert main(["bake", "--output", texture, "--size", "32", "--object", "Sphere", "--save", str(saved)]) == 0

@@ -90,7 +90,7 @@ def test_only_the_rig_lights_the_photo(sphere, scene, tmp_path):
 def test_what_the_scenes_render_hides_is_not_in_the_photo(sphere, scene, tmp_path):
     bpy.ops.mps.add_rig()
     sphere.hide_render = True
-    bpy.ops.mps.render_photo(width=16, height=16, samples=1, denoise=False, output=str(tmp_path / "photo.exr"))
+    bpy.ops.mps.render_photo(width=16, height=16, samples=1, output=str(tmp_path / "photo.exr"))
     assert not pixels(tmp_path / "photo.exr").any()
 
 
@@ -107,7 +107,7 @@ def test_rendering_leaves_no_trace(sphere, scene, tmp_path):
     with pytest.raises(RuntimeError):
         bpy.ops.mps.render_photo(output=str(tmp_path / "photo.png"))
     assert everything(scene) == before
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["photo.exr", "truth.exr"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["photo.camera.json", "photo.exr", "photo.rig.json", "truth.exr"]
 
 
 def test_true_normals_are_the_spheres_own(sphere, scene, tmp_path):
