@@ -13,7 +13,7 @@ from mpsnet_core.rig import write_rig
 from .operators import RunsCore, idle
 from .outputs import beside, image_file, load_image, output_path
 from .preferences import preference
-from .properties import EstimateSettings, take_given
+from .properties import MODELS, EstimateSettings, take_given
 from .rig import light_rig
 
 
@@ -53,7 +53,7 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
 
     def _model(self) -> str:
         if self.model != "FILE":
-            return self.model.lower().replace("_", "-")
+            return MODELS[self.model].name
         if not self.model_file:
             raise InputError("the model is a file but none is named; choose an .onnx file")
         return bpy.path.abspath(self.model_file)

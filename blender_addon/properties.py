@@ -11,6 +11,8 @@ from bpy.props import (
     StringProperty,
 )
 
+from mpsnet_core.estimate.shelf import DEFAULT_MODEL, shelf
+
 # Without it Blender fills an operator's unset properties with those of its last run instead of the scene's settings.
 GIVEN = {"SKIP_SAVE"}
 
@@ -19,6 +21,14 @@ FILE_FORMATS = (
     ("TIFF", "TIFF", "16-bit TIFF"),
     ("EXR", "OpenEXR", "32-bit float OpenEXR"),
 )
+
+
+def _identifier(model: str) -> str:
+    """A model's name as Blender writes enums: upper case, words joined by underscores."""
+    return model.upper().replace("-", "_")
+
+
+MODELS = {_identifier(entry.name): entry for entry in shelf()}
 
 
 class RigSettings:
@@ -195,15 +205,10 @@ class EstimateSettings:
         name="Model",
         description="What turns the photo into normals",
         items=[
-            ("LAMBERTIAN", "Lambertian", "Matte surface of one grey: the baseline, at once"),
-            (
-                "LAMBERTIAN_GREY_WORLD",
-                "Lambertian, Grey World",
-                "Matte surface of one colour: each channel is divided by its own mean first",
-            ),
+            *((identifier, entry.name.replace("-", " ").title(), entry.title) for identifier, entry in MODELS.items()),
             ("FILE", "File", "A network in an .onnx file"),
         ],
-        default="LAMBERTIAN",
+        default=_identifier(DEFAULT_MODEL),
         options=GIVEN,
     )
     model_file: StringProperty(

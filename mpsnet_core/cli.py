@@ -4,6 +4,7 @@ Exit codes: 0; 2 and one line on stderr for bad input; 130 when cancelled.
 """
 
 import argparse
+import contextlib
 import itertools
 import json
 import logging
@@ -104,9 +105,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         if isinstance(error, OSError):
             sentence = f"{error.filename}: {error.strerror}; check the path and its permissions"
         sentence = " ".join(sentence.split())
-        if reporter.style == "json":
-            print(json.dumps({"error": sentence}), flush=True)
-        print(f"mpsnet: {sentence}", file=sys.stderr)
+        with contextlib.suppress(BrokenPipeError):  # nobody reads the answer any more
+            if reporter.style == "json":
+                print(json.dumps({"error": sentence}), flush=True)
+            print(f"mpsnet: {sentence}", file=sys.stderr)
         return EXIT_BAD_INPUT
     except (Cancelled, KeyboardInterrupt):
         reporter.close()
@@ -321,7 +323,7 @@ def _add_evaluate(parser: argparse.ArgumentParser, common: argparse.ArgumentPars
 def _evaluate_diligent(options: argparse.Namespace, reporter: _Reporter) -> dict[str, Any]:
     from mpsnet_core.estimate.shelf import DEFAULT_MODEL
     from mpsnet_core.evaluation.diligent import PROTOCOLS, PUBLISHED_LIGHTS, evaluate_diligent
-    from mpsnet_core.evaluation.report import report_path, text_table, write_html_report
+    from mpsnet_core.evaluation.report import html_figure, report_path, text_table, write_html_report
     from mpsnet_core.files import writable_path, write_json
 
     if options.json:
@@ -329,21 +331,24 @@ def _evaluate_diligent(options: argparse.Namespace, reporter: _Reporter) -> dict
     if options.output:
         report_path(options.output)
     skipped: list[str] = []
-    results = list(
-        evaluate_diligent(
-            options.folder,
-            lights=[_triple(text) for text in options.lights] if options.lights else PUBLISHED_LIGHTS,
-            protocols=options.protocol or list(PROTOCOLS),
-            models=options.model or [DEFAULT_MODEL],
-            skipped=skipped,
-            progress=reporter.progress,
-        )
+    results = evaluate_diligent(
+        options.folder,
+        lights=[_triple(text) for text in options.lights] if options.lights else PUBLISHED_LIGHTS,
+        protocols=options.protocol or list(PROTOCOLS),
+        models=options.model or [DEFAULT_MODEL],
+        skipped=skipped,
+        progress=reporter.progress,
     )
-    rows = [result.row() for result in results]
+    # One at a time: what a result holds (photo, normals, truth) would add up to gigabytes.
+    rows, figures = [], []
+    for result in results:
+        rows.append(result.row())
+        if options.output:
+            figures.append(html_figure(result))
     if options.json:
         write_json(options.json, {"rows": rows, "skipped": skipped})
     if options.output:
-        write_html_report(options.output, results, skipped)
+        write_html_report(options.output, rows, figures, skipped)
     table = "mean angular error in degrees\n" + text_table(rows)
     return {"rows": rows, "skipped": skipped, "text": "\n".join([table, *skipped])}
 

@@ -2,6 +2,7 @@
 
 import logging
 import os
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -209,7 +210,11 @@ def _layers(source: Any, path: Path) -> dict[str, _Layer]:
     subimage = 0
     while source.seek_subimage(subimage, 0):
         spec = source.spec()
-        if spec.width * spec.height > MAX_PIXELS or spec.nchannels > MAX_CHANNELS or spec.depth > 1:
+        if (
+            max(spec.width * spec.height, spec.full_width * spec.full_height) > MAX_PIXELS
+            or spec.nchannels > MAX_CHANNELS
+            or spec.depth > 1
+        ):
             raise InputError(
                 f"{path} says it is {spec.width} x {spec.height} with {spec.nchannels} channels, more than this "
                 f"program reads ({MAX_PIXELS // 10**6} megapixels, {MAX_CHANNELS} channels, no volumes)"
@@ -268,21 +273,42 @@ def _read_layer(path: Path, layer: str | None) -> tuple[NDArray[np.float32], dic
     if values is None or reason:
         raise InputError(f"{path} is damaged or cut short ({reason or 'no pixels'}); copy or export it again")
     values = np.asarray(values, dtype=np.float32).reshape(spec.height, spec.width, last + 1 - first)
+    values = _on_display_window(values, spec)
     return values, {name: number - first for name, number in chosen.channels.items()}, spec
+
+
+def _on_display_window(values: NDArray[np.float32], spec: Any) -> NDArray[np.float32]:
+    """An EXR may hold only a part of its picture (a render region), or more than it; what is missing is zero."""
+    top, left = spec.y - spec.full_y, spec.x - spec.full_x
+    if (top, left, spec.height, spec.width) == (0, 0, spec.full_height, spec.full_width):
+        return values
+    whole = np.zeros((spec.full_height, spec.full_width, values.shape[2]), np.float32)
+    rows = slice(max(top, 0), min(top + spec.height, spec.full_height))
+    columns = slice(max(left, 0), min(left + spec.width, spec.full_width))
+    if rows.start < rows.stop and columns.start < columns.stop:
+        whole[rows, columns] = values[rows.start - top : rows.stop - top, columns.start - left : columns.stop - left]
+    return whole
 
 
 @contextmanager
 def _libraries_silent() -> Iterator[None]:
-    """Keep libpng and OpenEXR from printing to stderr what OpenImageIO hands to us as well."""
-    try:
-        stderr = os.dup(2)
-    except OSError:  # a windowed program has none
-        yield
-        return
-    with Path(os.devnull).open("wb") as nowhere:
-        os.dup2(nowhere.fileno(), 2)
-    try:
-        yield
-    finally:
-        os.dup2(stderr, 2)
-        os.close(stderr)
+    """Keep libpng and OpenEXR from printing to stderr what OpenImageIO hands to us as well.
+
+    stderr belongs to the whole process, so of threads that read at the same time only one may turn it aside.
+    """
+    with _stderr_lock:
+        try:
+            stderr = os.dup(2)
+        except OSError:  # a windowed program has none
+            yield
+            return
+        with Path(os.devnull).open("wb") as nowhere:
+            os.dup2(nowhere.fileno(), 2)
+        try:
+            yield
+        finally:
+            os.dup2(stderr, 2)
+            os.close(stderr)
+
+
+_stderr_lock = threading.RLock()

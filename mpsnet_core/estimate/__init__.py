@@ -1,13 +1,17 @@
 """From a capture to a normal map: the Lambertian baseline and the networks, one call for all."""
 
+import logging
 import os
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from mpsnet_core.capture import Capture
-from mpsnet_core.estimate.lambertian import lambertian_normals
 from mpsnet_core.estimate.shelf import DEFAULT_MODEL, LAMBERTIAN, LAMBERTIAN_GREY_WORLD, find_model
-from mpsnet_core.normals import NormalMap
 from mpsnet_core.progress import Progress, silent
+
+if TYPE_CHECKING:  # Blender imports the shelf beside this file, and shall not wait for OpenImageIO
+    from mpsnet_core.capture import Capture
+    from mpsnet_core.normals import NormalMap
+
+log = logging.getLogger(__name__)
 
 __all__ = ["Estimator", "estimate_normals"]
 
@@ -17,7 +21,7 @@ class Estimator:
 
     model: a name of `mpsnet models` or the path of an ONNX file.
     options: provider ("cpu", "cuda", "directml", "coreml"), threads and tile for ONNX models, see
-        :class:`mpsnet_core.estimate.onnx_model.OnnxModel`.
+        :class:`mpsnet_core.estimate.onnx_model.OnnxModel`; the baselines take none.
 
     Raises InputError where there is no such model or its file is not one of ours.
     """
@@ -29,11 +33,15 @@ class Estimator:
             from mpsnet_core.estimate.onnx_model import OnnxModel  # onnxruntime takes a while to load
 
             self._network = OnnxModel(find_model(self.name), **options)
+        elif options.get("provider", "cpu") != "cpu":
+            log.info("%s is no network and runs without provider %s", self.name, options["provider"])
 
-    def __call__(self, capture: Capture, progress: Progress = silent) -> NormalMap:
+    def __call__(self, capture: "Capture", progress: Progress = silent) -> "NormalMap":
         """Normals of `capture`, in camera space. Raises Cancelled where `progress` does."""
         if self._network is not None:
             return self._network(capture, progress)
+        from mpsnet_core.estimate.lambertian import lambertian_normals
+
         progress(0.0, "solving equation 2")
         normals = lambertian_normals(capture, grey_world=self.name == LAMBERTIAN_GREY_WORLD)
         progress(1.0, "normals estimated")
@@ -41,12 +49,12 @@ class Estimator:
 
 
 def estimate_normals(
-    capture: Capture,
+    capture: "Capture",
     model: str | os.PathLike[str] = DEFAULT_MODEL,
     *,
     progress: Progress = silent,
     **options: Any,
-) -> NormalMap:
+) -> "NormalMap":
     """Estimate the surface normal of every pixel inside the capture's mask.
 
     Model and options as in :class:`Estimator`, which is the one to keep when there are many captures.

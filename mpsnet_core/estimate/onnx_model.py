@@ -199,7 +199,11 @@ def _check_fit(session: Any, card: ModelCard) -> None:
                 f"input {name!r} is {node.type} {shape}; expected tensor(float) {expected} for "
                 f"{' + '.join(card.inputs[name])}"
             )
-        if any(isinstance(have, int) for have, want in zip(shape, expected, strict=True) if want == "any"):
+        # Dense networks run on one tile at a time, so a batch fixed at 1 does no harm.
+        batch_fits = shape[0] == "any" or (card.kind == "dense" and shape[0] == 1)
+        if not batch_fits or any(
+            have != want for have, want in zip(shape[1:], expected[1:], strict=True) if want == "any"
+        ):
             raise InputError(
                 f"input {name!r} has the fixed size {shape}; expected {expected}: export with dynamic sizes"
             )

@@ -25,8 +25,11 @@ class ShelfEntry:
 def shelf() -> list[ShelfEntry]:
     """All models that come with the package, the baselines first."""
     baselines = [
-        ShelfEntry(LAMBERTIAN, "Lambertian baseline: equation 2 on the photo as it is"),
-        ShelfEntry(LAMBERTIAN_GREY_WORLD, "Lambertian baseline, each channel divided by its own mean first"),
+        ShelfEntry(LAMBERTIAN, "The baseline, at once: a matt surface of one grey (equation 2 of the paper)"),
+        ShelfEntry(
+            LAMBERTIAN_GREY_WORLD,
+            "The baseline for a matt surface of one colour: each channel is divided by its own mean first",
+        ),
     ]
     return baselines + [ShelfEntry(file.stem, "network", file) for file in sorted(SHELF.glob("*.onnx"))]
 

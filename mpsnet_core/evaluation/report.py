@@ -69,20 +69,26 @@ def report_path(path: str | os.PathLike[str]) -> Path:
     return path
 
 
-def write_html_report(path: str | os.PathLike[str], results: Sequence[Result], notes: Sequence[str]) -> None:
-    """One HTML page: the table, then a row of pictures for each result. Whole or not at all."""
+def html_figure(result: Result) -> str:
+    """A result's row of pictures as HTML, its pictures inside."""
+    title = f"{result.object}, lights {result.lights}, {result.protocol}, {result.model}: {result.mae_deg:.2f}°"
+    picture = sheet(comparison(result.capture.image, result.estimate, result.truth), columns=5)
+    return f"<h2>{html.escape(title)}</h2><img alt='{html.escape(title)}' src='{_data_url(picture)}'>"
+
+
+def write_html_report(
+    path: str | os.PathLike[str], rows: Sequence[dict[str, Any]], figures: Sequence[str], notes: Sequence[str]
+) -> None:
+    """One HTML page: the table of `rows`, then the results' figures. Whole or not at all."""
     path = report_path(path)
     parts = [
         "<!doctype html><html lang='en'><meta charset='utf-8'><title>MPS-Net evaluation</title>",
         "<style>body{background:#222;color:#eee;font:15px sans-serif;margin:2em}pre{font-size:14px}"
         "img{max-width:100%}</style><h1>Mean angular error in degrees</h1>",
-        f"<pre>{html.escape(text_table([result.row() for result in results]))}</pre>",
+        f"<pre>{html.escape(text_table(rows))}</pre>",
         *(f"<p>{html.escape(note)}</p>" for note in notes),
+        *figures,
     ]
-    for result in results:
-        title = f"{result.object}, lights {result.lights}, {result.protocol}, {result.model}: {result.mae_deg:.2f}°"
-        picture = sheet(comparison(result.capture.image, result.estimate, result.truth), columns=5)
-        parts.append(f"<h2>{html.escape(title)}</h2><img alt='{html.escape(title)}' src='{_data_url(picture)}'>")
     with written_whole(path) as unfinished:
         unfinished.write_text("\n".join(parts) + "</html>\n", encoding="utf-8")
 

@@ -67,7 +67,8 @@ class Mesh:
             object.__setattr__(self, name, value)
         if self.triangles.min() < 0 or self.triangles.max() >= len(self.vertices):
             raise InputError("the mesh's triangles name vertices that it does not have; export it again")
-        if abs(np.linalg.det(self.world_from_object[:3, :3])) < 1e-12:
+        scales = np.linalg.svd(self.world_from_object[:3, :3], compute_uv=False)
+        if scales[-1] <= 1e-9 * scales[0]:
             raise InputError("the object is scaled to nothing in one direction; give it a scale above 0")
         low, high = self.uvs.min(axis=(0, 1)), self.uvs.max(axis=(0, 1))
         if (high <= 0).any() or (low >= 1).any():

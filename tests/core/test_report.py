@@ -21,7 +21,7 @@ from mpsnet_core.evaluation.pictures import (
     photo_picture,
     sheet,
 )
-from mpsnet_core.evaluation.report import text_table, write_html_report
+from mpsnet_core.evaluation.report import html_figure, text_table, write_html_report
 from mpsnet_core.normals import NormalMap
 
 
@@ -86,7 +86,8 @@ def test_pictures_are_cut_to_the_mask(sphere: Sphere) -> None:
 def test_the_page_shows_table_notes_and_pictures(tmp_path: Path) -> None:
     diligent_object(tmp_path / "data", "ball")
     results = list(evaluate_diligent(tmp_path / "data", lights=[(1, 2, 3)], protocols=["white", "separated"]))
-    write_html_report(tmp_path / "report.html", results, ["absent, skipped: <none>"])
+    figures = [html_figure(result) for result in results]
+    write_html_report(tmp_path / "report.html", [r.row() for r in results], figures, ["absent, skipped: <none>"])
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert listing(tmp_path) == ["data", "report.html"]
     assert "absent, skipped: &lt;none&gt;" in page
