@@ -107,7 +107,12 @@ def test_rendering_leaves_no_trace(sphere, scene, tmp_path):
     with pytest.raises(RuntimeError):
         bpy.ops.mps.render_photo(output=str(tmp_path / "photo.png"))
     assert everything(scene) == before
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["photo.camera.json", "photo.exr", "photo.rig.json", "truth.exr"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "photo.camera.json",
+        "photo.exr",
+        "photo.rig.json",
+        "truth.exr",
+    ]
 
 
 def test_true_normals_are_the_spheres_own(sphere, scene, tmp_path):
