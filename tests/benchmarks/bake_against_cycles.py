@@ -1,0 +1,160 @@
+"""How long a bake from one view takes, as a share of Cycles' selected-to-active bake of the same mesh and size.
+
+    python tests/benchmarks/bake_against_cycles.py [--mesh FILE] [--size 2048] [--margin 16] [--rounds 5]
+
+Needs pip's bpy. The mesh is MPSNET_TEST_DATA/meshes/test/bunny.obj, or a bumpy sphere where there is none; its copy
+has a tenth of its faces. Both bake with the same number of threads, in turn, each round anew: Cycles from its scene,
+the core from its arrays; neither touches a file, and no process is started. Ends with 1 where the median of the
+rounds' ratios is above 1.
+"""
+
+import argparse
+import contextlib
+import os
+import statistics
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from mpsnet_core.camera import Camera
+from mpsnet_core.normals import NormalMap
+from mpsnet_core.surface.bake import View, bake_normals
+from mpsnet_core.surface.mesh import Mesh
+
+
+def array_of(collection: object, name: str, width: int, kind: type = np.float32) -> np.ndarray:
+    values = np.empty(len(collection) * width, kind)
+    collection.foreach_get(name, values)
+    return values.reshape(-1, width)
+
+
+def build(path: Path | None) -> tuple[bpy.types.Object, bpy.types.Object]:
+    """The detailed object, 2 across, and its unwrapped copy with a tenth of the faces."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    if path is None:
+        bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=7)
+    else:
+        bpy.ops.wm.obj_import(filepath=str(path), forward_axis="Y", up_axis="Z")
+    detailed = bpy.context.object
+    points = array_of(detailed.data.vertices, "co", 3)
+    low, high = points.min(axis=0), points.max(axis=0)
+    points = (points - (low + high) / 2) * 2 / np.linalg.norm(high - low)
+    if path is None:
+        points *= 1 + 0.02 * np.sin(20 * points[:, :1]) * np.sin(18 * points[:, 1:2])
+    detailed.data.vertices.foreach_set("co", points.ravel())
+    detailed.data.update()
+    detailed.data.polygons.foreach_set("use_smooth", [True] * len(detailed.data.polygons))
+
+    simple = detailed.copy()
+    simple.data = detailed.data.copy()
+    bpy.context.scene.collection.objects.link(simple)
+    bpy.ops.object.select_all(action="DESELECT")
+    simple.select_set(True)
+    bpy.context.view_layer.objects.active = simple
+    modifier = simple.modifiers.new("Decimate", "DECIMATE")
+    modifier.ratio = 0.1
+    bpy.ops.object.modifier_apply(modifier=modifier.name)
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.select_all(action="SELECT")
+    bpy.ops.uv.smart_project(island_margin=0.003)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    detailed.select_set(True)
+    return detailed, simple
+
+
+def prepare_cycles(simple: bpy.types.Object, size: int, threads: int) -> None:
+    scene = bpy.context.scene
+    scene.render.engine, scene.cycles.samples = "CYCLES", 1
+    scene.render.threads_mode, scene.render.threads = "FIXED", threads
+    material = bpy.data.materials.new("Material")
+    if bpy.app.version < (5, 0):
+        material.use_nodes = True
+    node = material.node_tree.nodes.new("ShaderNodeTexImage")
+    node.image = bpy.data.images.new("Bake", size, size, float_buffer=True, is_data=True)
+    material.node_tree.nodes.active = node
+    simple.data.materials.clear()
+    simple.data.materials.append(material)
+
+
+def core_arrays(simple: bpy.types.Object) -> dict[str, np.ndarray]:
+    mesh = simple.data
+    mesh.calc_tangents()
+    tangents = np.concatenate([array_of(mesh.loops, "tangent", 3), array_of(mesh.loops, "bitangent_sign", 1)], axis=1)
+    return {
+        "vertices": array_of(mesh.vertices, "co", 3).astype(np.float64),
+        "triangles": array_of(mesh.loops, "vertex_index", 1, np.int32).reshape(-1, 3),
+        "corner_normals": array_of(mesh.corner_normals, "vector", 3).reshape(-1, 3, 3),
+        "uvs": array_of(mesh.uv_layers.active.data, "uv", 2).reshape(-1, 3, 2),
+        "given_tangents": tangents.reshape(-1, 3, 4),
+    }
+
+
+def front_view(pixels: int = 1024) -> View:
+    """Seen from the front; what the normals say does not matter for the time."""
+    pose = np.array([[1, 0, 0, 0], [0, 0, -1, -5], [0, 1, 0, 0], [0, 0, 0, 1]], float)
+    camera = Camera("orthographic", pixels, pixels, [pixels / 2.1] * 2, None, pose)
+    return View(camera, NormalMap(np.ones((pixels, pixels, 3)), np.ones((pixels, pixels), bool)))
+
+
+@contextlib.contextmanager
+def quiet() -> Iterator[None]:
+    """Blender writes about every bake to the process's own output."""
+    sys.stdout.flush()
+    kept, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
+        os.close(nowhere)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description="Time the bake against Cycles' own.")
+    parser.add_argument("--mesh", type=Path)
+    parser.add_argument("--size", type=int, default=2048)
+    parser.add_argument("--margin", type=int, default=16)
+    parser.add_argument("--rounds", type=int, default=5)
+    arguments = parser.parse_args()
+    bunny = Path(os.environ.get("MPSNET_TEST_DATA", "")) / "meshes" / "test" / "bunny.obj"
+    mesh_file = arguments.mesh or (bunny if bunny.is_file() else None)
+    threads = os.cpu_count() or 1  # what the core uses
+
+    with quiet():
+        detailed, simple = build(mesh_file)
+        prepare_cycles(simple, arguments.size, threads)
+    arrays, view = core_arrays(simple), front_view()
+    print(f"{mesh_file or 'a bumpy sphere'}: {len(detailed.data.polygons)} faces onto {len(simple.data.polygons)},")
+    print(f"{arguments.size} x {arguments.size} texels, margin {arguments.margin}, {threads} threads")
+
+    def cycles() -> None:
+        with quiet():
+            bpy.ops.object.bake(
+                type="NORMAL", use_selected_to_active=True, cage_extrusion=0.03, margin=arguments.margin
+            )
+
+    def core() -> None:
+        bake_normals(Mesh(**arrays), [view], size=arguments.size, margin=arguments.margin)
+
+    seconds: dict[str, list[float]] = {"cycles": [], "core": []}
+    for number in range(arguments.rounds + 1):
+        for name, bake in (("cycles", cycles), ("core", core)) if number % 2 else (("core", core), ("cycles", cycles)):
+            start = time.perf_counter()
+            bake()
+            if number:  # the first round warms up
+                seconds[name].append(time.perf_counter() - start)
+    for name, times in seconds.items():
+        print(f"{name:>7}: least {min(times):.2f} s, median {statistics.median(times):.2f} s")
+    ratios = [a / b for a, b in zip(seconds["core"], seconds["cycles"], strict=True)]
+    median = statistics.median(ratios)
+    print(f"core / cycles: least by least {min(seconds['core']) / min(seconds['cycles']):.2f}, median {median:.2f}")
+    return int(median > 1)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

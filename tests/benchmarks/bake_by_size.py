@@ -1,0 +1,62 @@
+"""How the bake's time grows with the texture's size and the number of views, each as a share of the smallest one's.
+
+python tests/benchmarks/bake_by_size.py [--faces 7000] [--rounds 3]
+"""
+
+import argparse
+import statistics
+import time
+
+import numpy as np
+
+from mpsnet_core.camera import Camera
+from mpsnet_core.normals import NormalMap
+from mpsnet_core.surface.bake import View, bake_normals
+from mpsnet_core.surface.mesh import Mesh
+
+
+def sphere(faces: int) -> Mesh:
+    rows = max(3, round((faces / 4) ** 0.5))
+    u, v = np.meshgrid(np.linspace(0, 1, 2 * rows + 1), np.linspace(0.02, 0.98, rows + 1), indexing="ij")
+    azimuth, height = 2 * np.pi * u, np.pi * (v - 0.5)
+    points = np.stack([np.cos(height) * np.cos(azimuth), np.cos(height) * np.sin(azimuth), np.sin(height)], -1)
+    number = np.arange(u.size).reshape(u.shape)
+    a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
+    triangles = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
+    points, uvs = points.reshape(-1, 3), np.stack([u, v], -1).reshape(-1, 2)
+    return Mesh(points, triangles, points[triangles], uvs[triangles])
+
+
+def view(azimuth: float, pixels: int = 1024) -> View:
+    z = np.array([np.cos(azimuth), np.sin(azimuth), 0])
+    pose = np.eye(4)
+    pose[:3, :3] = np.stack([[-z[1], z[0], 0], [0, 0, 1], z], axis=1)
+    pose[:3, 3] = 4 * z
+    camera = Camera("orthographic", pixels, pixels, [pixels / 2.2] * 2, None, pose)
+    return View(camera, NormalMap(np.ones((pixels, pixels, 3)), np.ones((pixels, pixels), bool)))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Time the bake at several sizes.")
+    parser.add_argument("--faces", type=int, default=7000)
+    parser.add_argument("--rounds", type=int, default=3)
+    arguments = parser.parse_args()
+    mesh = sphere(arguments.faces)
+    views = [view(azimuth) for azimuth in np.arange(8) * np.pi / 4]
+    cases = [(size, count) for count in (1, 8) for size in (1024, 2048, 4096)]
+    seconds: dict[tuple[int, int], list[float]] = {case: [] for case in cases}
+    for _ in range(arguments.rounds):
+        for size, count in cases:
+            start = time.perf_counter()
+            bake_normals(mesh, views[:count], size=size)
+            seconds[size, count].append(time.perf_counter() - start)
+    smallest = statistics.median(seconds[cases[0]])
+    print(f"{len(mesh.triangles)} faces")
+    for (size, count), times in seconds.items():
+        median = statistics.median(times)
+        least = min(times)
+        print(f"{size:5} texels, {count} views: {median / smallest:6.2f} (median {median:.2f} s, least {least:.2f} s)")
+
+
+if __name__ == "__main__":
+    main()
