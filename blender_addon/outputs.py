@@ -46,6 +46,8 @@ def output_folder() -> Path:
 def load_image(path: Path, name: str, *, is_data: bool) -> bpy.types.Image:
     """The file as an image of Blender's, read anew where it is one already.
 
+    A file in Blender's temporary folder, which goes when Blender quits, is packed into the .blend file as well.
+
     is_data: its colours are numbers, not light: no colour space is applied.
 
     Raises InputError where Blender cannot read it.
@@ -54,14 +56,18 @@ def load_image(path: Path, name: str, *, is_data: bool) -> bpy.types.Image:
         image = bpy.data.images.load(str(path), check_existing=True)
     except RuntimeError:
         raise InputError(f"cannot open {path}: it does not exist or is not an image; check the path") from None
+    if image.packed_file:
+        image.unpack(method="REMOVE")  # else the packed file would be read again
+    if is_data:  # said before its pixels are read: 4.5 does not convert them again
+        image.colorspace_settings.is_data = True
     image.reload()
     if not image.has_data and not image.size[0]:
         bpy.data.images.remove(image)
         raise InputError(f"cannot read {path}: it is not an image or is damaged; export it again")
     image.name = name
-    if is_data:
-        image.colorspace_settings.is_data = True
-    if bpy.data.filepath and Path(bpy.data.filepath).parent in path.parents:
+    if Path(bpy.app.tempdir) in path.parents:
+        image.pack()
+    elif bpy.data.filepath and Path(bpy.data.filepath).parent in path.parents:
         image.filepath = bpy.path.relpath(str(path))
     return image
 
@@ -71,6 +77,9 @@ def image_file(image: bpy.types.Image | None, what: str, mend: str) -> Path:
     if image is None:
         raise InputError(f"there is no {what} yet; {mend}")
     path = Path(bpy.path.abspath(image.filepath, library=image.library))
+    if image.packed_file and not path.is_file():
+        path = Path(bpy.app.tempdir) / path.name
+        path.write_bytes(image.packed_file.data)
     if not image.filepath or not path.is_file():
         raise InputError(f'the {what} "{image.name}" has no file on disk; save it, or {mend}')
     return path
