@@ -45,7 +45,7 @@ def test_normals_of_a_rendered_sphere(by_script):
     # Within 60° of the camera every light 30° off its axis shines on the surface.
     lit = mask & (z > 0.55)
     assert lit.sum() > 0.4 * mask.sum()
-    assert error[lit].mean() < 1
+    assert error[lit].mean() < 0.5
 
 
 def test_texture_of_a_smooth_sphere_is_flat(by_script):
@@ -68,8 +68,9 @@ def test_errors_reach_the_script_as_sentences(by_script):
     assert "none.png" in errors["mask that does not exist"] and "does not exist" in errors["mask that does not exist"]
     assert "has no UV map" in errors["bake without UVs"]
     assert not [message for message in errors.values() if "Traceback" in message]
-    # Nor did any of them leave a file behind.
-    assert report["left"] == ["normals.png", "photo.exr", "texture.png"]
+    # Nor did any of them leave a file behind: these are the steps' own.
+    beside = ["normals.camera.json", "photo.camera.json", "photo.rig.json"]
+    assert report["left"] == sorted(["normals.png", "photo.exr", "texture.png", *beside])
 
 
 def test_command_line_does_the_same(blender, scene, by_script, tmp_path):
@@ -77,7 +78,7 @@ def test_command_line_does_the_same(blender, scene, by_script, tmp_path):
     for step, (verb, *flags) in enumerate(
         [
             ["add-rig", "--object", "Sphere"],
-            ["render-photo", "--width=160", "--height=160", "--samples=256", "--output=photo.exr"],
+            ["render-photo", "--width=160", "--height=160", "--samples=32", "--output=photo.exr"],
             ["estimate", "--output=normals.png"],
             ["bake", "--target=Sphere", "--size=256", "--output=texture.png"],
         ]
