@@ -152,7 +152,8 @@ def _studio(scene: Any) -> Iterator[Any]:
     photo = scene.mps.photo
     studio = bpy.data.scenes.new("MPS Studio")
     try:
-        for obj in {*_rendered(view_layer(scene).layer_collection), *lights, camera}:
+        # In order and each once: the order decides how Cycles numbers things, and so its noise.
+        for obj in dict.fromkeys([*_rendered(view_layer(scene).layer_collection), *lights, camera]):
             studio.collection.objects.link(obj)
         studio.camera = camera
         studio.frame_set(scene.frame_current, subframe=scene.frame_subframe)

@@ -131,8 +131,8 @@ class OnnxModel:
         side, reach = self.card.patch, self.card.patch // 2
         windows = {
             name: np.lib.stride_tricks.sliding_window_view(
-                np.pad(values, [(0, 0), (reach, reach), (reach, reach)]), (side, side), axis=(1, 2)
-            )
+                np.pad(values, [(0, 0), (reach, reach), (reach, reach)]), (len(values), side, side)
+            )[0]
             for name, values in inputs.items()
         }
         vectors, confidence = np.zeros((*mask.shape, 3), np.float32), np.ones(mask.shape, np.float32)
@@ -140,9 +140,7 @@ class OnnxModel:
         for start in range(0, len(rows), PATCHES_A_BATCH):
             progress(start / len(rows), f"pixel {start} of {len(rows)}")
             y, x = rows[start : start + PATCHES_A_BATCH], columns[start : start + PATCHES_A_BATCH]
-            outputs = self._run(
-                {name: np.ascontiguousarray(view[:, y, x].swapaxes(0, 1)) for name, view in windows.items()}
-            )
+            outputs = self._run({name: view[y, x] for name, view in windows.items()})
             vectors[y, x] = self._shaped("normals", outputs, (len(y), 3))
             if "confidence" in outputs:
                 confidence[y, x] = self._shaped("confidence", outputs, (len(y), 1))[:, 0]

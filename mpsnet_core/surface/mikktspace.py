@@ -84,7 +84,8 @@ def _triangle_tangents(
     t1, t2 = uvs[:, 1] - uvs[:, 0], uvs[:, 2] - uvs[:, 0]
     doubled_area = t1[:, 0] * t2[:, 1] - t1[:, 1] * t2[:, 0]
     turns = doubled_area > 0
-    along_u: NDArray[np.float64] = (t2[:, 1:] * d1 - t1[:, 1:] * d2) * np.where(turns, 1.0, -1.0)[:, None]
+    along_u: NDArray[np.floating] = t2[:, 1:] * d1 - t1[:, 1:] * d2
+    along_u[~turns] *= -1
     along_v = -t2[:, :1] * d1 + t1[:, :1] * d2
     tiny = np.finfo(np.float32).tiny
     usable = (
