@@ -227,7 +227,8 @@ def _placed(part: Any, pose: NDArray[np.float64]) -> tuple[NDArray[Any], ...]:
     vertices = np.asarray(part.vertices, np.float64)
     uvs = getattr(part.visual, "uv", None) if len(faces) else np.empty((len(vertices), 2))
     if uvs is None or len(uvs) != len(vertices):
-        raise _without_uvs("it has")
+        # trimesh drops the UVs of glTF without a material.
+        raise _without_uvs("it has no material (which glTF needs for UVs) or")
     normals: NDArray[Any] = np.full_like(vertices, np.nan)
     # trimesh computes vertex normals on demand; its cache holds them beforehand only where the file gave them.
     if "vertex_normals" in part._cache:

@@ -22,7 +22,7 @@ def mikktspace_tangents(
     space, share one tangent: the mean of their triangles' tangents, weighted by the triangles' angles there.
     Triangles without area in UV space, which hold no texel, belong to their neighbours' groups; a corner that no group
     gives a tangent takes one from a corner at the same vertex, else +x. mikktspace.c leaves zero at the few corners
-    whose angle is too small for single precision (below 4e-4 rad); here they have the unit tangent.
+    whose angle is too small for single precision (about 5e-4 rad); here they have the unit tangent.
     """
     corners, normals, uvs = (np.asarray(a, np.float64) for a in (corners, normals, uvs))
     vertex = _welded(corners, normals, uvs)

@@ -185,6 +185,13 @@ def test_gltf_with_several_meshes_and_materials(tmp_path: Path, normals: bool) -
     assert degrees_between(mesh.corner_normals, expected).max() < 0.01
 
 
+def test_gltf_without_a_material_is_told_to_get_one(tmp_path: Path) -> None:
+    path = gltf(tmp_path / "mesh.gltf", normals=True)
+    path.write_text(path.read_text().replace('"material": 0', '"extras": 0').replace('"material": 1', '"extras": 1'))
+    with pytest.raises(InputError, match="no material .*or no UVs; unwrap it"):
+        read_mesh(path)
+
+
 def test_gltf_with_a_mirroring_node_keeps_its_outside(tmp_path: Path) -> None:
     mesh = read_mesh(gltf(tmp_path / "mesh.gltf", normals=True, mirrored=True))
     a, b, c = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
