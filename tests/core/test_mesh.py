@@ -188,7 +188,7 @@ def test_gltf_with_several_meshes_and_materials(tmp_path: Path, normals: bool) -
 def test_gltf_without_a_material_is_told_to_get_one(tmp_path: Path) -> None:
     path = gltf(tmp_path / "mesh.gltf", normals=True)
     path.write_text(path.read_text().replace('"material": 0', '"extras": 0').replace('"material": 1', '"extras": 1'))
-    with pytest.raises(InputError, match="no material .*or no UVs; unwrap it"):
+    with pytest.raises(InputError, match=r"no material .*or no UVs; unwrap it"):
         read_mesh(path)
 
 
