@@ -96,7 +96,7 @@ class MPS_PT_photo(_Step):
         elif estimate.mask == "THRESHOLD":
             column.prop(estimate, "threshold", slider=True)
         column.prop(estimate, "encoding")
-        column.prop(estimate, "rig_file", placeholder="Rig of this scene")
+        column.prop(estimate, "rig_file", placeholder="Automatic")
 
 
 class MPS_PT_estimate(_Step):
