@@ -136,7 +136,14 @@ def test_the_steps_run_beside_a_live_window(window, tmp_path):
     window.wait(lambda state: not state["running"], 60, "end of the cancelled bake")
     assert not [path.name for path in tmp_path.iterdir() if "cancelled" in path.name]
 
+    plain = window.state["nodes"]
     texture = tmp_path / "texture.png"
     window.ask("invoke", "bake", {"size": 128, "output": str(texture)})
     window.wait(lambda state: "MPS Cube" in state["images"] and not state["running"], 120, "texture")
     assert texture.is_file()
+    assert set(window.state["nodes"]) - set(plain) == {"MPS UV", "MPS Texture", "MPS Normal"}
+
+    window.input("key", "ctrl+z")
+    window.wait(lambda state: state["nodes"] == plain, 60, "undo of the bake")
+    window.input("key", "ctrl+shift+z")
+    window.wait(lambda state: "MPS Normal" in state["nodes"], 60, "redo of the bake")

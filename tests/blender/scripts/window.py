@@ -50,6 +50,9 @@ def state():
         "clipboard": manager.clipboard,
         "objects": sorted(bpy.data.objects.keys()),
         "images": sorted(bpy.data.images.keys()),
+        "nodes": sorted(
+            node.name for material in bpy.data.materials if material.node_tree for node in material.node_tree.nodes
+        ),
         "running": manager.mps.running,
         "progress": manager.mps.progress,
     }
