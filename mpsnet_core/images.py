@@ -175,7 +175,11 @@ def write_image(
 
 def _has_its_end(file: Path) -> bool:
     """Whether a PNG has its last chunk: OpenImageIO reports success where a full disk cut it short."""
-    return file.suffix.lower() != ".png" or file.read_bytes()[-8:-4] == b"IEND"
+    if file.suffix.lower() != ".png":
+        return True
+    with file.open("rb") as written:
+        written.seek(-8, os.SEEK_END)
+        return written.read(4) == b"IEND"
 
 
 def checked_bits(path: Path, bits: int | None = None) -> int:
