@@ -1,5 +1,6 @@
 """Baking: camera-space normals of one or more views onto the mesh's UVs."""
 
+import logging
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -13,9 +14,11 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.normals import NormalMap, normalised
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.surface.mesh import Mesh
-from mpsnet_core.surface.raster import grown, texel_coordinates, triangle_of_texel
+from mpsnet_core.surface.raster import grown, texel_areas, texel_coordinates, triangle_of_texel
 from mpsnet_core.surface.texture import SPACES, Space, Texture
 from mpsnet_core.surface.visibility import RayScene, Visibility
+
+log = logging.getLogger(__name__)
 
 MAX_SIZE = 16384
 # Texels worked on at once: small enough to stay in a core's cache.
@@ -75,14 +78,18 @@ def bake_normals(
         raise InputError(f"space {space!r} is not known; choose {' or '.join(SPACES)}")
 
     progress(0.0, "laying out the UVs")
-    corners = texel_coordinates(mesh.uvs, size)
-    owner = triangle_of_texel(corners, size)
-    covered = owner >= 0
-    if not covered.any():
-        raise InputError(f"no texel of a {size} x {size} texture lies on the mesh's UVs; choose a larger size")
     scene = RayScene(mesh)
     projectors = [_Projector(mesh, view, scene) for view in views]
-    surface = _Surface(mesh, corners)
+    corners = texel_coordinates(mesh.uvs, size)
+    # Where UVs overlap (mirrored halves, say), the triangle that a view sees wins: the last one laid down.
+    order = np.argsort(_seen_triangles(mesh, projectors, scene), kind="stable")
+    laid = triangle_of_texel(corners[order], size)
+    covered = laid >= 0
+    if not covered.any():
+        raise InputError(f"no texel of a {size} x {size} texture lies on the mesh's UVs; choose a larger size")
+    owner = np.where(covered, order[laid], -1)
+    _note_layout(mesh, corners, covered)
+    surface = _Surface(mesh, corners, scene.middle)
 
     vectors = np.zeros((size, size, 3), np.float32)
     vectors[..., 2] = 1
@@ -97,7 +104,7 @@ def bake_normals(
             surface, projectors, owner.ravel()[chunk], columns, rows, space
         )
 
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with ThreadPoolExecutor(_usable_cores()) as pool:
         try:
             for done, _ in enumerate(pool.map(work, starts)):
                 progress(0.1 + 0.8 * done / len(starts), "baking")
@@ -112,10 +119,38 @@ def bake_normals(
     return texture
 
 
-class _Surface:
-    """What varies linearly over each triangle, as a value at its first corner and steps along texel x and y."""
+def _seen_triangles(mesh: Mesh, projectors: "Sequence[_Projector]", scene: RayScene) -> NDArray[np.bool_]:
+    """(T,) whether any view sees the triangle's middle."""
+    corners = mesh.world_vertices[mesh.triangles] - scene.middle
+    outwards = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    if np.linalg.det(mesh.world_from_object[:3, :3]) < 0:
+        outwards = -outwards
+    middles, outwards = corners.mean(axis=1).astype(np.float32), normalised(outwards).astype(np.float32)
+    return np.any([projector.look(middles, outwards)[:, 3] > 0 for projector in projectors], axis=0)
 
-    def __init__(self, mesh: Mesh, corners: NDArray[np.float64]) -> None:
+
+def _note_layout(mesh: Mesh, corners: NDArray[np.float64], covered: NDArray[np.bool_]) -> None:
+    """Tell of UVs that a person may not have meant: outside the texture, or over each other."""
+    outside = ((mesh.uvs < -1e-4) | (mesh.uvs > 1 + 1e-4)).any(axis=(1, 2))
+    if outside.any():
+        count = f"{outside.sum()} of {len(outside)}"
+        log.info("%s triangles have UVs outside 0 to 1, which the texture does not reach", count)
+    elif texel_areas(corners).sum() > 1.05 * covered.sum():
+        log.info("UVs overlap: where they do, the texture shows the part of the surface that a view sees")
+
+
+def _usable_cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+class _Surface:
+    """What varies linearly over each triangle, as a value at its first corner and steps along texel x and y.
+
+    normal, tangent, position: (T, 3, 3), see :meth:`linear`; positions in the world, relative to `middle`, because far
+    from the origin float32 would be too coarse.
+    """
+
+    def __init__(self, mesh: Mesh, corners: NDArray[np.float64], middle: NDArray[np.float64]) -> None:
         self.origin = corners[:, 0].astype(np.float32)
         e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
         area = e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0]
@@ -126,7 +161,7 @@ class _Surface:
         )
         self.normal = self.linear(mesh.corner_normals)
         self.tangent = self.linear(mesh.tangents[..., :3])
-        self.position = self.linear(mesh.world_vertices[mesh.triangles])
+        self.position = self.linear(mesh.world_vertices[mesh.triangles] - middle)
         self.sign = mesh.tangents[:, 0, 3]
         # Normals are carried to world space by the inverse transpose, and back by the transpose.
         self.object_from_world_normals = mesh.world_from_object[:3, :3].T.astype(np.float32)
@@ -145,7 +180,7 @@ class _Projector:
     """One view, ready to be asked what it sees at points of the surface."""
 
     def __init__(self, mesh: Mesh, view: View, scene: RayScene) -> None:
-        self.camera = view.camera
+        self.camera, self.middle = view.camera, scene.middle
         self.visibility = Visibility(mesh, view.camera, scene)
         self.projection = view.camera.projection_rows()
         self.depth = view.camera.depth_row()
@@ -153,21 +188,24 @@ class _Projector:
         # A little weight where the confidence is zero: a doubtful normal is better than none.
         weight = np.where(normals.mask, np.maximum(normals.confidence, 0.01), 0).astype(np.float32)
         world = normals.vectors @ view.camera.rotation.T.astype(np.float32)
-        # A border of nothing, so that sampling at the image's edge needs no special case.
+        # (H + 2, W + 2, 4): world normals and a 1, times their weight. A border of nothing, so that sampling at the image's edge needs no special case.
         self.samples = np.pad(
             np.concatenate([world, np.ones_like(world[..., :1])], -1) * weight[..., None], [(1, 1), (1, 1), (0, 0)]
         )
 
     def look(self, points: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.float32]:
-        """(N, 4) the weighted normal in world space and its weight, for surface points and unit normals (N, 3)."""
+        """(N, 4) the weighted normal in world space and its weight, for surface points and unit normals (N, 3).
+
+        The points are relative to the scene's middle, the normals in world space.
+        """
         out = np.zeros((len(points), 4), np.float32)
         if self.camera.projection == "orthographic":
             facing = normals @ self.camera.rotation[:, 2].astype(np.float32)
         else:
-            towards = self.camera.world_from_camera[:3, 3].astype(np.float32) - points
+            towards = (self.camera.world_from_camera[:3, 3] - self.middle).astype(np.float32) - points
             facing = np.einsum("ni,ni->n", normals, towards) / np.linalg.norm(towards, axis=1)
         candidate = np.flatnonzero(facing > MIN_FACING)
-        points = points[candidate].astype(np.float64)
+        points = points[candidate] + self.middle
         depth = points @ self.depth[:3] + self.depth[3]
         projected = points @ self.projection[:, :3].T + self.projection[:, 3]
         ahead = (depth > 0) | (self.camera.projection == "orthographic")

@@ -3,21 +3,32 @@
 import numpy as np
 from numpy.typing import NDArray
 
+# Triangles of less than this many texels are lines or points in the texture.
+NO_AREA = 1e-9
+
 
 def texel_coordinates(uvs: NDArray[np.floating], size: int) -> NDArray[np.float64]:
     """UVs (..., 2) as texel coordinates: x right, y down, whole numbers at texel centres, row 0 at v = 1."""
     return np.stack([uvs[..., 0] * size - 0.5, (1 - uvs[..., 1].astype(np.float64)) * size - 0.5], axis=-1)
 
 
+def texel_areas(corners: NDArray[np.floating]) -> NDArray[np.float64]:
+    """(T,) areas in texels of triangles given by texel coordinates (T, 3, 2)."""
+    e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    return np.abs(e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0]).astype(np.float64) / 2
+
+
 def triangle_of_texel(corners: NDArray[np.float64], size: int) -> NDArray[np.int32]:
     """(size, size) the number of the triangle that covers each texel's centre, -1 where none does.
 
-    corners: (T, 3, 2) texel coordinates. Where triangles overlap, the one with the highest number wins.
+    corners: (T, 3, 2) texel coordinates. Where triangles overlap, the one with the highest number wins; those without
+    area cover nothing.
     """
     x, y = corners[..., 0], corners[..., 1]
     top = np.clip(np.ceil(y.min(axis=1)), 0, size).astype(np.int64)
     bottom = np.clip(np.floor(y.max(axis=1)) + 1, top, size).astype(np.int64)
-    triangle = np.repeat(np.arange(len(corners)), bottom - top)
+    bottom = np.where(texel_areas(corners) > NO_AREA, bottom, top)
+    triangle = np.repeat(np.arange(len(corners), dtype=np.int32), bottom - top)
     row = _counted(top, bottom - top)
     # Where each of the three edges crosses the row; edges that do not reach it take no part.
     left, right = np.full(len(row), np.inf), np.full(len(row), -np.inf)

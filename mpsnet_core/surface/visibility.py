@@ -8,8 +8,8 @@ from mpsnet_core.surface.mesh import Mesh
 
 # The depth image that settles easy cases is traced at no more than this many pixels on its longer side.
 DEPTH_PIXELS = 1024
-# Neighbouring depths that differ by more than this many pixel widths are a silhouette, or too steep to interpolate.
-STEEPEST = 4.0
+# Where depth bends by more than this many pixel widths from one pixel to the next there is a silhouette or a crease.
+SHARPEST_BEND = 0.5
 # A ray starts this share of the mesh's size off the surface, so that it does not hit where it starts.
 OFFSET = 1e-4
 
@@ -17,7 +17,8 @@ OFFSET = 1e-4
 class Visibility:
     """Tells whether points on `mesh` can be seen from `camera`, by rays (embree) against the mesh.
 
-    A depth image settles points far from any silhouette; only the others cost a ray.
+    A depth image, taken as a small plane in each pixel, settles points far from any silhouette; only the others cost a
+    ray.
     """
 
     def __init__(self, mesh: Mesh, camera: Camera, scene: "RayScene") -> None:
@@ -29,18 +30,23 @@ class Visibility:
         y, x = np.mgrid[:height, :width].reshape(2, -1) + 0.5
         points = np.stack([x * camera.width / width, y * camera.height / height], axis=1)
         origins, directions = camera.rays(points)
-        distance = scene.distances(origins, directions)
-        # Distance along the ray to depth along the camera's axis.
-        depth = distance * (directions @ -camera.rotation[:, 2])
-        depth = depth.reshape(height, width)
-        near, far = _extremes(depth)
-        pixel = depth / (camera.focal.min() * self.scale)
+        # An orthographic camera sees what is behind its plane as well, so its rays begin outside the mesh.
+        back = 0.0
         if camera.projection == "orthographic":
-            pixel = np.full_like(depth, 1 / (camera.focal.min() * self.scale))
+            back = float(np.linalg.norm(camera.world_from_camera[:3, 3] - scene.middle)) + scene.size
+        distance = scene.distances(origins - back * directions, directions) - back
+        # Distance along the ray to depth along the camera's axis.
+        depth = (distance * (directions @ -camera.rotation[:, 2])).reshape(height, width)
+        pixel = 1 / (camera.focal.min() * self.scale)
+        pixel = np.full_like(depth, pixel) if camera.projection == "orthographic" else pixel * depth
+        padded = np.pad(depth, 1, constant_values=np.inf)
+        left, right, above, below = padded[1:-1, :-2], padded[1:-1, 2:], padded[:-2, 1:-1], padded[2:, 1:-1]
         with np.errstate(invalid="ignore"):
-            smooth = np.isfinite(far) & (far - near <= STEEPEST * pixel)
-        self.smooth = smooth
-        self.far = np.where(smooth, far, 0).astype(np.float32)
+            bend = np.maximum(np.abs(left + right - 2 * depth), np.abs(above + below - 2 * depth))
+            self.smooth = np.isfinite(bend) & (bend <= SHARPEST_BEND * pixel)
+            planes = [depth + SHARPEST_BEND * pixel + 2 * self.offset, (right - left) / 2, (below - above) / 2]
+        # The plane's depth in the pixel's middle, with what is forgiven, and its slope a pixel to the right and down.
+        self.planes = np.where(self.smooth[..., None], np.stack(planes, axis=-1), 0)
 
     def seen(
         self, points: NDArray[np.floating], pixels: NDArray[np.floating], depth: NDArray[np.floating]
@@ -50,12 +56,13 @@ class Visibility:
         The points must face the camera.
         """
         height, width = self.shape
-        column = np.clip((pixels[:, 0] * (width / self.camera.width)).astype(np.int32), 0, width - 1)
-        row = np.clip((pixels[:, 1] * (height / self.camera.height)).astype(np.int32), 0, height - 1)
+        x, y = (pixels * (width / self.camera.width, height / self.camera.height)).T
+        column = np.clip(x.astype(np.int32), 0, width - 1)
+        row = np.clip(y.astype(np.int32), 0, height - 1)
         index = row * width + column
-        seen = self.smooth.ravel()[index]
-        unsure = np.flatnonzero(~seen)
-        seen &= depth <= self.far.ravel()[index] + 2 * self.offset
+        unsure = np.flatnonzero(~self.smooth.ravel()[index])
+        middle, right, down = self.planes.reshape(-1, 3)[index].T
+        seen = depth <= middle + right * (x - column - 0.5) + down * (y - row - 0.5)
         if len(unsure):
             seen[unsure] = ~self._hidden(points[unsure])
         return seen
@@ -90,12 +97,3 @@ class RayScene:
         heading = np.ascontiguousarray(directions, np.float32)
         found = np.asarray(self.scene.run(start, heading, query="DISTANCE"), np.float64)
         return np.where(found > 1e30, np.inf, found * self.size)
-
-
-def _extremes(depth: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The least and the greatest depth in each pixel's 3 x 3 neighbourhood."""
-    padded = np.pad(depth, 1, constant_values=np.inf)
-    rows = padded[:-2], padded[1:-1], padded[2:]
-    near, far = np.minimum.reduce(rows), np.maximum.reduce(rows)
-    near = np.minimum.reduce((near[:, :-2], near[:, 1:-1], near[:, 2:]))
-    return near, np.maximum.reduce((far[:, :-2], far[:, 1:-1], far[:, 2:]))
