@@ -13,7 +13,7 @@ from mpsnet_core.camera import write_camera
 from mpsnet_core.errors import InputError
 
 from .operators import RunsCore, idle
-from .outputs import beside, image_file, load_image, output_path
+from .outputs import image_file, load_image, output_path, remembered
 from .properties import BakeSettings, take_given
 from .rig import rig_camera, scene_camera
 
@@ -53,10 +53,11 @@ class MPS_OT_bake(RunsCore, BakeSettings, bpy.types.Operator):
             raise InputError("there is no target to bake onto; choose a mesh object")
         output = output_path(self.output, f"{target.name}_normal", self.file_format)
         context.view_layer.update()
-        camera = beside(normals, "camera")
-        if not camera.is_file():
-            camera = folder / "camera.json"
+        camera, taken_with = folder / "camera.json", remembered(normals_image, "camera")
+        if taken_with is None:
             write_camera(camera, scene_camera(rig_camera(scene), scene, tuple(normals_image.size)))
+        else:
+            camera.write_text(taken_with, encoding="utf-8")
         self._uv_map = write_mesh(folder / "mesh.npz", target, context.evaluated_depsgraph_get(), self.uv_map)
         self._scene, self._target, self._output = scene.name, target.name, output
         arguments = ["bake", "--mesh", str(folder / "mesh.npz"), "--output", str(output)]

@@ -1,6 +1,5 @@
 """The estimate: the photo becomes a normal map in camera space, in the core's process."""
 
-import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.rig import write_rig
 
 from .operators import RunsCore, idle
-from .outputs import beside, image_file, load_image, output_path
+from .outputs import image_file, load_image, output_path, remember, remembered
 from .preferences import preference
 from .properties import MODELS, EstimateSettings, take_given
 from .rig import light_rig
@@ -34,12 +33,16 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         scene = context.scene
         take_given(self, EstimateSettings, scene.mps.estimate)
-        photo = image_file(scene.mps.photo.image, "photo", "render or open one first")
+        image = scene.mps.photo.image
+        photo = image_file(image, "photo", "render or open one first")
         output = output_path(self.output, f"{scene.name}_normals", self.file_format)
-        rig = Path(bpy.path.abspath(self.rig_file)) if self.rig_file else beside(photo, "rig")
-        if not self.rig_file and not rig.is_file():
-            rig = folder / "rig.json"
-            write_rig(rig, light_rig(scene))
+        rig = Path(bpy.path.abspath(self.rig_file)) if self.rig_file else folder / "rig.json"
+        if not self.rig_file:
+            taken_with = remembered(image, "rig")
+            if taken_with is None:
+                write_rig(rig, light_rig(scene))
+            else:
+                rig.write_text(taken_with, encoding="utf-8")
         arguments = ["estimate", str(photo), "--rig", str(rig), "--output", str(output)]
         arguments += ["--encoding", self.encoding.lower(), "--model", self._model()]
         arguments += ["--provider", preference("provider").lower(), "--threads", str(preference("threads"))]
@@ -48,7 +51,7 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         if self.confidence:
             outputs.append(output.with_name(f"{output.stem}_confidence{output.suffix}"))
             arguments += ["--confidence", str(outputs[1])]
-        self._scene, self._output, self._photo = scene.name, output, photo
+        self._scene, self._output, self._camera = scene.name, output, remembered(image, "camera")
         return arguments, outputs
 
     def _model(self) -> str:
@@ -73,11 +76,10 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         scene = bpy.data.scenes.get(self._scene)
         if scene is None:
             raise InputError(f'the scene "{self._scene}" is gone; its normals are in {self._output}')
+        image = load_image(self._output, "MPS Normals", is_data=True)
         # The bake takes the camera as it stood for this photo, not for one that was estimated here before.
-        beside(self._output, "camera").unlink(missing_ok=True)
-        if beside(self._photo, "camera").is_file():
-            shutil.copyfile(beside(self._photo, "camera"), beside(self._output, "camera"))
-        scene.mps.estimate.image = load_image(self._output, "MPS Normals", is_data=True)
+        remember(image, "camera", self._camera)
+        scene.mps.estimate.image = image
         for note in result.get("notes", []):
             self.report({"INFO"}, note)
         self.report({"INFO"}, f"Normals written to {self._output}")

@@ -4,35 +4,70 @@ from pathlib import Path
 
 import bpy
 
+from mpsnet_core.camera import read_camera
 from mpsnet_core.errors import InputError
+from mpsnet_core.files import writable_path
+from mpsnet_core.rig import read_rig
 
 from .preferences import preference
 
 _SUFFIXES = {"PNG": ".png", "TIFF": ".tif", "EXR": ".exr"}
 _ENDINGS = {".png", ".tif", ".tiff", ".exr"}
+_READERS = {"rig": read_rig, "camera": read_camera}
 
 
 def output_path(given: str, name: str, file_format: str) -> Path:
     """The file to write: `given`, or `name` in the output folder, with the format's ending unless it has one.
 
-    Raises InputError where its folder does not exist or the ending is of no format that can be written.
+    Raises InputError where no file can be put there or the ending is of no format that can be written.
     """
     path = Path(bpy.path.abspath(given)) if given else output_folder() / bpy.path.clean_name(name)
     if not path.suffix:
         path = path.with_name(path.name + _SUFFIXES[file_format])
     if path.suffix.lower() not in _ENDINGS:
         raise InputError(f"cannot write {path}: the ending {path.suffix} is not known; use .png, .tif or .exr")
-    if not path.parent.is_dir():
-        raise InputError(f"cannot write {path}: the folder {path.parent} does not exist; create it first")
-    return path
+    return writable_path(path)
 
 
 def beside(picture: Path, what: str) -> Path:
-    """The file beside a photo or normal map that tells its "rig" or "camera": NAME.rig.json, NAME.camera.json.
+    """The file beside a photo that tells its "rig" or "camera": NAME.rig.json, NAME.camera.json.
 
     They hold what stood when the photo was taken, whatever has been moved since.
     """
     return picture.with_name(f"{picture.stem}.{what}.json")
+
+
+def load_photo(path: Path, name: str) -> bpy.types.Image:
+    """The photo as an image that knows the rig and camera beside the file, and keeps them wherever it goes.
+
+    Raises InputError where Blender cannot read it, or the file of its rig or camera is malformed.
+    """
+    known = {what: _read_beside(path, what) for what in _READERS}
+    image = load_image(path, name, is_data=False)
+    for what, text in known.items():
+        remember(image, what, text)
+    return image
+
+
+def _read_beside(picture: Path, what: str) -> str | None:
+    file = beside(picture, what)
+    if not file.is_file():
+        return None
+    _READERS[what](file)  # refuses what is malformed
+    return file.read_text(encoding="utf-8")
+
+
+def remember(image: bpy.types.Image, what: str, text: str | None) -> None:
+    """Keep the "rig" or "camera" of a picture, the text of such a file, with the image; None forgets it."""
+    if text is not None:
+        image[f"mpsnet_{what}"] = text
+    elif f"mpsnet_{what}" in image:
+        del image[f"mpsnet_{what}"]
+
+
+def remembered(image: bpy.types.Image, what: str) -> str | None:
+    """The text that :func:`remember` kept, or None."""
+    return image.get(f"mpsnet_{what}")
 
 
 def output_folder() -> Path:

@@ -187,7 +187,7 @@ class EstimateSettings:
         name="Encoding",
         description="How the photo's values stand for light",
         items=[
-            ("AUTO", "Automatic", "sRGB for 8-bit pictures, linear for the others, unless the file says otherwise"),
+            ("AUTO", "Automatic", "Linear for float files, sRGB for all others, unless the file says otherwise"),
             ("LINEAR", "Linear", "Twice the value is twice the light"),
             ("SRGB", "sRGB", "As for a screen"),
         ],
@@ -197,7 +197,7 @@ class EstimateSettings:
     rig_file: StringProperty(
         name="Rig File",
         description="Measured rig (.json or .lp) of a photo taken with a real camera. "
-        "Empty: the one that was written beside the photo, else the rig in this scene",
+        "Empty: the one beside the photo when it was rendered or opened, else the rig in this scene",
         subtype="FILE_PATH",
         options=GIVEN,
     )

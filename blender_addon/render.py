@@ -16,7 +16,7 @@ from mpsnet_core.rig import write_rig
 
 from .core_process import run
 from .operators import SaysWhy
-from .outputs import beside, load_image, output_path
+from .outputs import beside, load_photo, output_path
 from .properties import PhotoSettings, take_given
 from .rig import light_rig, rig_parts, scene_camera, view_layer
 
@@ -42,11 +42,11 @@ class MPS_OT_render_photo(SaysWhy, PhotoSettings, bpy.types.Operator):
         take_given(self, PhotoSettings, scene.mps.photo)
         path = output_path(self.output, f"{scene.name}_photo", "EXR")
         render_photo(scene, path)
-        scene.mps.photo.image = load_image(path, "MPS Photo", is_data=False)
+        scene.mps.photo.image = load_photo(path, "MPS Photo")
 
 
 class MPS_OT_open_photo(SaysWhy, bpy.types.Operator):
-    """Open a captured photo: PNG, TIFF, JPEG or OpenEXR"""
+    """Open a captured photo: PNG, TIFF, JPEG or OpenEXR. Files NAME.rig.json and NAME.camera.json beside it are read"""
 
     bl_idname = "mps.open_photo"
     bl_label = "Open Photo"
@@ -66,7 +66,7 @@ class MPS_OT_open_photo(SaysWhy, bpy.types.Operator):
         if not self.filepath:
             raise InputError("no photo was named; give its path as filepath")
         path = Path(bpy.path.abspath(self.filepath))
-        context.scene.mps.photo.image = load_image(path, path.stem, is_data=False)
+        context.scene.mps.photo.image = load_photo(path, path.stem)
 
 
 class MPS_OT_render_truth(SaysWhy, bpy.types.Operator):
@@ -105,7 +105,7 @@ def render_photo(scene: Any, path: Path) -> None:
     """Render what the rig's camera sees under the rig's lights alone, as a linear float EXR with alpha.
 
     Size and samples are those of ``scene.mps.photo``. The rig and the camera are written beside the photo, see
-    :func:`mpsnet.outputs.beside`. Nothing in the .blend file changes.
+    :func:`.outputs.beside`. Nothing in the .blend file changes.
 
     Raises InputError where the rig is incomplete, something glows or the file cannot be written.
     """

@@ -1,5 +1,6 @@
-"""Where results are kept: beside the photo what stood when it was taken, in the .blend what would go with Blender."""
+"""Where results are kept: with the photo what stood when it was taken, in the .blend what would go with Blender."""
 
+import json
 from pathlib import Path
 
 import bpy
@@ -8,7 +9,7 @@ import pytest
 
 from mpsnet_core.camera import read_camera
 from mpsnet_core.normals import angular_error, read_normals
-from mpsnet_core.rig import read_rig
+from mpsnet_core.rig import published_rig, read_rig, write_rig
 
 
 def pixels(image):
@@ -28,7 +29,7 @@ def test_the_photo_keeps_the_rig_and_camera_it_was_taken_with(photographed, scen
     for name in ("{}.png", "{}_texture.png"):
         assert (tmp_path / name.format("after")).read_bytes() == (tmp_path / name.format("before")).read_bytes()
     assert read_rig(tmp_path / "photo.rig.json").slants == pytest.approx([30, 30, 30], abs=1e-3)
-    assert read_camera(tmp_path / "after.camera.json").width == 96
+    assert not list(tmp_path.glob("*after*.camera.json"))
     # A new photo is taken with the rig as it stands now.
     bpy.ops.mps.render_photo(output=str(tmp_path / "photo.exr"))
     assert abs(read_rig(tmp_path / "photo.rig.json").slants[0] - 30) > 5
@@ -37,7 +38,7 @@ def test_the_photo_keeps_the_rig_and_camera_it_was_taken_with(photographed, scen
 def test_a_matte_sphere_is_estimated_within_half_a_degree_where_all_lights_reach(photographed, scene, tmp_path):
     bpy.ops.mps.estimate(output=str(tmp_path / "n.exr"), confidence=True)
     estimate = read_normals(tmp_path / "n.exr")
-    camera = read_camera(tmp_path / "n.camera.json")
+    camera = read_camera(tmp_path / "photo.camera.json")
     x = (np.arange(96) + 0.5 - camera.centre[0]) / camera.focal[0]
     y = (camera.centre[1] - np.arange(96) - 0.5) / camera.focal[1]
     x, y = np.meshgrid(x, y)
@@ -61,11 +62,47 @@ def test_results_of_an_unsaved_file_are_packed_and_outlive_it(sphere, scene, tmp
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     for name in names:
         Path(bpy.path.abspath(str(name))).unlink()
+    scene.mps.rig.lights[0].object.location = (3, 1, 2)
+    scene.mps.rig.camera.location.x += 0.5
+    bpy.ops.wm.save_mainfile()
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
     scene = bpy.context.scene
     assert np.array_equal(pixels(scene.mps.bake.image), before)
+    # The rig was moved, but the photo knows the lights and the camera that it was taken with.
+    bpy.ops.mps.bake(output=str(tmp_path / "again_texture.png"))
+    assert np.array_equal(pixels(scene.mps.bake.image), before)
     bpy.ops.mps.estimate(output=str(tmp_path / "again.png"))
+    bpy.ops.mps.bake()
     assert read_normals(tmp_path / "again.png").mask.any()
+    assert np.array_equal(pixels(scene.mps.bake.image), before)
+
+
+def test_an_opened_photo_takes_the_rig_and_camera_beside_it(photographed, scene, tmp_path):
+    taken = [read_rig(tmp_path / "photo.rig.json").slants, read_camera(tmp_path / "photo.camera.json").width]
+    bpy.ops.mps.add_rig(slant=50.0)
+    write_rig(tmp_path / "photo.rig.json", published_rig(40.0))
+    bpy.ops.mps.open_photo(filepath=str(tmp_path / "photo.exr"))
+    image = scene.mps.photo.image
+    assert json.loads(image["mpsnet_rig"])["lights"][0]["slant"] == pytest.approx(40) != pytest.approx(taken[0][0])
+    assert json.loads(image["mpsnet_camera"])["width"] == taken[1]
+    # To the photo's own stem: nothing beside the photo is touched, and the camera goes with the normals.
+    beside = {path: path.read_bytes() for path in tmp_path.glob("photo*")}
+    bpy.ops.mps.estimate(output=str(tmp_path / "photo.png"))
+    assert {path: path.read_bytes() for path in tmp_path.glob("photo*") if path.suffix != ".png"} == beside
+    assert scene.mps.estimate.image["mpsnet_camera"] == image["mpsnet_camera"]
+    # What is no longer beside the photo is forgotten, and a normal map of the same name forgets with it.
+    for name in ("photo.rig.json", "photo.camera.json"):
+        (tmp_path / name).unlink()
+    bpy.ops.mps.open_photo(filepath=str(tmp_path / "photo.exr"))
+    assert not [key for key in scene.mps.photo.image.keys() if key.startswith("mpsnet")]
+    bpy.ops.mps.estimate()
+    assert "mpsnet_camera" not in scene.mps.estimate.image
+
+
+def test_a_damaged_rig_file_beside_a_photo_is_one_sentence(photographed, tmp_path):
+    (tmp_path / "photo.rig.json").write_text("{")
+    with pytest.raises(RuntimeError, match=r"photo\.rig\.json is not valid JSON"):
+        bpy.ops.mps.open_photo(filepath=str(tmp_path / "photo.exr"))
 
 
 def test_a_glowing_material_is_refused(sphere, tmp_path):

@@ -69,7 +69,7 @@ def test_errors_reach_the_script_as_sentences(by_script):
     assert "has no UV map" in errors["bake without UVs"]
     assert not [message for message in errors.values() if "Traceback" in message]
     # Nor did any of them leave a file behind: these are the steps' own.
-    beside = ["normals.camera.json", "photo.camera.json", "photo.rig.json"]
+    beside = ["photo.camera.json", "photo.rig.json"]
     assert report["left"] == sorted(["normals.png", "photo.exr", "texture.png", *beside])
 
 
