@@ -188,7 +188,8 @@ class _Projector:
         # A little weight where the confidence is zero: a doubtful normal is better than none.
         weight = np.where(normals.mask, np.maximum(normals.confidence, 0.01), 0).astype(np.float32)
         world = normals.vectors @ view.camera.rotation.T.astype(np.float32)
-        # (H + 2, W + 2, 4): world normals and a 1, times their weight. A border of nothing, so that sampling at the image's edge needs no special case.
+        # (H + 2, W + 2, 4): world normals and a 1, times their weight. The border of nothing spares sampling at the
+        # image's edge a special case.
         self.samples = np.pad(
             np.concatenate([world, np.ones_like(world[..., :1])], -1) * weight[..., None], [(1, 1), (1, 1), (0, 0)]
         )

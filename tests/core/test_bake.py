@@ -91,7 +91,7 @@ def test_of_overlapping_halves_the_one_that_is_seen_is_baked(caplog: pytest.LogC
             texture = bake_normals(mesh, [sphere_view(camera_looking(side))], size=SIZE, margin=0)
             fractions.append(texture.seen_fraction)
             assert degrees_between(texture.vectors, np.array([0, 0, 1.0]))[texture.seen].mean() < 2  # the facets
-    assert min(fractions) > 0.4 and max(fractions) > 0.9, fractions
+    assert min(fractions) > 0.4 and min(fractions[:2]) > 0.75, fractions
     assert abs(fractions[0] - fractions[1]) < 0.1 and abs(fractions[2] - fractions[3]) < 0.1
     assert any("overlap" in record.getMessage() for record in caplog.records)
 
