@@ -29,6 +29,13 @@ def output_path(given: str, name: str, file_format: str) -> Path:
     return writable_path(path)
 
 
+def render_path(path: Path) -> Path:
+    """`path`, or InputError where Blender cannot render into it; asked before it renders."""
+    if path.suffix.lower() != ".exr":
+        raise InputError(f"cannot write {path}: renders are written as OpenEXR; give a name that ends in .exr")
+    return writable_path(path)
+
+
 def beside(picture: Path, what: str) -> Path:
     """The file beside a photo that tells its "rig" or "camera": NAME.rig.json, NAME.camera.json.
 

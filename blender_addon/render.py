@@ -1,6 +1,6 @@
 """The photo: rendered from the scene under the rig alone, or opened from a file; and the true normals of its view."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,7 +16,7 @@ from mpsnet_core.rig import write_rig
 
 from .core_process import run
 from .operators import SaysWhy
-from .outputs import beside, load_photo, output_path
+from .outputs import beside, load_photo, output_path, render_path
 from .properties import PhotoSettings, take_given
 from .rig import light_rig, rig_parts, scene_camera, view_layer
 
@@ -24,7 +24,7 @@ _NORMAL_SAMPLES = 16
 
 
 class MPS_OT_render_photo(SaysWhy, PhotoSettings, bpy.types.Operator):
-    """Render the object with Cycles, lit by the rig's red, green and blue light alone.
+    """Render the object with Cycles, lit by the rig's red, green and blue light alone. The window waits for it.
 
     Other lights and the world are off. The scene's own render settings stay as they are. The rig and the camera, as
     they stand, are written beside the photo"""
@@ -107,16 +107,18 @@ def render_photo(scene: Any, path: Path) -> None:
     Size and samples are those of ``scene.mps.photo``. The rig and the camera are written beside the photo, see
     :func:`.outputs.beside`. Nothing in the .blend file changes.
 
-    Raises InputError where the rig is incomplete, something glows or the file cannot be written.
+    Raises InputError where the rig is incomplete, something else shines or the file cannot be written.
     """
+    render_path(path)
     rig, photo = light_rig(scene), scene.mps.photo
     camera, _, lights = rig_parts(scene)
-    _refuse_glow(scene)
-    with _studio(scene) as studio, TemporaryDirectory(prefix="mpsnet-") as folder:
+    with _studio(scene) as studio, TemporaryDirectory(prefix="mpsnet-") as folder, _progress(len(lights)) as done:
+        _refuse_other_light(studio)
         studio.cycles.samples = photo.samples
         # Each Cycles sample draws one of the lights by chance; with one light at a time there is no such noise.
         parts = [Path(folder) / f"{number}.exr" for number in range(len(lights))]
-        for light, part in zip(lights, parts, strict=True):
+        for number, (light, part) in enumerate(zip(lights, parts, strict=True)):
+            done(number)
             others = [other for other in lights if other != light]
             for other in others:
                 studio.collection.objects.unlink(other)
@@ -137,7 +139,7 @@ def render_normals(scene: Any, path: Path) -> None:
 
     Raises InputError where the rig is incomplete or the file cannot be written.
     """
-    rig_parts(scene)
+    render_path(path)
     with _studio(scene) as studio:
         studio.cycles.samples = _NORMAL_SAMPLES
         studio.cycles.max_bounces = 0
@@ -146,8 +148,22 @@ def render_normals(scene: Any, path: Path) -> None:
 
 
 @contextmanager
+def _progress(steps: int) -> Iterator[Callable[[int], None]]:
+    """Blender's progress at the mouse pointer; called with the number of steps that are done."""
+    manager = bpy.context.window_manager
+    manager.progress_begin(0, steps)
+    try:
+        yield manager.progress_update
+    finally:
+        manager.progress_end()
+
+
+@contextmanager
 def _studio(scene: Any) -> Iterator[Any]:
-    """A scene that lives as long as the context: the objects of `scene` under its rig's lights and nothing else."""
+    """A scene that lives as long as the context: the objects of `scene` under its rig's lights and nothing else.
+
+    It has no simulation of rigid bodies: apply or bake to keyframes what shall stand where physics brought it.
+    """
     camera, _, lights = rig_parts(scene)
     photo = scene.mps.photo
     studio = bpy.data.scenes.new("MPS Studio")
@@ -173,35 +189,64 @@ def _studio(scene: Any) -> Iterator[Any]:
         bpy.data.scenes.remove(studio)
 
 
-def _rendered(layer: Any) -> Iterator[Any]:
-    """Objects of a view layer that its render shows, lights apart."""
-    if layer.exclude or layer.collection.hide_render:
+def _rendered(layer: Any, special: str = "") -> Iterator[Any]:
+    """Objects of a view layer that its render shows, lights apart.
+
+    special: the collection above that the view layer shows as holdout or only indirectly, which a photo cannot.
+    """
+    if layer.collection.hide_render:
         return
-    yield from (obj for obj in layer.collection.objects if obj.type != "LIGHT" and not obj.hide_render)
+    if layer.holdout or layer.indirect_only:
+        special = layer.collection.name
+    # A collection within an excluded one may be included again.
+    for obj in () if layer.exclude else layer.collection.objects:
+        if obj.type == "LIGHT" or obj.hide_render:
+            continue
+        if special:
+            raise InputError(
+                f'"{obj.name}" is in the collection "{special}", which this view layer shows as holdout or indirect '
+                "only; switch that off or exclude the collection"
+            )
+        yield obj
     for child in layer.children:
-        yield from _rendered(child)
+        yield from _rendered(child, special)
 
 
-def _refuse_glow(scene: Any) -> None:
-    """A photo under the three lights alone cannot have a fourth in it."""
-    for obj in _rendered(view_layer(scene).layer_collection):
-        for slot in obj.material_slots:
-            if slot.material and slot.material.node_tree and _glows(slot.material.node_tree):
-                raise InputError(
-                    f'material "{slot.material.name}" of "{obj.name}" glows, but the photo shows the three lights '
-                    "alone; set its emission to 0"
-                )
+def _refuse_other_light(studio: Any) -> None:
+    """A photo under the three lights alone cannot have a fourth in it, not even one that an instance brings."""
+    for obj in studio.objects:  # also those that the viewport, and so the dependency graph, hides
+        _refuse_glow(obj, obj.name)
+    for instance in studio.view_layers[0].depsgraph.object_instances:
+        owner = (instance.parent or instance.object).name
+        if instance.object.original.hide_render:
+            continue
+        if instance.is_instance and instance.object.type == "LIGHT":
+            raise InputError(
+                f'"{owner}" holds the light "{instance.object.name}", but the photo shows the three lights alone; '
+                "hide it from renders"
+            )
+        _refuse_glow(instance.object, owner)
+
+
+def _refuse_glow(obj: Any, owner: str) -> None:
+    for slot in obj.material_slots:
+        if slot.material and slot.material.node_tree and _glows(slot.material.node_tree):
+            raise InputError(
+                f'material "{slot.material.name}" of "{owner}" glows, but the photo shows the three lights alone; '
+                "set its emission to 0"
+            )
 
 
 def _glows(tree: Any) -> bool:
     for node in tree.nodes:
         if node.type == "GROUP" and node.node_tree and _glows(node.node_tree):
             return True
-        name = "Strength" if node.type == "EMISSION" else "Emission Strength"
-        strength = node.inputs.get(name)
-        if strength is None or node.type not in {"EMISSION", "BSDF_PRINCIPLED"} or not node.outputs[0].is_linked:
+        prefix = "" if node.type == "EMISSION" else "Emission "
+        strength, colour = node.inputs.get(f"{prefix}Strength"), node.inputs.get(f"{prefix}Color")
+        if strength is None or colour is None or not node.outputs[0].is_linked:
             continue
-        if strength.is_linked or strength.default_value > 0:
+        bright = strength.is_linked or strength.default_value > 0
+        if bright and (colour.is_linked or max(colour.default_value[:3]) > 0):
             return True
     return False
 
@@ -213,8 +258,6 @@ def _render(studio: Any, path: Path, file_format: str) -> None:
     settings.file_format = file_format
     settings.color_mode, settings.color_depth, settings.exr_codec = "RGBA", "32", "ZIP"
     studio.render.use_file_extension = False
-    if path.suffix.lower() != ".exr":
-        raise InputError(f"cannot write {path}: renders are written as OpenEXR; give a name that ends in .exr")
     with written_whole(path) as unfinished:
         studio.render.filepath = str(unfinished)
         try:

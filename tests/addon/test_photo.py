@@ -8,6 +8,8 @@ import pytest
 from blender_addon.render import render_normals
 from blender_addon.rig import light_rig, scene_camera
 
+from .conftest import matte
+
 
 def pixels(path):
     """(H, W, C) of the first part of an EXR."""
@@ -134,3 +136,120 @@ def test_a_photo_opened_from_a_file(scene, tmp_path):
     buffer.write(str(path))
     bpy.ops.mps.open_photo(filepath=str(path))
     assert tuple(scene.mps.photo.image.size) == (20, 10)
+
+
+def small_photo(tmp_path):
+    bpy.ops.mps.render_photo(width=16, height=16, samples=1, output=str(tmp_path / "photo.exr"))
+
+
+def glowing():
+    material = matte()
+    material.name = "Lamp"
+    emission(material, "Strength").default_value = 1
+    return material
+
+
+def emission(material, name):
+    shader = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+    return shader.inputs[f"Emission {name}"]
+
+
+def test_a_glowing_material_is_refused(sphere, tmp_path):
+    bpy.ops.mps.add_rig()
+    sphere.material_slots[0].material = material = glowing()
+    refused = pytest.raises(RuntimeError, match=r'material "Lamp" of "Sphere" glows.*set its emission to 0')
+    with refused:
+        small_photo(tmp_path)
+    sphere.hide_viewport = True  # the render shows it nonetheless
+    with refused:
+        small_photo(tmp_path)
+    # Black emission at strength 1 is what materials of Blender 3 have.
+    emission(material, "Color").default_value = (0, 0, 0, 1)
+    small_photo(tmp_path)
+    source = material.node_tree.nodes.new("ShaderNodeRGB")
+    material.node_tree.links.new(source.outputs[0], emission(material, "Color"))
+    with refused:
+        small_photo(tmp_path)
+
+
+def collection_instance(*objects):
+    """An empty that shows a collection which is in the file only for its instances."""
+    collection = bpy.data.collections.new("Kept Apart")
+    for obj in objects:
+        collection.objects.link(obj)
+    instance = bpy.data.objects.new("Instance", None)
+    instance.instance_type, instance.instance_collection = "COLLECTION", collection
+    bpy.context.scene.collection.objects.link(instance)
+
+
+def test_a_light_within_a_collection_instance_is_refused(sphere, tmp_path):
+    bpy.ops.mps.add_rig()
+    light = bpy.data.objects.new("Spare", bpy.data.lights.new("Spare", "POINT"))
+    collection_instance(light)
+    with pytest.raises(RuntimeError, match=r'"Instance" holds the light "Spare".*hide it from renders'):
+        small_photo(tmp_path)
+    light.hide_render = True
+    small_photo(tmp_path)
+
+
+def test_a_glowing_material_within_a_collection_instance_is_refused(sphere, tmp_path):
+    bpy.ops.mps.add_rig()
+    mesh = sphere.data.copy()
+    mesh.materials[0] = glowing()
+    collection_instance(bpy.data.objects.new("Bulb", mesh))
+    with pytest.raises(RuntimeError, match=r'material "Lamp" of "Instance" glows'):
+        small_photo(tmp_path)
+
+
+def test_a_glowing_material_that_geometry_nodes_set_is_refused(sphere, tmp_path):
+    bpy.ops.mps.add_rig()
+    tree = bpy.data.node_groups.new("Glow", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    kinds = ("NodeGroupInput", "GeometryNodeSetMaterial", "NodeGroupOutput")
+    start, setting, end = (tree.nodes.new(kind) for kind in kinds)
+    setting.inputs["Material"].default_value = glowing()
+    tree.links.new(start.outputs[0], setting.inputs["Geometry"])
+    tree.links.new(setting.outputs[0], end.inputs[0])
+    sphere.modifiers.new("Glow", "NODES").node_group = tree
+    with pytest.raises(RuntimeError, match=r'material "Lamp" of "Sphere" glows'):
+        small_photo(tmp_path)
+
+
+def test_a_collection_within_an_excluded_one_is_in_the_photo(sphere, scene, tmp_path):
+    outer, inner = bpy.data.collections.new("Outer"), bpy.data.collections.new("Inner")
+    scene.collection.children.link(outer)
+    outer.children.link(inner)
+    inner.objects.link(sphere)
+    scene.collection.objects.unlink(sphere)
+    sphere.select_set(True)
+    bpy.ops.mps.add_rig()
+    layer = scene.view_layers[0].layer_collection.children["Outer"]
+    layer.exclude = True
+    small_photo(tmp_path)
+    assert not pixels(tmp_path / "photo.exr").any()
+    layer.children["Inner"].exclude = False
+    small_photo(tmp_path)
+    assert pixels(tmp_path / "photo.exr")[..., 3].mean() > 0.5
+    for state in ("holdout", "indirect_only"):
+        setattr(layer.children["Inner"], state, True)
+        with pytest.raises(
+            RuntimeError, match=r'"Sphere" is in the collection "Inner", which .* as holdout or indirect'
+        ):
+            small_photo(tmp_path)
+        setattr(layer.children["Inner"], state, False)
+
+
+@pytest.mark.parametrize("verb", ["render_photo", "render_truth"])
+def test_a_name_that_is_no_exr_is_refused_before_anything_is_rendered(sphere, tmp_path, verb):
+    bpy.ops.mps.add_rig()
+    renders = []
+    bpy.app.handlers.render_init.append(renders.append)
+    with pytest.raises(RuntimeError, match=r"x\.png: renders are written as OpenEXR"):
+        getattr(bpy.ops.mps, verb)(output=str(tmp_path / "x.png"))
+    (tmp_path / "x.exr").mkdir()
+    with pytest.raises(RuntimeError, match=r"x\.exr: it is a folder"):
+        getattr(bpy.ops.mps, verb)(output=str(tmp_path / "x.exr"))
+    assert not renders
+    small_photo(tmp_path)
+    assert len(renders) == 3
