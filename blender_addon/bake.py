@@ -1,6 +1,7 @@
 """The bake: normals seen by the camera become a texture on the target's UVs, and its material wears it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,13 @@ from .outputs import image_file, load_image, output_path, remembered
 from .properties import BakeSettings, take_given
 from .rig import rig_camera, scene_camera
 
+# What a modifier shows in the viewport, and what in a render.
+_SHOWN_AND_RENDERED = (
+    ("show_viewport", "show_render"),
+    ("levels", "render_levels"),
+    ("steps", "render_steps"),
+    ("viewport_resolution", "resolution"),
+)
 _BITS = {".png": "16", ".tif": "16", ".tiff": "16", ".exr": "32"}
 
 
@@ -51,6 +59,7 @@ class MPS_OT_bake(RunsCore, BakeSettings, bpy.types.Operator):
         target = settings.target or context.view_layer.objects.active  # `--command` has no context.object
         if target is None:
             raise InputError("there is no target to bake onto; choose a mesh object")
+        _refuse_linked(target)
         output = output_path(self.output, f"{target.name}_normal", self.file_format)
         context.view_layer.update()
         camera, taken_with = folder / "camera.json", remembered(normals_image, "camera")
@@ -73,7 +82,8 @@ class MPS_OT_bake(RunsCore, BakeSettings, bpy.types.Operator):
         image = load_image(self._output, f"MPS {target.name}", is_data=True)
         scene.mps.bake.image = image
         for material in _own_materials(target):
-            wear(material, image, self._uv_map, self.space, self.convention)
+            for name in wear(material, image, self._uv_map, self.space, self.convention):
+                self.report({"INFO"}, f'The texture took the place of "{name}" in material "{material.name}"')
         for note in result.get("notes", []):
             self.report({"INFO"}, note)
         turned = "; DirectX, so the material turns its green round for Blender" if self.convention == "DIRECTX" else ""
@@ -87,22 +97,33 @@ def _named(scene: Any, name: str) -> Any:
     return target
 
 
+def _refuse_linked(target: Any) -> None:
+    """What another file holds cannot be given a material. A linked material can: a copy of it is worn."""
+    for datablock, what in ((target, "object"), (target.data, "mesh")):
+        if datablock is not None and datablock.library is not None:
+            raise InputError(
+                f'the {what} "{datablock.name}" is linked from {datablock.library.filepath}; make it local first'
+            )
+
+
 def write_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str) -> str:
     """Write an object as the render sees it, modifiers applied, as the core's mesh file; give the UV map's name.
 
     Normals and tangents of each corner are Blender's own.
 
-    Raises InputError where the object is no mesh, has no faces, or lacks the UV map.
+    Raises InputError where the object is no mesh, has no faces, lacks the UV map or is disabled in viewports.
     """
     if obj.type != "MESH":
         raise InputError(f'"{obj.name}" is not a mesh but {obj.type.lower()}; convert it to a mesh first')
     if obj.mode == "EDIT":
         obj.update_from_editmode()
     obj.data.update_tag()
-    depsgraph.update()
-    mesh = bpy.data.meshes.new_from_object(
-        obj.evaluated_get(depsgraph), preserve_all_data_layers=True, depsgraph=depsgraph
-    )
+    with _as_rendered(obj):
+        depsgraph.update()
+        evaluated = obj.evaluated_get(depsgraph)
+        if not evaluated.is_evaluated:
+            raise InputError(f'"{obj.name}" is disabled in viewports or excluded from the view layer; enable it first')
+        mesh = bpy.data.meshes.new_from_object(evaluated, preserve_all_data_layers=True, depsgraph=depsgraph)
     try:
         uv_map = _uv_map(obj, mesh, uv_map)
         if not mesh.polygons:
@@ -112,7 +133,7 @@ def write_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str) -> str:
         uvs = _read(mesh.uv_layers[uv_map].uv, "vector", 2)[corners]
         triangles = _read(mesh.loop_triangles, "vertices", 3, np.int32)
         vertices = _read(mesh.vertices, "co", 3)
-        if max(polygon.loop_total for polygon in mesh.polygons) > 4:
+        if _read(mesh.polygons, "loop_total", 1, np.int32).max() > 4:
             tangents = _tangents_of_triangles(vertices, triangles, normals, uvs)
         else:
             mesh.calc_tangents(uvmap=uv_map)
@@ -131,6 +152,22 @@ def write_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str) -> str:
     finally:
         bpy.data.meshes.remove(mesh)
     return uv_map
+
+
+@contextmanager
+def _as_rendered(obj: Any) -> Iterator[None]:
+    """Within, the object's modifiers show in the viewport, and so in the dependency graph, what a render shows."""
+    kept = []
+    try:
+        for modifier in obj.modifiers:
+            for shown, rendered in _SHOWN_AND_RENDERED:
+                if hasattr(modifier, shown) and hasattr(modifier, rendered):
+                    kept.append((modifier, shown, getattr(modifier, shown)))
+                    setattr(modifier, shown, getattr(modifier, rendered))
+        yield
+    finally:
+        for modifier, shown, value in kept:
+            setattr(modifier, shown, value)
 
 
 def _uv_map(obj: Any, mesh: Any, name: str) -> str:
@@ -179,16 +216,22 @@ def _own_materials(target: Any) -> list[Any]:
         if slot.material is None:
             slot.material = bpy.data.materials.new(f"MPS {target.name}")
         elif slot.material.library or any(
-            other.data is not target.data and slot.material.name in other.material_slots for other in bpy.data.objects
+            other.data != target.data and slot.material in [worn.material for worn in other.material_slots]
+            for other in bpy.data.objects
         ):
             slot.material = slot.material.copy()
         if bpy.app.version < (5, 0):
             slot.material.use_nodes = True
-    return list({slot.material.name: slot.material for slot in target.material_slots}.values())
+    return list(dict.fromkeys(slot.material for slot in target.material_slots))
 
 
-def wear(material: Any, image: Any, uv_map: str, space: str, convention: str) -> None:
-    """Give every shader of a material the texture as its normal; nodes of an earlier bake are used again."""
+def wear(material: Any, image: Any, uv_map: str, space: str, convention: str) -> list[str]:
+    """Give every shader of a material the texture as its normal; nodes of an earlier bake are used again.
+
+    Gives the names of the nodes that were the shaders' normals until now, an earlier bake's apart.
+
+    Raises InputError where no shader of the material takes a normal.
+    """
     nodes, links = material.node_tree.nodes, material.node_tree.links
     shaders = [node for node in nodes if node.type.startswith("BSDF") and "Normal" in node.inputs]
     if not shaders:
@@ -219,8 +262,10 @@ def wear(material: Any, image: Any, uv_map: str, space: str, convention: str) ->
     elif "MPS Green" in nodes:
         nodes.remove(nodes["MPS Green"])
     links.new(colour, normal.inputs["Color"])
+    before = [link.from_node for shader in shaders for link in shader.inputs["Normal"].links]
     for shader in shaders:
         links.new(normal.outputs["Normal"], shader.inputs["Normal"])
+    return list(dict.fromkeys(other.name for other in before if other != normal))
 
 
 def register() -> None:

@@ -298,6 +298,7 @@ class MPS_PG_rig(RigSettings, bpy.types.PropertyGroup):
     lights: CollectionProperty(type=MPS_PG_light)
     camera: PointerProperty(type=bpy.types.Object)
     target: PointerProperty(type=bpy.types.Object)
+    collection: PointerProperty(type=bpy.types.Collection)
 
 
 class MPS_PG_photo(PhotoSettings, bpy.types.PropertyGroup):

@@ -84,7 +84,7 @@ def add_rig(context: Any) -> None:
     orientation = _orientation(context, settings.view)
     remove_rig(scene)
 
-    collection = bpy.data.collections.new(COLLECTION)
+    settings.collection = collection = bpy.data.collections.new(COLLECTION)
     scene.collection.children.link(collection)
     target = bpy.data.objects.new("MPS Target", None)
     target.empty_display_size = radius / 4
@@ -108,15 +108,16 @@ def remove_rig(scene: Any) -> None:
     """Remove the rig's objects, and its collection unless something else lies in it."""
     settings = scene.mps.rig
     for obj in list(rig_objects(scene)):
-        collections, data = list(obj.users_collection), obj.data
+        data = obj.data
         bpy.data.objects.remove(obj)
         if isinstance(data, bpy.types.Camera) and not data.users:
             bpy.data.cameras.remove(data)
         elif isinstance(data, bpy.types.Light) and not data.users:
             bpy.data.lights.remove(data)
-        for collection in collections:
-            if collection.name.startswith(COLLECTION) and not collection.all_objects:
-                bpy.data.collections.remove(collection)
+    collection = settings.collection
+    if collection is not None and not collection.objects and not collection.children:
+        bpy.data.collections.remove(collection)
+    settings.collection = None
     settings.lights.clear()
 
 

@@ -8,6 +8,7 @@ from mathutils import Matrix, Vector
 from blender_addon.bake import write_mesh
 from blender_addon.rig import light_rig
 from mpsnet_core import angular_error, read_normals
+from mpsnet_core.errors import InputError
 
 from .conftest import matte
 from .test_photo import pixels, sphere_normals
@@ -166,3 +167,92 @@ def test_the_mesh_file_is_the_evaluated_mesh(scene, tmp_path):
     direction *= np.sign(d1[:, :1] * d2[:, 1:] - d2[:, :1] * d1[:, 1:])
     direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
     assert np.allclose(tangents[..., :3].mean(1), direction, atol=2e-2)
+
+
+def linked_sphere(folder):
+    """A sphere, its mesh and its material in a file of their own, and the names they have there."""
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=16, ring_count=8)
+    obj = bpy.context.object
+    obj.name = obj.data.name = "Elsewhere"
+    material = matte()
+    material.name = "Elsewhere"
+    obj.data.materials.append(material)
+    bpy.data.libraries.write(str(folder / "library.blend"), {obj})
+    mesh = obj.data
+    bpy.data.objects.remove(obj)
+    bpy.data.meshes.remove(mesh)
+    bpy.data.materials.remove(material)
+
+
+@pytest.mark.parametrize("what", ["object", "mesh"])
+def test_a_linked_target_is_refused_before_the_work(estimated, scene, tmp_path, what):
+    linked_sphere(tmp_path)
+    with bpy.data.libraries.load(str(tmp_path / "library.blend"), link=True) as (_, wanted):
+        setattr(wanted, "objects" if what == "object" else "meshes", ["Elsewhere"])
+    data = wanted.objects[0] if what == "object" else bpy.data.objects.new("Here", wanted.meshes[0])
+    scene.collection.objects.link(data)
+    sentence = rf'the {what} "Elsewhere" is linked from .*library\.blend; make it local first'
+    with pytest.raises(RuntimeError, match=sentence):
+        bpy.ops.mps.bake(target=data.name, size=32, output=str(tmp_path / "texture.png"))
+    assert not (tmp_path / "texture.png").exists()
+
+
+def test_a_linked_material_is_left_to_its_file_and_a_copy_worn(estimated, scene, tmp_path):
+    linked_sphere(tmp_path)
+    with bpy.data.libraries.load(str(tmp_path / "library.blend"), link=True) as (_, wanted):
+        wanted.materials = ["Elsewhere"]
+    (linked,) = wanted.materials
+    estimated.material_slots[0].material = linked
+    bpy.ops.mps.bake(target=estimated.name, size=32, output=str(tmp_path / "texture.png"))
+    worn = estimated.material_slots[0].material
+    assert worn != linked and worn.library is None
+    assert "MPS Normal" in worn.node_tree.nodes and "MPS Normal" not in linked.node_tree.nodes
+
+
+def test_a_material_is_shared_by_what_it_is_not_by_its_name(estimated, scene, tmp_path):
+    linked_sphere(tmp_path)
+    with bpy.data.libraries.load(str(tmp_path / "library.blend"), link=True) as (_, wanted):
+        wanted.materials = ["Elsewhere"]
+    mine = estimated.material_slots[0].material
+    mine.name = "Elsewhere"
+    assert mine.name == wanted.materials[0].name
+    bpy.ops.mesh.primitive_cube_add()
+    bpy.context.object.data.materials.append(wanted.materials[0])
+    bpy.ops.mps.bake(target=estimated.name, size=32, output=str(tmp_path / "texture.png"))
+    assert estimated.material_slots[0].material == mine
+
+
+def test_a_bump_that_gives_way_to_the_texture_is_named(estimated, tmp_path, capfd):
+    tree = estimated.material_slots[0].material.node_tree
+    bump = tree.nodes.new("ShaderNodeBump")
+    bump.name = "Scratches"
+    shader = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
+    tree.links.new(bump.outputs["Normal"], shader.inputs["Normal"])
+    sentence = 'The texture took the place of "Scratches" in material "Matte"'
+    for said in (True, False):
+        bpy.ops.mps.bake(size=32, output=str(tmp_path / "texture.png"))
+        assert (sentence in capfd.readouterr().out) == said
+
+
+def test_the_mesh_file_is_the_mesh_of_the_render_and_the_viewport_keeps_its_own(scene, tmp_path):
+    bpy.ops.mesh.primitive_cube_add()
+    obj = bpy.context.object
+    subsurf = obj.modifiers.new("Subdivision", "SUBSURF")
+    subsurf.levels, subsurf.render_levels = 0, 2
+    array = obj.modifiers.new("Array", "ARRAY")
+    array.count, array.show_viewport, array.show_render = 2, False, True
+    preview = obj.modifiers.new("Preview", "ARRAY")
+    preview.count, preview.show_viewport, preview.show_render = 3, True, False
+
+    def shown():
+        return subsurf.levels, array.show_viewport, preview.show_viewport
+
+    before = shown()
+    write_mesh(tmp_path / "mesh.npz", obj, bpy.context.evaluated_depsgraph_get(), "")
+    assert len(np.load(tmp_path / "mesh.npz")["triangles"]) == 2 * 6 * 4**2 * 2
+    assert shown() == before
+    obj.hide_viewport = True
+    bpy.context.view_layer.update()
+    with pytest.raises(InputError, match='"Cube" is disabled in viewports'):
+        write_mesh(tmp_path / "mesh.npz", obj, bpy.context.evaluated_depsgraph_get(), "")
+    assert shown() == before

@@ -244,7 +244,7 @@ def test_a_collection_within_an_excluded_one_is_in_the_photo(sphere, scene, tmp_
 def test_a_name_that_is_no_exr_is_refused_before_anything_is_rendered(sphere, tmp_path, verb):
     bpy.ops.mps.add_rig()
     renders = []
-    bpy.app.handlers.render_init.append(renders.append)
+    bpy.app.handlers.render_init.append(lambda *_: renders.append(True))
     with pytest.raises(RuntimeError, match=r"x\.png: renders are written as OpenEXR"):
         getattr(bpy.ops.mps, verb)(output=str(tmp_path / "x.png"))
     (tmp_path / "x.exr").mkdir()

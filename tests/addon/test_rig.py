@@ -92,6 +92,16 @@ def test_adding_again_replaces_the_rig(sphere, scene):
     assert not bpy.data.lights and not bpy.data.collections
 
 
+def test_removing_takes_the_rigs_own_collection_alone(sphere, scene):
+    bpy.ops.mps.add_rig()
+    scene.mps.rig.collection.name = "Lamps"
+    mine = bpy.data.collections.new("MPS Rig of mine")
+    scene.collection.children.link(mine)
+    mine.objects.link(scene.mps.rig.camera)
+    bpy.ops.mps.remove_rig()
+    assert list(bpy.data.collections) == [mine]
+
+
 def test_renaming_and_saving_keep_the_rig(sphere, scene, tmp_path):
     bpy.ops.mps.add_rig(slant=25)
     for obj in bpy.data.objects:
