@@ -12,6 +12,7 @@ from mpsnet_core.files import read_json, write_json
 
 CAMERA_FORMAT = "mpsnet-camera"
 CAMERA_VERSION = 1
+CAMERA_KEYS = ("projection", "width", "height", "focal", "centre", "world_from_camera")
 MAX_SIDE = 1_000_000
 
 Projection = Literal["orthographic", "perspective"]
@@ -105,7 +106,7 @@ def _numbers(value: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.
 
 def read_camera(path: str | os.PathLike[str]) -> Camera:
     """Read a JSON camera file. Raises InputError where it is missing or malformed."""
-    data = read_json(path, CAMERA_FORMAT, CAMERA_VERSION)
+    data = read_json(path, CAMERA_FORMAT, CAMERA_VERSION, CAMERA_KEYS)
     missing = [key for key in ("projection", "width", "height", "focal", "world_from_camera") if key not in data]
     if missing:
         raise InputError(f'camera file {path} lacks "{missing[0]}"; add it')

@@ -14,6 +14,9 @@ from mpsnet_core.rig import LightRig
 
 log = logging.getLogger(__name__)
 
+# Above this share of the clip value a channel counts as saturated: an 8-bit sRGB 254 is linear 0.991.
+SATURATED_SHARE = 0.99
+
 
 @dataclass(frozen=True)
 class Capture:
@@ -51,8 +54,14 @@ class Capture:
                 f"the camera is {self.camera.width} x {self.camera.height} but the photo is {_size(image)}; "
                 "they must be the same size"
             )
-        object.__setattr__(self, "image", image)
+        # Outside the mask nothing counts; inside, everything is finite.
+        object.__setattr__(self, "image", np.where(np.isfinite(image), image, np.float32(0)))
         object.__setattr__(self, "mask", mask)
+
+    @property
+    def saturated(self) -> NDArray[np.bool_]:
+        """(H, W, 3) where a channel is at its end, and so wrong."""
+        return self.image >= SATURATED_SHARE * self.clip
 
 
 def _size(array: NDArray[np.generic]) -> str:
@@ -78,9 +87,28 @@ def read_capture(
     """
     image = read_image(path, encoding=encoding, layer=layer)
     try:
-        return Capture(image.pixels, _mask(image, mask), rig, camera, image.clip)
+        capture = Capture(image.pixels, _mask(image, mask), rig, camera, image.clip)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
+    _note_doubts(capture)
+    return capture
+
+
+def _note_doubts(capture: Capture) -> None:
+    """Tell of photos that normals can be estimated from, but hardly right ones."""
+    inside = capture.image[capture.mask]
+    if np.ptp(inside, axis=1).max() <= 1e-3 * inside.max():
+        log.info("the photo's three channels are the same: was it lit by red, green and blue light?")
+    saturated = float(capture.saturated[capture.mask].any(axis=1).mean())
+    if saturated > 0.05:
+        log.info("%.0f%% of the object's pixels are saturated, and wrong; expose shorter", 100 * saturated)
+    means = inside.mean(axis=0, dtype=np.float64)
+    if np.array_equal(capture.rig.mixing, np.eye(3)) and means.min() > 0 and means.max() > 1.5 * means.min():
+        log.info(
+            "one channel is %.1f times as bright as another: for a coloured object or unequal lights take the model "
+            "lambertian-grey-world, or put the mixing into the rig",
+            means.max() / means.min(),
+        )
 
 
 def _mask(image: Image, mask: str | os.PathLike[str] | None) -> NDArray[np.bool_]:
@@ -106,5 +134,5 @@ def threshold_mask(pixels: NDArray[np.float32], threshold: str | float) -> NDArr
         level = -1.0
     if not 0 <= level < 1:
         raise InputError(f"a mask threshold is a number from 0 up to 1, not {threshold!r}; 0.05 is a good start")
-    brightest = pixels.max(axis=-1)
+    brightest = np.nan_to_num(pixels.max(axis=-1), posinf=0.0)
     return brightest > level * np.percentile(brightest, 99.9)

@@ -5,6 +5,7 @@ Exit codes: 0; 2 and one line on stderr for bad input; 130 when cancelled.
 
 import argparse
 import contextlib
+import io
 import itertools
 import json
 import logging
@@ -65,6 +66,14 @@ class _Reporter:
             self.bar.close()
 
 
+class _Help(argparse.ArgumentDefaultsHelpFormatter):
+    """Says an option's default, where it has one that says something."""
+
+    def _get_help_string(self, action: argparse.Action) -> str | None:
+        silent_default = action.default in (None, argparse.SUPPRESS, False)
+        return action.help if silent_default else super()._get_help_string(action)
+
+
 class _Parser(argparse.ArgumentParser):
     """Bad arguments are bad input: one sentence instead of argparse's usage text."""
 
@@ -82,6 +91,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     core_log.addHandler(notes)
     core_log.setLevel(logging.INFO)
     core_log.propagate = False
+    for stream in (sys.stdout, sys.stderr):  # a Windows pipe cannot hold every path's letters
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     arguments = list(sys.argv[1:] if argv is None else argv)
     reporter = _Reporter("json" if _wants_json(arguments) else "none")
     try:
@@ -99,11 +111,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     except BrokenPipeError:  # whoever read our words has gone
         return EXIT_CANCELLED
-    except (InputError, OSError) as error:
+    except (InputError, OSError, MemoryError) as error:
         reporter.close()
         sentence = str(error)
         if isinstance(error, OSError):
-            sentence = f"{error.filename}: {error.strerror}; check the path and its permissions"
+            sentence = f"{error.filename or 'output'}: {error.strerror}; check the path and its permissions"
+        elif isinstance(error, MemoryError):
+            sentence = "there is not enough memory; take a smaller size, or smaller photos"
         sentence = " ".join(sentence.split())
         with contextlib.suppress(BrokenPipeError):  # nobody reads the answer any more
             if reporter.style == "json":
@@ -137,10 +151,16 @@ def _parser() -> argparse.ArgumentParser:
     common.add_argument(
         "--progress", choices=("auto", "bar", "json", "none"), default="auto", help="how to tell progress"
     )
-    _add_estimate(verbs.add_parser("estimate", parents=[common], help="photo to camera-space normal map"))
+    _add_estimate(
+        verbs.add_parser("estimate", parents=[common], formatter_class=_Help, help="photo to camera-space normal map")
+    )
     superpose = verbs.add_parser("superpose", parents=[common], help="add up photos that show one light each")
     _add_superpose(superpose)
-    _add_bake(verbs.add_parser("bake", parents=[common], help="normal maps to a texture on a mesh's UVs"))
+    _add_bake(
+        verbs.add_parser(
+            "bake", parents=[common], formatter_class=_Help, help="normal maps to a texture on a mesh's UVs"
+        )
+    )
     _add_evaluate(verbs.add_parser("evaluate", help="measure models against known normals"), common)
     models = verbs.add_parser("models", parents=[common], help="list the models that can be asked for by name")
     models.set_defaults(verb=_models)
@@ -153,13 +173,16 @@ def _parser() -> argparse.ArgumentParser:
 def _add_estimate(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("image", nargs="+", help="photo(s), a folder of them, or a pattern: frame_####.png, *.tif")
     parser.add_argument("--rig", required=True, help="rig file (.json, or .lp with three lights)")
-    parser.add_argument("--mask", help="mask file, alpha, none or threshold:0.05; alpha unless given")
-    parser.add_argument("--model", default=None, help="a name of `mpsnet models` or an .onnx file")
+    parser.add_argument(
+        "--mask",
+        help="mask file, alpha, none or threshold:0.05; without it alpha, where the photo has it, else the whole photo",
+    )
+    parser.add_argument("--model", help="a name of `mpsnet models` or an .onnx file; lambertian unless given")
     parser.add_argument("--encoding", default="auto", help="auto, linear or srgb: how the photo's values are meant")
     parser.add_argument("--layer", help="layer of a multi-layer EXR")
     parser.add_argument("--convention", default="opengl", help="opengl (green up) or directx (green down)")
     parser.add_argument("--confidence", metavar="FILE", help="also write the confidence map (one photo only)")
-    parser.add_argument("--format", default="png", help="png, tif or exr, where OUT is a folder")
+    parser.add_argument("--format", default="png", help="png, tif or exr, where the output is a folder")
     parser.add_argument(
         "--provider", default="cpu", choices=("cpu", "cuda", "directml", "coreml"), help="what runs networks"
     )
@@ -202,6 +225,7 @@ def _estimate(options: argparse.Namespace, reporter: _Reporter) -> dict[str, Any
         normals = estimator(capture, part(step, 0.1, 0.9))
         pixels += int(normals.mask.sum())
         step(0.9, f"writing {output.name}")
+        output.parent.mkdir(exist_ok=True)
         write_normals(output, normals, convention=options.convention)
         if options.confidence:
             write_image(options.confidence, normals.confidence)
@@ -236,7 +260,7 @@ def _superpose(options: argparse.Namespace, reporter: _Reporter) -> dict[str, An
     planes = [pixels] if alpha is None else [pixels, alpha[..., None]]
     write_image(options.output, np.concatenate(planes, axis=-1), bits=bits, color_space="lin_rec709_scene")
     reporter.progress(1.0, "done")
-    return {"output": options.output, "text": f"{options.output}: {len(options.image)} photos added up"}
+    return {"output": options.output, "text": f"{options.output}: {len(options.image)} photo(s) added up"}
 
 
 # --- bake -------------------------------------------------------------------------------------------------------------
@@ -251,8 +275,15 @@ def _add_bake(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--space", default="tangent", help="tangent (MikkTSpace) or object")
     parser.add_argument("--convention", default="opengl", help="of the texture: opengl (green up) or directx")
     parser.add_argument("--normals-convention", default="opengl", help="of the normal maps that are read")
+    parser.add_argument(
+        "--confidence", action="append", metavar="FILE", help="confidence map of a view, in the views' order"
+    )
     parser.add_argument("--margin", type=int, default=16, help="texels that the islands' borders are grown by")
-    parser.add_argument("--bits", type=int, help="8, 16 or 32 bits a channel, as the format allows")
+    parser.add_argument(
+        "--bits",
+        type=int,
+        help="bits a channel: 8 or 16 (PNG, TIFF), 16 or 32 (EXR); 16 for PNG and TIFF, 32 for EXR unless given",
+    )
     parser.add_argument("-o", "--output", required=True, help="texture file: .png, .tif or .exr")
     parser.set_defaults(verb=_bake)
 
@@ -277,14 +308,19 @@ def _bake(options: argparse.Namespace, reporter: _Reporter) -> dict[str, Any]:
         if not (camera and equals and normals):
             raise InputError(f"--view {view} is not CAMERA=NORMALS; give a camera file, an equals sign, a normal map")
         pairs.append((camera, normals))
-    check_apart([options.mesh, *(file for pair in pairs for file in pair)], [options.output])
+    confidences = options.confidence or [None] * len(pairs)
+    if len(confidences) != len(pairs):
+        raise InputError(f"there are {len(pairs)} views but {len(confidences)} confidence maps; give one for each view")
+    inputs = [options.mesh, *(file for pair in pairs for file in pair), *filter(None, confidences)]
+    check_apart(inputs, [options.output])
     reporter.progress(0.0, "reading the mesh")
     mesh = read_mesh(options.mesh)
     views = []
-    for camera, normals in pairs:
+    for (camera, normals), confidence in zip(pairs, confidences, strict=True):
         reporter.progress(0.05, f"reading {Path(normals).name}")
         try:
-            views.append(View(read_camera(camera), read_normals(normals, convention=options.normals_convention)))
+            normal_map = read_normals(normals, convention=options.normals_convention, confidence=confidence)
+            views.append(View(read_camera(camera), normal_map))
         except InputError as error:
             raise InputError(f"view {camera}={normals}: {error}") from None
     texture = bake_normals(

@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,9 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
         yield unfinished
         unfinished.replace(path)
     except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}; make room or choose another folder") from None
+        raise InputError(
+            f"cannot write {path}: {error.strerror or error}; make room or choose another folder"
+        ) from None
     finally:
         unfinished.unlink(missing_ok=True)
 
@@ -65,13 +67,18 @@ def existing_file(path: str | os.PathLike[str], what: str) -> Path:
     return path
 
 
-def read_json(path: str | os.PathLike[str], format_name: str, version: int) -> dict[str, Any]:
-    """Read a JSON object whose "format" is `format_name` and whose "version" is at most `version`."""
-    path = existing_file(path, format_name)
+def read_json(path: str | os.PathLike[str], format_name: str, version: int, keys: Collection[str]) -> dict[str, Any]:
+    """Read a JSON object whose "format" is `format_name` and whose "version" is at most `version`.
+
+    keys: what else it may hold. Raises InputError for any other key, which is a misspelling more often than not.
+    """
+    path = existing_file(path, f"{format_name.removeprefix('mpsnet-')} file")
     if path.stat().st_size > MAX_JSON_BYTES:
         raise InputError(f"{path} is larger than 1 MiB and so not a {format_name} file; check the path")
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = json.loads(path.read_text(encoding="utf-8-sig"))  # Notepad begins its files with a mark
+    except UnicodeDecodeError:
+        raise InputError(f"{path} is not a text file; give a {format_name} file, as JSON") from None
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path} is not valid JSON ({error}); write it again as a {format_name} file") from None
     found = data.get("format") if isinstance(data, dict) else None
@@ -81,6 +88,9 @@ def read_json(path: str | os.PathLike[str], format_name: str, version: int) -> d
         raise InputError(
             f"{path} is version {data.get('version')!r} of {format_name}, this program reads up to {version}; update it"
         )
+    unknown = sorted(set(data) - {"format", "version", *keys})
+    if unknown:
+        raise InputError(f'{path} has "{unknown[0]}", which no {format_name} file has; it may have {", ".join(keys)}')
     return data
 
 

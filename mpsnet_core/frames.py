@@ -10,6 +10,9 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.files import writable_path
 from mpsnet_core.images import IMAGE_SUFFIXES, checked_bits
 
+# What a photo's name is given to name its normals.
+RESULT = "_normals"
+
 
 def expand_images(inputs: Sequence[str | os.PathLike[str]]) -> list[Path]:
     """The photos meant by `inputs`, in order: files as they are, a folder's or a pattern's images sorted by name.
@@ -22,7 +25,8 @@ def expand_images(inputs: Sequence[str | os.PathLike[str]]) -> list[Path]:
     for given in inputs:
         path = Path(given)
         if path.is_dir():
-            found = [file for file in sorted(path.iterdir()) if _is_image(file)]
+            # A folder may hold the results of an earlier run beside the photos.
+            found = [file for file in sorted(path.iterdir()) if _is_image(file) and not _is_result(file)]
             if not found:
                 raise InputError(f"folder {path} holds no images ({', '.join(IMAGE_SUFFIXES)}); choose another")
         elif path.is_file():
@@ -41,8 +45,6 @@ def expand_images(inputs: Sequence[str | os.PathLike[str]]) -> list[Path]:
 def output_files(photos: Sequence[Path], output: str | os.PathLike[str], suffix: str) -> list[Path]:
     """Where each photo's normals go: `output` itself for one photo, NAME_normals in the folder `output` for several.
 
-    The folder is made where it is missing.
-
     Raises InputError where two results would share a name, or a result would overwrite a photo.
     """
     target = Path(output)
@@ -56,12 +58,11 @@ def output_files(photos: Sequence[Path], output: str | os.PathLike[str], suffix:
         if not target.parent.is_dir():
             raise InputError(f"cannot make folder {target}: {target.parent} does not exist; create it first")
     checked_bits(Path(f"normals{suffix}"))
-    files = [target / f"{photo.stem}_normals{suffix}" for photo in photos]
+    files = [target / f"{photo.stem}{RESULT}{suffix}" for photo in photos]
     if len(set(files)) < len(files):
         twice = next(file for file in files if files.count(file) > 1)
         raise InputError(f"two photos would both be written to {twice}; rename one or estimate them apart")
     check_apart(photos, files)
-    target.mkdir(exist_ok=True)
     return files
 
 
@@ -71,6 +72,10 @@ def check_apart(taken: Iterable[str | os.PathLike[str]], outputs: Iterable[str |
     for output in outputs:
         if Path(output).resolve() in files:
             raise InputError(f"the result would overwrite {output}, a file that it needs; choose another output")
+
+
+def _is_result(file: Path) -> bool:
+    return file.stem.endswith(RESULT)
 
 
 def _is_image(file: Path) -> bool:

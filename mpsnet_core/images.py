@@ -26,7 +26,7 @@ MAX_PIXELS = 400_000_000
 MAX_CHANNELS = 1024
 
 # Bits a channel that each kind of file can hold; the first is what is written unless asked otherwise.
-WRITABLE_BITS = {".png": (16, 8), ".tif": (16, 8, 32), ".tiff": (16, 8, 32), ".exr": (32, 16), ".jpg": (8,)}
+WRITABLE_BITS = {".png": (16, 8), ".tif": (16, 8, 32), ".tiff": (16, 8, 32), ".exr": (32, 16)}
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr")
 
 
@@ -95,8 +95,6 @@ def read_image(path: str | os.PathLike[str], *, encoding: Encoding = "auto", lay
         )
     pixels = values[..., colour]
     alpha = np.clip(values[..., names["A"]], 0, 1) if "A" in names else None
-    if not np.isfinite(pixels).all():
-        raise InputError(f"{path} holds values that are not finite; render or export it again")
     is_float = spec.format.basetype in (oiio.HALF, oiio.FLOAT, oiio.DOUBLE)
     if alpha is not None and not spec.getattribute("oiio:UnassociatedAlpha"):
         pixels = np.divide(pixels, alpha[..., None], out=np.zeros_like(pixels), where=alpha[..., None] > 1e-6)
@@ -104,7 +102,9 @@ def read_image(path: str | os.PathLike[str], *, encoding: Encoding = "auto", lay
     if encoding == "auto":
         linear = is_float or "lin" in declared or declared in ("raw", "data")
         note = f"taken as {'linear' if linear else 'sRGB'} ({'float' if is_float else spec.format} file)"
-        log.info("%s: %s", path, note)
+        if not linear and spec.format.basetype == oiio.UINT16:
+            note += "; if a raw converter wrote linear values, say so with --encoding linear"
+        log.info(note)
     else:
         linear = encoding == "linear"
         note = f"taken as {'linear' if linear else 'sRGB'} as told"
@@ -124,6 +124,12 @@ def read_mask(path: str | os.PathLike[str]) -> NDArray[np.bool_]:
         if alpha.min() < alpha.max() or not names:
             return alpha > 0.5
     return values[..., list(names.values())].max(axis=-1) > 0.5
+
+
+def read_channel(path: str | os.PathLike[str]) -> NDArray[np.float32]:
+    """Read the first channel of an image as it stands, (H, W) float32. Raises InputError where it cannot be read."""
+    values, names, _ = _read_layer(Path(path), None)
+    return np.nan_to_num(values[..., names.get("R", 0)])
 
 
 def read_data(
@@ -202,7 +208,10 @@ def checked_bits(path: Path, bits: int | None = None) -> int:
 def _open(path: Path) -> Any:
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
-    source = oiio.ImageInput.open(str(path), config)
+    try:
+        source = oiio.ImageInput.open(str(path), config)
+    except (TypeError, UnicodeError):
+        raise InputError(f"{path!a} cannot be opened: its name is not valid UTF-8; rename it") from None
     if source is None:
         reason = " ".join(oiio.geterror().split())
         raise InputError(f"{path} cannot be read as an image ({reason}); is it PNG, JPEG, TIFF or EXR, and whole?")
@@ -277,8 +286,20 @@ def _read_layer(path: Path, layer: str | None) -> tuple[NDArray[np.float32], dic
     if values is None or reason:
         raise InputError(f"{path} is damaged or cut short ({reason or 'no pixels'}); copy or export it again")
     values = np.asarray(values, dtype=np.float32).reshape(spec.height, spec.width, last + 1 - first)
-    values = _on_display_window(values, spec)
+    values = _upright(_on_display_window(values, spec), spec)
     return values, {name: number - first for name, number in chosen.channels.items()}, spec
+
+
+def _upright(values: NDArray[np.float32], spec: Any) -> NDArray[np.float32]:
+    """Pixels as a viewer shows them: cameras store a photo as its sensor lay, and say in EXIF how to turn it."""
+    orientation = spec.getattribute("Orientation") or 1
+    if orientation >= 5:
+        values = values.transpose(1, 0, 2)
+    if orientation in (3, 4, 7, 8):
+        values = values[::-1]
+    if orientation in (2, 3, 6, 7):
+        values = values[:, ::-1]
+    return values
 
 
 def _on_display_window(values: NDArray[np.float32], spec: Any) -> NDArray[np.float32]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.images import read_data, write_image
+from mpsnet_core.images import read_channel, read_data, write_image
 
 Convention = Literal["opengl", "directx"]
 CONVENTIONS: tuple[Convention, ...] = ("opengl", "directx")
@@ -89,19 +89,29 @@ def write_normals(
     write_image(path, np.concatenate([colours, normals.mask[..., None]], axis=-1), bits=bits)
 
 
-def read_normals(path: str | os.PathLike[str], *, convention: Convention = "opengl") -> NormalMap:
+def read_normals(
+    path: str | os.PathLike[str],
+    *,
+    convention: Convention = "opengl",
+    confidence: str | os.PathLike[str] | None = None,
+) -> NormalMap:
     """Read camera-space normals written by :func:`write_normals`, or any such map.
 
-    Without alpha the mask is where the colours decode to a vector of about unit length.
+    Without alpha the mask is where the colours decode to a vector of about unit length. confidence: a map of the same
+    size, 0 to 1, in a file of its own; 1 everywhere unless given.
 
-    Raises InputError where the file is not a normal map.
+    Raises InputError where the file is not a normal map, or the confidence is of another size.
     """
     colours, alpha = read_data(path)
     length = np.linalg.norm(colours * 2 - 1, axis=-1)
     unit = np.abs(length - 1) < 0.1
     mask = unit if alpha is None else alpha > 0.5
+    if not np.isfinite(colours[mask]).all():
+        raise InputError(f"{path} holds values that are not finite inside its mask; estimate the normals again")
     if not mask.any():
         raise InputError(f"{path} holds no normals: its mask is empty; estimate them again")
     if unit[mask].mean() < 0.5:
         raise InputError(f"{path} is not a normal map: its colours are not unit vectors 0.5 + 0.5 n; choose another")
-    return NormalMap(decode(colours, convention), mask)
+    if confidence is None:
+        return NormalMap(decode(colours, convention), mask)
+    return NormalMap(decode(colours, convention), mask, read_channel(confidence))

@@ -114,7 +114,7 @@ def read_rig(path: str | os.PathLike[str]) -> LightRig:
     try:
         if path.suffix.lower() == ".lp":
             return LightRig(_lp_directions(path))
-        data = read_json(path, RIG_FORMAT, RIG_VERSION)
+        data = read_json(path, RIG_FORMAT, RIG_VERSION, ("lights", "mixing"))
         lights = data.get("lights")
         if not isinstance(lights, list) or len(lights) != 3:
             raise InputError('"lights" must be a list of three lights')

@@ -8,8 +8,6 @@ from mpsnet_core.normals import NormalMap, normalised
 
 # Below this share of its channel's 99th percentile inside the mask a pixel counts as unlit by that channel's light.
 SHADOW_SHARE = 0.02
-# Above this share of the clip value a channel counts as saturated: an 8-bit sRGB 254 is linear 0.991.
-SATURATED_SHARE = 0.99
 
 
 def unmixed(capture: Capture) -> NDArray[np.float32]:
@@ -40,7 +38,7 @@ def initial_normals(image: NDArray[np.float32], directions: NDArray[np.float64])
 
 def usable_channels(capture: Capture) -> NDArray[np.bool_]:
     """(H, W, 3) False where a light does not reach the pixel (shadow) or its channel is saturated."""
-    saturated = capture.image >= SATURATED_SHARE * capture.clip
+    saturated = capture.saturated
     if not np.array_equal(capture.rig.mixing, np.eye(3)):
         # Every light's share is drawn from all channels, so one saturated channel spoils all three.
         saturated = np.broadcast_to(saturated.any(axis=-1, keepdims=True), saturated.shape)

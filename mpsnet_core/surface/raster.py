@@ -48,10 +48,11 @@ def triangle_of_texel(corners: NDArray[np.float64], size: int) -> NDArray[np.int
     return owner.reshape(size, size)
 
 
-def _counted(start: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.int64]:
+def _counted(start: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.int32]:
     """start[0], start[0] + 1, ... (count[0] of them), start[1], ..."""
     before = np.cumsum(count) - count
-    return np.arange(int(count.sum())) + np.repeat(start - before, count)
+    # 16384 x 16384 texels can be numbered in 31 bits.
+    return np.arange(int(count.sum()), dtype=np.int32) + np.repeat((start - before).astype(np.int32), count)
 
 
 def grown(values: NDArray[np.float32], filled: NDArray[np.bool_], distance: int) -> NDArray[np.float32]:
@@ -66,7 +67,7 @@ def grown(values: NDArray[np.float32], filled: NDArray[np.bool_], distance: int)
     across = done[:, :-2] & done[:, 1:-1] & done[:, 2:]
     surrounded = across[:-2] & across[1:-1] & across[2:]
     front = np.flatnonzero(np.pad(filled & ~surrounded, 1))
-    source = np.arange(done.size)
+    source = np.arange(done.size, dtype=np.int32)
     flat = done.ravel()
     reached = [np.empty(0, np.int64)]
     for _ in range(distance):

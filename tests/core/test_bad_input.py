@@ -109,6 +109,10 @@ class Bench:
     def photo(self, name: str = "photo.exr", pixels: np.ndarray = SPHERE.image, kind: str = "float") -> Path:
         return write_file(self / name, pixels, kind)
 
+    def latin_named(self) -> Path:
+        """A photo whose name was written by a system that does not know UTF-8."""
+        return self.photo("photo.png", kind="uint8").rename(self / os.fsdecode(b"gr\xf6sse.png"))
+
     def mask(self, name: str = "mask.png", values: np.ndarray = SPHERE.mask) -> Path:
         return write_file(self / name, values, "uint8")
 
@@ -302,7 +306,11 @@ RIGS: list[Case] = [
         lambda b: read_rig(b.text("rig.json", '{"format": "mpsnet-rig",')),
         "rig.json is not valid JSON…write it again",
     ),
-    ("not text", lambda b: read_rig(b.bytes("rig.json", b"\xff\xfe\x00")), "rig.json is not valid JSON"),
+    (
+        "not text",
+        lambda b: read_rig(b.bytes("rig.json", b"\xff\xfe\x00")),
+        "rig.json is not a text file; give a mpsnet-rig file",
+    ),
     ("JSON too deep", lambda b: read_rig(b.text("rig.json", "[" * 100_000)), "rig.json is not valid JSON"),
     (
         "another format",
@@ -310,6 +318,7 @@ RIGS: list[Case] = [
         "camera.json is not a mpsnet-rig file…'mpsnet-camera', expected 'mpsnet-rig'",
     ),
     ("no object", lambda b: read_rig(b.text("rig.json", "[1, 2]")), "rig.json is not a mpsnet-rig file"),
+    ("a misspelled key", lambda b: read_rig(b.rig(mixng=[])), 'rig.json has "mixng", which no…may have lights, mixing'),
     ("a newer version", lambda b: read_rig(b.rig(version=2)), "rig.json is version 2…reads up to 1; update it"),
     ("a version in words", lambda b: read_rig(b.rig(version="new")), "rig.json is version 'new'"),
     ("not a small file", lambda b: read_rig(b.text("rig.json", " " * (1 << 21))), "rig.json is larger than 1 MiB"),
@@ -402,14 +411,19 @@ IMAGES: list[Case] = [
         "p.tif has 2 channel(s)…red, green and blue are needed",
     ),
     (
+        "a name that is not UTF-8",
+        lambda b: read_image(b.latin_named()),
+        "its name is not valid UTF-8; rename it",
+    ),
+    (
         "NaN",
-        lambda b: read_image(b.photo(pixels=with_pixel(NAN))),
-        "photo.exr holds values that are not finite; render or export it again",
+        lambda b: read_capture(b.photo(pixels=with_pixel(NAN)), published_rig(), mask="none"),
+        "photo.exr: the photo holds values that are not finite inside the mask; export it again",
     ),
     (
         "infinity",
-        lambda b: read_image(b.photo(pixels=with_pixel(np.inf), kind="half")),
-        "photo.exr holds values that are not finite",
+        lambda b: read_capture(b.photo(pixels=with_pixel(np.inf), kind="half"), published_rig(), mask="none"),
+        "photo.exr: the photo holds values that are not finite inside the mask",
     ),
     (
         "unknown layer",

@@ -8,6 +8,7 @@ from synthetic import Sphere, write_file
 
 from mpsnet_core.camera import Camera
 from mpsnet_core.capture import read_capture, threshold_mask
+from mpsnet_core.images import write_image
 from mpsnet_core.rig import published_rig
 
 
@@ -57,3 +58,22 @@ def test_only_integer_files_saturate(tmp_path: Path, sphere: Sphere, kind: str, 
 def test_the_camera_is_kept(photo_file: Path) -> None:
     camera = Camera("orthographic", 64, 64, (32, 32))
     assert read_capture(photo_file, published_rig(), camera=camera).camera is camera
+
+
+@pytest.mark.parametrize(
+    ("pixels", "words"),
+    [
+        ([0.5, 0.5, 0.5], "three channels are the same"),
+        ([1.0, 0.5, 0.7], "100% of the object's pixels are saturated"),
+        ([0.2, 0.5, 0.6], "one channel is 3.0 times as bright"),
+        ([0.5, 0.6, 0.7], None),
+    ],
+)
+def test_a_photo_that_gives_hardly_right_normals_is_told_of(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, pixels: list[float], words: str | None
+) -> None:
+    write_image(tmp_path / "photo.png", np.broadcast_to(pixels, (4, 4, 3)))
+    with caplog.at_level("INFO", "mpsnet_core"):
+        read_capture(tmp_path / "photo.png", published_rig(), mask="none", encoding="linear")
+    told = [record.getMessage() for record in caplog.records]
+    assert any(words in line for line in told) if words else not told

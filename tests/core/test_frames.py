@@ -48,4 +48,12 @@ def test_one_photo_goes_to_the_file_that_is_named(tmp_path: Path) -> None:
 def test_a_folder_gets_a_file_for_each_photo(tmp_path: Path, photos: list[str]) -> None:
     files = output_files([tmp_path / name for name in photos], tmp_path / "out", ".tif")
     assert files == [tmp_path / "out" / f"{Path(name).stem}_normals.tif" for name in photos]
-    assert (tmp_path / "out").is_dir()
+    assert not (tmp_path / "out").exists()  # made with the first result
+
+
+def test_results_of_an_earlier_run_are_no_photos(tmp_path: Path) -> None:
+    for name in ("a.png", "a_normals.png", "b.png"):
+        (tmp_path / name).touch()
+    assert [photo.name for photo in expand_images([tmp_path])] == ["a.png", "b.png"]
+    # Named outright, it is meant.
+    assert [photo.name for photo in expand_images([tmp_path / "a_normals.png"])] == ["a_normals.png"]

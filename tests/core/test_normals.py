@@ -7,6 +7,7 @@ import OpenImageIO as oiio
 import pytest
 from synthetic import Sphere, degrees_between, write_file
 
+from mpsnet_core.images import write_image
 from mpsnet_core.normals import NormalMap, angular_error, decode, encode, normalised, read_normals, write_normals
 
 ROOT = np.sqrt(0.5)
@@ -77,3 +78,14 @@ def test_a_foreign_map_without_alpha_is_masked_by_unit_length(tmp_path: Path, sp
     back = read_normals(write_file(tmp_path / "n.png", colours, "uint8"))
     np.testing.assert_array_equal(back.mask, sphere.mask)
     assert degrees_between(back.vectors, sphere.normals)[sphere.mask].max() < 0.4
+
+
+def test_a_confidence_map_is_read_beside_the_normals(tmp_path: Path) -> None:
+    mask = np.ones((2, 2), bool)
+    confidence = np.array([[0, 0.25], [0.5, 1]], np.float32)
+    normals = NormalMap(np.broadcast_to([0.0, 0.0, 1.0], (2, 2, 3)), mask, confidence)
+    write_normals(tmp_path / "n.png", normals)
+    write_image(tmp_path / "c.png", normals.confidence)
+    read = read_normals(tmp_path / "n.png", confidence=tmp_path / "c.png")
+    assert read.confidence == pytest.approx(confidence, abs=1e-4)
+    assert (read_normals(tmp_path / "n.png").confidence == 1).all()

@@ -65,3 +65,10 @@ def test_lp_files_are_read(tmp_path: Path) -> None:
 
 def test_lights_as_near_as_a_degree_to_the_axis_still_make_a_rig() -> None:
     assert published_rig(slant=1.0).slants == pytest.approx([1, 1, 1])
+
+
+def test_a_file_that_notepad_wrote_is_read(tmp_path: Path) -> None:
+    write_rig(tmp_path / "rig.json", published_rig())
+    marked = tmp_path / "marked.json"
+    marked.write_text((tmp_path / "rig.json").read_text(encoding="utf-8"), encoding="utf-8-sig")
+    assert np.array_equal(read_rig(marked).directions, read_rig(tmp_path / "rig.json").directions)
