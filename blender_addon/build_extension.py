@@ -254,8 +254,20 @@ def choices(allowed: Iterable[str]) -> Any:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description="Build the Blender extension's zips, one per platform.")
-    parser.add_argument("--python", type=choices(BLENDER_NUMPY), default=["3.11", "3.13"], metavar="LIST")
-    parser.add_argument("--platform", type=choices(PLATFORMS), default=list(PLATFORMS), metavar="LIST")
+    parser.add_argument(
+        "--python",
+        type=choices(BLENDER_NUMPY),
+        default=["3.11", "3.13"],
+        metavar="LIST",
+        help=f"Blenders' Pythons, with commas, of {', '.join(BLENDER_NUMPY)} (default: 3.11,3.13)",
+    )
+    parser.add_argument(
+        "--platform",
+        type=choices(PLATFORMS),
+        default=list(PLATFORMS),
+        metavar="LIST",
+        help=f"with commas, of {', '.join(PLATFORMS)} (default: all)",
+    )
     parser.add_argument("--output", type=Path, default=PROJECT / "dist", help="folder of the zips (default: dist)")
     parser.add_argument(
         "--blender-ext", type=Path, help="Blender's blender_ext.py (default: that of the installed bpy)"

@@ -7,6 +7,7 @@
 Leaves output/texture.png, the tangent-space texture, and output/relit.png, the low-poly under the rig's lights with it.
 """
 
+import math
 import runpy
 from pathlib import Path
 
@@ -34,9 +35,14 @@ def low_poly(original):
     return copy
 
 
-def render(path):
-    """The low-poly as the photo shows the original: under the rig's lights, seen by its camera."""
+def relit(path):
+    """A picture by the rig's camera under one white lamp from the upper right, instead of the rig's lights."""
     scene = bpy.context.scene
+    for light in scene.mps.rig.lights:
+        light.object.hide_render = True
+    lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "SUN"))
+    lamp.data.energy, lamp.rotation_euler = 3.5, (math.radians(35), math.radians(50), 0)
+    scene.collection.objects.link(lamp)
     scene.render.engine, scene.cycles.samples, scene.render.film_transparent = "CYCLES", 32, True
     scene.camera = scene.mps.rig.camera
     scene.render.resolution_x, scene.render.resolution_y = scene.mps.photo.width, scene.mps.photo.height
@@ -50,8 +56,10 @@ def render(path):
 
 
 if not hasattr(bpy.types.Scene, "mps"):  # pip's bpy, or a Blender without the extension
-    import blender_addon
-
+    try:
+        import blender_addon
+    except ModuleNotFoundError:
+        raise SystemExit("this Blender has no MPS-Net extension; install it first, see README") from None
     blender_addon.register()
 
 own_scene = bool(bpy.data.filepath)
@@ -65,5 +73,5 @@ target = bpy.context.object if own_scene else low_poly(bpy.data.objects["Suzanne
 bpy.ops.mps.bake(
     target=target.name, size=1024, space="TANGENT", convention="OPENGL", output=str(OUTPUT / "texture.png")
 )
-render(OUTPUT / "relit.png")
+relit(OUTPUT / "relit.png")
 print(f"the texture is {OUTPUT / 'texture.png'}, the low-poly with it {OUTPUT / 'relit.png'}")

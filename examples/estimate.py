@@ -16,8 +16,10 @@ HERE = Path(__file__).resolve().parent
 OUTPUT = HERE / "output"
 
 if not hasattr(bpy.types.Scene, "mps"):  # pip's bpy, or a Blender without the extension
-    import blender_addon
-
+    try:
+        import blender_addon
+    except ModuleNotFoundError:
+        raise SystemExit("this Blender has no MPS-Net extension; install it first, see README") from None
     blender_addon.register()
 
 if not bpy.data.filepath:

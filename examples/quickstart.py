@@ -36,8 +36,10 @@ def main() -> None:
     OUTPUT.mkdir(exist_ok=True)
     bpy.ops.wm.read_factory_settings(use_empty=True)
     if not hasattr(bpy.types.Scene, "mps"):
-        import blender_addon
-
+        try:
+            import blender_addon
+        except ModuleNotFoundError:
+            raise SystemExit("this Blender has no MPS-Net extension; install it first, see README") from None
         blender_addon.register()
 
     step("building a detailed monkey and its low-poly copy")

@@ -39,8 +39,10 @@ def save_picture(path):
 
 
 if not hasattr(bpy.types.Scene, "mps"):  # pip's bpy, or a Blender without the extension
-    import blender_addon
-
+    try:
+        import blender_addon
+    except ModuleNotFoundError:
+        raise SystemExit("this Blender has no MPS-Net extension; install it first, see README") from None
     blender_addon.register()
 
 OUTPUT.mkdir(exist_ok=True)
