@@ -10,6 +10,7 @@ import time
 import weakref
 from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
 
@@ -27,8 +28,18 @@ class CoreCrashed(Exception):
     """The core ended without a result. The message holds its last words."""
 
 
+@dataclass
+class _Said:
+    """What the child has said so far; its readers fill it in and know nothing else, so that a run can be dropped."""
+
+    progress: float = 0.0
+    message: str = "starting"
+    answer: dict[str, Any] = field(default_factory=dict)
+    last_words: deque[str] = field(default_factory=lambda: deque(maxlen=LAST_WORDS))
+
+
 class CoreProcess:
-    """One run of ``python -m mpsnet_core``, from the moment it is made.
+    """One run of ``python -m mpsnet_core``, from the moment it is made until it ends or nobody holds it any more.
 
     arguments: verb and options as on the command line.
     outputs: files that the run writes; their folders are cleared of unfinished files after a kill.
@@ -37,11 +48,8 @@ class CoreProcess:
     """
 
     def __init__(self, arguments: Sequence[str], outputs: Sequence[Path] = ()) -> None:
-        self.progress = 0.0
-        self.message = "starting"
-        self._outputs = outputs
-        self._answer: dict[str, Any] = {}
-        self._last_words: deque[str] = deque(maxlen=LAST_WORDS)
+        self._said = _Said()
+        self._folders = {output.parent for output in outputs}
         flags = 0
         if sys.platform == "win32":
             # A group of its own, so that the child can be asked to end and not Blender with it.
@@ -57,14 +65,22 @@ class CoreProcess:
             creationflags=flags,
         )
         # Also runs when Blender quits in the middle of the work.
-        weakref.finalize(self, _end, self._child)
+        weakref.finalize(self, _end, self._child, self._folders)
         assert self._child.stdout and self._child.stderr
         self._readers = [
-            threading.Thread(target=self._read_answers, args=(self._child.stdout,), daemon=True),
-            threading.Thread(target=self._read_last_words, args=(self._child.stderr,), daemon=True),
+            threading.Thread(target=_read_answers, args=(self._child.stdout, self._said), daemon=True),
+            threading.Thread(target=_read_last_words, args=(self._child.stderr, self._said), daemon=True),
         ]
         for reader in self._readers:
             reader.start()
+
+    @property
+    def progress(self) -> float:
+        return self._said.progress
+
+    @property
+    def message(self) -> str:
+        return self._said.message
 
     @property
     def pid(self) -> int:
@@ -81,40 +97,37 @@ class CoreProcess:
         code = self._child.wait()
         for reader in self._readers:
             reader.join()
-        if code == 0 and "result" in self._answer:
-            return dict(self._answer["result"])
-        self._clear()
-        if "error" in self._answer:
-            raise InputError(self._answer["error"])
+        if code == 0 and "result" in self._said.answer:
+            return dict(self._said.answer["result"])
+        _clear(self.pid, self._folders)
+        if "error" in self._said.answer:
+            raise InputError(self._said.answer["error"])
         if code == 130:
             raise Cancelled
-        words = self._last_words[-1] if self._last_words else "it said nothing"
+        words = self._said.last_words[-1] if self._said.last_words else "it said nothing"
         raise CoreCrashed(f"the core ended unexpectedly (exit code {code}); its last words: {words}")
 
     def cancel(self) -> None:
         """End the child within a second; nothing half-written stays behind."""
-        _end(self._child)
-        self._clear()
+        _end(self._child, self._folders)
 
-    def _clear(self) -> None:
-        for folder in {output.parent for output in self._outputs}:
-            remove_unfinished(folder, self.pid)
 
-    def _read_answers(self, stream: IO[str]) -> None:
-        for line in stream:
-            try:
-                answer = json.loads(line)
-            except ValueError:
-                answer = None
-            if not isinstance(answer, dict):
-                self._last_words.append(line.strip())
-            elif "progress" in answer:
-                self.progress, self.message = answer["progress"], answer["message"]
-            else:
-                self._answer = answer
+def _read_answers(stream: IO[str], said: _Said) -> None:
+    for line in stream:
+        try:
+            answer = json.loads(line)
+        except ValueError:
+            answer = None
+        if not isinstance(answer, dict):
+            said.last_words.append(line.strip())
+        elif "progress" in answer:
+            said.progress, said.message = answer["progress"], answer["message"]
+        else:
+            said.answer = answer
 
-    def _read_last_words(self, stream: IO[str]) -> None:
-        self._last_words.extend(line.strip() for line in stream if line.strip())
+
+def _read_last_words(stream: IO[str], said: _Said) -> None:
+    said.last_words.extend(line.strip() for line in stream if line.strip())
 
 
 def run(
@@ -141,10 +154,13 @@ def _environment() -> dict[str, str]:
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONHOME"}
     environment["PYTHONPATH"] = os.pathsep.join(dict.fromkeys(homes))
     environment["PYTHONIOENCODING"] = "utf-8"
+    # Neither the folder that Blender was started in nor the person's own packages have a say in what is imported.
+    environment["PYTHONSAFEPATH"] = environment["PYTHONNOUSERSITE"] = "1"
     return environment
 
 
-def _end(child: "subprocess.Popen[str]") -> None:
+def _end(child: "subprocess.Popen[str]", folders: set[Path]) -> None:
+    """End the child, by force if need be, and clear the folders of what it left; nothing where it has ended."""
     if child.poll() is not None:
         return
     try:
@@ -156,3 +172,9 @@ def _end(child: "subprocess.Popen[str]") -> None:
     except (subprocess.TimeoutExpired, OSError):
         child.kill()
         child.wait()
+    _clear(child.pid, folders)
+
+
+def _clear(pid: int, folders: set[Path]) -> None:
+    for folder in folders:
+        remove_unfinished(folder, pid)

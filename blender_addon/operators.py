@@ -1,6 +1,7 @@
 """What the add-on's operators share: bad input becomes one sentence, and the core runs beside a live window."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -15,7 +16,7 @@ TICK_SECONDS = 0.1
 
 
 class SaysWhy(bpy.types.Operator):
-    """An operator whose :meth:`act` raises InputError on bad input.
+    """An operator whose :meth:`act` raises InputError on bad input, or OSError where the disk fails it.
 
     The sentence appears in Blender's window; a script that called the operator gets it as a RuntimeError.
     """
@@ -24,15 +25,49 @@ class SaysWhy(bpy.types.Operator):
         raise NotImplementedError
 
     def execute(self, context: Any) -> set[Any]:
+        return {"FINISHED"} if self.done(lambda: self.act(context)) else {"CANCELLED"}
+
+    def done(self, step: Callable[[], None]) -> bool:
+        """Take a step. Where it fails, report why in one sentence and give False."""
         try:
-            self.act(context)
+            step()
         except (InputError, CoreCrashed) as error:
             self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+        except OSError as error:
+            self.report({"ERROR"}, _sentence(error))
         except Cancelled:
             self.report({"ERROR"}, "cancelled")
-            return {"CANCELLED"}
-        return {"FINISHED"}
+        else:
+            return True
+        return False
+
+
+def _sentence(error: OSError) -> str:
+    where = f"{error.filename}: " if error.filename else "a file could not be read or written: "
+    return f"{where}{error.strerror or error}; make room on the disk or check the permissions"
+
+
+@dataclass(eq=False)
+class _Job:
+    """A run of the core beside the live window. It outlives Blender's operator, whose data goes when it is removed."""
+
+    process: CoreProcess
+    folder: "TemporaryDirectory[str]"
+    timer: Any
+
+    def leave(self, manager: Any) -> None:
+        """Give back what the run held; a child that still runs is ended. Once is enough."""
+        if self not in _jobs:
+            return
+        _jobs.remove(self)
+        self.process.cancel()
+        manager.event_timer_remove(self.timer)
+        manager.mps.running = ""
+        self.folder.cleanup()
+        _redraw(manager)
+
+
+_jobs: list[_Job] = []
 
 
 class RunsCore(SaysWhy):
@@ -65,20 +100,22 @@ class RunsCore(SaysWhy):
     def invoke(self, context: Any, event: bpy.types.Event) -> set[Any]:
         if bpy.app.background:
             return self.execute(context)
-        self._folder = TemporaryDirectory(prefix="mpsnet-")
+        return {"RUNNING_MODAL"} if self.done(lambda: self._begin(context)) else {"CANCELLED"}
+
+    def _begin(self, context: Any) -> None:
+        folder = TemporaryDirectory(prefix="mpsnet-")
         try:
-            arguments, outputs = self.prepare(context, Path(self._folder.name))
-        except InputError as error:
-            self._folder.cleanup()
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        self._process = CoreProcess(arguments, outputs)
+            arguments, outputs = self.prepare(context, Path(folder.name))
+            process = CoreProcess(arguments, outputs)
+        except BaseException:
+            folder.cleanup()
+            raise
         manager = context.window_manager
+        self._job = _Job(process, folder, manager.event_timer_add(TICK_SECONDS, window=context.window))
+        _jobs.append(self._job)
         manager.mps.running, manager.mps.cancel = self.bl_idname, False  # MPS_OT_..., as Blender writes it
         self._show(context)
-        self._timer = manager.event_timer_add(TICK_SECONDS, window=context.window)
         manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
 
     def modal(self, context: Any, event: bpy.types.Event) -> set[Any]:
         if context.window_manager.mps.cancel or (event.type == "ESC" and event.value == "PRESS"):
@@ -87,41 +124,26 @@ class RunsCore(SaysWhy):
             return {"CANCELLED"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
-        if self._process.running():
+        process = self._job.process
+        if process.running():
             self._show(context)
             return {"PASS_THROUGH"}
-        self._leave(context)
-        try:
-            self.finish(context, self._process.result())
-        except (InputError, CoreCrashed) as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        except Cancelled:
-            self.report({"INFO"}, "Cancelled")
-            return {"CANCELLED"}
-        return {"FINISHED"}
+        self._job.leave(context.window_manager)
+        return {"FINISHED"} if self.done(lambda: self.finish(context, process.result())) else {"CANCELLED"}
 
     def cancel(self, context: Any) -> None:
         """Also called by Blender, when another file is opened in the middle of the work."""
-        self._process.cancel()
-        self._leave(context)
-
-    def _leave(self, context: Any) -> None:
-        manager = context.window_manager
-        manager.event_timer_remove(self._timer)
-        manager.mps.running = ""
-        self._folder.cleanup()
-        _redraw(context)
+        self._job.leave(context.window_manager)
 
     def _show(self, context: Any) -> None:
-        job = context.window_manager.mps
-        if (job.progress, job.message) != (self._process.progress, self._process.message):
-            job.progress, job.message = self._process.progress, self._process.message
-            _redraw(context)
+        shown, process = context.window_manager.mps, self._job.process
+        if (shown.progress, shown.message) != (process.progress, process.message):
+            shown.progress, shown.message = process.progress, process.message
+            _redraw(context.window_manager)
 
 
-def _redraw(context: Any) -> None:
-    for window in context.window_manager.windows:
+def _redraw(manager: Any) -> None:
+    for window in manager.windows:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
                 area.tag_redraw()
@@ -156,4 +178,6 @@ def register() -> None:
 
 
 def unregister() -> None:
+    for job in list(_jobs):
+        job.leave(bpy.context.window_manager)
     bpy.utils.unregister_class(MPS_OT_cancel)

@@ -1,29 +1,67 @@
 """The core as a child process: results, sentences, cancelling and crashes. The children are real."""
 
+import gc
 import os
 import signal
 import sys
 import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
+import bpy
 import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from blender_addon.core_process import CoreCrashed, CoreProcess, run
+from blender_addon import operators
+from blender_addon.core_process import CoreCrashed, CoreProcess, _environment, run
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.rig import published_rig, write_rig
 
+# The child takes its last step, the renaming of what it wrote, only when the test is over.
+BLOCK = """
+import os, time
+rename = os.replace
+def replace(source, target, **more):
+    while "unfinished" in str(source):
+        time.sleep(0.01)
+    rename(source, target, **more)
+os.replace = replace
+"""
+
+
+def at_the_childs_start(monkeypatch, folder, code):
+    """Have the child run `code` first: Python imports sitecustomize at its start."""
+    folder.mkdir(exist_ok=True)
+    (folder / "sitecustomize.py").write_text(code)
+    environment = _environment()
+    environment["PYTHONPATH"] = os.pathsep.join([str(folder), environment["PYTHONPATH"]])
+    monkeypatch.setattr("blender_addon.core_process._environment", lambda: environment)
+
 
 @pytest.fixture
-def job(tmp_path):
-    """Arguments and output of an estimate that takes a few seconds."""
-    photo = np.random.default_rng(0).uniform(0.1, 1, (3000, 3000, 3)).astype(np.float32)
-    buffer = oiio.ImageBuf(oiio.ImageSpec(3000, 3000, 3, oiio.FLOAT))
-    buffer.set_pixels(oiio.ROI.All, photo)
-    buffer.write(str(tmp_path / "photo.exr"))
-    write_rig(tmp_path / "rig.json", published_rig())
-    output = tmp_path / "normals.png"
-    return ["estimate", str(tmp_path / "photo.exr"), "--rig", str(tmp_path / "rig.json"), "-o", str(output)], output
+def job(tmp_path, monkeypatch):
+    """Arguments and output of an estimate that stops in the middle of writing, and the folder it writes to."""
+    folder = tmp_path / "job"
+    folder.mkdir()
+    buffer = oiio.ImageBuf(oiio.ImageSpec(8, 8, 3, oiio.FLOAT))
+    buffer.set_pixels(oiio.ROI.All, np.random.default_rng(0).uniform(0.1, 1, (8, 8, 3)).astype(np.float32))
+    buffer.write(str(folder / "photo.exr"))
+    write_rig(folder / "rig.json", published_rig())
+    at_the_childs_start(monkeypatch, tmp_path / "start", BLOCK)
+    output = folder / "normals.png"
+    return ["estimate", str(folder / "photo.exr"), "--rig", str(folder / "rig.json"), "-o", str(output)], output
+
+
+def wait_for_writing(process, folder):
+    """Until the child has begun to write, which is when something could stay behind."""
+    while process.running() and not list(folder.glob(".*.unfinished*")):
+        time.sleep(0.005)
+    assert process.running(), "the child ended before it wrote anything"
+
+
+def only_the_inputs(folder):
+    return sorted(path.name for path in folder.iterdir()) == ["photo.exr", "rig.json"]
 
 
 def test_result_and_progress():
@@ -38,59 +76,83 @@ def test_bad_input_is_the_cores_own_sentence(tmp_path):
         run(["estimate", "photo.png", "--rig", str(tmp_path / "nowhere.json"), "-o", str(tmp_path / "out.png")])
 
 
-def wait_for_writing(process, folder):
-    """Until the child has begun to write, which is when something could stay behind."""
-    while process.running() and not list(folder.glob(".*.unfinished*")):
-        time.sleep(0.005)
-    assert process.running(), "the child was done before it could be caught writing"
-
-
-def test_cancelling_leaves_nothing_half_written(job, tmp_path):
+def test_cancelling_leaves_nothing_half_written(job):
     arguments, output = job
     process = CoreProcess(arguments, [output])
-    wait_for_writing(process, tmp_path)
-    start = time.monotonic()
+    wait_for_writing(process, output.parent)
     process.cancel()
-    assert time.monotonic() - start < 1
     assert not process.running()
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["photo.exr", "rig.json"]
+    assert only_the_inputs(output.parent)
+
+
+def test_a_dropped_run_ends_its_child_and_leaves_nothing(job):
+    arguments, output = job
+    process = CoreProcess(arguments, [output])
+    wait_for_writing(process, output.parent)
+    child = process._child
+    del process
+    gc.collect()
+    assert child.wait(60) != 0
+    assert only_the_inputs(output.parent)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
-def test_a_child_that_does_not_listen_is_killed_and_cleared_up_after(job, tmp_path):
+def test_a_child_that_does_not_listen_is_killed_and_cleared_up_after(job, monkeypatch):
+    monkeypatch.setattr("blender_addon.core_process.CANCEL_SECONDS", 0.05)
     arguments, output = job
     process = CoreProcess(arguments, [output])
-    wait_for_writing(process, tmp_path)
+    wait_for_writing(process, output.parent)
     os.kill(process.pid, signal.SIGSTOP)  # a stopped process cannot answer the request to end
-    start = time.monotonic()
     process.cancel()
-    assert time.monotonic() - start < 1
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["photo.exr", "rig.json"]
+    assert process._child.returncode == -signal.SIGKILL
+    assert only_the_inputs(output.parent)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 @pytest.mark.parametrize(("number", "error"), [(signal.SIGTERM, Cancelled), (signal.SIGKILL, CoreCrashed)])
-def test_a_child_that_is_ended_by_others(job, tmp_path, number, error):
+def test_a_child_that_is_ended_by_others(job, number, error):
     arguments, output = job
     process = CoreProcess(arguments, [output])
-    wait_for_writing(process, tmp_path)
+    wait_for_writing(process, output.parent)
     os.kill(process.pid, number)
     with pytest.raises(error):
         process.result()
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["photo.exr", "rig.json"]
+    assert only_the_inputs(output.parent)
 
 
 def test_a_crash_is_reported_with_the_last_words(tmp_path, monkeypatch):
-    # Python imports sitecustomize at its start: the child breaks before the core can catch anything.
-    (tmp_path / "sitecustomize.py").write_text("import os, sys\nsys.stderr.write('out of memory\\n')\nos._exit(9)\n")
-    monkeypatch.setattr("blender_addon.core_process._environment", lambda: {**os.environ, "PYTHONPATH": str(tmp_path)})
+    # The child breaks before the core can catch anything.
+    at_the_childs_start(monkeypatch, tmp_path, "import os, sys\nsys.stderr.write('out of memory\\n')\nos._exit(9)\n")
     with pytest.raises(CoreCrashed, match=r"exit code 9.*out of memory"):
         run(["models"])
 
 
 def test_much_output_does_not_block_the_child(tmp_path, monkeypatch):
     flood = "import sys\nfor _ in range(20000):\n    sys.stderr.write('warning ' * 20 + '\\n')\n"
-    (tmp_path / "sitecustomize.py").write_text(flood)
-    paths = os.pathsep.join([str(tmp_path), *filter(None, sys.path)])
-    monkeypatch.setattr("blender_addon.core_process._environment", lambda: {**os.environ, "PYTHONPATH": paths})
+    at_the_childs_start(monkeypatch, tmp_path, flood)
     assert run(["models"])["models"]
+
+
+def test_the_child_imports_nothing_from_the_current_folder(tmp_path, monkeypatch):
+    (tmp_path / "json.py").write_text("raise SystemExit('the wrong json')\n")
+    monkeypatch.chdir(tmp_path)
+    assert run(["models"])["models"]
+
+
+def test_taking_the_add_on_away_ends_what_it_runs(job, tmp_path):
+    arguments, output = job
+    folder = TemporaryDirectory(dir=tmp_path)
+    manager = bpy.context.window_manager
+    timer = manager.event_timer_add(0.1, window=manager.windows[0])
+    running = operators._Job(CoreProcess(arguments, [output]), folder, timer)
+    operators._jobs.append(running)
+    manager.mps.running = "MPS_OT_estimate"
+    wait_for_writing(running.process, output.parent)
+    operators.unregister()
+    try:
+        assert not running.process.running()
+        assert only_the_inputs(output.parent) and not Path(folder.name).exists()
+        assert manager.mps.running == ""
+        running.leave(manager)  # Blender may ask for it once more
+    finally:
+        operators.register()

@@ -16,6 +16,13 @@ def delete(obj):
     bpy.data.objects.remove(obj)
 
 
+def captured(scene):
+    """As if photo and normals came from outside, so that the rig in the scene counts."""
+    for image in (scene.mps.photo.image, scene.mps.estimate.image):
+        for key in {"mpsnet_rig", "mpsnet_camera"} & set(image.keys()):
+            del image[key]
+
+
 def nothing_selected(scene, tmp_path):
     bpy.ops.object.select_all(action="DESELECT")
     bpy.ops.mps.add_rig()
@@ -71,34 +78,40 @@ def camera_deleted(scene, tmp_path):
 
 
 def target_deleted(scene, tmp_path):
+    captured(scene)
     delete(scene.mps.rig.target)
     bpy.ops.mps.estimate()
 
 
 def light_behind(scene, tmp_path):
+    captured(scene)
     scene.mps.rig.lights[0].object.location.z = -20
     bpy.ops.mps.estimate()
 
 
 def light_in_the_target(scene, tmp_path):
+    captured(scene)
     bpy.ops.mps.add_rig(light_type="AREA")
     scene.mps.rig.lights[0].object.location = (0, 0, 0)
     bpy.ops.mps.estimate()
 
 
 def lights_in_a_plane(scene, tmp_path):
+    captured(scene)
     for number, light in enumerate(scene.mps.rig.lights):
         light.object.location = (number - 1, 0, 4)
     bpy.ops.mps.estimate()
 
 
 def lights_off(scene, tmp_path):
+    captured(scene)
     for light in scene.mps.rig.lights:
         light.object.data.energy = 0
     bpy.ops.mps.estimate()
 
 
 def panorama(scene, tmp_path):
+    captured(scene)
     scene.mps.rig.camera.data.type = "PANO"
     bpy.ops.mps.bake(output=str(tmp_path / "t.png"))
 
@@ -287,6 +300,19 @@ def test_bad_input_is_one_sentence(wrong, sentence, scene, tmp_path):
     assert sentence in message
     assert "\n" not in message and "Traceback" not in message
     assert not [path for path in tmp_path.iterdir() if "unfinished" in path.name]
+
+
+def test_a_disk_that_fails_is_one_sentence(scene, tmp_path, monkeypatch):
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=16, ring_count=8)
+    bpy.ops.mps.add_rig()
+    bpy.ops.mps.render_photo(width=16, height=16, samples=1, output=str(tmp_path / "photo.exr"))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "gone"))
+    for verb in (bpy.ops.mps.render_photo, bpy.ops.mps.estimate):
+        with pytest.raises(RuntimeError) as caught:
+            verb()
+        message = str(caught.value).removeprefix("Error: ").strip()
+        assert str(tmp_path / "gone") in message and "make room on the disk or check the permissions" in message
+        assert "\n" not in message and "Traceback" not in message
 
 
 def test_the_command_line_gives_exit_code_2_and_the_sentence(scene, capfd, tmp_path):
