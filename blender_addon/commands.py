@@ -32,8 +32,12 @@ def main(argv: Sequence[str]) -> int:
         if not operator.poll():
             raise InputError(_obstacle(verb))
         operator(**options)
+        print(f"{COMMAND}: {verb.replace('_', '-')} done{_written(verb)}")  # noqa: T201
         if save:
             bpy.ops.wm.save_as_mainfile(filepath=str(Path(save).resolve()))
+            print(f"{COMMAND}: scene saved as {save}")  # noqa: T201
+        else:
+            print(f"{COMMAND}: the scene is not saved; --save FILE.blend keeps what the next step needs")  # noqa: T201
     except (InputError, RuntimeError) as error:
         # Blender turns an operator's report into a RuntimeError and puts its own words before the sentence.
         sentence = " ".join(str(error).split()).removeprefix("Error: ")
@@ -42,6 +46,13 @@ def main(argv: Sequence[str]) -> int:
     except SystemExit as leaving:  # --help
         return int(leaving.code or 0)
     return 0
+
+
+def _written(verb: str) -> str:
+    """Which file a verb wrote, as the end of a sentence."""
+    steps = {"render_photo": "photo", "open_photo": "photo", "estimate": "estimate", "bake": "bake"}
+    image = getattr(bpy.context.scene.mps, steps[verb]).image if verb in steps else None
+    return f": {bpy.path.abspath(image.filepath)}" if image else ""
 
 
 def _obstacle(verb: str) -> str:
