@@ -201,9 +201,8 @@ def checked_bits(path: Path, bits: int | None = None) -> int:
         return choices[0]
     if bits not in choices:
         allowed = " or ".join(map(str, sorted(choices)))
-        raise InputError(
-            f"cannot write {path}: {path.suffix} files hold {allowed} bits a channel, not {bits}; change the format or the bits"
-        )
+        held = f"{path.suffix} files hold {allowed} bits a channel, not {bits}"
+        raise InputError(f"cannot write {path}: {held}; change the format or the bits")
     return bits
 
 
