@@ -152,12 +152,4 @@ def _wrapped(layout: Any, sentence: str, width: int = 36) -> None:
 
 CLASSES = (MPS_PT_rig, MPS_PT_photo, MPS_PT_estimate, MPS_PT_bake)
 
-
-def register() -> None:
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister() -> None:
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

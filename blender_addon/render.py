@@ -271,12 +271,4 @@ def _render(studio: Any, path: Path, file_format: str) -> None:
 
 CLASSES = (MPS_OT_render_photo, MPS_OT_open_photo, MPS_OT_render_truth)
 
-
-def register() -> None:
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister() -> None:
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

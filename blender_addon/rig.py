@@ -341,12 +341,4 @@ def scene_camera(camera: Any, scene: Any, size: tuple[int, int] | None = None) -
 
 CLASSES = (MPS_OT_add_rig, MPS_OT_remove_rig)
 
-
-def register() -> None:
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister() -> None:
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

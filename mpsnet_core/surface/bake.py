@@ -79,7 +79,7 @@ def bake_normals(
 
     progress(0.0, "laying out the UVs")
     scene = RayScene(mesh)
-    projectors = [_Projector(mesh, view, scene) for view in views]
+    projectors = [_Projector(view, scene) for view in views]
     corners = texel_coordinates(mesh.uvs, size)
     # Where UVs overlap (mirrored halves, say), the triangle that a view sees wins: the last one laid down.
     order = np.argsort(_seen_triangles(mesh, projectors, scene), kind="stable")
@@ -179,9 +179,9 @@ class _Surface:
 class _Projector:
     """One view, ready to be asked what it sees at points of the surface."""
 
-    def __init__(self, mesh: Mesh, view: View, scene: RayScene) -> None:
+    def __init__(self, view: View, scene: RayScene) -> None:
         self.camera, self.middle = view.camera, scene.middle
-        self.visibility = Visibility(mesh, view.camera, scene)
+        self.visibility = Visibility(view.camera, scene)
         self.projection = view.camera.projection_rows()
         self.depth = view.camera.depth_row()
         normals = view.normals

@@ -15,15 +15,15 @@ OFFSET = 1e-4
 
 
 class Visibility:
-    """Tells whether points on `mesh` can be seen from `camera`, by rays (embree) against the mesh.
+    """Tells whether points on the scene's mesh can be seen from `camera`, by rays (embree) against it.
 
     A depth image, taken as a small plane in each pixel, settles points far from any silhouette; only the others cost a
     ray.
     """
 
-    def __init__(self, mesh: Mesh, camera: Camera, scene: "RayScene") -> None:
+    def __init__(self, camera: Camera, scene: "RayScene") -> None:
         self.camera, self.scene = camera, scene
-        self.offset = OFFSET * float(np.linalg.norm(np.ptp(mesh.world_vertices, axis=0)))
+        self.offset = OFFSET * scene.size
         self.scale = min(1.0, DEPTH_PIXELS / max(camera.width, camera.height))
         width, height = max(1, round(camera.width * self.scale)), max(1, round(camera.height * self.scale))
         self.shape = (height, width)

@@ -76,7 +76,7 @@ def test_what_is_seen_is_what_no_triangle_hides(
     scale = camera.focal[0] / (-in_camera[:, 2:] if projection == "perspective" else 1)
     pixels = size / 2 + in_camera[:, :2] * scale * (1, -1)
     assert (pixels > 0).all() and (pixels < size).all()
-    seen = Visibility(mesh, camera, RayScene(mesh)).seen(points, pixels, -in_camera[:, 2])
+    seen = Visibility(camera, RayScene(mesh)).seen(points, pixels, -in_camera[:, 2])
 
     # Rays that pass a silhouette by less than the ray's own offset may go either way.
     side = np.cross(towards, [0.3, 0.5, 0.8])
@@ -116,7 +116,7 @@ def test_it_does_not_matter_how_large_or_how_far_away_the_object_is() -> None:
         pixels = camera.width / 2 + in_camera[:, :2] * camera.focal * (1, -1)
         # Seen or not, off the limb: the surface there faces the camera, or turns away.
         height = (in_camera[:, 2] + 4 * scale) / scale
-        seen = Visibility(mesh, camera, RayScene(mesh)).seen(points, pixels, -in_camera[:, 2])
+        seen = Visibility(camera, RayScene(mesh)).seen(points, pixels, -in_camera[:, 2])
         assert (seen == (height > 0))[np.abs(height) > 0.2].all()
         counts.append(seen.sum())
     assert np.ptp(counts) <= 0.02 * counts[0]
