@@ -2,7 +2,7 @@
 
 import os
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -104,37 +104,38 @@ def _numbers(value: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.
     return array
 
 
+def camera_data(camera: Camera) -> dict[str, Any]:
+    """A camera as plain JSON data; :func:`camera_from_data` is its inverse."""
+    return {
+        "projection": camera.projection,
+        "width": int(camera.width),
+        "height": int(camera.height),
+        "focal": camera.focal.tolist(),
+        "centre": camera.centre.tolist(),
+        "world_from_camera": camera.world_from_camera.tolist(),
+    }
+
+
+def camera_from_data(data: dict[str, Any]) -> Camera:
+    """A camera from JSON data with (at least) :func:`camera_data`'s keys; "centre" may be left out.
+
+    Raises InputError where a key is missing or a value cannot be a camera's.
+    """
+    missing = [key for key in CAMERA_KEYS if key not in data and key != "centre"]
+    if missing:
+        raise InputError(f'it lacks "{missing[0]}"; add it')
+    return Camera(**{key: data[key] for key in CAMERA_KEYS if key in data})
+
+
 def read_camera(path: str | os.PathLike[str]) -> Camera:
     """Read a JSON camera file. Raises InputError where it is missing or malformed."""
     data = read_json(path, CAMERA_FORMAT, CAMERA_VERSION, CAMERA_KEYS)
-    missing = [key for key in ("projection", "width", "height", "focal", "world_from_camera") if key not in data]
-    if missing:
-        raise InputError(f'camera file {path} lacks "{missing[0]}"; add it')
     try:
-        return Camera(
-            data["projection"],
-            data["width"],
-            data["height"],
-            data["focal"],
-            world_from_camera=data["world_from_camera"],
-            **({"centre": data["centre"]} if "centre" in data else {}),
-        )
+        return camera_from_data(data)
     except InputError as error:
         raise InputError(f"camera file {path}: {error}") from None
 
 
 def write_camera(path: str | os.PathLike[str], camera: Camera) -> None:
     """Write a JSON camera file, whole or not at all."""
-    write_json(
-        path,
-        {
-            "format": CAMERA_FORMAT,
-            "version": CAMERA_VERSION,
-            "projection": camera.projection,
-            "width": int(camera.width),
-            "height": int(camera.height),
-            "focal": camera.focal.tolist(),
-            "centre": camera.centre.tolist(),
-            "world_from_camera": camera.world_from_camera.tolist(),
-        },
-    )
+    write_json(path, {"format": CAMERA_FORMAT, "version": CAMERA_VERSION, **camera_data(camera)})

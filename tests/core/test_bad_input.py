@@ -373,7 +373,7 @@ CAMERAS: list[Case] = [
     (
         "without a pose",
         lambda b: read_camera(b.camera(world_from_camera=None)),
-        'camera.json lacks "world_from_camera"; add it',
+        'camera.json: it lacks "world_from_camera"; add it',
     ),
     ("a rig in its place", lambda b: read_camera(b.rig()), "rig.json is not a mpsnet-camera file"),
 ]

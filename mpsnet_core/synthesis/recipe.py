@@ -1,0 +1,175 @@
+"""Recipe: everything that a sample shows, as plain numbers and names; the same for both renderers."""
+
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.camera import Camera, camera_data, camera_from_data
+from mpsnet_core.errors import InputError
+
+RECIPE_VERSION = 1
+
+Colour = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Material:
+    """What the surface is made of.
+
+    kind: "principled" (the numbers below, which mean what they mean in Blender's Principled BSDF), "merl" (a measured
+        ``.binary`` file) or "fit" (one of a file of neural fits to MERL).
+    source: for "merl" the file's name, for "fit" the material's name; empty for "principled".
+    tint: multiplies the reflectance of "merl" and "fit", channel by channel.
+    base_color, specular_tint: linear RGB. specular: "Specular IOR Level", 0.5 is the plain dielectric of `ior`.
+    subsurface: "Subsurface Weight"; its radius is the model's size times `subsurface_radius`, per channel equal.
+    """
+
+    kind: Literal["principled", "merl", "fit"] = "principled"
+    source: str = ""
+    tint: Colour = (1.0, 1.0, 1.0)
+    base_color: Colour = (0.8, 0.8, 0.8)
+    roughness: float = 0.5
+    metallic: float = 0.0
+    specular: float = 0.5
+    ior: float = 1.5
+    sheen: float = 0.0
+    sheen_roughness: float = 0.5
+    coat: float = 0.0
+    coat_roughness: float = 0.03
+    subsurface: float = 0.0
+    subsurface_radius: float = 0.05
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """How the materials are spread over the surface, by the position in the object's own space.
+
+    kind: "parts" (part p of the shape has material p modulo their number), "noise" (bands of a noise field), "voronoi"
+        (cells, each of a random material), "stripes" (along `direction`, in turn).
+    scale: noise features, cells or stripes a unit of length; the object's bounding sphere has radius 1.
+    softness: 0 for hard edges; else the share of a band or cell in which neighbours blend, up to 1.
+    warp: how far noise bends the pattern, in units of 1 / scale.
+    """
+
+    kind: Literal["parts", "noise", "voronoi", "stripes"] = "parts"
+    scale: float = 2.0
+    softness: float = 0.0
+    warp: float = 0.0
+    direction: Colour = (1.0, 0.0, 0.0)
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Paint:
+    """Soft variation of colour within each material: base colours are multiplied by 1 + amount · noise per channel.
+
+    amount: 0 for none, up to 1. hue: 0 varies brightness only, 1 each channel on its own. scale: features a unit.
+    """
+
+    amount: float = 0.0
+    hue: float = 0.0
+    scale: float = 1.0
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Dirt:
+    """A matt layer of one colour over parts of the surface, with soft edges.
+
+    amount: share of the surface that it covers, 0 for none. scale: patches a unit.
+    """
+
+    amount: float = 0.0
+    color: Colour = (0.2, 0.15, 0.1)
+    scale: float = 3.0
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Bump:
+    """Fine relief that turns the shading normals, and so the truth: a height field of noise, not displaced.
+
+    height: amplitude in units of the object's radius, 0 for none. scale: features a unit.
+    """
+
+    height: float = 0.0
+    scale: float = 20.0
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """Everything that sample `number` of a job shows.
+
+    shape: description for :func:`mpsnet_core.synthesis.shapes.build_shape`, plain JSON.
+    rotation: (3, 3), turns the object's own space into the world, whose axes are the camera's.
+    camera: on the z axis, looking down it, `size` pixels square.
+    light_directions: (3, 3) unit vectors from the origin to the three lights, a row each. light_sizes: (3,) angular
+        diameters in degrees, 0 for a point at infinity. Lights are white, distant, and of irradiance pi: a white matt
+        surface that faces one has the radiance 1.
+    bounces: 0 for direct light only; more for light between surfaces.
+    """
+
+    seed: int
+    number: int
+    shape: dict[str, Any]
+    rotation: NDArray[np.float64]
+    camera: Camera
+    light_directions: NDArray[np.float64]
+    light_sizes: NDArray[np.float64]
+    materials: tuple[Material, ...]
+    pattern: Pattern = field(default_factory=Pattern)
+    paint: Paint = field(default_factory=Paint)
+    dirt: Dirt = field(default_factory=Dirt)
+    bump: Bump = field(default_factory=Bump)
+    bounces: int = 0
+
+    def data(self) -> dict[str, Any]:
+        """The recipe as plain JSON data; :func:`recipe_from_data` is its inverse."""
+        return {
+            "version": RECIPE_VERSION,
+            "seed": self.seed,
+            "number": self.number,
+            "shape": self.shape,
+            "rotation": self.rotation.tolist(),
+            "camera": camera_data(self.camera),
+            "light_directions": self.light_directions.tolist(),
+            "light_sizes": self.light_sizes.tolist(),
+            "materials": [asdict(material) for material in self.materials],
+            "pattern": asdict(self.pattern),
+            "paint": asdict(self.paint),
+            "dirt": asdict(self.dirt),
+            "bump": asdict(self.bump),
+            "bounces": self.bounces,
+        }
+
+
+def recipe_from_data(data: dict[str, Any]) -> Recipe:
+    """A recipe from :meth:`Recipe.data`, also after a way through JSON. Raises InputError where it is not one."""
+    try:
+        if data["version"] > RECIPE_VERSION:
+            raise InputError(f"the recipe is of version {data['version']}, this program reads up to {RECIPE_VERSION}")
+        return Recipe(
+            seed=int(data["seed"]),
+            number=int(data["number"]),
+            shape=dict(data["shape"]),
+            rotation=np.array(data["rotation"], np.float64).reshape(3, 3),
+            camera=camera_from_data(data["camera"]),
+            light_directions=np.array(data["light_directions"], np.float64).reshape(3, 3),
+            light_sizes=np.array(data["light_sizes"], np.float64).reshape(3),
+            materials=tuple(_noun(Material, entry) for entry in data["materials"]),
+            pattern=_noun(Pattern, data["pattern"]),
+            paint=_noun(Paint, data["paint"]),
+            dirt=_noun(Dirt, data["dirt"]),
+            bump=_noun(Bump, data["bump"]),
+            bounces=int(data["bounces"]),
+        )
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
+        raise InputError(f"it holds no recipe that this program knows ({error!r})") from None
+
+
+def _noun(kind: type, data: dict[str, Any]) -> Any:
+    # JSON has lists where the nouns have tuples.
+    return kind(**{key: tuple(value) if isinstance(value, list) else value for key, value in data.items()})

@@ -1,0 +1,1 @@
+"""Reflectance: how much of the light from one direction a surface sends into another."""
