@@ -1,0 +1,255 @@
+"""Drawing recipes from a seed: every range of what samples show stands here.
+
+The ranges are wider than the MPS-Net paper's (slant 30°, tilts 120° apart, MERL materials) on purpose: other rigs,
+perspective, soft shadows and painted, dirty, metallic surfaces are what its errors on photographs came from.
+"""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.camera import Camera
+from mpsnet_core.rig import direction_from_angles
+from mpsnet_core.synthesis.job import SampleJob
+from mpsnet_core.synthesis.recipe import Bump, Colour, Dirt, Material, Paint, Pattern, Recipe
+from mpsnet_core.synthesis.reflectance import material_names
+from mpsnet_core.synthesis.shapes import draw_shape, mesh_files
+
+# How often each kind of shape is drawn, relative to the others that a job asks for. Composites lead: the largest errors
+# on photographs lie in the wide shadows that one part of an object throws on another.
+SHAPE_SHARES = {"blobs": 2, "drapery": 1.5, "reliefs": 1, "composites": 4, "groups": 2, "meshes": 2, "scene": 2}
+
+SENSOR_WIDTH = 36.0  # mm
+ORTHOGRAPHIC_SHARE = 0.3
+FOCAL_LENGTH = (35.0, 200.0)  # mm
+MARGIN = (0.72, 1.12)  # half the picture's width, in radii of the object's bounding sphere
+SHIFT = 0.06  # how far the object's centre lies off the picture's, as a share of its width
+ORTHOGRAPHIC_DISTANCE = 10.0
+
+SLANT = (20.0, 60.0)  # degrees, of the rig
+SLANT_SPREAD, TILT_SPREAD = 4.0, 8.0  # degrees, standard deviation of each light about its place in the rig
+TILT_REACH = 30.0  # degrees, the most that a light's tilt leaves its place
+SHARP_LIGHT_SHARE = 0.4
+SHARP_LIGHT, SOFT_LIGHT = (0.0, 1.0), (1.0, 20.0)  # degrees, angular diameter
+BOUNCE_SHARE = 0.8  # of the samples have light between surfaces, where the job asks for it
+
+UPRIGHT_ELEVATION, UPRIGHT_ROLL = (-10.0, 55.0), 8.0  # degrees
+FRONT_TURN = 40.0  # degrees
+
+MATERIAL_COUNT_SHARES = (0.22, 0.26, 0.2, 0.15, 0.1, 0.07)  # for 1 to 6
+MEASURED_SHARE = 0.6  # of the materials, where the job has measured ones
+PATTERN_SHARES = {"parts": 0.25, "noise": 0.3, "voronoi": 0.2, "stripes": 0.25}
+PATTERN_SCALE = (0.7, 8.0)
+HARD_EDGE_SHARE = 0.45
+SOFTNESS, WARP = (0.1, 1.0), (0.0, 0.6)
+PAINT_SHARE, PAINT_AMOUNT, PAINT_SCALE = 0.5, (0.1, 0.7), (0.5, 6.0)
+DIRT_SHARE, DIRT_AMOUNT, DIRT_SCALE = 0.25, (0.05, 0.5), (1.0, 8.0)
+BUMP_SHARE, BUMP_SLOPE, BUMP_SCALE = 0.35, (0.03, 0.3), (8.0, 60.0)
+
+ONE_TONE_SHARE = 0.4  # of the samples have materials of one hue that differ in brightness only
+GREY_SHARE = 0.35  # of the colours
+BRIGHTNESS = (0.04, 0.9)
+ROUGHNESS = ((0.5, (0.6, 1.0)), (0.35, (0.25, 0.6)), (0.15, (0.06, 0.25)))  # share, range
+METAL_SHARE, METAL_BRIGHTNESS = 0.15, (0.05, 0.9)
+SPECULAR, IOR = (0.2, 0.8), (1.3, 1.7)
+SHEEN_SHARE, COAT_SHARE, SUBSURFACE_SHARE = 0.1, 0.15, 0.1
+
+
+def draw_recipe(job: SampleJob, number: int) -> Recipe:
+    """What sample `number` of `job` shows; the same wherever and in whatever order it is drawn.
+
+    Raises InputError where the job's folder of meshes or its measured materials cannot be read.
+    """
+    rng = _generator(job.seed, 1, number)
+    shape = _draw_shape(job, number // job.views)
+    count = 1 + _pick(rng, MATERIAL_COUNT_SHARES)
+    return Recipe(
+        seed=job.seed,
+        number=number,
+        shape=shape,
+        rotation=_rotation(rng, shape["pose"]),
+        camera=_camera(rng, job.size),
+        light_directions=_light_directions(rng),
+        light_sizes=np.full(3, _light_size(rng)),
+        materials=() if shape["kind"] == "scene" else _materials(rng, count, job.merl),
+        pattern=_pattern(rng, count),
+        paint=_paint(rng),
+        dirt=_dirt(rng),
+        bump=_bump(rng),
+        bounces=job.bounces if rng.random() < BOUNCE_SHARE else 0,
+    )
+
+
+def _draw_shape(job: SampleJob, number: int) -> dict[str, Any]:
+    rng = _generator(job.seed, 0, number)
+    kind = job.shapes[_pick(rng, [SHAPE_SHARES[name] for name in job.shapes])]
+    if kind == "scene":
+        return {"kind": "scene", "pose": "upright"}
+    return draw_shape(rng, kind, mesh_files(job.meshes) if kind == "meshes" else ())
+
+
+def _generator(*key: int) -> np.random.Generator:
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(key)))
+
+
+def _pick(rng: np.random.Generator, shares: Sequence[float]) -> int:
+    edges = np.cumsum(shares)
+    return int(np.searchsorted(edges, rng.random() * edges[-1], side="right"))
+
+
+def _between(rng: np.random.Generator, limits: tuple[float, float]) -> float:
+    return limits[0] + (limits[1] - limits[0]) * rng.random()
+
+
+def _between_log(rng: np.random.Generator, limits: tuple[float, float]) -> float:
+    return float(limits[0] * (limits[1] / limits[0]) ** rng.random())
+
+
+def _seed(rng: np.random.Generator) -> int:
+    return int(rng.integers(1 << 31))
+
+
+# --- where things stand -----------------------------------------------------------------------------------------------
+
+
+def _turn(axis: NDArray[np.float64], degrees: float) -> NDArray[np.float64]:
+    """(3, 3) rotation about a unit axis (Rodrigues)."""
+    x, y, z = axis
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    angle = np.radians(degrees)
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+
+
+def _rotation(rng: np.random.Generator, pose: str) -> NDArray[np.float64]:
+    x, y, z = np.eye(3)
+    spin = 360 * rng.random()
+    if pose == "upright":  # the object's z upwards in the picture, seen from a little below to well above
+        roll = UPRIGHT_ROLL * (2 * rng.random() - 1)
+        return _turn(z, roll) @ _turn(x, _between(rng, UPRIGHT_ELEVATION) - 90) @ _turn(z, spin)
+    if pose == "front":  # the object's z towards the camera
+        tilt = 360 * rng.random()
+        lean = np.cos(np.radians(tilt)) * x + np.sin(np.radians(tilt)) * y
+        return _turn(lean, FRONT_TURN * np.sqrt(rng.random())) @ _turn(z, spin)
+    axes, triangle = np.linalg.qr(rng.normal(size=(3, 3)))
+    axes = axes * np.sign(np.diag(triangle))  # makes the rotation uniform
+    return axes * np.sign(np.linalg.det(axes))
+
+
+def _camera(rng: np.random.Generator, size: int) -> Camera:
+    orthographic = rng.random() < ORTHOGRAPHIC_SHARE
+    length, margin = _between_log(rng, FOCAL_LENGTH), _between_log(rng, MARGIN)
+    centre = size * (0.5 + SHIFT * (2 * rng.random(2) - 1))
+    pose = np.eye(4)
+    if orthographic:
+        pose[2, 3] = ORTHOGRAPHIC_DISTANCE
+        return Camera("orthographic", size, size, np.full(2, size / (2 * margin)), centre, pose)
+    pose[2, 3] = margin / np.sin(np.arctan(SENSOR_WIDTH / 2 / length))
+    return Camera("perspective", size, size, np.full(2, size * length / SENSOR_WIDTH), centre, pose)
+
+
+def _light_directions(rng: np.random.Generator) -> NDArray[np.float64]:
+    slants = np.clip(_between(rng, SLANT) + SLANT_SPREAD * rng.normal(size=3), *SLANT)
+    handed = 1 if rng.random() < 0.5 else -1
+    strays = np.clip(TILT_SPREAD * rng.normal(size=3), -TILT_REACH, TILT_REACH)
+    return direction_from_angles(slants, 360 * rng.random() + handed * np.array([0, 120, 240]) + strays)
+
+
+def _light_size(rng: np.random.Generator) -> float:
+    sharp = rng.random() < SHARP_LIGHT_SHARE
+    return _between(rng, SHARP_LIGHT) if sharp else _between_log(rng, SOFT_LIGHT)
+
+
+# --- what things are made of ------------------------------------------------------------------------------------------
+
+_names = lru_cache(maxsize=8)(material_names)
+
+
+def _materials(rng: np.random.Generator, count: int, merl: str) -> tuple[Material, ...]:
+    tone = _colour(rng, BRIGHTNESS) if rng.random() < ONE_TONE_SHARE else None
+    measured = _names(merl) if merl else []
+    materials = []
+    for _ in range(count):
+        if measured and rng.random() < MEASURED_SHARE:
+            kind, source = measured[int(rng.integers(len(measured)))]
+            materials.append(Material(kind=kind, source=source))
+        else:
+            materials.append(_principled(rng, tone))
+    return tuple(materials)
+
+
+def _principled(rng: np.random.Generator, tone: Colour | None) -> Material:
+    metal = rng.random() < METAL_SHARE
+    brightness = METAL_BRIGHTNESS if metal else BRIGHTNESS
+    if tone is None:
+        color = _colour(rng, brightness)
+    else:
+        scale = _between_log(rng, brightness) / max(tone)
+        color = (tone[0] * scale, tone[1] * scale, tone[2] * scale)
+    roughness = _between(rng, ROUGHNESS[_pick(rng, [share for share, _ in ROUGHNESS])][1])
+    sheen, coat, subsurface = rng.random(3) < (SHEEN_SHARE, COAT_SHARE, SUBSURFACE_SHARE)
+    return Material(
+        base_color=color,
+        roughness=roughness,
+        metallic=float(metal),
+        specular=_between(rng, SPECULAR),
+        ior=_between(rng, IOR),
+        sheen=_between(rng, (0.2, 1.0)) * bool(sheen),
+        sheen_roughness=_between(rng, (0.2, 0.8)),
+        coat=_between(rng, (0.3, 1.0)) * bool(coat),
+        coat_roughness=_between(rng, (0.02, 0.3)),
+        subsurface=_between(rng, (0.2, 1.0)) * bool(subsurface),
+        subsurface_radius=_between_log(rng, (0.01, 0.1)),
+    )
+
+
+def _colour(rng: np.random.Generator, brightness: tuple[float, float]) -> Colour:
+    """A linear colour whose brightest channel is within `brightness`: grey, or of any hue, pale to strong."""
+    value = _between_log(rng, brightness)
+    saturation = 0.0 if rng.random() < GREY_SHARE else rng.random()
+    hue = np.abs((6 * rng.random() + np.array([0, 4, 2])) % 6 - 3) - 1  # the HSV hexagon, red at 0
+    red, green, blue = value * (1 - saturation * (1 - np.clip(hue, 0, 1)))
+    return float(red), float(green), float(blue)
+
+
+def _pattern(rng: np.random.Generator, count: int) -> Pattern:
+    kind = list(PATTERN_SHARES)[_pick(rng, list(PATTERN_SHARES.values()))]
+    hard = rng.random() < HARD_EDGE_SHARE
+    direction = rng.normal(size=3)
+    direction /= np.linalg.norm(direction)
+    return Pattern(
+        kind="parts" if count == 1 else kind,  # type: ignore[arg-type]
+        scale=_between_log(rng, PATTERN_SCALE),
+        softness=_between(rng, SOFTNESS) * (not hard),
+        warp=_between(rng, WARP),
+        direction=(float(direction[0]), float(direction[1]), float(direction[2])),
+        seed=_seed(rng),
+    )
+
+
+def _paint(rng: np.random.Generator) -> Paint:
+    painted, coloured = rng.random(2) < (PAINT_SHARE, 0.5)
+    return Paint(
+        amount=_between(rng, PAINT_AMOUNT) * bool(painted),
+        hue=rng.random() * bool(coloured),
+        scale=_between_log(rng, PAINT_SCALE),
+        seed=_seed(rng),
+    )
+
+
+def _dirt(rng: np.random.Generator) -> Dirt:
+    dirty = rng.random() < DIRT_SHARE
+    return Dirt(
+        amount=_between(rng, DIRT_AMOUNT) * dirty,
+        color=_colour(rng, (0.03, 0.4)),
+        scale=_between_log(rng, DIRT_SCALE),
+        seed=_seed(rng),
+    )
+
+
+def _bump(rng: np.random.Generator) -> Bump:
+    bumpy = rng.random() < BUMP_SHARE
+    slope, scale = _between_log(rng, BUMP_SLOPE), _between_log(rng, BUMP_SCALE)
+    return Bump(height=slope / scale * bumpy, scale=scale, seed=_seed(rng))

@@ -1,0 +1,111 @@
+"""Recipes: the same wherever they are drawn, within their ranges, whole through JSON."""
+
+import json
+
+import numpy as np
+import pytest
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.synthesis import drawing
+from mpsnet_core.synthesis.drawing import draw_recipe
+from mpsnet_core.synthesis.job import SampleJob
+from mpsnet_core.synthesis.recipe import recipe_from_data
+
+JOB = SampleJob(renderer="synthesis", count=400, seed=5, size=64)
+RECIPES = [draw_recipe(JOB, number) for number in range(400)]
+
+
+def test_a_recipe_depends_on_seed_and_number_alone():
+    for number in (399, 0, 17):
+        assert draw_recipe(JOB, number).data() == RECIPES[number].data()
+    longer = SampleJob(renderer="synthesis", count=9000, seed=5, size=64)
+    assert draw_recipe(longer, 3).data() == RECIPES[3].data()
+    other = SampleJob(renderer="synthesis", count=400, seed=6, size=64)
+    assert draw_recipe(other, 3).data() != RECIPES[3].data()
+
+
+def test_both_renderers_draw_the_same_recipe():
+    cycles = SampleJob(renderer="cycles", count=400, seed=5, size=64)
+    assert draw_recipe(cycles, 11).data() == RECIPES[11].data()
+
+
+def test_recipes_survive_json():
+    for recipe in RECIPES[:50]:
+        again = recipe_from_data(json.loads(json.dumps(recipe.data())))
+        assert again.data() == recipe.data()
+        assert again.materials == recipe.materials
+
+
+def test_what_is_no_recipe_is_said():
+    data = RECIPES[0].data()
+    for broken in ({**data, "materials": [{"kind": "principled", "colour": 3}]}, {**data, "rotation": [1, 2]}, {}):
+        with pytest.raises(InputError, match="no recipe that this program knows"):
+            recipe_from_data(broken)
+    with pytest.raises(InputError, match="version 99"):
+        recipe_from_data({**data, "version": 99})
+
+
+def test_numbers_that_show_one_shape_differ_in_all_else():
+    job = SampleJob(renderer="synthesis", count=12, seed=1, views=4)
+    recipes = [draw_recipe(job, number) for number in range(8)]
+    assert all(recipe.shape == recipes[0].shape for recipe in recipes[:4])
+    assert recipes[4].shape != recipes[0].shape
+    assert len({recipe.rotation.tobytes() for recipe in recipes}) == 8
+
+
+def test_turns_are_rotations_and_upright_things_stand_upright():
+    for recipe in RECIPES:
+        turn = recipe.rotation
+        np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-12)
+        assert np.linalg.det(turn) > 0
+        up = turn @ [0, 0, 1]
+        if recipe.shape["pose"] == "upright":  # at most 55° down upon it and 8° aslant
+            assert up[1] > np.cos(np.radians(55)) * np.cos(np.radians(8)) - 1e-9
+        elif recipe.shape["pose"] == "front":
+            assert up[2] >= np.cos(np.radians(40)) - 1e-9
+
+
+def test_free_turns_have_no_preferred_direction():
+    rng = np.random.default_rng(0)
+    seen = np.array([drawing._rotation(rng, "any")[2] for _ in range(4000)])
+    # Of uniformly distributed unit vectors every coordinate has mean 0 and variance 1/3 (sigma of the mean 0.009).
+    assert np.abs(seen.mean(axis=0)).max() < 0.04
+    assert np.abs((seen**2).mean(axis=0) - 1 / 3).max() < 0.03
+
+
+def test_lights_are_within_their_slants_and_surround_the_camera():
+    for recipe in RECIPES:
+        directions = recipe.light_directions
+        np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1)
+        slants = np.degrees(np.arccos(directions[:, 2]))
+        assert slants.min() >= 20 - 1e-9 and slants.max() <= 60 + 1e-9
+        assert np.linalg.svd(directions, compute_uv=False)[-1] > 0.1
+        assert 0 <= recipe.light_sizes.min() and recipe.light_sizes.max() <= 20
+
+
+def test_every_kind_of_thing_is_drawn():
+    assert {recipe.shape["kind"] for recipe in RECIPES} == set(JOB.shapes)
+    assert {recipe.pattern.kind for recipe in RECIPES} == {"parts", "noise", "voronoi", "stripes"}
+    assert {len(recipe.materials) for recipe in RECIPES} == {1, 2, 3, 4, 5, 6}
+    assert {recipe.camera.projection for recipe in RECIPES} == {"orthographic", "perspective"}
+    materials = [material for recipe in RECIPES for material in recipe.materials]
+    colours = np.array([material.base_color for material in materials])
+    assert colours.min() >= 0 and colours.max() <= 0.9 + 1e-9
+    grey = np.ptp(colours, axis=1) < 1e-9
+    assert 0.2 < grey.mean() < 0.6
+    for name in ("metallic", "sheen", "coat", "subsurface"):
+        assert 0.02 < np.mean([getattr(material, name) > 0 for material in materials]) < 0.3
+    dark_metal = [m for m in materials if m.metallic and max(m.base_color) < 0.15 and m.roughness < 0.25]
+    assert dark_metal
+    hard = [recipe.pattern.softness == 0 for recipe in RECIPES if len(recipe.materials) > 1]
+    assert 0.3 < np.mean(hard) < 0.6
+    assert {recipe.bounces for recipe in RECIPES} == {0, 1}
+
+
+def test_strong_colours_of_every_hue():
+    rng = np.random.default_rng(0)
+    colours = np.array([drawing._colour(rng, (0.5, 0.5)) for _ in range(3000)])
+    np.testing.assert_allclose(colours.max(axis=1), 0.5)
+    strong = colours[np.ptp(colours, axis=1) > 0.3]
+    assert np.abs(np.bincount(strong.argmax(axis=1)) / len(strong) - 1 / 3).max() < 0.05
+    assert np.abs(np.bincount(strong.argmin(axis=1)) / len(strong) - 1 / 3).max() < 0.05
