@@ -80,7 +80,7 @@ def test_lights_are_within_their_slants_and_surround_the_camera():
         slants = np.degrees(np.arccos(directions[:, 2]))
         assert slants.min() >= 20 - 1e-9 and slants.max() <= 60 + 1e-9
         assert np.linalg.svd(directions, compute_uv=False)[-1] > 0.1
-        assert 0 <= recipe.light_sizes.min() and recipe.light_sizes.max() <= 20
+        assert recipe.light_sizes.min() >= 0 and recipe.light_sizes.max() <= 20
 
 
 def test_every_kind_of_thing_is_drawn():
