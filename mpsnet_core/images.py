@@ -279,7 +279,7 @@ def _read_layer(path: Path, layer: str | None) -> tuple[NDArray[np.float32], dic
         source.seek_subimage(chosen.subimage, 0)
         spec = source.spec()
         first, last = min(chosen.channels.values()), max(chosen.channels.values())
-        with _libraries_silent():
+        with libraries_silent():
             values = source.read_image(chosen.subimage, 0, first, last + 1, oiio.FLOAT)
         reason = " ".join(source.geterror().split())
     finally:
@@ -317,7 +317,7 @@ def _on_display_window(values: NDArray[np.float32], spec: Any) -> NDArray[np.flo
 
 
 @contextmanager
-def _libraries_silent() -> Iterator[None]:
+def libraries_silent() -> Iterator[None]:
     """Keep libpng and OpenEXR from printing to stderr what OpenImageIO hands to us as well.
 
     stderr belongs to the whole process, so of threads that read at the same time only one may turn it aside.

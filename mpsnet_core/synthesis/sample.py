@@ -2,6 +2,8 @@
 
 import json
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +13,10 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import existing_file, written_whole
+from mpsnet_core.files import MAX_JSON_BYTES, existing_file, written_whole
+from mpsnet_core.images import libraries_silent
+from mpsnet_core.normals import normalised
+from mpsnet_core.rig import LightRig
 from mpsnet_core.synthesis.recipe import Recipe, recipe_from_data
 
 SAMPLE_VERSION = 1
@@ -28,6 +33,8 @@ _CHANNELS = (
 )
 _FLOATS = {"normal.X", "normal.Y", "normal.Z", "depth.Z"}
 _HALF_MAX = 65504.0
+# OpenImageIO puts the time of writing into every EXR that carries none; the same sample shall be the same file.
+_NO_DATE = "1970:01:01 00:00:00"
 
 
 @dataclass(frozen=True)
@@ -70,9 +77,13 @@ def write_sample(path: str | os.PathLike[str], sample: Sample) -> None:
     """Write a sample as one multi-layer EXR, whole or not at all.
 
     Layers light1, light2, light3 (R, G, B), normal (X, Y, Z), depth (Z), alpha (A), material and lit1 to lit3 (V); the
-    recipe, with the rig and the camera, as JSON in the attribute "mpsnet:sample".
+    recipe, with the rig and the camera, as JSON in the attribute "mpsnet:sample". The same sample gives the same bytes.
+
+    Raises InputError where a value is not finite or the file cannot be written.
     """
     path = Path(path)
+    if not all(np.isfinite(values).all() for values in (sample.lights, sample.normals, sample.depth, sample.lit)):
+        raise InputError(f"cannot write {path}: the picture holds values that are not finite; render it anew")
     planes = [
         *np.minimum(sample.lights, _HALF_MAX).transpose(0, 3, 1, 2).reshape(9, *sample.alpha.shape),
         *sample.normals.transpose(2, 0, 1),
@@ -87,6 +98,7 @@ def write_sample(path: str | os.PathLike[str], sample: Sample) -> None:
     spec.channelnames = _CHANNELS
     spec.channelformats = tuple(oiio.TypeFloat if name in _FLOATS else oiio.TypeHalf for name in _CHANNELS)
     spec.attribute("compression", "zip")
+    spec.attribute("DateTime", _NO_DATE)
     spec.attribute("oiio:ColorSpace", "raw")
     spec.attribute(
         METADATA,
@@ -109,13 +121,120 @@ def write_sample(path: str | os.PathLike[str], sample: Sample) -> None:
 
 def read_sample(path: str | os.PathLike[str]) -> Sample:
     """Read and check a sample. Raises InputError where the file is cut short, damaged or no sample."""
-    path = existing_file(path, "sample")
-    raise InputError(f"{path}: reading samples is being written")
+    with _opened(path) as (source, path):
+        data, recipe = _description(source, path)
+        values = _pixels(source, 0, source.spec().height, path)
+    planes = dict(zip(source.spec().channelnames, np.moveaxis(values, -1, 0), strict=True))
+    alpha, lit = planes["alpha.A"], np.stack([planes[f"lit{k}.V"] for k in (1, 2, 3)])
+    material = np.rint(planes["material.V"]).astype(np.int32)
+    normals = np.stack([planes[f"normal.{c}"] for c in "XYZ"], axis=-1)
+    unit = np.abs(np.einsum("...i,...i->...", normals, normals) - 1) < 0.1
+    for fault, found in (
+        ("values that are not finite", not np.isfinite(values).all()),
+        ("an alpha outside 0 to 1", _outside_unit(alpha)),
+        ("shares of light outside 0 to 1", _outside_unit(lit)),
+        ("materials that are no numbers of materials", (material != planes["material.V"]).any() or material.min() < -1),
+        ("normals that are not of unit length", not unit[alpha > 0.99].all()),
+    ):
+        if found:
+            raise InputError(f"sample {path} is damaged: it holds {fault}; delete it and make it again")
+    return Sample(
+        lights=np.stack([np.stack([planes[f"light{k}.{c}"] for c in "RGB"], axis=-1) for k in (1, 2, 3)]),
+        normals=np.where((alpha > 0)[..., None], normalised(normals), np.float32(0)),
+        depth=np.ascontiguousarray(planes["depth.Z"]),
+        alpha=np.clip(alpha, 0, 1),
+        material=material,
+        lit=np.clip(lit, 0, 1),
+        recipe=recipe,
+        renderer=data["renderer"],
+    )
 
 
 def read_sample_data(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """A sample's metadata alone: "version", "renderer", "lit_fractions" and "recipe" (plain data)."""
-    raise InputError(f"{path}: reading samples is being written")
+    """A sample's metadata alone: "version", "renderer", "lit_fractions" and "recipe" (plain data).
+
+    Of the pixels only the last rows are read, which files that were cut short lack. Raises InputError where the file
+    is cut short or no sample.
+    """
+    with _opened(path) as (source, path):
+        data, _ = _description(source, path)
+        height = source.spec().height
+        _pixels(source, height - 1, height, path)
+    return data
 
 
-__all__ = ["Sample", "read_sample", "read_sample_data", "recipe_from_data", "write_sample"]
+@contextmanager
+def _opened(path: str | os.PathLike[str]) -> Iterator[tuple[Any, Path]]:
+    """The open file, known to be one picture with a sample's channels and of a size that can be read."""
+    path = existing_file(path, "sample")
+    try:
+        with libraries_silent():
+            source = oiio.ImageInput.open(str(path))
+    except (TypeError, UnicodeError):
+        raise InputError(f"{path!a} cannot be opened: its name is not valid UTF-8; rename it") from None
+    if source is None:
+        reason = " ".join(oiio.geterror().split())
+        raise InputError(f"{path} is no sample, or cut short ({reason}); delete it and make it again")
+    try:
+        spec = source.spec()
+        placed = (spec.x, spec.y, spec.full_width, spec.full_height) == (0, 0, spec.width, spec.height)
+        if source.format_name() != "openexr" or sorted(spec.channelnames) != sorted(_CHANNELS) or not placed:
+            raise InputError(
+                f"{path} is no sample: it has not a sample's layers; give a file that mpsnet synthesize or Blender made"
+            )
+        if max(spec.width, spec.height) > MAX_SIDE or spec.depth > 1:
+            raise InputError(
+                f"sample {path} says it is {spec.width} x {spec.height}, more than {MAX_SIDE} pixels a side; make it "
+                "again, smaller"
+            )
+        yield source, path
+    finally:
+        source.close()
+
+
+def _description(source: Any, path: Path) -> tuple[dict[str, Any], Recipe]:
+    """The metadata and the recipe in it, known to be whole and to fit the picture."""
+    text = source.spec().getattribute(METADATA)
+    if not isinstance(text, str) or len(text) > MAX_JSON_BYTES:
+        raise InputError(
+            f"{path} is no sample: it has no description; give a file that mpsnet synthesize or Blender made"
+        )
+    try:
+        data = json.loads(text)
+        version, renderer = data["version"], data["renderer"]
+        known = isinstance(version, int) and isinstance(renderer, str) and isinstance(data["recipe"], dict)
+        known = known and len([float(share) for share in data["lit_fractions"]]) == 4
+    except (KeyError, TypeError, ValueError, RecursionError):
+        known = False
+    if not known:
+        raise InputError(f"sample {path} is damaged: its description cannot be read; delete it and make it again")
+    if not 1 <= version <= SAMPLE_VERSION:
+        raise InputError(f"sample {path} is of version {version}, this program reads up to {SAMPLE_VERSION}; update it")
+    try:
+        recipe = recipe_from_data(data["recipe"])
+        rig = LightRig(recipe.light_directions)
+    except InputError as error:
+        raise InputError(f"sample {path}: {error}; delete it and make it again") from None
+    spec, camera = source.spec(), recipe.camera
+    turns = np.allclose(recipe.rotation @ recipe.rotation.T, np.eye(3), atol=1e-4)
+    lit = np.allclose(rig.directions, recipe.light_directions, atol=1e-4) and (recipe.light_sizes >= 0).all()
+    if not (turns and lit and recipe.materials and (camera.width, camera.height) == (spec.width, spec.height)):
+        raise InputError(f"sample {path} is damaged: its recipe does not fit it; delete it and make it again")
+    return data, recipe
+
+
+def _pixels(source: Any, begin: int, end: int, path: Path) -> NDArray[np.float32]:
+    """Rows `begin` to `end` - 1 of all channels, (rows, W, C)."""
+    with libraries_silent():
+        values = source.read_scanlines(begin, end, 0, 0, len(_CHANNELS), oiio.FLOAT)
+    reason = " ".join(source.geterror().split())
+    if values is None or reason:
+        raise InputError(
+            f"sample {path} is damaged or cut short ({reason or 'no pixels'}); delete it and make it again"
+        )
+    return np.asarray(values, np.float32).reshape(end - begin, source.spec().width, len(_CHANNELS))
+
+
+def _outside_unit(values: NDArray[np.float32]) -> bool:
+    # Half floats and denoisers are off by a little.
+    return bool(values.min() < -0.001 or values.max() > 1.001)
