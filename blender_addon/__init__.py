@@ -1,16 +1,17 @@
 """MPSNet for Blender: a rig of three coloured lights, the one photo, its normals, and a baked normal texture.
 
-The four steps are the operators ``bpy.ops.mps.*``; heavy work runs in a child process, see ``core_process.py``. The
-package is the extension ``bl_ext.<repository>.mpsnet`` in Blender and ``blender_addon`` beside pip's bpy.
+The four steps, and the rendering of training data, are the operators ``bpy.ops.mps.*``; heavy work runs in a child
+process, see ``core_process.py``. The package is the extension ``bl_ext.<repository>.mpsnet`` in Blender and
+``blender_addon`` beside pip's bpy.
 """
 
 import atexit
 
 import bpy
 
-from . import bake, commands, estimate, operators, panels, preferences, properties, render, rig
+from . import bake, commands, estimate, operators, panels, preferences, properties, render, rig, training_data
 
-_MODULES = (properties, preferences, operators, rig, render, estimate, bake, panels, commands)
+_MODULES = (properties, preferences, operators, rig, render, estimate, bake, training_data, panels, commands)
 
 
 def register() -> None:

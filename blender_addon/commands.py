@@ -1,8 +1,10 @@
 """``blender -b scene.blend --command mpsnet VERB``: the operators as a command line, their settings as its flags."""
 
 import argparse
+import logging
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -10,8 +12,10 @@ import bpy
 
 from mpsnet_core.errors import InputError
 
+from .training_data import samples_folder, standing
+
 COMMAND = "mpsnet"
-VERBS = ("add_rig", "render_photo", "open_photo", "render_truth", "estimate", "bake")
+VERBS = ("add_rig", "render_photo", "open_photo", "render_truth", "estimate", "bake", "render_samples")
 EXIT_BAD_INPUT = 2
 
 
@@ -21,22 +25,29 @@ class _Parser(argparse.ArgumentParser):
 
 
 def main(argv: Sequence[str]) -> int:
-    """Run one verb on the open file and give the exit code: 0, or 2 and one sentence on stderr for bad input."""
+    """Run one verb on the open file and give the exit code: 0, or 2 and one sentence on stderr for bad input.
+
+    Progress of longer work is told on stderr now and then.
+    """
     try:
         options = vars(_parser().parse_args(argv))
-        verb, names, save = options.pop("verb"), options.pop("object"), options.pop("save")
+        verb = options.pop("verb")
+        if verb == "work":
+            return _work(options["folder"])
+        names, save = options.pop("object"), options.pop("save")
         _select(names)
         if save and not Path(save).resolve().parent.is_dir():
             raise InputError(f"cannot save {save}: its folder does not exist; create it first")
         operator = getattr(bpy.ops.mps, verb)
         if not operator.poll():
             raise InputError(_obstacle(verb))
-        operator(**options)
+        with _progress_told():
+            operator(**options)
         print(f"{COMMAND}: {verb.replace('_', '-')} done{_written(verb)}")  # noqa: T201
         if save:
             bpy.ops.wm.save_as_mainfile(filepath=str(Path(save).resolve()))
             print(f"{COMMAND}: scene saved as {save}")  # noqa: T201
-        else:
+        elif verb != "render_samples":
             print(f"{COMMAND}: the scene is not saved; --save FILE.blend keeps what the next step needs")  # noqa: T201
     except (InputError, RuntimeError) as error:
         # Blender turns an operator's report into a RuntimeError and puts its own words before the sentence.
@@ -48,8 +59,33 @@ def main(argv: Sequence[str]) -> int:
     return 0
 
 
+def _work(folder: str) -> int:
+    """Render what is asked for on stdin, in a Blender that a farm of them has started."""
+    from .samples.worker import work
+
+    work(folder)
+    return 0
+
+
+@contextmanager
+def _progress_told() -> Iterator[None]:
+    told, handler = logging.getLogger(__package__), logging.StreamHandler(sys.stderr)
+    handler.setFormatter(logging.Formatter(f"{COMMAND}: %(message)s"))
+    level = told.level
+    told.addHandler(handler)
+    told.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        told.setLevel(level)
+        told.removeHandler(handler)
+
+
 def _written(verb: str) -> str:
-    """Which file a verb wrote, as the end of a sentence."""
+    """What a verb wrote and where, as the end of a sentence."""
+    if verb == "render_samples":
+        folder = samples_folder(bpy.context.scene)
+        return f": {standing(folder)} in {folder}"
     steps = {"render_photo": "photo", "open_photo": "photo", "estimate": "estimate", "bake": "bake"}
     image = getattr(bpy.context.scene.mps, steps[verb]).image if verb in steps else None
     return f": {bpy.path.abspath(image.filepath)}" if image else ""
@@ -94,6 +130,9 @@ def _parser() -> argparse.ArgumentParser:
         for setting in kind.properties:
             if setting.identifier != "rna_type" and not setting.is_hidden:
                 _add_flag(sub, setting)
+    work = verbs.add_parser("work")  # without help and so not listed: the farm's own
+    work.add_argument("folder")
+    work.set_defaults(verb="work")
     return parser
 
 
@@ -103,13 +142,18 @@ def _add_flag(parser: argparse.ArgumentParser, setting: Any) -> None:
     if setting.type == "BOOLEAN":
         parser.add_argument(flag, action=argparse.BooleanOptionalAction, help=words)
         return
+    if setting.type == "ENUM" and setting.is_enum_flag:
+        choices = [item.identifier for item in setting.enum_items]
+        words = f"{words}: {', '.join(choices)} (the scene's own, all when new)"
+        parser.add_argument(flag, type=_several(choices), metavar="NAME,NAME", help=words)
+        return
     default = f" (the scene's own, {setting.default} when new)" if setting.default != "" else ""
     if setting.type == "ENUM":
         choices = [item.identifier for item in setting.enum_items]
         parser.add_argument(flag, type=str.upper, choices=choices, help=words + default)
     elif setting.type == "STRING":
-        path = setting.subtype in {"FILE_PATH", "DIR_PATH"}
-        parser.add_argument(flag, type=_absolute if path else str, metavar="FILE" if path else "NAME", help=words)
+        metavar = {"FILE_PATH": "FILE", "DIR_PATH": "DIR"}.get(setting.subtype, "NAME")
+        parser.add_argument(flag, type=str if metavar == "NAME" else _absolute, metavar=metavar, help=words)
     else:
         number = _number(int if setting.type == "INT" else float, setting.hard_min, setting.hard_max)
         parser.add_argument(flag, type=number, metavar="N", help=words + default)
@@ -118,6 +162,19 @@ def _add_flag(parser: argparse.ArgumentParser, setting: Any) -> None:
 def _absolute(path: str) -> str:
     """Relative paths are relative to where the command was given, not to the .blend file as within Blender."""
     return path if path.startswith("//") else str(Path(path).resolve())
+
+
+def _several(choices: Sequence[str]) -> Any:
+    """A parser of names with commas between them, each one of `choices`."""
+
+    def parse(text: str) -> set[str]:
+        names = text.upper().split(",")
+        unknown = [name for name in names if name not in choices]
+        if unknown:
+            raise argparse.ArgumentTypeError(f"{unknown[0]!r} is none of {', '.join(choices)}")
+        return set(names)
+
+    return parse
 
 
 def _number(kind: type, low: float, high: float) -> Any:

@@ -1,5 +1,7 @@
 """What the add-on's operators share: bad input becomes one sentence, and the core runs beside a live window."""
 
+import logging
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +15,9 @@ from mpsnet_core.errors import Cancelled, InputError
 from .core_process import CoreCrashed, CoreProcess, run
 
 TICK_SECONDS = 0.1
+TELL_SECONDS = 10.0
+
+log = logging.getLogger(__name__)
 
 
 class SaysWhy(bpy.types.Operator):
@@ -86,13 +91,16 @@ class RunsCore(SaysWhy):
         """Take the core's result into Blender."""
         raise NotImplementedError
 
+    def look(self) -> None:
+        """Take what the core has written so far into Blender; asked ten times a second beside a live window."""
+
     def act(self, context: Any) -> None:
         manager = context.window_manager
         with TemporaryDirectory(prefix="mpsnet-") as folder:
             arguments, outputs = self.prepare(context, Path(folder))
             manager.progress_begin(0, 100)
             try:
-                result = run(arguments, outputs, lambda done, _: manager.progress_update(int(100 * done)))
+                result = run(arguments, outputs, _Teller(manager))
             finally:
                 manager.progress_end()
         self.finish(context, result)
@@ -127,6 +135,7 @@ class RunsCore(SaysWhy):
         process = self._job.process
         if process.running():
             self._show(context)
+            self.look()
             return {"PASS_THROUGH"}
         self._job.leave(context.window_manager)
         return {"FINISHED"} if self.done(lambda: self.finish(context, process.result())) else {"CANCELLED"}
@@ -142,6 +151,22 @@ class RunsCore(SaysWhy):
             _redraw(context.window_manager)
 
 
+@dataclass
+class _Teller:
+    """Tells a script's progress: at the mouse pointer, and now and then as a line in the log."""
+
+    manager: Any
+    told: float = -TELL_SECONDS
+    line: str = ""
+
+    def __call__(self, done: float, message: str) -> None:
+        self.manager.progress_update(int(100 * done))
+        line = f"{done:.0%} {message}"
+        if line != self.line and time.monotonic() - self.told >= TELL_SECONDS:
+            log.info(line)
+            self.told, self.line = time.monotonic(), line
+
+
 def _redraw(manager: Any) -> None:
     for window in manager.windows:
         for area in window.screen.areas:
@@ -150,7 +175,7 @@ def _redraw(manager: Any) -> None:
 
 
 class MPS_OT_cancel(bpy.types.Operator):
-    """Stop the running estimate or bake; nothing half-written is left"""
+    """Stop what is running; nothing half-written is left"""
 
     bl_idname = "mps.cancel"
     bl_label = "Cancel"

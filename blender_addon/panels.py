@@ -1,4 +1,4 @@
-"""The sidebar's tab "MPS": the four steps from top to bottom."""
+"""The sidebar's tab "MPS": the four steps from top to bottom, and training data."""
 
 from typing import Any
 
@@ -7,6 +7,7 @@ import bpy
 from mpsnet_core.errors import InputError
 
 from .rig import COLOURS, drawn_rig
+from .training_data import samples_folder, standing
 
 
 class _Step(bpy.types.Panel):
@@ -139,6 +140,39 @@ class MPS_PT_bake(_Step):
         self.picture(bake.image)
 
 
+class MPS_PT_samples(_Step):
+    bl_label = "Training Data"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        samples = context.scene.mps.samples
+        column = self.column()
+        column.prop(samples, "source")
+        if samples.source == "GENERATED":
+            column.prop(samples, "kinds")
+        elif samples.source == "MESHES":
+            column.prop(samples, "meshes")
+        column = self.column()
+        column.prop(samples, "count")
+        column.prop(samples, "seed")
+        column.prop(samples, "size")
+        if samples.source != "SCENE":
+            column.prop(samples, "views")
+        column = self.column()
+        column.prop(samples, "samples")
+        column.prop(samples, "bounces")
+        column.prop(samples, "denoise")
+        column = self.column()
+        column.prop(samples, "output", placeholder="Automatic")
+        column.prop(samples, "processes")
+        column.prop(samples, "cluster", placeholder="This machine")
+        self.progress_or(context, "render_samples", "RENDER_ANIMATION")
+        found = standing(samples_folder(context.scene))
+        if found:
+            _wrapped(self.layout.column(align=True), f"{found} in this folder")
+        self.picture(samples.image)
+
+
 def _wrapped(layout: Any, sentence: str, width: int = 36) -> None:
     """A sentence over several labels: Blender cuts a label off where the panel ends."""
     line = ""
@@ -150,6 +184,6 @@ def _wrapped(layout: Any, sentence: str, width: int = 36) -> None:
     layout.label(text=line)
 
 
-CLASSES = (MPS_PT_rig, MPS_PT_photo, MPS_PT_estimate, MPS_PT_bake)
+CLASSES = (MPS_PT_rig, MPS_PT_photo, MPS_PT_estimate, MPS_PT_bake, MPS_PT_samples)
 
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

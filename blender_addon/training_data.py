@@ -1,0 +1,166 @@
+"""Training data: samples rendered by Blenders beside this one, of generated shapes, mesh files or this scene."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.files import written_whole
+from mpsnet_core.synthesis.job import JOB_FILE, SampleJob, read_job, write_job
+
+from .operators import RunsCore, idle
+from .outputs import load_image, output_folder
+from .properties import SamplesSettings, take_given
+
+SCENE_FILE = "scene.blend"
+SHEET_FILE = "contact_sheet.png"
+
+
+class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
+    """Render training data into a folder, with several Blenders beside this one.
+
+    What the folder holds already is not rendered again: after a stop, run it again and it goes on"""
+
+    bl_idname = "mps.render_samples"
+    bl_label = "Render Samples"
+    bl_options = {"UNDO"}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return idle(cls, context)
+
+    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+        scene = context.scene
+        take_given(self, SamplesSettings, scene.mps.samples)
+        target = samples_folder(scene)
+        if not scene.mps.samples.output and Path(bpy.app.tempdir) in target.parents:
+            raise InputError("no folder is named for the samples; name one, or save this file and they go beside it")
+        job = self._sample_job(context, target)
+        _make_folder(target)
+        write_job(target, job)
+        if job.objects:
+            self._keep_scene(target / SCENE_FILE)
+        arguments = ["make", str(target), "--processes", str(self.processes)]
+        if self.cluster:
+            arguments += ["--cluster", self.cluster]
+        if not bpy.app.module:
+            arguments += ["--blender", bpy.app.binary_path]
+        self._scene, self._sheet, self._seen = scene.name, target / SHEET_FILE, -1
+        return arguments, [self._sheet]
+
+    def _sample_job(self, context: Any, target: Path) -> SampleJob:
+        shapes, meshes, objects, views = ("meshes",), "", (), self.views
+        if self.source == "GENERATED":
+            # In the order of the panel, whatever the order of the set: the job in the folder is compared with this one.
+            kinds = [item.identifier for item in self.bl_rna.properties["kinds"].enum_items]
+            shapes = tuple(kind.lower() for kind in kinds if kind in self.kinds)
+            if not shapes:
+                raise InputError("no kind of shapes is chosen; choose at least one")
+        elif self.source == "MESHES":
+            if not self.meshes:
+                raise InputError("the shapes are mesh files but no folder is named; choose the folder of the meshes")
+            meshes = str(Path(bpy.path.abspath(self.meshes)).resolve())
+            if not Path(meshes).is_dir():
+                raise InputError(f"mesh folder {meshes} does not exist; check the path")
+        else:
+            shapes, objects, views = ("scene",), _chosen_objects(context, target), 1
+        return SampleJob(
+            renderer="cycles",
+            count=self.count,
+            seed=self.seed,
+            size=self.size,
+            shapes=shapes,
+            meshes=meshes,
+            objects=objects,
+            views=views,
+            bounces=self.bounces,
+            samples=self.samples,
+            denoise=self.denoise,
+        )
+
+    def _keep_scene(self, path: Path) -> None:
+        """The scene as the rendering Blenders open it. One that is there stays: the samples beside it show it."""
+        if path.exists():
+            self.report({"INFO"}, f"The scene is as it was when it was first rendered, see {path}")
+            return
+        painted = [image.name for image in bpy.data.images if image.is_dirty]
+        if painted:
+            raise InputError(f'the image "{painted[0]}" was changed and not saved; save or pack it first')
+        with written_whole(path) as unfinished:
+            try:
+                bpy.ops.wm.save_as_mainfile(filepath=str(unfinished), copy=True, compress=True)
+            except RuntimeError as error:
+                reason = " ".join(str(error).split()).removeprefix("Error: ")
+                raise InputError(f"cannot write {path} ({reason}); choose another folder") from None
+
+    def look(self) -> None:
+        """Show the contact sheet, where the core has written it anew."""
+        scene = bpy.data.scenes.get(self._scene)
+        changed = self._sheet.stat().st_mtime_ns if self._sheet.is_file() else -1
+        if scene is not None and changed != self._seen:
+            self._seen = changed
+            with suppress(InputError):  # a sheet that cannot be shown is no reason to stop
+                scene.mps.samples.image = load_image(self._sheet, "MPS Samples", is_data=False)
+
+    def finish(self, context: Any, result: dict[str, Any]) -> None:
+        self.look()
+        for note in result.get("notes", []):
+            self.report({"INFO"}, note)
+        self.report({"INFO"}, f"{standing(self._sheet.parent)}: {self._sheet.parent}")
+
+
+def samples_folder(scene: Any) -> Path:
+    """Where the scene's samples go."""
+    given = scene.mps.samples.output
+    if given:
+        return Path(bpy.path.abspath(given)).resolve()
+    return output_folder() / bpy.path.clean_name(f"{scene.name}_samples")
+
+
+def standing(folder: Path) -> str:
+    """How many samples a folder holds of how many, in words; "" where it holds no job that can be read."""
+    try:
+        # A folder changes with every file that appears in it, and counting thousands takes too long for every redraw.
+        return _counted(folder, folder.stat().st_mtime_ns) if (folder / JOB_FILE).is_file() else ""
+    except OSError:
+        return ""
+
+
+@lru_cache(maxsize=1)
+def _counted(folder: Path, changed: int) -> str:
+    try:
+        count = read_job(folder).count
+    except InputError:
+        return ""
+    done = sum(1 for path in folder.glob("sample_*.exr"))
+    return f"{min(done, count)} of {count} samples"
+
+
+def _chosen_objects(context: Any, target: Path) -> tuple[str, ...]:
+    """The selected mesh objects; where nothing is selected, those that the folder's samples show already."""
+    chosen = sorted(obj.name for obj in context.selected_objects if obj.type == "MESH")
+    if chosen:
+        return tuple(chosen)
+    if (target / JOB_FILE).is_file():
+        return read_job(target).objects
+    raise InputError("no mesh object is selected; select what the samples shall show")
+
+
+def _make_folder(path: Path) -> None:
+    if path.exists() and not path.is_dir():
+        raise InputError(f"{path} is a file; name a folder for the samples")
+    if not path.parent.is_dir():
+        raise InputError(f"cannot make the folder {path}: {path.parent} does not exist; create it first")
+    path.mkdir(exist_ok=True)
+
+
+def register() -> None:
+    bpy.utils.register_class(MPS_OT_render_samples)
+
+
+def unregister() -> None:
+    bpy.utils.unregister_class(MPS_OT_render_samples)
