@@ -40,17 +40,20 @@ def fractal_noise(points: NDArray[np.floating], seed: int, octaves: int = 4) -> 
     return total / np.sqrt(np.float32(power))
 
 
-def voronoi(points: NDArray[np.floating], seed: int) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+def voronoi(
+    points: NDArray[np.floating], seed: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32]]:
     """Cells about a unit wide around random centres (Worley 1996), for (N, 3) points.
 
-    Returns (N,) a number of each point's cell, 0 to 2³² - 1, spread evenly; and (N,) the distance to the border of that
-    cell, in units of length.
+    Returns (N,) a number of each point's cell, 0 to 2³² - 1, spread evenly; (N,) the number of the neighbour whose
+    border is nearest; and (N,) the distance to that border, in units of length.
     """
     points = np.asarray(points)
-    cell, border = np.empty(len(points), np.int64), np.empty(len(points), np.float32)
+    cell, neighbour = np.empty((2, len(points)), np.int64)
+    border = np.empty(len(points), np.float32)
     for chunk in _chunks(len(points)):
-        cell[chunk], border[chunk] = _voronoi(points[chunk], seed)
-    return cell, border
+        cell[chunk], neighbour[chunk], border[chunk] = _voronoi(points[chunk], seed)
+    return cell, neighbour, border
 
 
 def _chunks(count: int) -> Iterator[slice]:
@@ -84,7 +87,9 @@ def _gradient_noise(points: NDArray[np.floating], seed: int) -> NDArray[np.float
     return corners[0] * _SCALE
 
 
-def _voronoi(points: NDArray[np.floating], seed: int) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
+def _voronoi(
+    points: NDArray[np.floating], seed: int
+) -> tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.float32]]:
     cells, fractions = _lattice(points, seed)
     key = _key(seed)
     count = len(points)
@@ -110,7 +115,8 @@ def _voronoi(points: NDArray[np.floating], seed: int) -> tuple[NDArray[np.uint32
     apart[nearest, every] = np.inf
     border = (squares - own_square) / (np.float32(2) * np.sqrt(np.maximum(apart, np.float32(1e-12))))
     border[nearest, every] = np.inf
-    return numbers[nearest, every], border.min(axis=0)
+    closest = border.argmin(axis=0)
+    return numbers[nearest, every], numbers[closest, every], border[closest, every]
 
 
 def _lattice(points: NDArray[np.floating], seed: int) -> tuple[list[NDArray[np.uint32]], list[NDArray[np.float32]]]:
