@@ -124,26 +124,26 @@ def read_sample(path: str | os.PathLike[str]) -> Sample:
     with _opened(path) as (source, path):
         data, recipe = _description(source, path)
         values = _pixels(source, 0, source.spec().height, path)
-    planes = dict(zip(source.spec().channelnames, np.moveaxis(values, -1, 0), strict=True))
+        planes = dict(zip(source.spec().channelnames, np.moveaxis(values, -1, 0), strict=True))
+    if not np.isfinite(values).all():
+        raise _damaged(path, "values that are not finite")
     alpha, lit = planes["alpha.A"], np.stack([planes[f"lit{k}.V"] for k in (1, 2, 3)])
-    material = np.rint(planes["material.V"]).astype(np.int32)
-    normals = np.stack([planes[f"normal.{c}"] for c in "XYZ"], axis=-1)
-    unit = np.abs(np.einsum("...i,...i->...", normals, normals) - 1) < 0.1
-    for fault, found in (
-        ("values that are not finite", not np.isfinite(values).all()),
-        ("an alpha outside 0 to 1", _outside_unit(alpha)),
-        ("shares of light outside 0 to 1", _outside_unit(lit)),
-        ("materials that are no numbers of materials", (material != planes["material.V"]).any() or material.min() < -1),
-        ("normals that are not of unit length", not unit[alpha > 0.99].all()),
-    ):
+    material, normals = planes["material.V"], np.stack([planes[f"normal.{c}"] for c in "XYZ"], axis=-1)
+    length = np.linalg.norm(normals[alpha > 0.99], axis=-1)
+    for fault, found in {
+        "an alpha outside 0 to 1": _outside_unit(alpha),
+        "shares of light outside 0 to 1": _outside_unit(lit),
+        "materials that are no numbers": (material != np.rint(material)).any() or material.min() < -1,
+        "normals that are not of unit length": (np.abs(length - 1) > 0.05).any(),
+    }.items():
         if found:
-            raise InputError(f"sample {path} is damaged: it holds {fault}; delete it and make it again")
+            raise _damaged(path, fault)
     return Sample(
         lights=np.stack([np.stack([planes[f"light{k}.{c}"] for c in "RGB"], axis=-1) for k in (1, 2, 3)]),
         normals=np.where((alpha > 0)[..., None], normalised(normals), np.float32(0)),
         depth=np.ascontiguousarray(planes["depth.Z"]),
         alpha=np.clip(alpha, 0, 1),
-        material=material,
+        material=material.astype(np.int32),
         lit=np.clip(lit, 0, 1),
         recipe=recipe,
         renderer=data["renderer"],
@@ -218,7 +218,7 @@ def _description(source: Any, path: Path) -> tuple[dict[str, Any], Recipe]:
     spec, camera = source.spec(), recipe.camera
     turns = np.allclose(recipe.rotation @ recipe.rotation.T, np.eye(3), atol=1e-4)
     lit = np.allclose(rig.directions, recipe.light_directions, atol=1e-4) and (recipe.light_sizes >= 0).all()
-    if not (turns and lit and recipe.materials and (camera.width, camera.height) == (spec.width, spec.height)):
+    if not (turns and lit and (camera.width, camera.height) == (spec.width, spec.height)):
         raise InputError(f"sample {path} is damaged: its recipe does not fit it; delete it and make it again")
     return data, recipe
 
@@ -233,6 +233,10 @@ def _pixels(source: Any, begin: int, end: int, path: Path) -> NDArray[np.float32
             f"sample {path} is damaged or cut short ({reason or 'no pixels'}); delete it and make it again"
         )
     return np.asarray(values, np.float32).reshape(end - begin, source.spec().width, len(_CHANNELS))
+
+
+def _damaged(path: Path, fault: str) -> InputError:
+    return InputError(f"sample {path} is damaged: it holds {fault}; delete it and make it again")
 
 
 def _outside_unit(values: NDArray[np.float32]) -> bool:
