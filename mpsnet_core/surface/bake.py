@@ -13,10 +13,11 @@ from mpsnet_core.camera import Camera
 from mpsnet_core.errors import InputError
 from mpsnet_core.normals import NormalMap, normalised
 from mpsnet_core.progress import Progress, silent
+from mpsnet_core.rays import RayScene
 from mpsnet_core.surface.mesh import Mesh
 from mpsnet_core.surface.raster import grown, texel_areas, texel_coordinates, triangle_of_texel
 from mpsnet_core.surface.texture import SPACES, Space, Texture
-from mpsnet_core.surface.visibility import RayScene, Visibility
+from mpsnet_core.surface.visibility import Visibility
 
 log = logging.getLogger(__name__)
 
@@ -78,7 +79,7 @@ def bake_normals(
         raise InputError(f"space {space!r} is not known; choose {' or '.join(SPACES)}")
 
     progress(0.0, "laying out the UVs")
-    scene = RayScene(mesh)
+    scene = RayScene(mesh.world_vertices, mesh.triangles)
     projectors = [_Projector(view, scene) for view in views]
     corners = texel_coordinates(mesh.uvs, size)
     # Where UVs overlap (mirrored halves, say), the triangle that a view sees wins: the last one laid down.

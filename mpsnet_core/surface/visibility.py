@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.camera import Camera
-from mpsnet_core.surface.mesh import Mesh
+from mpsnet_core.rays import RayScene
 
 # The depth image that settles easy cases is traced at no more than this many pixels on its longer side.
 DEPTH_PIXELS = 1024
@@ -21,7 +21,7 @@ class Visibility:
     ray.
     """
 
-    def __init__(self, camera: Camera, scene: "RayScene") -> None:
+    def __init__(self, camera: Camera, scene: RayScene) -> None:
         self.camera, self.scene = camera, scene
         self.offset = OFFSET * scene.size
         self.scale = min(1.0, DEPTH_PIXELS / max(camera.width, camera.height))
@@ -75,25 +75,3 @@ class Visibility:
             reach = np.linalg.norm(towards, axis=1)
             towards = towards / reach[:, None]
         return self.scene.distances(points + self.offset * towards, towards) < reach - 2 * self.offset
-
-
-class RayScene:
-    """A mesh made ready for ray casting in world space (embree)."""
-
-    def __init__(self, mesh: Mesh) -> None:
-        from embreex.mesh_construction import TriangleMesh
-        from embreex.rtcore_scene import EmbreeScene
-
-        # embree works in float32: centred and scaled to about 1, it does not matter where the object stands.
-        low, high = mesh.world_vertices.min(axis=0), mesh.world_vertices.max(axis=0)
-        self.middle, self.size = (low + high) / 2, float(np.linalg.norm(high - low)) or 1.0
-        self.scene = EmbreeScene()
-        corners = ((mesh.world_vertices - self.middle) / self.size)[mesh.triangles]
-        self.mesh = TriangleMesh(self.scene, corners.astype(np.float32))
-
-    def distances(self, origins: NDArray[np.floating], directions: NDArray[np.floating]) -> NDArray[np.float64]:
-        """(N,) distance along each ray to the first hit, infinity where it hits nothing. Unit directions (N, 3)."""
-        start = np.ascontiguousarray((origins - self.middle) / self.size, np.float32)
-        heading = np.ascontiguousarray(directions, np.float32)
-        found = np.asarray(self.scene.run(start, heading, query="DISTANCE"), np.float64)
-        return np.where(found > 1e30, np.inf, found * self.size)

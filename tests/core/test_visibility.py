@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from surface_shapes import camera_looking, sphere_mesh, towards_camera
 
+from mpsnet_core.rays import RayScene
 from mpsnet_core.surface.mesh import Mesh
-from mpsnet_core.surface.visibility import RayScene, Visibility
+from mpsnet_core.surface.visibility import Visibility
 
 VIEWS = [((1, 0.2, 0.1), "orthographic"), ((-0.3, 1, 0.4), "perspective"), ((-0.8, -0.3, -0.4), "perspective")]
 
@@ -76,7 +77,7 @@ def test_what_is_seen_is_what_no_triangle_hides(
     scale = camera.focal[0] / (-in_camera[:, 2:] if projection == "perspective" else 1)
     pixels = size / 2 + in_camera[:, :2] * scale * (1, -1)
     assert (pixels > 0).all() and (pixels < size).all()
-    seen = Visibility(camera, RayScene(mesh)).seen(points, pixels, -in_camera[:, 2])
+    seen = Visibility(camera, RayScene(mesh.world_vertices, mesh.triangles)).seen(points, pixels, -in_camera[:, 2])
 
     # Rays that pass a silhouette by less than the ray's own offset may go either way.
     side = np.cross(towards, [0.3, 0.5, 0.8])
@@ -95,7 +96,7 @@ def test_a_scene_gives_the_distance_of_the_first_hit(mesh: Mesh) -> None:
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     origins = -6 * directions + rng.normal(0, 0.8, (500, 3))
     expected = nearest_hit(mesh, origins, directions)
-    found = RayScene(mesh).distances(origins, directions)
+    found = RayScene(mesh.world_vertices, mesh.triangles).distances(origins, directions)
     hit = np.isfinite(expected)
     assert 0.3 < hit.mean() < 0.95
     assert (np.isfinite(found) != hit).sum() <= 2  # a ray that grazes an edge
@@ -116,7 +117,7 @@ def test_it_does_not_matter_how_large_or_how_far_away_the_object_is() -> None:
         pixels = camera.width / 2 + in_camera[:, :2] * camera.focal * (1, -1)
         # Seen or not, off the limb: the surface there faces the camera, or turns away.
         height = (in_camera[:, 2] + 4 * scale) / scale
-        seen = Visibility(camera, RayScene(mesh)).seen(points, pixels, -in_camera[:, 2])
+        seen = Visibility(camera, RayScene(mesh.world_vertices, mesh.triangles)).seen(points, pixels, -in_camera[:, 2])
         assert (seen == (height > 0))[np.abs(height) > 0.2].all()
         counts.append(seen.sum())
     assert np.ptp(counts) <= 0.02 * counts[0]
