@@ -107,6 +107,8 @@ def load_image(path: Path, name: str, *, is_data: bool) -> bpy.types.Image:
         bpy.data.images.remove(image)
         raise InputError(f"cannot read {path}: it is not an image or is damaged; export it again")
     image.name = name
+    if image.preview:  # else the panel goes on showing what the file held before
+        image.preview.reload()
     if Path(bpy.app.tempdir) in path.parents:
         image.pack()
     elif bpy.data.filepath and Path(bpy.data.filepath).parent in path.parents:

@@ -363,7 +363,7 @@ class SamplesSettings:
         options=GIVEN,
     )
     views: IntProperty(
-        name="Views per Shape",
+        name="Views",
         description="How many samples in a row show the same shape, each in another pose, light and material",
         default=1,
         min=1,

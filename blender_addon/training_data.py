@@ -10,7 +10,7 @@ import bpy
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import written_whole
-from mpsnet_core.synthesis.job import JOB_FILE, SampleJob, read_job, write_job
+from mpsnet_core.synthesis.job import JOB_FILE, SHAPES, SampleJob, place_job, read_job, samples_there
 
 from .operators import RunsCore, idle
 from .outputs import load_image, output_folder
@@ -40,8 +40,7 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
         if not scene.mps.samples.output and Path(bpy.app.tempdir) in target.parents:
             raise InputError("no folder is named for the samples; name one, or save this file and they go beside it")
         job = self._sample_job(context, target)
-        _make_folder(target)
-        write_job(target, job)
+        place_job(target, job)
         if job.objects:
             self._keep_scene(target / SCENE_FILE)
         arguments = ["make", str(target), "--processes", str(self.processes)]
@@ -53,21 +52,17 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
         return arguments, [self._sheet]
 
     def _sample_job(self, context: Any, target: Path) -> SampleJob:
-        shapes, meshes, objects, views = ("meshes",), "", (), self.views
+        shapes: tuple[str, ...] = (self.source.lower(),)
+        objects: tuple[str, ...] = ()
+        meshes, views = "", self.views
         if self.source == "GENERATED":
-            # In the order of the panel, whatever the order of the set: the job in the folder is compared with this one.
-            kinds = [item.identifier for item in self.bl_rna.properties["kinds"].enum_items]
-            shapes = tuple(kind.lower() for kind in kinds if kind in self.kinds)
-            if not shapes:
-                raise InputError("no kind of shapes is chosen; choose at least one")
+            shapes = tuple(kind for kind in SHAPES if kind.upper() in self.kinds)
         elif self.source == "MESHES":
-            if not self.meshes:
-                raise InputError("the shapes are mesh files but no folder is named; choose the folder of the meshes")
-            meshes = str(Path(bpy.path.abspath(self.meshes)).resolve())
-            if not Path(meshes).is_dir():
+            meshes = str(Path(bpy.path.abspath(self.meshes)).resolve()) if self.meshes else ""
+            if meshes and not Path(meshes).is_dir():
                 raise InputError(f"mesh folder {meshes} does not exist; check the path")
         else:
-            shapes, objects, views = ("scene",), _chosen_objects(context, target), 1
+            objects, views = _chosen_objects(context, target), 1
         return SampleJob(
             renderer="cycles",
             count=self.count,
@@ -136,8 +131,7 @@ def _counted(folder: Path, changed: int) -> str:
         count = read_job(folder).count
     except InputError:
         return ""
-    done = sum(1 for path in folder.glob("sample_*.exr"))
-    return f"{min(done, count)} of {count} samples"
+    return f"{sum(number < count for number in samples_there(folder))} of {count} samples"
 
 
 def _chosen_objects(context: Any, target: Path) -> tuple[str, ...]:
@@ -148,14 +142,6 @@ def _chosen_objects(context: Any, target: Path) -> tuple[str, ...]:
     if (target / JOB_FILE).is_file():
         return read_job(target).objects
     raise InputError("no mesh object is selected; select what the samples shall show")
-
-
-def _make_folder(path: Path) -> None:
-    if path.exists() and not path.is_dir():
-        raise InputError(f"{path} is a file; name a folder for the samples")
-    if not path.parent.is_dir():
-        raise InputError(f"cannot make the folder {path}: {path.parent} does not exist; create it first")
-    path.mkdir(exist_ok=True)
 
 
 def register() -> None:

@@ -8,6 +8,7 @@ import OpenImageIO as oiio
 import pytest
 
 from blender_addon.commands import main
+from mpsnet_core.synthesis.job import SampleJob, place_job
 
 from .conftest import matte
 
@@ -240,6 +241,48 @@ def material_without_shader(scene, tmp_path):
     bpy.ops.mps.bake(output=str(tmp_path / "t.png"), size=32)
 
 
+def folder_not_named(scene, tmp_path):
+    bpy.ops.mps.render_samples(output="")
+
+
+def folder_of_another_job(scene, tmp_path):
+    place_job(tmp_path / "samples", SampleJob("cycles", count=1, shapes=("blobs",)))
+    bpy.ops.mps.render_samples(kinds={"RELIEFS"}, output=str(tmp_path / "samples"))
+
+
+def folder_without_parent(scene, tmp_path):
+    bpy.ops.mps.render_samples(output=str(tmp_path / "no" / "samples"))
+
+
+def folder_a_file(scene, tmp_path):
+    (tmp_path / "photo").touch()
+    bpy.ops.mps.render_samples(output=str(tmp_path / "photo"))
+
+
+def no_kind_of_shape(scene, tmp_path):
+    bpy.ops.mps.render_samples(kinds=set(), output=str(tmp_path / "samples"))
+
+
+def meshes_not_named(scene, tmp_path):
+    bpy.ops.mps.render_samples(source="MESHES", output=str(tmp_path / "samples"))
+
+
+def meshes_not_there(scene, tmp_path):
+    bpy.ops.mps.render_samples(source="MESHES", meshes=str(tmp_path / "none"), output=str(tmp_path / "samples"))
+
+
+def no_mesh_selected(scene, tmp_path):
+    bpy.ops.object.select_all(action="DESELECT")
+    bpy.ops.object.empty_add()
+    bpy.ops.mps.render_samples(source="SCENE", output=str(tmp_path / "samples"))
+
+
+def painted_image_not_saved(scene, tmp_path):
+    image = bpy.data.images.new("Painted", 8, 8)
+    image.pixels[0] = 0.5
+    bpy.ops.mps.render_samples(source="SCENE", output=str(tmp_path / "samples"))
+
+
 CASES = [
     (nothing_selected, "nothing is selected; select the object"),
     (only_an_empty_selected, "no selected object has a surface"),
@@ -294,12 +337,38 @@ def test_bad_input_is_one_sentence(wrong, sentence, scene, tmp_path):
     bpy.ops.mps.estimate(output=str(tmp_path / "normals.png"))
     scene.mps.estimate.output = ""
     bpy.context.view_layer.objects.active = sphere
+    refused(wrong, sentence, scene, tmp_path)
+
+
+TRAINING_DATA_CASES = [
+    (folder_not_named, "no folder is named for the samples; name one"),
+    (folder_of_another_job, "holds another job: its shapes is blobs, not reliefs"),
+    (folder_without_parent, "does not exist; create it first"),
+    (folder_a_file, "photo is a file; name a folder for the samples"),
+    (no_kind_of_shape, "has no shapes; choose some"),
+    (meshes_not_named, "takes shapes from meshes but has no folder of them"),
+    (meshes_not_there, "none does not exist; check the path"),
+    (no_mesh_selected, "no mesh object is selected; select what the samples shall show"),
+    (painted_image_not_saved, 'the image "Painted" was changed and not saved; save or pack it first'),
+]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "sentence"), TRAINING_DATA_CASES, ids=[case.__name__ for case, _ in TRAINING_DATA_CASES]
+)
+def test_bad_input_for_training_data_is_one_sentence(wrong, sentence, scene, tmp_path):
+    bpy.ops.mesh.primitive_cube_add()
+    refused(wrong, sentence, scene, tmp_path)
+    assert not (tmp_path / "samples" / "job.json").exists() or wrong in (folder_of_another_job, painted_image_not_saved)
+
+
+def refused(wrong, sentence, scene, tmp_path):
     with pytest.raises(RuntimeError) as caught:
         wrong(scene, tmp_path)
     message = str(caught.value).removeprefix("Error: ").strip()
     assert sentence in message
     assert "\n" not in message and "Traceback" not in message
-    assert not [path for path in tmp_path.iterdir() if "unfinished" in path.name]
+    assert not [path for path in tmp_path.rglob("*") if "unfinished" in path.name]
 
 
 def test_a_disk_that_fails_is_one_sentence(scene, tmp_path, monkeypatch):
@@ -325,6 +394,8 @@ def test_the_command_line_gives_exit_code_2_and_the_sentence(scene, capfd, tmp_p
         (["add-rig", "--view", "sideways"], "invalid choice"),
         (["add-rig", "--save", str(tmp_path / "no" / "x.blend")], "its folder does not exist"),
         (["dance"], "invalid choice: 'dance'"),
+        (["render-samples", "--kinds", "blobs,cubes"], "'CUBES' is none of BLOBS"),
+        (["render-samples", "--output", str(tmp_path / "no" / "samples")], "does not exist; create it first"),
     ]
     for arguments, sentence in bad:
         assert main(arguments) == 2
@@ -333,7 +404,7 @@ def test_the_command_line_gives_exit_code_2_and_the_sentence(scene, capfd, tmp_p
 
 
 def test_the_command_line_has_every_setting_with_its_tooltip(capfd):
-    for verb in ("add_rig", "render_photo", "open_photo", "estimate", "bake"):
+    for verb in ("add_rig", "render_photo", "open_photo", "estimate", "bake", "render_samples"):
         assert main([verb.replace("_", "-"), "--help"]) == 0
         text = " ".join(capfd.readouterr().out.split())
         for setting in getattr(bpy.ops.mps, verb).get_rna_type().properties:
