@@ -118,7 +118,7 @@ def write_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str) -> str:
     if obj.mode == "EDIT":
         obj.update_from_editmode()
     obj.data.update_tag()
-    with _as_rendered(obj):
+    with as_rendered(obj):
         depsgraph.update()
         evaluated = obj.evaluated_get(depsgraph)
         if not evaluated.is_evaluated:
@@ -155,7 +155,7 @@ def write_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str) -> str:
 
 
 @contextmanager
-def _as_rendered(obj: Any) -> Iterator[None]:
+def as_rendered(obj: Any) -> Iterator[None]:
     """Within, the object's modifiers show in the viewport, and so in the dependency graph, what a render shows."""
     kept = []
     try:

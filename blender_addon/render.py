@@ -215,7 +215,7 @@ def _rendered(layer: Any, special: str = "") -> Iterator[Any]:
 def _refuse_other_light(studio: Any) -> None:
     """A photo under the three lights alone cannot have a fourth in it, not even one that an instance brings."""
     for obj in studio.objects:  # also those that the viewport, and so the dependency graph, hides
-        _refuse_glow(obj, obj.name)
+        refuse_glow(obj, obj.name)
     for instance in studio.view_layers[0].depsgraph.object_instances:
         owner = (instance.parent or instance.object).name
         if instance.object.original.hide_render:
@@ -225,14 +225,15 @@ def _refuse_other_light(studio: Any) -> None:
                 f'"{owner}" holds the light "{instance.object.name}", but the photo shows the three lights alone; '
                 "hide it from renders"
             )
-        _refuse_glow(instance.object, owner)
+        refuse_glow(instance.object, owner)
 
 
-def _refuse_glow(obj: Any, owner: str) -> None:
+def refuse_glow(obj: Any, owner: str) -> None:
+    """Raises InputError where one of the object's materials glows. owner: the object's name for people."""
     for slot in obj.material_slots:
         if slot.material and slot.material.node_tree and _glows(slot.material.node_tree):
             raise InputError(
-                f'material "{slot.material.name}" of "{owner}" glows, but the photo shows the three lights alone; '
+                f'material "{slot.material.name}" of "{owner}" glows, but the three lights alone shall shine; '
                 "set its emission to 0"
             )
 

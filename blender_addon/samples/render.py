@@ -1,0 +1,56 @@
+"""One Cycles render a sample: three light groups, normals, depth, alpha and materials, in one multi-layer EXR."""
+
+import os
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.synthesis.recipe import Recipe
+
+from .materials import weight_passes
+
+
+def prepare(scene: Any, recipe: Recipe, samples: int) -> None:
+    """Set the scene up for a render of the recipe."""
+    render, cycles, layer = scene.render, scene.cycles, scene.view_layers[0]
+    render.engine = "CYCLES"
+    render.film_transparent = True
+    render.use_compositing = render.use_sequencer = render.use_simplify = False
+    threads = int(os.environ.get("MPSNET_THREADS", "0"))
+    render.threads_mode, render.threads = ("FIXED", threads) if threads else ("AUTO", 0)
+    cycles.device = "CPU"
+    # See scene.py: shares the samples out evenly among the four suns.
+    cycles.samples = -(-samples // 4) * 4
+    cycles.sampling_pattern, cycles.use_light_tree = "TABULATED_SOBOL", False
+    cycles.seed = int(np.random.SeedSequence([recipe.seed, recipe.number]).generate_state(1)[0] >> 1)
+    cycles.use_adaptive_sampling = cycles.use_denoising = False
+    cycles.light_sampling_threshold = 0.0
+    cycles.pixel_filter_type = "BOX"
+    cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = recipe.bounces
+    cycles.transmission_bounces = cycles.volume_bounces = 0
+    layer.use_pass_normal = True
+    layer.use_pass_material_index = not recipe.materials
+    for name in weight_passes(recipe):
+        layer.aovs.add().name = name
+
+
+def render_layers(scene: Any, path: Path) -> None:
+    """Render the scene into a float multi-layer EXR at `path`. Raises InputError where Blender cannot."""
+    render = scene.render
+    settings = render.image_settings
+    if bpy.app.version >= (5, 0):
+        settings.media_type = "MULTI_LAYER_IMAGE"
+    settings.file_format = "OPEN_EXR_MULTILAYER"
+    settings.color_mode, settings.color_depth, settings.exr_codec = "RGBA", "32", "ZIPS"
+    render.use_file_extension = False
+    render.filepath = str(path)
+    try:
+        bpy.ops.render.render(write_still=True, scene=scene.name)
+    except RuntimeError as error:
+        reason = " ".join(str(error).split()).removeprefix("Error: ")
+        raise InputError(f"Blender could not render {path}: {reason}") from None
+    if not path.is_file():
+        raise InputError(f"Blender did not write {path}: the render was cancelled or its disk is full; try again")

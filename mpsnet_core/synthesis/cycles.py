@@ -1,0 +1,154 @@
+"""Samples from Cycles: the multi-layer EXR of one render, with what a ray caster adds, as a sample."""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+from numpy.typing import NDArray
+
+from mpsnet_core.camera import Camera
+from mpsnet_core.errors import InputError
+from mpsnet_core.files import existing_file
+from mpsnet_core.images import libraries_silent
+from mpsnet_core.normals import normalised
+from mpsnet_core.rays import RayScene
+from mpsnet_core.synthesis.directions import disc
+from mpsnet_core.synthesis.lights import Light
+from mpsnet_core.synthesis.recipe import Recipe
+from mpsnet_core.synthesis.sample import Sample
+
+LIGHT_GROUPS = ("light1", "light2", "light3")
+WEIGHTS = "weights"  # passes of this name and a number hold three materials' weights each
+# Shadow rays to a light that has a size, spread over its disc; and how far off the surface they start.
+SHADOW_RAYS, OFFSET = 16, 1e-4
+# Where a pixel's middle misses the object, as at its outline: where else in it rays are sent, a row and column at a time.
+_ELSEWHERE = ((np.stack(np.meshgrid(np.arange(4), np.arange(4)), axis=-1) + 0.5) / 4 - 0.5).reshape(-1, 2)
+
+
+def sample_from_cycles(
+    path: str | os.PathLike[str],
+    recipe: Recipe,
+    vertices: NDArray[np.floating],
+    triangles: NDArray[np.integer],
+    renderer: str,
+) -> Sample:
+    """The sample in the multi-layer EXR that Blender 4.5 or later wrote for a recipe.
+
+    Its layers are those of one view layer: Combined (its alpha), Combined_light1 to _light3 (light groups), Normal (in
+    world space, which is the camera's) and weights0, weights3 (the materials' weights, three a pass) or, where the
+    recipe names no materials, the material index. Blender 4.5 writes all into one part, 5.0 and later a part a pass.
+
+    vertices (V, 3) and triangles (T, 3): what was rendered, in world space; depth and `lit` are told by rays against
+    it. renderer: as in :class:`Sample`.
+
+    Raises InputError where the file is damaged, is no such render, or holds values that are not finite.
+    """
+    path = existing_file(path, "render")
+    planes = _planes(path)
+    camera = recipe.camera
+
+    def layer(*names: str, channels: str) -> NDArray[np.float32]:
+        for name in names:
+            found = [planes.get(f"{name}.{channel}") for channel in channels]
+            if all(plane is not None for plane in found):
+                return _checked(np.stack(found, axis=-1), f"{name} pass", camera, path)  # type: ignore[arg-type]
+        raise InputError(f"{path} has no {names[0]} pass; it is no render of a sample, make the sample again")
+
+    alpha = np.clip(layer("Combined", channels="A")[..., 0], 0, 1)
+    covered = alpha > 0
+    lights = np.stack([layer(f"Combined_{name}", channels="RGB") for name in LIGHT_GROUPS])
+    normals = np.where(covered[..., None], normalised(layer("Normal", channels="XYZ")), np.float32(0))
+    if recipe.materials:
+        passes = [f"{WEIGHTS}{first}" for first in range(0, len(recipe.materials), 3)]
+        material = np.concatenate([layer(name, channels="RGB") for name in passes], axis=-1).argmax(axis=-1)
+    else:
+        material = np.rint(layer("Material Index", "IndexMA", channels="X")[..., 0]).astype(np.int64)
+    depth, lit = _traced(recipe, RayScene(vertices, triangles), vertices, triangles, normals, covered)
+    return Sample(
+        lights=np.where(covered[..., None], np.maximum(lights, 0), np.float32(0)),
+        normals=normals,
+        depth=depth,
+        alpha=alpha,
+        material=np.where(covered, material, -1).astype(np.int32),
+        lit=lit,
+        recipe=recipe,
+        renderer=renderer,
+    )
+
+
+def _planes(path: Path) -> dict[str, NDArray[np.float32]]:
+    """Every channel of a file's parts, without its view layer's name."""
+    with libraries_silent():
+        source = oiio.ImageInput.open(str(path))
+    if source is None:
+        reason = " ".join(oiio.geterror().split())
+        raise InputError(f"{path} is no render, or cut short ({reason}); make the sample again")
+    planes: dict[str, NDArray[np.float32]] = {}
+    try:
+        part = 0
+        while source.seek_subimage(part, 0):
+            names: Sequence[str] = source.spec().channelnames
+            with libraries_silent():
+                values = source.read_image(part, 0, 0, len(names), oiio.FLOAT)
+            reason = " ".join(source.geterror().split())
+            if values is None or reason:
+                raise InputError(f"{path} is damaged or cut short ({reason or 'no pixels'}); make the sample again")
+            planes |= {name.partition(".")[2]: values[..., number] for number, name in enumerate(names)}
+            part += 1
+    finally:
+        source.close()
+    return planes
+
+
+def _checked(values: NDArray[np.float32], what: str, camera: Camera, path: Path) -> NDArray[np.float32]:
+    height, width = values.shape[:2]
+    if (width, height) != (camera.width, camera.height):
+        raise InputError(
+            f"{path} is {width} x {height} where the recipe says {camera.width} x {camera.height}; make the sample again"
+        )
+    if not np.isfinite(values).all():
+        raise InputError(f"{path} holds values that are not finite in its {what}; make the sample again")
+    return values
+
+
+def _traced(
+    recipe: Recipe,
+    scene: RayScene,
+    vertices: NDArray[np.floating],
+    triangles: NDArray[np.integer],
+    normals: NDArray[np.float32],
+    covered: NDArray[np.bool_],
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Depth (H, W), and `lit` (3, H, W), of the covered pixels."""
+    camera = recipe.camera
+    depth = np.zeros(covered.shape, np.float32)
+    lit = np.zeros((3, *covered.shape), np.float32)
+    rows, columns = np.nonzero(covered)
+    middles = np.stack([columns, rows], axis=1) + 0.5
+    origins, directions = camera.rays(middles)
+    hits = scene.hits(origins, directions)
+    triangle, distance = hits.triangle.copy(), hits.distance.astype(np.float64)
+    for step in _ELSEWHERE:
+        missed = np.flatnonzero(triangle < 0)
+        if not len(missed):
+            break
+        origins[missed], directions[missed] = camera.rays(middles[missed] + step)
+        hits = scene.hits(origins[missed], directions[missed])
+        triangle[missed], distance[missed] = hits.triangle, hits.distance
+    met = triangle >= 0
+    rows, columns, directions = rows[met], columns[met], directions[met]
+    points = origins[met] + distance[met, None] * directions
+    depth[rows, columns] = points @ camera.depth_row()[:3] + camera.depth_row()[3]
+
+    a, b, c = vertices[triangles[triangle[met]]].transpose(1, 0, 2)
+    faces = normalised(np.cross(b - a, c - a))
+    faces *= -np.sign(np.einsum("ni,ni->n", faces, directions))[:, None]
+    starts = points + OFFSET * scene.size * faces
+    shading = normals[rows, columns]
+    for light, direction, size in zip(lit, recipe.light_directions, recipe.light_sizes, strict=True):
+        towards = Light(direction, size).towards(disc(SHADOW_RAYS if size else 1)[0])
+        seen = [(shading @ one > 0) & ~scene.occluded(starts, one[None]) for one in towards]
+        light[rows, columns] = np.mean(seen, axis=0)
+    return depth, lit
