@@ -12,6 +12,7 @@ from mpsnet_core.normals import NormalMap, encode
 BACKGROUND = 0.13
 TITLE_HEIGHT = 30
 GAP = 10
+LEGEND_STEP = 150
 
 
 def photo_picture(image: NDArray[np.float32], mask: NDArray[np.bool_] | None = None) -> NDArray[np.float32]:
@@ -40,6 +41,16 @@ def colour_scale(highest: float, height: int, width: int = 90) -> NDArray[np.flo
         y = round((1 - step / steps) * (height - 1))
         label = f"{highest * step / steps:.3g}°"
         _write(canvas, label, width // 3 + 6, min(max(y + 6, 14), height - 4), 15)
+    return canvas
+
+
+def legend(entries: Sequence[tuple[tuple[float, float, float], str]], width: int) -> NDArray[np.float32]:
+    """(H, width, 3) what colours mean: a swatch and its words for each, in a row."""
+    canvas = np.full((TITLE_HEIGHT, width, 3), BACKGROUND, np.float32)
+    for number, (colour, words) in enumerate(entries):
+        left = GAP + number * LEGEND_STEP
+        canvas[4:22, left : left + 18] = colour
+        _write(canvas, words, left + 26, 19, 15)
     return canvas
 
 

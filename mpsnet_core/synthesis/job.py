@@ -1,18 +1,36 @@
 """Job: which samples a folder holds or shall hold; kept in the folder as ``job.json``."""
 
 import os
-from dataclasses import asdict, dataclass
+import re
+import time
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import read_json, write_json
+from mpsnet_core.synthesis.claims import Claims
 
 JOB_FORMAT = "mpsnet-samples"
 JOB_VERSION = 1
 JOB_FILE = "job.json"
+RENDERERS = ("synthesis", "cycles")
 SHAPES = ("blobs", "drapery", "reliefs", "composites", "groups", "meshes", "scene")
 MAX_COUNT = 10_000_000
+# Samples claim their own numbers; this one is for the folder's other files.
+FOLDER_CLAIM = MAX_COUNT
+FOLDER_SECONDS = 20.0
+
+# Smallest and largest value of each whole number of a job.
+_RANGES = {
+    "count": (1, MAX_COUNT),
+    "seed": (0, 2**63 - 1),
+    "size": (8, 8192),
+    "views": (1, 10_000),
+    "bounces": (0, 32),
+    "samples": (1, 65536),
+    "supersampling": (1, 16),
+}
 
 
 @dataclass(frozen=True)
@@ -24,6 +42,8 @@ class SampleJob:
     "scene" (cycles only). merl: folder of MERL ``.binary`` files, or the ``.npz`` of neural fits; with "" all materials
     are principled (synthesis only). views: how many samples in a row show the same shape. bounces: 0 or more.
     samples: Cycles samples a pixel. denoise: whether Cycles' light is denoised. supersampling: rays a pixel's side.
+
+    Raises InputError where a value is out of its range or two of them do not go together.
     """
 
     renderer: Literal["synthesis", "cycles"]
@@ -40,23 +60,132 @@ class SampleJob:
     denoise: bool = True
     supersampling: int = 1
 
+    def __post_init__(self) -> None:
+        _one_of("the renderer", self.renderer, RENDERERS)
+        for name, (low, high) in _RANGES.items():
+            value = getattr(self, name)
+            if type(value) is not int or not low <= value <= high:
+                raise InputError(f"the job's {name} must be a whole number from {low} to {high}, not {value!r}")
+        if type(self.denoise) is not bool:
+            raise InputError(f"the job's denoise must be true or false, not {self.denoise!r}")
+        for name in ("meshes", "merl"):
+            if not isinstance(getattr(self, name), str):
+                raise InputError(f"the job's {name} must be a path, not {getattr(self, name)!r}")
+        for name in ("shapes", "objects"):
+            value = getattr(self, name)
+            if not isinstance(value, tuple) or not all(isinstance(entry, str) and entry for entry in value):
+                raise InputError(f"the job's {name} must be a list of names, not {value!r}")
+            if len(set(value)) < len(value):
+                raise InputError(f"the job's {name} name one twice ({', '.join(value)}); name each once")
+        if not self.shapes:
+            raise InputError(f"the job has no shapes; choose some of {', '.join(SHAPES)}")
+        for shape in self.shapes:
+            _one_of("shape", shape, SHAPES)
+        self._check_sources()
+
+    def _check_sources(self) -> None:
+        """What the shapes and materials are taken from must be there, and be of use."""
+        if ("meshes" in self.shapes) != bool(self.meshes):
+            raise InputError(
+                "the job takes shapes from meshes but has no folder of them; name one"
+                if "meshes" in self.shapes
+                else f"the job has a folder of meshes, {self.meshes}, but no shapes from it; add meshes to its shapes"
+            )
+        if ("scene" in self.shapes) != bool(self.objects):
+            raise InputError(
+                "the job takes shapes from a scene but names no objects; name some"
+                if "scene" in self.shapes
+                else "the job names objects of a scene but takes no shapes from it; add scene to its shapes"
+            )
+        if self.renderer == "synthesis" and "scene" in self.shapes:
+            raise InputError("a scene's objects are rendered by Blender alone; take other shapes for synthesis")
+        if self.renderer == "cycles" and self.merl:
+            raise InputError("measured materials (merl) are for synthesis alone; leave them out for Blender")
+
+
+def _one_of(what: str, value: object, known: tuple[str, ...]) -> None:
+    if value not in known:
+        raise InputError(f"{what} {value!r} is not known; choose {', '.join(known)}")
+
 
 def sample_path(folder: str | os.PathLike[str], number: int) -> Path:
     """Where sample `number` of the job in `folder` is kept."""
     return Path(folder) / f"sample_{number:06d}.exr"
 
 
+def sample_number(name: str) -> int | None:
+    """The number of the sample whose file, whole or unfinished, has this name; None where it is no sample's."""
+    found = re.match(r"\.?sample_(\d{6,8})\.", name)
+    return int(found[1]) if found else None
+
+
+def samples_there(folder: str | os.PathLike[str]) -> set[int]:
+    """Numbers of the samples that are in a folder. An empty file is none: it is what a power cut leaves."""
+    with os.scandir(folder) as entries:
+        whole = [entry for entry in entries if re.fullmatch(r"sample_\d{6,8}\.exr", entry.name)]
+        return {int(entry.name[7:-4]) for entry in whole if entry.stat().st_size}
+
+
 def read_job(folder: str | os.PathLike[str]) -> SampleJob:
     """The job of a folder. Raises InputError where there is none or it is malformed."""
     names = tuple(SampleJob.__dataclass_fields__)
     data = read_json(Path(folder) / JOB_FILE, JOB_FORMAT, JOB_VERSION, names)
-    values = {key: tuple(value) if isinstance(value, list) else value for key, value in data.items() if key in names}
+    values: dict[str, Any] = {
+        key: tuple(value) if isinstance(value, list) else value for key, value in data.items() if key in names
+    }
+    missing = [name for name in ("renderer", "count") if name not in values]
+    if missing:
+        raise InputError(f'{Path(folder) / JOB_FILE} lacks "{missing[0]}"; add it')
     try:
         return SampleJob(**values)
-    except TypeError as error:
+    except InputError as error:
         raise InputError(f"{Path(folder) / JOB_FILE}: {error}") from None
 
 
 def write_job(folder: str | os.PathLike[str], job: SampleJob) -> None:
     """Keep the job in its folder, whole or not at all."""
     write_json(Path(folder) / JOB_FILE, {"format": JOB_FORMAT, "version": JOB_VERSION, **asdict(job)})
+
+
+def place_job(folder: str | os.PathLike[str], job: SampleJob) -> None:
+    """Make `folder` the job's: a new or empty one, or one that holds the same job, whose count it may extend.
+
+    Raises InputError where the folder holds another job (and tells what differs), samples of no job, or cannot be made.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        if folder.exists():
+            raise InputError(f"{folder} is a file; name a folder for the samples")
+        if not folder.parent.is_dir():
+            raise InputError(f"cannot make folder {folder}: {folder.parent} does not exist; create it first")
+        folder.mkdir(exist_ok=True)
+    with Claims(folder) as claims:
+        deadline = time.monotonic() + FOLDER_SECONDS
+        while True:
+            with claims.claim(FOLDER_CLAIM) as ours:
+                if ours:
+                    return _place(folder, job)
+            if time.monotonic() > deadline:
+                raise InputError(f"{folder} is being written by another run; try again once that is done")
+            time.sleep(0.05)
+
+
+def _place(folder: Path, job: SampleJob) -> None:
+    if not (folder / JOB_FILE).exists():
+        if samples_there(folder):
+            raise InputError(f"{folder} holds samples but no {JOB_FILE}; choose another folder")
+        return write_job(folder, job)
+    found = read_job(folder)
+    for name in SampleJob.__dataclass_fields__:
+        theirs, ours = getattr(found, name), getattr(job, name)
+        if name != "count" and theirs != ours:
+            raise InputError(
+                f"{folder} holds another job: its {name} is {_told(theirs)}, not {_told(ours)}; choose another folder "
+                "or the same settings"
+            )
+    if job.count > found.count:
+        write_job(folder, replace(found, count=job.count))
+
+
+def _told(value: object) -> str:
+    return ", ".join(map(str, value)) or "empty" if isinstance(value, tuple) else str(value) or "empty"

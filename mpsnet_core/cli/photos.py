@@ -1,170 +1,27 @@
-"""The command line: one command, ``mpsnet``, with a subcommand for each verb.
-
-Exit codes: 0; 2 and one line on stderr for bad input; 130 when cancelled.
-"""
+"""Verbs that take photos and normals: estimate, superpose, bake, models."""
 
 import argparse
-import contextlib
-import io
-import itertools
-import json
-import logging
-import signal
-import sys
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
-from mpsnet_core import __version__
-from mpsnet_core.errors import Cancelled, InputError
-
-log = logging.getLogger(__name__)
-
-EXIT_BAD_INPUT = 2
-EXIT_CANCELLED = 130
+from mpsnet_core.cli.arguments import Help, Verbs
+from mpsnet_core.cli.reporter import Reporter
+from mpsnet_core.errors import InputError
 
 
-class _Notes(logging.Handler):
-    """Keeps what the core notes on its way, to be told once the work is done."""
-
-    def __init__(self) -> None:
-        super().__init__(logging.INFO)
-        self.lines: list[str] = []
-
-    def emit(self, record: logging.LogRecord) -> None:
-        line = record.getMessage()
-        if line not in self.lines:
-            self.lines.append(line)
-
-
-class _Reporter:
-    """Tells progress and result: as a bar on stderr, as one JSON object a line on stdout, or not at all."""
-
-    def __init__(self, style: str) -> None:
-        if style == "auto":
-            style = "bar" if sys.stderr.isatty() else "none"
-        self.style, self.told = style, -1.0
-        self.bar: Any = None
-
-    def progress(self, fraction: float, message: str) -> None:
-        if self.style == "json":
-            # A reader that draws a bar gains nothing from steps below half a percent.
-            if fraction >= 1 or fraction - self.told >= 0.005 or fraction < self.told:
-                self.told = fraction
-                print(json.dumps({"progress": round(fraction, 4), "message": message}), flush=True)
-        elif self.style == "bar":
-            if self.bar is None:
-                from tqdm import tqdm
-
-                self.bar = tqdm(total=100, bar_format="{l_bar}{bar}| {elapsed} left {remaining}", leave=False)
-            self.bar.set_description_str(message, refresh=False)
-            self.bar.n = round(100 * fraction)
-            self.bar.refresh()
-
-    def close(self) -> None:
-        if self.bar is not None:
-            self.bar.close()
-
-
-class _Help(argparse.ArgumentDefaultsHelpFormatter):
-    """Says an option's default, where it has one that says something."""
-
-    def _get_help_string(self, action: argparse.Action) -> str | None:
-        silent_default = action.default in (None, argparse.SUPPRESS, False)
-        return action.help if silent_default else super()._get_help_string(action)
-
-
-class _Parser(argparse.ArgumentParser):
-    """Bad arguments are bad input: one sentence instead of argparse's usage text."""
-
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f"{message}; see {self.prog} --help")
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line and give its exit code."""
-    for name in ("SIGTERM", "SIGBREAK"):  # SIGBREAK is how Windows asks a process group to end
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), _cancel)
-    notes = _Notes()
-    core_log = logging.getLogger("mpsnet_core")
-    core_log.addHandler(notes)
-    core_log.setLevel(logging.INFO)
-    core_log.propagate = False
-    for stream in (sys.stdout, sys.stderr):  # a Windows pipe cannot hold every path's letters
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")
-    arguments = list(sys.argv[1:] if argv is None else argv)
-    reporter = _Reporter("json" if _wants_json(arguments) else "none")
-    try:
-        options = _parser().parse_args(arguments)
-        reporter = _Reporter(options.progress)
-        result = options.verb(options, reporter)
-        reporter.close()
-        if reporter.style == "json":
-            print(json.dumps({"result": {**result, "notes": notes.lines}}), flush=True)
-        else:
-            for line in notes.lines:
-                print(f"note: {line}", file=sys.stderr)
-            if result.get("text"):
-                print(result["text"])
-        return 0
-    except BrokenPipeError:  # whoever read our words has gone
-        return EXIT_CANCELLED
-    except (InputError, OSError, MemoryError) as error:
-        reporter.close()
-        sentence = str(error)
-        if isinstance(error, OSError):
-            sentence = f"{error.filename or 'output'}: {error.strerror}; check the path and its permissions"
-        elif isinstance(error, MemoryError):
-            sentence = "there is not enough memory; take a smaller size, or smaller photos"
-        sentence = " ".join(sentence.split())
-        with contextlib.suppress(BrokenPipeError):  # nobody reads the answer any more
-            if reporter.style == "json":
-                print(json.dumps({"error": sentence}), flush=True)
-            print(f"mpsnet: {sentence}", file=sys.stderr)
-        return EXIT_BAD_INPUT
-    except (Cancelled, KeyboardInterrupt):
-        reporter.close()
-        return EXIT_CANCELLED
-    finally:
-        core_log.removeHandler(notes)
-
-
-def _cancel(*_: Any) -> None:
-    raise Cancelled
-
-
-def _wants_json(arguments: Sequence[str]) -> bool:
-    """Whether ``--progress json`` is asked for, known even where the arguments cannot be parsed."""
-    return "--progress=json" in arguments or ("--progress", "json") in itertools.pairwise(arguments)
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(
-        prog="mpsnet",
-        description="Surface normals from one photo under red, green and blue light, baked onto the object's UVs.",
-    )
-    parser.add_argument("--version", action="version", version=f"mpsnet {__version__}")
-    verbs = parser.add_subparsers(metavar="VERB", required=True)
-    common = _Parser(add_help=False)
-    common.add_argument(
-        "--progress", choices=("auto", "bar", "json", "none"), default="auto", help="how to tell progress"
-    )
+def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
     _add_estimate(
-        verbs.add_parser("estimate", parents=[common], formatter_class=_Help, help="photo to camera-space normal map")
+        verbs.add_parser("estimate", parents=[common], formatter_class=Help, help="photo to camera-space normal map")
     )
     superpose = verbs.add_parser("superpose", parents=[common], help="add up photos that show one light each")
     _add_superpose(superpose)
     _add_bake(
         verbs.add_parser(
-            "bake", parents=[common], formatter_class=_Help, help="normal maps to a texture on a mesh's UVs"
+            "bake", parents=[common], formatter_class=Help, help="normal maps to a texture on a mesh's UVs"
         )
     )
-    _add_evaluate(verbs.add_parser("evaluate", help="measure models against known normals"), common)
     models = verbs.add_parser("models", parents=[common], help="list the models that can be asked for by name")
     models.set_defaults(verb=_models)
-    return parser
 
 
 # --- estimate ---------------------------------------------------------------------------------------------------------
@@ -192,7 +49,7 @@ def _add_estimate(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(verb=_estimate)
 
 
-def _estimate(options: argparse.Namespace, reporter: _Reporter) -> dict[str, Any]:
+def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.capture import read_capture
     from mpsnet_core.estimate import Estimator
     from mpsnet_core.estimate.shelf import DEFAULT_MODEL
@@ -247,7 +104,7 @@ def _add_superpose(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(verb=_superpose)
 
 
-def _superpose(options: argparse.Namespace, reporter: _Reporter) -> dict[str, Any]:
+def _superpose(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     import numpy as np
 
     from mpsnet_core.images import checked_bits, write_image
@@ -288,7 +145,7 @@ def _add_bake(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(verb=_bake)
 
 
-def _bake(options: argparse.Namespace, reporter: _Reporter) -> dict[str, Any]:
+def _bake(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.camera import read_camera
     from mpsnet_core.files import writable_path
     from mpsnet_core.frames import check_apart
@@ -341,66 +198,10 @@ def _bake(options: argparse.Namespace, reporter: _Reporter) -> dict[str, Any]:
     }
 
 
-# --- evaluate ---------------------------------------------------------------------------------------------------------
-
-
-def _add_evaluate(parser: argparse.ArgumentParser, common: argparse.ArgumentParser) -> None:
-    tests = parser.add_subparsers(metavar="TEST", required=True)
-    diligent = tests.add_parser("diligent", parents=[common], help="the DiLiGenT photographs, multiplexed")
-    diligent.add_argument("folder", help="DiLiGenT's pmsData folder; objects that are absent are named and skipped")
-    diligent.add_argument("--lights", action="append", metavar="A,B,C", help="lights giving R, G, B; may be repeated")
-    diligent.add_argument("--protocol", action="append", help="separated, published or white; may be repeated")
-    diligent.add_argument("--model", action="append", help="may be repeated; the default model unless given")
-    diligent.add_argument("--json", metavar="FILE", help="write the rows as JSON")
-    diligent.add_argument("-o", "--output", metavar="REPORT", help="write an HTML report with pictures")
-    diligent.set_defaults(verb=_evaluate_diligent)
-
-
-def _evaluate_diligent(options: argparse.Namespace, reporter: _Reporter) -> dict[str, Any]:
-    from mpsnet_core.estimate.shelf import DEFAULT_MODEL
-    from mpsnet_core.evaluation.diligent import PROTOCOLS, PUBLISHED_LIGHTS, evaluate_diligent
-    from mpsnet_core.evaluation.report import html_figure, report_path, text_table, write_html_report
-    from mpsnet_core.files import writable_path, write_json
-
-    if options.json:
-        writable_path(options.json)
-    if options.output:
-        report_path(options.output)
-    skipped: list[str] = []
-    results = evaluate_diligent(
-        options.folder,
-        lights=[_triple(text) for text in options.lights] if options.lights else PUBLISHED_LIGHTS,
-        protocols=options.protocol or list(PROTOCOLS),
-        models=options.model or [DEFAULT_MODEL],
-        skipped=skipped,
-        progress=reporter.progress,
-    )
-    # One at a time: what a result holds (photo, normals, truth) would add up to gigabytes.
-    rows, figures = [], []
-    for result in results:
-        rows.append(result.row())
-        if options.output:
-            figures.append(html_figure(result))
-    if options.json:
-        write_json(options.json, {"rows": rows, "skipped": skipped})
-    if options.output:
-        write_html_report(options.output, rows, figures, skipped)
-    table = "mean angular error in degrees\n" + text_table(rows)
-    return {"rows": rows, "skipped": skipped, "text": "\n".join([table, *skipped])}
-
-
-def _triple(text: str) -> tuple[int, int, int]:
-    try:
-        first, second, third = (int(number) for number in text.split(","))
-    except ValueError:
-        raise InputError(f"--lights {text} is not three numbers; write them like 48,1,96") from None
-    return first, second, third
-
-
 # --- models -----------------------------------------------------------------------------------------------------------
 
 
-def _models(options: argparse.Namespace, reporter: _Reporter) -> dict[str, Any]:
+def _models(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.estimate.shelf import shelf
 
     entries = shelf()

@@ -1,0 +1,25 @@
+"""How the command line takes its arguments."""
+
+import argparse
+from typing import NoReturn
+
+from mpsnet_core.errors import InputError
+
+
+class Help(argparse.ArgumentDefaultsHelpFormatter):
+    """Says an option's default, where it has one that says something."""
+
+    def _get_help_string(self, action: argparse.Action) -> str | None:
+        silent_default = action.default in (None, argparse.SUPPRESS, False)
+        return action.help if silent_default else super()._get_help_string(action)
+
+
+class Parser(argparse.ArgumentParser):
+    """Bad arguments are bad input: one sentence instead of argparse's usage text."""
+
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f"{message}; see {self.prog} --help")
+
+
+# What `add_subparsers` gives: the place where verbs are added.
+Verbs = argparse._SubParsersAction

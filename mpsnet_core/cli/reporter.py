@@ -1,0 +1,51 @@
+"""What the command line tells on its way: progress, and notes."""
+
+import json
+import logging
+import sys
+import time
+from typing import Any
+
+
+class Notes(logging.Handler):
+    """Keeps what the core notes on its way, to be told once the work is done."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.INFO)
+        self.lines: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        line = record.getMessage()
+        if line not in self.lines:
+            self.lines.append(line)
+
+
+class Reporter:
+    """Tells progress and result: as a bar on stderr, as one JSON object a line on stdout, or not at all."""
+
+    def __init__(self, style: str) -> None:
+        if style == "auto":
+            style = "bar" if sys.stderr.isatty() else "none"
+        self.style, self.told, self.when = style, -1.0, 0.0
+        self.bar: Any = None
+
+    def progress(self, fraction: float, message: str) -> None:
+        if self.style == "json":
+            # A reader that draws a bar gains nothing from steps below half a percent, but for the words beside it.
+            now = time.monotonic()
+            stepped = fraction >= 1 or fraction - self.told >= 0.005 or fraction < self.told
+            if stepped or (fraction > self.told and now - self.when >= 1):
+                self.told, self.when = fraction, now
+                print(json.dumps({"progress": round(fraction, 4), "message": message}), flush=True)
+        elif self.style == "bar":
+            if self.bar is None:
+                from tqdm import tqdm
+
+                self.bar = tqdm(total=100, bar_format="{l_bar}{bar}| {elapsed} left {remaining}", leave=False)
+            self.bar.set_description_str(message, refresh=False)
+            self.bar.n = round(100 * fraction)
+            self.bar.refresh()
+
+    def close(self) -> None:
+        if self.bar is not None:
+            self.bar.close()

@@ -1,0 +1,74 @@
+"""Claims: who is at work on what in a folder, as locks of the operating system, which it drops when a process ends."""
+
+import errno
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from mpsnet_core.errors import InputError
+
+LOCK_FILE = "job.lock"
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _lock(file: int, number: int) -> None:
+        os.lseek(file, number, os.SEEK_SET)
+        msvcrt.locking(file, msvcrt.LK_NBLCK, 1)
+
+    def _unlock(file: int, number: int) -> None:
+        os.lseek(file, number, os.SEEK_SET)
+        msvcrt.locking(file, msvcrt.LK_UNLCK, 1)
+else:
+    import fcntl
+
+    def _lock(file: int, number: int) -> None:
+        fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, number)
+
+    def _unlock(file: int, number: int) -> None:
+        fcntl.lockf(file, fcntl.LOCK_UN, 1, number)
+
+
+class Claims:
+    """One process's claims in a folder: number n is byte n of the folder's lock file, which stays empty.
+
+    The claims are the process's own: its children have none of them, two threads of it do not keep each other out,
+    and on POSIX closing one `Claims` of a folder drops what another one of the same process holds there.
+
+    Raises InputError where the lock file cannot be made, or the file system has no locks.
+    """
+
+    def __init__(self, folder: str | os.PathLike[str]) -> None:
+        self._path = Path(folder) / LOCK_FILE
+        try:
+            self._file = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o666)
+        except OSError as error:
+            raise InputError(f"cannot write {self._path}: {error.strerror}; choose another folder") from None
+
+    @contextmanager
+    def claim(self, number: int) -> Iterator[bool]:
+        """Whether `number` is this process's while the block runs; False, at once, where another process has it."""
+        try:
+            _lock(self._file, number)
+        except OSError as error:
+            # Windows and some network drives say "no permission" where POSIX says "try again".
+            if error.errno not in (errno.EAGAIN, errno.EACCES, errno.EDEADLK):
+                raise InputError(f"{self._path} cannot be locked ({error.strerror}); choose another drive") from None
+            yield False
+            return
+        try:
+            yield True
+        finally:
+            _unlock(self._file, number)
+
+    def close(self) -> None:
+        """Drop every claim."""
+        os.close(self._file)
+
+    def __enter__(self) -> "Claims":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

@@ -1,0 +1,182 @@
+"""Cluster: samples made by the workers of a Dask cluster, each with worker processes of its own."""
+
+import contextlib
+import logging
+import queue
+import threading
+import time
+import uuid
+import warnings
+from collections import deque
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+
+from mpsnet_core import __version__
+from mpsnet_core.errors import InputError
+from mpsnet_core.synthesis.job import JOB_FILE
+from mpsnet_core.synthesis.work import Answer, Answers, Worker
+
+try:
+    from distributed import Client, Future, KilledWorker, WorkerPlugin, get_worker
+except ImportError as error:
+    raise InputError(f'a cluster needs Dask ({error}); install it with: pip install "mpsnet[cluster]"') from None
+
+CONNECT_SECONDS = 10
+LISTEN_SECONDS = 0.2
+HELD_SECONDS = 0.5
+# The scheduler keeps each task that it is given in memory; it needs no more than keep every worker busy.
+TASKS_AHEAD = 2000
+# Whoever asked may be gone without a word: processes that nobody asks end.
+IDLE_SECONDS = 60.0
+
+
+def answers_from_cluster(address: str, command: Sequence[str], folder: Path, numbers: Sequence[int]) -> Answers:
+    """What the workers of the Dask scheduler at `address` answer to `numbers`: a task a sample.
+
+    Raises InputError where the cluster cannot be reached, is lost, or its workers cannot make the job's samples.
+    """
+    if not numbers:
+        return
+    waiting, held = deque(numbers), deque[tuple[float, int]]()
+    pending: dict[int, Future] = {}
+    finished = queue.SimpleQueue[tuple[int, Future]]()
+    with _client(address) as client, _crew(client, command, folder) as crew:
+        try:
+            while waiting or held or pending:
+                while held and held[0][0] <= time.monotonic():
+                    waiting.append(held.popleft()[1])
+                while waiting and len(pending) < TASKS_AHEAD:
+                    number = waiting.popleft()
+                    task = client.submit(
+                        _make, crew, number, key=f"{crew}-{number}-{uuid.uuid4()}", pure=False, priority=-number
+                    )
+                    pending[number] = task
+                    task.add_done_callback(partial(_put, finished, number))
+                try:
+                    number, task = finished.get(timeout=LISTEN_SECONDS)
+                except queue.Empty:
+                    yield None
+                    continue
+                del pending[number]
+                answer = _answer(task, number, address)
+                if answer.state == "held":
+                    held.append((time.monotonic() + HELD_SECONDS, number))
+                else:
+                    yield answer
+        finally:
+            client.cancel(list(pending.values()), force=True)
+
+
+def _put(finished: "queue.SimpleQueue[tuple[int, Future]]", number: int, task: Future) -> None:
+    finished.put((number, task))
+
+
+def _answer(task: Future, number: int, address: str) -> Answer:
+    if task.status == "finished":
+        return task.result()
+    error = task.exception() if task.status == "error" else None
+    if isinstance(error, KilledWorker):
+        return Answer(number, "failed", "the cluster's workers died of it again and again")
+    if isinstance(error, InputError):
+        raise error
+    reason = f" ({error})" if error is not None else ""
+    raise InputError(f"the cluster at {address} was lost{reason}; run again to go on")
+
+
+@contextlib.contextmanager
+def _client(address: str) -> Iterator[Client]:
+    # Dask tells in its log what is told here in a sentence.
+    log = logging.getLogger("distributed")
+    level = log.level
+    log.setLevel(logging.CRITICAL)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            try:
+                client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
+            except (OSError, ValueError, TypeError) as error:
+                reason = " ".join(str(error).split())
+                raise InputError(
+                    f"no Dask scheduler answers at {address} ({reason}); give an address like tcp://host:8786"
+                ) from None
+        with client:
+            versions = client.get_versions()
+            ours = versions["client"]["packages"]["distributed"]
+            for where, facts in {"scheduler": versions["scheduler"], **versions["workers"]}.items():
+                theirs = facts["packages"]["distributed"]
+                if theirs != ours:
+                    raise InputError(
+                        f"the cluster's {where} has Dask's distributed {theirs}, this machine {ours}; install the same"
+                    )
+            yield client
+    finally:
+        log.setLevel(level)
+
+
+@contextlib.contextmanager
+def _crew(client: Client, command: Sequence[str], folder: Path) -> Iterator[str]:
+    """A crew on each of the cluster's workers, present and to come, under a name of its own."""
+    name = f"mpsnet-{uuid.uuid4()}"
+    try:
+        client.register_plugin(_Crew(command, folder), name=name)
+    except ImportError as error:
+        raise InputError(f"the cluster's workers lack mpsnet ({error}); install it on each machine") from None
+    try:
+        yield name
+    finally:
+        client.unregister_worker_plugin(name)
+
+
+def _make(crew: str, number: int) -> Answer:
+    return get_worker().plugins[crew].make(number)
+
+
+class _Crew(WorkerPlugin):
+    """On each Dask worker: processes that make samples, as many as it runs tasks at once, started when needed."""
+
+    def __init__(self, command: Sequence[str], folder: Path) -> None:
+        # A path of this Python need not be one where it arrives.
+        self.command, self.folder, self.version = tuple(command), str(folder), __version__
+
+    def setup(self, worker: object) -> None:
+        self.all: set[Worker] = set()
+        self.idle: deque[tuple[Worker, threading.Timer]] = deque()
+
+    def make(self, number: int) -> Answer:
+        """Raises InputError where this machine cannot make samples of the job."""
+        where = get_worker().address
+        if self.version != __version__:
+            raise InputError(f"the cluster's worker {where} has mpsnet {__version__}, not {self.version}; update it")
+        job = Path(self.folder) / JOB_FILE
+        if not job.is_file():
+            raise InputError(
+                f"the cluster's worker {where} does not see {job}; choose a folder that all its machines reach by the "
+                "same path"
+            )
+        try:
+            worker, timer = self.idle.pop()
+            timer.cancel()
+        except IndexError:
+            worker = Worker(self.command, self.folder)
+            self.all.add(worker)
+        answer = worker.make(number)
+        timer = threading.Timer(IDLE_SECONDS, self._retire, (worker,))
+        timer.daemon = True
+        timer.start()
+        self.idle.append((worker, timer))
+        return answer
+
+    def _retire(self, worker: Worker) -> None:
+        for entry in list(self.idle):
+            if entry[0] is worker:
+                with contextlib.suppress(ValueError):  # it was asked again just now
+                    self.idle.remove(entry)
+                    worker.close()
+                    self.all.discard(worker)
+
+    def teardown(self, worker: object) -> None:
+        for own in list(self.all):
+            own.end()
+        for _, timer in list(self.idle):
+            timer.cancel()

@@ -1,0 +1,187 @@
+"""Contact sheet: samples as a picture for people, a row each, and a folder of them in numbers."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.evaluation.pictures import BACKGROUND, legend, photo_picture, sheet
+from mpsnet_core.images import image_layers, linear_to_srgb, read_image, write_image
+from mpsnet_core.normals import encode
+from mpsnet_core.progress import Progress, silent
+from mpsnet_core.synthesis.sample import Sample, read_sample, read_sample_data
+
+ROWS = 8
+TILE_HEIGHT = 176
+
+Colour = tuple[float, float, float]
+# For none to three lights, told apart also in grey.
+LIT_COLOURS: tuple[Colour, ...] = ((0.16, 0.09, 0.33), (0.72, 0.22, 0.33), (0.95, 0.62, 0.25), (0.99, 0.95, 0.78))
+LIT_WORDS = ("no light", "one light", "two lights", "three lights")
+# Okabe and Ito's colours, which colour-blind people tell apart too.
+MATERIAL_COLOURS: tuple[Colour, ...] = (
+    (0.90, 0.62, 0.00),
+    (0.34, 0.71, 0.91),
+    (0.00, 0.62, 0.45),
+    (0.94, 0.89, 0.26),
+    (0.00, 0.45, 0.70),
+    (0.84, 0.37, 0.00),
+    (0.80, 0.47, 0.65),
+)
+# From this share of its pixels a sample counts as one that shows them.
+SHOWN = 0.01
+
+
+@dataclass(frozen=True)
+class FolderSummary:
+    """What a folder of samples holds.
+
+    count: whole samples. renderers: what made them, and how many each. mean_shares: (4,) mean share of the object's
+    pixels that no, one, two and three lights reach. samples_with: (4,) how many samples have at least 1% of such
+    pixels. skipped: a sentence for each file that is no whole sample.
+    """
+
+    count: int
+    renderers: dict[str, int]
+    mean_shares: tuple[float, ...]
+    samples_with: tuple[int, ...]
+    skipped: list[str] = field(default_factory=list)
+
+    def __str__(self) -> str:
+        if not self.count:
+            return "no samples"
+        makers = ", ".join(f"{count} by {renderer}" for renderer, count in sorted(self.renderers.items()))
+        shares = [
+            f"{words} {share:.1%} (in {count} samples)"
+            for words, share, count in zip(LIT_WORDS, self.mean_shares, self.samples_with, strict=True)
+        ]
+        return f"{self.count} samples, {makers}\npixels reached by {', '.join(reversed(shares))}"
+
+
+def folder_samples(folder: str | os.PathLike[str]) -> list[Path]:
+    """The EXR files of a folder, in order; they may be samples under any name. Raises InputError where it has none."""
+    files = sorted(file for file in Path(folder).glob("*.exr") if not file.name.startswith("."))
+    if not files:
+        raise InputError(f"folder {folder} holds no samples (.exr); make some with mpsnet synthesize, or in Blender")
+    return files
+
+
+def is_sample(path: str | os.PathLike[str]) -> bool:
+    """Whether a file, maybe a damaged one, is a sample rather than a photo. Raises InputError where it is no image."""
+    return "light1" in image_layers(path)
+
+
+def summarise(files: Sequence[str | os.PathLike[str]], progress: Progress = silent) -> FolderSummary:
+    """Samples in numbers, by their descriptions alone; broken and foreign files are named, skipped and counted."""
+    renderers: dict[str, int] = {}
+    shares: list[Sequence[float]] = []
+    skipped: list[str] = []
+    for place, file in enumerate(files):
+        progress(place / len(files), f"reading {Path(file).name}")
+        try:
+            data = read_sample_data(file)
+        except InputError as error:
+            skipped.append(str(error))
+            continue
+        renderers[data["renderer"]] = renderers.get(data["renderer"], 0) + 1
+        shares.append(data["lit_fractions"])
+    table = np.array(shares, np.float64).reshape(-1, 4)
+    mean = table.mean(axis=0) if len(table) else np.zeros(4)
+    return FolderSummary(
+        len(table), renderers, tuple(mean.tolist()), tuple((table >= SHOWN).sum(axis=0).tolist()), skipped
+    )
+
+
+def spread(files: Sequence[Path], count: int) -> list[Path]:
+    """At most `count` of the files, evenly from first to last."""
+    if len(files) <= count:
+        return list(files)
+    return [files[round(place)] for place in np.linspace(0, len(files) - 1, count)]
+
+
+def contact_sheet(files: Sequence[Path], count: int = ROWS) -> NDArray[np.float32] | None:
+    """(H, W, 3) display values: up to `count` of the files, evenly spread, a row each; None where none is a sample.
+
+    A file that is no whole sample gives its place to the next one that is.
+    """
+    tiles: list[tuple[str, NDArray[np.float32]]] = []
+    shown: set[Path] = set()
+    for wanted in spread(files, count):
+        for file in files[files.index(wanted) :]:
+            if file in shown:
+                break
+            try:
+                tiles += sample_row(file.stem, read_sample(file))
+            except InputError:
+                continue
+            shown.add(file)
+            break
+    if not tiles:
+        return None
+    picture = sheet(tiles, len(tiles) // len(shown), TILE_HEIGHT)
+    words = legend(list(zip(LIT_COLOURS[::-1], LIT_WORDS[::-1], strict=True)), picture.shape[1])
+    return np.concatenate([picture, words])
+
+
+def show(samples: Sequence[Path], photos: Sequence[Path], count: int = ROWS) -> NDArray[np.float32]:
+    """(H, W, 3) display values: the contact sheet of the samples, and a row for each photo below it.
+
+    Raises InputError where a photo cannot be read, or nothing is a whole sample or a photo.
+    """
+    rows = [contact_sheet(samples, count)] if samples else []
+    rows += [sheet(photo_row(photo), 5, TILE_HEIGHT) for photo in photos]
+    pictures = [row for row in rows if row is not None]
+    if not pictures:
+        raise InputError(f"{samples[0].parent} holds no whole sample; make some anew")
+    width = max(picture.shape[1] for picture in pictures)
+    edges = [((0, 0), (0, width - picture.shape[1]), (0, 0)) for picture in pictures]
+    return np.concatenate(
+        [np.pad(picture, edge, constant_values=BACKGROUND) for picture, edge in zip(pictures, edges, strict=True)]
+    )
+
+
+def photo_row(path: Path) -> list[tuple[str, NDArray[np.float32]]]:
+    """A photo's tiles: itself, each of its channels, and where it has alpha its mask. Raises InputError."""
+    image = read_image(path)
+    inside = image.alpha > 0.5 if image.alpha is not None and (image.alpha > 0.5).any() else None
+    photo = photo_picture(image.pixels, inside)
+    tiles = [(path.stem[-18:], photo)]
+    tiles += [(name, np.repeat(photo[..., k, None], 3, axis=2)) for k, name in enumerate(("red", "green", "blue"))]
+    if inside is not None:
+        tiles.append(("mask", np.repeat(inside[..., None], 3, axis=2).astype(np.float32)))
+    return tiles
+
+
+def sample_row(name: str, sample: Sample) -> list[tuple[str, NDArray[np.float32]]]:
+    """A sample's tiles: each light alone, an ideal rig's multiplexed photo, normals, lights reaching, materials."""
+    inside = sample.alpha > 0.5
+    # One exposure for all, as they add up to one photo.
+    brightest = sample.lights.max(axis=(0, 3))[inside]
+    white = max(float(np.percentile(brightest, 99)) if brightest.size else 0.0, 1e-6)
+    lights = linear_to_srgb(sample.lights / white).astype(np.float32)
+    photo = np.stack([lights[k, ..., k] for k in range(3)], axis=-1)
+    reaching = (sample.lit >= 0.5).sum(axis=0)
+    number = np.where(sample.material < 0, -1, sample.material % len(MATERIAL_COLOURS))
+    kind = sample.recipe.shape.get("kind", "")
+    return [
+        (f"{name.removeprefix('sample_')[-10:]} {kind}", lights[0]),
+        ("light 2", lights[1]),
+        ("light 3", lights[2]),
+        ("photo", photo),
+        ("normals", _on_background(encode(sample.normals), inside)),
+        ("lights reaching", _on_background(np.array(LIT_COLOURS, np.float32)[reaching], inside)),
+        ("materials", _on_background(np.array(MATERIAL_COLOURS, np.float32)[number], inside & (number >= 0))),
+    ]
+
+
+def _on_background(picture: NDArray[np.float32], inside: NDArray[np.bool_]) -> NDArray[np.float32]:
+    return np.where(inside[..., None], picture, np.float32(BACKGROUND))
+
+
+def write_sheet(path: str | os.PathLike[str], picture: NDArray[np.float32]) -> None:
+    """Write a contact sheet as a PNG or TIFF of 8 bits, whole or not at all."""
+    write_image(path, picture, bits=8, color_space="sRGB")

@@ -1,0 +1,246 @@
+"""Farm: many workers, on this machine or on a Dask cluster, who make a job's samples."""
+
+import itertools
+import os
+import queue
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.files import writable_path
+from mpsnet_core.progress import Progress, silent
+from mpsnet_core.synthesis.claims import Claims
+from mpsnet_core.synthesis.contact_sheet import contact_sheet, write_sheet
+from mpsnet_core.synthesis.job import FOLDER_CLAIM, SampleJob, place_job, sample_path, samples_there
+from mpsnet_core.synthesis.work import THIS_PYTHON, Answer, Answers, Worker, WorkerLost, clear_unfinished
+
+CONTACT_SHEET = "contact_sheet.png"
+SYNTHESIS_COMMAND = (THIS_PYTHON, "-m", "mpsnet_core", "work")
+# So many failures with nothing made between them, and the rest would fail as well.
+FAILURES_IN_A_ROW = 20
+
+LISTEN_SECONDS = 0.2
+HELD_SECONDS = 0.3
+SHEET_SECONDS = 5.0
+# The growing contact sheet may take this share of the time.
+SHEET_SHARE = 0.03
+
+
+@dataclass
+class Harvest:
+    """What a run brought. made: samples made by it. there: samples that were there already, or made by another run.
+    failed: the sentence of each sample that could not be made."""
+
+    made: int = 0
+    there: int = 0
+    failed: dict[int, str] = field(default_factory=dict)
+
+
+def blender_command(blender: str = "") -> tuple[str, ...]:
+    """What starts a worker that renders: the Blender program `blender`, or else this Python's own bpy."""
+    if blender:
+        return blender, "-b", "--command", "mpsnet", "work"
+    return THIS_PYTHON, "-m", "blender_addon", "work"
+
+
+def make_samples(
+    folder: str | os.PathLike[str],
+    job: SampleJob,
+    command: Sequence[str] = SYNTHESIS_COMMAND,
+    *,
+    processes: int = 0,
+    cluster: str = "",
+    progress: Progress = silent,
+) -> Harvest:
+    """Make the samples of `job` that `folder` does not hold yet, and keep its contact sheet growing.
+
+    command: starts a worker (:mod:`mpsnet_core.synthesis.work`). processes: workers on this machine, 0 for as many as
+    there are cores. cluster: address of a Dask scheduler, whose workers do it instead; they must reach the folder by
+    the same path.
+
+    However it ends, the samples that are there are whole, and the same call goes on from them. Runs that share a
+    folder share the work.
+
+    Raises InputError where the folder holds another job, no worker can be started, all samples fail or the cluster
+    cannot be used.
+    """
+    if processes < 0:
+        raise InputError(f"{processes} processes cannot be; choose 1 or more, or 0 for as many as there are cores")
+    folder = Path(folder).resolve()
+    place_job(folder, job)
+    writable_path(folder / CONTACT_SHEET)
+    clear_unfinished(folder)
+    there = samples_there(folder)
+    numbers = [number for number in range(job.count) if number not in there]
+    # Neighbours that show the same shape go to the same worker, who builds it once.
+    runs = [tuple(run) for _, run in itertools.groupby(numbers, lambda number: number // job.views)]
+    tally = _Tally(job.count, job.count - len(numbers), progress)
+    sheet = _GrowingSheet(folder)
+    if cluster:
+        from mpsnet_core.synthesis.cluster import answers_from_cluster
+
+        answers = answers_from_cluster(cluster, command, folder, numbers)
+    else:
+        processes = min(processes or cores(), max(len(runs), 1))
+        answers = _answers_from_here(command, folder, runs, processes)
+    try:
+        tally.tell()
+        with closing(answers):
+            for answer in answers:
+                if answer is not None:
+                    tally.add(answer)
+                tally.tell()
+                sheet.grow(tally.harvest.made)
+    finally:
+        clear_unfinished(folder)
+    sheet.finish(tally.harvest.made)
+    return tally.harvest
+
+
+def cores() -> int:
+    """How many cores this process may use."""
+    if sys.platform == "linux":
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+# --- this machine -----------------------------------------------------------------------------------------------------
+
+
+def _answers_from_here(command: Sequence[str], folder: Path, runs: Iterable[Sequence[int]], processes: int) -> Answers:
+    waiting, answers, stop = deque(runs), queue.SimpleQueue[Answer | Exception](), threading.Event()
+    workers = [Worker(command, folder, max(1, cores() // processes)) for _ in range(processes)]
+    threads = [
+        threading.Thread(target=_drive, args=(worker, waiting, answers.put, stop), daemon=True) for worker in workers
+    ]
+    try:
+        for thread in threads:
+            thread.start()
+        while any(thread.is_alive() for thread in threads) or not answers.empty():
+            try:
+                answer = answers.get(timeout=LISTEN_SECONDS)
+            except queue.Empty:
+                yield None
+                continue
+            if isinstance(answer, Exception):
+                raise answer
+            yield answer
+    finally:
+        stop.set()
+        for worker in workers:
+            worker.end()
+        for thread in threads:
+            if thread.ident is not None:
+                thread.join()
+
+
+def _drive(
+    worker: Worker,
+    waiting: "deque[Sequence[int]]",
+    tell: Callable[[Answer | Exception], None],
+    stop: threading.Event,
+) -> None:
+    """Have one worker make run after run, and at the end look again at what other processes held."""
+    held: deque[int] = deque()
+    try:
+        while not stop.is_set():
+            try:
+                run: Sequence[int] = waiting.popleft()
+            except IndexError:
+                if not held or stop.wait(HELD_SECONDS):
+                    break
+                run = (held.popleft(),)
+            for number in run:
+                answer = worker.make(number)
+                if answer.state == "held":
+                    held.append(number)
+                else:
+                    tell(answer)
+        worker.close()
+    except WorkerLost:  # ended while it worked
+        return
+    except Exception as error:  # noqa: BLE001 - it is raised again where the answers are read
+        tell(error)
+
+
+# --- what is told on the way ------------------------------------------------------------------------------------------
+
+
+class _Tally:
+    """Counts answers, and tells how far the job is."""
+
+    def __init__(self, count: int, there: int, progress: Progress) -> None:
+        self.harvest = Harvest(there=there)
+        self._count, self._progress = count, progress
+        self._start, self._before = time.monotonic(), there
+        self._failures_in_a_row = 0
+
+    def add(self, answer: Answer) -> None:
+        """Raises InputError where nothing but failures comes."""
+        if answer.state == "failed":
+            self.harvest.failed[answer.number] = answer.error
+            self._failures_in_a_row += 1
+            if self._failures_in_a_row == FAILURES_IN_A_ROW:
+                raise InputError(
+                    f"stopped after {FAILURES_IN_A_ROW} samples in a row that could not be made; "
+                    f"sample {answer.number}: {answer.error}"
+                )
+            return
+        self._failures_in_a_row = 0
+        if answer.state == "made":
+            self.harvest.made += 1
+        else:
+            self.harvest.there += 1
+
+    def tell(self) -> None:
+        done = self.harvest.made + self.harvest.there + len(self.harvest.failed)
+        message = f"{done} of {self._count}"
+        if self._before < done < self._count:
+            seconds = (time.monotonic() - self._start) / (done - self._before) * (self._count - done)
+            message += f", {duration(seconds)} left"
+        if self.harvest.failed:
+            message += f", {len(self.harvest.failed)} failed"
+        self._progress(done / self._count, message)
+
+
+def duration(seconds: float) -> str:
+    """A duration in words of a few letters: "40 s", "12 min", "3 h 20 min"."""
+    if seconds < 99.5:
+        return f"{max(1, round(seconds))} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 100 else f"{minutes // 60} h {minutes % 60} min"
+
+
+class _GrowingSheet:
+    """The folder's contact sheet, drawn anew now and then."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._shown, self._next = 0, 0.0
+
+    def grow(self, made: int) -> None:
+        """Draw it where there is something new to see and the last one was some time ago."""
+        if made > self._shown and time.monotonic() >= self._next:
+            start = time.monotonic()
+            self._draw(made)
+            now = time.monotonic()
+            self._next = now + max(SHEET_SECONDS, (now - start) / SHEET_SHARE)
+
+    def finish(self, made: int) -> None:
+        if made > self._shown or not (self._folder / CONTACT_SHEET).exists():
+            self._draw(made)
+
+    def _draw(self, made: int) -> None:
+        self._shown = made
+        picture = contact_sheet([sample_path(self._folder, number) for number in sorted(samples_there(self._folder))])
+        if picture is None:
+            return
+        with Claims(self._folder) as claims, claims.claim(FOLDER_CLAIM) as ours:
+            if ours:  # another run that writes one shows the same samples
+                write_sheet(self._folder / CONTACT_SHEET, picture)

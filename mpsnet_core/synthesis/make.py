@@ -1,0 +1,29 @@
+"""Making a sample without Blender, from its number to its file."""
+
+import json
+from functools import lru_cache
+from pathlib import Path
+
+from mpsnet_core.synthesis.drawing import draw_recipe
+from mpsnet_core.synthesis.job import SampleJob
+from mpsnet_core.synthesis.reflectance import load_reflectance
+from mpsnet_core.synthesis.sample import write_sample
+from mpsnet_core.synthesis.shading import synthesise
+from mpsnet_core.synthesis.shapes import Shape, build_shape
+
+
+def make_sample(job: SampleJob, number: int, path: Path) -> None:
+    """Draw, build, shade and write sample `number` of `job`, whole or not at all.
+
+    Raises InputError where a mesh or a measured material cannot be read, or the file cannot be written.
+    """
+    recipe = draw_recipe(job, number)
+    shape = _shape(json.dumps(recipe.shape, sort_keys=True), job.meshes)
+    reflectances = [load_reflectance(material, job.merl) for material in recipe.materials]
+    write_sample(path, synthesise(recipe, shape, reflectances, job.supersampling))
+
+
+# Several views in a row show the same shape.
+@lru_cache(maxsize=1)
+def _shape(description: str, meshes: str) -> Shape:
+    return build_shape(json.loads(description), meshes)
