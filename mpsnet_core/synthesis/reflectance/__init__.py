@@ -1,1 +1,87 @@
-"""Reflectance: how much of the light from one direction a surface sends into another."""
+"""Reflectance: how much of the light from one direction a surface sends into another.
+
+Principled materials, measured ones (MERL) and fits to measured ones. Arrays in, arrays out.
+"""
+
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.synthesis.recipe import Colour, Material
+from mpsnet_core.synthesis.reflectance.fits import MerlFit, read_fits
+from mpsnet_core.synthesis.reflectance.merl import MerlTable, read_merl
+from mpsnet_core.synthesis.reflectance.principled import PrincipledBsdf
+
+__all__ = ["MerlFit", "MerlTable", "PrincipledBsdf", "Reflectance", "load_reflectance", "material_names"]
+
+# Tables of 17 MB kept by each process.
+_TABLES = 16
+
+
+class Reflectance(Protocol):
+    """A BRDF. Called with unit vectors from the surface: its normals, to the lights, to the viewer; (N, 3) each.
+
+    paint: (N, 3) factors of the base colour (principled) or of the reflectance (measured), none where None.
+    Returns the BRDF without the cosine, (N, 3) float32 in 1/sr for linear R, G and B; at least 0 and finite, 0 where
+    the light or the viewer is not above the surface.
+    """
+
+    def __call__(
+        self,
+        normals: NDArray[Any],
+        lights: NDArray[Any],
+        views: NDArray[Any],
+        paint: NDArray[Any] | None = None,
+    ) -> NDArray[np.float32]: ...
+
+
+def load_reflectance(material: Material, merl: str = "") -> Reflectance:
+    """The reflectance of a material. merl: the folder of ``.binary`` files or the ``.npz`` of fits that it comes from.
+
+    Files are read once and kept for later calls. Raises InputError where a file or a material is missing or damaged.
+    """
+    if material.kind == "principled":
+        return PrincipledBsdf(material)
+    if not merl:
+        raise InputError(f"the material {material.source!r} is measured; say where the measured materials are (merl)")
+    if material.kind == "merl":
+        return _tinted(_table(str(Path(merl) / material.source)), material.tint)
+    fits = _fits(merl)
+    if material.source not in fits:
+        raise InputError(f"{merl} has no material {material.source!r}; give the file that the samples began with")
+    return _tinted(fits[material.source], material.tint)
+
+
+def material_names(merl: str) -> list[tuple[Literal["merl", "fit"], str]]:
+    """Kind and source of every measured material in a folder of ``.binary`` files or an ``.npz`` of fits, sorted.
+
+    Raises InputError where there is no such folder or file, or it holds none.
+    """
+    path = Path(merl)
+    if not path.is_dir():
+        return [("fit", name) for name in sorted(_fits(merl))]
+    names = sorted(entry.name for entry in path.iterdir() if entry.suffix == ".binary" and entry.is_file())
+    if not names:
+        raise InputError(f"the folder {path} holds no .binary files; choose the one with MERL's materials")
+    return [("merl", name) for name in names]
+
+
+def _tinted(reflectance: Reflectance, tint: Colour) -> Reflectance:
+    if tint == (1.0, 1.0, 1.0):
+        return reflectance
+    factor = np.asarray(tint, np.float32)
+    return lambda normals, lights, views, paint=None: reflectance(normals, lights, views, paint) * factor
+
+
+@lru_cache(maxsize=_TABLES)
+def _table(path: str) -> MerlTable:
+    return read_merl(path)
+
+
+@lru_cache(maxsize=2)
+def _fits(path: str) -> dict[str, MerlFit]:
+    return read_fits(path)

@@ -1,0 +1,95 @@
+"""Fits to MERL: a small network for each material of the database, all in one ``.npz`` file.
+
+Sztrajman, Rainer, Ritschel and Weyrich, "Neural BRDF Representation and Importance Sampling", Computer Graphics Forum
+2021. What these give are fits to MERL, not MERL.
+"""
+
+import os
+import zipfile
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.files import existing_file
+from mpsnet_core.synthesis.reflectance.hemisphere import above_surface
+from mpsnet_core.synthesis.reflectance.rusinkiewicz import rusinkiewicz_angles
+
+# Weights and biases of three layers, (materials, inputs, outputs) and (materials, outputs).
+_LAYERS = {"fc1": (6, 21), "b1": (21,), "fc2": (21, 21), "b2": (21,), "fc3": (21, 3), "b3": (3,)}
+_MAX_BYTES = 64 << 20
+# exp(11) / sr is far above any material of the database and below the largest half float.
+_MAX_EXPONENT = 11.0
+
+
+class MerlFit:
+    """One material's fit, called as a :class:`~mpsnet_core.synthesis.reflectance.Reflectance`.
+
+    layers: weights and biases, one after the other, of three layers: half vector and difference vector (azimuth of the
+    half vector 0) to 21, to 21, to RGB; rectified between, and exp(x) - 1 at the end, at least 0. Reciprocal by
+    construction, like the table that it fits. paint multiplies the reflectance.
+    """
+
+    def __init__(self, *layers: NDArray[np.float32]) -> None:
+        self._layers = layers
+
+    def __call__(
+        self,
+        normals: NDArray[Any],
+        lights: NDArray[Any],
+        views: NDArray[Any],
+        paint: NDArray[Any] | None = None,
+    ) -> NDArray[np.float32]:
+        return above_surface(self._evaluate, normals, lights, views, paint)
+
+    def _evaluate(
+        self,
+        normals: NDArray[np.float32],
+        lights: NDArray[np.float32],
+        views: NDArray[np.float32],
+        paint: NDArray[np.float32] | None,
+    ) -> NDArray[np.float32]:
+        theta_half, theta_difference, phi_difference = rusinkiewicz_angles(normals, lights, views)
+        azimuth = np.where(phi_difference < 0, phi_difference + np.float32(np.pi), phi_difference)
+        off_half = np.sin(theta_difference)
+        inputs = np.zeros((len(normals), 6), np.float32)
+        inputs[:, 0] = np.sin(theta_half)
+        inputs[:, 2] = np.cos(theta_half)
+        inputs[:, 3] = off_half * np.cos(azimuth)
+        inputs[:, 4] = off_half * np.sin(azimuth)
+        inputs[:, 5] = np.cos(theta_difference)
+        fc1, b1, fc2, b2, fc3, b3 = self._layers
+        hidden = np.maximum(inputs @ fc1 + b1, 0)
+        hidden = np.maximum(hidden @ fc2 + b2, 0)
+        result = np.maximum(np.expm1(np.minimum(hidden @ fc3 + b3, np.float32(_MAX_EXPONENT))), 0)
+        return result if paint is None else result * paint
+
+
+def read_fits(path: str | os.PathLike[str]) -> dict[str, MerlFit]:
+    """Read a file of fits to MERL: material names, in the file's order, and their reflectance.
+
+    The file is an ``.npz`` with "names" (M,) and, for each material, "fc1" (M, 6, 21), "b1" (M, 21), "fc2" (M, 21, 21),
+    "b2" (M, 21), "fc3" (M, 21, 3) and "b3" (M, 3). Raises InputError where it is missing, damaged or another file.
+    """
+    path = existing_file(path, "file of fits to MERL")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            size = sum(entry.file_size for entry in archive.infolist())
+        if size > _MAX_BYTES:
+            raise InputError(f"{path} unpacks to {size} bytes and so is no file of fits to MERL; choose another")
+        with np.load(path, allow_pickle=False) as data:
+            names = data["names"]
+            layers = [data[key] for key in _LAYERS]
+    except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile) as error:
+        raise InputError(f"{path} is no file of fits to MERL ({error}); choose an .npz of them") from None
+    if names.ndim != 1 or names.dtype.kind != "U" or len(set(names.tolist())) != len(names) or not len(names):
+        raise InputError(f'{path} is no file of fits to MERL: its "names" are not a list of distinct names')
+    for (key, shape), layer in zip(_LAYERS.items(), layers, strict=True):
+        if layer.shape != (len(names), *shape):
+            expected = " by ".join(map(str, (len(names), *shape)))
+            raise InputError(f'{path} is no file of fits to MERL: its "{key}" is {layer.shape}, expected {expected}')
+        if layer.dtype.kind != "f" or not np.isfinite(layer).all():
+            raise InputError(f'{path} is damaged: its "{key}" holds values that are not finite numbers; fetch it again')
+    layers = [layer.astype(np.float32) for layer in layers]
+    return {str(name): MerlFit(*(layer[m] for layer in layers)) for m, name in enumerate(names)}

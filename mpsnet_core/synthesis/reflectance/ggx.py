@@ -1,0 +1,145 @@
+"""GGX: the microfacet reflection of Cycles' Principled BSDF, and how much light it reflects in all.
+
+Roughness is the artist's; the distribution's own width alpha is its square.
+
+Walter et al., "Microfacet Models for Refraction through Rough Surfaces", EGSR 2007; Heitz, "Understanding the
+Masking-Shadowing Function in Microfacet-Based BRDFs", JCGT 2014; light scattered more than once: Kulla and Conty,
+"Revisiting Physically Based Shading at Imageworks", SIGGRAPH course 2017.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+# Below this alpha a highlight under a point light is narrower than float32 tells directions apart.
+MIN_ALPHA = 1e-4
+_MIN_COSINE = 1e-6
+
+# Nodes of the albedo tables, those of Cycles, which interpolates between them linearly as is done here.
+_ALBEDO_NODES = 32
+_FRESNEL_NODES = 16
+
+
+def ggx(
+    alpha: float, sine_squared: NDArray[np.float32], cos_light: NDArray[np.float32], cos_view: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Reflectance (N,) in 1/sr of mirror-like facets, without Fresnel: D G / (4 cos cos).
+
+    sine_squared: (N,) of the angle between normal and half vector; a sine, because its cosine is too near 1 to tell
+    narrow highlights apart. Reciprocal.
+    """
+    squared = np.float32(max(alpha, MIN_ALPHA) ** 2)
+    cos_light, cos_view = np.maximum(cos_light, _MIN_COSINE), np.maximum(cos_view, _MIN_COSINE)
+    slope = sine_squared + squared * (1 - sine_squared)
+    masking = cos_light * np.sqrt(squared + (1 - squared) * cos_view * cos_view)
+    masking += cos_view * np.sqrt(squared + (1 - squared) * cos_light * cos_light)
+    return squared / (np.float32(2 * np.pi) * slope * slope * masking)
+
+
+def fresnel_dielectric(cosine: NDArray[Any], ior: NDArray[Any] | float) -> NDArray[Any]:
+    """Share of unpolarised light that a smooth boundary of relative index `ior` reflects, 1 at total reflection."""
+    inside = ior * ior - 1 + cosine * cosine
+    g = np.sqrt(np.maximum(inside, 0))
+    a = (g - cosine) / np.maximum(g + cosine, 1e-12)
+    b = (cosine * (g + cosine) - 1) / (cosine * (g - cosine) + 1)
+    return np.where(inside > 0, 0.5 * a * a * (1 + b * b), 1)
+
+
+def reflectance_of_ior(ior: float) -> float:
+    """Reflected share at normal incidence."""
+    return ((ior - 1) / (ior + 1)) ** 2
+
+
+def ior_of_reflectance(f0: float) -> float:
+    """The index above 1 with the reflected share f0 at normal incidence (up to 0.99)."""
+    root = min(max(f0, 0.0), 0.99) ** 0.5
+    return (1 + root) / (1 - root)
+
+
+def fresnel_average(ior: float) -> float:
+    """Mean of :func:`fresnel_dielectric` over a hemisphere of light."""
+    cosines = (np.arange(256) + 0.5) / 256
+    return float(2 * (cosines * fresnel_dielectric(cosines, ior)).mean())
+
+
+def albedo(roughness: float, cosines: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Share of light from everywhere that mirror facets let go after one reflection, by the view's cosine.
+
+    Returns the share for view cosines (K,), and its mean over all views.
+    """
+    single, average, _ = _tables()
+    at_roughness = _between(single, roughness)
+    return np.interp(cosines, np.linspace(0, 1, _ALBEDO_NODES), at_roughness), float(_between(average, roughness))
+
+
+def further_reflections(facets: Any, average: float) -> Any:
+    """Share that more reflections let go of the light that the first does not, over the facets' own reflectance.
+
+    facets: mean reflectance of the facets. average: mean albedo of mirror facets. Kulla and Conty's estimate.
+    """
+    return facets * average / (1 - facets * (1 - average))
+
+
+def fresnel_share(roughness: float, ior: float, cosines: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How far (0 to 1) the mean Fresnel reflection over the visible facets lies from normal incidence to 1: (K,)."""
+    table = _between(_between(_tables()[2], abs(reflectance_of_ior(ior)) ** 0.25), roughness)
+    return np.interp(cosines, np.linspace(0, 1, _FRESNEL_NODES), table)
+
+
+def _between(table: NDArray[np.float64], position: float) -> NDArray[np.float64]:
+    # The table at a position from 0 to 1 along its first axis.
+    place = min(max(position, 0.0), 1.0) * (len(table) - 1)
+    below = min(int(place), len(table) - 2)
+    return table[below] + (place - below) * (table[below + 1] - table[below])
+
+
+@lru_cache(maxsize=1)
+def _tables() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    # (roughness, view) and (roughness,) albedos of mirror facets; (ior, roughness, view) Fresnel shares, where the
+    # index goes by the fourth root of its f0.
+    nodes = np.linspace(0, 1, _ALBEDO_NODES).clip(1e-4)
+    rays = _reflected(nodes[:, None, None], nodes[:, None])
+    single = rays.weight.mean(axis=-1)
+    fine = (np.arange(64) + 0.5) / 64
+    average = 2 * (_reflected(nodes[:, None, None], fine[:, None]).weight.mean(axis=-1) * fine).mean(axis=-1)
+
+    nodes = np.linspace(0, 1, _FRESNEL_NODES).clip(1e-4)
+    rays = _reflected(nodes[:, None, None], nodes[:, None])
+    share = np.empty((_FRESNEL_NODES, _FRESNEL_NODES, _FRESNEL_NODES))
+    for k, node in enumerate(nodes.clip(max=0.99)):
+        f0 = node**4
+        fresnel = (fresnel_dielectric(rays.cosine, ior_of_reflectance(f0)) - f0) / (1 - f0)
+        share[k] = (fresnel.clip(0, 1) * (rays.weight > 0)).mean(axis=-1)
+    return single, average, share
+
+
+@dataclass(frozen=True)
+class _Rays:
+    # Facets seen from a view, equally often: the cosine on the facet, and the share of its light that gets away.
+    cosine: NDArray[np.float64]
+    weight: NDArray[np.float64]
+
+
+def _reflected(roughness: NDArray[np.float64], cosine: NDArray[np.float64]) -> _Rays:
+    # Heitz, "Sampling the GGX Distribution of Visible Normals", JCGT 2018, on a fixed grid over half of the disk: the
+    # other half mirrors it. The view lies in the plane y = 0.
+    alpha = np.maximum(roughness**2, MIN_ALPHA)
+    radius = np.sqrt((np.arange(24) + 0.5) / 24)[:, None]
+    turn = ((np.arange(16) + 0.5) / 16 - 0.5) * np.pi
+    across, up = (radius * np.cos(turn)).ravel(), (radius * np.sin(turn)).ravel()
+    sine = np.sqrt(np.maximum(1 - cosine**2, 0))
+    length = np.hypot(alpha * sine, cosine)
+    x, z = alpha * sine / length, cosine / length
+    up = (1 - z) / 2 * np.sqrt(1 - across**2) + (1 + z) / 2 * up
+    out = np.sqrt(np.maximum(1 - across**2 - up**2, 0))
+    facet = np.stack(np.broadcast_arrays(alpha * (x * out - z * up), alpha * across, np.maximum(z * out + x * up, 0)))
+    facet /= np.sqrt((facet**2).sum(axis=0))
+    on_facet = facet[0] * sine + facet[2] * cosine
+    leaving = 2 * on_facet * facet[2] - cosine
+    above = np.maximum(leaving, 1e-6)
+    stretch = np.sqrt(1 + alpha**2 * (1 / cosine**2 - 1)), np.sqrt(1 + alpha**2 * (1 / above**2 - 1))
+    weight = (1 + stretch[0]) / (stretch[0] + stretch[1])
+    return _Rays(on_facet.clip(0, 1), np.where(leaving > 0, weight, 0))

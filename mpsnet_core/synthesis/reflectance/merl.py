@@ -1,0 +1,110 @@
+"""MERL: measured isotropic reflectance from the database's ``.binary`` files.
+
+Matusik, Pfister, Brand and McMillan, "A Data-Driven Reflectance Model", SIGGRAPH 2003.
+"""
+
+import os
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.files import existing_file
+from mpsnet_core.synthesis.reflectance.hemisphere import above_surface
+from mpsnet_core.synthesis.reflectance.rusinkiewicz import rusinkiewicz_angles
+
+# Half angle (by its square root: fine near the highlight), difference angle, difference azimuth (0 to pi).
+BINS = (90, 90, 180)
+SCALE = np.array([1.00, 1.15, 1.66]) / 1500
+_HEADER_BYTES = 12
+_FILE_BYTES = _HEADER_BYTES + 3 * 8 * BINS[0] * BINS[1] * BINS[2]
+
+
+class MerlTable:
+    """A measured reflectance, called as a :class:`~mpsnet_core.synthesis.reflectance.Reflectance`.
+
+    values: (90, 90, 180, 3) float32 in 1/sr at the bins' centres, over half angle, difference angle and difference
+    azimuth. Looked up linearly between the centres in all three; reciprocal by construction, since the file holds half
+    of the azimuths and light and viewer swap in the other half. paint multiplies the reflectance.
+    """
+
+    def __init__(self, values: NDArray[np.float32]) -> None:
+        # The azimuth is periodic: a bin more at either end, so that neighbours are always one step apart.
+        self._rows = np.concatenate([values[:, :, -1:], values, values[:, :, :1]], axis=2).reshape(-1, 3)
+
+    def __call__(
+        self,
+        normals: NDArray[Any],
+        lights: NDArray[Any],
+        views: NDArray[Any],
+        paint: NDArray[Any] | None = None,
+    ) -> NDArray[np.float32]:
+        return above_surface(self._evaluate, normals, lights, views, paint)
+
+    def _evaluate(
+        self,
+        normals: NDArray[np.float32],
+        lights: NDArray[np.float32],
+        views: NDArray[np.float32],
+        paint: NDArray[np.float32] | None,
+    ) -> NDArray[np.float32]:
+        theta_half, theta_difference, phi_difference = rusinkiewicz_angles(normals, lights, views)
+        quarter = np.float32(np.pi / 2)
+        half, half_share = _between(np.sqrt(theta_half / quarter) * BINS[0] - 0.5, BINS[0])
+        difference, difference_share = _between(theta_difference / quarter * BINS[1] - 0.5, BINS[1])
+        azimuth = np.where(phi_difference < 0, phi_difference + np.float32(np.pi), phi_difference)
+        turn, turn_share = _between(azimuth * np.float32(BINS[2] / np.pi) + 0.5, BINS[2] + 2)
+        turns = BINS[2] + 2
+        corner = (half * BINS[1] + difference) * turns + turn
+        result = np.zeros((len(normals), 3), np.float32)
+        for half_step, half_weight in ((0, 1 - half_share), (BINS[1] * turns, half_share)):
+            for step, weight in ((0, 1 - difference_share), (turns, difference_share)):
+                both = half_weight * weight
+                first = corner + (half_step + step)
+                result += (both * (1 - turn_share))[:, None] * np.take(self._rows, first, axis=0)
+                result += (both * turn_share)[:, None] * np.take(self._rows, first + 1, axis=0)
+        return result if paint is None else result * paint
+
+
+def _between(position: NDArray[Any], count: int) -> tuple[NDArray[np.intp], NDArray[Any]]:
+    # The bin below a position and the share of the next one; outside the centres the outermost bins go on.
+    position = np.clip(position, 0, count - 1)
+    below = np.minimum(position.astype(np.intp), count - 2)
+    return below, position - below
+
+
+def read_merl(path: str | os.PathLike[str]) -> MerlTable:
+    """Read a ``.binary`` file of the MERL database, 17 MB of memory.
+
+    Negative samples mark directions that were not measured, most of them below the surface: each takes the value of
+    the nearest smaller difference angle that was, so that lookups beside them stay sound.
+
+    Raises InputError where the file is missing, of another size or another kind, or holds no sample at all.
+    """
+    path = existing_file(path, "MERL file")
+    size = path.stat().st_size
+    if size != _FILE_BYTES:
+        raise InputError(f"{path} has {size} bytes, a MERL .binary file has {_FILE_BYTES}; fetch it again")
+    with path.open("rb") as file:
+        bins = tuple(int(count) for count in np.frombuffer(file.read(_HEADER_BYTES), "<i4"))
+        if bins != BINS:
+            raise InputError(f"{path} is no MERL .binary file: it begins with {bins} instead of {BINS}; choose another")
+        values = np.empty((*BINS, 3), np.float32)
+        for channel in range(3):
+            plane = np.frombuffer(file.read((_FILE_BYTES - _HEADER_BYTES) // 3), "<f8").reshape(BINS)
+            values[..., channel] = plane * SCALE[channel]
+    measured: NDArray[np.bool_] = np.all(np.isfinite(values) & (values >= 0), axis=-1)
+    if not measured.any():
+        raise InputError(f"{path} holds no measured sample, all are negative; fetch it again")
+    return MerlTable(_filled(values, measured))
+
+
+def _filled(values: NDArray[np.float32], measured: NDArray[np.bool_]) -> NDArray[np.float32]:
+    # Along the difference angle; where nothing was measured at a half angle and azimuth, from the smaller half angle.
+    for axis in (1, 0):
+        steps = np.arange(BINS[axis]).reshape([-1 if a == axis else 1 for a in range(3)])
+        last = np.maximum.accumulate(np.where(measured, steps, 0), axis=axis)
+        values = np.take_along_axis(values, last[..., None], axis=axis)
+        measured = np.take_along_axis(measured, last, axis=axis)
+    return np.where(measured[..., None], values, np.float32(0))

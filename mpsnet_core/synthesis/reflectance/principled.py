@@ -1,0 +1,136 @@
+"""Principled: the reflectance of Blender's Principled BSDF, from the same numbers.
+
+The layers are those of Cycles since Blender 4.0, from top to bottom: sheen, coat, then metal mixed with a dielectric
+(specular over diffuse). What a layer reflects is missing below it; that share goes by the view, so that only the lobes
+by themselves are reciprocal. Light that facets pass on to each other is kept (distribution "Multiscatter GGX").
+
+Not the same as there: subsurface scattering is diffuse light that leaves where it enters; sheen is a fit to the tables
+that Cycles holds; the base colour times paint is held at 1. Neither transmission nor anisotropy nor tint.
+"""
+
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.synthesis.recipe import Material
+from mpsnet_core.synthesis.reflectance.ggx import (
+    albedo,
+    fresnel_average,
+    fresnel_dielectric,
+    fresnel_share,
+    further_reflections,
+    ggx,
+    ior_of_reflectance,
+    reflectance_of_ior,
+)
+from mpsnet_core.synthesis.reflectance.hemisphere import above_surface, dot
+from mpsnet_core.synthesis.reflectance.sheen import sheen, sheen_lobe
+
+COAT_IOR = 1.5
+# What goes by the view's cosine is tabulated; Cycles' own tables have 15 and 31 steps, and 465 is a multiple of both.
+_STEPS = 465
+
+
+class PrincipledBsdf:
+    """A principled material, called as a :class:`~mpsnet_core.synthesis.reflectance.Reflectance`.
+
+    Takes its numbers from the material; paint multiplies the base colour. Raises InputError where a number is none.
+    """
+
+    def __init__(self, material: Material) -> None:
+        for field in fields(material):
+            value = getattr(material, field.name)
+            if not isinstance(value, str) and not np.isfinite(value).all():
+                raise InputError(f"the material's {field.name} is {value}; give finite numbers")
+        m = material
+        self._base = np.asarray(m.base_color, np.float32)
+        self._metallic = min(max(m.metallic, 0.0), 1.0)
+        self._alpha, self._coat_alpha = m.roughness**2, m.coat_roughness**2
+        f0 = min(reflectance_of_ior(m.ior) * 2 * max(m.specular, 0.0), 0.99)
+        self._ior = ior_of_reflectance(f0) if m.ior >= 1 else 1 / ior_of_reflectance(f0)
+        self._sheen, self._coat, self._specular = m.sheen > 0, m.coat > 0, f0 > 0 and self._metallic < 1
+
+        # From top to bottom; `left` is the share of its light that a layer gets and gives towards the view.
+        cosines = np.linspace(0, 1, _STEPS + 1)
+        fibres = sheen(m.sheen_roughness, cosines)
+        sheen_scale = m.sheen * fibres.albedo
+        left = np.maximum(1 - sheen_scale, 0)
+        coat, coat_albedo = _dielectric(m.coat_roughness, COAT_IOR, cosines)
+        coat_scale = left * m.coat * coat
+        left = left * np.maximum(1 - m.coat * coat_albedo, 0)
+        metal_scale = left * self._metallic
+        left = left * (1 - self._metallic)
+        specular, specular_albedo = _dielectric(m.roughness, self._ior, cosines)
+        specular_scale = left * specular
+        diffuse_scale = left * (1 - specular_albedo) / np.pi
+        single, self._average = albedo(m.roughness, cosines)
+        columns = (
+            *(diffuse_scale, specular_scale, metal_scale, 1 / single - 1),
+            *(coat_scale, sheen_scale, fibres.spread, fibres.shear),
+        )
+        self._by_view = np.stack(columns, axis=-1).astype(np.float32)
+
+    def __call__(
+        self,
+        normals: NDArray[Any],
+        lights: NDArray[Any],
+        views: NDArray[Any],
+        paint: NDArray[Any] | None = None,
+    ) -> NDArray[np.float32]:
+        return above_surface(self._evaluate, normals, lights, views, paint)
+
+    def _evaluate(
+        self,
+        normals: NDArray[np.float32],
+        lights: NDArray[np.float32],
+        views: NDArray[np.float32],
+        paint: NDArray[np.float32] | None,
+    ) -> NDArray[np.float32]:
+        base = np.clip(self._base if paint is None else self._base * paint, 0, 1)
+        cos_light, cos_view = np.minimum(dot(normals, lights), 1), np.minimum(dot(normals, views), 1)
+        position = cos_view * _STEPS
+        step = np.minimum(position.astype(np.intp), _STEPS - 1)
+        rows = np.take(self._by_view, step, axis=0)
+        rows += (position - step)[:, None] * (np.take(self._by_view, step + 1, axis=0) - rows)
+        diffuse, specular, metal, missing, coat, sheen, spread, shear = rows.T
+        result = diffuse[:, None] * base
+
+        towards = lights + views
+        length = np.maximum(np.sqrt(dot(towards, towards)), np.float32(1e-6))
+        off_normal = normals - towards / length[:, None]
+        half_sine_squared = np.minimum(dot(off_normal, off_normal) / 4, 1)
+        sine_squared = 4 * half_sine_squared * (1 - half_sine_squared)
+        cos_difference = np.minimum(length / 2, 1)
+        gloss = np.zeros_like(cos_light)
+        if self._specular or self._metallic:
+            facets = ggx(self._alpha, sine_squared, cos_light, cos_view)
+        if self._specular:
+            gloss += specular * facets * fresnel_dielectric(cos_difference, self._ior)
+        if self._coat:
+            coat_facets = ggx(self._coat_alpha, sine_squared, cos_light, cos_view)
+            gloss += coat * coat_facets * fresnel_dielectric(cos_difference, COAT_IOR)
+        if self._sheen:
+            cos_between = length * length / 2 - 1
+            gloss += sheen * sheen_lobe(spread, shear, cos_light, cos_view, cos_between)
+        result += gloss[:, None]
+        if self._metallic:
+            # Schlick's Fresnel, whose mean over a hemisphere lies 1/21 of the way from normal incidence to 1.
+            grazing = ((1 - cos_difference) ** 5)[:, None]
+            energy = 1 + missing[:, None] * further_reflections(base + (1 - base) / 21, self._average)
+            result += (metal * facets)[:, None] * (base + (1 - base) * grazing) * energy
+        return result
+
+
+def _dielectric(
+    roughness: float, ior: float, cosines: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    # What a dielectric's lobe is multiplied by for the light of further reflections, and its albedo: both (K,). The
+    # albedo is estimated as in Cycles: the mean Fresnel share times what is left of mirror facets' light.
+    single, average = albedo(roughness, cosines)
+    further = further_reflections(fresnel_average(ior), average)
+    f0 = reflectance_of_ior(ior)
+    share = f0 + (1 - f0) * fresnel_share(roughness, ior, cosines)
+    return 1 + (1 / single - 1) * further, share * (single + (1 - single) * further)
