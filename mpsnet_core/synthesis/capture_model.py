@@ -1,0 +1,267 @@
+"""Capture model: how a photograph comes about from what a sample shows under each of three white lights.
+
+Every range of it stands in :class:`CaptureModel`, with its source.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.capture import Capture
+from mpsnet_core.errors import InputError
+from mpsnet_core.evaluation.diligent import PROTOCOLS
+from mpsnet_core.images import linear_to_srgb, srgb_to_linear
+from mpsnet_core.normals import normalised
+from mpsnet_core.rig import LightRig
+from mpsnet_core.synthesis.jpeg import jpeg_losses
+
+Range = tuple[float, float]
+Rows = tuple[tuple[float, ...], ...]
+
+# A photo is exposed by the brightness that all but this share of the object's pixels stay below: highlights may clip.
+HIGHLIGHT_SHARE = 0.01
+
+
+@dataclass(frozen=True)
+class CaptureDraw:
+    """One photograph's numbers, as :meth:`CaptureModel.draw` draws them.
+
+    mixing: (3, 3) the mixing matrix M of the image formation, strengths and sensitivities included. colours: (3, 3)
+        what channel i sees of a surface's red, green and blue; rows sum to 1. known_mixing: (3, 3) what whoever
+        estimates takes the mixing for. direction_errors: (3, 3) radians, how far the light directions that
+        are known are off; of each row only the part across the light's direction counts.
+    exposure, full_well, read_noise, bits, srgb, blur, mask_error: see :class:`CaptureModel`.
+    jpeg_quality: 0 for none. noise_seed: what the noise is drawn from.
+    """
+
+    mixing: NDArray[np.float64]
+    colours: NDArray[np.float64]
+    known_mixing: NDArray[np.float64]
+    direction_errors: NDArray[np.float64]
+    exposure: float
+    full_well: float
+    read_noise: float
+    bits: int
+    srgb: bool
+    jpeg_quality: int
+    halved_chroma: bool
+    blur: float
+    mask_error: int
+    noise_seed: int
+
+
+@dataclass(frozen=True)
+class CaptureModel:
+    """The ranges that photographs are drawn from, (least, most) each. Chances are from 0 to 1.
+
+    crosstalk: the most that a channel sees of a light that is not its own, as a share of what it sees of its own; each
+        of the six shares is drawn from 0 to that. The spectral sensitivities of cameras' channels overlap (Jiang et
+        al., "What is the space of spectral sensitivity functions for digital color cameras?", WACV 2013), the more the
+        broader the lights' spectra are.
+    colour_overlap: the same of a surface's colour. A sample is rendered in red, green and blue, but real channels and
+        lights are broad, and see of each other's colour. The MPS-Net paper's images have 2/9 to 5/9, which is 0.4.
+    mixing, colours: both matrices for all photographs instead of drawn ones.
+    light_strengths: of each light against the others, log-uniform. LEDs of three colours are of three kinds and are
+        seldom brought to one brightness; our estimate.
+    channel_gains: of each camera channel, log-uniform. Daylight multipliers of cameras' raw files are some 2, 1 and 1.5
+        (the "pre_mul" of dcraw's tables); white balance undoes a part of it.
+    calibrated: chance that the mixing was measured, on a grey sphere, and so is known to whoever estimates. Else the
+        mixing is taken for the identity, as the program does where a rig file tells nothing.
+    mixing_error: standard deviation of a measured mixing's entries, as a share of its largest; our estimate.
+    direction_error: degrees, standard deviation across two axes by which the known light directions are off. A
+        highlight found one pixel off on a mirror ball of 100 pixels' radius is 1.1° off (twice its normal's error);
+        rigs put up by protractor are off by some 3°.
+    exposure: the brightness that 1% of the object's pixels exceed, as a share of the sensor's full well, log-uniform;
+        above 1 they are saturated.
+    full_well: electrons at saturation, and read_noise: electrons, standard deviation in the dark; both log-uniform. The
+        noise is EMVA Standard 1288's linear model (release 4.0, 2021): shot noise with the variance of the electrons'
+        number, and read noise; as Gaussians, after Foi et al., "Practical Poissonian-Gaussian noise modeling and
+        fitting for single-image raw-data", IEEE TIP 17(10), 2008. Data sheets by that standard say some 33,000 and 7
+        electrons for Sony's IMX174, 10,500 and 2.3 for its IMX264; telephones hold about 5,000, and every doubling of
+        ISO halves what is used of the well.
+    bits: of a channel's stored values; 0 for a float picture, which neither clips nor rounds. 8 and 16 are what PNG
+        and TIFF hold, 10 to 14 what camera raw holds.
+    srgb: chance that the values carry the sRGB curve (IEC 61966-2-1), which reading undoes.
+    jpeg: chance that the photo is JPEG instead, which has 8 bits and the curve. jpeg_quality: libjpeg's; cameras use 85
+        and more, messengers 60 to 80. halved_chroma: chance that JPEG keeps colour at half the resolution (4:2:0).
+    blur: pixels, standard deviation of a Gaussian. Lenses and demosaicing that leave half the contrast at 0.16 to 0.5
+        cycles a pixel (MTF50) have 1.2 to 0.4.
+    mask_error: pixels by which the mask is too large, or too small where negative; our estimate for masks by threshold
+        and by hand.
+    """
+
+    crosstalk: Range = (0.0, 0.4)
+    colour_overlap: Range = (0.0, 0.6)
+    mixing: Rows | None = None
+    colours: Rows | None = None
+    light_strengths: Range = (0.7, 1.4)
+    channel_gains: Range = (0.6, 1.6)
+    calibrated: float = 0.5
+    mixing_error: Range = (0.0, 0.03)
+    direction_error: Range = (0.0, 3.0)
+    exposure: Range = (0.25, 1.3)
+    full_well: Range = (1500.0, 40_000.0)
+    read_noise: Range = (1.5, 12.0)
+    bits: tuple[int, ...] = (8, 10, 12, 14, 16)
+    srgb: float = 0.5
+    jpeg: float = 0.35
+    jpeg_quality: tuple[int, int] = (60, 98)
+    halved_chroma: float = 0.5
+    blur: Range = (0.0, 1.2)
+    mask_error: tuple[int, int] = (-3, 2)
+
+    @classmethod
+    def ideal(cls) -> "CaptureModel":
+        """A perfect rig and camera: every channel sees its own light alone, whose direction is known."""
+        return cls(
+            crosstalk=(0.0, 0.0),
+            colour_overlap=(0.0, 0.0),
+            light_strengths=(1.0, 1.0),
+            channel_gains=(1.0, 1.0),
+            calibrated=0.0,
+            direction_error=(0.0, 0.0),
+            exposure=(1.0, 1.0),
+            full_well=(np.inf, np.inf),
+            read_noise=(0.0, 0.0),
+            bits=(0,),
+            srgb=0.0,
+            jpeg=0.0,
+            blur=(0.0, 0.0),
+            mask_error=(0, 0),
+        )
+
+    @classmethod
+    def published(cls) -> "CaptureModel":
+        """The MPS-Net paper's multiplexed images: ideal, but for how each channel weighs a surface's colours."""
+        return replace(cls.ideal(), colours=tuple(map(tuple, PROTOCOLS["published"].tolist())))
+
+    def draw(self, rng: np.random.Generator) -> CaptureDraw:
+        """One photograph's numbers. Takes as many random numbers whatever the ranges are."""
+        mixing, colours = _overlap(rng, self.crosstalk), _overlap(rng, self.colour_overlap)
+        mixing = mixing if self.mixing is None else np.array(self.mixing)
+        colours = colours / colours.sum(axis=1, keepdims=True) if self.colours is None else np.array(self.colours)
+        strengths = [_log_uniform(rng, self.light_strengths) for _ in range(3)]
+        gains = [_log_uniform(rng, self.channel_gains) for _ in range(3)]
+        mixing = np.diag(gains) @ mixing @ np.diag(strengths)
+        measured = mixing + _uniform(rng, self.mixing_error) * mixing.max() * rng.normal(size=(3, 3))
+        calibrated = rng.random() < self.calibrated
+        direction_error = np.radians(_uniform(rng, self.direction_error))
+        jpeg = rng.random() < self.jpeg
+        bits = int(self.bits[rng.integers(len(self.bits))])
+        srgb = rng.random() < self.srgb
+        quality = int(rng.integers(self.jpeg_quality[0], self.jpeg_quality[1] + 1))
+        return CaptureDraw(
+            mixing=mixing,
+            colours=colours,
+            known_mixing=measured if calibrated else np.eye(3),
+            direction_errors=direction_error * rng.normal(size=(3, 3)),
+            exposure=_log_uniform(rng, self.exposure),
+            full_well=_log_uniform(rng, self.full_well),
+            read_noise=_log_uniform(rng, self.read_noise),
+            bits=8 if jpeg else bits,
+            srgb=jpeg or srgb,
+            jpeg_quality=quality if jpeg else 0,
+            halved_chroma=rng.random() < self.halved_chroma,
+            blur=_uniform(rng, self.blur),
+            mask_error=int(rng.integers(self.mask_error[0], self.mask_error[1] + 1)),
+            noise_seed=int(rng.integers(1 << 62)),
+        )
+
+
+def photograph(
+    lights: NDArray[np.float32], mask: NDArray[np.bool_], directions: NDArray[np.float64], draw: CaptureDraw
+) -> Capture:
+    """The one photo under three lights at once, with what whoever estimates knows of it.
+
+    lights: (3, H, W, 3) linear radiance under each white light alone. mask: (H, W) the object's pixels. directions:
+    (3, 3) the true unit vectors to the lights, in camera space.
+
+    The photo is linear as :func:`mpsnet_core.images.read_image` gives it. The capture's mask and its rig's directions
+    and mixing are the known ones, errors included; a mask that would have shrunk to nothing stays as it was.
+
+    Raises InputError where the mask is empty or no light reaches it.
+    """
+    if not mask.any():
+        raise InputError("no pixel shows the object wholly; take another sample")
+    light = _blurred(_mixed(lights, draw), draw.blur)
+    bright = float(np.quantile(light[:, mask].max(axis=0), 1 - HIGHLIGHT_SHARE))
+    if bright <= 0:
+        raise InputError("no light reaches the object; take another sample")
+    well = light.transpose(1, 2, 0).astype(np.float64) * (draw.exposure / bright)
+    if draw.read_noise > 0 or np.isfinite(draw.full_well):
+        rng = np.random.Generator(np.random.PCG64(draw.noise_seed))
+        variance = np.maximum(well, 0) / draw.full_well + (draw.read_noise / draw.full_well) ** 2
+        well += np.sqrt(variance) * rng.normal(size=well.shape)
+    image = _stored(well, draw) if draw.bits else well.astype(np.float32)
+    shown = _grown(mask, draw.mask_error)
+    rig = LightRig(_turned(directions, draw.direction_errors), draw.known_mixing)
+    return Capture(image, shown if shown.any() else mask, rig, clip=1.0 if draw.bits else np.inf)
+
+
+def _mixed(lights: NDArray[np.float32], draw: CaptureDraw) -> NDArray[np.float32]:
+    """(3, H, W) what each channel sees: ``c_i = sum_k M[i, k] sum_j P[i, j] light_k[j]``."""
+    weights = np.einsum("ik,ij->ikj", draw.mixing, draw.colours).reshape(3, 9).astype(np.float32)
+    planes = np.ascontiguousarray(lights.transpose(0, 3, 1, 2)).reshape(9, *lights.shape[1:3])
+    # Not as a matrix product, whose order of summing differs between machines.
+    return np.stack([sum(w * plane for w, plane in zip(row, planes, strict=True) if w) for row in weights])
+
+
+def _stored(well: NDArray[np.float64], draw: CaptureDraw) -> NDArray[np.float32]:
+    """Values from 0 to 1 as a file keeps them, read back."""
+    top = (1 << draw.bits) - 1
+    values = linear_to_srgb(well) if draw.srgb else np.clip(well, 0, 1)
+    levels = np.rint(values * top)
+    if draw.jpeg_quality:
+        levels = jpeg_losses(levels, draw.jpeg_quality, halved_chroma=draw.halved_chroma)
+    steps = np.arange(top + 1) / top
+    return (srgb_to_linear(steps) if draw.srgb else steps).astype(np.float32)[levels.astype(np.int64)]
+
+
+def _blurred(planes: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
+    """Planes (C, H, W) under a Gaussian; what lies beyond their border is like the border."""
+    reach = int(np.ceil(3 * sigma))
+    if reach == 0:
+        return planes
+    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    weights = (weights / weights.sum()).astype(np.float32)
+    for _ in range(2):  # along rows, then along columns
+        around = np.pad(planes, [(0, 0), (0, 0), (reach, reach)], mode="edge")
+        width = planes.shape[2]
+        blurred = weights[0] * around[..., :width]
+        for place, weight in enumerate(weights[1:], 1):
+            blurred += weight * around[..., place : place + width]
+        planes = blurred.transpose(0, 2, 1)
+    return planes
+
+
+def _grown(mask: NDArray[np.bool_], pixels: int) -> NDArray[np.bool_]:
+    """A mask larger by `pixels`, or smaller where negative, by octagons; the picture's border takes nothing off."""
+    region = ~mask if pixels < 0 else mask
+    for step in range(abs(pixels)):
+        around = np.pad(region, 1, mode="edge")
+        rows = around[:-2] | around[1:-1] | around[2:]
+        columns = rows if step % 2 else around[1:-1]  # sides and corners in turn with sides only
+        region = rows[:, 1:-1] | columns[:, :-2] | columns[:, 2:]
+    return ~region if pixels < 0 else region
+
+
+def _turned(directions: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Unit vectors (N, 3) turned by the angles that the errors (N, 3) have across them."""
+    across = errors - (errors * directions).sum(axis=1, keepdims=True) * directions
+    angle = np.linalg.norm(across, axis=1, keepdims=True)
+    return np.cos(angle) * directions + np.sin(angle) * normalised(across)
+
+
+def _overlap(rng: np.random.Generator, limits: Range) -> NDArray[np.float64]:
+    """(3, 3) ones on the diagonal, and up to a level drawn from `limits` elsewhere."""
+    return np.eye(3) + _uniform(rng, limits) * rng.random((3, 3)) * (1 - np.eye(3))
+
+
+def _uniform(rng: np.random.Generator, limits: Range) -> float:
+    return limits[0] + (limits[1] - limits[0]) * rng.random()
+
+
+def _log_uniform(rng: np.random.Generator, limits: Range) -> float:
+    share = rng.random()
+    return limits[0] if limits[0] == limits[1] else float(limits[0] * (limits[1] / limits[0]) ** share)

@@ -1,0 +1,165 @@
+"""Dataset: samples as a network learns from them, photographed anew each time they are read."""
+
+import logging
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.capture import Capture
+from mpsnet_core.errors import InputError
+from mpsnet_core.estimate.features import feature_maps
+from mpsnet_core.progress import Progress, silent
+from mpsnet_core.synthesis.capture_model import CaptureModel, photograph
+from mpsnet_core.synthesis.sample import Sample, read_sample, read_sample_data
+
+log = logging.getLogger(__name__)
+
+_QUARTER_TURN = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+_MIRROR = np.diag([-1, 1, 1])
+
+
+class Example(NamedTuple):
+    """What there is to see, and what there is to find. Row 0 on top; vectors in camera space.
+
+    photo: (H, W, 3) float32, the map "photo" of :mod:`mpsnet_core.estimate.features`: linear, unmixed as far as the
+        mixing is known, of mean 1; zero outside the mask. initial_normals: (H, W, 3) float32, equation 2, likewise.
+    light_directions: (3, 3) float32, unit vectors as they are known, errors included; a light a row.
+    mask: (H, W) bool, as it is known.
+    truth: (H, W, 3) float32 true unit normals; zero where there are none, which a mask that is too large reaches.
+    """
+
+    photo: NDArray[np.float32]
+    initial_normals: NDArray[np.float32]
+    light_directions: NDArray[np.float32]
+    mask: NDArray[np.bool_]
+    truth: NDArray[np.float32]
+
+
+class SampleDataset:
+    """The samples in one or more folders, each a photograph drawn anew in every epoch.
+
+    An example depends on nothing but the files and (seed, epoch, index): not on who reads it, nor in what order. It is
+    a map-style dataset of PyTorch's DataLoader: it has a length, takes an index and pickles. Call :meth:`set_epoch`
+    before each epoch's workers start (with ``persistent_workers`` they would not hear of it).
+
+    folders: where ``sample_*.exr`` are; in the order of their names.
+    capture_model: what photographs are drawn from. crop: pixels a side of the part that is shown, which holds some of
+        the object; 0 for all of it. A crop is exposed as a photo of its own.
+    augment: turn the picture by quarters, mirror it, and change which light is whose channel's; with all vectors.
+
+    Files that are no whole samples are told once in the log, left out and kept in `broken` as (path, sentence). Foreign
+    files and files that were cut short are found here, damage within on reading: then the next sample stands in.
+
+    Raises InputError where a folder is missing, no whole sample is found, or one is smaller than the crop.
+    """
+
+    def __init__(
+        self,
+        folders: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+        *,
+        seed: int = 0,
+        capture_model: CaptureModel | None = None,
+        crop: int = 0,
+        augment: bool = True,
+        progress: Progress = silent,
+    ) -> None:
+        self.seed, self.crop, self.augment, self.epoch = seed, crop, augment, 0
+        self.capture_model = capture_model or CaptureModel()
+        self.broken: list[tuple[Path, str]] = []
+        self.paths: list[Path] = []
+        found = _sample_files([folders] if isinstance(folders, str | os.PathLike) else folders)
+        for number, path in enumerate(found):
+            progress(number / len(found), "looking through the samples")
+            try:
+                camera = read_sample_data(path)["recipe"]["camera"]
+            except InputError as error:
+                self._leave_out(path, error)
+                continue
+            if crop > min(camera["width"], camera["height"]):
+                raise InputError(
+                    f"sample {path} is {camera['width']} x {camera['height']}, smaller than the crop of {crop}; "
+                    "take a smaller crop"
+                )
+            self.paths.append(path)
+        progress(1.0, f"{len(self.paths)} samples, {len(self.broken)} left out")
+        if not self.paths:
+            raise InputError(f"none of the {len(found)} samples in {found[0].parent} is whole; make them again")
+
+    def __len__(self) -> int:
+        return len(self.paths)
+
+    def __getitem__(self, index: int) -> Example:
+        return self.example(index, self.epoch)
+
+    def set_epoch(self, epoch: int) -> None:
+        """Draw from now on the photographs of `epoch`."""
+        self.epoch = epoch
+
+    def example(self, index: int, epoch: int = 0) -> Example:
+        """Example `index`, 0 to len - 1, as it is in `epoch`. Raises IndexError for others."""
+        capture, truth = self.capture(index, epoch)
+        maps = feature_maps(capture, ("photo", "initial_normals"))
+        photo, initial = (maps[name].transpose(1, 2, 0) for name in ("photo", "initial_normals"))
+        return Example(photo, initial, capture.rig.directions.astype(np.float32), capture.mask, truth)
+
+    def capture(self, index: int, epoch: int = 0) -> tuple[Capture, NDArray[np.float32]]:
+        """What example `index` is made of: the photo with all that is known of it, and the true normals (H, W, 3)."""
+        if not 0 <= index < len(self):
+            raise IndexError(f"example {index} of {len(self)}")
+        left_out = {path for path, _ in self.broken}
+        for path in self.paths[index:] + self.paths[:index]:
+            if path in left_out:
+                continue
+            rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([self.seed, epoch, index])))
+            try:
+                return self._photographed(read_sample(path), rng)
+            except InputError as error:
+                self._leave_out(path, error)
+        raise InputError(f"none of the {len(self)} samples in {self.paths[0].parent} is whole; make them again")
+
+    def _photographed(self, sample: Sample, rng: np.random.Generator) -> tuple[Capture, NDArray[np.float32]]:
+        mask, directions = sample.mask, sample.recipe.light_directions
+        lights, normals = sample.lights, np.where(mask[..., None], sample.normals, np.float32(0))
+        draw = self.capture_model.draw(rng)
+        if self.crop:
+            rows, columns = _crop(mask, self.crop, rng)
+            lights, normals, mask = lights[:, rows, columns], normals[rows, columns], mask[rows, columns]
+        if self.augment:
+            order, turns, mirrored = rng.permutation(3), int(rng.integers(4)), bool(rng.random() < 0.5)
+            turn = np.linalg.matrix_power(_QUARTER_TURN, turns)
+            lights, normals, mask = (
+                np.rot90(lights[order], turns, (1, 2)),
+                np.rot90(normals, turns),
+                np.rot90(mask, turns),
+            )
+            if mirrored:
+                lights, normals, mask, turn = lights[:, :, ::-1], normals[:, ::-1], mask[:, ::-1], _MIRROR @ turn
+            normals, directions = normals @ turn.T.astype(np.float32), directions[order] @ turn.T
+        return photograph(lights, np.ascontiguousarray(mask), directions, draw), np.ascontiguousarray(normals)
+
+    def _leave_out(self, path: Path, error: InputError) -> None:
+        self.broken.append((path, str(error)))
+        log.warning("left out: %s", error)
+
+
+def _sample_files(folders: Sequence[str | os.PathLike[str]]) -> list[Path]:
+    found: list[Path] = []
+    for folder in map(Path, folders):
+        if not folder.is_dir():
+            raise InputError(f"the folder of samples {folder} does not exist; check the path")
+        found += sorted(folder.glob("sample_*.exr"))
+    if not found:
+        raise InputError(f"there are no samples in {', '.join(map(str, folders))}; make some with mpsnet synthesize")
+    return found
+
+
+def _crop(mask: NDArray[np.bool_], size: int, rng: np.random.Generator) -> tuple[slice, slice]:
+    """Rows and columns of a square that holds a pixel of the mask, wherever in it."""
+    places = np.argwhere(mask)
+    place = places[rng.integers(len(places))] if len(places) else np.zeros(2, np.int64)
+    corner = np.clip(place - rng.integers(size, size=2), 0, np.array(mask.shape) - size)
+    return slice(corner[0], corner[0] + size), slice(corner[1], corner[1] + size)
