@@ -23,6 +23,10 @@ class Hits:
     v: NDArray[np.float32]
     distance: NDArray[np.float32]
 
+    def chosen(self, which: NDArray[np.integer]) -> "Hits":
+        """Those of some of the rays, by their numbers."""
+        return Hits(self.triangle[which], self.u[which], self.v[which], self.distance[which])
+
 
 class RayScene:
     """A mesh made ready for ray casting.

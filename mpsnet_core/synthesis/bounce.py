@@ -1,0 +1,153 @@
+"""Light between surfaces: one diffuse bounce, gathered at every second pixel and smoothed along the surface."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.synthesis.directions import disc, frames, tiled
+from mpsnet_core.synthesis.lights import Light
+from mpsnet_core.synthesis.surface_points import Surface, SurfacePoints
+
+RAYS = 8
+STRIDE = 2
+_TILE = 4
+# Smoothing reaches this many gathering pixels each way, and ends where normals or the surface's planes part.
+REACH = 2
+_PLANE_REACH = 3.0  # gathering pixels
+
+Albedo = Callable[[SurfacePoints], NDArray[np.float32]]
+
+
+def indirect(
+    surface: Surface,
+    lights: Sequence[Light],
+    points: SurfacePoints,
+    pixels: NDArray[np.int64],
+    shape: tuple[int, int],
+    stride: int,
+    footprint: float,
+    albedo: Albedo,
+) -> NDArray[np.float32]:
+    """(N, lights, 3) radiance that a white matt surface at the points would have from light off other surfaces.
+
+    pixels: (N,) which pixels of an image of `shape` show the points. stride: light is gathered at every so manieth
+    pixel. footprint: size of a pixel on the surface. albedo: tells the (M, 3) diffuse colour of points that rays meet.
+    """
+    row, column = np.divmod(pixels, shape[1])
+    chosen = np.flatnonzero((row % stride == stride // 2) & (column % stride == stride // 2))
+    small = (-(-shape[0] // stride), -(-shape[1] // stride))
+    at = row[chosen] // stride * small[1] + column[chosen] // stride
+    gathered = _gathered(surface, lights, points.chosen(chosen), tiled(_TILE, small).ravel()[at], albedo)
+    grid = _Grid(small, at, points.smooth[chosen], points.position[chosen], gathered, footprint * stride)
+    grid.smooth()
+    down, right = (row - stride // 2) / stride, (column - stride // 2) / stride
+    return grid.sampled(down, right, points).reshape(len(points), len(lights), 3)
+
+
+def _gathered(
+    surface: Surface,
+    lights: Sequence[Light],
+    points: SurfacePoints,
+    tile: NDArray[np.int64],
+    albedo: Albedo,
+) -> NDArray[np.float32]:
+    """(N, 3 lights) mean radiance that comes in along a few cosine-distributed rays."""
+    first, second = frames(points.smooth)
+    total = np.zeros((len(points), len(lights), 3), np.float32)
+    for places in disc(RAYS, _TILE**2).astype(np.float32).swapaxes(0, 1):
+        x, y = places[tile].T[..., None]
+        heading = x * first + y * second + np.sqrt(np.maximum(1 - x * x - y * y, 0)) * points.smooth
+        hits = surface.scene.hits(points.start, heading)
+        found = np.flatnonzero(hits.triangle >= 0)
+        met = surface.points(hits.chosen(found), -heading[found], bump=False)
+        colour = albedo(met)
+        for number, light in enumerate(lights):
+            direction = light.direction.astype(np.float32)
+            cosine = met.smooth @ direction
+            facing = np.flatnonzero(cosine > 0)
+            free = facing[~surface.scene.occluded(met.start[facing], direction[None])]
+            total[found[free], number] += cosine[free, None] * colour[free]
+    return total.reshape(len(points), -1) / RAYS
+
+
+class _Grid:
+    """What was gathered at a regular grid of pixels, with the surface that it belongs to.
+
+    shape: of the grid. at: (N,) the points' numbers in it, row by row. values: (N, K). step: from one point of the grid
+    to the next, on the surface.
+    """
+
+    def __init__(
+        self,
+        shape: tuple[int, int],
+        at: NDArray[np.int64],
+        normals: NDArray[np.float32],
+        positions: NDArray[np.float32],
+        values: NDArray[np.float32],
+        step: float,
+    ) -> None:
+        # A border, as wide as smoothing reaches, spares the image's edge a special case; normals are 0 where there is
+        # no surface.
+        row, column = np.divmod(at, shape[1])
+        self.shape = (shape[0] + 2 * REACH, shape[1] + 2 * REACH)
+        self.scale = np.float32(1 / (_PLANE_REACH * step))
+        self.layers = [np.zeros((*self.shape, layer.shape[1]), np.float32) for layer in (normals, positions, values)]
+        for layer, given in zip(self.layers, (normals, positions, values), strict=True):
+            layer[row + REACH, column + REACH] = given
+
+    def smooth(self) -> None:
+        """Replace every value by a mean around it, along the surface."""
+        normals, positions, values = self.layers
+        height, width = (length - 2 * REACH for length in self.shape)
+
+        def shifted(layer: NDArray[np.float32], down: int, right: int) -> NDArray[np.float32]:
+            return layer[REACH + down :, REACH + right :][:height, :width]
+
+        here = shifted(normals, 0, 0), shifted(positions, 0, 0)
+        total, weights = np.zeros_like(shifted(values, 0, 0)), np.zeros((height, width, 1), np.float32)
+        steps = range(-REACH, REACH + 1)
+        for down, right in ((down, right) for down in steps for right in steps):
+            near = np.float32(1 - (down**2 + right**2) / (2 * (REACH + 1) ** 2))
+            alike = self._alike(*here, shifted(normals, down, right), shifted(positions, down, right))
+            weight = near * alike[..., None]
+            total += weight * shifted(values, down, right)
+            weights += weight
+        shifted(values, 0, 0)[:] = total / np.maximum(weights, 1e-6)
+
+    def sampled(
+        self, row: NDArray[np.float64], column: NDArray[np.float64], points: SurfacePoints
+    ) -> NDArray[np.float32]:
+        """(N, K) values at points that lie at rows and columns (N,) of the grid, from the nearest four of it."""
+        normals, positions, values = (layer.reshape(-1, layer.shape[2]) for layer in self.layers)
+        top, left = np.floor(row).astype(np.int64), np.floor(column).astype(np.int64)
+        down, right = (row - top).astype(np.float32), (column - left).astype(np.float32)
+        corner = (top + REACH) * self.shape[1] + left + REACH
+        total, weights = np.zeros((len(points), values.shape[1]), np.float32), np.zeros((len(points), 1), np.float32)
+        for step, near in (
+            (0, (1 - down) * (1 - right)),
+            (1, (1 - down) * right),
+            (self.shape[1], down * (1 - right)),
+            (self.shape[1] + 1, down * right),
+        ):
+            number = corner + step
+            alike = self._alike(points.smooth, points.position, normals[number], positions[number])
+            # Where no neighbour is alike, as at thin parts, any is better than none.
+            present = normals[number].any(axis=1)
+            weight = ((near + np.float32(1e-3)) * (alike + np.float32(1e-3) * present))[:, None]
+            total += weight * values[number]
+            weights += weight
+        return total / np.maximum(weights, 1e-9)
+
+    def _alike(
+        self,
+        normals: NDArray[np.float32],
+        positions: NDArray[np.float32],
+        other_normals: NDArray[np.float32],
+        other_positions: NDArray[np.float32],
+    ) -> NDArray[np.float32]:
+        """(...) how much two pieces of surface belong together, 0 to 1."""
+        turned = np.maximum(np.einsum("...i,...i", normals, other_normals), 0)
+        turned *= turned
+        plane = np.einsum("...i,...i", normals, other_positions - positions)
+        return turned * turned * np.maximum(1 - np.abs(plane) * self.scale, 0)

@@ -1,0 +1,144 @@
+"""Light reflected to the viewer: reflectance averaged over a light's disc, so that large lights broaden highlights.
+
+A few numbers, measured on each reflectance, tell where that average needs more than the light's middle.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.synthesis.directions import disc
+from mpsnet_core.synthesis.lights import TURNS, Light
+from mpsnet_core.synthesis.reflectance import Reflectance
+from mpsnet_core.synthesis.surface_points import dot
+
+# Lights up to this share of the width of a reflectance's highlight are taken as their middle ...
+POINT_LIKE = 0.35
+# ... and up to this one as three points, which average any quadratic function over a disc exactly.
+SMALL = 1.0
+# Larger ones as this many points spread over the light, and as many about the mirror direction.
+DISC_POINTS, LOBE_POINTS = 12, 12
+# Further than this many widths from the mirror direction the middle does again.
+REACH = 3.0
+# The direction to a light whose middle is just below the horizon is lifted to this cosine.
+MIN_COSINE = 0.02
+# Angles from the normal at which reflectance is measured, closer together at the highlight's peak.
+_ANGLES = (np.arange(96) + 0.5) / 96
+_ANGLES, _STEPS = np.pi / 2 * _ANGLES**3, np.pi / 2 * 3 * _ANGLES**2 / 96
+
+
+@dataclass(frozen=True)
+class Lobe:
+    """A reflectance at normal incidence, seen from all around.
+
+    albedo: (3,) share of the light that it reflects. width: angle in radians at which its highlight falls to a half,
+    infinite where it has none.
+    """
+
+    albedo: NDArray[np.float32]
+    width: float
+
+
+def lobe(reflectance: Reflectance) -> Lobe:
+    """Measure a reflectance."""
+    up = np.tile(np.array([0, 0, 1], np.float32), (len(_ANGLES), 1))
+    around = np.stack([np.sin(_ANGLES), 0 * _ANGLES, np.cos(_ANGLES)], axis=1).astype(np.float32)
+    profile = reflectance(up, around, up, None).astype(np.float64)
+    albedo = 2 * np.pi * (profile.T @ (np.sin(_ANGLES) * np.cos(_ANGLES) * _STEPS))
+    mean = profile.mean(axis=1)
+    matt = np.interp(np.pi / 3, _ANGLES, mean)
+    peak = mean[0] - matt
+    if peak <= 0.1 * matt:
+        return Lobe(np.minimum(albedo, 1).astype(np.float32), np.inf)
+    return Lobe(np.minimum(albedo, 1).astype(np.float32), float(_ANGLES[np.argmax(mean - matt < peak / 2)]))
+
+
+def reflected(
+    reflectance: Reflectance,
+    width: float,
+    light: Light,
+    normals: NDArray[np.float32],
+    views: NDArray[np.float32],
+    paint: NDArray[np.float32] | None,
+    turns: NDArray[np.integer],
+) -> NDArray[np.float32]:
+    """(N, 3) radiance of points in a light that nothing hides, for each unit of irradiance; 1 for a white matt surface.
+
+    normals, views: (N, 3) unit vectors. paint: (N, 3) or None. width: of the reflectance's lobe. turns: (N,) numbers
+    below TURNS.
+    """
+    middle = light.direction.astype(np.float32)
+    cosine = normals @ middle
+    radius = light.radius
+    result = np.pi * reflectance(normals, _above(normals, middle, cosine), views, paint)
+    if radius <= POINT_LIKE * width:
+        return result
+    mirrored = (2 * dot(normals, views))[:, None] * normals - views
+    along = mirrored @ middle
+    # Where the mirror direction meets the disc's plane, in units of the disc.
+    mirror = mirrored @ light.axes.T.astype(np.float32) / np.maximum(along, 0.1)[:, None] / np.float32(radius)
+    spread = width / radius
+    near = np.flatnonzero((along > 0.1) & (np.hypot(*mirror.T) < 1 + REACH * spread) & (cosine > 0))
+    if not len(near):
+        return result
+    normals, views, mirror, turns, cosine = normals[near], views[near], mirror[near], turns[near], cosine[near]
+    paint = None if paint is None else paint[near]
+    total = np.zeros((len(near), 3), np.float32)
+    for places, weights in _three(turns) if radius <= SMALL * width else _many(mirror, np.float32(spread), turns):
+        towards = light.direction.astype(np.float32) + (places * np.float32(radius)) @ light.axes.astype(np.float32)
+        towards /= np.sqrt(dot(towards, towards))[:, None]
+        share = np.maximum(dot(normals, towards), 0) * weights
+        used = np.flatnonzero(share)
+        some = None if paint is None else paint[used]
+        total[used] += share[used, None] * reflectance(normals[used], towards[used], views[used], some)
+    result[near] = np.pi * total / cosine[:, None]
+    return result
+
+
+def _above(
+    normals: NDArray[np.float32], middle: NDArray[np.float32], cosine: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """(N, 3) directions to the light's middle, lifted above the horizon where they are below."""
+    towards = np.broadcast_to(middle, normals.shape)
+    below = np.flatnonzero(cosine < MIN_COSINE)
+    if len(below):
+        towards = towards.copy()
+        towards[below] += (np.float32(MIN_COSINE) - cosine[below])[:, None] * normals[below]
+        towards[below] /= np.sqrt(dot(towards[below], towards[below]))[:, None]
+    return towards
+
+
+Places = Iterator[tuple[NDArray[np.float32], NDArray[np.float32]]]
+"""Point after point of a disc: where (N, 2), its rim the unit circle, and with which weight (N,) or () for all."""
+
+
+def _three(turns: NDArray[np.integer]) -> Places:
+    angles = 2 * np.pi * (np.arange(TURNS) / TURNS + np.arange(3)[:, None]) / 3
+    for places in (np.stack([np.cos(angles), np.sin(angles)], axis=-1) / np.sqrt(2)).astype(np.float32):
+        yield places[turns], np.array(1 / 3, np.float32)
+
+
+def _many(mirror: NDArray[np.float32], spread: np.float32, turns: NDArray[np.integer]) -> Places:
+    """Points spread over the disc, and points about the mirror direction, with the balance heuristic (Veach 1997).
+
+    mirror: (N, 2) where the mirror direction meets the disc's plane. spread: width of the lobe about it.
+    """
+
+    def weights(places: NDArray[np.float32]) -> NDArray[np.float32]:
+        square = ((places - mirror) ** 2).sum(axis=1)
+        density = spread**2 / (square + spread**2) ** 2 / within
+        return ((places**2).sum(axis=1) <= 1) / (DISC_POINTS + LOBE_POINTS * density)
+
+    farthest = np.hypot(*mirror.T) + 1
+    within = farthest**2 / (farthest**2 + spread**2)  # the share of the lobe that reaches to the disc's farthest point
+    for places in disc(DISC_POINTS, TURNS).astype(np.float32).swapaxes(0, 1):
+        yield places[turns], weights(places[turns])
+    for places in disc(LOBE_POINTS, TURNS).swapaxes(0, 1):
+        # The shape of a GGX highlight: a share t of it lies within the width times sqrt(t / (1 - t)).
+        radius = np.hypot(*places.T)
+        outwards, share = (places / radius[:, None]).astype(np.float32), (radius**2).astype(np.float32)
+        share = np.minimum(share[turns], 1) * within
+        about = mirror + (spread * np.sqrt(share / (1 - share)))[:, None] * outwards[turns]
+        yield about, weights(about)

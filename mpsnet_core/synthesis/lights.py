@@ -1,0 +1,114 @@
+"""How much of a distant light reaches points of the surface: cast and attached shadows, with penumbrae."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.rays import RayScene
+from mpsnet_core.synthesis.directions import disc, frames, tiled
+from mpsnet_core.synthesis.surface_points import SurfacePoints, dot
+
+# Everywhere two rays go to opposite places near the light's rim, turned from pixel to pixel. Where all of them agree in
+# a pixel's neighbourhood they are enough, elsewhere there is a penumbra and so many more are cast.
+PENUMBRA_RAYS = 16
+TURNS = 64
+RIM = 0.9
+_TILE = 4
+
+
+@dataclass(frozen=True)
+class Light:
+    """A distant white light of irradiance pi.
+
+    direction: (3,) unit vector from the origin to its middle. size: angular diameter in degrees.
+    """
+
+    direction: NDArray[np.float64]
+    size: float
+
+    @property
+    def radius(self) -> float:
+        """Of the disc that the light is at the distance 1."""
+        return float(np.tan(np.radians(self.size / 2)))
+
+    @property
+    def axes(self) -> NDArray[np.float64]:
+        """(2, 3) two unit vectors along the disc."""
+        return np.concatenate(frames(self.direction[None]))
+
+    def towards(self, places: NDArray[np.float64]) -> NDArray[np.float32]:
+        """(..., 3) from the origin to places (..., 2) on the light, whose rim is the unit circle. Not of unit length:
+        their mean is the light's direction."""
+        return (self.direction + self.radius * places @ self.axes).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class Arrival:
+    """What reaches N points from a light.
+
+    irradiance: (N,) float32, 1 on a surface that faces the light freely. lit: (N,) float32, the share of the light's
+    disc above the shading normal's horizon that nothing hides.
+    """
+
+    irradiance: NDArray[np.float32]
+    lit: NDArray[np.float32]
+
+
+def arrival(
+    light: Light,
+    points: SurfacePoints,
+    scene: RayScene,
+    pixels: NDArray[np.int64],
+    shape: tuple[int, int],
+    turns: NDArray[np.integer],
+) -> Arrival:
+    """What reaches the points, which pixels (N,) of an image of `shape` show.
+
+    turns: (N,) numbers below TURNS, random, that turn the rays of each point.
+    """
+    direction = light.direction.astype(np.float32)
+    cosine, above = points.normal @ direction, points.smooth @ direction
+    radius = light.radius
+    irradiance, lit = np.zeros((2, len(points)), np.float32)
+    facing = np.flatnonzero((cosine > -radius) & (above > -radius))
+    start = points.start[facing]
+    if not radius:
+        free = ~scene.occluded(start, direction[None])
+        irradiance[facing], lit[facing] = free * cosine[facing], free
+        return Arrival(irradiance, lit)
+
+    angle = np.pi * np.arange(_TILE**2) / _TILE**2
+    rim = light.towards(RIM * np.stack([np.cos(angle), np.sin(angle)], axis=-1) * np.array([1, -1])[:, None, None])
+    turn = tiled(_TILE, shape).ravel()[pixels[facing]]
+    free = np.array([~scene.occluded(start, directions[turn]) for directions in rim])
+    seen, hidden = np.zeros((2, *shape), bool)
+    seen.ravel()[pixels[facing]], hidden.ravel()[pixels[facing]] = free.any(axis=0), ~free.all(axis=0)
+    unsure = (_grown(seen) & _grown(hidden)).ravel()[pixels[facing]]
+    unsure |= np.minimum(cosine[facing], above[facing]) < radius  # the horizon cuts the light
+    sure = facing[~unsure]
+    lit[sure] = free[0, ~unsure]
+    irradiance[sure] = cosine[sure] * lit[sure]
+
+    unsure_points = facing[unsure]
+    start, turn = start[unsure], turns[unsure_points]
+    normal, smooth = points.normal[unsure_points], points.smooth[unsure_points]
+    for places in disc(PENUMBRA_RAYS, TURNS).swapaxes(0, 1):
+        towards = light.towards(places)[turn]
+        share = np.maximum(dot(normal, towards), 0)
+        free_rays = ~scene.occluded(start, towards) & (dot(smooth, towards) > 0)
+        irradiance[unsure_points] += free_rays * share
+        lit[unsure_points] += free_rays & (share > 0)
+    irradiance[unsure_points] /= PENUMBRA_RAYS
+    lit[unsure_points] /= PENUMBRA_RAYS
+    return Arrival(irradiance, lit)
+
+
+def _grown(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The mask grown by a pixel each way."""
+    for _ in range(2):
+        grown = mask.copy()
+        grown[1:] |= mask[:-1]
+        grown[:-1] |= mask[1:]
+        mask = grown.T
+    return mask

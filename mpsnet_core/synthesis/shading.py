@@ -1,0 +1,168 @@
+"""Shading: a sample from a recipe, without Blender."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.camera import Camera
+from mpsnet_core.normals import normalised
+from mpsnet_core.synthesis.bounce import STRIDE, indirect
+from mpsnet_core.synthesis.gloss import Lobe, lobe, reflected
+from mpsnet_core.synthesis.lights import TURNS, Light, arrival
+from mpsnet_core.synthesis.pattern import dirt_weight, material_weights, paint_factors
+from mpsnet_core.synthesis.recipe import Recipe
+from mpsnet_core.synthesis.reflectance import Reflectance
+from mpsnet_core.synthesis.sample import Sample
+from mpsnet_core.synthesis.shapes import Shape
+from mpsnet_core.synthesis.surface_points import Surface, SurfacePoints
+
+RENDERER = "synthesis"
+
+
+@dataclass(frozen=True)
+class _Colouring:
+    """What N points are made of.
+
+    weights: (N, K) share of each material. paint: (N, 3) factors of their colours, or None. dirt: (N,) how much of them
+    a matt layer hides, or None.
+    """
+
+    weights: NDArray[np.float32]
+    paint: NDArray[np.float32] | None
+    dirt: NDArray[np.float32] | None
+
+    def albedo(self, recipe: Recipe, lobes: Sequence[Lobe]) -> NDArray[np.float32]:
+        """(N, 3) share of the light that the points reflect, as if they were matt."""
+        colour = self.weights @ np.array([one.albedo for one in lobes])
+        if self.paint is not None:
+            colour = colour * self.paint
+        if self.dirt is not None:
+            colour += self.dirt[:, None] * (np.array(recipe.dirt.color, np.float32) - colour)
+        return colour
+
+
+def synthesise(recipe: Recipe, shape: Shape, reflectances: Sequence[Reflectance], supersampling: int = 1) -> Sample:
+    """What the recipe's camera sees of the shape, under each of its lights alone.
+
+    reflectances: one for each of the recipe's materials. supersampling: rays a pixel's side; radiance, coverage, depth
+    and normals are their means (a box filter).
+
+    Light comes straight from the lights, past whatever hides them, and, where the recipe has bounces, once more off
+    other surfaces: all surfaces send it on as matt ones of their albedo at normal incidence, and receive it so. The
+    same recipe gives the same bytes.
+    """
+    camera = _finer(recipe.camera, supersampling)
+    grid = (camera.height, camera.width)
+    surface = Surface(recipe, shape)
+    pixels, depth, points = surface.seen(camera)
+    lights = [
+        Light(direction, float(size))
+        for direction, size in zip(recipe.light_directions, recipe.light_sizes, strict=True)
+    ]
+    lobes = [lobe(reflectance) for reflectance in reflectances]
+    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([recipe.seed, recipe.number])))
+    turns = rng.integers(TURNS, size=camera.height * camera.width)[pixels]
+
+    colouring = _colouring(recipe, points)
+    arrivals = [arrival(light, points, surface.scene, pixels, grid, turns) for light in lights]
+    radiance = np.stack(
+        [
+            _direct(recipe, reflectances, lobes, light, points, colouring, arrived.irradiance, turns)
+            for light, arrived in zip(lights, arrivals, strict=True)
+        ],
+        axis=1,
+    )
+    if recipe.bounces and len(points):
+        footprint = (1.0 if camera.projection == "orthographic" else float(depth.mean())) / camera.focal.min()
+        received = indirect(
+            surface,
+            lights,
+            points,
+            pixels,
+            grid,
+            STRIDE * supersampling,
+            float(footprint),
+            lambda met: _colouring(recipe, met).albedo(recipe, lobes),
+        )
+        radiance += received * colouring.albedo(recipe, lobes)[:, None]
+
+    image = _Image(grid, supersampling, pixels)
+    alpha = image.share(np.ones(len(points), np.float32))
+    covered = alpha > 0
+    weights = image.share(colouring.weights)
+    return Sample(
+        lights=image.share(radiance.reshape(-1, 9)).reshape(*alpha.shape, 3, 3).transpose(2, 0, 1, 3).copy(),
+        normals=np.where(covered[..., None], normalised(image.share(points.normal)), np.float32(0)),
+        depth=image.mean(depth, alpha),
+        alpha=alpha,
+        material=np.where(covered, weights.argmax(axis=2), -1).astype(np.int32),
+        lit=np.stack([image.mean(arrived.lit, alpha) for arrived in arrivals]),
+        recipe=recipe,
+        renderer=RENDERER,
+    )
+
+
+def _finer(camera: Camera, times: int) -> Camera:
+    """The same view with so many times as many pixels each way."""
+    return replace(
+        camera,
+        width=camera.width * times,
+        height=camera.height * times,
+        focal=camera.focal * times,
+        centre=camera.centre * times,
+    )
+
+
+def _colouring(recipe: Recipe, points: SurfacePoints) -> _Colouring:
+    return _Colouring(
+        material_weights(recipe.pattern, len(recipe.materials), points.place, points.part),
+        paint_factors(recipe.paint, points.place),
+        dirt_weight(recipe.dirt, points.place),
+    )
+
+
+def _direct(
+    recipe: Recipe,
+    reflectances: Sequence[Reflectance],
+    lobes: Sequence[Lobe],
+    light: Light,
+    points: SurfacePoints,
+    colouring: _Colouring,
+    irradiance: NDArray[np.float32],
+    turns: NDArray[np.integer],
+) -> NDArray[np.float32]:
+    """(N, 3) radiance that the points send to the viewer, straight from the light."""
+    radiance = np.zeros((len(points), 3), np.float32)
+    for number, (reflectance, one) in enumerate(zip(reflectances, lobes, strict=True)):
+        weights = colouring.weights[:, number]
+        used = np.flatnonzero((weights > 0) & (irradiance > 0))
+        paint = None if colouring.paint is None else colouring.paint[used]
+        shade = reflected(reflectance, one.width, light, points.normal[used], points.view[used], paint, turns[used])
+        radiance[used] += weights[used, None] * shade
+    if colouring.dirt is not None:
+        radiance += colouring.dirt[:, None] * (np.array(recipe.dirt.color, np.float32) - radiance)
+    return radiance * irradiance[:, None]
+
+
+class _Image:
+    """Brings values at points to pixels, of which each covers `times` x `times` of a finer grid.
+
+    pixels: (N,) the points' numbers in that grid, row by row.
+    """
+
+    def __init__(self, grid: tuple[int, int], times: int, pixels: NDArray[np.int64]) -> None:
+        self.grid, self.times, self.pixels = grid, times, pixels
+
+    def share(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(H, W, ...) mean over the whole pixel, with zero where no point is."""
+        fine = np.zeros((self.grid[0] * self.grid[1], *values.shape[1:]), np.float32)
+        fine[self.pixels] = values
+        times, (height, width) = self.times, self.grid
+        fine = fine.reshape(height // times, times, width // times, times, *values.shape[1:])
+        return fine[:, 0, :, 0] if times == 1 else fine.mean(axis=(1, 3))
+
+    def mean(self, values: NDArray[np.float32], alpha: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(H, W) mean over the part of the pixel that the points cover."""
+        return self.share(values) / np.maximum(alpha, np.float32(1e-6))

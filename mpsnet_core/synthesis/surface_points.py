@@ -1,0 +1,128 @@
+"""The points of a shape's surface that the pixels of a camera see."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.camera import Camera
+from mpsnet_core.normals import normalised
+from mpsnet_core.rays import Hits, RayScene
+from mpsnet_core.synthesis.pattern import bumped
+from mpsnet_core.synthesis.recipe import Recipe
+from mpsnet_core.synthesis.shapes import Shape
+
+# Rays start this far off the surface, in units of the object's radius.
+OFFSET = np.float32(2e-4)
+# Interpolated and bumped normals that turn away from the viewer, at outlines, are bent back to this cosine.
+MIN_FACING = np.float32(0.01)
+
+
+@dataclass(frozen=True)
+class SurfacePoints:
+    """N points of the surface. Vectors are (N, 3) float32, in world space unless said otherwise.
+
+    position; start: where rays that leave the surface begin, just above it. smooth: unit normals interpolated between
+    the corners'; normal: with the bump, facing the viewer. view: unit vectors to the viewer.
+    place: the position in object space. part: (N,) int32.
+    """
+
+    position: NDArray[np.float32]
+    start: NDArray[np.float32]
+    smooth: NDArray[np.float32]
+    normal: NDArray[np.float32]
+    view: NDArray[np.float32]
+    place: NDArray[np.float32]
+    part: NDArray[np.int32]
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    def chosen(self, which: NDArray[Any]) -> "SurfacePoints":
+        """Some of the points, by their numbers or a mask."""
+        return SurfacePoints(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
+
+
+class Surface:
+    """A recipe's shape where it stands in the world, ready for rays."""
+
+    def __init__(self, recipe: Recipe, shape: Shape) -> None:
+        self.bump = recipe.bump
+        self.turn = recipe.rotation.T.astype(np.float32)  # row vectors from object to world space
+        self.scene = RayScene(shape.vertices @ recipe.rotation.T, shape.triangles)
+        self.vertices = shape.vertices.astype(np.float32)
+        self.triangles, self.normals, self.parts = shape.triangles, shape.corner_normals, shape.parts
+
+    def seen(self, camera: Camera) -> tuple[NDArray[np.int64], NDArray[np.float32], SurfacePoints]:
+        """What the pixels' centres see: (N,) their numbers, row by row; (N,) depth along the axis; the points."""
+        row, column = np.mgrid[: camera.height, : camera.width].reshape(2, -1) + 0.5
+        origins, directions = camera.rays(np.stack([column, row], axis=1))
+        # An orthographic camera sees what is behind its plane as well, so its rays begin outside the object.
+        back = 0.0
+        if camera.projection == "orthographic":
+            back = float(np.linalg.norm(camera.world_from_camera[:3, 3] - self.scene.middle)) + self.scene.size
+        hits = self.scene.hits(origins - back * directions, directions)
+        pixels = np.flatnonzero(hits.triangle >= 0)
+        view = -directions[pixels].astype(np.float32)
+        depth = (hits.distance[pixels] - np.float32(back)) * (view @ camera.rotation[:, 2].astype(np.float32))
+        return pixels, depth, self.points(hits.chosen(pixels), view)
+
+    def points(self, hits: Hits, view: NDArray[np.float32], bump: bool = True) -> SurfacePoints:
+        """The points that rays hit, none missing; `view` (N, 3) points back along the rays."""
+        weights = (1 - hits.u - hits.v)[:, None], hits.u[:, None], hits.v[:, None]
+        corners = [self.vertices[number] for number in self.triangles[hits.triangle].T]
+        normals = list(np.moveaxis(self.normals[hits.triangle], 1, 0))
+        place = _blend(weights, corners)
+        smooth = normalised(_blend(weights, normals))
+        self._face(smooth, normals, corners, view @ self.turn.T)
+        # Rays start on the curved surface that the normals pretend, not on the flat triangle below it, so that the
+        # shadow of its own neighbours does not fall on it (Hanika, Hacking the Shadow Terminator, 2021).
+        lift = OFFSET * smooth
+        for weight, corner, normal in zip(weights, corners, normals, strict=True):
+            below = np.minimum(dot(place - corner, normal), 0)
+            lift -= (weight[:, 0] * below)[:, None] * normal
+        normal = bumped(self.bump, place, smooth) @ self.turn if bump else smooth @ self.turn
+        position = place @ self.turn
+        return SurfacePoints(
+            position,
+            position + lift @ self.turn,
+            smooth @ self.turn,
+            _facing(normal, view),
+            view,
+            place,
+            self.parts[hits.triangle],
+        )
+
+    def _face(
+        self,
+        smooth: NDArray[np.float32],
+        normals: list[NDArray[np.float32]],
+        corners: list[NDArray[np.float32]],
+        view: NDArray[np.float32],
+    ) -> None:
+        """Turn the normals round, in place, where the surface is seen from its back."""
+        away = np.flatnonzero(dot(smooth, view) < 0)
+        first, second, third = (corner[away] for corner in corners)
+        back = away[dot(np.cross(second - first, third - first), view[away]) < 0]
+        for vectors in (smooth, *normals):
+            vectors[back] *= -1
+
+
+def dot(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
+    """Dot products (N,) of vectors (N, 3)."""
+    return np.einsum("ni,ni->n", a, b)
+
+
+def _blend(weights: tuple[NDArray[np.float32], ...], values: list[NDArray[np.float32]]) -> NDArray[np.float32]:
+    a, b, c = (weight * value for weight, value in zip(weights, values, strict=True))
+    return a + b + c
+
+
+def _facing(normals: NDArray[np.float32], view: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Unit normals, bent towards the viewer where they face away from it."""
+    cosine = dot(normals, view)
+    away = np.flatnonzero(cosine < MIN_FACING)
+    if len(away):
+        normals[away] = normalised(normals[away] + (MIN_FACING - cosine[away])[:, None] * view[away])
+    return normals
