@@ -47,7 +47,8 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
         if self.cluster:
             arguments += ["--cluster", self.cluster]
         if not bpy.app.module:
-            arguments += ["--blender", bpy.app.binary_path]
+            # Where the extension was enabled just now, the preferences may not be saved yet.
+            arguments += ["--blender", bpy.app.binary_path, "--addon", __package__ or ""]
         self._scene, self._sheet, self._seen = scene.name, target / SHEET_FILE, -1
         return arguments, [self._sheet]
 

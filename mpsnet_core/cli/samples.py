@@ -20,6 +20,7 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
     make.add_argument(
         "--blender", default="", metavar="PROGRAM", help="Blender that renders; this Python's bpy without"
     )
+    make.add_argument("--addon", default="", metavar="MODULE", help="the extension in it, unless always enabled there")
     _add_workers(make)
     make.set_defaults(verb=_make)
     _add_show(verbs.add_parser("show", parents=[common], formatter_class=Help, help="samples or photos as a picture"))
@@ -94,7 +95,7 @@ def _make(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
 def _farmed(folder: str, job: Any, options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.synthesis.farm import SYNTHESIS_COMMAND, blender_command, make_samples
 
-    command = SYNTHESIS_COMMAND if job.renderer == "synthesis" else blender_command(options.blender)
+    command = SYNTHESIS_COMMAND if job.renderer == "synthesis" else blender_command(options.blender, options.addon)
     harvest = make_samples(
         folder, job, command, processes=options.processes, cluster=options.cluster, progress=reporter.progress
     )

@@ -42,10 +42,13 @@ class Harvest:
     failed: dict[int, str] = field(default_factory=dict)
 
 
-def blender_command(blender: str = "") -> tuple[str, ...]:
-    """What starts a worker that renders: the Blender program `blender`, or else this Python's own bpy."""
+def blender_command(blender: str = "", addon: str = "") -> tuple[str, ...]:
+    """What starts a worker that renders: the Blender program `blender`, or else this Python's own bpy.
+
+    addon: module of the extension in that Blender, which is enabled where the saved preferences do not do so.
+    """
     if blender:
-        return blender, "-b", "--command", "mpsnet", "work"
+        return blender, "-b", *(("--addons", addon) if addon else ()), "--command", "mpsnet", "work"
     return THIS_PYTHON, "-m", "blender_addon", "work"
 
 
@@ -147,19 +150,21 @@ def _drive(
     stop: threading.Event,
 ) -> None:
     """Have one worker make run after run, and at the end look again at what other processes held."""
-    held: deque[int] = deque()
+    held: deque[tuple[float, int]] = deque()
     try:
         while not stop.is_set():
             try:
                 run: Sequence[int] = waiting.popleft()
             except IndexError:
-                if not held or stop.wait(HELD_SECONDS):
+                if not held:
                     break
-                run = (held.popleft(),)
+                due, number = held.popleft()
+                stop.wait(max(0.0, due - time.monotonic()))
+                run = (number,)
             for number in run:
                 answer = worker.make(number)
                 if answer.state == "held":
-                    held.append(number)
+                    held.append((time.monotonic() + HELD_SECONDS, number))
                 else:
                     tell(answer)
         worker.close()
