@@ -1,0 +1,146 @@
+"""Samples made on a Dask cluster, whose workers may be killed; a worker that stands in for a renderer."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from distributed import Client, LocalCluster
+from stand_in import COMMAND, begun, whole
+from synthetic import listing
+from test_farm import alive, job, posix, until, workers
+
+from mpsnet_core.errors import Cancelled, InputError
+from mpsnet_core.synthesis import cluster as dask
+from mpsnet_core.synthesis.farm import Harvest, make_samples
+from mpsnet_core.synthesis.job import write_job
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[LocalCluster]:
+    with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as local:
+        yield local
+
+
+def run(cluster: LocalCluster, folder: Path, count: int, **options: object) -> Harvest:
+    return make_samples(folder, job(count), COMMAND, cluster=cluster.scheduler_address, **options)  # type: ignore[arg-type]
+
+
+def test_every_sample_is_made_once_and_what_is_there_is_not_made_again(cluster: LocalCluster, tmp_path: Path) -> None:
+    told: list[str] = []
+    assert run(cluster, tmp_path, 20) == Harvest(made=20)
+    harvest = run(cluster, tmp_path, 30, progress=lambda fraction, words: told.append(words))
+    assert harvest == Harvest(made=10, there=20)
+    assert whole(tmp_path) == set(range(30))
+    assert {number: len(pids) for number, pids in begun(tmp_path).items()} == dict.fromkeys(range(30), 1)
+    assert (told[0], told[-1]) == ("20 of 30", "30 of 30")
+    until(lambda: not any(map(alive, workers(tmp_path))))
+
+
+@posix
+def test_a_killed_dask_worker_loses_only_its_current_sample(cluster: LocalCluster, tmp_path: Path) -> None:
+    """SIGKILL for a Dask worker's process and for the process of ours that it asks, in the middle of the run."""
+    (tmp_path / "slow").write_text("0.05")
+
+    def parent(pid: int) -> int:
+        return int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
+
+    killed: list[int] = []
+
+    def kill() -> None:
+        until(lambda: len(begun(tmp_path)) >= 15)
+        ours = list(begun(tmp_path).values())[-1][0]
+        killed.extend([parent(ours), ours])
+        for pid in killed:
+            os.kill(pid, signal.SIGKILL)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    harvest = run(cluster, tmp_path, 60)
+    killer.join()
+    with Client(cluster, set_as_default=False) as client:
+        assert killed[0] not in client.run(os.getpid).values()
+    assert harvest.made + harvest.there == 60 and not harvest.failed
+    assert whole(tmp_path) == set(range(60))
+    assert [name for name in listing(tmp_path) if "unfinished" in name] == []
+    times = [len(pids) for pids in begun(tmp_path).values()]
+    assert max(times) <= 2 and times.count(2) <= 1
+    assert killed[1] in workers(tmp_path)
+
+
+def test_failures_are_told_and_deaths_of_our_process_are_retried(cluster: LocalCluster, tmp_path: Path) -> None:
+    (tmp_path / "fail_3").touch()
+    (tmp_path / "die_5").touch()
+    harvest = run(cluster, tmp_path, 10)
+    assert harvest == Harvest(made=9, failed={3: "sample 3 shows nothing; choose another"})
+    assert len(begun(tmp_path)[5]) == 2
+
+
+def test_cancelling_ends_tasks_and_processes(cluster: LocalCluster, tmp_path: Path) -> None:
+    (tmp_path / "slow").write_text("0.05")
+
+    def until_six(fraction: float, words: str) -> None:
+        if fraction >= 6 / 40:
+            raise Cancelled
+
+    with pytest.raises(Cancelled):
+        run(cluster, tmp_path, 40, progress=until_six)
+    until(lambda: not any(map(alive, workers(tmp_path))))
+    made = whole(tmp_path)
+    assert 6 <= len(made) < 20
+    time.sleep(0.3)
+    assert whole(tmp_path) == made
+    harvest = run(cluster, tmp_path, 40)
+    assert harvest.made + harvest.there == 40 and whole(tmp_path) == set(range(40))
+
+
+def test_a_run_here_and_one_on_the_cluster_share_a_folder(cluster: LocalCluster, tmp_path: Path) -> None:
+    (tmp_path / "slow").write_text("0.02")
+    harvests: list[Harvest] = []
+    here = threading.Thread(target=lambda: harvests.append(make_samples(tmp_path, job(40), COMMAND, processes=1)))
+    here.start()
+    harvests.append(run(cluster, tmp_path, 40))
+    here.join()
+    assert sum(harvest.made for harvest in harvests) == 40
+    assert {number: len(pids) for number, pids in begun(tmp_path).items()} == dict.fromkeys(range(40), 1)
+
+
+def test_a_folder_that_the_machines_do_not_see_is_told(cluster: LocalCluster, tmp_path: Path) -> None:
+    answers = dask.answers_from_cluster(cluster.scheduler_address, COMMAND, tmp_path / "elsewhere", [0])
+    with pytest.raises(InputError, match=r"worker tcp://.* does not see .*job\.json; choose a folder that all"):
+        list(answers)
+
+
+def test_a_worker_that_cannot_start_on_the_cluster_is_one_sentence(cluster: LocalCluster, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"cannot run no-such-blender .*; check the path"):
+        make_samples(tmp_path, job(3), ["no-such-blender"], cluster=cluster.scheduler_address)
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nowhere", "gopher://127.0.0.1:8786", "tcp://127.0.0.1:x"])
+def test_an_address_where_nobody_answers_is_told(
+    tmp_path: Path, address: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(dask, "CONNECT_SECONDS", 0.2)
+    write_job(tmp_path, job(3))
+    with pytest.raises(InputError, match=f"no Dask scheduler answers at {address} .*give an address like tcp://"):
+        make_samples(tmp_path, job(3), COMMAND, cluster=address)
+    assert capfd.readouterr().err == ""
+
+
+def test_without_dask_it_says_what_to_install(tmp_path: Path) -> None:
+    code = """
+import sys
+sys.modules["distributed"] = None
+from mpsnet_core.cli import main
+sys.exit(main(["make", sys.argv[1], "--cluster", "tcp://127.0.0.1:8786"]))
+"""
+    write_job(tmp_path, job(3))
+    done = subprocess.run([sys.executable, "-c", code, tmp_path], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 1
+    assert 'pip install "mpsnet[cluster]"' in done.stderr

@@ -1,0 +1,282 @@
+"""The farm with a worker that stands in for a renderer: what it makes, tells, survives and leaves behind."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+import stand_in
+from stand_in import COMMAND, KILL, begun, whole
+from synthetic import listing
+
+from mpsnet_core.errors import Cancelled, InputError
+from mpsnet_core.synthesis.farm import FAILURES_IN_A_ROW, Harvest, blender_command, duration, make_samples
+from mpsnet_core.synthesis.job import SampleJob
+from mpsnet_core.synthesis.work import THIS_PYTHON, clear_unfinished
+
+RUN = """
+import sys
+from mpsnet_core.synthesis.farm import make_samples
+from mpsnet_core.synthesis.job import SampleJob
+from stand_in import COMMAND
+
+harvest = make_samples(sys.argv[1], SampleJob("synthesis", int(sys.argv[2]), seed=5), COMMAND, processes=2)
+print(harvest.made, harvest.there, len(harvest.failed))
+"""
+posix = pytest.mark.skipif(sys.platform == "win32", reason="POSIX processes")
+
+
+def job(count: int, **changes: object) -> SampleJob:
+    return SampleJob("synthesis", count, seed=5, **changes)  # type: ignore[arg-type]
+
+
+def run(folder: Path, count: int, processes: int = 2, **changes: object) -> Harvest:
+    return make_samples(folder, job(count, **changes), COMMAND, processes=processes)
+
+
+def start(folder: Path, count: int) -> "subprocess.Popen[str]":
+    """A run of its own process, with two workers."""
+    environment = {**os.environ, "PYTHONPATH": str(Path(stand_in.__file__).parent)}
+    command = [sys.executable, "-c", RUN, str(folder), str(count)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+
+
+def alive(pid: int) -> bool:
+    """Whether a process runs; one that has ended and was not fetched by its parent does not."""
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    state = Path(f"/proc/{pid}/stat")
+    try:
+        return not state.exists() or state.read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def until(condition: "object", seconds: float = 20) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():  # type: ignore[operator]
+        assert time.monotonic() < deadline, "it did not come about"
+        time.sleep(0.01)
+
+
+def workers(folder: Path) -> set[int]:
+    return {pid for pids in begun(folder).values() for pid in pids}
+
+
+def unfinished(folder: Path) -> list[str]:
+    return [name for name in listing(folder) if "unfinished" in name]
+
+
+def test_every_sample_is_made_once_and_the_way_is_told(tmp_path: Path) -> None:
+    told: list[tuple[float, str]] = []
+    harvest = make_samples(
+        tmp_path / "new", job(30), COMMAND, processes=2, progress=lambda fraction, words: told.append((fraction, words))
+    )
+    assert harvest == Harvest(made=30)
+    assert whole(tmp_path / "new") == set(range(30))
+    assert {number: len(pids) for number, pids in begun(tmp_path / "new").items()} == dict.fromkeys(range(30), 1)
+    assert len(workers(tmp_path / "new")) == 2
+    fractions = [fraction for fraction, _ in told]
+    assert fractions == sorted(fractions) and fractions[-1] == 1
+    assert (told[0], told[-1]) == ((0, "0 of 30"), (1, "30 of 30"))
+    assert any(words.startswith("15 of 30, ") and words.endswith(" s left") for _, words in told)
+    until(lambda: not any(map(alive, workers(tmp_path / "new"))))
+
+
+def test_what_is_there_is_not_made_again_and_a_larger_count_extends_it(tmp_path: Path) -> None:
+    assert run(tmp_path, 4) == Harvest(made=4)
+    (tmp_path / "sample_000001.exr").unlink()
+    (tmp_path / "sample_000002.exr").write_bytes(b"")
+    (tmp_path / "begun").unlink()
+    assert run(tmp_path, 6) == Harvest(made=4, there=2)
+    assert set(begun(tmp_path)) == {1, 2, 4, 5}
+    assert whole(tmp_path) == set(range(6))
+    assert run(tmp_path, 3) == Harvest(there=3)
+
+
+def test_neighbours_of_one_shape_go_to_one_worker(tmp_path: Path) -> None:
+    (tmp_path / "slow").write_text("0.02")
+    run(tmp_path, 32, views=4)
+    makers = begun(tmp_path)
+    for first in range(0, 32, 4):
+        assert len({makers[number][0] for number in range(first, first + 4)}) == 1
+    assert len(workers(tmp_path)) == 2
+
+
+def test_what_cannot_be_made_is_told_and_the_rest_goes_on(tmp_path: Path) -> None:
+    for number in (3, 4):
+        (tmp_path / f"fail_{number}").touch()
+    harvest = run(tmp_path, 8)
+    assert harvest.made == 6
+    assert harvest.failed == {n: f"sample {n} shows nothing; choose another" for n in (3, 4)}
+    assert whole(tmp_path) == set(range(8)) - {3, 4}
+
+
+def test_when_all_fail_it_stops(tmp_path: Path) -> None:
+    for number in range(200):
+        (tmp_path / f"fail_{number}").touch()
+    with pytest.raises(InputError, match=rf"stopped after {FAILURES_IN_A_ROW} .*sample \d+: sample \d+ shows nothing"):
+        run(tmp_path, 200)
+    assert len(begun(tmp_path)) < 200
+
+
+def test_a_worker_that_dies_loses_only_its_sample_which_is_made_anew(tmp_path: Path) -> None:
+    (tmp_path / "die_2").touch()
+    assert run(tmp_path, 8, processes=1) == Harvest(made=8)
+    assert whole(tmp_path) == set(range(8))
+    first, second = begun(tmp_path)[2]
+    assert first != second
+    assert [begun(tmp_path)[number] for number in (0, 1)] == [[first]] * 2
+    assert [begun(tmp_path)[number] for number in range(3, 8)] == [[second]] * 5
+    assert unfinished(tmp_path) == []
+
+
+def test_a_sample_that_every_worker_dies_of_is_given_up(tmp_path: Path) -> None:
+    (tmp_path / "always_die_2").touch()
+    harvest = run(tmp_path, 5)
+    assert harvest.made == 4
+    assert list(harvest.failed) == [2]
+    assert harvest.failed[2].startswith("the worker died of it twice (signal 9; " if os.name == "posix" else "the ")
+    assert len(begun(tmp_path)[2]) == 2
+    assert unfinished(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        ([THIS_PYTHON, "-c", "import sys; print('hello'); sys.exit('no extension here')"], "exit code 1.*no extension"),
+        ([THIS_PYTHON, "-c", "pass"], "exit code 0; it said nothing"),
+        ([THIS_PYTHON, "-c", """print('{"error": "no bpy here; install it"}')"""], "^no bpy here; install it$"),
+        (["no-such-blender", "-b"], "cannot run no-such-blender .*; check the path"),
+    ],
+)
+def test_workers_that_cannot_start_are_one_sentence(tmp_path: Path, command: list[str], words: str) -> None:
+    with pytest.raises(InputError, match=words) as caught:
+        make_samples(tmp_path, job(50), command, processes=2)
+    assert "\n" not in str(caught.value)
+
+
+def test_cancelling_ends_the_workers_at_once_and_the_next_run_goes_on(tmp_path: Path) -> None:
+    (tmp_path / "slow").write_text("0.05")
+
+    def until_six(fraction: float, words: str) -> None:
+        if fraction >= 6 / 40:
+            (tmp_path / "slow").write_text("60")
+        if fraction >= 7 / 40:
+            raise Cancelled
+
+    with pytest.raises(Cancelled):
+        make_samples(tmp_path, job(40), COMMAND, processes=2, progress=until_six)
+    assert not any(map(alive, workers(tmp_path)))
+    assert unfinished(tmp_path) == []
+    made = whole(tmp_path)
+    assert 7 <= len(made) <= 9
+    (tmp_path / "slow").unlink()
+    assert run(tmp_path, 40) == Harvest(made=40 - len(made), there=len(made))
+    assert whole(tmp_path) == set(range(40))
+
+
+@posix
+def test_workers_of_a_killed_run_end_after_their_sample(tmp_path: Path) -> None:
+    (tmp_path / "slow").write_text("0.3")
+    parent = start(tmp_path, 100)
+    until(lambda: len(begun(tmp_path)) == 2)
+    parent.send_signal(signal.SIGKILL)
+    parent.communicate()
+    until(lambda: not any(map(alive, workers(tmp_path))))
+    assert whole(tmp_path) == {0, 1}
+    assert unfinished(tmp_path) == []
+
+
+@posix
+def test_what_killed_runs_left_is_cleared_by_the_next(tmp_path: Path) -> None:
+    (tmp_path / "slow").write_text("60")
+    parent = start(tmp_path, 4)
+    until(lambda: len(unfinished(tmp_path)) == 2)
+    for pid in (parent.pid, *workers(tmp_path)):
+        os.kill(pid, signal.SIGKILL)
+    parent.communicate()
+    until(lambda: not any(map(alive, workers(tmp_path))))
+    assert len(unfinished(tmp_path)) == 2
+    (tmp_path / ".contact_sheet.1.unfinished.png").touch()
+    (tmp_path / "slow").unlink()
+    assert run(tmp_path, 4) == Harvest(made=4)
+    assert whole(tmp_path) == set(range(4))
+    assert unfinished(tmp_path) == []
+
+
+def test_what_a_living_process_writes_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "slow").write_text("0.5")
+    thread = threading.Thread(target=run, args=(tmp_path, 1))
+    thread.start()
+    until(lambda: unfinished(tmp_path))
+    clear_unfinished(tmp_path)
+    assert unfinished(tmp_path)
+    thread.join()
+    assert whole(tmp_path) == {0}
+
+
+def test_two_runs_share_a_folder_and_no_sample_is_made_twice(tmp_path: Path) -> None:
+    (tmp_path / "slow").write_text("0.02")
+    runs = [start(tmp_path, 60), start(tmp_path, 60)]
+    answers = [child.communicate(timeout=60) for child in runs]
+    assert [words for _, words in answers] == ["", ""]
+    counts = [tuple(map(int, out.split())) for out, _ in answers]
+    assert all(made + there == 60 and failed == 0 for made, there, failed in counts)
+    assert sum(made for made, _, _ in counts) == 60
+    assert {number: len(pids) for number, pids in begun(tmp_path).items()} == dict.fromkeys(range(60), 1)
+    assert len(workers(tmp_path)) == 4
+    assert whole(tmp_path) == set(range(60))
+
+
+def test_killing_workers_at_random_moments_leaves_whole_samples_only(tmp_path: Path) -> None:
+    """Twenty kills, which may hit a sample twice: then it is told, and the next run makes it."""
+    (tmp_path / "slow").write_text("0.02")
+    chance, kills, looks = random.Random(3), 0, []
+    done = threading.Event()
+
+    def kill() -> None:
+        nonlocal kills
+        while kills < 20 and not done.wait(0.12 * chance.random()):
+            living = [pid for pid in sorted(workers(tmp_path)) if alive(pid)]
+            if living:
+                os.kill(chance.choice(living), KILL)
+                kills += 1
+                looks.append(whole(tmp_path))
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    harvest = run(tmp_path, 200)
+    done.set()
+    killer.join()
+    assert kills == 20 and len(looks[-1]) > len(looks[0])
+    assert whole(tmp_path) == set(range(200)) - set(harvest.failed)
+    assert unfinished(tmp_path) == []
+    run(tmp_path, 200)
+    assert whole(tmp_path) == set(range(200))
+
+
+def test_blender_is_the_one_that_is_named_or_else_this_pythons() -> None:
+    assert blender_command("/opt/blender") == ("/opt/blender", "-b", "--command", "mpsnet", "work")
+    assert blender_command()[0] == THIS_PYTHON
+
+
+def test_fewer_than_no_processes_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="-1 processes cannot be"):
+        run(tmp_path, 1, processes=-1)
+    assert listing(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [(0.2, "1 s"), (99.4, "99 s"), (99.6, "2 min"), (720, "12 min"), (5990, "1 h 40 min"), (12000, "3 h 20 min")],
+)
+def test_durations_are_told_in_a_few_letters(seconds: float, words: str) -> None:
+    assert duration(seconds) == words
