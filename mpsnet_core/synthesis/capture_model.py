@@ -180,7 +180,7 @@ def photograph(
     The photo is linear as :func:`mpsnet_core.images.read_image` gives it. The capture's mask and its rig's directions
     and mixing are the known ones, errors included; a mask that would have shrunk to nothing stays as it was.
 
-    Raises InputError where the mask is empty or no light reaches it.
+    Raises InputError where the mask is empty or (nearly) no light reaches it.
     """
     if not mask.any():
         raise InputError("no pixel shows the object wholly; take another sample")
@@ -219,11 +219,17 @@ def _stored(well: NDArray[np.float64], draw: CaptureDraw) -> NDArray[np.float32]
 
 
 def _blurred(planes: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
-    """Planes (C, H, W) under a Gaussian; what lies beyond their border is like the border."""
+    """Planes (C, H, W) under a Gaussian; what lies beyond their border is like the border.
+
+    Its weights are the discrete Gaussian of Lindeberg, "Scale-space for discrete signals" (PAMI 1990), which has the
+    right width where a sampled one, narrower than a pixel, would vanish.
+    """
     reach = int(np.ceil(3 * sigma))
     if reach == 0:
         return planes
-    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    frequency = 2 * np.pi * np.arange(8 * reach + 1) / (16 * reach)
+    half = np.fft.irfft(np.exp(sigma**2 * (np.cos(frequency) - 1)))[: reach + 1]
+    weights = np.concatenate([half[:0:-1], half])
     weights = (weights / weights.sum()).astype(np.float32)
     for _ in range(2):  # along rows, then along columns
         around = np.pad(planes, [(0, 0), (0, 0), (reach, reach)], mode="edge")

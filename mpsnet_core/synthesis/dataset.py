@@ -52,7 +52,8 @@ class SampleDataset:
     augment: turn the picture by quarters, mirror it, and change which light is whose channel's; with all vectors.
 
     Files that are no whole samples are told once in the log, left out and kept in `broken` as (path, sentence). Foreign
-    files and files that were cut short are found here, damage within on reading: then the next sample stands in.
+    files and files that were cut short are found here, damage within on reading: then the next sample stands in, as it
+    does for a crop into which no light falls.
 
     Raises InputError where a folder is missing, no whole sample is found, or one is smaller than the crop.
     """
@@ -116,10 +117,15 @@ class SampleDataset:
                 continue
             rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([self.seed, epoch, index])))
             try:
-                return self._photographed(read_sample(path), rng)
+                sample = read_sample(path)
             except InputError as error:
                 self._leave_out(path, error)
-        raise InputError(f"none of the {len(self)} samples in {self.paths[0].parent} is whole; make them again")
+                continue
+            try:
+                return self._photographed(sample, rng)
+            except InputError as error:
+                log.info("%s is passed over: %s", path, error)
+        raise InputError(f"none of the {len(self)} samples in {self.paths[0].parent} can be used; make them again")
 
     def _photographed(self, sample: Sample, rng: np.random.Generator) -> tuple[Capture, NDArray[np.float32]]:
         mask, directions = sample.mask, sample.recipe.light_directions

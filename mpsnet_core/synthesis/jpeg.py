@@ -38,7 +38,7 @@ def jpeg_losses(levels: NDArray[np.float64], quality: int, *, halved_chroma: boo
     luma = 0.299 * red + 0.587 * green + 0.114 * blue
     chroma = [(blue - luma) / 1.772, (red - luma) / 1.402]
     if halved_chroma:
-        chroma = [_enlarged(_stored(_halved(plane), _CHROMINANCE, quality)) for plane in chroma]
+        chroma = [_rounded(_enlarged(_stored(_halved(plane), _CHROMINANCE, quality))) for plane in chroma]
     else:
         chroma = [_stored(_rounded(plane), _CHROMINANCE, quality) for plane in chroma]
     luma = _stored(_rounded(luma) - 128, _LUMINANCE, quality) + 128

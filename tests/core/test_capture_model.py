@@ -1,0 +1,278 @@
+"""The capture model against what its numbers say: lines, counts, levels and angles measured on its photographs."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from sphere_sample import RED, sphere_sample
+from synthetic import degrees_between, write_file
+
+from mpsnet_core.capture import Capture
+from mpsnet_core.errors import InputError
+from mpsnet_core.estimate.lambertian import lambertian_normals, unmixed
+from mpsnet_core.images import linear_to_srgb, read_image
+from mpsnet_core.rig import published_rig
+from mpsnet_core.synthesis.capture_model import CaptureDraw, CaptureModel, photograph
+from mpsnet_core.synthesis.sample import Sample
+
+DIRECTIONS = published_rig().directions
+
+
+@pytest.fixture(scope="module")
+def white() -> Sample:
+    return sphere_sample(96)
+
+
+@pytest.fixture(scope="module")
+def coloured() -> Sample:
+    return sphere_sample(96, right=RED)
+
+
+def generator(seed: int) -> np.random.Generator:
+    return np.random.Generator(np.random.PCG64(seed))
+
+
+def ideal(**changes: Any) -> CaptureDraw:
+    return replace(CaptureModel.ideal().draw(generator(1)), **changes)
+
+
+def taken(sample: Sample, draw: CaptureDraw) -> Capture:
+    return photograph(sample.lights, sample.mask, sample.recipe.light_directions, draw)
+
+
+def flat(levels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lights (3, H, W, 3) and mask of a grey picture (H, W), each channel lit by its own light."""
+    lights = np.broadcast_to(levels[None, ..., None], (3, *levels.shape, 3)).astype(np.float32)
+    return lights, np.ones(levels.shape, bool)
+
+
+def test_an_ideal_capture_gives_equation_2_its_exact_normals(white: Sample) -> None:
+    capture = taken(white, CaptureModel.ideal().draw(generator(5)))
+    estimate = lambertian_normals(capture)
+    lit = white.mask & (white.lit > 0).all(axis=0)
+    assert lit.sum() > 3000
+    assert degrees_between(estimate.vectors, white.normals)[lit].max() < 0.01
+    np.testing.assert_array_equal(capture.mask, white.mask)
+    np.testing.assert_allclose(capture.rig.directions, white.recipe.light_directions, atol=1e-12)
+    assert capture.clip == np.inf
+
+
+def test_a_channel_sees_its_own_light_on_the_surface_s_colour(coloured: Sample) -> None:
+    """c_i = rho_i max(n·l_i, 0) for an ideal rig, worked out here from normals and albedo alone."""
+    albedo = np.where((coloured.material == 1)[..., None], RED, 0.8) * coloured.mask[..., None]
+    expected = albedo * np.maximum(coloured.normals @ coloured.recipe.light_directions.T, 0)
+    image = taken(coloured, ideal()).image
+    np.testing.assert_allclose(image / image.max(), expected / expected.max(), atol=1e-6)
+
+
+def test_the_published_images_weigh_colours_five_two_two(coloured: Sample) -> None:
+    albedo = np.where((coloured.material == 1)[..., None], RED, 0.8) * coloured.mask[..., None]
+    weighed = (5 * albedo + 2 * np.roll(albedo, 1, -1) + 2 * np.roll(albedo, 2, -1)) / 9
+    expected = weighed * np.maximum(coloured.normals @ coloured.recipe.light_directions.T, 0)
+    image = taken(coloured, CaptureModel.published().draw(generator(5))).image
+    np.testing.assert_allclose(image / image.max(), expected / expected.max(), atol=1e-6)
+
+
+def test_the_mixing_is_found_again_on_a_white_sphere(white: Sample) -> None:
+    for seed in range(5):
+        draw = ideal(mixing=CaptureModel().draw(generator(seed)).mixing)
+        image = taken(white, draw).image[white.mask]
+        found = np.linalg.lstsq(white.lights[:, white.mask, 0].T, image, rcond=None)[0].T
+        np.testing.assert_allclose(found / found.sum(), draw.mixing / draw.mixing.sum(), rtol=1e-4)
+
+
+def test_a_measured_mixing_is_undone(white: Sample) -> None:
+    model = replace(CaptureModel.ideal(), crosstalk=(0.3, 0.3), light_strengths=(0.7, 1.4), channel_gains=(0.6, 1.6))
+    lit = white.mask & (white.lit > 0).all(axis=0)
+    errors = {}
+    for calibrated in (0.0, 1.0):
+        draw = replace(model, calibrated=calibrated, mixing_error=(0, 0)).draw(generator(2))
+        capture = taken(white, draw)
+        errors[calibrated] = degrees_between(lambertian_normals(capture).vectors, white.normals)[lit].max()
+        expected = draw.mixing if calibrated else np.eye(3)
+        np.testing.assert_array_equal(capture.rig.mixing, expected)
+    assert errors[1.0] < 0.02
+    assert errors[0.0] > 5
+
+
+def test_a_measured_mixing_is_off_by_its_error() -> None:
+    model = replace(CaptureModel(), calibrated=1.0, mixing_error=(0.02, 0.02))
+    draws = [model.draw(generator(seed)) for seed in range(200)]
+    off = np.array([(draw.known_mixing - draw.mixing) / draw.mixing.max() for draw in draws])
+    assert off.std() == pytest.approx(0.02, rel=0.05)
+    assert abs(off.mean()) < 0.002
+
+
+def test_the_noise_s_variance_is_a_line_over_its_mean() -> None:
+    full_well, read_noise, levels = 4000.0, 25.0, np.linspace(0, 1, 12)
+    lights, mask = flat(np.repeat(levels, 400)[:, None] * np.ones((1, 50)))
+    image = photograph(lights, mask, DIRECTIONS, ideal(full_well=full_well, read_noise=read_noise)).image
+    groups = image.reshape(12, -1)
+    slope, intercept = np.polyfit(groups.mean(axis=1), groups.var(axis=1), 1)
+    np.testing.assert_allclose(groups.mean(axis=1), levels, atol=3e-4)
+    # 60,000 values a level: a variance is known to 0.6%, the line's slope to about 0.7%.
+    assert slope == pytest.approx(1 / full_well, rel=0.03)
+    assert groups.var(axis=1)[0] == pytest.approx((read_noise / full_well) ** 2, rel=0.03)
+    assert intercept == pytest.approx((read_noise / full_well) ** 2, rel=0.06)
+    noise = (image - np.repeat(levels, 400)[:, None, None]).reshape(-1, 3)
+    assert np.abs(np.corrcoef(noise.T) - np.eye(3)).max() < 0.01, "channels have noise of their own"
+
+
+def test_noise_is_drawn_from_its_seed(white: Sample) -> None:
+    draw = CaptureModel().draw(generator(4))
+    first, again, other = (taken(white, replace(draw, noise_seed=seed)).image for seed in (1, 1, 2))
+    np.testing.assert_array_equal(first, again)
+    assert (first != other).mean() > 0.1
+
+
+def test_exposure_is_what_one_pixel_in_a_hundred_exceeds(white: Sample) -> None:
+    for exposure in (0.3, 0.9):
+        brightest = taken(white, ideal(exposure=exposure)).image[white.mask].max(axis=-1)
+        assert (brightest > exposure).mean() == pytest.approx(0.01, abs=0.001)
+
+
+def test_what_the_full_well_cannot_hold_is_saturated() -> None:
+    lights, mask = flat(np.tile(np.linspace(0, 1, 1000), (4, 1)))
+    capture = photograph(lights, mask, DIRECTIONS, ideal(exposure=1.3, bits=16))
+    assert capture.clip == 1.0
+    assert capture.image.max() == 1.0
+    # 1.3 is at 0.99 of the ramp: all beyond 0.99 / 1.3 of it is at the end.
+    assert (capture.image == 1).mean() == pytest.approx(1 - 0.99 / 1.3, abs=0.002)
+    assert (capture.saturated.mean()) == pytest.approx(1 - 0.99**2 / 1.3, abs=0.002)
+    assert taken_float_is_not_clipped(lights, mask) == pytest.approx(1.3 / 0.99, rel=1e-3)
+
+
+def taken_float_is_not_clipped(lights: np.ndarray, mask: np.ndarray) -> float:
+    return float(photograph(lights, mask, DIRECTIONS, ideal(exposure=1.3)).image.max())
+
+
+@pytest.mark.parametrize("bits", [8, 10, 12, 16])
+def test_linear_values_are_rounded_to_levels(bits: int) -> None:
+    lights, mask = flat(np.linspace(0, 1, 40_000).reshape(200, 200))
+    image = photograph(lights, mask, DIRECTIONS, ideal(bits=bits, exposure=0.99)).image.astype(float)
+    top = 2**bits - 1
+    levels = image * top
+    assert np.abs(levels - np.rint(levels)).max() < 0.01
+    assert len(np.unique(np.rint(levels))) == min(2**bits, 40_000)
+    exact = np.linspace(0, 1, 40_000).reshape(200, 200, 1)
+    assert np.abs(image - exact).max() <= 0.5 / top + 1e-6
+    assert np.abs(image - exact).max() > 0.4 / top
+
+
+@pytest.mark.parametrize(("bits", "kind"), [(8, "uint8"), (16, "uint16")])
+def test_values_with_the_srgb_curve_are_those_of_a_png(tmp_path: Path, coloured: Sample, bits: int, kind: str) -> None:
+    linear = taken(coloured, ideal(exposure=0.8)).image
+    image = read_image(write_file(tmp_path / "photo.png", linear_to_srgb(linear), kind)).pixels
+    ours = taken(coloured, ideal(exposure=0.8, bits=bits, srgb=True)).image
+    # OpenImageIO rounds float32 values; a few in a thousand are on the other side of a half.
+    assert (np.abs(ours - image) > 1e-6).mean() < (0.001 if bits == 8 else 0.02)
+    assert np.abs(ours - image).max() < 2.5 / 2**bits
+
+
+def test_jpeg_leaves_small_errors(white: Sample) -> None:
+    plain = taken(white, ideal(bits=8, srgb=True, exposure=0.9)).image
+    errors = []
+    for quality in (60, 80, 95):
+        photo = taken(white, ideal(bits=8, srgb=True, exposure=0.9, jpeg_quality=quality, halved_chroma=False)).image
+        errors.append(np.abs(photo - plain)[white.mask].mean())
+    assert 0.0005 < errors[2] < errors[1] < errors[0] < 0.02
+
+
+@pytest.mark.parametrize("sigma", [0.3, 0.8, 1.2, 2.5])
+def test_a_blurred_edge_is_a_gaussian_s_integral(sigma: float) -> None:
+    step = np.tile(np.arange(80) >= 40, (70, 1)).astype(float)
+    for edge, profile in ((step, np.s_[35, :, 0]), (step.T, np.s_[:, 35, 1])):
+        lights, mask = flat(edge)
+        image = photograph(lights, mask, DIRECTIONS, ideal(blur=sigma)).image.astype(float)
+        spread = np.diff(image[profile])
+        places = np.arange(len(spread)) + 0.5
+        assert spread.sum() == pytest.approx(1, abs=1e-4)
+        centre = (spread * places).sum()
+        assert centre == pytest.approx(39.5, abs=1e-3)
+        assert np.sqrt((spread * (places - centre) ** 2).sum()) == pytest.approx(sigma, rel=0.02)
+
+
+def test_direction_errors_are_those_of_a_gaussian_across_each_light() -> None:
+    sigma = 2.0
+    model = replace(CaptureModel.ideal(), direction_error=(sigma, sigma))
+    lights, mask = flat(np.ones((2, 2)))
+    rng = generator(6)
+    given = np.array([photograph(lights, mask, DIRECTIONS, model.draw(rng)).rig.directions for _ in range(700)])
+    angles = degrees_between(given, DIRECTIONS)
+    # The length of a vector of two independent Gaussians is distributed after Rayleigh; 2,100 of them.
+    assert angles.mean() == pytest.approx(sigma * np.sqrt(np.pi / 2), rel=0.04)
+    assert np.median(angles) == pytest.approx(sigma * np.sqrt(2 * np.log(2)), rel=0.05)
+    assert (angles > 2 * sigma).mean() == pytest.approx(np.exp(-2), abs=0.03)
+    assert degrees_between(given.mean(axis=0), DIRECTIONS).max() < 0.3, "they are off to all sides"
+    np.testing.assert_allclose(np.linalg.norm(given, axis=-1), 1, atol=1e-12)
+
+
+@pytest.mark.parametrize("pixels", [-3, -1, 1, 2, 4])
+def test_a_mask_is_off_by_its_error(pixels: int) -> None:
+    y, x = np.mgrid[:120, :120] - 59.5
+    lights, _ = flat(np.ones((120, 120)))
+    disc = np.hypot(x, y) < 40
+    mask = photograph(lights, disc, DIRECTIONS, ideal(mask_error=pixels)).mask
+    assert (mask >= disc).all() if pixels > 0 else (mask <= disc).all()
+    assert np.sqrt(mask.sum() / np.pi) == pytest.approx(40 + pixels, abs=0.2 * abs(pixels))
+
+
+def test_a_mask_at_the_picture_s_border_stays_there() -> None:
+    lights, mask = flat(np.ones((20, 20)))
+    assert photograph(lights, mask, DIRECTIONS, ideal(mask_error=-3)).mask.all()
+
+
+def test_a_mask_does_not_shrink_to_nothing() -> None:
+    lights, mask = flat(np.ones((20, 20)))
+    mask[:] = False
+    mask[9:11, 9:11] = True
+    np.testing.assert_array_equal(photograph(lights, mask, DIRECTIONS, ideal(mask_error=-3)).mask, mask)
+
+
+def test_draws_fill_their_ranges() -> None:
+    model = CaptureModel()
+    rng = generator(7)
+    draws = [model.draw(rng) for _ in range(600)]
+    for name in ("exposure", "full_well", "read_noise", "blur"):
+        least, most = getattr(model, name)
+        values = np.array([getattr(draw, name) for draw in draws])
+        assert least <= values.min() < least + 0.05 * (most - least), name
+        assert most - 0.05 * (most - least) < values.max() <= most, name
+    assert {draw.mask_error for draw in draws} == {-3, -2, -1, 0, 1, 2}
+    assert {draw.bits for draw in draws} == set(model.bits)
+    qualities = [draw.jpeg_quality for draw in draws if draw.jpeg_quality]
+    assert (min(qualities), max(qualities)) == (60, 98)
+    assert all(draw.bits == 8 and draw.srgb for draw in draws if draw.jpeg_quality)
+    assert len(qualities) / 600 == pytest.approx(model.jpeg, abs=0.06)
+    known = [not np.array_equal(draw.known_mixing, np.eye(3)) for draw in draws]
+    assert np.mean(known) == pytest.approx(model.calibrated, abs=0.06)
+    np.testing.assert_allclose([draw.colours.sum(axis=1) for draw in draws], 1)
+    overlaps = np.array([draw.colours[0, 1] / draw.colours[0, 0] for draw in draws])
+    assert overlaps.min() < 0.01 and 0.45 < overlaps.max() <= 0.6
+    assert len({draw.noise_seed for draw in draws}) == 600
+
+
+def test_changing_one_range_leaves_the_other_numbers() -> None:
+    changed = replace(CaptureModel(), blur=(5.0, 5.0), full_well=(np.inf, np.inf), crosstalk=(0.0, 0.0), jpeg=0.0)
+    before, after = CaptureModel().draw(generator(8)), changed.draw(generator(8))
+    assert after.blur == 5.0
+    for name in ("colours", "direction_errors", "exposure", "read_noise", "mask_error", "noise_seed"):
+        np.testing.assert_array_equal(getattr(before, name), getattr(after, name), err_msg=name)
+
+
+def test_every_draw_makes_a_capture(coloured: Sample) -> None:
+    rng = generator(9)
+    for _ in range(60):
+        capture = taken(coloured, CaptureModel().draw(rng))
+        assert capture.image.dtype == np.float32 and capture.image.min() >= 0 and capture.image.max() <= 1
+        assert np.isfinite(unmixed(capture)).all()
+
+
+def test_where_there_is_nothing_to_see_it_is_told(white: Sample) -> None:
+    directions = white.recipe.light_directions
+    with pytest.raises(InputError, match="no pixel shows the object wholly; take another sample"):
+        photograph(white.lights, np.zeros_like(white.mask), directions, ideal())
+    with pytest.raises(InputError, match="no light reaches the object; take another sample"):
+        photograph(np.zeros_like(white.lights), white.mask, directions, ideal())

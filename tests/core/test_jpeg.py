@@ -1,0 +1,47 @@
+"""JPEG's losses against libjpeg's own."""
+
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from synthetic import Sphere, write_file
+
+from mpsnet_core.synthesis.jpeg import jpeg_losses
+
+
+@pytest.fixture(scope="module")
+def picture(sphere: Sphere) -> np.ndarray:
+    """A photo of a side that is no multiple of a block's, with grain."""
+    grain = np.random.Generator(np.random.PCG64(1)).normal(scale=0.02, size=sphere.image.shape)
+    return np.rint(255 * np.clip(sphere.image**0.45 + grain, 0, 1))[:61, :50]
+
+
+@pytest.mark.parametrize("halved", [False, True])
+@pytest.mark.parametrize("quality", [40, 60, 75, 90, 98])
+def test_losses_are_libjpeg_s(tmp_path: Path, picture: np.ndarray, quality: int, halved: bool) -> None:
+    subsampling = "4:2:0" if halved else "4:4:4"
+    file = write_file(
+        tmp_path / "p.jpg", picture / 255, "uint8", Compression=f"jpeg:{quality}", jpeg__subsampling=subsampling
+    )
+    source = oiio.ImageInput.open(str(file))
+    theirs = np.asarray(source.read_image(oiio.UINT8), float)
+    source.close()
+    ours = jpeg_losses(picture, quality, halved_chroma=halved)
+    loss = np.abs(theirs - picture).mean()
+    assert np.abs(ours - picture).mean() == pytest.approx(loss, rel=0.03)
+    # What differs are values that lie between two steps and fall to the other side.
+    assert np.abs(ours - theirs).mean() < 0.6 * loss
+    assert np.abs((ours - theirs).mean(axis=(0, 1))).max() < 0.3
+
+
+def test_the_best_quality_loses_rounding_only(picture: np.ndarray) -> None:
+    assert np.abs(jpeg_losses(picture, 100, halved_chroma=False) - picture).max() <= 3
+
+
+def test_a_picture_of_one_colour_stays(picture: np.ndarray) -> None:
+    flat = np.broadcast_to([200.0, 100.0, 50.0], (20, 30, 3))
+    assert np.abs(jpeg_losses(flat, 95) - flat).max() <= 2
+    assert not np.ptp(jpeg_losses(flat, 95), axis=(0, 1)).any()
+    grey = np.full((16, 16, 3), 128.0)
+    np.testing.assert_array_equal(jpeg_losses(grey, 75), grey)
