@@ -31,9 +31,9 @@ class _Step(bpy.types.Panel):
         row.progress(factor=job.progress, text=job.message[:1].upper() + job.message[1:])
         row.operator("mps.cancel", text="", icon="X")
 
-    def picture(self, image: Any) -> None:
+    def picture(self, image: Any, scale: float = 8) -> None:
         if image is not None:
-            self.layout.template_icon(icon_value=image.preview_ensure().icon_id, scale=8)
+            self.layout.template_icon(icon_value=image.preview_ensure().icon_id, scale=scale)
 
 
 class MPS_PT_rig(_Step):
@@ -170,7 +170,7 @@ class MPS_PT_samples(_Step):
         found = standing(samples_folder(context.scene))
         if found:
             _wrapped(self.layout.column(align=True), f"{found} in this folder")
-        self.picture(samples.image)
+        self.picture(samples.image, scale=12)
 
 
 def _wrapped(layout: Any, sentence: str, width: int = 36) -> None:

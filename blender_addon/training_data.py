@@ -13,7 +13,7 @@ from mpsnet_core.files import written_whole
 from mpsnet_core.synthesis.job import JOB_FILE, SHAPES, SampleJob, place_job, read_job, samples_there
 
 from .operators import RunsCore, idle
-from .outputs import load_image, output_folder
+from .outputs import fine_preview, load_image, output_folder
 from .properties import SamplesSettings, take_given
 
 SCENE_FILE = "scene.blend"
@@ -100,7 +100,9 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
         if scene is not None and changed != self._seen:
             self._seen = changed
             with suppress(InputError):  # a sheet that cannot be shown is no reason to stop
-                scene.mps.samples.image = load_image(self._sheet, "MPS Samples", is_data=False)
+                scene.mps.samples.image = image = load_image(self._sheet, "MPS Samples", is_data=False)
+                if not bpy.app.background:
+                    fine_preview(image)
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         self.look()
