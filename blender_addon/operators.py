@@ -3,7 +3,7 @@
 import logging
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -156,15 +156,13 @@ class _Teller:
     """Tells a script's progress: at the mouse pointer, and now and then as a line in the log."""
 
     manager: Any
-    told: float = -TELL_SECONDS
-    line: str = ""
+    told: float = field(default_factory=time.monotonic)
 
     def __call__(self, done: float, message: str) -> None:
         self.manager.progress_update(int(100 * done))
-        line = f"{done:.0%} {message}"
-        if line != self.line and time.monotonic() - self.told >= TELL_SECONDS:
-            log.info(line)
-            self.told, self.line = time.monotonic(), line
+        if time.monotonic() - self.told >= TELL_SECONDS:
+            log.info("%.0f%%: %s", 100 * done, message)
+            self.told = time.monotonic()
 
 
 def _redraw(manager: Any) -> None:

@@ -1,0 +1,129 @@
+"""Training data from the operator and the command line: real renders, as small as they can be."""
+
+import logging
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon.commands import main
+from blender_addon.training_data import standing
+from mpsnet_core.synthesis.drawing import draw_recipe
+from mpsnet_core.synthesis.job import SampleJob, place_job, read_job, sample_path
+from mpsnet_core.synthesis.sample import read_sample
+
+SMALL = {"size": 32, "samples": 4, "kinds": {"BLOBS"}, "denoise": False}
+
+
+@pytest.fixture(scope="module")
+def rendered(tmp_path_factory) -> Path:
+    """A folder of two samples of generated blobs, rendered by the operator."""
+    folder = tmp_path_factory.mktemp("rendered") / "samples"
+    bpy.ops.mps.render_samples(count=2, seed=3, processes=2, output=str(folder), **SMALL)
+    return folder
+
+
+@pytest.fixture
+def folder(rendered, tmp_path) -> Path:
+    """A copy of it."""
+    return Path(shutil.copytree(rendered, tmp_path / "samples"))
+
+
+def test_what_is_rendered_is_what_the_seed_says(rendered):
+    job = read_job(rendered)
+    assert (job.renderer, job.shapes, job.count, job.size) == ("cycles", ("blobs",), 2, 32)
+    for number in range(2):
+        sample = read_sample(sample_path(rendered, number))
+        assert sample.recipe.data() == draw_recipe(job, number).data()
+        assert sample.renderer == f"Cycles {bpy.app.version_string}"
+        assert sample.lights.shape == (3, 32, 32, 3)
+        # Each light reaches something, and none reaches what is not there.
+        assert (sample.lights[:, sample.mask].mean(axis=(1, 2)) > 0.01).all()
+        assert not sample.lights[:, sample.alpha == 0].any()
+        assert 0.1 < sample.mask.mean() < 0.95
+    assert not [path.name for path in rendered.iterdir() if "unfinished" in path.name]
+
+
+def test_it_goes_on_where_it_stopped(folder, scene, capfd, monkeypatch):
+    monkeypatch.setattr("blender_addon.operators.TELL_SECONDS", 0)
+    first, second = sample_path(folder, 0), sample_path(folder, 1)
+    kept = first.stat().st_mtime_ns
+    pixels = read_sample(second).lights
+    second.unlink()
+    assert standing(folder) == "1 of 2 samples"
+    flags = ["--count", "3", "--seed", "3", "--size", "32", "--samples", "4", "--kinds", "blobs", "--no-denoise"]
+    assert main(["render-samples", *flags, "--output", str(folder)]) == 0
+    assert standing(folder) == "3 of 3 samples"
+    assert first.stat().st_mtime_ns == kept
+    # Cycles' noise comes from its own seed, which is the sample's.
+    assert np.abs(read_sample(second).lights - pixels).mean() < 1e-3
+    image = scene.mps.samples.image
+    assert Path(bpy.path.abspath(image.filepath)) == folder / "contact_sheet.png" and image.size[0] > 32
+
+    told = capfd.readouterr()
+    assert f"mpsnet: render-samples done: 3 of 3 samples in {folder}" in told.out
+    assert "the scene is not saved" not in told.out
+    assert "mpsnet: 33%: 1 of 3" in told.err and "mpsnet: 100%: 3 of 3" in told.err
+    assert not logging.getLogger("blender_addon").handlers
+
+
+def test_the_scenes_own_objects(scene, sphere, tmp_path):
+    folder = tmp_path / "samples"
+    settings = {"source": "SCENE", "size": 32, "samples": 4, "denoise": False, "output": str(folder)}
+    bpy.ops.mesh.primitive_cube_add(location=(9, 0, 0))
+    bpy.context.object.select_set(False)
+    sphere.select_set(True)
+    before = (bpy.data.filepath, len(bpy.data.objects))
+    bpy.ops.mps.render_samples(count=1, **settings)
+    assert (bpy.data.filepath, len(bpy.data.objects)) == before
+    assert read_job(folder).objects == ("Sphere",)
+    sample = read_sample(sample_path(folder, 0))
+    assert sample.recipe.shape["kind"] == "scene"
+    # The sphere alone, whose normals are its own: every direction that faces the camera equally often.
+    assert 0.2 < sample.mask.mean() < 0.9
+    z = sample.normals[sample.mask][:, 2]
+    assert z.min() < 0.5 and z.max() > 0.97
+
+    # The samples go on showing the scene as it was, though nothing is selected any more and the sphere is gone.
+    bpy.data.objects.remove(sphere)
+    bpy.ops.object.select_all(action="DESELECT")
+    bpy.ops.mps.render_samples(count=2, **settings)
+    again = read_sample(sample_path(folder, 1))
+    assert 0.2 < again.mask.mean() < 0.9
+    with pytest.raises(RuntimeError, match="its objects is Sphere, not Cube"):
+        bpy.data.objects["Cube"].select_set(True)
+        bpy.ops.mps.render_samples(count=2, **settings)
+
+
+def test_a_worker_of_its_own_is_no_verb_that_help_lists(capfd):
+    assert main(["--help"]) == 0
+    text = capfd.readouterr().out
+    assert "render-samples" in text and "work" not in text.split("VERB", 2)[-1].split()
+
+
+def test_the_plain_module_is_the_command_too(folder):
+    command = [sys.executable, "-m", "blender_addon", "render-samples", "--count", "2", "--size", "8"]
+    done = subprocess.run([*command, "--output", folder], capture_output=True, text=True, timeout=120, env=os.environ)
+    assert done.returncode == 2
+    (line,) = [line for line in done.stderr.splitlines() if line.startswith("mpsnet: ")]
+    assert "8 is outside 16 to 4096" in line
+
+
+def test_how_a_folder_stands(tmp_path):
+    assert standing(tmp_path / "nowhere") == standing(tmp_path) == ""
+    place_job(tmp_path, SampleJob("cycles", count=20))
+    for number in (0, 7, 25):
+        sample_path(tmp_path, number).write_bytes(b"whole")
+    sample_path(tmp_path, 3).touch()  # what a power cut leaves
+    (tmp_path / ".sample_000004.9.unfinished.exr").write_bytes(b"half")
+    assert standing(tmp_path) == "2 of 20 samples"
+    (tmp_path / "job.json").replace(tmp_path / "other.json")
+    assert standing(tmp_path) == ""
+    (tmp_path / "spoilt").mkdir()
+    (tmp_path / "spoilt" / "job.json").write_text("{")
+    assert standing(tmp_path / "spoilt") == ""
