@@ -59,7 +59,6 @@ def _add_synthesize(parser: argparse.ArgumentParser) -> None:
 
 
 def _synthesize(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
-    from mpsnet_core.synthesis.drawing import draw_recipe
     from mpsnet_core.synthesis.job import SampleJob
 
     if options.shapes is not None:
@@ -79,6 +78,8 @@ def _synthesize(options: argparse.Namespace, reporter: Reporter) -> dict[str, An
         bounces=options.bounces,
         supersampling=options.supersampling,
     )
+    from mpsnet_core.synthesis.drawing import draw_recipe
+
     draw_recipe(job, 0)  # what cannot be read is told before anything is begun
     return _farmed(options.output, job, options, reporter)
 

@@ -100,6 +100,9 @@ def _scaled(picture: NDArray[np.float32], height: int) -> NDArray[np.float32]:
 
 
 def _write(canvas: NDArray[np.float32], text: str, x: int, y: int, size: int) -> None:
-    buffer = oiio.ImageBuf(np.ascontiguousarray(canvas))
-    oiio.ImageBufAlgo.render_text(buffer, x, y, text, size, "", (0.92, 0.92, 0.92))
-    canvas[...] = buffer.get_pixels(oiio.FLOAT)
+    # Of a large canvas only the line is copied to the library and back.
+    top = max(y - size, 0)
+    line = canvas[top : y + size // 2]
+    buffer = oiio.ImageBuf(np.ascontiguousarray(line))
+    oiio.ImageBufAlgo.render_text(buffer, x, y - top, text, size, "", (0.92, 0.92, 0.92))
+    line[...] = buffer.get_pixels(oiio.FLOAT)

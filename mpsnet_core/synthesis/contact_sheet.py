@@ -20,7 +20,7 @@ TILE_HEIGHT = 176
 
 Colour = tuple[float, float, float]
 # For none to three lights, told apart also in grey.
-LIT_COLOURS: tuple[Colour, ...] = ((0.16, 0.09, 0.33), (0.72, 0.22, 0.33), (0.95, 0.62, 0.25), (0.99, 0.95, 0.78))
+LIT_COLOURS: tuple[Colour, ...] = ((0.30, 0.20, 0.58), (0.72, 0.22, 0.33), (0.95, 0.62, 0.25), (0.99, 0.95, 0.78))
 LIT_WORDS = ("no light", "one light", "two lights", "three lights")
 # Okabe and Ito's colours, which colour-blind people tell apart too.
 MATERIAL_COLOURS: tuple[Colour, ...] = (
@@ -59,7 +59,7 @@ class FolderSummary:
             f"{words} {share:.1%} (in {count} samples)"
             for words, share, count in zip(LIT_WORDS, self.mean_shares, self.samples_with, strict=True)
         ]
-        return f"{self.count} samples, {makers}\npixels reached by {', '.join(reversed(shares))}"
+        return f"{self.count} sample(s), {makers}\npixels reached by {', '.join(reversed(shares))}"
 
 
 def folder_samples(folder: str | os.PathLike[str]) -> list[Path]:
@@ -113,7 +113,7 @@ def contact_sheet(files: Sequence[Path], count: int = ROWS) -> NDArray[np.float3
     for wanted in spread(files, count):
         for file in files[files.index(wanted) :]:
             if file in shown:
-                break
+                continue
             try:
                 tiles += sample_row(file.stem, read_sample(file))
             except InputError:

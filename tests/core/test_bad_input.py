@@ -23,6 +23,7 @@ import numpy as np
 import pytest
 from networks import DENSE, card, conv, pass_through, random_weights, write_model
 from onnx import TensorProto, helper
+from sphere_sample import sphere_sample
 from synthetic import diligent_object, mat_file, named, shaded_sphere, write_file, write_parts
 
 from mpsnet_core import (
@@ -55,6 +56,8 @@ from mpsnet_core.estimate.card import CARD_VERSION
 from mpsnet_core.evaluation.diligent import read_diligent, read_truth
 from mpsnet_core.frames import output_files
 from mpsnet_core.surface.mesh import write_mesh
+from mpsnet_core.synthesis.job import SampleJob, write_job
+from mpsnet_core.synthesis.sample import write_sample
 
 SPHERE = shaded_sphere(16)
 NAN = float("nan")
@@ -65,6 +68,7 @@ SQUARE: dict[str, Any] = {
     "corner_normals": np.tile([0, 0, 1.0], (2, 3, 1)),
     "uvs": np.array([[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1.0]]]),
 }
+JOB = SampleJob("synthesis", 2, seed=3, size=16)
 AWAY = np.diag([1.0, -1, -1, 1])  # turned about x: looks along +z
 AWAY[2, 3] = 5
 
@@ -161,6 +165,19 @@ class Bench:
 
     def evaluate(self, *arguments: str | Path) -> None:
         self.run("evaluate", "diligent", self.diligent(), "--lights", "1,2,3", *arguments)
+
+    def synthesize(self, *arguments: str | Path, job: SampleJob | None = None) -> None:
+        """`mpsnet synthesize` with good values for what is not given; in a folder that holds a job, where one is."""
+        if job is not None:
+            (self / "s").mkdir()
+            write_job(self / "s", job)
+        self.run("synthesize", "--count", "2", "--size", "16", "--seed", "3", "-o", self / "s", *arguments)
+
+    def make(self, *arguments: str | Path, **changes: Any) -> None:
+        """`mpsnet make` with something changed in the job; None takes a key out."""
+        write_job(self.folder, JOB)
+        self.changed(self / "job.json", changes)
+        self.run("make", self.folder, *arguments)
 
 
 def dense(output: str = "normals", **changes: Any) -> Callable[[Path], Path]:
@@ -1071,6 +1088,102 @@ DILIGENT: list[Case] = [
     ),
 ]
 
+SAMPLES: list[Case] = [
+    ("no count", lambda b: b.run("synthesize", "-o", b / "s"), "--count; see mpsnet synthesize --help"),
+    ("no samples", lambda b: b.synthesize("--count", "0"), "job's count must be a whole number from 1…not 0"),
+    ("a count in words", lambda b: b.synthesize("--count", "many"), "--count…'many'…see mpsnet synthesize"),
+    ("more than files have numbers for", lambda b: b.synthesize("--count", "99999999"), "count must be…to 10000000"),
+    ("a seed below 0", lambda b: b.synthesize("--seed", "-1"), "job's seed must be a whole number from 0…not -1"),
+    ("a size of 1", lambda b: b.synthesize("--size", "1"), "job's size must be a whole number from 8 to 8192, not 1"),
+    ("a size beyond reason", lambda b: b.synthesize("--size", "100000"), "job's size…to 8192, not 100000"),
+    ("no views", lambda b: b.synthesize("--views", "0"), "job's views must be a whole number from 1"),
+    ("bounces below 0", lambda b: b.synthesize("--bounces", "-1"), "job's bounces must be a whole number from 0"),
+    ("no rays", lambda b: b.synthesize("--supersampling", "0"), "job's supersampling must be a whole number from 1"),
+    (
+        "unknown shape",
+        lambda b: b.synthesize("--shapes", "blobs,teapots"),
+        "shape 'teapots' is not known; choose blobs",
+    ),
+    ("no shape", lambda b: b.synthesize("--shapes", ","), "job has no shapes; choose some of blobs"),
+    ("a shape twice", lambda b: b.synthesize("--shapes", "blobs,blobs"), "shapes name one twice…name each once"),
+    ("meshes of no folder", lambda b: b.synthesize("--shapes", "meshes"), "meshes but has no folder of them; name one"),
+    (
+        "a folder of meshes for nothing",
+        lambda b: b.synthesize("--shapes", "blobs", "--meshes", b.folder),
+        "has a folder of meshes…but no shapes from it; add meshes to its shapes",
+    ),
+    ("a scene without Blender", lambda b: b.synthesize("--shapes", "scene"), "takes shapes from a scene but names no"),
+    ("meshes missing", lambda b: b.synthesize("--meshes", b / "nowhere"), "nowhere"),
+    ("materials missing", lambda b: b.synthesize("--merl", b / "nowhere"), "nowhere"),
+    ("processes below 0", lambda b: b.synthesize("--processes", "-2"), "-2 processes cannot be; choose 1 or more"),
+    (
+        "samples in no folder",
+        lambda b: b.run("synthesize", "--count", "1", "-o", b / "no" / "where"),
+        "cannot make folder…where: …no does not exist; create it first",
+    ),
+    (
+        "samples into a file",
+        lambda b: b.run("synthesize", "--count", "1", "-o", b.photo()),
+        "photo.exr is a file; name a folder for the samples",
+    ),
+    (
+        "another seed's samples",
+        lambda b: b.synthesize("--seed", "4", job=JOB),
+        "s holds another job: its seed is 3, not 4",
+    ),
+    (
+        "another count and size",
+        lambda b: b.synthesize("--size", "32", job=JOB),
+        "its size is 16, not 32; choose another",
+    ),
+    (
+        "samples without their job",
+        lambda b: ((b / "s").mkdir(), b.bytes("s/sample_000000.exr", b"x"), b.synthesize()),
+        "holds samples but no job.json; choose another folder",
+    ),
+    ("job missing", lambda b: b.run("make", b.folder), "job.json does not exist; check the path"),
+    ("job of another format", lambda b: b.make(format="mpsnet-rig"), "job.json is not a mpsnet-samples file"),
+    ("job of a newer version", lambda b: b.make(version=9), "job.json is version 9…update it"),
+    ("job with a misspelled key", lambda b: b.make(cuont=3), 'job.json has "cuont", which no…may have renderer, count'),
+    ("job without a count", lambda b: b.make(count=None), 'job.json lacks "count"; add it'),
+    ("job of another renderer", lambda b: b.make(renderer="eevee"), "renderer 'eevee' is not known; choose synthesis"),
+    ("count as text", lambda b: b.make(count="3"), "job.json: the job's count must be a whole number…not '3'"),
+    ("seed that is true", lambda b: b.make(seed=True), "job's seed must be a whole number"),
+    ("denoise in words", lambda b: b.make(denoise="yes"), "job's denoise must be true or false, not 'yes'"),
+    ("shapes as text", lambda b: b.make(shapes="blobs"), "job's shapes must be a list of names, not 'blobs'"),
+    ("merl that is a number", lambda b: b.make(merl=3), "job's merl must be a path, not 3"),
+    ("objects without a scene", lambda b: b.make(objects=["Bear"]), "names objects of a scene but takes no shapes"),
+    (
+        "objects without Blender",
+        lambda b: b.make(objects=["Bear"], shapes=["scene"]),
+        "scene's objects are rendered by Blender alone",
+    ),
+    (
+        "measured materials in Blender",
+        lambda b: b.make(renderer="cycles", merl="m.npz"),
+        "merl) are for synthesis alone; leave them out",
+    ),
+    ("Blender for a synthesis", lambda b: b.make("--blender", "blender"), "made without Blender; leave --blender out"),
+    (
+        "a Blender that is none",
+        lambda b: b.make("--blender", b / "blender", renderer="cycles"),
+        "cannot run…blender (No such file…); check the path",
+    ),
+    ("nothing to show", lambda b: b.run("show", b / "nowhere.exr"), "nowhere.exr does not exist; check the path"),
+    ("a folder without samples", lambda b: b.run("show", b.folder), "holds no samples (.exr); make some"),
+    ("show none", lambda b: b.run("show", b.photo(), "--count", "0"), "--count 0 shows nothing; choose 1 or more"),
+    ("show over the photo", lambda b: b.run("show", b.photo("a.png"), "-o", b / "a.png"), "overwrite…a.png"),
+    ("show in no folder", lambda b: b.run("show", b.photo(), "-o", b / "no" / "s.png"), "does not exist; create it"),
+    ("show as a film", lambda b: b.run("show", b.photo(), "-o", b / "s.mp4"), "s.mp4…not an image format of ours"),
+    ("show a rig", lambda b: b.run("show", b.rig()), "rig.json cannot be read as an image"),
+    ("show a cut photo", lambda b: b.run("show", cut(b.photo("a.png", kind="uint8"))), "a.png is damaged or cut short"),
+    (
+        "show a cut sample",
+        lambda b: (write_sample(b / "s.exr", sphere_sample(16)), b.run("show", cut(b / "s.exr"))),
+        "s.exr is damaged or cut short…delete it and make it again",
+    ),
+]
+
 
 def broken_array(b: Bench) -> Path:
     """A zip whose UVs are not an array at all."""
@@ -1092,6 +1205,7 @@ TOPICS = {
     "frames": FRAMES,
     "command": COMMANDS,
     "diligent": DILIGENT,
+    "samples": SAMPLES,
 }
 CASES = [pytest.param(*case[1:], id=f"{topic}: {case[0]}") for topic, cases in TOPICS.items() for case in cases]
 

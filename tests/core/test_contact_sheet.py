@@ -1,0 +1,169 @@
+"""Samples and photos as a picture, and a folder of samples in numbers."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from conftest import Mpsnet
+from sphere_sample import RED, sphere_sample
+from stand_in import COMMAND
+from synthetic import Sphere, listing, write_file
+from test_cli import events
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.synthesis.contact_sheet import (
+    LIT_COLOURS,
+    MATERIAL_COLOURS,
+    TILE_HEIGHT,
+    contact_sheet,
+    folder_samples,
+    sample_row,
+    spread,
+    summarise,
+)
+from mpsnet_core.synthesis.farm import make_samples
+from mpsnet_core.synthesis.job import SampleJob
+from mpsnet_core.synthesis.sample import Sample, write_sample
+
+# What stands above, below and between the tiles.
+ROW = TILE_HEIGHT + 40
+
+
+@pytest.fixture(scope="module")
+def sample() -> Sample:
+    return sphere_sample(right=RED)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, sample: Sample) -> Path:
+    """Samples 0 to 5, of which 1 was cut short and 2 is a photo; in 3 and 4 no light reaches the upper half."""
+    folder = tmp_path / "samples"
+    folder.mkdir()
+    lit = sample.lit.copy()
+    lit[:, : lit.shape[1] // 2] = 0
+    for number in (0, 1, 3, 4, 5):
+        shown = replace(sample, lit=lit, renderer="Cycles") if number in (3, 4) else sample
+        write_sample(folder / f"sample_{number:06d}.exr", shown)
+    cut = folder / "sample_000001.exr"
+    cut.write_bytes(cut.read_bytes()[:-2000])
+    write_file(folder / "sample_000002.exr", sample.lights[0], "half")
+    (folder / ".sample_000006.77.unfinished.exr").write_bytes(b"half")
+    return folder
+
+
+def pixels(path: Path) -> np.ndarray:
+    return np.asarray(oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT))
+
+
+def test_a_samples_tiles_show_what_it_holds(sample: Sample) -> None:
+    tiles = dict(sample_row("sample_000012", sample))
+    assert list(tiles) == ["000012 blobs", "light 2", "light 3", "photo", "normals", "lights reaching", "materials"]
+    lights = [tiles["000012 blobs"], tiles["light 2"], tiles["light 3"]]
+    for channel, light in enumerate(lights):
+        np.testing.assert_array_equal(tiles["photo"][..., channel], light[..., channel])
+    inside = sample.alpha > 0.5
+    # One exposure for the three: where one is brighter than another in the sample, it is not darker in the picture.
+    a, b = (sample.lights[k][inside].mean(axis=-1) for k in (0, 1))
+    shown_a, shown_b = (lights[k][inside].mean(axis=-1) for k in (0, 1))
+    assert (shown_a >= shown_b)[a > b].all() and (shown_a > shown_b).sum() > 0.3 * len(a)
+    np.testing.assert_allclose(tiles["normals"][inside], 0.5 + 0.5 * sample.normals[inside], atol=1e-6)
+    for number in range(4):
+        reached = inside & (sample.lit.sum(axis=0) == number)
+        np.testing.assert_allclose(tiles["lights reaching"][reached], np.tile(LIT_COLOURS[number], (reached.sum(), 1)))
+    for number in range(2):
+        made_of = sample.material == number
+        np.testing.assert_allclose(
+            tiles["materials"][made_of], np.tile(MATERIAL_COLOURS[number], (made_of.sum(), 1)), atol=1e-6
+        )
+    outside = {name: tiles[name][~inside] for name in ("normals", "lights reaching", "materials")}
+    assert all(np.ptp(values) == 0 for values in outside.values())
+
+
+def test_a_black_sample_is_shown_black(sample: Sample) -> None:
+    tiles = dict(sample_row("dark", replace(sample, lights=0 * sample.lights)))
+    assert not tiles["photo"].any()
+    empty = replace(sample, lights=0 * sample.lights, alpha=0 * sample.alpha, material=0 * sample.material - 1)
+    assert np.isfinite(dict(sample_row("empty", empty))["photo"]).all()
+
+
+@pytest.mark.parametrize(
+    ("count", "places"), [(1, [0]), (2, [0, 9]), (4, [0, 3, 6, 9]), (10, range(10)), (99, range(10))]
+)
+def test_samples_are_spread_evenly(count: int, places: list[int]) -> None:
+    files = [Path(str(number)) for number in range(10)]
+    assert spread(files, count) == [files[place] for place in places]
+
+
+def test_a_broken_file_gives_its_row_to_the_next_whole_one(folder: Path) -> None:
+    files = folder_samples(folder)
+    rows = [contact_sheet(files, count) for count in (1, 2, 3, 4, 8)]
+    assert [round(row.shape[0] / ROW) for row in rows if row is not None] == [1, 2, 3, 4, 4]
+    assert contact_sheet(files[1:3]) is None
+
+
+def test_a_folder_in_numbers(folder: Path, sample: Sample) -> None:
+    summary = summarise(folder_samples(folder))
+    assert (summary.count, summary.renderers) == (4, {"a test": 2, "Cycles": 2})
+    assert len(summary.skipped) == 2
+    assert "sample_000001.exr" in summary.skipped[0] and "sample_000002.exr is no sample" in summary.skipped[1]
+    count = np.bincount(sample.lit.sum(axis=0).astype(int)[sample.mask], minlength=4)
+    upper = sample.mask.copy()
+    upper[len(upper) // 2 :] = False
+    dark = np.bincount(np.where(upper, 0, sample.lit.sum(axis=0)).astype(int)[sample.mask], minlength=4)
+    np.testing.assert_allclose(summary.mean_shares, (count + dark) / 2 / sample.mask.sum(), atol=1e-6)
+    assert summary.samples_with == tuple(
+        2 * int(a >= 0.01 * sample.mask.sum()) + 2 * int(b >= 0.01 * sample.mask.sum())
+        for a, b in zip(count, dark, strict=True)
+    )
+    assert str(summary).startswith("4 sample(s), 2 by Cycles, 2 by a test\npixels reached by three lights ")
+
+
+def test_show_writes_beside_what_it_shows(mpsnet: Mpsnet, folder: Path) -> None:
+    done = mpsnet("show", folder, "--progress", "json")
+    assert (done.returncode, done.stderr) == (0, "")
+    told, last = events(done.stdout)
+    assert told == sorted(told) and told[-1] == 1
+    result = last["result"]
+    assert result["output"] == str(folder / "contact_sheet.png")
+    assert (result["samples"], len(result["skipped"])) == (4, 2)
+    assert round(pixels(folder / "contact_sheet.png").shape[0] / ROW) == 4
+    one = mpsnet("show", folder / "sample_000003.exr", folder / "sample_000004.exr")
+    assert one.returncode == 0
+    assert one.stdout.splitlines()[-1] == str(folder / "sample_000003_sheet.png")
+    assert one.stdout.startswith("2 sample(s), 2 by Cycles")
+    assert "skipped" not in one.stdout
+
+
+def test_show_takes_photos_and_samples_together(tmp_path: Path, mpsnet: Mpsnet, folder: Path, sphere: Sphere) -> None:
+    photo = write_file(tmp_path / "photo.exr", np.dstack([sphere.image, sphere.mask]), "half")
+    alone, both = tmp_path / "alone.png", tmp_path / "both.png"
+    assert mpsnet("show", photo, "-o", alone).returncode == 0
+    done = mpsnet("show", folder, photo, "--count", "1", "-o", both)
+    assert done.returncode == 0
+    assert done.stdout.splitlines()[0] == "4 sample(s), 2 by Cycles, 2 by a test"
+    lower = pixels(both)[-pixels(alone).shape[0] :, : pixels(alone).shape[1]]
+    np.testing.assert_array_equal(lower, pixels(alone))
+    assert mpsnet("show", photo).stdout == f"{tmp_path / 'photo_sheet.png'}\n"
+
+
+def test_the_contact_sheet_grows_with_the_samples(tmp_path: Path, sample: Sample, folder: Path) -> None:
+    shutil.copy(folder / "sample_000000.exr", tmp_path / "template.exr")
+    heights: list[int] = []
+
+    def look(fraction: float, words: str) -> None:
+        if (tmp_path / "contact_sheet.png").exists():
+            heights.append(pixels(tmp_path / "contact_sheet.png").shape[0])
+
+    (tmp_path / "slow").write_text("0.02")
+    make_samples(tmp_path, SampleJob("synthesis", 6), COMMAND, processes=1, progress=look)
+    assert heights and round(heights[0] / ROW) < 6
+    assert round(pixels(tmp_path / "contact_sheet.png").shape[0] / ROW) == 6
+    assert "unfinished" not in " ".join(listing(tmp_path))
+
+
+def test_a_folder_without_samples_is_told(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="holds no samples"):
+        folder_samples(tmp_path)

@@ -1,0 +1,99 @@
+"""A folder holds one job, whose count may grow."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from synthetic import listing
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.synthesis.claims import Claims
+from mpsnet_core.synthesis.job import (
+    FOLDER_CLAIM,
+    JOB_FILE,
+    SampleJob,
+    place_job,
+    read_job,
+    sample_number,
+    sample_path,
+    samples_there,
+    write_job,
+)
+
+JOB = SampleJob("cycles", 12, seed=3, shapes=("blobs", "scene"), objects=("Bear", "Cat"), views=2, denoise=False)
+
+
+def test_a_job_comes_back(tmp_path: Path) -> None:
+    write_job(tmp_path, JOB)
+    assert read_job(tmp_path) == JOB
+
+
+def test_a_job_that_was_written_before_a_setting_existed_has_its_default(tmp_path: Path) -> None:
+    (tmp_path / JOB_FILE).write_text('{"format": "mpsnet-samples", "version": 1, "renderer": "synthesis", "count": 3}')
+    assert read_job(tmp_path) == SampleJob("synthesis", 3)
+
+
+def test_a_job_is_placed_in_a_new_folder_and_again_in_its_own(tmp_path: Path) -> None:
+    folder = tmp_path / "new"
+    for _ in range(2):
+        place_job(folder, JOB)
+        assert read_job(folder) == JOB
+
+
+@pytest.mark.parametrize(("asked", "kept"), [(20, 20), (5, 12), (12, 12)])
+def test_a_count_grows_and_never_shrinks(tmp_path: Path, asked: int, kept: int) -> None:
+    place_job(tmp_path, JOB)
+    place_job(tmp_path, replace(JOB, count=asked))
+    assert read_job(tmp_path) == replace(JOB, count=kept)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"seed": 4}, "its seed is 3, not 4"),
+        ({"objects": ("Bear",)}, "its objects is Bear, Cat, not Bear"),
+        ({"shapes": ("blobs",), "objects": ()}, "its shapes is blobs, scene, not blobs"),
+        ({"denoise": True}, "its denoise is False, not True"),
+    ],
+)
+def test_another_job_is_refused_and_what_differs_is_told(
+    tmp_path: Path, changes: dict[str, object], words: str
+) -> None:
+    place_job(tmp_path, JOB)
+    with pytest.raises(InputError, match=f"holds another job: {words}; choose another folder or the same settings"):
+        place_job(tmp_path, replace(JOB, **changes, count=50))  # type: ignore[arg-type]
+    assert read_job(tmp_path) == JOB
+
+
+def test_a_job_waits_while_another_process_writes_the_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Claims of one process do not keep each other out, so that the other one is a claim that is never had."""
+    tried: list[int] = []
+
+    def held_twice(claims: Claims, number: int) -> object:
+        tried.append(number)
+        return claim(claims, number) if len(tried) > 2 else claim_of_nobody()
+
+    from contextlib import nullcontext
+
+    def claim_of_nobody() -> object:
+        return nullcontext(False)
+
+    claim = Claims.claim
+    monkeypatch.setattr(Claims, "claim", held_twice)
+    place_job(tmp_path, JOB)
+    assert tried == [FOLDER_CLAIM] * 3
+    assert read_job(tmp_path) == JOB
+    assert listing(tmp_path) == [JOB_FILE, "job.lock"]
+
+
+@pytest.mark.parametrize("number", [0, 12, 999_999, 9_999_999])
+def test_samples_are_found_by_their_names(tmp_path: Path, number: int) -> None:
+    path = sample_path(tmp_path, number)
+    path.write_bytes(b"x")
+    for other in ("sample_1.exr", ".sample_000007.1.unfinished.exr", "sample_000008.png", "sample_000009.x.exr"):
+        (tmp_path / other).write_bytes(b"x")
+    sample_path(tmp_path, 5).touch()
+    assert samples_there(tmp_path) == {number}
+    assert sample_number(path.name) == number
+    assert sample_number(f".{path.stem}.4711.unfinished.layers.exr") == number
+    assert sample_number(".contact_sheet.4711.unfinished.png") is None
