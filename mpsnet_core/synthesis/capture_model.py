@@ -100,7 +100,7 @@ class CaptureModel:
     calibrated: float = 0.5
     mixing_error: Range = (0.0, 0.03)
     direction_error: Range = (0.0, 3.0)
-    exposure: Range = (0.25, 1.3)
+    exposure: Range = (0.25, 1.2)
     full_well: Range = (1500.0, 40_000.0)
     read_noise: Range = (1.5, 12.0)
     bits: tuple[int, ...] = (8, 10, 12, 14, 16)
@@ -188,12 +188,13 @@ def photograph(
     bright = float(np.quantile(light[:, mask].max(axis=0), 1 - HIGHLIGHT_SHARE))
     if bright <= 0:
         raise InputError("no light reaches the object; take another sample")
-    well = light.transpose(1, 2, 0).astype(np.float64) * (draw.exposure / bright)
+    well = light * np.float32(draw.exposure / bright)
     if draw.read_noise > 0 or np.isfinite(draw.full_well):
-        rng = np.random.Generator(np.random.PCG64(draw.noise_seed))
-        variance = np.maximum(well, 0) / draw.full_well + (draw.read_noise / draw.full_well) ** 2
-        well += np.sqrt(variance) * rng.normal(size=well.shape)
-    image = _stored(well, draw) if draw.bits else well.astype(np.float32)
+        noise = np.random.Generator(np.random.PCG64(draw.noise_seed)).normal(size=well.shape).astype(np.float32)
+        shot, read = np.float32(1 / draw.full_well), np.float32((draw.read_noise / draw.full_well) ** 2)
+        well += np.sqrt(np.maximum(well, 0) * shot + read) * noise
+    # Channel by channel in memory, like the lights.
+    image = (_stored(well, draw) if draw.bits else well).transpose(1, 2, 0)
     shown = _grown(mask, draw.mask_error)
     rig = LightRig(_turned(directions, draw.direction_errors), draw.known_mixing)
     return Capture(image, shown if shown.any() else mask, rig, clip=1.0 if draw.bits else np.inf)
@@ -207,15 +208,18 @@ def _mixed(lights: NDArray[np.float32], draw: CaptureDraw) -> NDArray[np.float32
     return np.stack([sum(w * plane for w, plane in zip(row, planes, strict=True) if w) for row in weights])
 
 
-def _stored(well: NDArray[np.float64], draw: CaptureDraw) -> NDArray[np.float32]:
-    """Values from 0 to 1 as a file keeps them, read back."""
+def _stored(well: NDArray[np.float32], draw: CaptureDraw) -> NDArray[np.float32]:
+    """Values (3, H, W) from 0 to 1 as a file keeps them, read back."""
     top = (1 << draw.bits) - 1
-    values = linear_to_srgb(well) if draw.srgb else np.clip(well, 0, 1)
+    # The curve in double precision: single differs in its last bit between machines, and then some levels do.
+    values = linear_to_srgb(well.astype(np.float64)) if draw.srgb else np.clip(well, 0, 1)
     levels = np.rint(values * top)
     if draw.jpeg_quality:
-        levels = jpeg_losses(levels, draw.jpeg_quality, halved_chroma=draw.halved_chroma)
-    steps = np.arange(top + 1) / top
-    return (srgb_to_linear(steps) if draw.srgb else steps).astype(np.float32)[levels.astype(np.int64)]
+        pixels = jpeg_losses(levels.transpose(1, 2, 0), draw.jpeg_quality, halved_chroma=draw.halved_chroma)
+        levels = pixels.transpose(2, 0, 1)
+    if not draw.srgb:
+        return (levels / top).astype(np.float32)
+    return srgb_to_linear(np.arange(top + 1) / top).astype(np.float32)[levels.astype(np.int64)]
 
 
 def _blurred(planes: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:

@@ -33,8 +33,8 @@ def jpeg_losses(levels: NDArray[np.float64], quality: int, *, halved_chroma: boo
     stored at half the resolution both ways (4:2:0, as phones do), else at the full one (4:4:4). Returns levels again.
     """
     height, width, _ = levels.shape
-    padded = np.pad(levels, [(0, -height % 16), (0, -width % 16), (0, 0)], mode="edge")
-    red, green, blue = np.moveaxis(padded, -1, 0)
+    planes = np.ascontiguousarray(levels.transpose(2, 0, 1))
+    red, green, blue = np.pad(planes, [(0, 0), (0, -height % 16), (0, -width % 16)], mode="edge")
     luma = 0.299 * red + 0.587 * green + 0.114 * blue
     chroma = [(blue - luma) / 1.772, (red - luma) / 1.402]
     if halved_chroma:
@@ -44,7 +44,7 @@ def jpeg_losses(levels: NDArray[np.float64], quality: int, *, halved_chroma: boo
     luma = _stored(_rounded(luma) - 128, _LUMINANCE, quality) + 128
     red, blue = luma + 1.402 * chroma[1], luma + 1.772 * chroma[0]
     green = (luma - 0.299 * red - 0.114 * blue) / 0.587
-    decoded = np.stack([red, green, blue], axis=-1)[:height, :width]
+    decoded = np.stack([red, green, blue])[:, :height, :width].transpose(1, 2, 0)
     return np.clip(_rounded(decoded), 0, 255)
 
 

@@ -124,24 +124,26 @@ def read_sample(path: str | os.PathLike[str]) -> Sample:
     with _opened(path) as (source, path):
         data, recipe = _description(source, path)
         values = _pixels(source, 0, source.spec().height, path)
-        planes = dict(zip(source.spec().channelnames, np.moveaxis(values, -1, 0), strict=True))
+        order = [source.spec().channelnames.index(name) for name in _CHANNELS]
     if not np.isfinite(values).all():
         raise _damaged(path, "values that are not finite")
-    alpha, lit = planes["alpha.A"], np.stack([planes[f"lit{k}.V"] for k in (1, 2, 3)])
-    material, normals = planes["material.V"], np.stack([planes[f"normal.{c}"] for c in "XYZ"], axis=-1)
-    length = np.linalg.norm(normals[alpha > 0.99], axis=-1)
+    # Channel by channel in memory, seen as pixels of three: what is computed from it is several times faster so.
+    planes = np.stack([values[..., number] for number in order])
+    lights = planes[:9].reshape(3, 3, *planes.shape[1:]).transpose(0, 2, 3, 1)
+    normals, (depth, alpha, material), lit = planes[9:12].transpose(1, 2, 0), planes[12:15], planes[15:]
+    length = np.sqrt(np.einsum("hwi,hwi->hw", normals, normals))
     for fault, found in {
         "an alpha outside 0 to 1": _outside_unit(alpha),
         "shares of light outside 0 to 1": _outside_unit(lit),
         "materials that are no numbers": (material != np.rint(material)).any() or material.min() < -1,
-        "normals that are not of unit length": (np.abs(length - 1) > 0.05).any(),
+        "normals that are not of unit length": ((np.abs(length - 1) > 0.05) & (alpha > 0.99)).any(),
     }.items():
         if found:
             raise _damaged(path, fault)
     return Sample(
-        lights=np.stack([np.stack([planes[f"light{k}.{c}"] for c in "RGB"], axis=-1) for k in (1, 2, 3)]),
+        lights=lights,
         normals=np.where((alpha > 0)[..., None], normalised(normals), np.float32(0)),
-        depth=np.ascontiguousarray(planes["depth.Z"]),
+        depth=depth,
         alpha=np.clip(alpha, 0, 1),
         material=material.astype(np.int32),
         lit=np.clip(lit, 0, 1),

@@ -191,7 +191,7 @@ def test_a_blurred_edge_is_a_gaussian_s_integral(sigma: float) -> None:
         assert spread.sum() == pytest.approx(1, abs=1e-4)
         centre = (spread * places).sum()
         assert centre == pytest.approx(39.5, abs=1e-3)
-        assert np.sqrt((spread * (places - centre) ** 2).sum()) == pytest.approx(sigma, rel=0.02)
+        assert np.sqrt((spread * (places - centre) ** 2).sum()) == pytest.approx(sigma, rel=0.05)
 
 
 def test_direction_errors_are_those_of_a_gaussian_across_each_light() -> None:
