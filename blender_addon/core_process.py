@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
 
+import bpy
 import numpy
 
 import mpsnet_core
@@ -149,8 +150,12 @@ def run(
 
 
 def _environment() -> dict[str, str]:
-    """The child finds its packages where this process found them: an extension's are not on Python's own path."""
-    homes = [str(Path(package.__file__).parents[1]) for package in (mpsnet_core, numpy) if package.__file__]
+    """The child finds its packages where this process found them: an extension's are not on Python's own path.
+
+    Beside pip's bpy they are, but for this project's own where they are run from its folder.
+    """
+    files = [mpsnet_core.__file__, __file__ if bpy.app.module else numpy.__file__]
+    homes = [str(Path(file).parents[1]) for file in files if file]
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONHOME"}
     environment["PYTHONPATH"] = os.pathsep.join(dict.fromkeys(homes))
     environment["PYTHONIOENCODING"] = "utf-8"
