@@ -12,11 +12,13 @@ import bpy
 
 from mpsnet_core.errors import InputError
 
+from .operators import CANCELLED
 from .training_data import samples_folder, standing
 
 COMMAND = "mpsnet"
 VERBS = ("add_rig", "render_photo", "open_photo", "render_truth", "estimate", "bake", "render_samples")
 EXIT_BAD_INPUT = 2
+EXIT_CANCELLED = 130
 
 
 class _Parser(argparse.ArgumentParser):
@@ -25,7 +27,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def main(argv: Sequence[str]) -> int:
-    """Run one verb on the open file and give the exit code: 0, or 2 and one sentence on stderr for bad input.
+    """Run one verb on the open file and give the exit code: 0; 2 and one sentence on stderr for bad input; 130 on Ctrl-C.
 
     Progress of longer work is told on stderr now and then.
     """
@@ -53,7 +55,7 @@ def main(argv: Sequence[str]) -> int:
         # Blender turns an operator's report into a RuntimeError and puts its own words before the sentence.
         sentence = " ".join(str(error).split()).removeprefix("Error: ")
         print(f"{COMMAND}: {sentence}", file=sys.stderr)  # noqa: T201
-        return EXIT_BAD_INPUT
+        return EXIT_CANCELLED if sentence == CANCELLED else EXIT_BAD_INPUT
     except SystemExit as leaving:  # --help
         return int(leaving.code or 0)
     return 0

@@ -16,6 +16,7 @@ from .core_process import CoreCrashed, CoreProcess, run
 
 TICK_SECONDS = 0.1
 TELL_SECONDS = 10.0
+CANCELLED = "cancelled"
 
 log = logging.getLogger(__name__)
 
@@ -40,8 +41,8 @@ class SaysWhy(bpy.types.Operator):
             self.report({"ERROR"}, str(error))
         except OSError as error:
             self.report({"ERROR"}, _sentence(error))
-        except Cancelled:
-            self.report({"ERROR"}, "cancelled")
+        except (Cancelled, KeyboardInterrupt):
+            self.report({"ERROR"}, CANCELLED)
         else:
             return True
         return False
