@@ -27,7 +27,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def main(argv: Sequence[str]) -> int:
-    """Run one verb on the open file and give the exit code: 0; 2 and one sentence on stderr for bad input; 130 on Ctrl-C.
+    """Run one verb on the open file; give the exit code: 0, 2 with one sentence on stderr for bad input, 130 cancelled.
 
     Progress of longer work is told on stderr now and then.
     """
