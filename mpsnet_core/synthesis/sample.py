@@ -175,8 +175,8 @@ def _opened(path: str | os.PathLike[str]) -> Iterator[tuple[Any, Path]]:
     except (TypeError, UnicodeError):
         raise InputError(f"{path!a} cannot be opened: its name is not valid UTF-8; rename it") from None
     if source is None:
-        reason = " ".join(oiio.geterror().split())
-        raise InputError(f"{path} is no sample, or cut short ({reason}); delete it and make it again")
+        oiio.geterror()  # else it is said again of the next file
+        raise InputError(f"{path} is no sample, or cut short within its head; delete it and make it again")
     try:
         spec = source.spec()
         placed = (spec.x, spec.y, spec.full_width, spec.full_height) == (0, 0, spec.width, spec.height)
