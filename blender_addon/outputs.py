@@ -119,18 +119,25 @@ def load_image(path: Path, name: str, *, is_data: bool) -> bpy.types.Image:
 
 
 def fine_preview(image: bpy.types.Image) -> None:
-    """Draw the image's preview with 512 pixels a side in place of Blender's 128, for a picture of small pictures."""
+    """Draw the image's preview with 512 pixels a side in place of Blender's 128, for a picture of small pictures.
+
+    Previews are shown square: the image is at the top, where Blender would have it in the middle.
+    """
     small = image.copy()
     try:
-        share = _FINE_PREVIEW / max(image.size)
-        small.scale(max(1, round(image.size[0] * share)), max(1, round(image.size[1] * share)))
-        pixels = np.empty(small.size[0] * small.size[1] * 4, np.float32)
-        small.pixels.foreach_get(pixels)
-        preview = image.preview_ensure()
-        preview.image_size = small.size
-        preview.image_pixels_float.foreach_set(pixels)
+        side = _FINE_PREVIEW
+        width, height = (max(1, round(side * length / max(image.size))) for length in image.size)
+        small.scale(width, height)
+        pixels = np.empty((height, width, 4), np.float32)
+        small.pixels.foreach_get(pixels.ravel())
     finally:
         bpy.data.images.remove(small)
+    square = np.zeros((side, side, 4), np.float32)
+    left = (side - width) // 2
+    square[side - height :, left : left + width] = pixels  # the lowest row is the first
+    preview = image.preview_ensure()
+    preview.image_size = side, side
+    preview.image_pixels_float.foreach_set(square.ravel())
 
 
 def image_file(image: bpy.types.Image | None, what: str, mend: str) -> Path:

@@ -168,8 +168,8 @@ class MPS_PT_samples(_Step):
         column.prop(samples, "cluster", placeholder="This machine")
         self.progress_or(context, "render_samples", "RENDER_ANIMATION")
         found = standing(samples_folder(context.scene))
-        if found:
-            _wrapped(self.layout.column(align=True), f"{found} in this folder")
+        if found and not context.window_manager.mps.running:
+            self.layout.label(text=f"{found} in this folder")
         self.picture(samples.image, scale=12)
 
 
