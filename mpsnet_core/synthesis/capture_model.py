@@ -148,9 +148,9 @@ class CaptureModel:
         calibrated = rng.random() < self.calibrated
         direction_error = np.radians(_uniform(rng, self.direction_error))
         jpeg = rng.random() < self.jpeg
-        bits = int(self.bits[rng.integers(len(self.bits))])
+        bits = self.bits[_whole(rng, (0, len(self.bits) - 1))]
         srgb = rng.random() < self.srgb
-        quality = int(rng.integers(self.jpeg_quality[0], self.jpeg_quality[1] + 1))
+        quality = _whole(rng, self.jpeg_quality)
         return CaptureDraw(
             mixing=mixing,
             colours=colours,
@@ -164,7 +164,7 @@ class CaptureModel:
             jpeg_quality=quality if jpeg else 0,
             halved_chroma=rng.random() < self.halved_chroma,
             blur=_uniform(rng, self.blur),
-            mask_error=int(rng.integers(self.mask_error[0], self.mask_error[1] + 1)),
+            mask_error=_whole(rng, self.mask_error),
             noise_seed=int(rng.integers(1 << 62)),
         )
 
@@ -185,7 +185,7 @@ def photograph(
     if not mask.any():
         raise InputError("no pixel shows the object wholly; take another sample")
     light = _blurred(_mixed(lights, draw), draw.blur)
-    bright = float(np.quantile(light[:, mask].max(axis=0), 1 - HIGHLIGHT_SHARE))
+    bright = float(np.quantile(light.max(axis=0)[mask], 1 - HIGHLIGHT_SHARE))
     if bright <= 0:
         raise InputError("no light reaches the object; take another sample")
     well = light * np.float32(draw.exposure / bright)
@@ -270,6 +270,11 @@ def _overlap(rng: np.random.Generator, limits: Range) -> NDArray[np.float64]:
 
 def _uniform(rng: np.random.Generator, limits: Range) -> float:
     return limits[0] + (limits[1] - limits[0]) * rng.random()
+
+
+def _whole(rng: np.random.Generator, limits: tuple[int, int]) -> int:
+    # Not by rng.integers, which takes no random number where there is but one to choose.
+    return limits[0] + int((limits[1] - limits[0] + 1) * rng.random())
 
 
 def _log_uniform(rng: np.random.Generator, limits: Range) -> float:

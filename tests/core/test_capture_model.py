@@ -256,8 +256,9 @@ def test_draws_fill_their_ranges() -> None:
 
 def test_changing_one_range_leaves_the_other_numbers() -> None:
     changed = replace(CaptureModel(), blur=(5.0, 5.0), full_well=(np.inf, np.inf), crosstalk=(0.0, 0.0), jpeg=0.0)
+    changed = replace(changed, bits=(16,), jpeg_quality=(80, 80), srgb=1.0)
     before, after = CaptureModel().draw(generator(8)), changed.draw(generator(8))
-    assert after.blur == 5.0
+    assert (after.blur, after.bits, after.srgb) == (5.0, 16, True)
     for name in ("colours", "direction_errors", "exposure", "read_noise", "mask_error", "noise_seed"):
         np.testing.assert_array_equal(getattr(before, name), getattr(after, name), err_msg=name)
 
