@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from mpsnet_core import __version__
 from mpsnet_core.errors import InputError
@@ -101,7 +102,7 @@ def _client(address: str) -> Iterator[Client]:
                     f"no Dask scheduler answers at {address} ({reason}); give an address like tcp://host:8786"
                 ) from None
         with client:
-            versions = client.get_versions()
+            versions: Any = client.get_versions()
             ours = versions["client"]["packages"]["distributed"]
             for where, facts in {"scheduler": versions["scheduler"], **versions["workers"]}.items():
                 theirs = facts["packages"]["distributed"]
@@ -129,7 +130,8 @@ def _crew(client: Client, command: Sequence[str], folder: Path) -> Iterator[str]
 
 
 def _make(crew: str, number: int) -> Answer:
-    return get_worker().plugins[crew].make(number)
+    own: Any = get_worker().plugins[crew]
+    return own.make(number)
 
 
 class _Crew(WorkerPlugin):

@@ -67,8 +67,8 @@ def make_samples(
     there are cores. cluster: address of a Dask scheduler, whose workers do it instead; they must reach the folder by
     the same path.
 
-    However it ends, the samples that are there are whole, and the same call goes on from them. Runs that share a
-    folder share the work.
+    However it ends, the samples that are there are whole, and the same call goes on from them. Runs of several
+    processes that share a folder share the work.
 
     Raises InputError where the folder holds another job, no worker can be started, all samples fail or the cluster
     cannot be used.

@@ -211,7 +211,8 @@ class Worker:
         except WorkerLost as death:
             if self._ended:
                 raise
-            raise InputError(f"the worker {' '.join(self._command)} cannot start ({death})") from None
+            words = " ".join([*self._command, str(self._folder)])
+            raise InputError(f"the worker cannot start ({death}); run it by hand to see why: {words}") from None
         finally:
             patience.cancel()
         if "error" in said:

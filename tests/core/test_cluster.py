@@ -13,7 +13,7 @@ import pytest
 from distributed import Client, LocalCluster
 from stand_in import COMMAND, begun, whole
 from synthetic import listing
-from test_farm import alive, job, posix, until, workers
+from test_farm import alive, job, posix, start, until, workers
 
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.synthesis import cluster as dask
@@ -101,12 +101,10 @@ def test_cancelling_ends_tasks_and_processes(cluster: LocalCluster, tmp_path: Pa
 
 def test_a_run_here_and_one_on_the_cluster_share_a_folder(cluster: LocalCluster, tmp_path: Path) -> None:
     (tmp_path / "slow").write_text("0.02")
-    harvests: list[Harvest] = []
-    here = threading.Thread(target=lambda: harvests.append(make_samples(tmp_path, job(40), COMMAND, processes=1)))
-    here.start()
-    harvests.append(run(cluster, tmp_path, 40))
-    here.join()
-    assert sum(harvest.made for harvest in harvests) == 40
+    here = start(tmp_path, 40)
+    there = run(cluster, tmp_path, 40)
+    made, found, failed = map(int, here.communicate(timeout=60)[0].split())
+    assert (there.made + made, there.made + there.there, made + found, failed) == (40, 40, 40, 0)
     assert {number: len(pids) for number, pids in begun(tmp_path).items()} == dict.fromkeys(range(40), 1)
 
 
