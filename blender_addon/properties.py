@@ -295,7 +295,11 @@ class SamplesSettings:
         description="What the samples show",
         items=[
             ("GENERATED", "Generated", "Shapes made up from the seed: nothing else is needed"),
-            ("MESHES", "Mesh Files", "The meshes in a folder: OBJ, PLY, STL or glTF files"),
+            (
+                "MESHES",
+                "Mesh Files",
+                "The meshes in a folder, alone and several together: OBJ, PLY, STL, OFF or glTF files",
+            ),
             ("SCENE", "Selected Objects", "The mesh objects that are selected in this scene"),
         ],
         default="GENERATED",
