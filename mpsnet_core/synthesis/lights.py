@@ -9,8 +9,8 @@ from mpsnet_core.rays import RayScene
 from mpsnet_core.synthesis.directions import disc, frames, tiled
 from mpsnet_core.synthesis.surface_points import SurfacePoints, dot
 
-# Everywhere two rays go to opposite places near the light's rim, turned from pixel to pixel. Where all of them agree in
-# a pixel's neighbourhood they are enough, elsewhere there is a penumbra and so many more are cast.
+# Everywhere one ray goes to a place near the light's rim, another one from pixel to pixel. Where all of them agree in a
+# pixel's neighbourhood they are enough, elsewhere there is a penumbra and so many more are cast.
 PENUMBRA_RAYS = 16
 TURNS = 64
 RIM = 0.9
@@ -78,16 +78,15 @@ def arrival(
         irradiance[facing], lit[facing] = free * cosine[facing], free
         return Arrival(irradiance, lit)
 
-    angle = np.pi * np.arange(_TILE**2) / _TILE**2
-    rim = light.towards(RIM * np.stack([np.cos(angle), np.sin(angle)], axis=-1) * np.array([1, -1])[:, None, None])
-    turn = tiled(_TILE, shape).ravel()[pixels[facing]]
-    free = np.array([~scene.occluded(start, directions[turn]) for directions in rim])
+    angle = 2 * np.pi * np.arange(_TILE**2) / _TILE**2
+    rim = light.towards(RIM * np.stack([np.cos(angle), np.sin(angle)], axis=-1))
+    free = ~scene.occluded(start, rim[tiled(_TILE, shape).ravel()[pixels[facing]]])
     seen, hidden = np.zeros((2, *shape), bool)
-    seen.ravel()[pixels[facing]], hidden.ravel()[pixels[facing]] = free.any(axis=0), ~free.all(axis=0)
+    seen.ravel()[pixels[facing]], hidden.ravel()[pixels[facing]] = free, ~free
     unsure = (_grown(seen) & _grown(hidden)).ravel()[pixels[facing]]
     unsure |= np.minimum(cosine[facing], above[facing]) < radius  # the horizon cuts the light
     sure = facing[~unsure]
-    lit[sure] = free[0, ~unsure]
+    lit[sure] = free[~unsure]
     irradiance[sure] = cosine[sure] * lit[sure]
 
     unsure_points = facing[unsure]

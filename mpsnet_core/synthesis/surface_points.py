@@ -50,29 +50,41 @@ class Surface:
     def __init__(self, recipe: Recipe, shape: Shape) -> None:
         self.bump = recipe.bump
         self.turn = recipe.rotation.T.astype(np.float32)  # row vectors from object to world space
-        self.scene = RayScene(shape.vertices @ recipe.rotation.T, shape.triangles)
+        self.placed = shape.vertices @ recipe.rotation.T
+        self.scene = RayScene(self.placed, shape.triangles)
         self.vertices = shape.vertices.astype(np.float32)
-        self.triangles, self.normals, self.parts = shape.triangles, shape.corner_normals, shape.parts
+        self.triangles, self.parts = np.ascontiguousarray(shape.triangles.T), shape.parts
+        self.normals = np.ascontiguousarray(shape.corner_normals.swapaxes(0, 1))
 
     def seen(self, camera: Camera) -> tuple[NDArray[np.int64], NDArray[np.float32], SurfacePoints]:
         """What the pixels' centres see: (N,) their numbers, row by row; (N,) depth along the axis; the points."""
-        row, column = np.mgrid[: camera.height, : camera.width].reshape(2, -1) + 0.5
-        origins, directions = camera.rays(np.stack([column, row], axis=1))
+        row, column = self._frame(camera)
+        origins, directions = camera.rays(np.stack([column, row], axis=1) + 0.5)
         # An orthographic camera sees what is behind its plane as well, so its rays begin outside the object.
         back = 0.0
         if camera.projection == "orthographic":
             back = float(np.linalg.norm(camera.world_from_camera[:3, 3] - self.scene.middle)) + self.scene.size
         hits = self.scene.hits(origins - back * directions, directions)
-        pixels = np.flatnonzero(hits.triangle >= 0)
-        view = -directions[pixels].astype(np.float32)
-        depth = (hits.distance[pixels] - np.float32(back)) * (view @ camera.rotation[:, 2].astype(np.float32))
-        return pixels, depth, self.points(hits.chosen(pixels), view)
+        found = np.flatnonzero(hits.triangle >= 0)
+        view = -directions[found].astype(np.float32)
+        depth = (hits.distance[found] - np.float32(back)) * (view @ camera.rotation[:, 2].astype(np.float32))
+        return row[found] * camera.width + column[found], depth, self.points(hits.chosen(found), view)
+
+    def _frame(self, camera: Camera) -> NDArray[np.int64]:
+        """(2, N) rows and columns of the pixels in the rectangle around the object."""
+        rows = camera.projection_rows()
+        x, y, w = rows[:, :3] @ self.placed.T + rows[:, 3:]
+        low, high = np.zeros(2, np.int64), np.array([camera.width, camera.height])
+        if w.min() > 0:
+            seen = np.stack([x / w, y / w])
+            low, high = np.clip([np.floor(seen.min(axis=1)), np.ceil(seen.max(axis=1))], 0, high).astype(np.int64)
+        return np.mgrid[low[1] : high[1], low[0] : high[0]].reshape(2, -1)
 
     def points(self, hits: Hits, view: NDArray[np.float32], bump: bool = True) -> SurfacePoints:
         """The points that rays hit, none missing; `view` (N, 3) points back along the rays."""
         weights = (1 - hits.u - hits.v)[:, None], hits.u[:, None], hits.v[:, None]
-        corners = [self.vertices[number] for number in self.triangles[hits.triangle].T]
-        normals = list(np.moveaxis(self.normals[hits.triangle], 1, 0))
+        corners = [self.vertices[numbers[hits.triangle]] for numbers in self.triangles]
+        normals = [vectors[hits.triangle] for vectors in self.normals]
         place = _blend(weights, corners)
         smooth = normalised(_blend(weights, normals))
         self._face(smooth, normals, corners, view @ self.turn.T)
