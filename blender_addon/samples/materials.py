@@ -1,5 +1,6 @@
 """A recipe's surface as one Blender material: principled materials in a pattern, paint, dirt and bump."""
 
+from itertools import pairwise
 from typing import Any
 
 import bpy
@@ -150,7 +151,7 @@ def _rise(graph: Graph, level: Value, edge: float, softness: float) -> Any:
 
 def _between(graph: Graph, rises: list[Any]) -> list[Any]:
     """Weights of the bands before, between and after rises that follow one another."""
-    middle = [graph.math("SUBTRACT", low, high) for low, high in zip(rises, rises[1:], strict=False)]
+    middle = [graph.math("SUBTRACT", low, high) for low, high in pairwise(rises)]
     return [graph.math("SUBTRACT", 1.0, rises[0]), *middle, rises[-1]]
 
 

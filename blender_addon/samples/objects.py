@@ -62,9 +62,7 @@ def open_objects(path: Path, names: Sequence[str]) -> SceneObjects:
             if owner not in wanted or instance.object.type not in _SURFACES:
                 continue
             refuse_glow(instance.object, owner.name)
-            mesh = bpy.data.meshes.new_from_object(
-                instance.object, preserve_all_data_layers=True, depsgraph=depsgraph
-            )
+            mesh = bpy.data.meshes.new_from_object(instance.object, preserve_all_data_layers=True, depsgraph=depsgraph)
             slots = [slot.material for slot in instance.object.material_slots]
             mesh.materials.clear()
             for material in slots or [None]:
@@ -112,9 +110,7 @@ def _number_materials(meshes: Any) -> None:
         material.displacement_method = "BUMP"
 
 
-def add_objects(
-    scene: Any, recipe: Recipe, objects: SceneObjects
-) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+def add_objects(scene: Any, recipe: Recipe, objects: SceneObjects) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """Put the objects, turned, into the scene; give their triangles in world space."""
     turn = bpy.data.objects.new("MPS Turn", None)
     turn.matrix_world = Matrix(recipe.rotation).to_4x4()

@@ -1,4 +1,4 @@
-"""One Cycles render a sample: three light groups, normals, depth, alpha and materials, in one multi-layer EXR."""
+"""One Cycles render a sample: three light groups, normals, alpha and materials, in one multi-layer EXR."""
 
 import os
 from pathlib import Path
@@ -8,19 +8,45 @@ import bpy
 import numpy as np
 
 from mpsnet_core.errors import InputError
+from mpsnet_core.synthesis.cycles import sample_from_cycles
 from mpsnet_core.synthesis.recipe import Recipe
+from mpsnet_core.synthesis.sample import Sample
+from mpsnet_core.synthesis.shapes import Shape
+from mpsnet_core.synthesis.work import THREADS_VARIABLE
 
 from .materials import weight_passes
+from .objects import SceneObjects, add_objects
+from .scene import add_shape, sample_scene
 
 
-def prepare(scene: Any, recipe: Recipe, samples: int) -> None:
-    """Set the scene up for a render of the recipe."""
+def render_sample(recipe: Recipe, shown: Shape | SceneObjects, samples: int, path: Path) -> Sample:
+    """What the recipe's camera sees of a shape made of its materials, or of a scene's objects made of their own.
+
+    samples: Cycles samples a pixel, all lights together; a multiple of four, else the next one is taken. path: beside
+    it lies what Blender writes meanwhile.
+
+    Raises InputError where a material is measured, or the render or its file fails.
+    """
+    # Named as files.written_whole names its own, so that what a killed worker leaves is found and removed.
+    layers = path.with_name(f".{path.stem}.{os.getpid()}.unfinished.layers.exr")
+    try:
+        with sample_scene(recipe) as scene:
+            add = add_objects if isinstance(shown, SceneObjects) else add_shape
+            vertices, triangles = add(scene, recipe, shown)
+            _prepare(scene, recipe, samples)
+            _render(scene, layers)
+        return sample_from_cycles(layers, recipe, vertices, triangles, f"Cycles {bpy.app.version_string}")
+    finally:
+        layers.unlink(missing_ok=True)
+
+
+def _prepare(scene: Any, recipe: Recipe, samples: int) -> None:
     render, cycles, layer = scene.render, scene.cycles, scene.view_layers[0]
     render.engine = "CYCLES"
     render.film_transparent = True
     render.use_compositing = render.use_sequencer = render.use_simplify = False
-    threads = int(os.environ.get("MPSNET_THREADS", "0"))
-    render.threads_mode, render.threads = ("FIXED", threads) if threads else ("AUTO", 0)
+    if threads := int(os.environ.get(THREADS_VARIABLE, 0)):
+        render.threads_mode, render.threads = "FIXED", threads
     cycles.device = "CPU"
     # See scene.py: shares the samples out evenly among the four suns.
     cycles.samples = -(-samples // 4) * 4
@@ -32,13 +58,13 @@ def prepare(scene: Any, recipe: Recipe, samples: int) -> None:
     cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = recipe.bounces
     cycles.transmission_bounces = cycles.volume_bounces = 0
     layer.use_pass_normal = True
+    layer.use_pass_z = False
     layer.use_pass_material_index = not recipe.materials
     for name in weight_passes(recipe):
         layer.aovs.add().name = name
 
 
-def render_layers(scene: Any, path: Path) -> None:
-    """Render the scene into a float multi-layer EXR at `path`. Raises InputError where Blender cannot."""
+def _render(scene: Any, path: Path) -> None:
     render = scene.render
     settings = render.image_settings
     if bpy.app.version >= (5, 0):

@@ -23,7 +23,7 @@ LIGHT_GROUPS = ("light1", "light2", "light3")
 WEIGHTS = "weights"  # passes of this name and a number hold three materials' weights each
 # Shadow rays to a light that has a size, spread over its disc; and how far off the surface they start.
 SHADOW_RAYS, OFFSET = 16, 1e-4
-# Where a pixel's middle misses the object, as at its outline: where else in it rays are sent, a row and column at a time.
+# Where a pixel's middle misses the object, as at its outline: where else in it rays are sent, one after the other.
 _ELSEWHERE = ((np.stack(np.meshgrid(np.arange(4), np.arange(4)), axis=-1) + 0.5) / 4 - 0.5).reshape(-1, 2)
 
 
@@ -106,7 +106,7 @@ def _checked(values: NDArray[np.float32], what: str, camera: Camera, path: Path)
     height, width = values.shape[:2]
     if (width, height) != (camera.width, camera.height):
         raise InputError(
-            f"{path} is {width} x {height} where the recipe says {camera.width} x {camera.height}; make the sample again"
+            f"{path} is {width} x {height}, its recipe {camera.width} x {camera.height}; make the sample again"
         )
     if not np.isfinite(values).all():
         raise InputError(f"{path} holds values that are not finite in its {what}; make the sample again")

@@ -1,0 +1,401 @@
+"""Samples that Cycles renders, against what is known of them without Cycles."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import bpy
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+from blender_addon.samples.objects import open_objects
+from blender_addon.samples.render import render_sample
+from mpsnet_core.camera import Camera
+from mpsnet_core.errors import InputError
+from mpsnet_core.normals import angular_error, normalised
+from mpsnet_core.rig import published_rig
+from mpsnet_core.synthesis.cycles import sample_from_cycles
+from mpsnet_core.synthesis.pattern import material_weights
+from mpsnet_core.synthesis.recipe import Bump, Dirt, Material, Paint, Pattern, Recipe
+from mpsnet_core.synthesis.shapes import Shape
+
+SIZE = 64
+WHITE = Material(base_color=(0.8, 0.8, 0.8), roughness=1.0, specular=0.0)
+RED, GREEN, BLUE = (replace(WHITE, base_color=color) for color in ((0.8, 0, 0), (0, 0.8, 0), (0, 0, 0.8)))
+
+
+def camera(projection: str, distance: float = 10.0, size: int = SIZE) -> Camera:
+    """Sees a unit sphere at the origin, off the picture's middle."""
+    pose = np.eye(4)
+    pose[2, 3] = distance
+    focal = size / 2.4 * (1 if projection == "orthographic" else np.sqrt(distance**2 - 1))
+    return Camera(projection, size, size, [focal, focal], [size * 0.53, size * 0.48], pose)
+
+
+def recipe(projection: str = "orthographic", **changes) -> Recipe:
+    plain = Recipe(
+        seed=1,
+        number=2,
+        shape={"kind": "test"},
+        rotation=np.eye(3),
+        camera=camera(projection),
+        light_directions=published_rig(slant=40, first_tilt=20).directions,
+        light_sizes=np.zeros(3),
+        materials=(WHITE,),
+    )
+    return replace(plain, **changes)
+
+
+def turned(degrees: float) -> np.ndarray:
+    """About the x axis, then about z."""
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+
+
+def sphere(
+    radius: float = 1.0, centre: tuple[float, float, float] = (0, 0, 0), part: int = 0, rings: int = 64
+) -> Shape:
+    """A sphere of rings and twice as many segments, with exact normals."""
+    slant, tilt = np.meshgrid(np.linspace(0, np.pi, rings + 1), np.linspace(0, 2 * np.pi, 2 * rings, endpoint=False))
+    points = np.stack([np.sin(slant) * np.cos(tilt), np.sin(slant) * np.sin(tilt), np.cos(slant)], -1).reshape(-1, 3)
+    column, row = np.meshgrid(np.arange(2 * rings), np.arange(rings), indexing="ij")
+    a, b = column * (rings + 1) + row, (column + 1) % (2 * rings) * (rings + 1) + row
+    triangles = np.concatenate(
+        [
+            np.stack(t, -1)[k].reshape(-1, 3)
+            for k, t in (
+                (np.s_[:, :-1], (a, a + 1, b + 1)),
+                (np.s_[:, 1:], (a, b + 1, b)),
+            )
+        ]
+    ).astype(np.int32)
+    normals = points.astype(np.float32)[triangles]
+    return Shape(points * radius + centre, triangles, normals, np.full(len(triangles), part, np.int32))
+
+
+def joined(*shapes: Shape) -> Shape:
+    starts = np.cumsum([0, *(len(shape.vertices) for shape in shapes)])
+    return Shape(
+        np.concatenate([shape.vertices for shape in shapes]),
+        np.concatenate([shape.triangles + start for shape, start in zip(shapes, starts, strict=False)]),
+        np.concatenate([shape.corner_normals for shape in shapes]),
+        np.concatenate([shape.parts for shape in shapes]),
+    )
+
+
+def seen_sphere(view: Camera, radius: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Normals and depth of a sphere at the origin at the pixels' middles, and the pixels well inside its outline."""
+    x, y = np.meshgrid(np.arange(view.width) + 0.5, np.arange(view.height) + 0.5)
+    origins, directions = view.rays(np.stack([x.ravel(), y.ravel()], 1))
+    half = (origins * directions).sum(1)
+    root = half**2 - (origins**2).sum(1) + radius**2
+    points = origins + (-half - np.sqrt(np.maximum(root, 0)))[:, None] * directions
+    shape = (view.height, view.width)
+    depth = view.world_from_camera[2, 3] - points[:, 2]
+    return points.reshape(*shape, 3) / radius, depth.reshape(shape), (root > 0.1 * radius**2).reshape(shape)
+
+
+@pytest.mark.parametrize("projection", ["orthographic", "perspective"])
+def test_a_matt_sphere_is_as_the_formulas_say(projection, tmp_path):
+    told = recipe(projection, rotation=turned(50), camera=camera(projection, 4.0))
+    sample = render_sample(told, sphere(), 16, tmp_path / "sample.exr")
+    normals, depth, inside = seen_sphere(told.camera)
+    assert inside.mean() > 0.4 and (sample.alpha[inside] == 1).all()
+    assert angular_error(sample.normals, normals)[inside].max() < 0.5
+    assert np.abs(sample.depth - depth)[inside].max() < 0.003
+    cosines = np.moveaxis(normals @ told.light_directions.T, -1, 0)
+    expected = 0.8 * np.maximum(cosines, 0)
+    for light, truth in zip(sample.lights, expected, strict=True):
+        assert np.abs(light - truth[..., None])[inside].mean() < 0.01 * truth[inside].mean()
+        assert (light - truth[..., None])[inside].mean() == pytest.approx(0, abs=0.002)
+    sure = inside & (np.abs(cosines) > 0.03).all(axis=0)
+    assert ((sample.lit > 0.5) == (cosines > 0))[:, sure].all()
+    assert (sample.lit[:, sure] < 0.5).any()
+    assert (sample.material[inside] == 0).all()
+    outside = sample.alpha == 0
+    assert outside.mean() > 0.1 and (sample.material[outside] == -1).all()
+    assert not (sample.lights[:, outside].any() or sample.normals[outside].any() or sample.depth[outside].any())
+    assert [path.name for path in tmp_path.iterdir()] == []
+
+
+def test_one_render_shows_what_three_of_a_light_each_show(tmp_path):
+    """With cast shadows, penumbrae, gloss and light between the spheres."""
+    shape = joined(sphere(0.7, (-0.3, 0, 0)), sphere(0.4, (0.3, 0.3, 0.6)))
+    materials = (Material(base_color=(0.7, 0.4, 0.2), roughness=0.4), Material(metallic=1.0, roughness=0.3))
+    told = recipe(materials=materials, light_sizes=np.full(3, 10.0), bounces=2, camera=camera("orthographic", size=48))
+    told = replace(told, pattern=Pattern("stripes", scale=2.0, softness=0.3))
+    together = render_sample(told, shape, 64, tmp_path / "sample.exr")
+    for number in range(3):
+        # The other two suns stand where they light nothing that is seen.
+        away = np.where(np.arange(3)[:, None] == number, told.light_directions, [0, 0, -1])
+        alone = render_sample(replace(told, light_directions=away), shape, 64, tmp_path / "sample.exr")
+        ours, truth = together.lights[number], alone.lights[number]
+        assert np.abs(ours - truth).mean() < 0.06 * truth.mean()
+        assert ours.mean() == pytest.approx(truth.mean(), rel=0.01)
+        blocks = [image.reshape(6, 8, 6, 8, 3).mean(axis=(1, 3)) for image in (ours, truth)]
+        assert np.abs(blocks[0] - blocks[1]).max() < 0.03
+
+
+def test_materials_lie_where_the_pattern_says(tmp_path):
+    """Stripes and parts have no noise in them, and so are the same as the core's own."""
+    cap = joined(sphere(0.8, (-0.2, 0, 0), part=1), sphere(0.5, (0.5, 0, 0), part=6))
+    for kind, shape in (("parts", cap), ("stripes", sphere())):
+        pattern = Pattern(kind, scale=1.7, direction=(0.36, 0.48, 0.8))
+        told = recipe(materials=(RED, GREEN, BLUE, WHITE), pattern=pattern, rotation=turned(30))
+        sample = render_sample(told, shape, 16, tmp_path / "sample.exr")
+        x, y = np.meshgrid(np.arange(SIZE) + 0.5, np.arange(SIZE) + 0.5)
+        origins, directions = told.camera.rays(np.stack([x.ravel(), y.ravel()], 1))
+        points = (origins + sample.depth.ravel()[:, None] * directions) @ told.rotation
+        ball = np.where(np.linalg.norm(points - [0.5, 0, 0], axis=1) < 0.501, 6, 1)
+        weights = material_weights(pattern, 4, points, ball)
+        expected = weights.argmax(axis=1).reshape(SIZE, SIZE)
+        padded = np.pad(expected, 1, mode="edge")
+        same = [padded[1 + r : SIZE + 1 + r, 1 + c : SIZE + 1 + c] == expected for r in (-1, 0, 1) for c in (-1, 0, 1)]
+        sure = sample.mask & np.all(same, axis=0)
+        assert (sample.material == expected)[sure].all() and len(np.unique(expected[sure])) >= 2
+        colours = np.array([one.base_color for one in told.materials])[expected] > 0
+        shown = sample.lights.sum(axis=0)
+        lit = sure & (sample.lit.sum(axis=0) > 0.5)
+        assert ((shown > 1e-4) == colours)[lit].all()
+
+
+@pytest.mark.parametrize("kind", ["noise", "voronoi"])
+def test_materials_of_a_random_pattern_have_their_share(kind, tmp_path):
+    pattern = Pattern(kind, scale=6.0, softness=0.5, warp=0.3, seed=7)
+    sample = render_sample(recipe(materials=(RED, GREEN, BLUE), pattern=pattern), sphere(), 16, tmp_path / "sample.exr")
+    shares = np.bincount(sample.material[sample.mask], minlength=3) / sample.mask.sum()
+    assert ((shares > 0.15) & (shares < 0.55)).all()
+    # Soft edges: neighbours' colours meet in a good share of the pixels, and sum to one.
+    shown, inside = sample.lights.sum(axis=0), sample.mask & (sample.lit.min(axis=0) == 1)
+    colours = shown[inside] / shown[inside].sum(axis=1, keepdims=True)
+    assert 0.1 < (colours.max(axis=1) < 0.95).mean() < 0.9
+    whole = 0.8 * sample.normals[inside] @ recipe().light_directions.sum(axis=0)
+    assert np.abs(shown[inside].sum(axis=1) / whole - 1).mean() < 0.02
+
+
+def test_paint_varies_colours_softly_and_dirt_covers_its_share(tmp_path):
+    painted = recipe(paint=Paint(amount=0.6, hue=1.0, scale=4.0, seed=3), dirt=Dirt(0.3, (0.0, 0.0, 0.0), 6.0, seed=5))
+    sample = render_sample(painted, sphere(), 16, tmp_path / "sample.exr")
+    inside = sample.mask & (sample.lit.min(axis=0) == 1)
+    albedo = (
+        sample.lights.sum(axis=0)[inside] / (sample.normals[inside] @ painted.light_directions.sum(axis=0))[:, None]
+    )
+    assert 0.55 * 0.8 < albedo.mean() < 0.85 * 0.8 and (albedo.max(axis=1) < 0.02).mean() > 0.05
+    clean = albedo[albedo.max(axis=1) > 0.3] / 0.8
+    assert clean.std(axis=0).min() > 0.05 and clean.std(axis=0).max() < 0.4
+    assert np.corrcoef(clean.T)[np.triu_indices(3, 1)].max() < 0.8
+
+
+def test_the_bump_is_in_the_normals(tmp_path):
+    bumpy = recipe(bump=Bump(height=0.01, scale=8.0, seed=2))
+    sample = render_sample(bumpy, sphere(), 64, tmp_path / "sample.exr")
+    smooth, _, inside = seen_sphere(bumpy.camera)
+    lit = inside & (np.einsum("hwc,kc->khw", smooth, bumpy.light_directions) > 0.25).all(axis=0)
+    bend = angular_error(sample.normals, smooth)[lit]
+    assert 2 < bend.mean() < 15
+    by_light = normalised(sample.lights.mean(axis=-1).transpose(1, 2, 0) @ np.linalg.inv(bumpy.light_directions).T)
+    assert angular_error(by_light, sample.normals)[lit].mean() < 0.25 * bend.mean()
+
+
+def test_a_faceted_shape_is_flat_and_a_subsurface_one_glows_beyond_the_terminator(tmp_path):
+    ball = sphere(rings=5)
+    a, b, c = ball.vertices[ball.triangles].transpose(1, 0, 2)
+    flat = normalised(np.cross(b - a, c - a)).astype(np.float32)
+    faceted = replace(ball, corner_normals=np.repeat(flat[:, None], 3, axis=1))
+    sample = render_sample(recipe(), faceted, 4, tmp_path / "sample.exr")
+    distances = angular_error(sample.normals[sample.mask][:, None], flat[None]).min(axis=1)
+    assert np.median(distances) < 0.05
+
+    soft = recipe(materials=(Material(subsurface=1.0, subsurface_radius=2.0),))
+    sample = render_sample(soft, sphere(), 16, tmp_path / "sample.exr")
+    normals, _, inside = seen_sphere(soft.camera)
+    cosine = normals @ soft.light_directions[0]
+    assert sample.lights[0][inside & (cosine > -0.15) & (cosine < -0.05)].mean() > 0.02
+    assert angular_error(sample.normals, normals)[inside].mean() < 0.2
+
+
+def test_the_same_recipe_gives_the_same_picture_and_leaves_nothing_behind(tmp_path):
+    told = recipe(pattern=Pattern("noise"), materials=(RED, GREEN), bump=Bump(0.01), light_sizes=np.full(3, 5.0))
+    first = render_sample(told, sphere(), 8, tmp_path / "sample.exr")
+    counts = held()
+    again = render_sample(told, sphere(), 8, tmp_path / "sample.exr")
+    other = render_sample(replace(told, number=3), sphere(), 8, tmp_path / "sample.exr")
+    assert np.abs(first.lights - again.lights).max() < 1e-4
+    assert np.abs(first.lights - other.lights).max() > 1e-3
+    assert held() == counts
+
+
+def held() -> dict[str, int]:
+    """How many of each kind of data Blender holds."""
+    kinds = [name for name in dir(bpy.data) if isinstance(getattr(bpy.data, name), bpy.types.bpy_prop_collection)]
+    return {kind: len(getattr(bpy.data, kind)) for kind in kinds}
+
+
+def test_a_measured_material_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r'Cycles cannot render the measured material "alum.binary"'):
+        told = recipe(materials=(Material(kind="merl", source="alum.binary"),))
+        render_sample(told, sphere(rings=4), 4, tmp_path / "sample.exr")
+    assert "MPS Sample" not in bpy.data.scenes and not bpy.data.materials
+
+
+# --- the scene's own objects ------------------------------------------------------------------------------------------
+
+
+def coloured(name: str, color: tuple[float, float, float], **inputs: float) -> bpy.types.Material:
+    material = bpy.data.materials.new(name)
+    if bpy.app.version < (5, 0):
+        material.use_nodes = True
+    shader = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+    shader.inputs["Base Color"].default_value = (*color, 1)
+    for key, value in ({"Specular IOR Level": 0.0} | inputs).items():
+        shader.inputs[key].default_value = value
+    return material
+
+
+@pytest.fixture
+def scene_file(tmp_path) -> Path:
+    """A red and a green ball of radius 3, the green one a stretched child of the red one, and a lamp that glows."""
+    for name, color, place in (("Red", (0.8, 0, 0), (20, 0, 3)), ("Green", (0, 0.8, 0), (26, 0, 3))):
+        bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=3, radius=3, location=place)
+        bpy.context.object.name = name
+        bpy.context.object.data.materials.append(coloured(name, color))
+        bpy.ops.object.shade_smooth()
+    red, green = bpy.data.objects["Red"], bpy.data.objects["Green"]
+    green.parent, green.matrix_parent_inverse = red, red.matrix_world.inverted()
+    red.modifiers.new("Subdivision", "SUBSURF").render_levels = 1
+    bpy.ops.mesh.primitive_cube_add(location=(0, 0, 9))
+    bpy.context.object.name = "Lamp"
+    lamp = coloured("Lamp", (1, 1, 1), **{"Emission Strength": 5.0})
+    bpy.context.object.data.materials.append(lamp)
+    path = tmp_path / "scene.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    return path
+
+
+def test_own_objects_are_brought_to_unit_size_with_their_own_materials(scene_file, tmp_path):
+    objects = open_objects(scene_file, ("Red", "Green"))
+    used = objects.vertices[np.unique(objects.triangles)]
+    assert (
+        np.linalg.norm(used, axis=1).max() == pytest.approx(1)
+        and np.abs(used.min(axis=0) + used.max(axis=0)).max() < 1e-6
+    )
+    assert len(objects.meshes[0][0].vertices) > 642 or len(objects.meshes[1][0].vertices) > 642  # the modifier's
+    told = recipe(materials=())
+    counts = held()
+    sample = render_sample(told, objects, 16, tmp_path / "sample.exr")
+    assert held() == counts
+    middle, inside = SIZE // 2, sample.mask & (sample.lit.min(axis=0) == 1)
+    shown = sample.lights.sum(axis=0)
+    left = np.arange(SIZE)[None] < told.camera.centre[0]
+    assert set(sample.material[inside & left]) != set(sample.material[inside & ~left]) and inside[:, middle:].any()
+    assert (shown[..., 0] > 1e-3)[inside & left].all() and (shown[..., 1] < 1e-4)[inside & left].all()
+    assert (shown[..., 1] > 1e-3)[inside & ~left].all()
+    # Both balls have half the radius of the whole; their normals at their middles look at the camera.
+    row, column = (int(place) for place in (told.camera.centre[1], told.camera.centre[0] - told.camera.focal[0] / 2))
+    assert sample.normals[row, column, 2] > 0.99
+    assert sample.depth[row, column] == pytest.approx(9.5, abs=0.01)
+    quarter = render_sample(
+        replace(told, rotation=np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]])), objects, 4, scene_file
+    )
+    assert quarter.mask[:, SIZE // 2].sum() > 2 * quarter.mask[SIZE // 2].sum()
+
+
+@pytest.mark.parametrize(
+    "names, sentence",
+    [
+        (("Red", "Lamp"), r'material "Lamp" of "Lamp" glows'),
+        (("Blue",), r'scene.blend has no object "Blue"'),
+    ],
+)
+def test_objects_that_cannot_be_shown(names, sentence, scene_file):
+    with pytest.raises(InputError, match=sentence):
+        open_objects(scene_file, names)
+
+
+def test_a_scene_file_that_is_none(tmp_path):
+    with pytest.raises(InputError, match=r"scene .*scene.blend does not exist"):
+        open_objects(tmp_path / "scene.blend", ("Cube",))
+    (tmp_path / "scene.blend").write_text("none")
+    with pytest.raises(InputError, match=r"scene.blend cannot be opened"):
+        open_objects(tmp_path / "scene.blend", ("Cube",))
+
+
+# --- the file that Blender writes -------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def layers(tmp_path_factory) -> Path:
+    """What Blender wrote for :func:`recipe` with four materials, which need two passes of weights."""
+    path = tmp_path_factory.mktemp("layers") / "layers.exr"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Path, "unlink", lambda self, missing_ok=False: self.rename(path) if self.is_file() else None)
+        render_sample(four_materials(), sphere(rings=16), 4, path.with_name("sample.exr"))
+    return path
+
+
+def four_materials() -> Recipe:
+    return recipe(materials=(RED, GREEN, BLUE, WHITE), pattern=Pattern("stripes", scale=2.0))
+
+
+def read(path: Path, told: Recipe | None = None):
+    shape = sphere(rings=16)
+    return sample_from_cycles(path, told or four_materials(), shape.vertices, shape.triangles, "test")
+
+
+def test_one_part_or_a_part_a_pass_read_the_same(layers, tmp_path):
+    """Blender 4.5 writes the first, 5.0 and later the second; whichever is running, both are tried."""
+    source, images, part = oiio.ImageInput.open(str(layers)), {}, 0
+    while source.seek_subimage(part, 0):
+        spec = source.spec()
+        pixels = source.read_image(part, 0, 0, spec.nchannels, oiio.FLOAT)
+        images |= {name: pixels[..., number] for number, name in enumerate(spec.channelnames)}
+        part += 1
+    one = {"": list(images)}
+    many = {}
+    for name in images:
+        many.setdefault(name.rpartition(".")[0], []).append(name)
+    truth = read(layers)
+    assert len(np.unique(truth.material)) == 5
+    for number, layout in enumerate((one, many)):
+        path = tmp_path / f"{number}.exr"
+        specs = []
+        for title, names in layout.items():
+            spec = oiio.ImageSpec(SIZE, SIZE, len(names), "float")
+            spec.channelnames = names
+            spec.attribute("oiio:subimagename", title)
+            specs.append(spec)
+        target = oiio.ImageOutput.create(str(path))
+        target.open(str(path), specs)
+        for index, (spec, names) in enumerate(zip(specs, layout.values(), strict=True)):
+            if index:
+                target.open(str(path), spec, "AppendSubimage")
+            target.write_image(np.ascontiguousarray(np.stack([images[name] for name in names], -1)))
+        target.close()
+        sample = read(path)
+        for field in ("lights", "normals", "depth", "alpha", "material", "lit"):
+            assert np.array_equal(getattr(sample, field), getattr(truth, field)), field
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.99])
+def test_a_render_that_was_cut_short(layers, tmp_path, share):
+    cut = tmp_path / "cut.exr"
+    cut.write_bytes(layers.read_bytes()[: int(share * layers.stat().st_size)])
+    with pytest.raises(InputError, match=r"cut.exr .*cut short.*; make the sample again"):
+        read(cut)
+
+
+def test_a_file_that_is_no_render_of_the_recipe(layers, tmp_path):
+    other = tmp_path / "other.exr"
+    image = oiio.ImageBuf(oiio.ImageSpec(SIZE, SIZE, 4, "float"))
+    image.write(str(other))
+    with pytest.raises(InputError, match=r"other.exr has no Combined pass; it is no render of a sample"):
+        read(other)
+    with pytest.raises(InputError, match=r"layers.exr has no weights6 pass"):
+        read(layers, recipe(materials=(WHITE,) * 7))
+    with pytest.raises(InputError, match=r"layers.exr has no Material Index pass"):
+        read(layers, recipe(materials=()))
+    with pytest.raises(InputError, match=r"layers.exr is 64 x 64, its recipe 32 x 32"):
+        read(layers, replace(four_materials(), camera=camera("orthographic", size=32)))
+    with pytest.raises(InputError, match=r"render .*gone.exr does not exist"):
+        read(tmp_path / "gone.exr")
