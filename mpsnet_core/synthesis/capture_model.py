@@ -185,7 +185,8 @@ def photograph(
     if not mask.any():
         raise InputError("no pixel shows the object wholly; take another sample")
     light = _blurred(_mixed(lights, draw), draw.blur)
-    bright = float(np.quantile(light.max(axis=0)[mask], 1 - HIGHLIGHT_SHARE))
+    # One of the values, not between two: NumPy 1 and 2 interpolate with different precision.
+    bright = float(np.quantile(light.max(axis=0)[mask], 1 - HIGHLIGHT_SHARE, method="higher"))
     if bright <= 0:
         raise InputError("no light reaches the object; take another sample")
     well = light * np.float32(draw.exposure / bright)

@@ -139,13 +139,13 @@ def test_another_process_reads_the_same_bytes(folder: Path) -> None:
     assert done.stdout.split() == here, done.stderr
 
 
-# Weighed means of photo and initial normals, weighed directions and the mask's pixels of example 0 to 3 of seed 11, as
-# Python 3.11 with NumPy 1.26 has them; the weights tell pixels and channels apart.
+# Weighed sums of photo, initial normals and directions, and the number of the mask's pixels, of examples 0 to 3 of seed
+# 11 as Python 3.11 with NumPy 1.26 has them; the weights tell pixels and channels apart.
 FINGERPRINTS = [
-    [8.786788e-04, -3.424481e-04, 2.964874e-01, 1484],
-    [2.136155e-04, 4.927164e-04, -1.363414e00, 1356],
-    [1.306979e-03, 1.778727e-04, -1.149275e00, 1484],
-    [2.717260e-05, 3.059500e-04, 9.874394e-01, 2016],
+    [6.07228, -2.36654, 0.29649, 1484],
+    [1.48223, 3.40879, -1.36341, 1356],
+    [9.03384, 1.22946, -1.14927, 1484],
+    [0.22464, 2.18406, 0.98744, 2016],
 ]
 
 
@@ -155,11 +155,11 @@ def test_examples_are_the_same_under_every_python(folder: Path) -> None:
     for index in range(4):
         example = dataset.example(index, 1)
         weights = np.cos(np.arange(SIZE * SIZE * 3)).reshape(SIZE, SIZE, 3)
-        photo, initial = ((array * weights).mean(dtype=float) for array in (example.photo, example.initial_normals))
+        photo, initial = ((array * weights).sum(dtype=float) for array in (example.photo, example.initial_normals))
         found.append(
             [photo, initial, float((example.light_directions * weights[0, :3]).sum()), int(example.mask.sum())]
         )
-    np.testing.assert_allclose(found, FINGERPRINTS, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(found, FINGERPRINTS, rtol=0, atol=2e-3)
 
 
 def test_a_crop_shows_the_object_as_it_is_there(folder: Path) -> None:
