@@ -1,0 +1,44 @@
+"""Training data of both kinds: a few samples rendered by Blender's Cycles, and the same ones synthesised without it.
+
+    python examples/training_data.py                   (with `pip install mpsnet[blender]`)
+    blender -b --python examples/training_data.py      (with the extension installed)
+
+Leaves the samples in output/rendered and output/synthesised, and output/training_data.png: in each pair of rows the
+rendered sample is above the synthesised one. Shapes, lights and materials agree; where noise spreads the materials,
+each renderer has its own. What is there already is not made again: run it twice, or with a larger COUNT.
+"""
+
+import time
+from pathlib import Path
+
+import bpy
+
+from mpsnet_core.synthesis.contact_sheet import contact_sheet, write_sheet
+from mpsnet_core.synthesis.farm import make_samples
+from mpsnet_core.synthesis.job import SampleJob, read_job, sample_path
+
+OUTPUT = Path(__file__).resolve().parent / "output"
+COUNT, PIXELS, SEED = 4, 160, 1
+
+if not hasattr(bpy.types.Scene, "mps"):  # pip's bpy, or a Blender without the extension
+    try:
+        import blender_addon
+    except ModuleNotFoundError:
+        raise SystemExit("this Blender has no MPS-Net extension; install it first, see README") from None
+    blender_addon.register()
+
+OUTPUT.mkdir(exist_ok=True)
+rendered, synthesised = OUTPUT / "rendered", OUTPUT / "synthesised"
+
+started = time.monotonic()
+bpy.ops.mps.render_samples(count=COUNT, size=PIXELS, seed=SEED, samples=32, output=str(rendered))
+print(f"rendered: {rendered} ({time.monotonic() - started:.0f} s)")
+
+# The same recipes: only the renderer is another.
+started = time.monotonic()
+make_samples(synthesised, SampleJob("synthesis", COUNT, SEED, PIXELS, shapes=read_job(rendered).shapes))
+print(f"synthesised: {synthesised} ({time.monotonic() - started:.0f} s)")
+
+pairs = [sample_path(folder, number) for number in range(COUNT) for folder in (rendered, synthesised)]
+write_sheet(OUTPUT / "training_data.png", contact_sheet(pairs, len(pairs)))
+print(f"the contact sheet is {OUTPUT / 'training_data.png'}")
