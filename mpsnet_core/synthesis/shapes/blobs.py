@@ -1,0 +1,144 @@
+"""Blobs: closed bodies without parts: smooth, folded, ridged, finely wrinkled or faceted."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.normals import normalised
+from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise
+from mpsnet_core.synthesis.shapes.draws import between, chance, count, direction, new_seed, picked, turned
+from mpsnet_core.synthesis.shapes.isosurface import isosurface
+from mpsnet_core.synthesis.shapes.shape import Shape, faceted_shape, joined, placed, smooth_shape
+from mpsnet_core.synthesis.shapes.solids import ellipsoid, limb
+from mpsnet_core.synthesis.shapes.surfaces import bent, displaced, sphere, stacked
+
+Array = NDArray[np.float64]
+
+CHARACTERS = ("smooth", "folded", "ridged", "wrinkled", "faceted")
+
+
+def build_blob(character: str, rng: np.random.Generator, cells: int) -> Shape:
+    """A blob of the character, about 2 wide; those of several lumps on a grid of `cells` cells."""
+    if character == "faceted":
+        return _faceted(rng)
+    if character == "smooth":
+        return _body(rng, cells)
+    if character == "folded":
+        return bent(_ball(cells), _folds(rng))
+    if character == "ridged":
+        return displaced(_body(rng, cells), _ridges(rng))
+    return displaced(_body(rng, cells), _wrinkles(rng))
+
+
+def _ball(cells: int) -> Shape:
+    vertices, triangles = sphere(6 if cells > 64 else 5)
+    return smooth_shape(vertices, triangles, vertices)
+
+
+def _body(rng: np.random.Generator, cells: int) -> Shape:
+    """Lumps that flow into each other, or a ball pushed in and out."""
+    if chance(rng, 0.5):
+        soft = between(rng, 0.1, 0.6)
+        solids = []
+        for _ in range(count(rng, 3, 9)):
+            place = direction(rng) * between(rng, 0.2, 0.9)
+            if chance(rng, 0.6):
+                radii = np.array([between(rng, 0.2, 0.65) for _ in range(3)])
+                solids.append(ellipsoid(place, radii, turned(rng), blend=soft))
+            else:
+                end = direction(rng) * between(rng, 0.5, 1.1)
+                solids.append(limb(place, end, between(rng, 0.15, 0.4), between(rng, 0.1, 0.35), blend=soft))
+        solids.append(ellipsoid((0, 0, 0), between(rng, 0.3, 0.6), blend=soft))
+        return isosurface(solids, 2.2 / cells)
+    seed, scale = new_seed(rng), between(rng, 0.8, 1.8)
+    swell, push = between(rng, 0.2, 0.6), between(rng, 0.1, 0.45)
+    stretch = np.array([between(rng, 0.6, 1.1) for _ in range(3)])
+
+    def form(points: Array) -> Array:
+        out = 1 + swell * fractal_noise(points * scale, seed, 2)
+        return (points * out[:, None] + push * _vectors(points * 1.1, seed + 1)) * stretch
+
+    return bent(_ball(cells), form)
+
+
+def _folds(rng: np.random.Generator) -> Callable[[Array], Array]:
+    """Deep folds: bulges parted by creases, bent by noise."""
+    seed, scale = new_seed(rng), between(rng, 1.3, 2.6)
+    depth, warp, push = between(rng, 0.5, 1.0), between(rng, 0.1, 0.5), between(rng, 0.1, 0.4)
+    stretch = np.array([between(rng, 0.35, 1.2) for _ in range(3)])
+    sharp = between(rng, 0.002, 0.02)
+
+    def form(points: Array) -> Array:
+        places = (points + warp * _vectors(points * 1.5, seed)) * stretch * scale
+        bulge = np.sqrt(gradient_noise(places, seed + 3) ** 2 + sharp)
+        fine = 0.35 * np.sqrt(gradient_noise(places * 2.1, seed + 4) ** 2 + sharp)
+        out = 0.7 + depth * (bulge + fine)
+        return points * out[:, None] + push * _vectors(points * 0.9, seed + 5)
+
+    return form
+
+
+def _ridges(rng: np.random.Generator) -> Callable[[Array], Array]:
+    """Sharp crests on smooth valleys."""
+    seed, scale, amount = new_seed(rng), between(rng, 1.3, 2.8), between(rng, 0.06, 0.18)
+    sharp, warp = between(rng, 0.002, 0.01), between(rng, 0.0, 0.3)
+
+    def height(points: Array) -> Array:
+        places = (points + warp * _vectors(points * 1.3, seed)) * scale
+        crest = 0.5 - np.sqrt(gradient_noise(places, seed + 3) ** 2 + sharp)
+        finer = 0.5 - np.sqrt(gradient_noise(places * 2.2, seed + 4) ** 2 + sharp)
+        return amount * (2 * crest + 1.2 * crest * finer - 0.6)
+
+    return height
+
+
+def _wrinkles(rng: np.random.Generator) -> Callable[[Array], NDArray[np.floating]]:
+    """Fine relief: creases, grain, or rows like those of a thumb or a brain."""
+    kind = picked(rng, ("creases", "grain", "rows"))
+    seed = new_seed(rng)
+    stretch = np.array([between(rng, 0.25, 1.0) for _ in range(3)])
+    if kind == "creases":
+        scale, amount = between(rng, 4, 9), between(rng, 0.02, 0.05)
+        return lambda p: amount * np.sqrt(fractal_noise(p * stretch * scale, seed, 2) ** 2 + 0.004)
+    if kind == "grain":
+        scale, amount = between(rng, 8, 22), between(rng, 0.05, 0.14)
+        return lambda p: amount / scale * 3 * fractal_noise(p * scale, seed, 2)
+    rows, scale, amount = between(rng, 12, 26), between(rng, 0.8, 1.8), between(rng, 0.012, 0.03)
+    return lambda p: amount * np.sin(rows * gradient_noise(p * stretch * scale, seed).astype(np.float64))
+
+
+def _faceted(rng: np.random.Generator) -> Shape:
+    kind = picked(rng, ("gem", "rough", "crystals"))
+    if kind == "rough":
+        vertices, triangles = sphere(count(rng, 1, 4))
+        seed, scale, swell = new_seed(rng), between(rng, 0.9, 2.2), between(rng, 0.3, 0.8)
+        stretch = np.array([between(rng, 0.6, 1.1) for _ in range(3)])
+        out = 1 + swell * fractal_noise(vertices * scale, seed, 2)
+        moved = (vertices * out[:, None] + 0.3 * _vectors(vertices, seed + 1)) * stretch
+        return faceted_shape(moved, triangles, 0)
+    if kind == "gem":
+        vertices, triangles = sphere(6)
+        faces = normalised(rng.normal(size=(count(rng, 9, 40), 3)) * [between(rng, 0.6, 1.4) for _ in range(3)])
+        away = np.array([between(rng, 0.75, 1.1) for _ in faces])
+        # The planes' convex body, plus six far planes so that it is bounded.
+        faces = np.concatenate([faces, np.eye(3), -np.eye(3)])
+        away = np.concatenate([away, np.full(6, 1.3)])
+        return faceted_shape(vertices / (vertices @ faces.T / away).max(axis=1)[:, None], triangles, 0)
+    return joined([_crystal(rng) for _ in range(count(rng, 7, 16))])
+
+
+def _crystal(rng: np.random.Generator) -> Shape:
+    """A pointed prism that grows from the origin."""
+    sides, wide, long = count(rng, 4, 6), between(rng, 0.12, 0.32), between(rng, 0.5, 1.2)
+    turns = np.linspace(0, 2 * np.pi, sides, endpoint=False)
+    outline = np.column_stack([np.cos(turns), np.sin(turns), np.zeros(sides)]) * wide
+    cut = between(rng, 0.05, 0.9) * wide
+    up = np.array([0.0, 0.0, 1.0])
+    rings = [outline - 0.1 * up, outline + long * up, 0.02 * outline + (long + cut) * up]
+    prism = placed(stacked(np.stack(rings)), turned(rng))
+    return faceted_shape(prism.vertices, prism.triangles, 0)
+
+
+def _vectors(points: Array, seed: int) -> Array:
+    return np.stack([gradient_noise(points, seed + 7 * k) for k in range(3)], axis=1)

@@ -1,0 +1,262 @@
+"""Drapery: cloth that hangs from pins, in pleats, over hidden objects, or lies crumpled."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.normals import normalised
+from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise
+from mpsnet_core.synthesis.shapes.draws import between, chance, count, new_seed, picked
+from mpsnet_core.synthesis.shapes.shape import Shape
+from mpsnet_core.synthesis.shapes.solids import Solid, blended, box, cylinder, ellipsoid, limb
+from mpsnet_core.synthesis.shapes.surfaces import sheet
+
+Array = NDArray[np.float64]
+
+CHARACTERS = ("draped", "pinned", "pleated", "crumpled")
+# Nodes a side of the simulated cloth, coarse to fine, and the steps at each.
+_LEVELS = ((15, 60), (29, 40), (57, 18))
+_REFINED = 3
+# Fall a step, small enough that no step goes through a solid.
+_GRAVITY = 0.0035
+_THICKNESS = 0.02
+
+
+def build_drapery(character: str, rng: np.random.Generator) -> Shape:
+    """Cloth of the character, about 2 wide: draped with z up, the others facing +z."""
+    if character == "pleated":
+        return _pleated(rng)
+    if character == "crumpled":
+        return _crumpled(rng)
+    if character == "draped":
+        solids, size = _hidden(rng)
+        start = _flat(_LEVELS[0][0], size)
+        top = max(float(solid.centre[2] + (np.abs(solid.axes.T) @ solid.half)[2]) for solid in solids)
+        start = start @ turned_about_z(rng) + (between(rng, -0.2, 0.2), between(rng, -0.2, 0.2), top + 0.1)
+        cloth = _simulated(start, size, solids, {}, new_seed(rng))
+    else:
+        size = between(rng, 1.8, 2.6)
+        start, pins = _hung(rng, size)
+        cloth = _simulated(start, size, [], pins, new_seed(rng)) @ np.array([(1, 0, 0), (0, 0, -1), (0, 1, 0)])
+    return _finished(cloth, rng)
+
+
+def turned_about_z(rng: np.random.Generator) -> Array:
+    """Axes turned at will about z."""
+    angle = between(rng, 0, 2 * np.pi)
+    return np.array([[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+
+
+def _hidden(rng: np.random.Generator) -> tuple[list[Solid], float]:
+    """What the cloth lies over, standing on z = 0, and the cloth's size."""
+    solids: list[Solid] = []
+    for _ in range(count(rng, 1, 4)):
+        x, y = (between(rng, -0.5, 0.5) * (len(solids) > 0) for _ in range(2))
+        high = between(rng, 0.3, 1.2)
+        kind = picked(rng, ("ball", "box", "cylinder", "pole"))
+        if kind == "ball":
+            r = between(rng, 0.3, 0.6)
+            solids.append(ellipsoid((x, y, r), r))
+        elif kind == "box":
+            half = np.array([between(rng, 0.25, 0.6), between(rng, 0.25, 0.6), high / 2])
+            solids.append(box((x, y, high / 2), half, 0.03, turned_about_z(rng)))
+        elif kind == "cylinder":
+            solids.append(cylinder((x, y, high / 2), between(rng, 0.15, 0.5), high / 2, 0.03))
+        else:
+            solids.append(limb((x, y, 0), (x, y, 1.2 * high), 0.2, between(rng, 0.08, 0.2)))
+    return solids, between(rng, 1.6, 2.5)
+
+
+def _hung(rng: np.random.Generator, size: float) -> tuple[Array, dict[tuple[int, int], Array]]:
+    """A cloth in the x, z plane, its first row on top, gathered at a few pins."""
+    nodes = _LEVELS[0][0]
+    flat = _flat(nodes, size)
+    start = np.stack([flat[..., 0], np.zeros((nodes, nodes)), flat[..., 1]], axis=-1)
+    places = sorted({0, nodes - 1, *(count(rng, 2, nodes - 3) for _ in range(count(rng, 0, 2)))})
+    gather = between(rng, 0.35, 0.8)
+    pins = {}
+    for place in places:
+        x, _, z = start[0, place]
+        pins[0, place] = np.array([x * gather, between(rng, -0.15, 0.15), z + between(rng, -0.3, 0.1)])
+    if chance(rng, 0.3):  # one hand's grip in the middle
+        pins[nodes // 2, nodes // 2] = np.array([between(rng, -0.2, 0.2), -0.3, size * between(rng, 0.1, 0.35)])
+    start[..., 0] *= gather
+    return start, pins
+
+
+def _flat(nodes: int, size: float) -> Array:
+    """A square grid (nodes, nodes, 3) in the x, y plane that faces +z; rows go down in y."""
+    steps = np.linspace(-size / 2, size / 2, nodes)
+    x, y = np.meshgrid(steps, -steps)
+    return np.stack([x, y, np.zeros_like(x)], axis=-1)
+
+
+def _simulated(cloth: Array, size: float, solids: list[Solid], pins: dict[tuple[int, int], Array], seed: int) -> Array:
+    """The cloth after its fall: position-based dynamics (Müller et al. 2007), from a coarse grid to finer ones.
+
+    Edges, diagonals and, weakly, every second node keep their distances, and no node gets farther from a pin than the
+    cloth between them is long (Kim et al. 2012); solids and the ground at z = 0 are not entered.
+    """
+    for nodes, steps in _LEVELS:
+        if len(cloth) < nodes:
+            cloth = _resampled(cloth, nodes)
+        rest = size / (nodes - 1)
+        # A little unrest lets it buckle; rounded, so that all processors start from the same numbers.
+        unrest = [gradient_noise(cloth.reshape(-1, 3) * 3, seed + k) for k in range(3)]
+        cloth = np.round(cloth + 0.1 * rest * np.stack(unrest, axis=1).reshape(nodes, nodes, 3), 9)
+        scale = (nodes - 1) // (_LEVELS[0][0] - 1)
+        held = [(row * scale, column * scale, at) for (row, column), at in pins.items()]
+        rows, columns = np.indices((nodes, nodes))
+        reaches = [rest * np.sqrt((rows - row) ** 2 + (columns - column) ** 2) for row, column, _ in held]
+        before = cloth.copy()
+        for _ in range(steps):
+            before, cloth = cloth, cloth + 0.93 * (cloth - before) - _GRAVITY * np.eye(3)[2]
+            for _ in range(4):
+                _keep_lengths(cloth, rest)
+                for row, column, at in held:
+                    cloth[row, column] = at
+            for (_, _, at), reach in zip(held, reaches, strict=True):
+                _keep_within(cloth, at, reach)
+            if solids:
+                _push_out(cloth, before, solids)
+    return cloth
+
+
+def _keep_lengths(cloth: Array, rest: float) -> None:
+    # Every other pair at a time, so that no node is moved twice at once.
+    for grid in (cloth, cloth.transpose(1, 0, 2)):
+        for odd in (0, 1):
+            end = (len(grid) - odd) // 2 * 2 + odd
+            _pull(grid[odd:end:2], grid[odd + 1 : end : 2], rest, 0.5)
+        for odd in (0, 1):
+            for a, b in ((slice(None, -1), slice(1, None)), (slice(1, None), slice(None, -1))):
+                end = (len(grid) - odd) // 2 * 2 + odd
+                _pull(grid[odd:end:2, a], grid[odd + 1 : end : 2, b], rest * 2**0.5, 0.15)
+        _pull(grid[:-2], grid[2:], 2 * rest, 0.04)
+
+
+def _pull(a: Array, b: Array, rest: float, share: float) -> None:
+    apart = b - a
+    length = np.sqrt((apart**2).sum(axis=-1, keepdims=True))
+    apart *= share * (1 - rest / np.maximum(length, 1e-9))
+    a += apart
+    b -= apart
+
+
+def _keep_within(cloth: Array, pin: Array, reach: Array) -> None:
+    apart = cloth - pin
+    length = np.sqrt((apart**2).sum(axis=-1))
+    cloth -= apart * (1 - np.minimum(1, reach / np.maximum(length, 1e-9)))[..., None]
+
+
+def _push_out(cloth: Array, before: Array, solids: list[Solid]) -> None:
+    points = cloth.reshape(-1, 3).T
+
+    def distance(places: Array) -> Array:
+        total = places[2] + 0.0
+        for solid in solids:
+            total = blended(total, solid.signed_distance(places), 0.05)
+        return total - 0.03
+
+    inside = np.flatnonzero(distance(points) < 0)
+    if not len(inside):
+        return
+    places = points[:, inside]
+    depth = distance(places)
+    steps = 1e-3 * np.eye(3)
+    slope = np.stack([distance(places + step[:, None]) - depth for step in steps]) / 1e-3
+    slope /= np.maximum(np.sqrt((slope**2).sum(axis=0)), 1e-6)
+    flat = cloth.reshape(-1, 3)
+    flat[inside] -= (depth * slope).T
+    # Friction: what touches hardly slides.
+    earlier = before.reshape(-1, 3)
+    earlier[inside] += 0.7 * (flat[inside] - earlier[inside])
+
+
+def _resampled(grid: Array, nodes: int) -> Array:
+    """A grid (M, M, 3) on `nodes` nodes a side, by cubic interpolation along each side."""
+    for axis in (0, 1):
+        grid = _cubic(np.moveaxis(grid, axis, 0), nodes)
+        grid = np.moveaxis(grid, 0, axis)
+    return np.ascontiguousarray(grid)
+
+
+def _cubic(rows: Array, nodes: int) -> Array:
+    place = np.linspace(0, len(rows) - 1, nodes)
+    start = np.minimum(place.astype(np.int64), len(rows) - 2)
+    t = (place - start)[:, None, None]
+    padded = np.concatenate([2 * rows[:1] - rows[1:2], rows, 2 * rows[-1:] - rows[-2:-1]])
+    a, b, c, d = (padded[start + k] for k in range(4))
+    return 0.5 * (2 * b + (c - a) * t + (2 * a - 5 * b + 4 * c - d) * t**2 + (3 * b - a - 3 * c + d) * t**3)
+
+
+def _finished(cloth: Array, rng: np.random.Generator) -> Shape:
+    """The cloth refined, finely creased, and given a back."""
+    front = _resampled(cloth, _REFINED * (len(cloth) - 1) + 1)
+    normals = _grid_normals(front)
+    if chance(rng, 0.5):
+        rows = np.indices(front.shape[:2]).reshape(2, -1).T / len(front)
+        flat = np.column_stack([rows * between(rng, 8, 20) * (between(rng, 0.4, 1), 1), np.zeros(len(rows))])
+        height = between(rng, 0.004, 0.012) * fractal_noise(flat, new_seed(rng), 2)
+        front = front + height.reshape(*front.shape[:2], 1) * normals
+        normals = _grid_normals(front)
+    return sheet(front, front - _THICKNESS * normals)
+
+
+def _grid_normals(grid: Array) -> Array:
+    return normalised(np.cross(np.gradient(grid, axis=1), -np.gradient(grid, axis=0)))
+
+
+def _pleated(rng: np.random.Generator) -> Shape:
+    """A curtain: pleats that wander, sag, overhang, and merge on their way down; faces +z."""
+    nodes, tall = 180, between(rng, 0.7, 1.4)
+    x, y = np.meshgrid(np.linspace(-1, 1, nodes), np.linspace(1, -1, nodes))
+    seed, down = new_seed(rng), (1 - y) / 2
+    flat = np.stack([x, y * tall, np.zeros_like(x)], axis=-1).reshape(-1, 3)
+    drift = fractal_noise(flat * (1.2, between(rng, 0.3, 1.0), 1), seed, 2).reshape(x.shape)
+    pleats, wander = between(rng, 2, 6), between(rng, 0.2, 0.9)
+    phase = (
+        2 * np.pi * (pleats * x / 2 + wander * drift + between(rng, -0.4, 0.4) * y + between(rng, 0, 0.5) * x * x * y)
+    )
+    strength = 0.65 + 0.8 * gradient_noise(flat * (1.6, 1.0, 1), seed + 9).reshape(x.shape)
+    strength = np.clip(strength, 0.05, 1.4) * (between(rng, 0.4, 1.0) + between(rng, 0, 0.8) * down)
+    merged = np.clip(1.4 * down + 0.3 * drift, 0, 1) if chance(rng, 0.6) else np.ones_like(x)
+    wave = merged * np.sin(phase) + (1 - merged) * 0.6 * np.sin(2 * phase) + 0.2 * merged * np.sin(2 * phase + 1.3)
+    deep, over = between(rng, 0.1, 0.3) / pleats**0.5, between(rng, 0.0, 0.16) / pleats
+    gather = 1 - between(rng, 0, 0.5) * (1 - down) ** 2
+    hem = 0.1 * gradient_noise(flat * (1.5, 0, 0), seed + 4).reshape(x.shape) * down
+    front = np.stack(
+        [(x + over * strength * np.sin(2 * phase)) * gather, y * tall + hem, deep * strength * wave], axis=-1
+    )
+    front[..., 2] += 0.25 * gradient_noise(flat * 1.1, seed + 5).reshape(x.shape)
+    normals = _grid_normals(front)
+    fine = fractal_noise(flat * (9, between(rng, 5, 14), 1), seed + 3, 2).reshape(*x.shape, 1)
+    front = front + between(rng, 0, 0.012) * fine * normals
+    if chance(rng, 0.5):
+        return sheet(front, front - _THICKNESS * normals)
+    front[..., 2] -= front[..., 2].min() - 0.05
+    return sheet(front, front * (1, 1, 0))
+
+
+def _crumpled(rng: np.random.Generator) -> Shape:
+    """A sheet folded along many straight creases of all sizes, bent by noise; faces +z."""
+    nodes = 200
+    x, y = np.meshgrid(np.linspace(-1, 1, nodes), np.linspace(1, -1, nodes))
+    seed = new_seed(rng)
+    flat = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)
+    warp = between(rng, 0.02, 0.25)
+    bent = flat + warp * np.stack([gradient_noise(flat * 1.5, seed + k) for k in range(3)], axis=1)
+    height, sharp = np.zeros(len(flat)), between(rng, 0.005, 0.03)
+    for k in range(count(rng, 14, 40)):
+        size = between(rng, 0.15, 1.0)
+        angle, shift = between(rng, 0, 2 * np.pi), between(rng, -1, 1)
+        across = np.cos(angle) * bent[:, 0] + np.sin(angle) * bent[:, 1] - shift
+        # A crease ends where its own noise fades.
+        weight = np.clip(0.5 + 1.5 * gradient_noise(flat * (1.2 / size), seed + 20 + k), 0, 1)
+        fold = np.sqrt(across**2 + (sharp * size) ** 2)
+        height += weight * picked(rng, (-1, 1)) * between(rng, 0.25, 0.9) * np.minimum(fold, 0.3 * size)
+    height += 0.25 * gradient_noise(flat * between(rng, 0.6, 1.3), seed + 11)
+    push = 0.06 * np.stack([gradient_noise(flat * 2.5, seed + 60 + k) for k in range(2)], axis=1)
+    front = np.column_stack([flat[:, :2] + push, height]).reshape(nodes, nodes, 3)
+    front[..., 2] -= front[..., 2].min() - 0.05
+    back = np.stack([front[..., 0], front[..., 1], np.zeros_like(x)], axis=-1)
+    return sheet(front, back)

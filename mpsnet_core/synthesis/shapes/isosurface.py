@@ -1,0 +1,193 @@
+"""Isosurface: a triangle mesh of blended solids, by surface nets."""
+
+from collections.abc import Sequence
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.normals import normalised
+from mpsnet_core.synthesis.shapes.shape import Shape, smooth_shape
+from mpsnet_core.synthesis.shapes.solids import Solid, blended
+
+# The grid is worked on in blocks of this many points a side; solids far from a block are not asked.
+BLOCK = 4
+# How much faster than the true distance a solid's may change.
+STEEPEST = 1.4
+MAX_POINTS = 1 << 23
+_FAR = 1e3
+# Step of the central differences that give normals.
+_STEP = 2e-4
+_NOWHERE = np.zeros((1, 3))
+
+
+def isosurface(solids: Sequence[Solid], cell: float) -> Shape:
+    """The surface of solids, joined and carved in their order, on a grid of cells of this size.
+
+    Naive surface nets (Gibson 1998, "Constrained elastic surface nets"): a vertex in every cell that the surface
+    crosses, a quad for every edge of the grid that it crosses. The vertices are then moved onto the surface itself, and
+    have its exact normals, so that the grid does not show. Every edge has two triangles: where inside and outside meet
+    as on a chessboard, the gap is filled first. Only blocks near the surface are evaluated.
+    """
+    low, high = _bounds(solids, cell)
+    while np.prod(np.ceil((high - low) / cell) + BLOCK) > MAX_POINTS:
+        cell *= 1.1
+    counts = np.maximum(1, np.ceil((high - low) / (cell * BLOCK))).astype(np.int64)
+    corners = np.stack(np.meshgrid(*(np.arange(n) for n in counts), indexing="ij")).reshape(3, -1)
+    centres = low[:, None] + (corners * BLOCK + (BLOCK - 1) / 2) * cell
+    apart = np.stack([solid.signed_distance(centres) for solid in solids])
+    middle = np.full(apart.shape[1], _FAR)
+    for solid, distance in zip(solids, apart, strict=True):
+        middle = _merged(solid, middle, distance)
+    # A cell's corners lie within a cell's diagonal of the surface, and their block's middle within its own.
+    reach = STEEPEST * np.sqrt(3) * cell * ((BLOCK - 1) / 2 + 1)
+    active = np.flatnonzero(np.abs(middle) < reach + max(solid.blend for solid in solids) / 6)
+    near = apart < reach + np.array([solid.blend for solid in solids])[:, None]
+
+    inner = np.stack(np.meshgrid(*3 * [np.arange(BLOCK)], indexing="ij")).reshape(3, 1, -1)
+    grid = (corners[:, active, None] * BLOCK + inner).reshape(3, -1)
+    values = np.repeat(middle[:, None], BLOCK**3, axis=1)
+    asked = _asked(near, np.repeat(active, BLOCK**3))
+    values[active] = _distances(solids, low[:, None] + grid * cell, asked).reshape(-1, BLOCK**3)
+    shape = tuple(int(n) * BLOCK for n in counts)
+    dense = values.reshape(*counts, BLOCK, BLOCK, BLOCK).transpose(0, 3, 1, 4, 2, 5).reshape(shape)
+
+    places, slopes, quads = surface_nets(dense)
+    points = low[:, None] + places * cell
+    asked = _asked(near, np.ravel_multi_index(tuple(((places + 0.5) // BLOCK).astype(np.int64)), tuple(counts)))
+    slopes /= cell
+    slopes /= np.maximum((slopes**2).sum(axis=0), 0.25)
+    for _ in range(2):
+        points = points - np.clip(_distances(solids, points, asked)[0], -cell, cell) * slopes
+    steps = _STEP * np.concatenate([np.eye(3), -np.eye(3)])
+    ahead, behind = _distances(solids, points, asked, steps).reshape(2, 3, -1)
+    normals = normalised((ahead - behind).T)
+
+    triangles = _split(points.T, quads)
+    parts = _owners(solids, points, asked)[triangles[:, 0]]
+    return smooth_shape(np.ascontiguousarray(points.T), triangles, normals, parts)
+
+
+def surface_nets(
+    values: NDArray[np.floating],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int32]]:
+    """Vertices (3, V) in grid units, the values' gradients there (3, V), and quads (Q, 4) of where values change sign.
+
+    values: (X, Y, Z), below 0 inside, above 0 all around the border; changed where chessboard faces are filled. The
+    quads are counter-clockwise from outside.
+    """
+    inside = _without_chessboards(values)
+    sizes = np.array(inside.shape)
+    corners = list(product((0, 1), repeat=3))
+    total = np.zeros(sizes - 1, np.uint8)
+    for corner in corners:
+        total += inside[tuple(slice(c, c + n - 1) for c, n in zip(corner, sizes, strict=True))]
+    cells = np.flatnonzero((total > 0) & (total < 8))
+    number = np.full(total.size, -1, np.int32)
+    number[cells] = np.arange(len(cells))
+    low = np.stack(np.unravel_index(cells, total.shape))
+
+    strides = np.array([sizes[1] * sizes[2], sizes[2], 1])
+    at = values.reshape(-1)[(strides @ low)[None] + (np.array(corners) @ strides)[:, None]]
+    summed, crossings = np.zeros((3, len(cells))), np.zeros(len(cells))
+    slopes = np.zeros((3, len(cells)))
+    for axis, a in ((axis, a) for axis in range(3) for a in range(8) if not corners[a][axis]):
+        b = a + (4, 2, 1)[axis]
+        rise = at[b] - at[a]
+        slopes[axis] += rise / 4
+        crossed = (at[a] < 0) != (at[b] < 0)
+        for other in range(3):
+            if other != axis and corners[a][other]:
+                summed[other] += crossed
+        summed[axis] -= np.where(crossed, at[a] / np.where(crossed, rise, 1), 0)
+        crossings += crossed
+    places = low + summed / crossings
+
+    # Cells are numbered in a grid one smaller than that of the points.
+    steps = np.array([(sizes[1] - 1) * (sizes[2] - 1), sizes[2] - 1, 1])
+    quads = []
+    for axis in range(3):
+        first = inside[tuple(slice(None, -1) if k == axis else slice(None) for k in range(3))]
+        last = inside[tuple(slice(1, None) if k == axis else slice(None) for k in range(3))]
+        edges = np.flatnonzero(first != last)
+        leaving = first.reshape(-1)[edges]
+        point = steps @ np.stack(np.unravel_index(edges, first.shape))
+        second, third = steps[(axis + 1) % 3], steps[(axis + 2) % 3]
+        around = number[point[:, None] - np.array([0, second, second + third, third])]
+        quads.append(np.where(leaving[:, None], around, around[:, ::-1]))
+    return places, slopes, np.concatenate(quads)
+
+
+def _without_chessboards(values: NDArray[np.floating]) -> NDArray[np.bool_]:
+    """Which values are inside, after filling outside points until no face of a cell has inside only across."""
+    while True:
+        inside = values < 0
+        found = False
+        for axis in range(3):
+            a, b = np.moveaxis(inside, axis, 0)[:, :-1], np.moveaxis(inside, axis, 0)[:, 1:]
+            across = (a[:, :, :-1] == b[:, :, 1:]) & (a[:, :, 1:] == b[:, :, :-1]) & (a[:, :, :-1] != a[:, :, 1:])
+            turned = np.moveaxis(values, axis, 0)
+            for i, j, k in np.argwhere(across):
+                face = turned[i, j : j + 2, k : k + 2]
+                outside = np.where(face < 0, np.inf, face)
+                if np.isfinite(outside).any():
+                    face[np.unravel_index(outside.argmin(), (2, 2))] = -1e-6
+                    found = True
+        if not found:
+            return inside
+
+
+def _split(points: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Triangles of quads, parted along the shorter diagonal."""
+    a, b, c, d = (points[quads[:, k]] for k in range(4))
+    short = ((a - c) ** 2).sum(axis=1) <= ((b - d) ** 2).sum(axis=1)
+    one = np.where(short[:, None], quads[:, [0, 1, 2]], quads[:, [0, 1, 3]])
+    two = np.where(short[:, None], quads[:, [0, 2, 3]], quads[:, [1, 2, 3]])
+    return np.stack([one, two], axis=1).reshape(-1, 3).astype(np.int32)
+
+
+def _bounds(solids: Sequence[Solid], cell: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    # Blending swells a joint by at most a sixth of its width for each solid in it.
+    margin = 3 * cell + max(solid.blend for solid in solids) / 3
+    whole = [solid for solid in solids if not solid.carve]
+    extents = [np.abs(solid.axes.T) @ solid.half for solid in whole]
+    low = np.min([s.centre - e for s, e in zip(whole, extents, strict=True)], axis=0) - margin
+    high = np.max([s.centre + e for s, e in zip(whole, extents, strict=True)], axis=0) + margin
+    return low, high
+
+
+def _asked(near: NDArray[np.bool_], block: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """For each solid the numbers of the points whose block (N,) it is near to; near: (solids, blocks)."""
+    return [np.flatnonzero(row[block]) for row in near]
+
+
+def _distances(
+    solids: Sequence[Solid],
+    points: NDArray[np.float64],
+    asked: list[NDArray[np.int64]],
+    offsets: NDArray[np.float64] = _NOWHERE,
+) -> NDArray[np.float64]:
+    """(K, N) distances at points (3, N) moved by each of K offsets (K, 3)."""
+    total = np.full((len(offsets), points.shape[1]), _FAR)
+    for solid, index in zip(solids, asked, strict=True):
+        if not len(index):
+            continue
+        local = solid.local(points.take(index, axis=1))
+        for row, offset in zip(total, offsets, strict=True):
+            distance = solid.distance(local + (solid.axes @ offset)[:, None])
+            row[index] = _merged(solid, row.take(index), distance)
+    return total
+
+
+def _merged(solid: Solid, before: NDArray[np.float64], distance: NDArray[np.float64]) -> NDArray[np.float64]:
+    return -blended(-before, distance, solid.blend) if solid.carve else blended(before, distance, solid.blend)
+
+
+def _owners(solids: Sequence[Solid], points: NDArray[np.float64], asked: list[NDArray[np.int64]]) -> NDArray[np.int32]:
+    """(N,) the part of the solid that is nearest to each point."""
+    nearest, owner = np.full(points.shape[1], _FAR), np.zeros(points.shape[1], np.int32)
+    for solid, index in zip(solids, asked, strict=True):
+        distance = np.abs(solid.signed_distance(points.take(index, axis=1)))
+        closer = distance < nearest[index]
+        nearest[index[closer]], owner[index[closer]] = distance[closer], solid.part
+    return owner

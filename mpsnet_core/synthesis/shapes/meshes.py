@@ -1,0 +1,215 @@
+"""Meshes from files: read by trimesh, merged, wound outwards, closed and given normals."""
+
+import os
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.files import existing_file
+from mpsnet_core.normals import normalised
+from mpsnet_core.synthesis.shapes.shape import Shape, fitted
+
+Array = NDArray[np.float64]
+Faces = NDArray[np.int64]
+
+FORMATS = (".glb", ".gltf", ".obj", ".off", ".ply", ".stl")
+MAX_BYTES = 256 << 20
+MAX_FACES = 2_000_000
+# Faces that meet at less than this look smooth, as Blender's shading by angle does.
+CREASE = 40.0
+# Corners of one place: closer than this share of the mesh's size.
+_SAME = 1e-6
+
+
+def mesh_files(folder: str | os.PathLike[str]) -> list[str]:
+    """Names of the mesh files in a folder, sorted. Raises InputError where there is no folder or no mesh in it."""
+    path = Path(folder)
+    if not path.is_dir():
+        raise InputError(f"the folder of meshes {path} does not exist; check the path")
+    try:
+        names = sorted(entry.name for entry in path.iterdir() if entry.suffix.lower() in FORMATS and entry.is_file())
+    except OSError as error:
+        raise InputError(f"the folder of meshes {path} cannot be read ({error.strerror}); check it") from None
+    if not names:
+        raise InputError(f"the folder {path} holds no meshes; put {', '.join(FORMATS)} files into it")
+    return names
+
+
+@lru_cache(maxsize=32)
+def load_mesh(path: str) -> Shape:
+    """A mesh file as a shape with z up, taking the file's y as up as its formats do; part 0.
+
+    Broken meshes are repaired: corners at one place become one vertex, faces without area or twice the same go,
+    neighbours are wound alike and outwards, holes are filled. Normals are smooth up to an angle between faces.
+
+    Raises InputError where the file is missing, too large, broken beyond that, or without faces.
+    """
+    file = existing_file(path, "mesh file")
+    if file.suffix.lower() not in FORMATS:
+        raise InputError(f"mesh file {file} is of no format that is read; use {', '.join(FORMATS)}")
+    if file.stat().st_size > MAX_BYTES:
+        raise InputError(f"mesh file {file} is larger than {MAX_BYTES >> 20} MiB; reduce the mesh first")
+    vertices, faces = _read(file)
+    if len(faces) > MAX_FACES:
+        raise InputError(f"mesh file {file} has {len(faces)} faces, more than {MAX_FACES}; reduce the mesh first")
+    if not np.isfinite(vertices).all():
+        raise InputError(f"mesh file {file} holds a coordinate that is not finite; export it again")
+    vertices, faces = merged(vertices, faces)
+    if not len(faces):
+        raise InputError(f"mesh file {file} has no faces with an area; choose a mesh with a surface")
+    vertices, faces = closed(vertices, wound(vertices, faces))
+    faces = outward(vertices, faces)
+    vertices = vertices @ np.array([(1.0, 0, 0), (0, 0, 1), (0, -1, 0)])
+    triangles = faces.astype(np.int32)
+    shape = fitted(Shape(vertices, triangles, creased_normals(vertices, triangles), np.zeros(len(triangles), np.int32)))
+    for array in (shape.vertices, shape.triangles, shape.corner_normals, shape.parts):
+        array.flags.writeable = False  # it is kept for the next time
+    return shape
+
+
+def _read(path: Path) -> tuple[Array, Faces]:
+    import trimesh  # takes a while to load
+
+    try:
+        scene = trimesh.load_scene(path, process=False)
+        placed = [(scene.graph[node][0], scene.geometry[scene.graph[node][1]]) for node in scene.graph.nodes_geometry]
+        parts = [
+            (np.asarray(part.vertices, np.float64) @ pose[:3, :3].T + pose[:3, 3], np.asarray(part.faces, np.int64))
+            for pose, part in placed
+            if hasattr(part, "faces")
+        ]
+    except (ValueError, KeyError, IndexError, TypeError, AttributeError, OSError, NotImplementedError) as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        raise InputError(f"mesh file {path} cannot be read ({reason}); export it again") from None
+    parts = [(points, faces) for points, faces in parts if len(faces)]
+    if not parts:
+        raise InputError(f"mesh file {path} has no faces; choose a mesh with a surface")
+    starts = np.cumsum([0] + [len(points) for points, _ in parts[:-1]])
+    vertices = np.concatenate([points for points, _ in parts])
+    triangles = np.concatenate([faces + start for (_, faces), start in zip(parts, starts, strict=True)])
+    if triangles.min() < 0 or triangles.max() >= len(vertices):
+        raise InputError(f"mesh file {path} has faces of vertices that it lacks; export it again")
+    return vertices, triangles
+
+
+def merged(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
+    """One vertex a place; without faces that have no area or that are there twice."""
+    used = np.unique(faces)
+    low = vertices[used].min(axis=0)
+    size = float((vertices[used].max(axis=0) - low).max()) or 1.0
+    _, first, place = np.unique(
+        np.round((vertices[used] - low) / (size * _SAME)).astype(np.int64),
+        axis=0,
+        return_index=True,
+        return_inverse=True,
+    )
+    number = np.zeros(len(vertices), np.int64)
+    number[used] = place.reshape(-1)
+    vertices, faces = vertices[used][first], number[faces]
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    _, once = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
+    kept = np.zeros(len(faces), bool)
+    kept[once] = True
+    return vertices, faces[kept & (area > 1e-14 * size**2)]
+
+
+def wound(vertices: Array, faces: Faces) -> Faces:
+    """Faces turned so that those on either side of an edge agree, each connected patch with its volume outside in."""
+    edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    owner = np.repeat(np.arange(len(faces)), 3)
+    key = np.sort(edges, axis=1) @ np.array([len(vertices), 1])
+    order = np.argsort(key, kind="stable")
+    new = np.flatnonzero(np.diff(key[order], prepend=-1))
+    shared = new[np.diff(new, append=len(order)) == 2]  # an edge of three faces tells nothing
+    one, two = order[shared], order[shared + 1]
+    agree = (edges[one, 0] != edges[two, 0]).tolist()
+    # Union-find with parity: whether a face is turned against the root of its patch.
+    root, turned = list(range(len(faces))), [False] * len(faces)
+
+    def find(face: int) -> tuple[int, bool]:
+        path, odd = [], False
+        while root[face] != face:
+            path.append(face)
+            face = root[face]
+        for node in reversed(path):
+            odd ^= turned[node]
+            root[node], turned[node] = face, odd
+        return face, odd
+
+    for a, b, same in zip(owner[one].tolist(), owner[two].tolist(), agree, strict=True):
+        (top_a, odd_a), (top_b, odd_b) = find(a), find(b)
+        if top_a != top_b:
+            root[top_b], turned[top_b] = top_a, odd_a ^ odd_b ^ (not same)
+    found = [find(face) for face in range(len(faces))]
+    flip = np.array([odd for _, odd in found])
+    return np.where(flip[:, None], faces[:, ::-1], faces)
+
+
+def closed(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
+    """Every hole filled with a fan of triangles from its middle."""
+    edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    forth = edges @ np.array([len(vertices), 1])
+    back = edges @ np.array([1, len(vertices)])
+    onward: dict[int, list[int]] = {}
+    for start, end in edges[~np.isin(back, forth)].tolist():
+        onward.setdefault(end, []).append(start)
+    points, fans = [vertices], [faces]
+    count = len(vertices)
+    for start in list(onward):
+        while onward.get(start):
+            loop = [start]
+            while onward.get(loop[-1]):
+                loop.append(onward[loop[-1]].pop())
+                if loop[-1] == start:
+                    break
+            ring = np.array(loop[:-1] if loop[-1] == start else loop)
+            if len(ring) == 3:
+                fans.append(ring[None])
+            elif len(ring) > 3:
+                points.append(vertices[ring].mean(axis=0, keepdims=True))
+                fans.append(np.stack([ring, np.roll(ring, -1), np.full(len(ring), count)], axis=1))
+                count += 1
+    return np.concatenate(points), np.concatenate(fans)
+
+
+def outward(vertices: Array, faces: Faces) -> Faces:
+    """Faces of each patch of neighbours turned so that it encloses a volume above 0."""
+    label = np.arange(len(vertices))
+    while True:  # each vertex takes the least label around it, until nothing changes
+        least = label.copy()
+        lowest = label[faces].min(axis=1)
+        np.minimum.at(least, faces.ravel(), np.repeat(lowest, 3))
+        least = least[least]
+        if np.array_equal(least, label):
+            break
+        label = least
+    patch = label[faces[:, 0]]
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    volume = np.bincount(patch, np.einsum("ij,ij->i", a, np.cross(b, c)), len(vertices))
+    return np.where((volume < 0)[patch][:, None], faces[:, ::-1], faces)
+
+
+def creased_normals(vertices: Array, triangles: NDArray[np.int32]) -> NDArray[np.float32]:
+    """(T, 3, 3) normals: at each corner of those faces around its vertex that meet its own below the crease angle."""
+    a, b, c = (vertices[triangles[:, k]] for k in range(3))
+    area = np.cross(b - a, c - a)
+    flat = normalised(area)
+    owner = np.argsort(triangles.ravel(), kind="stable")
+    vertex = triangles.ravel()[owner]
+    start = np.searchsorted(vertex, vertex, side="left")
+    count = np.searchsorted(vertex, vertex, side="right") - start
+    owner = owner // 3
+    total = np.zeros((len(owner), 3))
+    least = np.cos(np.radians(CREASE))
+    for step in range(int(count.max())):
+        corner = np.flatnonzero(count > step)
+        face, other = owner[corner], owner[start[corner] + step]
+        smooth = np.einsum("ij,ij->i", flat[face], flat[other]) >= least
+        total[corner[smooth]] += area[other[smooth]]
+    normals = np.empty((len(triangles) * 3, 3), np.float32)
+    normals[np.argsort(triangles.ravel(), kind="stable")] = normalised(total)
+    return normals.reshape(-1, 3, 3)

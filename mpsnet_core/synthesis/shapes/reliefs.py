@@ -1,0 +1,259 @@
+"""Reliefs: plates with raised letters, figures, ornaments and coins' heads."""
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise
+from mpsnet_core.synthesis.shapes.draws import between, chance, count, new_seed, picked
+from mpsnet_core.synthesis.shapes.shape import Shape
+from mpsnet_core.synthesis.shapes.surfaces import sheet, smooth_curve
+
+Array = NDArray[np.float64]
+# A motif: height, 0 to about 1, at points x, y (N,) of a field about 2 wide.
+Motif = Callable[[Array, Array], Array]
+
+_NODES = 192
+
+
+def build_relief(character: str, rng: np.random.Generator) -> Shape:
+    """A relief of the character that faces +z, about 2 wide."""
+    x, y = np.meshgrid(np.linspace(-1, 1, _NODES), np.linspace(1, -1, _NODES))
+    disc = character == "coin" or chance(rng, 0.25)
+    if disc:  # the square drawn into a disc, smoothly
+        x, y = x * np.sqrt(1 - y * y / 2), y * np.sqrt(1 - x * x / 2)
+    u, v = x.ravel(), y.ravel()
+    seed = new_seed(rng)
+    flat: Array = np.column_stack([u, v, np.zeros_like(u)])
+    # Bent a little, so that no stroke is quite straight.
+    bend = between(rng, 0.0, 0.04)
+    bent = (axis + bend * gradient_noise(flat * 2, seed + k) for k, axis in enumerate((u, v)))
+    height = between(rng, 0.1, 0.3) * _MOTIFS[character](rng)(*bent)
+    edge = 0.97 - (np.sqrt(u * u + v * v) if disc else np.maximum(np.abs(u), np.abs(v)))
+    if disc or chance(rng, 0.5):
+        rim = between(rng, 0.03, 0.07)
+        height = height * _step(edge - rim, rim) + between(rng, 0.05, 0.12) * _bump(edge, rim)
+    worn = between(rng, 0.0, 0.02) * fractal_noise(flat * between(rng, 3, 12), seed + 5, 3)
+    height = height + worn + between(rng, -0.15, 0.15) * (u * u + v * v) + 0.05 * gradient_noise(flat * 1.3, seed + 8)
+    front = np.stack([x, y, height.reshape(x.shape) - height.min() + 0.12], axis=-1)
+    if not disc:
+        front[..., 1] *= between(rng, 0.7, 1.0)
+    return sheet(front, front * (1, 1, 0))
+
+
+def _coin(rng: np.random.Generator) -> Motif:
+    """A head in profile or from the front, with a legend of short strokes around it."""
+    turn = picked(rng, (-1, 1))
+    lumps = [
+        (0.0, 0.12, 0.36, 0.42, 0.9),  # skull
+        (0.14, -0.12, 0.24, 0.3, 0.8),  # jaw
+        (0.33, between(rng, -0.05, 0.08), 0.1, 0.13, 0.8),  # nose
+        (0.28, -0.2, 0.08, 0.05, 0.8),
+        (0.26, -0.32, 0.1, 0.09, 0.8),  # chin
+        (-0.1, -0.45, 0.2, 0.35, 0.7),  # neck
+        (-0.15, -0.75, 0.5, 0.22, 0.75),  # shoulders
+        (-0.16, 0.25, between(rng, 0.28, 0.4), between(rng, 0.25, 0.4), 1.1),  # hair
+        (-0.08, 0.0, 0.06, 0.1, 1.2),  # ear
+        (between(rng, -0.5, -0.3), between(rng, -0.3, 0.1), 0.14, 0.2, 0.9),
+    ]
+    rays = count(rng, 18, 50)
+    marks = [(2 * np.pi * k / rays, between(rng, 0.02, 0.06), chance(rng, 0.75)) for k in range(rays)]
+    seed = new_seed(rng)
+
+    def height(u: Array, v: Array) -> Array:
+        total = np.zeros_like(u)
+        for x, y, wide, high, tall in lumps:
+            total = _soft_max(total, _lens((turn * u - x) / wide, (v - y) / high, 0.35) * tall, 0.08)
+        points = np.column_stack([u * 9, v * 5, np.zeros_like(u)])
+        hair = _lens((turn * u + 0.16) / 0.36, (v - 0.25) / 0.36, 0.3)
+        total += 0.12 * hair * gradient_noise(points, seed)
+        for angle, long, there in marks:
+            if there:
+                a, b = 0.78 - long, 0.78 + long
+                line = _stroke(
+                    u,
+                    v,
+                    np.array(
+                        [(a * np.cos(angle), a * np.sin(angle)), (b * np.cos(angle + 0.04), b * np.sin(angle + 0.04))]
+                    ),
+                    0.022,
+                )
+                total = np.maximum(total, 0.5 * line)
+        return total
+
+    return height
+
+
+def _letters(rng: np.random.Generator) -> Motif:
+    """Rows of signs, each of a few strokes, raised or sunk, round or chiselled."""
+    rows = count(rng, 1, 4)
+    columns = rows + count(rng, 1, 4)
+    thick = between(rng, 0.09, 0.16)
+    sign = picked(rng, (1, 1, -1))
+    cell = np.array([1.7 / columns, 1.7 / rows])
+    strokes = []
+    knots = [(0, 0), (0.5, 0), (1, 0), (0, 0.5), (1, 0.5), (0, 1), (0.5, 1), (1, 1), (0.5, 0.5)]
+    for row in range(rows):
+        for column in range(columns):
+            corner = np.array([-0.85 + column * cell[0], -0.85 + row * cell[1]]) + 0.15 * cell
+            for _ in range(count(rng, 1, 3)):
+                path = np.array([knots[int(rng.integers(len(knots)))] for _ in range(count(rng, 2, 4))], np.float64)
+                path = corner + path * cell * 0.7
+                strokes.append(smooth_curve(path, 6) if chance(rng, 0.5) and len(path) > 2 else path)
+    width = thick * float(cell.min())
+
+    def height(u: Array, v: Array) -> Array:
+        total = np.zeros_like(u)
+        for path in strokes:
+            total = np.maximum(total, _stroke(u, v, path, width))
+        return sign * total
+
+    return height
+
+
+def _ornament(rng: np.random.Generator) -> Motif:
+    """A rosette or a rapport: leaves, petals, spirals and beads, repeated around or across."""
+    turns = count(rng, 3, 12)
+    parts = []
+    for _ in range(count(rng, 3, 7)):
+        away, size = between(rng, 0.15, 0.85), between(rng, 0.06, 0.3)
+        parts.append(
+            (
+                picked(rng, ("petal", "bead", "arc", "spiral")),
+                away,
+                size,
+                between(rng, 0.4, 1.0),
+                between(rng, -0.5, 0.5),
+            )
+        )
+    across = chance(rng, 0.35)
+    repeat = count(rng, 2, 4)
+
+    def height(u: Array, v: Array) -> Array:
+        if across:
+            u, v = (np.abs((axis * repeat / 2 + 0.5) % 1 * 2 - 1) * 2 - 1 for axis in (u, v))
+        away, angle = np.sqrt(u * u + v * v), np.arctan2(v, u)
+        sector = 2 * np.pi / turns
+        folded = (angle / sector + 0.5) % 1 - 0.5
+        total = np.zeros_like(u)
+        for kind, radius, size, tall, lean in parts:
+            mirrored = np.abs(folded) if lean > 0 else folded
+            x, y = away * np.cos(mirrored * sector) - radius, away * np.sin(mirrored * sector) - lean * 0.2 * (lean > 0)
+            if kind == "petal":
+                shape = _lens(x / (1.3 * size), y / (0.5 * size), 0.4)
+                shape = shape * (1 - 0.5 * _bump(y, 0.12 * size))
+            elif kind == "bead":
+                shape = _lens(x / (0.5 * size), y / (0.5 * size), 0.3)
+            elif kind == "arc":
+                shape = _bump(away - radius, 0.25 * size)
+            else:
+                turn = np.arctan2(y, x)
+                distance = np.sqrt(x * x + y * y)
+                coil: Array = np.abs((distance / (0.35 * size) - turn / (2 * np.pi)) % 1 - 0.5)
+                shape = _step(size - distance, 0.1 * size) * _step(coil - 0.18, 0.15)
+            total = np.maximum(total, tall * shape)
+        return total
+
+    return height
+
+
+def _figures(rng: np.random.Generator) -> Motif:
+    """Animals and people of rounded limbs, one before the other."""
+    limbs = []
+    for k in range(count(rng, 2, 5)):
+        size = between(rng, 0.5, 0.85)
+        x, y = between(rng, -0.55, 0.55), between(rng, -0.25, 0.15)
+        tall = between(rng, 0.6, 1.1)
+        turn = picked(rng, (-1, 1))
+        if chance(rng, 0.5):  # a beast from the side
+            bones = [((-0.6, 0.1), (0.5, 0.15), 0.3), ((0.5, 0.2), (0.8, 0.65), 0.18), ((0.8, 0.65), (1.1, 0.55), 0.16)]
+            bones += [((s, 0.0), (s + between(rng, -0.2, 0.2), -0.85), 0.1) for s in (-0.6, -0.4, 0.35, 0.55)]
+            bones += [((-0.7, 0.2), (-1.1, between(rng, -0.3, 0.6)), 0.06), ((0.75, 0.75), (0.65, 1.05), 0.07)]
+        else:  # a person
+            bones = [((0, -0.1), (0.05, 0.45), 0.26), ((0.05, 0.85), (0.07, 0.9), 0.2)]
+            bones += [((0.1 * s, -0.1), (0.25 * s + between(rng, -0.2, 0.2), -0.95), 0.12) for s in (-1, 1)]
+            for s in (-1, 1):
+                elbow = (0.45 * s + 0.05, between(rng, 0.0, 0.5))
+                hand = (elbow[0] + between(rng, -0.4, 0.4), elbow[1] + between(rng, -0.3, 0.5))
+                bones += [((0.22 * s, 0.5), elbow, 0.09), (elbow, hand, 0.08)]
+        limbs.append((x, y, size, tall * (1 - 0.12 * k), turn, bones))
+
+    def height(u: Array, v: Array) -> Array:
+        total = np.zeros_like(u)
+        for x, y, size, tall, turn, bones in limbs:
+            figure = np.zeros_like(u)
+            for a, b, thick in bones:
+                path = np.array([(turn * a[0], a[1]), (turn * b[0], b[1])]) * size + (x, y)
+                figure = _soft_max(figure, _stroke(u, v, path, thick * size) * (0.4 + 2.2 * thick), 0.06)
+            total = _soft_max(total, tall * figure, 0.03)
+        return total
+
+    return height
+
+
+def _landscape(rng: np.random.Generator) -> Motif:
+    """Hills and terraces of noise."""
+    seed, scale = new_seed(rng), between(rng, 1.2, 3.0)
+    steps = picked(rng, (0, 3, 5, 8))
+
+    def height(u: Array, v: Array) -> Array:
+        points = np.column_stack([u * scale, v * scale, np.full_like(u, 0.37)])
+        field = 0.5 + 0.8 * fractal_noise(points, seed, 3)
+        if steps:
+            level = np.floor(field * steps)
+            field = (level + _smooth(np.clip((field * steps - level) * 3, 0, 1))) / steps
+        return field
+
+    return height
+
+
+def _smooth(t: Array) -> Array:
+    return t * t * (3 - 2 * t)
+
+
+def _step(distance: Array, width: float) -> Array:
+    """0 below 0 to 1 above `width`, smoothly."""
+    return _smooth(np.clip(distance / width, 0, 1))
+
+
+def _bump(distance: Array, width: float) -> Array:
+    """A round rib, 1 at 0 and 0 beyond `width`."""
+    return _smooth(np.clip(1 - np.abs(distance) / width, 0, 1))
+
+
+def _lens(x: Array, y: Array, rim: float) -> Array:
+    """A pillow over the unit disc: steep over `rim` of it, then domed."""
+    away = np.sqrt(x * x + y * y)
+    return _step(1 - away, rim) * (1 - 0.35 * np.minimum(away, 1) ** 2)
+
+
+def _stroke(u: Array, v: Array, path: Array, width: float) -> Array:
+    """A round rib along a path (M, 2)."""
+    low, high = path.min(axis=0) - width, path.max(axis=0) + width
+    near = np.flatnonzero((u > low[0]) & (u < high[0]) & (v > low[1]) & (v < high[1]))
+    x, y = u[near], v[near]
+    nearest = np.full_like(x, 9.0)
+    for a, b in pairwise(path):
+        along = b - a
+        t = np.clip(((x - a[0]) * along[0] + (y - a[1]) * along[1]) / max(float(along @ along), 1e-9), 0, 1)
+        nearest = np.minimum(nearest, (x - a[0] - t * along[0]) ** 2 + (y - a[1] - t * along[1]) ** 2)
+    height = np.zeros_like(u)
+    height[near] = _smooth(np.clip(1.6 * (1 - np.sqrt(nearest) / width), 0, 1))
+    return height
+
+
+def _soft_max(a: Array, b: Array, width: float) -> Array:
+    overlap = np.maximum(1 - np.abs(a - b) / width, 0)
+    return np.maximum(a, b) + overlap**3 * (width / 6)
+
+
+_MOTIFS: dict[str, Callable[[np.random.Generator], Motif]] = {
+    "coin": _coin,
+    "letters": _letters,
+    "ornament": _ornament,
+    "figures": _figures,
+    "landscape": _landscape,
+}
+CHARACTERS = tuple(_MOTIFS)

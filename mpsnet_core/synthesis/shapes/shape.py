@@ -1,0 +1,118 @@
+"""Shape: a closed triangle mesh with shading normals and numbered parts; placing, joining and fitting shapes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mpsnet_core.normals import normalised
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A triangle mesh in its own space: centred at the origin, z up, bounding sphere of radius 1.
+
+    vertices: (V, 3) float64. triangles: (T, 3) int32, counter-clockwise seen from outside.
+    corner_normals: (T, 3, 3) float32 unit shading normals. parts: (T,) int32, the part each triangle belongs to.
+    """
+
+    vertices: NDArray[np.float64]
+    triangles: NDArray[np.int32]
+    corner_normals: NDArray[np.float32]
+    parts: NDArray[np.int32]
+
+
+def smooth_shape(
+    vertices: NDArray[np.float64],
+    triangles: NDArray[np.int32],
+    normals: NDArray[np.floating] | None = None,
+    parts: NDArray[np.int32] | int = 0,
+) -> Shape:
+    """A shape with one normal (V, 3) a vertex; without `normals` those of its triangles, weighted by their areas."""
+    if normals is None:
+        faces = _cross_products(vertices, triangles)
+        summed = [np.bincount(triangles.ravel(), np.repeat(faces[:, axis], 3), len(vertices)) for axis in range(3)]
+        normals = normalised(np.stack(summed, axis=1))
+    corners = normals.astype(np.float32)[triangles]
+    return Shape(vertices, triangles, corners, np.broadcast_to(np.int32(parts), len(triangles)).copy())
+
+
+def faceted_shape(vertices: NDArray[np.float64], triangles: NDArray[np.int32], parts: NDArray[np.int32] | int) -> Shape:
+    """A shape whose triangles look flat."""
+    faces = normalised(_cross_products(vertices, triangles)).astype(np.float32)
+    corners = np.repeat(faces[:, None], 3, axis=1)
+    return Shape(vertices, triangles, corners, np.broadcast_to(np.int32(parts), len(triangles)).copy())
+
+
+def vertex_normals(shape: Shape) -> NDArray[np.float64]:
+    """(V, 3) normals of a shape that has one normal a vertex."""
+    normals = np.zeros_like(shape.vertices)
+    normals[shape.triangles.ravel()] = shape.corner_normals.reshape(-1, 3)
+    return normals
+
+
+def joined(shapes: Sequence[Shape]) -> Shape:
+    """Shapes beside or through each other as one; parts keep their numbers."""
+    starts = np.cumsum([0] + [len(shape.vertices) for shape in shapes[:-1]])
+    return Shape(
+        np.concatenate([shape.vertices for shape in shapes]),
+        np.concatenate([shape.triangles + np.int32(s) for shape, s in zip(shapes, starts, strict=True)]),
+        np.concatenate([shape.corner_normals for shape in shapes]),
+        np.concatenate([shape.parts for shape in shapes]),
+    )
+
+
+def placed(shape: Shape, axes: ArrayLike | None = None, scale: float = 1.0, offset: ArrayLike = (0, 0, 0)) -> Shape:
+    """The shape turned so that its x, y and z axes become the rows of `axes`, scaled, then moved by `offset`."""
+    turn = np.eye(3) if axes is None else np.asarray(axes, np.float64)
+    return replace(
+        shape,
+        vertices=shape.vertices @ turn * scale + np.asarray(offset, np.float64),
+        corner_normals=(shape.corner_normals.reshape(-1, 3) @ turn.astype(np.float32)).reshape(-1, 3, 3),
+    )
+
+
+def standing(shape: Shape) -> Shape:
+    """The shape moved so that its lowest point has z = 0."""
+    return placed(shape, offset=(0, 0, -shape.vertices[:, 2].min()))
+
+
+def fitted(shape: Shape) -> Shape:
+    """The shape moved and scaled to a bounding sphere of radius 1 at the origin.
+
+    The centre is that of the smallest sphere around it to within a percent (Bădoiu and Clarkson 2003, on the vertices
+    that lie farthest out in 98 directions); the farthest vertex has the distance 1.
+    """
+    grid = np.stack(np.meshgrid(*3 * [np.linspace(-1, 1, 5)], indexing="ij"), axis=-1).reshape(-1, 3)
+    directions = grid[np.abs(grid).max(axis=1) == 1]
+    extremes = shape.vertices[np.unique((shape.vertices @ directions.T).argmax(axis=0))]
+    centre = (extremes.min(axis=0) + extremes.max(axis=0)) / 2
+    for step in range(2, 200):
+        offsets = extremes - centre
+        centre = centre + offsets[(offsets**2).sum(axis=1).argmax()] / step
+    vertices = shape.vertices - centre
+    vertices /= np.sqrt((vertices**2).sum(axis=1).max())
+    return replace(shape, vertices=vertices)
+
+
+def turn_about(axis: ArrayLike, degrees: float) -> NDArray[np.float64]:
+    """Axes for :func:`placed` that turn a shape by `degrees` about `axis`, counter-clockwise seen from its tip."""
+    x, y, z = np.asarray(axis, np.float64) / np.linalg.norm(axis)
+    cos, sin = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    turn: NDArray[np.float64] = np.eye(3) + sin * across + (1 - cos) * (across @ across)
+    return turn.T
+
+
+def axes_along(z_axis: ArrayLike, hint: ArrayLike = (0.3, -1.0, 0.2)) -> NDArray[np.float64]:
+    """Rows x, y, z of a right-handed frame whose z is `z_axis` and whose y is as near to `hint` as can be."""
+    z = np.asarray(z_axis, np.float64) / np.linalg.norm(z_axis)
+    x: NDArray[np.float64] = np.cross(np.asarray(hint, np.float64), z)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z])
+
+
+def _cross_products(vertices: NDArray[np.float64], triangles: NDArray[np.int32]) -> NDArray[np.float64]:
+    a, b, c = (vertices[triangles[:, k]] for k in range(3))
+    return np.cross(b - a, c - a)
