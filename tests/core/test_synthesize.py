@@ -1,0 +1,117 @@
+"""`mpsnet synthesize` and `make`: whole runs with the real thing, small."""
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import Mpsnet
+from synthetic import listing
+from test_cli import events
+from test_farm import posix
+
+from mpsnet_core.synthesis.job import read_job, samples_there
+from mpsnet_core.synthesis.sample import read_sample, read_sample_data
+
+# A tetrahedron, closed and turned outwards.
+SOLID = "v 1 1 1\nv 1 -1 -1\nv -1 1 -1\nv -1 -1 1\nf 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3\n"
+SMALL = ("--size", "16", "--seed", "8", "--shapes", "blobs,composites", "--views", "2")
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Six samples by one process, as another program meets the command."""
+    folder = tmp_path_factory.mktemp("made") / "six"
+    command = ["synthesize", "--count", "6", *SMALL, "--processes", "1", "-o", str(folder), "--progress", "json"]
+    done = subprocess.run([sys.executable, "-m", "mpsnet_core", *command], capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stderr) == (0, "")
+    told, last = events(done.stdout)
+    assert told == sorted(told) and (told[0], told[-1]) == (0, 1)
+    assert last["result"]["made"] == 6 and last["result"]["there"] == 0
+    assert last["result"]["contact_sheet"] == str(folder / "contact_sheet.png")
+    names = [f"sample_{number:06d}.exr" for number in range(6)]
+    assert listing(folder) == ["contact_sheet.png", "job.json", "job.lock", *names]
+    return folder
+
+
+def test_samples_are_what_their_recipes_say(made: Path) -> None:
+    shapes = []
+    for number in range(6):
+        sample = read_sample(made / f"sample_{number:06d}.exr")
+        assert (sample.recipe.seed, sample.recipe.number) == (8, number)
+        assert sample.alpha.shape == (16, 16) and sample.mask.any()
+        assert sample.renderer == "synthesis"
+        shapes.append(json.dumps(sample.recipe.shape, sort_keys=True))
+    assert shapes[0::2] == shapes[1::2] and len(set(shapes)) == 3
+    assert not np.array_equal(*(read_sample(made / f"sample_{n:06d}.exr").normals for n in (0, 1)))
+
+
+def test_the_same_seed_gives_the_same_bytes_with_more_workers(tmp_path: Path, mpsnet: Mpsnet, made: Path) -> None:
+    assert mpsnet("synthesize", "--count", "6", *SMALL, "--processes", "4", "-o", tmp_path).returncode == 0
+    for number in range(6):
+        name = f"sample_{number:06d}.exr"
+        assert (tmp_path / name).read_bytes() == (made / name).read_bytes(), name
+
+
+def test_make_goes_on_and_synthesize_extends(mpsnet: Mpsnet, made: Path) -> None:
+    lost = made / "sample_000003.exr"
+    before = lost.read_bytes()
+    lost.unlink()
+    done = mpsnet("make", made)
+    assert (done.returncode, done.stdout) == (0, f"{made}: 1 made, 5 there already\n")
+    assert lost.read_bytes() == before
+    done = mpsnet("synthesize", "--count", "7", *SMALL, "-o", made)
+    assert (done.returncode, done.stdout) == (0, f"{made}: 1 made, 6 there already\n")
+    assert read_job(made).count == 7 and samples_there(made) == set(range(7))
+
+
+def test_samples_that_cannot_be_made_are_counted_and_the_rest_is_kept(tmp_path: Path, mpsnet: Mpsnet) -> None:
+    meshes = tmp_path / "meshes"
+    meshes.mkdir()
+    (meshes / "solid.obj").write_text(SOLID)
+    (meshes / "broken.obj").write_text("v 1 2\nf 1 2 3\n")
+    out = tmp_path / "out"
+    done = mpsnet("synthesize", "--count", "6", "--size", "16", "--meshes", meshes, "-o", out, "--processes", "1")
+    there = samples_there(out)
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert f"{out}: {6 - len(there)} of 6 samples failed, {len(there)} made, 0 there already; sample " in line
+    assert "broken.obj" in line
+    assert 0 < len(there) < 6
+    for number in there:
+        assert read_sample_data(out / f"sample_{number:06d}.exr")["recipe"]["shape"]["kind"] == "meshes"
+
+
+@posix
+def test_a_terminated_run_leaves_whole_samples(tmp_path: Path) -> None:
+    command = ["synthesize", "--count", "500", "--size", "64", "--processes", "2", "-o", str(tmp_path)]
+    child = subprocess.Popen(
+        [sys.executable, "-m", "mpsnet_core", *command, "--progress", "json"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert child.stdout is not None
+    for line in child.stdout:
+        if json.loads(line)["progress"] >= 3 / 500:
+            child.send_signal(signal.SIGTERM)
+            break
+    _, words = child.communicate(timeout=30)
+    assert (child.returncode, words) == (130, "")
+    there = samples_there(tmp_path)
+    assert 3 <= len(there) < 500
+    assert all(read_sample(tmp_path / f"sample_{number:06d}.exr").alpha.shape == (64, 64) for number in there)
+    assert not [name for name in listing(tmp_path) if "unfinished" in name]
+
+
+def test_work_is_not_listed_and_speaks_its_protocol(mpsnet: Mpsnet, made: Path) -> None:
+    assert " work" not in mpsnet("--help").stdout
+    done = subprocess.run(
+        [sys.executable, "-m", "mpsnet_core", "work", made], input="0\n1\n", capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 0
+    answers = [json.loads(line) for line in done.stdout.splitlines()]
+    assert answers == [{"ready": True}, {"number": 0, "answer": "there"}, {"number": 1, "answer": "there"}]
