@@ -19,9 +19,6 @@ from mpsnet_core.synthesis.jpeg import jpeg_losses
 Range = tuple[float, float]
 Rows = tuple[tuple[float, ...], ...]
 
-# A photo is exposed by the brightness that all but this share of the object's pixels stay below: highlights may clip.
-HIGHLIGHT_SHARE = 0.01
-
 
 @dataclass(frozen=True)
 class CaptureDraw:
@@ -31,7 +28,7 @@ class CaptureDraw:
         what channel i sees of a surface's red, green and blue; rows sum to 1. known_mixing: (3, 3) what whoever
         estimates takes the mixing for. direction_errors: (3, 3) radians, how far the light directions that
         are known are off; of each row only the part across the light's direction counts.
-    exposure, full_well, read_noise, bits, srgb, blur, mask_error: see :class:`CaptureModel`.
+    exposure, highlights, full_well, read_noise, bits, srgb, blur, mask_error: see :class:`CaptureModel`.
     jpeg_quality: 0 for none. noise_seed: what the noise is drawn from.
     """
 
@@ -40,6 +37,7 @@ class CaptureDraw:
     known_mixing: NDArray[np.float64]
     direction_errors: NDArray[np.float64]
     exposure: float
+    highlights: float
     full_well: float
     read_noise: float
     bits: int
@@ -72,8 +70,9 @@ class CaptureModel:
     direction_error: degrees, standard deviation across two axes by which the known light directions are off. A
         highlight found one pixel off on a mirror ball of 100 pixels' radius is 1.1° off (twice its normal's error);
         rigs put up by protractor are off by some 3°.
-    exposure: the brightness that 1% of the object's pixels exceed, as a share of the sensor's full well, log-uniform;
-        above 1 they are saturated.
+    exposure: the brightness that the object's highlights exceed, as a share of the sensor's full well, log-uniform;
+        above 1 they are saturated. highlights: the share of the object's pixels that counts so, log-uniform: who
+        photographs a dark glossy thing lets its highlights burn, who exposes for a histogram's right end does not.
     full_well: electrons at saturation, and read_noise: electrons, standard deviation in the dark; both log-uniform. The
         noise is EMVA Standard 1288's linear model (release 4.0, 2021): shot noise with the variance of the electrons'
         number, and read noise; as Gaussians, after Foi et al., "Practical Poissonian-Gaussian noise modeling and
@@ -101,6 +100,7 @@ class CaptureModel:
     mixing_error: Range = (0.0, 0.03)
     direction_error: Range = (0.0, 3.0)
     exposure: Range = (0.25, 1.2)
+    highlights: Range = (0.005, 0.15)
     full_well: Range = (1500.0, 40_000.0)
     read_noise: Range = (1.5, 12.0)
     bits: tuple[int, ...] = (8, 10, 12, 14, 16)
@@ -122,6 +122,7 @@ class CaptureModel:
             calibrated=0.0,
             direction_error=(0.0, 0.0),
             exposure=(1.0, 1.0),
+            highlights=(0.01, 0.01),
             full_well=(np.inf, np.inf),
             read_noise=(0.0, 0.0),
             bits=(0,),
@@ -157,6 +158,7 @@ class CaptureModel:
             known_mixing=measured if calibrated else np.eye(3),
             direction_errors=direction_error * rng.normal(size=(3, 3)),
             exposure=_log_uniform(rng, self.exposure),
+            highlights=_log_uniform(rng, self.highlights),
             full_well=_log_uniform(rng, self.full_well),
             read_noise=_log_uniform(rng, self.read_noise),
             bits=8 if jpeg else bits,
@@ -186,7 +188,7 @@ def photograph(
         raise InputError("no pixel shows the object wholly; take another sample")
     light = _blurred(_mixed(lights, draw), draw.blur)
     # One of the values, not between two: NumPy 1 and 2 interpolate with different precision.
-    bright = float(np.quantile(light.max(axis=0)[mask], 1 - HIGHLIGHT_SHARE, method="higher"))
+    bright = float(np.quantile(light.max(axis=0)[mask], 1 - draw.highlights, method="higher"))
     if bright <= 0:
         raise InputError("no light reaches the object; take another sample")
     well = light * np.float32(draw.exposure / bright)

@@ -127,10 +127,10 @@ def test_noise_is_drawn_from_its_seed(white: Sample) -> None:
     assert (first != other).mean() > 0.1
 
 
-def test_exposure_is_what_one_pixel_in_a_hundred_exceeds(white: Sample) -> None:
-    for exposure in (0.3, 0.9):
-        brightest = taken(white, ideal(exposure=exposure)).image[white.mask].max(axis=-1)
-        assert (brightest > exposure).mean() == pytest.approx(0.01, abs=0.001)
+@pytest.mark.parametrize(("exposure", "highlights"), [(0.3, 0.01), (0.9, 0.01), (0.5, 0.1)])
+def test_highlights_exceed_the_exposure(white: Sample, exposure: float, highlights: float) -> None:
+    brightest = taken(white, ideal(exposure=exposure, highlights=highlights)).image[white.mask].max(axis=-1)
+    assert (brightest > exposure).mean() == pytest.approx(highlights, abs=0.001)
 
 
 def test_what_the_full_well_cannot_hold_is_saturated() -> None:
@@ -236,7 +236,7 @@ def test_draws_fill_their_ranges() -> None:
     model = CaptureModel()
     rng = generator(7)
     draws = [model.draw(rng) for _ in range(600)]
-    for name in ("exposure", "full_well", "read_noise", "blur"):
+    for name in ("exposure", "highlights", "full_well", "read_noise", "blur"):
         least, most = getattr(model, name)
         values = np.array([getattr(draw, name) for draw in draws])
         assert least <= values.min() < least + 0.05 * (most - least), name
