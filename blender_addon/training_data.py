@@ -139,7 +139,7 @@ def _counted(folder: Path, changed: int) -> str:
 
 def _chosen_objects(context: Any, target: Path) -> tuple[str, ...]:
     """The selected mesh objects; where nothing is selected, those that the folder's samples show already."""
-    chosen = sorted(obj.name for obj in context.selected_objects if obj.type == "MESH")
+    chosen = sorted(obj.name for obj in context.view_layer.objects.selected if obj.type == "MESH")
     if chosen:
         return tuple(chosen)
     if (target / JOB_FILE).is_file():
