@@ -21,6 +21,7 @@ _MIN_COSINE = 1e-6
 # Nodes of the albedo tables, those of Cycles, which interpolates between them linearly as is done here.
 _ALBEDO_NODES = 32
 _FRESNEL_NODES = 16
+_RAYS = 512
 
 
 def ggx(
@@ -103,8 +104,8 @@ def _tables() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.floa
     nodes = np.linspace(0, 1, _ALBEDO_NODES).clip(1e-4)
     rays = _reflected(nodes[:, None, None], nodes[:, None])
     single = rays.weight.mean(axis=-1)
-    fine = (np.arange(64) + 0.5) / 64
-    average = 2 * (_reflected(nodes[:, None, None], fine[:, None]).weight.mean(axis=-1) * fine).mean(axis=-1)
+    fine = (np.arange(310) + 0.5) / 310
+    average = np.array([2 * (np.interp(fine, nodes, row) * fine).mean() for row in single])
 
     nodes = np.linspace(0, 1, _FRESNEL_NODES).clip(1e-4)
     rays = _reflected(nodes[:, None, None], nodes[:, None])
@@ -124,12 +125,13 @@ class _Rays:
 
 
 def _reflected(roughness: NDArray[np.float64], cosine: NDArray[np.float64]) -> _Rays:
-    # Heitz, "Sampling the GGX Distribution of Visible Normals", JCGT 2018, on a fixed grid over half of the disk: the
-    # other half mirrors it. The view lies in the plane y = 0.
+    # Heitz, "Sampling the GGX Distribution of Visible Normals", JCGT 2018, on a golden-section lattice over half of the
+    # disk: the other half mirrors it. The view lies in the plane y = 0.
     alpha = np.maximum(roughness**2, MIN_ALPHA)
-    radius = np.sqrt((np.arange(24) + 0.5) / 24)[:, None]
-    turn = ((np.arange(16) + 0.5) / 16 - 0.5) * np.pi
-    across, up = (radius * np.cos(turn)).ravel(), (radius * np.sin(turn)).ravel()
+    points = np.arange(_RAYS)
+    radius = np.sqrt((points + 0.5) / _RAYS)
+    turn = ((points * (np.sqrt(5) - 1) / 2) % 1 - 0.5) * np.pi
+    across, up = radius * np.cos(turn), radius * np.sin(turn)
     sine = np.sqrt(np.maximum(1 - cosine**2, 0))
     length = np.hypot(alpha * sine, cosine)
     x, z = alpha * sine / length, cosine / length

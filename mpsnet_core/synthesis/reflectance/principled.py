@@ -53,7 +53,7 @@ class PrincipledBsdf:
         self._ior = ior_of_reflectance(f0) if m.ior >= 1 else 1 / ior_of_reflectance(f0)
         self._sheen, self._coat, self._specular = m.sheen > 0, m.coat > 0, f0 > 0 and self._metallic < 1
 
-        # From top to bottom; `left` is the share of its light that a layer gets and gives towards the view.
+        # From top to bottom; `left` is what the layers above leave of the light, by the view.
         cosines = np.linspace(0, 1, _STEPS + 1)
         fibres = sheen(m.sheen_roughness, cosines)
         sheen_scale = m.sheen * fibres.albedo

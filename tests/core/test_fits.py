@@ -1,0 +1,133 @@
+"""Fits to MERL: the network against the same sums written out, and against other people's fits by another model."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from directions import Array, angles_by_rotation, hemisphere, rotation, up
+from shifted_gamma import ShiftedGamma, read_shifted_gamma
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.synthesis.recipe import Material
+from mpsnet_core.synthesis.reflectance import MerlFit, load_reflectance, material_names
+from mpsnet_core.synthesis.reflectance.fits import read_fits
+
+SHAPES = {"fc1": (6, 21), "b1": (21,), "fc2": (21, 21), "b2": (21,), "fc3": (21, 3), "b3": (3,)}
+
+
+def networks(names: list[str], seed: int = 0) -> dict[str, Array]:
+    """Random networks with outputs about as large as reflectances."""
+    rng = np.random.Generator(np.random.PCG64(seed))
+    layers = {key: 0.4 * rng.normal(size=(len(names), *shape)) for key, shape in SHAPES.items()}
+    return {"names": np.array(names), **{key: layer.astype(np.float32) for key, layer in layers.items()}}
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    np.savez(tmp_path / "fits.npz", **networks(["walnut", "brass"]))
+    return tmp_path / "fits.npz"
+
+
+@pytest.fixture(scope="module")
+def merl_fits() -> Path:
+    folder = Path(os.environ.get("MPSNET_TEST_DATA", "")) / "merl_fits"
+    if "MPSNET_TEST_DATA" not in os.environ or not folder.is_dir():
+        pytest.skip("MPSNET_TEST_DATA does not name a folder with merl_fits")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def fits(merl_fits: Path) -> dict[str, MerlFit]:
+    return read_fits(merl_fits / "merl_nbrdf.npz")
+
+
+@pytest.fixture(scope="module")
+def others(merl_fits: Path) -> dict[str, ShiftedGamma]:
+    return read_shifted_gamma(merl_fits / "merl_sgd_fits.csv")
+
+
+def test_network_is_evaluated_as_published(file: Path) -> None:
+    """One direction at a time, in double precision, from angles found by rotation."""
+    lights, views = hemisphere(200, 1), hemisphere(200, 2)
+    layers = networks(["walnut", "brass"])
+    fc1, b1, fc2, b2, fc3, b3 = (layers[key][1].astype(float) for key in SHAPES)
+    expected = []
+    for theta_half, theta_difference, phi in np.stack(angles_by_rotation(lights, views), axis=1):
+        phi = phi % np.pi  # the database holds half of the azimuths; the other half swaps light and viewer
+        sine = np.sin(theta_difference)
+        half = [np.sin(theta_half), 0.0, np.cos(theta_half)]
+        difference = [sine * np.cos(phi), sine * np.sin(phi), np.cos(theta_difference)]
+        first = np.maximum(np.array(half + difference) @ fc1 + b1, 0)
+        second = np.maximum(first @ fc2 + b2, 0)
+        expected.append(np.maximum(np.exp(second @ fc3 + b3) - 1, 0))
+    assert 0.1 < np.mean(np.array(expected) > 0) < 1  # both kinds of output occur
+    assert np.allclose(read_fits(file)["brass"](up(200), lights, views), expected, rtol=1e-4, atol=1e-5)
+
+
+def test_fits_agree_with_shifted_gamma_fits(fits: dict[str, MerlFit], others: dict[str, ShiftedGamma]) -> None:
+    """Both are fits to the same measurements, so they differ by the sum of their errors: half of all values, materials
+    and channels within about 10% in directions up to 60 degrees from the normal, and 20% up to 84 degrees, where
+    measurement and fits are worst. Wrong scales, channels or angles would show as 50% and more."""
+    for least_cosine, bound in ((0.5, 0.12), (0.1, 0.25)):
+        lights, views = hemisphere(1500, 3, least_cosine), hemisphere(1500, 4, least_cosine)
+        ratios = [_log_ratio(fits[name], others[name], lights, views) for name in fits]
+        assert np.median(np.abs(ratios)) < bound
+        assert (np.median(np.abs(ratios), axis=(0, 1)) < 1.25 * bound).all(), "each channel"
+        assert np.abs(np.median(ratios)) < bound / 2, "neither is brighter"
+
+
+def _log_ratio(fit: MerlFit, other: ShiftedGamma, lights: Array, views: Array) -> Array:
+    # 1e-4 / sr keeps what is black to both out of the comparison.
+    a, b = fit(up(len(lights)), lights, views), other(up(len(lights)), lights, views)
+    return np.log((a + 1e-4) / (b + 1e-4))
+
+
+def test_fits_are_reciprocal_finite_and_the_same_after_a_turn(fits: dict[str, MerlFit]) -> None:
+    lights, views = hemisphere(500, 5), hemisphere(500, 6)
+    lights[:100, 2] *= 1e-4
+    lights /= np.linalg.norm(lights, axis=1, keepdims=True)
+    turn = rotation(7)
+    for fit in fits.values():
+        forth = fit(up(500), lights, views)
+        assert np.isfinite(forth).all() and (forth >= 0).all() and forth.max() < 65504
+        assert np.allclose(forth, fit(up(500), views, lights), rtol=1e-2, atol=1e-3)
+        turned = fit(up(500) @ turn.T, lights @ turn.T, views @ turn.T)
+        assert np.allclose(forth[100:], turned[100:], rtol=1e-2, atol=1e-3)
+
+
+@pytest.mark.parametrize("vector", [[0, 0, -1], [1, 0, 0], [0, 0, 0], [np.nan, 0, 1]])
+def test_nothing_is_reflected_from_or_to_below_the_surface(file: Path, vector: list[float]) -> None:
+    fit, vectors = read_fits(file)["brass"], np.array([vector], float)
+    assert (fit(up(1), vectors, hemisphere(1, 8)) == 0).all()
+    assert (fit(up(1), hemisphere(1, 8), vectors) == 0).all()
+
+
+def test_materials_are_listed_and_loaded_by_name(file: Path) -> None:
+    assert material_names(str(file)) == [("fit", "brass"), ("fit", "walnut")]
+    lights, views = hemisphere(50, 9), hemisphere(50, 10)
+    plain = read_fits(file)["walnut"](up(50), lights, views)
+    tinted = load_reflectance(Material("fit", "walnut", (1.0, 0.5, 0.0)), str(file))
+    assert np.allclose(tinted(up(50), lights, views, np.full((50, 3), 0.5)), plain * [0.5, 0.25, 0])
+    with pytest.raises(InputError, match="has no material 'oak'"):
+        load_reflectance(Material("fit", "oak"), str(file))
+    with pytest.raises(InputError, match="does not exist"):
+        material_names(str(file.with_name("other.npz")))
+
+
+def test_other_files_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "other.npz"
+    path.write_bytes(b"PK\x03\x04 cut short")
+    with pytest.raises(InputError, match="is no file of fits"):
+        read_fits(path)
+    good = networks(["a", "b"])
+    for change, message in (
+        ({"b3": None}, "b3"),
+        ({"names": np.array(["a", "a"])}, "distinct names"),
+        ({"names": np.array(["a", {}], object)}, "is no file of fits"),
+        ({"fc2": good["fc2"][:1]}, r'"fc2" is \(1, 21, 21\), expected 2 by 21 by 21'),
+        ({"fc3": good["fc3"] * np.nan}, "not finite"),
+    ):
+        np.savez(path, **{key: value for key, value in {**good, **change}.items() if value is not None})
+        with pytest.raises(InputError, match=message):
+            read_fits(path)
