@@ -66,7 +66,8 @@ def answers_from_cluster(address: str, command: Sequence[str], folder: Path, num
                 else:
                     yield answer
         finally:
-            client.cancel(list(pending.values()), force=True)
+            with contextlib.suppress(OSError):  # the scheduler has gone
+                client.cancel(list(pending.values()), force=True)
 
 
 def _put(finished: "queue.SimpleQueue[tuple[int, Future]]", number: int, task: Future) -> None:
@@ -87,10 +88,11 @@ def _answer(task: Future, number: int, address: str) -> Answer:
 
 @contextlib.contextmanager
 def _client(address: str) -> Iterator[Client]:
-    # Dask tells in its log what is told here in a sentence.
-    log = logging.getLogger("distributed")
-    level = log.level
-    log.setLevel(logging.CRITICAL)
+    # Dask tells in its logs what is told here in a sentence.
+    logs = [logging.getLogger(name) for name in ("distributed", "distributed.client", "distributed.comm")]
+    levels = [log.level for log in logs]
+    for log in logs:
+        log.setLevel(logging.CRITICAL)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -112,7 +114,8 @@ def _client(address: str) -> Iterator[Client]:
                     )
             yield client
     finally:
-        log.setLevel(level)
+        for log, level in zip(logs, levels, strict=True):
+            log.setLevel(level)
 
 
 @contextlib.contextmanager
@@ -126,7 +129,8 @@ def _crew(client: Client, command: Sequence[str], folder: Path) -> Iterator[str]
     try:
         yield name
     finally:
-        client.unregister_worker_plugin(name)
+        with contextlib.suppress(OSError):  # the scheduler has gone
+            client.unregister_worker_plugin(name)
 
 
 def _make(crew: str, number: int) -> Answer:
