@@ -8,6 +8,9 @@ from mpsnet_core.cli.arguments import Help, Verbs
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.errors import InputError
 
+# So many of the files that `show` skips are named; all are counted.
+NAMED = 10
+
 
 def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
     _add_synthesize(
@@ -160,7 +163,7 @@ def _show(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         raise InputError(summary.skipped[0])
     write_sheet(output, show(samples, photos, options.count))
     reporter.progress(1.0, "done")
-    skipped = [f"skipped {len(summary.skipped)} file(s)", *summary.skipped] if summary.skipped else []
+    skipped = [f"skipped {len(summary.skipped)} file(s)", *summary.skipped[:NAMED]] if summary.skipped else []
     told = [str(summary)] if samples else []
     return {
         "output": str(output),

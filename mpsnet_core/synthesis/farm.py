@@ -1,13 +1,14 @@
 """Farm: many workers, on this machine or on a Dask cluster, who make a job's samples."""
 
 import itertools
+import logging
 import os
 import queue
 import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +20,8 @@ from mpsnet_core.synthesis.claims import Claims
 from mpsnet_core.synthesis.contact_sheet import contact_sheet, write_sheet
 from mpsnet_core.synthesis.job import FOLDER_CLAIM, SampleJob, place_job, sample_path, samples_there
 from mpsnet_core.synthesis.work import THIS_PYTHON, Answer, Answers, Worker, WorkerLost, clear_unfinished
+
+log = logging.getLogger(__name__)
 
 CONTACT_SHEET = "contact_sheet.png"
 SYNTHESIS_COMMAND = (THIS_PYTHON, "-m", "mpsnet_core", "work")
@@ -81,8 +84,6 @@ def make_samples(
     clear_unfinished(folder)
     there = samples_there(folder)
     numbers = [number for number in range(job.count) if number not in there]
-    # Neighbours that show the same shape go to the same worker, who builds it once.
-    runs = [tuple(run) for _, run in itertools.groupby(numbers, lambda number: number // job.views)]
     tally = _Tally(job.count, job.count - len(numbers), progress)
     sheet = _GrowingSheet(folder)
     if cluster:
@@ -90,8 +91,7 @@ def make_samples(
 
         answers = answers_from_cluster(cluster, command, folder, numbers)
     else:
-        processes = min(processes or cores(), max(len(runs), 1))
-        answers = _answers_from_here(command, folder, runs, processes)
+        answers = _answers_from_here(command, folder, numbers, processes or cores(), job.views)
     try:
         tally.tell()
         with closing(answers):
@@ -116,8 +116,18 @@ def cores() -> int:
 # --- this machine -----------------------------------------------------------------------------------------------------
 
 
-def _answers_from_here(command: Sequence[str], folder: Path, runs: Iterable[Sequence[int]], processes: int) -> Answers:
-    waiting, answers, stop = deque(runs), queue.SimpleQueue[Answer | Exception](), threading.Event()
+def _answers_from_here(
+    command: Sequence[str], folder: Path, numbers: Sequence[int], processes: int, views: int
+) -> Answers:
+    processes = min(processes, len(numbers))
+    if not processes:
+        return
+    # Neighbours that show the same shape go to one worker, who builds it once; but none shall be left with many of them
+    # while the others have nothing to do.
+    longest = max(1, len(numbers) // (4 * processes))
+    runs = itertools.groupby(numbers, lambda number: (number // views, number % views // longest))
+    waiting = deque(tuple(run) for _, run in runs)
+    answers, stop = queue.SimpleQueue[Answer | Exception](), threading.Event()
     workers = [Worker(command, folder, max(1, cores() // processes)) for _ in range(processes)]
     threads = [
         threading.Thread(target=_drive, args=(worker, waiting, answers.put, stop), daemon=True) for worker in workers
@@ -243,6 +253,12 @@ class _GrowingSheet:
 
     def _draw(self, made: int) -> None:
         self._shown = made
+        try:
+            self._write()
+        except InputError as error:  # a viewer that keeps it open shall not end the run
+            log.info("the contact sheet is not up to date: %s", error)
+
+    def _write(self) -> None:
         picture = contact_sheet([sample_path(self._folder, number) for number in sorted(samples_there(self._folder))])
         if picture is None:
             return
