@@ -155,7 +155,7 @@ def test_paint_and_tint_multiply_the_reflectance(folder: Path, table: MerlTable)
 
 def test_a_folder_of_tables_is_listed_in_order(folder: Path, tmp_path: Path) -> None:
     assert material_names(str(folder)) == [("merl", "gloss.binary")]
-    with pytest.raises(InputError, match="holds no .binary files"):
+    with pytest.raises(InputError, match=r"holds no \.binary files"):
         material_names(str(tmp_path))
     for name in ("b.binary", "a.binary", "readme.txt"):
         (tmp_path / name).touch()

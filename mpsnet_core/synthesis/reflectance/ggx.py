@@ -15,12 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 # Below this alpha a highlight under a point light is narrower than float32 tells directions apart.
-MIN_ALPHA = 1e-4
+_MIN_ALPHA = 1e-4
 _MIN_COSINE = 1e-6
 
 # Nodes of the albedo tables, those of Cycles, which interpolates between them linearly as is done here.
 _ALBEDO_NODES = 32
 _FRESNEL_NODES = 16
+# Facets that a table's node is the mean of; 512 give it to about 0.1%.
 _RAYS = 512
 
 
@@ -32,7 +33,7 @@ def ggx(
     sine_squared: (N,) of the angle between normal and half vector; a sine, because its cosine is too near 1 to tell
     narrow highlights apart. Reciprocal.
     """
-    squared = np.float32(max(alpha, MIN_ALPHA) ** 2)
+    squared = np.float32(max(alpha, _MIN_ALPHA) ** 2)
     cos_light, cos_view = np.maximum(cos_light, _MIN_COSINE), np.maximum(cos_view, _MIN_COSINE)
     slope = sine_squared + squared * (1 - sine_squared)
     masking = cos_light * np.sqrt(squared + (1 - squared) * cos_view * cos_view)
@@ -51,6 +52,7 @@ def fresnel_dielectric(cosine: NDArray[Any], ior: NDArray[Any] | float) -> NDArr
 
 def reflectance_of_ior(ior: float) -> float:
     """Reflected share at normal incidence."""
+    ior = max(ior, 1e-5)
     return ((ior - 1) / (ior + 1)) ** 2
 
 
@@ -127,7 +129,7 @@ class _Rays:
 def _reflected(roughness: NDArray[np.float64], cosine: NDArray[np.float64]) -> _Rays:
     # Heitz, "Sampling the GGX Distribution of Visible Normals", JCGT 2018, on a golden-section lattice over half of the
     # disk: the other half mirrors it. The view lies in the plane y = 0.
-    alpha = np.maximum(roughness**2, MIN_ALPHA)
+    alpha = np.maximum(roughness**2, _MIN_ALPHA)
     points = np.arange(_RAYS)
     radius = np.sqrt((points + 0.5) / _RAYS)
     turn = ((points * (np.sqrt(5) - 1) / 2) % 1 - 0.5) * np.pi

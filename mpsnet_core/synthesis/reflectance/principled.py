@@ -37,7 +37,8 @@ _STEPS = 465
 class PrincipledBsdf:
     """A principled material, called as a :class:`~mpsnet_core.synthesis.reflectance.Reflectance`.
 
-    Takes its numbers from the material; paint multiplies the base colour. Raises InputError where a number is none.
+    Takes its numbers from the material, each held in Blender's own range; paint multiplies the base colour. Raises
+    InputError where a number is not finite.
     """
 
     def __init__(self, material: Material) -> None:
@@ -45,28 +46,28 @@ class PrincipledBsdf:
             value = getattr(material, field.name)
             if not isinstance(value, str) and not np.isfinite(value).all():
                 raise InputError(f"the material's {field.name} is {value}; give finite numbers")
-        m = material
-        self._base = np.asarray(m.base_color, np.float32)
-        self._metallic = min(max(m.metallic, 0.0), 1.0)
-        self._alpha, self._coat_alpha = m.roughness**2, m.coat_roughness**2
-        f0 = min(reflectance_of_ior(m.ior) * 2 * max(m.specular, 0.0), 0.99)
-        self._ior = ior_of_reflectance(f0) if m.ior >= 1 else 1 / ior_of_reflectance(f0)
-        self._sheen, self._coat, self._specular = m.sheen > 0, m.coat > 0, f0 > 0 and self._metallic < 1
+        self._base = np.asarray(material.base_color, np.float32)
+        roughness, coat_roughness = _share(material.roughness), _share(material.coat_roughness)
+        self._alpha, self._coat_alpha = roughness**2, coat_roughness**2
+        self._metallic, self._coat, self._sheen = map(_share, (material.metallic, material.coat, material.sheen))
+        f0 = min(reflectance_of_ior(material.ior) * 2 * max(material.specular, 0.0), 0.99)
+        self._ior = ior_of_reflectance(f0) if material.ior >= 1 else 1 / ior_of_reflectance(f0)
+        self._specular = f0 > 0 and self._metallic < 1
 
         # From top to bottom; `left` is what the layers above leave of the light, by the view.
         cosines = np.linspace(0, 1, _STEPS + 1)
-        fibres = sheen(m.sheen_roughness, cosines)
-        sheen_scale = m.sheen * fibres.albedo
-        left = np.maximum(1 - sheen_scale, 0)
-        coat, coat_albedo = _dielectric(m.coat_roughness, COAT_IOR, cosines)
-        coat_scale = left * m.coat * coat
-        left = left * np.maximum(1 - m.coat * coat_albedo, 0)
+        fibres = sheen(material.sheen_roughness, cosines)
+        sheen_scale = self._sheen * fibres.albedo
+        left = 1 - sheen_scale
+        coat, coat_albedo = _dielectric(coat_roughness, COAT_IOR, cosines)
+        coat_scale = left * self._coat * coat
+        left = left * (1 - self._coat * coat_albedo)
         metal_scale = left * self._metallic
         left = left * (1 - self._metallic)
-        specular, specular_albedo = _dielectric(m.roughness, self._ior, cosines)
+        specular, specular_albedo = _dielectric(roughness, self._ior, cosines)
         specular_scale = left * specular
         diffuse_scale = left * (1 - specular_albedo) / np.pi
-        single, self._average = albedo(m.roughness, cosines)
+        single, self._average = albedo(roughness, cosines)
         columns = (
             *(diffuse_scale, specular_scale, metal_scale, 1 / single - 1),
             *(coat_scale, sheen_scale, fibres.spread, fibres.shear),
@@ -122,6 +123,10 @@ class PrincipledBsdf:
             energy = 1 + missing[:, None] * further_reflections(base + (1 - base) / 21, self._average)
             result += (metal * facets)[:, None] * (base + (1 - base) * grazing) * energy
         return result
+
+
+def _share(value: float) -> float:
+    return min(max(value, 0.0), 1.0)
 
 
 def _dielectric(

@@ -1,7 +1,7 @@
 """Sheen: light scattered by a layer of fine fibres on the surface, as on cloth and dust.
 
 Zeltner, Burley and Chiang, "Practical Multiple-Scattering Sheen Using Linearly Transformed Cosines", SIGGRAPH 2022
-talks. Cycles looks the transform up in the authors' tables; here it is Hill's rational fit to them.
+talks. Cycles looks the transform up in the authors' tables; here it is MaterialX's closed form, fitted to them.
 """
 
 from dataclasses import dataclass
