@@ -15,6 +15,7 @@ _TILE = 4
 # Smoothing reaches this many gathering pixels each way, and ends where normals or the surface's planes part.
 REACH = 2
 _PLANE_REACH = 3.0  # gathering pixels
+_SQUARINGS = 5  # of the cosine between normals
 
 Albedo = Callable[[SurfacePoints], NDArray[np.float32]]
 
@@ -68,7 +69,8 @@ def _gathered(
             facing = np.flatnonzero(cosine > 0)
             free = facing[~surface.scene.occluded(met.start[facing], direction[None])]
             total[found[free], number] += cosine[free, None] * colour[free]
-    return total.reshape(len(points), -1) / RAYS
+    total /= RAYS
+    return total.reshape(len(points), -1)
 
 
 class _Grid:
@@ -137,7 +139,8 @@ class _Grid:
             weight = ((near + np.float32(1e-3)) * (alike + np.float32(1e-3) * present))[:, None]
             total += weight * values[number]
             weights += weight
-        return total / np.maximum(weights, 1e-9)
+        total /= np.maximum(weights, 1e-9)
+        return total
 
     def _alike(
         self,
@@ -147,7 +150,9 @@ class _Grid:
         other_positions: NDArray[np.float32],
     ) -> NDArray[np.float32]:
         """(...) how much two pieces of surface belong together, 0 to 1."""
-        turned = np.maximum(np.einsum("...i,...i", normals, other_normals), 0)
-        turned *= turned
+        alike = np.maximum(np.einsum("...i,...i", normals, other_normals), 0)
+        for _ in range(_SQUARINGS):
+            alike *= alike
         plane = np.einsum("...i,...i", normals, other_positions - positions)
-        return turned * turned * np.maximum(1 - np.abs(plane) * self.scale, 0)
+        alike *= np.maximum(1 - np.abs(plane) * self.scale, 0)
+        return alike

@@ -20,8 +20,8 @@ POINT_LIKE = 0.35
 SMALL = 1.0
 # Larger ones as this many points spread over the light, and as many about the mirror direction.
 DISC_POINTS, LOBE_POINTS = 12, 12
-# Further than this many widths from the mirror direction the middle does again.
-REACH = 3.0
+# Further than this many widths from the mirror direction the middle does again, in either case.
+SMALL_REACH, REACH = 3.0, 6.0
 # The direction to a light whose middle is just below the horizon is lifted to this cosine.
 MIN_COSINE = 0.02
 # Angles from the normal at which reflectance is measured, closer together at the highlight's peak.
@@ -78,15 +78,17 @@ def reflected(
     mirrored = (2 * dot(normals, views))[:, None] * normals - views
     along = mirrored @ middle
     # Where the mirror direction meets the disc's plane, in units of the disc.
-    mirror = mirrored @ light.axes.T.astype(np.float32) / np.maximum(along, 0.1)[:, None] / np.float32(radius)
-    spread = width / radius
-    near = np.flatnonzero((along > 0.1) & (np.hypot(*mirror.T) < 1 + REACH * spread) & (cosine > 0))
+    mirror = mirrored @ (light.axes.T / radius).astype(np.float32)
+    mirror /= np.maximum(along, 0.1)[:, None]
+    small, spread = radius <= SMALL * width, width / radius
+    reach = 1 + (SMALL_REACH if small else REACH) * spread
+    near = np.flatnonzero((along > 0.1) & (np.hypot(*mirror.T) < reach) & (cosine > 0))
     if not len(near):
         return result
     normals, views, mirror, turns, cosine = normals[near], views[near], mirror[near], turns[near], cosine[near]
     paint = None if paint is None else paint[near]
     total = np.zeros((len(near), 3), np.float32)
-    for places, weights in _three(turns) if radius <= SMALL * width else _many(mirror, np.float32(spread), turns):
+    for places, weights in _three(turns) if small else _many(mirror, np.float32(spread), turns):
         towards = light.direction.astype(np.float32) + (places * np.float32(radius)) @ light.axes.astype(np.float32)
         towards /= np.sqrt(dot(towards, towards))[:, None]
         share = np.maximum(dot(normals, towards), 0) * weights

@@ -165,4 +165,6 @@ class _Image:
 
     def mean(self, values: NDArray[np.float32], alpha: NDArray[np.float32]) -> NDArray[np.float32]:
         """(H, W) mean over the part of the pixel that the points cover."""
-        return self.share(values) / np.maximum(alpha, np.float32(1e-6))
+        mean = self.share(values)
+        mean /= np.maximum(alpha, 1e-6)
+        return mean
