@@ -14,6 +14,8 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
+from mpsnet_core.synthesis.job import sample_path, samples_there
+
 SCRIPT = Path(__file__).parent / "scripts" / "window.py"
 STEP = 8  # pixels; a button is about 20 high
 
@@ -56,11 +58,11 @@ class Window:
         sent = self.state["ticks"]
         return self.wait(lambda state: state["ticks"] >= sent + 3, 60, "answer to Ctrl C")["clipboard"]
 
-    def find(self, operator: str) -> tuple[int, int]:
-        """Where in the sidebar, looking from top to bottom, the button of `operator` is."""
+    def find(self, operator: str, below: int = STEP) -> tuple[int, int]:
+        """Where in the sidebar, looking from `below` its top to its bottom, the button of `operator` is."""
         left, top, width, height = self.state["sidebar"]
         x = left + width // 2
-        for y in range(top + STEP, top + height, STEP):
+        for y in range(top + below, top + height, STEP):
             if self.under_mouse(x, y).startswith(f"bpy.ops.{operator}("):
                 return x, y
         pytest.fail(f"no button for {operator} in the sidebar")
@@ -147,3 +149,40 @@ def test_the_steps_run_beside_a_live_window(window, tmp_path):
     window.wait(lambda state: state["nodes"] == plain, 60, "undo of the bake")
     window.input("key", "ctrl+shift+z")
     window.wait(lambda state: "MPS Normal" in state["nodes"], 60, "redo of the bake")
+
+
+def test_training_data_grows_in_its_section(window, tmp_path):
+    folder, count = tmp_path / "samples", 24
+    settings = {"count": count, "size": 32, "samples": 1, "kinds": ["BLOBS"], "processes": 2, "output": str(folder)}
+    window.ask("set", "samples", settings)
+    window.ask("alone", "MPS_PT_samples")
+    left, top, width, height = window.state["sidebar"]
+    window.input("mousemove", left + width // 2, top + 10, "sleep", "1")
+    window.click(left + width // 2, top + 16)  # on its title: it is closed at first
+    window.input("sleep", "2")
+    x, y = window.find("mps.render_samples", below=300)
+    window.input("mousemove", 500, 500, "sleep", "1")
+    before = window.screenshot(tmp_path / "before.png")
+
+    window.click(x, y)
+    window.wait(lambda state: state["running"] and "MPS Samples" in state["images"], 120, "contact sheet")
+    window.input("mousemove", 500, 500, "sleep", "1", "key", "Escape")
+    window.wait(lambda state: not state["running"], 60, "end of the cancelled rendering")
+    there = samples_there(folder)
+    assert 0 < len(there) < count
+    assert not list(folder.glob(".*"))
+
+    # Below the button there was nothing, and now there is a picture in colour.
+    def colourful(picture):
+        below = picture[y + 2 * STEP : top + height, left : left + width - 40]
+        return (np.ptp(below, axis=-1) > 0.2).sum()
+
+    shown = window.screenshot(tmp_path / "shown.png")
+    assert colourful(shown) > colourful(before) + 500
+
+    kept = {number: sample_path(folder, number).stat().st_mtime_ns for number in there}
+    window.click(x, y)
+    window.wait(lambda state: state["running"], 60, "rendering that goes on")
+    window.wait(lambda state: not state["running"], 240, "end of the rendering")
+    assert samples_there(folder) == set(range(count))
+    assert {number: sample_path(folder, number).stat().st_mtime_ns for number in there} == kept

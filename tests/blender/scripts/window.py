@@ -2,7 +2,8 @@
 does what it is asked to.
 
 Arguments: the JSON file to write the state to, and the JSON file of the request: [number, verb, argument...] with
-"clear" (empty the clipboard), "invoke" (an operator with settings, as its button does) and "quit".
+"clear" (empty the clipboard), "invoke" (an operator with settings, as its button does), "set" (settings of a step),
+"alone" (take all other panels away) and "quit".
 """
 
 import contextlib
@@ -63,12 +64,25 @@ def answer(verb, *arguments):
         bpy.ops.wm.quit_blender()
     elif verb == "clear":
         bpy.context.window_manager.clipboard = ""
+    elif verb == "alone":
+        alone(*arguments)
+    elif verb == "set":
+        step, settings = arguments
+        for name, value in settings.items():
+            setattr(getattr(bpy.context.scene.mps, step), name, set(value) if isinstance(value, list) else value)
     elif verb == "invoke":
         operator, settings = arguments
         window, area = viewport()
         region = next(region for region in area.regions if region.type == "WINDOW")
         with bpy.context.temp_override(window=window, area=area, region=region):
             getattr(bpy.ops.mps, operator)("INVOKE_DEFAULT", **settings)
+
+
+def alone(panel):
+    for name in dir(bpy.types):
+        if name.startswith("MPS_PT_") and name != panel:
+            bpy.utils.unregister_class(getattr(bpy.types, name))
+    viewport()[1].tag_redraw()
 
 
 def tick():
