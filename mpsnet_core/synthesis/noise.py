@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 # Points worked on at once: their temporaries stay in the processor's cache.
-_CHUNK = 1 << 14
+_CHUNK = 1 << 13
 _AXES = (np.uint32(0x9E3779B1), np.uint32(0x85EBCA77), np.uint32(0xC2B2AE3D))
 _SCALE = np.float32(1.6)
 

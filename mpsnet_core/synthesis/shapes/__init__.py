@@ -37,7 +37,7 @@ def draw_shape(rng: np.random.Generator, kind: str, meshes: Sequence[str] = ()) 
     if kind == "blobs":
         return {"kind": kind, "seed": seed, "pose": "any", "character": picked(rng, blobs.CHARACTERS)}
     if kind == "drapery":
-        character = picked(rng, drapery.CHARACTERS)
+        character = picked(rng, drapery.CHARACTERS, (4, 3, 3, 2))
         pose = "upright" if character == "draped" else "front"
         return {"kind": kind, "seed": seed, "pose": pose, "character": character}
     if kind == "reliefs":

@@ -52,7 +52,7 @@ def _body(rng: np.random.Generator, cells: int) -> Shape:
         solids.append(ellipsoid((0, 0, 0), between(rng, 0.3, 0.6), blend=soft))
         return isosurface(solids, 2.2 / cells)
     seed, scale = new_seed(rng), between(rng, 0.8, 1.8)
-    swell, push = between(rng, 0.2, 0.6), between(rng, 0.1, 0.45)
+    swell, push = between(rng, 0.15, 0.45), between(rng, 0.1, 0.35)
     stretch = np.array([between(rng, 0.6, 1.1) for _ in range(3)])
 
     def form(points: Array) -> Array:

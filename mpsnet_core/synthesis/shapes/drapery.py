@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 CHARACTERS = ("draped", "pinned", "pleated", "crumpled")
 # Nodes a side of the simulated cloth, coarse to fine, and the steps at each.
 _LEVELS = ((15, 60), (29, 40), (57, 18))
+_REPEATS = 4
 _REFINED = 3
 # Fall a step, small enough that no step goes through a solid.
 _GRAVITY = 0.0035
@@ -90,66 +91,71 @@ def _flat(nodes: int, size: float) -> Array:
     return np.stack([x, y, np.zeros_like(x)], axis=-1)
 
 
-def _simulated(cloth: Array, size: float, solids: list[Solid], pins: dict[tuple[int, int], Array], seed: int) -> Array:
-    """The cloth after its fall: position-based dynamics (Müller et al. 2007), from a coarse grid to finer ones.
+def _simulated(start: Array, size: float, solids: list[Solid], pins: dict[tuple[int, int], Array], seed: int) -> Array:
+    """The cloth (M, M, 3) after its fall: position-based dynamics (Müller et al. 2007), on ever finer grids.
 
     Edges, diagonals and, weakly, every second node keep their distances, and no node gets farther from a pin than the
     cloth between them is long (Kim et al. 2012); solids and the ground at z = 0 are not entered.
     """
+    grid = start
     for nodes, steps in _LEVELS:
-        if len(cloth) < nodes:
-            cloth = _resampled(cloth, nodes)
+        grid = _resampled(grid, nodes)
         rest = size / (nodes - 1)
         # A little unrest lets it buckle; rounded, so that all processors start from the same numbers.
-        unrest = [gradient_noise(cloth.reshape(-1, 3) * 3, seed + k) for k in range(3)]
-        cloth = np.round(cloth + 0.1 * rest * np.stack(unrest, axis=1).reshape(nodes, nodes, 3), 9)
+        unrest = [gradient_noise(grid.reshape(-1, 3) * 3, seed + k).reshape(nodes, nodes) for k in range(3)]
+        cloth: Array = np.round(np.moveaxis(grid, 2, 0) + 0.1 * rest * np.stack(unrest), 9)
         scale = (nodes - 1) // (_LEVELS[0][0] - 1)
-        held = [(row * scale, column * scale, at) for (row, column), at in pins.items()]
+        held = [(row * scale, column * scale, at[:, None, None]) for (row, column), at in pins.items()]
         rows, columns = np.indices((nodes, nodes))
         reaches = [rest * np.sqrt((rows - row) ** 2 + (columns - column) ** 2) for row, column, _ in held]
         before = cloth.copy()
         for _ in range(steps):
-            before, cloth = cloth, cloth + 0.93 * (cloth - before) - _GRAVITY * np.eye(3)[2]
-            for _ in range(4):
+            before, cloth = cloth, _fallen(cloth, before)
+            for _ in range(_REPEATS):
                 _keep_lengths(cloth, rest)
                 for row, column, at in held:
-                    cloth[row, column] = at
+                    cloth[:, row, column] = at[:, 0, 0]
             for (_, _, at), reach in zip(held, reaches, strict=True):
-                _keep_within(cloth, at, reach)
+                apart = cloth - at
+                cloth -= apart * (1 - np.minimum(1, reach / np.maximum(_lengths(apart), 1e-9)))
             if solids:
-                _push_out(cloth, before, solids)
-    return cloth
+                _push_out(cloth.reshape(3, -1), before.reshape(3, -1), solids)
+        grid = np.moveaxis(cloth, 0, 2)
+    return grid
+
+
+def _fallen(cloth: Array, before: Array) -> Array:
+    moved: Array = cloth + 0.93 * (cloth - before)
+    moved[2] -= _GRAVITY
+    return moved
 
 
 def _keep_lengths(cloth: Array, rest: float) -> None:
     # Every other pair at a time, so that no node is moved twice at once.
-    for grid in (cloth, cloth.transpose(1, 0, 2)):
+    for grid in (cloth, cloth.transpose(0, 2, 1)):
         for odd in (0, 1):
-            end = (len(grid) - odd) // 2 * 2 + odd
-            _pull(grid[odd:end:2], grid[odd + 1 : end : 2], rest, 0.5)
-        for odd in (0, 1):
-            for a, b in ((slice(None, -1), slice(1, None)), (slice(1, None), slice(None, -1))):
-                end = (len(grid) - odd) // 2 * 2 + odd
-                _pull(grid[odd:end:2, a], grid[odd + 1 : end : 2, b], rest * 2**0.5, 0.15)
-        _pull(grid[:-2], grid[2:], 2 * rest, 0.04)
+            end = (grid.shape[1] - odd) // 2 * 2 + odd
+            near, far = grid[:, odd:end:2], grid[:, odd + 1 : end : 2]
+            _pull(near, far, rest, 0.5)
+            _pull(near[..., :-1], far[..., 1:], rest * 2**0.5, 0.15)
+            _pull(near[..., 1:], far[..., :-1], rest * 2**0.5, 0.15)
+        _pull(grid[:, :-2], grid[:, 2:], 2 * rest, 0.04)
 
 
 def _pull(a: Array, b: Array, rest: float, share: float) -> None:
     apart = b - a
-    length = np.sqrt((apart**2).sum(axis=-1, keepdims=True))
-    apart *= share * (1 - rest / np.maximum(length, 1e-9))
+    apart *= share * (1 - rest / np.maximum(_lengths(apart), 1e-9))
     a += apart
     b -= apart
 
 
-def _keep_within(cloth: Array, pin: Array, reach: Array) -> None:
-    apart = cloth - pin
-    length = np.sqrt((apart**2).sum(axis=-1))
-    cloth -= apart * (1 - np.minimum(1, reach / np.maximum(length, 1e-9)))[..., None]
+def _lengths(vectors: Array) -> Array:
+    x, y, z = vectors
+    return np.sqrt(x * x + y * y + z * z)
 
 
-def _push_out(cloth: Array, before: Array, solids: list[Solid]) -> None:
-    points = cloth.reshape(-1, 3).T
+def _push_out(points: Array, before: Array, solids: list[Solid]) -> None:
+    """Points (3, N) that entered a solid or the ground put back on it; touching, they hardly slide."""
 
     def distance(places: Array) -> Array:
         total = places[2] + 0.0
@@ -158,25 +164,19 @@ def _push_out(cloth: Array, before: Array, solids: list[Solid]) -> None:
         return total - 0.03
 
     inside = np.flatnonzero(distance(points) < 0)
-    if not len(inside):
-        return
     places = points[:, inside]
     depth = distance(places)
-    steps = 1e-3 * np.eye(3)
-    slope = np.stack([distance(places + step[:, None]) - depth for step in steps]) / 1e-3
-    slope /= np.maximum(np.sqrt((slope**2).sum(axis=0)), 1e-6)
-    flat = cloth.reshape(-1, 3)
-    flat[inside] -= (depth * slope).T
-    # Friction: what touches hardly slides.
-    earlier = before.reshape(-1, 3)
-    earlier[inside] += 0.7 * (flat[inside] - earlier[inside])
+    slope = np.stack([distance(places + step[:, None]) - depth for step in 1e-3 * np.eye(3)])
+    points[:, inside] -= depth * slope / np.maximum(_lengths(slope), 1e-9)
+    before[:, inside] += 0.7 * (points[:, inside] - before[:, inside])
 
 
 def _resampled(grid: Array, nodes: int) -> Array:
     """A grid (M, M, 3) on `nodes` nodes a side, by cubic interpolation along each side."""
+    if len(grid) == nodes:
+        return grid
     for axis in (0, 1):
-        grid = _cubic(np.moveaxis(grid, axis, 0), nodes)
-        grid = np.moveaxis(grid, 0, axis)
+        grid = np.moveaxis(_cubic(np.moveaxis(grid, axis, 0), nodes), 0, axis)
     return np.ascontiguousarray(grid)
 
 
@@ -253,7 +253,7 @@ def _crumpled(rng: np.random.Generator) -> Shape:
         # A crease ends where its own noise fades.
         weight = np.clip(0.5 + 1.5 * gradient_noise(flat * (1.2 / size), seed + 20 + k), 0, 1)
         fold = np.sqrt(across**2 + (sharp * size) ** 2)
-        height += weight * picked(rng, (-1, 1)) * between(rng, 0.25, 0.9) * np.minimum(fold, 0.3 * size)
+        height += weight * picked(rng, (-1, 1)) * between(rng, 0.15, 0.45) * np.minimum(fold, 0.4 * size)
     height += 0.25 * gradient_noise(flat * between(rng, 0.6, 1.3), seed + 11)
     push = 0.06 * np.stack([gradient_noise(flat * 2.5, seed + 60 + k) for k in range(2)], axis=1)
     front = np.column_stack([flat[:, :2] + push, height]).reshape(nodes, nodes, 3)

@@ -60,7 +60,7 @@ def load_mesh(path: str) -> Shape:
     vertices, faces = merged(vertices, faces)
     if not len(faces):
         raise InputError(f"mesh file {file} has no faces with an area; choose a mesh with a surface")
-    vertices, faces = closed(vertices, wound(vertices, faces))
+    vertices, faces = closed(*thickened(vertices, wound(vertices, faces)))
     faces = outward(vertices, faces)
     vertices = vertices @ np.array([(1.0, 0, 0), (0, 0, 1), (0, -1, 0)])
     triangles = faces.astype(np.int32)
@@ -149,24 +149,39 @@ def wound(vertices: Array, faces: Faces) -> Faces:
     return np.where(flip[:, None], faces[:, ::-1], faces)
 
 
+def thickened(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
+    """A flat mesh as a plate a fortieth as thick as it is wide; any other as it is."""
+    centred = vertices - vertices.mean(axis=0)
+    _, extents, axes = np.linalg.svd(centred.T @ centred)
+    if extents[2] > 1e-6 * extents[0]:
+        return vertices, faces
+    size = float((vertices.max(axis=0) - vertices.min(axis=0)).max())
+    other = len(vertices)
+    rim = _open_edges(vertices, faces)
+    walls = np.concatenate(
+        [
+            np.column_stack([rim[:, ::-1], rim[:, 0] + other]),
+            np.column_stack([rim[:, 0] + other, rim[:, 1] + other, rim[:, 1]]),
+        ]
+    )
+    return np.concatenate([vertices, vertices + size / 40 * axes[2]]), np.concatenate(
+        [faces, faces[:, ::-1] + other, walls]
+    )
+
+
 def closed(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
     """Every hole filled with a fan of triangles from its middle."""
-    edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    forth = edges @ np.array([len(vertices), 1])
-    back = edges @ np.array([1, len(vertices)])
     onward: dict[int, list[int]] = {}
-    for start, end in edges[~np.isin(back, forth)].tolist():
+    for start, end in _open_edges(vertices, faces).tolist():
         onward.setdefault(end, []).append(start)
     points, fans = [vertices], [faces]
     count = len(vertices)
     for start in list(onward):
-        while onward.get(start):
+        while onward[start]:
             loop = [start]
-            while onward.get(loop[-1]):
-                loop.append(onward[loop[-1]].pop())
-                if loop[-1] == start:
-                    break
-            ring = np.array(loop[:-1] if loop[-1] == start else loop)
+            while (after := onward[loop[-1]].pop()) != start:
+                loop.append(after)
+            ring = np.array(loop)
             if len(ring) == 3:
                 fans.append(ring[None])
             elif len(ring) > 3:
@@ -174,6 +189,16 @@ def closed(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
                 fans.append(np.stack([ring, np.roll(ring, -1), np.full(len(ring), count)], axis=1))
                 count += 1
     return np.concatenate(points), np.concatenate(fans)
+
+
+def _open_edges(vertices: Array, faces: Faces) -> NDArray[np.int64]:
+    """(N, 2) edges, in the direction of their faces, that go one way more often than the other; they form loops."""
+    edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    keys, index = np.unique(np.sort(edges, axis=1) @ np.array([len(vertices), 1]), return_inverse=True)
+    net = np.bincount(index.reshape(-1), np.where(edges[:, 0] < edges[:, 1], 1, -1), len(keys)).astype(np.int64)
+    low, high = keys // len(vertices), keys % len(vertices)
+    forth = np.where((net > 0)[:, None], np.stack([low, high], axis=1), np.stack([high, low], axis=1))
+    return np.repeat(forth, np.abs(net), axis=0)
 
 
 def outward(vertices: Array, faces: Faces) -> Faces:

@@ -37,10 +37,19 @@ def build_relief(character: str, rng: np.random.Generator) -> Shape:
         height = height * _step(edge - rim, rim) + between(rng, 0.05, 0.12) * _bump(edge, rim)
     worn = between(rng, 0.0, 0.02) * fractal_noise(flat * between(rng, 3, 12), seed + 5, 3)
     height = height + worn + between(rng, -0.15, 0.15) * (u * u + v * v) + 0.05 * gradient_noise(flat * 1.3, seed + 8)
-    front = np.stack([x, y, height.reshape(x.shape) - height.min() + 0.12], axis=-1)
+    front = np.stack([x, y, _softened(height.reshape(x.shape)) - height.min() + 0.12], axis=-1)
     if not disc:
         front[..., 1] *= between(rng, 0.7, 1.0)
     return sheet(front, front * (1, 1, 0))
+
+
+def _softened(height: Array) -> Array:
+    """Heights without steps that the grid cannot show."""
+    for _ in range(2):
+        for axis in (0, 1):
+            rows = np.pad(np.moveaxis(height, axis, 0), ((1, 1), (0, 0)), mode="edge")
+            height = np.moveaxis((rows[:-2] + 2 * rows[1:-1] + rows[2:]) / 4, 0, axis)
+    return height
 
 
 def _coin(rng: np.random.Generator) -> Motif:
@@ -115,10 +124,10 @@ def _letters(rng: np.random.Generator) -> Motif:
 
 def _ornament(rng: np.random.Generator) -> Motif:
     """A rosette or a rapport: leaves, petals, spirals and beads, repeated around or across."""
-    turns = count(rng, 3, 12)
+    turns = count(rng, 3, 10)
     parts = []
     for _ in range(count(rng, 3, 7)):
-        away, size = between(rng, 0.15, 0.85), between(rng, 0.06, 0.3)
+        away, size = between(rng, 0.2, 0.85), between(rng, 0.12, 0.35)
         parts.append(
             (
                 picked(rng, ("petal", "bead", "arc", "spiral")),
@@ -129,7 +138,7 @@ def _ornament(rng: np.random.Generator) -> Motif:
             )
         )
     across = chance(rng, 0.35)
-    repeat = count(rng, 2, 4)
+    repeat = count(rng, 2, 3)
 
     def height(u: Array, v: Array) -> Array:
         if across:
@@ -149,12 +158,13 @@ def _ornament(rng: np.random.Generator) -> Motif:
             elif kind == "arc":
                 shape = _bump(away - radius, 0.25 * size)
             else:
+                pitch = max(0.4 * size, 0.12)
                 turn = np.arctan2(y, x)
                 distance = np.sqrt(x * x + y * y)
-                coil: Array = np.abs((distance / (0.35 * size) - turn / (2 * np.pi)) % 1 - 0.5)
-                shape = _step(size - distance, 0.1 * size) * _step(coil - 0.18, 0.15)
+                coil: Array = np.abs((distance / pitch - turn / (2 * np.pi)) % 1 - 0.5)
+                shape = _step(size - distance, 0.3 * size) * _step(coil - 0.18, 0.15)
             total = np.maximum(total, tall * shape)
-        return total
+        return total / repeat if across else total
 
     return height
 
@@ -200,7 +210,7 @@ def _landscape(rng: np.random.Generator) -> Motif:
 
     def height(u: Array, v: Array) -> Array:
         points = np.column_stack([u * scale, v * scale, np.full_like(u, 0.37)])
-        field = 0.5 + 0.8 * fractal_noise(points, seed, 3)
+        field = 0.5 + 0.8 * fractal_noise(points, seed, 3).astype(np.float64)
         if steps:
             level = np.floor(field * steps)
             field = (level + _smooth(np.clip((field * steps - level) * 3, 0, 1))) / steps
@@ -225,8 +235,8 @@ def _bump(distance: Array, width: float) -> Array:
 
 def _lens(x: Array, y: Array, rim: float) -> Array:
     """A pillow over the unit disc: steep over `rim` of it, then domed."""
-    away = np.sqrt(x * x + y * y)
-    return _step(1 - away, rim) * (1 - 0.35 * np.minimum(away, 1) ** 2)
+    away: Array = np.sqrt(x * x + y * y)
+    return _step(1.0 - away, rim) * (1 - 0.35 * np.minimum(away, 1) ** 2)
 
 
 def _stroke(u: Array, v: Array, path: Array, width: float) -> Array:
