@@ -41,6 +41,7 @@ FRONT_TURN = 40.0  # degrees
 
 MATERIAL_COUNT_SHARES = (0.22, 0.26, 0.2, 0.15, 0.1, 0.07)  # for 1 to 6
 MEASURED_SHARE = 0.6  # of the materials, where the job has measured ones
+TINT_SHARE, TINT = 0.3, (0.3, 1.0)  # of the measured ones are recoloured
 PATTERN_SHARES = {"parts": 0.25, "noise": 0.3, "voronoi": 0.2, "stripes": 0.25}
 PATTERN_SCALE = (0.7, 8.0)
 HARD_EDGE_SHARE = 0.45
@@ -174,7 +175,8 @@ def _materials(rng: np.random.Generator, count: int, merl: str) -> tuple[Materia
     for _ in range(count):
         if measured and rng.random() < MEASURED_SHARE:
             kind, source = measured[int(rng.integers(len(measured)))]
-            materials.append(Material(kind=kind, source=source))
+            tint = _colour(rng, TINT) if rng.random() < TINT_SHARE else (1.0, 1.0, 1.0)
+            materials.append(Material(kind=kind, source=source, tint=tint))
         else:
             materials.append(_principled(rng, tone))
     return tuple(materials)

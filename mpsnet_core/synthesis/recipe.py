@@ -22,8 +22,9 @@ class Material:
         ``.binary`` file) or "fit" (one of a file of neural fits to MERL).
     source: for "merl" the file's name, for "fit" the material's name; empty for "principled".
     tint: multiplies the reflectance of "merl" and "fit", channel by channel.
-    base_color, specular_tint: linear RGB. specular: "Specular IOR Level", 0.5 is the plain dielectric of `ior`.
-    subsurface: "Subsurface Weight"; its radius is the model's size times `subsurface_radius`, per channel equal.
+    base_color: linear RGB. specular: "Specular IOR Level", 0.5 is the plain dielectric of `ior`.
+    subsurface: "Subsurface Weight"; its radius, the same for every channel, is `subsurface_radius` in units of length
+        (the object's bounding sphere has radius 1).
     """
 
     kind: Literal["principled", "merl", "fit"] = "principled"
@@ -166,8 +167,10 @@ def recipe_from_data(data: dict[str, Any]) -> Recipe:
             bump=_noun(Bump, data["bump"]),
             bounces=int(data["bounces"]),
         )
-    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise InputError(f"it holds no recipe that this program knows ({error!r})") from None
+    except KeyError as error:
+        raise InputError(f"it holds no recipe that this program knows: it lacks {error}; make the sample anew") from None
+    except (TypeError, ValueError, AttributeError, OverflowError):
+        raise InputError("it holds no recipe that this program knows; make the sample anew") from None
 
 
 def _noun(kind: type, data: dict[str, Any]) -> Any:
