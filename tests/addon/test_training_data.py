@@ -9,6 +9,7 @@ from pathlib import Path
 
 import bpy
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 
 from blender_addon.commands import main
@@ -72,8 +73,23 @@ def test_it_goes_on_where_it_stopped(folder, scene, capfd, monkeypatch):
     assert not logging.getLogger("blender_addon").handlers
 
 
+def paint_green(obj, folder):
+    """Give the object a green image texture, and save the scene so that the image's path is relative."""
+    buffer = oiio.ImageBuf(oiio.ImageSpec(4, 4, 3, oiio.UINT8))
+    oiio.ImageBufAlgo.fill(buffer, (0.05, 0.8, 0.05))
+    buffer.write(str(folder / "green.png"))
+    tree = obj.data.materials[0].node_tree
+    texture = tree.nodes.new("ShaderNodeTexImage")
+    texture.image = bpy.data.images.load(str(folder / "green.png"))
+    tree.links.new(texture.outputs["Color"], tree.nodes["Principled BSDF"].inputs["Base Color"])
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "scene.blend"))
+    texture.image.filepath = "//green.png"
+
+
 def test_the_scenes_own_objects(scene, sphere, tmp_path):
-    folder = tmp_path / "samples"
+    paint_green(sphere, tmp_path)
+    folder = tmp_path / "elsewhere" / "samples"
+    folder.parent.mkdir()
     settings = {"source": "SCENE", "size": 32, "samples": 4, "denoise": False, "output": str(folder)}
     bpy.ops.mesh.primitive_cube_add(location=(9, 0, 0))
     bpy.context.object.select_set(False)
@@ -88,6 +104,9 @@ def test_the_scenes_own_objects(scene, sphere, tmp_path):
     assert 0.2 < sample.mask.mean() < 0.9
     z = sample.normals[sample.mask][:, 2]
     assert z.min() < 0.5 and z.max() > 0.97
+    # In its own green, from a file whose path is relative to the scene's; Blender shows what is missing in magenta.
+    red, green, blue = sample.lights[:, sample.mask].mean(axis=(0, 1))
+    assert green > 5 * red and green > 5 * blue
 
     # The samples go on showing the scene as it was, though nothing is selected any more and the sphere is gone.
     bpy.data.objects.remove(sphere)
