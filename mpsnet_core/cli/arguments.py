@@ -10,7 +10,7 @@ class Help(argparse.ArgumentDefaultsHelpFormatter):
     """Says an option's default, where it has one that says something."""
 
     def _get_help_string(self, action: argparse.Action) -> str | None:
-        silent_default = action.default in (None, argparse.SUPPRESS, False)
+        silent_default = action.default in (None, argparse.SUPPRESS, False, "")
         return action.help if silent_default else super()._get_help_string(action)
 
 

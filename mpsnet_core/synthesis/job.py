@@ -40,8 +40,9 @@ class SampleJob:
     renderer: "synthesis" (this package) or "cycles" (Blender). size: pixels a side. shapes: kinds of shapes to draw
     from. meshes: folder of mesh files, for "meshes". objects: names of the objects in the job's ``scene.blend``, for
     "scene" (cycles only). merl: folder of MERL ``.binary`` files, or the ``.npz`` of neural fits; with "" all materials
-    are principled (synthesis only). views: how many samples in a row show the same shape. bounces: 0 or more.
-    samples: Cycles samples a pixel. denoise: whether Cycles' light is denoised. supersampling: rays a pixel's side.
+    are principled (synthesis only). views: how many samples in a row show the same shape. bounces: of light between
+    surfaces, 0 or more; for synthesis 0 or 1.
+    samples: Cycles samples a pixel. denoise: whether Cycles' light is denoised. supersampling: rays along a pixel's side.
 
     Raises InputError where a value is out of its range or two of them do not go together.
     """
@@ -81,10 +82,10 @@ class SampleJob:
             raise InputError(f"the job has no shapes; choose some of {', '.join(SHAPES)}")
         for shape in self.shapes:
             _one_of("shape", shape, SHAPES)
-        self._check_sources()
+        self._check_together()
 
-    def _check_sources(self) -> None:
-        """What the shapes and materials are taken from must be there, and be of use."""
+    def _check_together(self) -> None:
+        """What one setting asks of another."""
         if ("meshes" in self.shapes) != bool(self.meshes):
             raise InputError(
                 "the job takes shapes from meshes but has no folder of them; name one"
@@ -99,6 +100,8 @@ class SampleJob:
             )
         if self.renderer == "synthesis" and "scene" in self.shapes:
             raise InputError("a scene's objects are rendered by Blender alone; take other shapes for synthesis")
+        if self.renderer == "synthesis" and self.bounces > 1:
+            raise InputError(f"synthesis follows light over one bounce, not {self.bounces}; choose bounces 0 or 1")
         if self.renderer == "cycles" and self.merl:
             raise InputError("measured materials (merl) are for synthesis alone; leave them out for Blender")
 

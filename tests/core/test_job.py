@@ -1,13 +1,16 @@
 """A folder holds one job, whose count may grow."""
 
+import subprocess
+import sys
+import threading
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from synthetic import listing
+from test_claims import HOLD, has_it
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.synthesis.claims import Claims
 from mpsnet_core.synthesis.job import (
     FOLDER_CLAIM,
     JOB_FILE,
@@ -65,23 +68,16 @@ def test_another_job_is_refused_and_what_differs_is_told(
     assert read_job(tmp_path) == JOB
 
 
-def test_a_job_waits_while_another_process_writes_the_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Claims of one process do not keep each other out, so that the other one is a claim that is never had."""
-    tried: list[int] = []
-
-    def held_twice(claims: Claims, number: int) -> object:
-        tried.append(number)
-        return claim(claims, number) if len(tried) > 2 else claim_of_nobody()
-
-    from contextlib import nullcontext
-
-    def claim_of_nobody() -> object:
-        return nullcontext(False)
-
-    claim = Claims.claim
-    monkeypatch.setattr(Claims, "claim", held_twice)
-    place_job(tmp_path, JOB)
-    assert tried == [FOLDER_CLAIM] * 3
+def test_a_job_waits_while_another_process_writes_the_folder(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", HOLD, str(tmp_path), str(FOLDER_CLAIM)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
+        assert has_it(other)
+        placing = threading.Thread(target=place_job, args=(tmp_path, JOB))
+        placing.start()
+        placing.join(0.3)
+        assert placing.is_alive() and listing(tmp_path) == ["job.lock"]
+        other.kill()
+        placing.join(20)
     assert read_job(tmp_path) == JOB
     assert listing(tmp_path) == [JOB_FILE, "job.lock"]
 
