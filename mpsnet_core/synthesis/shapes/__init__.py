@@ -64,7 +64,7 @@ def build_shape(description: dict[str, Any], meshes: str | os.PathLike[str] = ""
     Raises InputError where the description is none, or a mesh file is missing or cannot be used.
     """
     try:
-        kind, rng = description["kind"], generator(description["seed"])
+        kind, rng = description["kind"], generator(int(description["seed"]))
         if kind == "blobs":
             return fitted(blobs.build_blob(description["character"], rng, CELLS))
         if kind == "drapery":

@@ -103,7 +103,7 @@ def _simulated(start: Array, size: float, solids: list[Solid], pins: dict[tuple[
         rest = size / (nodes - 1)
         # A little unrest lets it buckle; rounded, so that all processors start from the same numbers.
         unrest = [gradient_noise(grid.reshape(-1, 3) * 3, seed + k).reshape(nodes, nodes) for k in range(3)]
-        cloth: Array = np.round(np.moveaxis(grid, 2, 0) + 0.1 * rest * np.stack(unrest), 9)
+        cloth: Array = (np.moveaxis(grid, 2, 0) + 0.1 * rest * np.stack(unrest)).round(9)
         scale = (nodes - 1) // (_LEVELS[0][0] - 1)
         held = [(row * scale, column * scale, at[:, None, None]) for (row, column), at in pins.items()]
         rows, columns = np.indices((nodes, nodes))

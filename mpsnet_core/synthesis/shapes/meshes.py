@@ -1,6 +1,7 @@
 """Meshes from files: read by trimesh, merged, wound outwards, closed and given normals."""
 
 import os
+from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
 
@@ -176,19 +177,28 @@ def closed(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
         onward.setdefault(end, []).append(start)
     points, fans = [vertices], [faces]
     count = len(vertices)
-    for start in list(onward):
-        while onward[start]:
-            loop = [start]
-            while (after := onward[loop[-1]].pop()) != start:
-                loop.append(after)
-            ring = np.array(loop)
-            if len(ring) == 3:
-                fans.append(ring[None])
-            elif len(ring) > 3:
-                points.append(vertices[ring].mean(axis=0, keepdims=True))
-                fans.append(np.stack([ring, np.roll(ring, -1), np.full(len(ring), count)], axis=1))
-                count += 1
+    for loop in _loops(onward):
+        ring = np.array(loop)
+        if len(ring) == 3:
+            fans.append(ring[None])
+        elif len(ring) > 3:
+            points.append(vertices[ring].mean(axis=0, keepdims=True))
+            fans.append(np.stack([ring, np.roll(ring, -1), np.full(len(ring), count)], axis=1))
+            count += 1
     return np.concatenate(points), np.concatenate(fans)
+
+
+def _loops(onward: dict[int, list[int]]) -> Iterator[list[int]]:
+    """Loops that pass no vertex twice, from where each vertex leads; `onward` is used up."""
+    for start in list(onward):
+        path = [start]
+        while onward[path[-1]]:
+            after = onward[path[-1]].pop()
+            if after in path:
+                first = path.index(after)
+                yield path[first:]
+                path = path[:first]
+            path.append(after)
 
 
 def _open_edges(vertices: Array, faces: Faces) -> NDArray[np.int64]:

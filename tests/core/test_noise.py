@@ -1,0 +1,101 @@
+"""Noise: its statistics, its smoothness, no trace of its lattice, and cells against their own geometry."""
+
+import zlib
+
+import numpy as np
+import pytest
+
+from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise, voronoi
+
+
+def points(count: int, extent: float = 40.0, seed: int = 1) -> np.ndarray:
+    return (np.random.Generator(np.random.PCG64(seed)).random((count, 3)) - 0.5) * extent
+
+
+def directions(count: int) -> np.ndarray:
+    vectors = np.random.Generator(np.random.PCG64(2)).normal(size=(count, 3))
+    return vectors / np.linalg.norm(vectors, axis=1)[:, None]
+
+
+def test_values_are_the_same_everywhere() -> None:
+    # To the last bit, whatever the processor and the version of NumPy.
+    places = points(3000)
+    values = (gradient_noise(places, 5), fractal_noise(places, -1, 3), *voronoi(places, 5))
+    assert [zlib.crc32(value.tobytes()) for value in values] == [1397068915, 3496781414, 3692687633, 1565866994, 1437163638]
+
+
+@pytest.mark.parametrize("octaves", [1, 2, 5])
+def test_range_and_strength(octaves: int) -> None:
+    values = fractal_noise(points(60_000), 3, octaves)
+    assert values.dtype == np.float32
+    assert np.abs(values).max() < 1.4
+    assert abs(values.mean()) < 0.02
+    assert 0.27 < values.std() < 0.34
+
+
+def test_one_octave_is_gradient_noise() -> None:
+    places = points(100)
+    np.testing.assert_array_equal(fractal_noise(places, 9, 1), gradient_noise(places, 9))
+
+
+def test_more_octaves_are_rougher() -> None:
+    places, step = points(20_000), np.array([0.01, 0, 0])
+    rough = [np.std(fractal_noise(places + step, 3, n) - fractal_noise(places, 3, n)) for n in (1, 2, 4)]
+    assert rough[1] > 1.2 * rough[0]
+    assert rough[2] > 1.2 * rough[1]
+
+
+def test_smooth_across_the_lattice() -> None:
+    # Second differences along a line stay as small as a twice differentiable field's.
+    line = np.linspace(0, 30, 30_001)[:, None] * directions(1)
+    values = gradient_noise(line, 4).astype(np.float64)
+    assert np.abs(np.diff(values)).max() < 4e-3
+    assert np.abs(np.diff(values[::10], 2)).max() < 40 * 0.01**2
+
+
+def test_the_lattice_does_not_show() -> None:
+    # Plain Perlin noise is 0 at every whole point, and has other slopes along its axes than between them.
+    whole = np.stack(np.meshgrid(*3 * [np.arange(24.0)], indexing="ij"), axis=-1).reshape(-1, 3)
+    assert np.mean([gradient_noise(whole, seed).std() for seed in range(8)]) > 0.25
+    places = points(4000)
+    ways = np.concatenate([np.eye(3), [[1, 1, 0], [0, 1, 1], [1, 1, 1]] / np.sqrt([[2], [2], [3]])])
+    slopes = [
+        np.mean([np.mean((gradient_noise(places + 0.01 * way, s) - gradient_noise(places, s)) ** 2) for s in range(24)])
+        for way in ways
+    ]
+    assert max(slopes) < 1.06 * min(slopes)
+
+
+def test_seeds_and_places_are_unrelated() -> None:
+    places = points(20_000)
+    first = gradient_noise(places, 0)
+    for other in (gradient_noise(places, 1), gradient_noise(places, 1 << 40), gradient_noise(places + 256, 0)):
+        assert abs(np.corrcoef(first, other)[0, 1]) < 0.05
+
+
+@pytest.mark.parametrize("count", [0, 1, 8191, 8193])
+def test_any_number_of_points_in_either_precision(count: int) -> None:
+    places = points(count)
+    np.testing.assert_allclose(gradient_noise(places.astype(np.float32), 3), gradient_noise(places, 3), atol=1e-4)
+    np.testing.assert_array_equal(gradient_noise(places[::-1], 3), gradient_noise(places, 3)[::-1])
+    cells, neighbours, borders = voronoi(places, 3)
+    assert cells.shape == neighbours.shape == borders.shape == (count,)
+    assert cells.dtype == neighbours.dtype == np.int64
+
+
+def test_cells_are_a_unit_wide() -> None:
+    cells, _, _ = voronoi(points(60_000, extent=12.0), 7)
+    # 12³ cells, and those that reach in from outside.
+    assert 12**3 < len(np.unique(cells)) < 14**3
+    # The numbers are spread evenly, so that their remainders choose materials fairly.
+    shares = np.bincount(np.unique(cells) % 3) / len(np.unique(cells))
+    np.testing.assert_allclose(shares, 1 / 3, atol=0.04)
+
+
+def test_borders_are_where_the_cell_changes() -> None:
+    places, ways = points(60), directions(1500)
+    for place, cell, neighbour, border in zip(places, *voronoi(places, 11), strict=True):
+        assert border >= 0
+        assert (voronoi(place + 0.98 * border * ways, 11)[0] == cell).all()
+        beyond = voronoi(place + 1.1 * (border + 0.01) * ways, 11)[0]
+        assert set(beyond) >= {cell, neighbour}
