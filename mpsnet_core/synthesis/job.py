@@ -41,8 +41,8 @@ class SampleJob:
     from. meshes: folder of mesh files, for "meshes". objects: names of the objects in the job's ``scene.blend``, for
     "scene" (cycles only). merl: folder of MERL ``.binary`` files, or the ``.npz`` of neural fits; with "" all materials
     are principled (synthesis only). views: how many samples in a row show the same shape. bounces: of light between
-    surfaces, 0 or more; for synthesis 0 or 1.
-    samples: Cycles samples a pixel. denoise: whether Cycles' light is denoised. supersampling: rays along a pixel's side.
+    surfaces, 0 or more; for synthesis 0 or 1. samples: Cycles samples a pixel. denoise: whether Cycles' light is
+    denoised. supersampling: rays along a pixel's side.
 
     Raises InputError where a value is out of its range or two of them do not go together.
     """
