@@ -33,14 +33,15 @@ def render_sample(recipe: Recipe, shown: Shape | SceneObjects, samples: int, pat
         with sample_scene(recipe) as scene:
             add = add_objects if isinstance(shown, SceneObjects) else add_shape
             vertices, triangles = add(scene, recipe, shown)
-            _prepare(scene, recipe, samples)
-            _render(scene, layers)
+            prepare(scene, recipe, samples)
+            render_layers(scene, layers)
         return sample_from_cycles(layers, recipe, vertices, triangles, f"Cycles {bpy.app.version_string}")
     finally:
         layers.unlink(missing_ok=True)
 
 
-def _prepare(scene: Any, recipe: Recipe, samples: int) -> None:
+def prepare(scene: Any, recipe: Recipe, samples: int) -> None:
+    """Set a scene up for a render of the recipe with so many samples a pixel."""
     render, cycles, layer = scene.render, scene.cycles, scene.view_layers[0]
     render.engine = "CYCLES"
     render.film_transparent = True
@@ -64,7 +65,8 @@ def _prepare(scene: Any, recipe: Recipe, samples: int) -> None:
         layer.aovs.add().name = name
 
 
-def _render(scene: Any, path: Path) -> None:
+def render_layers(scene: Any, path: Path) -> None:
+    """Render a scene into a float multi-layer EXR. Raises InputError where Blender cannot."""
     render = scene.render
     settings = render.image_settings
     if bpy.app.version >= (5, 0):
