@@ -42,7 +42,9 @@ def isosurface(solids: Sequence[Solid], cell: float) -> Shape:
     # A cell's corners lie within a cell's diagonal of the surface, and their block's middle within its own.
     reach = STEEPEST * np.sqrt(3) * cell * ((BLOCK - 1) / 2 + 1)
     active = np.flatnonzero(np.abs(middle) < reach + max(solid.blend for solid in solids) / 6)
-    near = apart < reach + np.array([solid.blend for solid in solids])[:, None]
+    # A solid is felt as far as it, or one that comes after it, flows.
+    widths = np.maximum.accumulate([solid.blend for solid in reversed(solids)])[::-1]
+    near = apart < reach + widths[:, None]
 
     inner = np.stack(np.meshgrid(*3 * [np.arange(BLOCK)], indexing="ij")).reshape(3, 1, -1)
     grid = (corners[:, active, None] * BLOCK + inner).reshape(3, -1)
