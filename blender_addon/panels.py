@@ -7,7 +7,7 @@ import bpy
 from mpsnet_core.errors import InputError
 
 from .rig import COLOURS, drawn_rig
-from .training_data import samples_folder, standing
+from .training_data import lasting, samples_folder, standing
 
 
 class _Step(bpy.types.Panel):
@@ -163,11 +163,12 @@ class MPS_PT_samples(_Step):
         column.prop(samples, "bounces")
         column.prop(samples, "denoise")
         column = self.column()
-        column.prop(samples, "output", placeholder="Automatic")
+        target = samples_folder(context.scene)
+        column.prop(samples, "output", placeholder="Automatic" if lasting(target) else "Name one")
         column.prop(samples, "processes")
         column.prop(samples, "cluster", placeholder="This machine")
         self.progress_or(context, "render_samples", "RENDER_ANIMATION")
-        found = standing(samples_folder(context.scene))
+        found = standing(target)
         if found and not context.window_manager.mps.running:
             self.layout.label(text=f"{found} in this folder")
         self.picture(samples.image, scale=12)

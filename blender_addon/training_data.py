@@ -10,6 +10,7 @@ import bpy
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import written_whole
+from mpsnet_core.synthesis.farm import CONTACT_SHEET
 from mpsnet_core.synthesis.job import JOB_FILE, SHAPES, SampleJob, place_job, read_job, samples_there
 
 from .operators import RunsCore, idle
@@ -17,7 +18,6 @@ from .outputs import fine_preview, load_image, output_folder
 from .properties import SamplesSettings, take_given
 
 SCENE_FILE = "scene.blend"
-SHEET_FILE = "contact_sheet.png"
 
 
 class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
@@ -37,7 +37,7 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
         scene = context.scene
         take_given(self, SamplesSettings, scene.mps.samples)
         target = samples_folder(scene)
-        if not scene.mps.samples.output and Path(bpy.app.tempdir) in target.parents:
+        if not (self.output or lasting(target)):
             raise InputError("no folder is named for the samples; name one, or save this file and they go beside it")
         job = self._sample_job(context, target)
         place_job(target, job)
@@ -49,7 +49,9 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
         if not bpy.app.module:
             # Where the extension was enabled just now, the preferences may not be saved yet.
             arguments += ["--blender", bpy.app.binary_path, "--addon", __package__ or ""]
-        self._scene, self._sheet, self._seen = scene.name, target / SHEET_FILE, -1
+        self._scene, self._sheet, self._seen = scene.name, target / CONTACT_SHEET, -1
+        if not self._sheet.exists():
+            scene.mps.samples.image = None  # it shows another folder
         return arguments, [self._sheet]
 
     def _sample_job(self, context: Any, target: Path) -> SampleJob:
@@ -96,10 +98,10 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
     def look(self) -> None:
         """Show the contact sheet, where the core has written it anew."""
         scene = bpy.data.scenes.get(self._scene)
-        changed = self._sheet.stat().st_mtime_ns if self._sheet.is_file() else -1
-        if scene is not None and changed != self._seen:
-            self._seen = changed
-            with suppress(InputError):  # a sheet that cannot be shown is no reason to stop
+        with suppress(InputError, OSError):  # a sheet that is not there yet or cannot be shown is no reason to stop
+            changed = self._sheet.stat().st_mtime_ns
+            if scene is not None and changed != self._seen:
+                self._seen = changed
                 scene.mps.samples.image = image = load_image(self._sheet, "MPS Samples", is_data=False)
                 if not bpy.app.background:
                     fine_preview(image)
@@ -117,6 +119,11 @@ def samples_folder(scene: Any) -> Path:
     if given:
         return Path(bpy.path.abspath(given)).resolve()
     return output_folder() / bpy.path.clean_name(f"{scene.name}_samples")
+
+
+def lasting(folder: Path) -> bool:
+    """Whether a folder outlives this run of Blender."""
+    return Path(bpy.app.tempdir) not in folder.parents
 
 
 def standing(folder: Path) -> str:

@@ -186,3 +186,5 @@ def test_training_data_grows_in_its_section(window, tmp_path):
     window.wait(lambda state: not state["running"], 240, "end of the rendering")
     assert samples_there(folder) == set(range(count))
     assert {number: sample_path(folder, number).stat().st_mtime_ns for number in there} == kept
+    window.input("mousemove", 500, 500, "sleep", "1")
+    assert colourful(window.screenshot(tmp_path / "grown.png")) > 1.5 * colourful(shown)
