@@ -19,9 +19,9 @@ PARTS_EACH = 8
 
 
 def build_group(rng: np.random.Generator, cells: int) -> Shape:
-    """Two to five composites and blobs on a ground, z up."""
+    """Two to four composites and blobs on a ground, z up."""
     objects = []
-    for _ in range(count(rng, 2, 5)):
+    for _ in range(count(rng, 2, 4)):
         if chance(rng, 0.65):
             objects.append(fitted(build_composite(draw_character(rng), rng, cells)))
         else:

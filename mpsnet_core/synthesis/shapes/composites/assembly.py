@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise
+from mpsnet_core.synthesis.noise import gradient_noise
 from mpsnet_core.synthesis.shapes.draws import between, chance, direction, new_seed, picked
 from mpsnet_core.synthesis.shapes.isosurface import isosurface
 from mpsnet_core.synthesis.shapes.shape import Shape, joined
@@ -39,23 +39,19 @@ def textured(shape: Shape, rng: np.random.Generator) -> Shape:
     if name == "plain":
         return shape
     seed = new_seed(rng)
+    if name == "lumpy":  # moves both sides of what is thin alike
+        scale, push = between(rng, 2, 5), between(rng, 0.05, 0.15)
+        return bent(shape, lambda points: points + push / scale * _vectors(points * scale, seed))
     scale, amount = {
-        "lumpy": (between(rng, 2.5, 5), between(rng, 0.02, 0.05)),
-        "hammered": (between(rng, 7, 14), between(rng, 0.008, 0.018)),
+        "hammered": (between(rng, 7, 14), between(rng, 0.006, 0.015)),
         "grainy": (between(rng, 18, 30), between(rng, 0.002, 0.005)),
-        "wrinkled": (between(rng, 5, 10), between(rng, 0.008, 0.02)),
+        "wrinkled": (between(rng, 5, 10), between(rng, 0.006, 0.015)),
     }[name]
-    stretch = np.ones(3)
-    if name == "wrinkled":
-        stretch = np.array([between(rng, 0.2, 1) for _ in range(3)])
-
-    def height(points: Array) -> NDArray[np.floating]:
-        places = points * (scale * stretch)
-        if name == "wrinkled":  # soft between sharp valleys
-            return amount * (np.sqrt(gradient_noise(places, seed) ** 2 + 0.01) - 0.3)
-        return amount * (fractal_noise(places, seed, 2) if name == "lumpy" else gradient_noise(places, seed))
-
-    return displaced(shape, height)
+    if name != "wrinkled":
+        return displaced(shape, lambda points: amount * gradient_noise(points * scale, seed))
+    stretch = scale * np.array([between(rng, 0.2, 1) for _ in range(3)])
+    # Soft between sharp valleys.
+    return displaced(shape, lambda p: amount * (np.sqrt(gradient_noise(p * stretch, seed) ** 2 + 0.01) - 0.3))
 
 
 def _bend(rng: np.random.Generator) -> Callable[[Array], Array]:
@@ -69,7 +65,10 @@ def _bend(rng: np.random.Generator) -> Callable[[Array], Array]:
         cos, sin = np.cos(angles), np.sin(angles)
         x, y = points[:, 0], points[:, 1]
         moved = np.stack([cos * x - sin * y, sin * x + cos * y, points[:, 2]], axis=1)
-        swells = np.stack([gradient_noise(points * 1.2, seed + k) for k in range(3)], axis=1)
-        return moved + (lean * points[:, 2] ** 2)[:, None] * side + swell * swells
+        return moved + (lean * points[:, 2] ** 2)[:, None] * side + swell * _vectors(points * 1.2, seed)
 
     return bend
+
+
+def _vectors(points: Array, seed: int) -> Array:
+    return np.stack([gradient_noise(points, seed + k) for k in range(3)], axis=1).astype(np.float64)

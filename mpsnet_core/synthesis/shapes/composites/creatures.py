@@ -493,20 +493,25 @@ def octopus(rng: np.random.Generator) -> list[Piece]:
 
 
 def pair(rng: np.random.Generator) -> list[Piece]:
-    """Two figures close together, often with a load between them, on one ground."""
+    """Two or three figures close together, often with loads between them, on one ground."""
     makers = {"biped": biped, "quadruped": quadruped, "bird": bird}
     pieces: list[Piece] = []
-    gap = between(rng, 0.5, 0.8)
-    for side in (-1, 1):
+    gap = between(rng, 0.35, 0.7)
+    spots = [np.array([-gap, 0, 0]), np.array([gap, between(rng, -0.2, 0.2), 0])]
+    if chance(rng, 0.3):
+        spots.append(np.array([between(rng, -0.2, 0.2), between(rng, 0.5, 0.9), between(rng, 0.0, 0.2)]))
+    for spot in spots:
         maker = makers[picked(rng, tuple(makers), (5, 2, 1))]
-        turn = turn_about(UP, side * between(rng, -25, 70))
+        turn = turn_about(UP, between(rng, -25, 60) * np.sign(spot[0]))
         scale = between(rng, 0.7, 1.0) * (0.8 if maker is biped else 0.7)
-        for piece in maker(rng):
-            pieces.append(_moved(piece, turn, scale, np.array([side * gap, between(rng, -0.001, 0.001), 0])))
+        pieces += [_moved(piece, turn, scale, spot) for piece in maker(rng)]
+    for _ in range(picked(rng, (0, 1, 2, 4), (2, 5, 3, 2))):
+        size = between(rng, 0.2, 0.45)
+        pieces += thing(
+            rng, np.array([between(rng, -0.25, 0.25), between(rng, -0.7, 0.0), between(rng, 0.9, 1.6) * size]), size
+        )
     if chance(rng, 0.7):
-        pieces += thing(rng, np.array([0, between(rng, -0.5, 0.0), between(rng, 0.3, 0.6)]), between(rng, 0.28, 0.5))
-    if chance(rng, 0.7):
-        pieces.append(box((0, 0, -0.08), (1.25, between(rng, 0.6, 1.0), 0.1), 0.03, part=BASE))
+        pieces.append(box((0, 0, -0.08), (between(rng, 1.0, 1.3), between(rng, 0.7, 1.0), 0.1), 0.03, part=BASE))
     return pieces
 
 

@@ -16,7 +16,7 @@ from mpsnet_core.synthesis.shapes.surfaces import smooth_curve, smooth_profile, 
 def growth(rng: np.random.Generator) -> list[Piece]:
     """A body from which limbs grow at random, and from those more: balls, boxes, rings or points at their ends."""
     soft = softness(rng)
-    core = between(rng, 0.3, 0.5)
+    core = between(rng, 0.35, 0.6)
     pieces: list[Piece] = [
         ellipsoid((0, 0, 0), core * np.array([between(rng, 0.7, 1.3) for _ in range(3)]), turned(rng))
     ]
@@ -27,10 +27,10 @@ def growth(rng: np.random.Generator) -> list[Piece]:
             way = direction(rng)
             if depth:
                 way = normalised(way + start / np.linalg.norm(start))
-            length = between(rng, 0.35, 0.8) * (1 if depth else 1.2)
+            length = between(rng, 0.25, 0.6)
             end = start + way * (length + 0.7 * thick)
             bow = (start + end) / 2 + direction(rng) * 0.3 * length
-            slim = min(thick, between(rng, 0.08, 0.2))
+            slim = min(thick, between(rng, 0.09, 0.24))
             pieces += curved_limb(
                 (start, bow, end), (slim, slim, slim * between(rng, 0.4, 1.1)), blend=soft * slim, part=ARMS, pieces=3
             )

@@ -87,7 +87,7 @@ def sack(rng: np.random.Generator, size: float) -> Shape:
         bent = angles + 0.5 * gradient_noise(points * 1.3, seed)
         near = np.clip((points[:, 2] + 1.0) / (0.72 * high + 1.0), 0, 1) ** 2
         radius = np.sqrt(points[:, 0] ** 2 + points[:, 1] ** 2)
-        fade = np.clip(radius / 0.3, 0, 1)
+        fade = np.clip(radius / 0.6, 0, 1) ** 1.5
         return depth * fade * near * np.cos(folds * bent) + 0.12 * fade * gradient_noise(points * 1.6, seed + 1)
 
     rope = tube(_circle(neck * 1.12, 0.72 * high), 0.07, DRESS, 10)

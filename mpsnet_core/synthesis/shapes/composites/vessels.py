@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.synthesis.shapes.composites.assembly import BASE, BODY, FEATURES, LOAD, Piece
+from mpsnet_core.normals import normalised
+from mpsnet_core.synthesis.shapes.composites.assembly import BASE, BODY, FEATURES, Piece
 from mpsnet_core.synthesis.shapes.composites.things import ball, crate, fruit, sack
 from mpsnet_core.synthesis.shapes.draws import between, chance, count, picked
 from mpsnet_core.synthesis.shapes.shape import Shape, placed, turn_about
@@ -24,20 +25,15 @@ def vessel(rng: np.random.Generator) -> list[Piece]:
         between(rng, 0.3, 0.75),
     ]
     heights = np.array([0.0, 0.22, 0.5, 0.8, 1.0]) * high
-    outer = list(zip(radii, heights, strict=True))
-    wall = between(rng, 0.05, 0.09)
-    inner = [(r - wall, h + (0.02 if k else 0)) for k, (r, h) in reversed(list(enumerate(outer)))]
-    profile = [
-        (0.02, 0.02),
-        (radii[0] * 0.9, 0.0),
-        *outer,
-        (radii[4] - wall / 2, high + 0.04),
-        *inner[:-1],
-        (radii[0] * 0.5, 0.12),
-        (0.02, 0.1),
-    ]
-    body = turned_profile(smooth_profile(profile, 10), BODY, 128)
-    ribs, depth = count(rng, 5, 26), between(rng, 0.15, 0.42) * wall
+    outer = smooth_curve(list(zip(radii, heights, strict=True)), 12)
+    wall = between(rng, 0.06, 0.1)
+    along = normalised(np.gradient(np.column_stack([outer, np.zeros(len(outer))]), axis=0))
+    inner = outer - wall * np.column_stack([along[:, 1], -along[:, 0]])
+    inner = inner[(inner[:, 1] > 0.12) & (inner[:, 1] < high) & (inner[:, 0] > 0.05)][::-1]
+    lip = (outer[-1] + inner[0]) / 2 + (0, 0.6 * wall)
+    foot, floor = [(0.02, 0.02), (radii[0] * 0.8, 0.0)], [(0.5 * inner[-1, 0], 0.11), (0.02, 0.1)]
+    body = turned_profile([*foot, *outer, lip, *inner, *floor], BODY, 128)
+    ribs, depth = count(rng, 5, 26), between(rng, 0.12, 0.35) * wall
     if chance(rng, 0.3):
         winding = between(rng, -3, 3)
         body = displaced(
@@ -49,10 +45,9 @@ def vessel(rng: np.random.Generator) -> list[Piece]:
             ),
         )
     pieces: list[Piece] = [body]
-    outline = smooth_curve(outer, 10)
 
     def wall_at(height: float) -> float:
-        return float(np.interp(height * high, outline[:, 1], outline[:, 0])) - wall / 2
+        return float(np.interp(height * high, outer[:, 1], outer[:, 0])) - wall / 2
 
     handles = picked(rng, (0, 1, 2, 3), (1, 4, 4, 1))
     low, top, out = between(rng, 0.15, 0.5), between(rng, 0.7, 0.97), between(rng, 0.3, 0.7)
@@ -81,13 +76,13 @@ def vessel(rng: np.random.Generator) -> list[Piece]:
         curve = smooth_curve(spout, 8)
         pieces.append(tube(curve, np.linspace(0.22, 0.09, len(curve)), FEATURES, 28))
     if chance(rng, 0.45):
-        lip = radii[4]
+        brim = radii[4]
         profile = [
             (0.02, -0.02),
-            (lip * 1.02, 0.0),
-            (lip * 1.06, 0.05),
-            (lip * 0.8, 0.16),
-            (lip * 0.3, between(rng, 0.2, 0.4)),
+            (brim * 1.02, 0.0),
+            (brim * 1.06, 0.05),
+            (brim * 0.8, 0.16),
+            (brim * 0.3, between(rng, 0.2, 0.4)),
             (0.1, 0.42),
             (0.16, 0.52),
             (0.02, 0.62),
@@ -132,6 +127,3 @@ def full_sack(rng: np.random.Generator) -> list[Piece]:
     if chance(rng, 0.5):
         pieces.append(crate((1.5, 1.5, 0.1), 0.03, None, (0, 0, -0.1), BASE))
     return pieces
-
-
-__all__ = ["LOAD", "full_sack", "vessel"]
