@@ -14,30 +14,35 @@ from mpsnet_core.synthesis.sample import Sample
 from mpsnet_core.synthesis.shapes import Shape
 from mpsnet_core.synthesis.work import THREADS_VARIABLE
 
+from .denoising import add_denoising, denoising_helps
 from .materials import weight_passes
 from .objects import SceneObjects, add_objects
 from .scene import add_shape, sample_scene
 
 
-def render_sample(recipe: Recipe, shown: Shape | SceneObjects, samples: int, path: Path) -> Sample:
+def render_sample(
+    recipe: Recipe, shown: Shape | SceneObjects, samples: int, path: Path, *, denoise: bool = False
+) -> Sample:
     """What the recipe's camera sees of a shape made of its materials, or of a scene's objects made of their own.
 
     samples: Cycles samples a pixel, all lights together; a multiple of four, else the next one is taken. path: beside
-    it lies what Blender writes meanwhile.
+    it lies what Blender writes meanwhile. denoise: the light of recipes that gain from it.
 
     Raises InputError where a material is measured, or the render or its file fails.
     """
     # Named as files.written_whole names its own, so that what a killed worker leaves is found and removed.
     layers = path.with_name(f".{path.stem}.{os.getpid()}.unfinished.layers.exr")
-    try:
-        with sample_scene(recipe) as scene:
-            add = add_objects if isinstance(shown, SceneObjects) else add_shape
-            vertices, triangles = add(scene, recipe, shown)
-            prepare(scene, recipe, samples)
+    with sample_scene(recipe) as scene:
+        add = add_objects if isinstance(shown, SceneObjects) else add_shape
+        vertices, triangles = add(scene, recipe, shown)  # type: ignore[arg-type]
+        prepare(scene, recipe, samples)
+        if denoise and denoising_helps(recipe):
+            layers = add_denoising(scene, weight_passes(recipe), layers)
+        try:
             render_layers(scene, layers)
-        return sample_from_cycles(layers, recipe, vertices, triangles, f"Cycles {bpy.app.version_string}")
-    finally:
-        layers.unlink(missing_ok=True)
+            return sample_from_cycles(layers, recipe, vertices, triangles, f"Cycles {bpy.app.version_string}")
+        finally:
+            layers.unlink(missing_ok=True)
 
 
 def prepare(scene: Any, recipe: Recipe, samples: int) -> None:
@@ -45,7 +50,7 @@ def prepare(scene: Any, recipe: Recipe, samples: int) -> None:
     render, cycles, layer = scene.render, scene.cycles, scene.view_layers[0]
     render.engine = "CYCLES"
     render.film_transparent = True
-    render.use_compositing = render.use_sequencer = render.use_simplify = False
+    render.use_compositing = render.use_sequencer = render.use_simplify = render.use_file_extension = False
     if threads := int(os.environ.get(THREADS_VARIABLE, 0)):
         render.threads_mode, render.threads = "FIXED", threads
     cycles.device = "CPU"
@@ -73,10 +78,10 @@ def render_layers(scene: Any, path: Path) -> None:
         settings.media_type = "MULTI_LAYER_IMAGE"
     settings.file_format = "OPEN_EXR_MULTILAYER"
     settings.color_mode, settings.color_depth, settings.exr_codec = "RGBA", "32", "ZIPS"
-    render.use_file_extension = False
     render.filepath = str(path)
     try:
-        bpy.ops.render.render(write_still=True, scene=scene.name)
+        # Where there is denoising, the compositor writes the file.
+        bpy.ops.render.render(write_still=not render.use_compositing, scene=scene.name)
     except RuntimeError as error:
         reason = " ".join(str(error).split()).removeprefix("Error: ")
         raise InputError(f"Blender could not render {path}: {reason}") from None

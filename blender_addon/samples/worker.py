@@ -34,7 +34,8 @@ class _Worker:
         if job.renderer != "cycles":
             raise InputError(f"the job in {path.parent} is not for Blender; go on with it by mpsnet make")
         recipe = draw_recipe(job, number)
-        write_sample(path, render_sample(recipe, self._shown(recipe, job, path.parent), job.samples, path))
+        shown = self._shown(recipe, job, path.parent)
+        write_sample(path, render_sample(recipe, shown, job.samples, path, denoise=job.denoise))
 
     def _shown(self, recipe: Recipe, job: SampleJob, folder: Path) -> Shape | SceneObjects:
         if recipe.shape["kind"] != "scene":

@@ -214,6 +214,26 @@ def test_a_faceted_shape_is_flat_and_a_subsurface_one_glows_beyond_the_terminato
     assert angular_error(sample.normals, normals)[inside].mean() < 0.2
 
 
+def test_denoised_light_is_nearer_to_the_truth_and_the_rest_is_as_it_was(tmp_path):
+    soft = recipe(
+        materials=(Material(subsurface=1.0, base_color=(0.8, 0.5, 0.4)), RED, GREEN, BLUE),
+        pattern=Pattern("stripes", scale=1.0),
+    )
+    noisy, denoised = (
+        render_sample(soft, sphere(), 8, tmp_path / "s.exr", denoise=denoise) for denoise in (False, True)
+    )
+    truth = render_sample(soft, sphere(), 256, tmp_path / "s.exr")
+    before, after = (np.abs(sample.lights - truth.lights).mean() for sample in (noisy, denoised))
+    assert after < 0.8 * before
+    for name in ("normals", "depth", "alpha", "material", "lit"):
+        assert np.allclose(getattr(noisy, name), getattr(denoised, name), atol=1e-4), name
+    assert not list(tmp_path.iterdir())
+
+    # A matt surface in direct light has no noise that is worth it.
+    plain = [render_sample(recipe(), sphere(), 4, tmp_path / "s.exr", denoise=denoise) for denoise in (False, True)]
+    assert np.abs(plain[0].lights - plain[1].lights).max() < 1e-5
+
+
 def test_the_same_recipe_gives_the_same_picture_and_leaves_nothing_behind(tmp_path):
     told = recipe(pattern=Pattern("noise"), materials=(RED, GREEN), bump=Bump(0.01), light_sizes=np.full(3, 5.0))
     first = render_sample(told, sphere(), 8, tmp_path / "sample.exr")
