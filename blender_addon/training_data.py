@@ -10,8 +10,7 @@ import bpy
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import written_whole
-from mpsnet_core.synthesis.farm import CONTACT_SHEET
-from mpsnet_core.synthesis.job import JOB_FILE, SHAPES, SampleJob, place_job, read_job, samples_there
+from mpsnet_core.synthesis.job import CONTACT_SHEET, JOB_FILE, SHAPES, SampleJob, place_job, read_job, samples_there
 
 from .operators import RunsCore, idle
 from .outputs import fine_preview, load_image, output_folder

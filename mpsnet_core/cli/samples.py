@@ -98,6 +98,7 @@ def _make(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
 
 def _farmed(folder: str, job: Any, options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.synthesis.farm import SYNTHESIS_COMMAND, blender_command, make_samples
+    from mpsnet_core.synthesis.job import CONTACT_SHEET
 
     command = SYNTHESIS_COMMAND if job.renderer == "synthesis" else blender_command(options.blender, options.addon)
     harvest = make_samples(
@@ -112,7 +113,7 @@ def _farmed(folder: str, job: Any, options: argparse.Namespace, reporter: Report
         "output": folder,
         "made": harvest.made,
         "there": harvest.there,
-        "contact_sheet": str(Path(folder) / "contact_sheet.png"),
+        "contact_sheet": str(Path(folder) / CONTACT_SHEET),
         "text": f"{folder}: {facts}",
     }
 
@@ -141,12 +142,13 @@ def _show(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.images import checked_bits
     from mpsnet_core.progress import part
     from mpsnet_core.synthesis.contact_sheet import folder_samples, is_sample, show, summarise, write_sheet
+    from mpsnet_core.synthesis.job import CONTACT_SHEET
 
     if options.count < 1:
         raise InputError(f"--count {options.count} shows nothing; choose 1 or more")
     paths = [Path(path) for path in options.path]
     first = paths[0]
-    beside = first / "contact_sheet.png" if first.is_dir() else first.with_name(f"{first.stem}_sheet.png")
+    beside = first / CONTACT_SHEET if first.is_dir() else first.with_name(f"{first.stem}_sheet.png")
     output = writable_path(options.output or beside)
     checked_bits(output, 8)
     check_apart(paths, [output])

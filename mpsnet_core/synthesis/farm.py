@@ -18,12 +18,11 @@ from mpsnet_core.files import writable_path
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.claims import Claims
 from mpsnet_core.synthesis.contact_sheet import contact_sheet, write_sheet
-from mpsnet_core.synthesis.job import FOLDER_CLAIM, SampleJob, place_job, sample_path, samples_there
+from mpsnet_core.synthesis.job import CONTACT_SHEET, FOLDER_CLAIM, SampleJob, place_job, sample_path, samples_there
 from mpsnet_core.synthesis.work import THIS_PYTHON, Answer, Answers, Worker, WorkerLost, clear_unfinished
 
 log = logging.getLogger(__name__)
 
-CONTACT_SHEET = "contact_sheet.png"
 SYNTHESIS_COMMAND = (THIS_PYTHON, "-m", "mpsnet_core", "work")
 # So many failures with nothing made between them, and the rest would fail as well.
 FAILURES_IN_A_ROW = 20

@@ -14,6 +14,7 @@ from mpsnet_core.synthesis.claims import Claims
 JOB_FORMAT = "mpsnet-samples"
 JOB_VERSION = 1
 JOB_FILE = "job.json"
+CONTACT_SHEET = "contact_sheet.png"
 RENDERERS = ("synthesis", "cycles")
 SHAPES = ("blobs", "drapery", "reliefs", "composites", "groups", "meshes", "scene")
 MAX_COUNT = 10_000_000
