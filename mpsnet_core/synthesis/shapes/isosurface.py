@@ -49,14 +49,16 @@ def isosurface(solids: Sequence[Solid], cell: float) -> Shape:
     inner = np.stack(np.meshgrid(*3 * [np.arange(BLOCK)], indexing="ij")).reshape(3, 1, -1)
     grid = (corners[:, active, None] * BLOCK + inner).reshape(3, -1)
     values = np.repeat(middle[:, None], BLOCK**3, axis=1)
-    asked = _asked(near, np.repeat(active, BLOCK**3))
+    each = np.arange(BLOCK**3)
+    asked = [(np.flatnonzero(row[active])[:, None] * BLOCK**3 + each).ravel() for row in near]
     values[active] = _distances(solids, low[:, None] + grid * cell, asked).reshape(-1, BLOCK**3)
     shape = tuple(int(n) * BLOCK for n in counts)
     dense = values.reshape(*counts, BLOCK, BLOCK, BLOCK).transpose(0, 3, 1, 4, 2, 5).reshape(shape)
 
     places, slopes, quads = surface_nets(dense)
     points = low[:, None] + places * cell
-    asked = _asked(near, np.ravel_multi_index(tuple(((places + 0.5) // BLOCK).astype(np.int64)), tuple(counts)))
+    block = np.ravel_multi_index(tuple(((places + 0.5) // BLOCK).astype(np.int64)), tuple(counts))
+    asked = [np.flatnonzero(row[block]) for row in near]
     slopes /= cell
     slopes /= np.maximum((slopes**2).sum(axis=0), 0.25)
     for _ in range(2):
@@ -78,19 +80,26 @@ def surface_nets(
     values: (X, Y, Z), below 0 inside, above 0 all around the border; changed where chessboard faces are filled. The
     quads are counter-clockwise from outside.
     """
-    inside = _without_chessboards(values)
-    sizes = np.array(inside.shape)
+    sizes = np.array(values.shape)
     corners = list(product((0, 1), repeat=3))
-    total = np.zeros(sizes - 1, np.uint8)
-    for corner in corners:
-        total += inside[tuple(slice(c, c + n - 1) for c, n in zip(corner, sizes, strict=True))]
-    cells = np.flatnonzero((total > 0) & (total < 8))
+    strides = np.array([sizes[1] * sizes[2], sizes[2], 1])
+    steps = np.array(corners) @ strides
+    while True:
+        inside = values < 0
+        total = np.zeros(sizes - 1, np.uint8)
+        for corner in corners:
+            total += inside[tuple(slice(c, c + n - 1) for c, n in zip(corner, sizes, strict=True))]
+        cells = np.flatnonzero((total > 0) & (total < 8))
+        low = np.stack(np.unravel_index(cells, total.shape))
+        points = (strides @ low)[None] + steps[:, None]
+        at = values.reshape(-1)[points]
+        boards = _chessboards(at)
+        if not len(boards):
+            break
+        values.reshape(-1)[points[boards[:, 0], boards[:, 1]]] = -1e-6
     number = np.full(total.size, -1, np.int32)
     number[cells] = np.arange(len(cells))
-    low = np.stack(np.unravel_index(cells, total.shape))
 
-    strides = np.array([sizes[1] * sizes[2], sizes[2], 1])
-    at = values.reshape(-1)[(strides @ low)[None] + (np.array(corners) @ strides)[:, None]]
     summed, crossings = np.zeros((3, len(cells))), np.zeros(len(cells))
     slopes = np.zeros((3, len(cells)))
     for axis, a in ((axis, a) for axis in range(3) for a in range(8) if not corners[a][axis]):
@@ -120,23 +129,20 @@ def surface_nets(
     return places, slopes, np.concatenate(quads)
 
 
-def _without_chessboards(values: NDArray[np.floating]) -> NDArray[np.bool_]:
-    """Which values are inside, after filling outside points until no face of a cell has inside only across."""
-    while True:
-        inside = values < 0
-        found = False
-        for axis in range(3):
-            a, b = np.moveaxis(inside, axis, 0)[:, :-1], np.moveaxis(inside, axis, 0)[:, 1:]
-            across = (a[:, :, :-1] == b[:, :, 1:]) & (a[:, :, 1:] == b[:, :, :-1]) & (a[:, :, :-1] != a[:, :, 1:])
-            turned = np.moveaxis(values, axis, 0)
-            for i, j, k in np.argwhere(across):
-                face = turned[i, j : j + 2, k : k + 2]
-                outside = np.where(face < 0, np.inf, face)
-                if np.isfinite(outside).any():
-                    face[np.unravel_index(outside.argmin(), (2, 2))] = -1e-6
-                    found = True
-        if not found:
-            return inside
+def _chessboards(at: NDArray[np.floating]) -> NDArray[np.int64]:
+    """(N, 2) corner and cell to fill where a cell's face has inside only across; at: (8, cells) values at the corners.
+
+    Of the two outside corners the nearer one. Only faces at a cell's low side: the others belong to its neighbours.
+    """
+    found = []
+    for a, b, c, d in ((0, 1, 2, 3), (0, 1, 4, 5), (0, 2, 4, 6)):
+        one, two = (at[a] < 0) & (at[d] < 0), (at[b] < 0) & (at[c] < 0)
+        outside = (at[a] >= 0) & (at[d] >= 0)
+        first = np.flatnonzero(one & (at[b] >= 0) & (at[c] >= 0))
+        second = np.flatnonzero(two & outside)
+        found.append(np.column_stack([np.where(at[b, first] < at[c, first], b, c), first]))
+        found.append(np.column_stack([np.where(at[a, second] < at[d, second], a, d), second]))
+    return np.concatenate(found)
 
 
 def _split(points: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.int32]:
@@ -158,18 +164,16 @@ def _bounds(solids: Sequence[Solid], cell: float) -> tuple[NDArray[np.float64], 
     return low, high
 
 
-def _asked(near: NDArray[np.bool_], block: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """For each solid the numbers of the points whose block (N,) it is near to; near: (solids, blocks)."""
-    return [np.flatnonzero(row[block]) for row in near]
-
-
 def _distances(
     solids: Sequence[Solid],
     points: NDArray[np.float64],
     asked: list[NDArray[np.int64]],
     offsets: NDArray[np.float64] = _NOWHERE,
 ) -> NDArray[np.float64]:
-    """(K, N) distances at points (3, N) moved by each of K offsets (K, 3)."""
+    """(K, N) distances at points (3, N) moved by each of K offsets (K, 3).
+
+    asked: for each solid the numbers of the points that it is near to.
+    """
     total = np.full((len(offsets), points.shape[1]), _FAR)
     for solid, index in zip(solids, asked, strict=True):
         if not len(index):

@@ -82,11 +82,12 @@ def fitted(shape: Shape) -> Shape:
     """The shape moved and scaled to a bounding sphere of radius 1 at the origin.
 
     The centre is that of the smallest sphere around it to within a percent (Bădoiu and Clarkson 2003, on the vertices
-    that lie farthest out in 98 directions); the farthest vertex has the distance 1.
+    that lie farthest out in 26 directions); the farthest vertex has the distance 1.
     """
-    grid = np.stack(np.meshgrid(*3 * [np.linspace(-1, 1, 5)], indexing="ij"), axis=-1).reshape(-1, 3)
-    directions = grid[np.abs(grid).max(axis=1) == 1]
-    extremes = shape.vertices[np.unique((shape.vertices @ directions.T).argmax(axis=0))]
+    grid = np.stack(np.meshgrid(*3 * [[-1.0, 0.0, 1.0]], indexing="ij"), axis=-1).reshape(-1, 3)
+    x, y, z = np.ascontiguousarray(shape.vertices.T)
+    farthest = [int((a * x + b * y + c * z).argmax()) for a, b, c in grid]
+    extremes = shape.vertices[np.unique(farthest)]
     centre = (extremes.min(axis=0) + extremes.max(axis=0)) / 2
     for step in range(2, 200):
         offsets = extremes - centre

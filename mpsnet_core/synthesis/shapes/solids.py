@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+WORLD: Array = np.eye(3)
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,8 @@ class Solid:
     def local(self, points: Array) -> Array:
         """Points (3, N) in the solid's own axes."""
         x, y, z = (points[axis] - self.centre[axis] for axis in range(3))
+        if self.axes is WORLD:
+            return np.stack([x, y, z])
         return np.stack([row[0] * x + row[1] * y + row[2] * z for row in self.axes])
 
 
@@ -54,7 +57,7 @@ def limb(
         return np.sqrt(x * x + y * y + z * z) - (r1 + (r2 - r1) * t)
 
     half = np.abs(along) / 2 + max(r1, r2)
-    return Solid(distance, (a + b) / 2, np.eye(3), half, blend, part, carve)
+    return Solid(distance, (a + b) / 2, WORLD, half, blend, part, carve)
 
 
 def ellipsoid(
@@ -170,4 +173,4 @@ def blended(a: Array, b: Array, width: float) -> Array:
 
 
 def _axes(axes: ArrayLike | None) -> Array:
-    return np.eye(3) if axes is None else np.asarray(axes, np.float64)
+    return WORLD if axes is None else np.asarray(axes, np.float64)
