@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.synthesis.directions import disc, frames, tiled
 from mpsnet_core.synthesis.lights import Light
-from mpsnet_core.synthesis.surface_points import Surface, SurfacePoints
+from mpsnet_core.synthesis.surface_points import Surface, SurfacePoints, dot
 
 RAYS = 8
 STRIDE = 2
@@ -92,45 +92,42 @@ class _Grid:
         # A border, as wide as smoothing reaches, spares the image's edge a special case; normals are 0 where there is
         # no surface.
         row, column = np.divmod(at, shape[1])
-        self.shape = (shape[0] + 2 * REACH, shape[1] + 2 * REACH)
+        self.width = shape[1] + 2 * REACH
+        self.numbers = (row + REACH) * self.width + column + REACH
         self.scale = np.float32(1 / (_PLANE_REACH * step))
-        self.layers = [np.zeros((*self.shape, layer.shape[1]), np.float32) for layer in (normals, positions, values)]
+        count = (shape[0] + 2 * REACH) * self.width
+        self.layers = [np.zeros((count, layer.shape[1]), np.float32) for layer in (normals, positions, values)]
         for layer, given in zip(self.layers, (normals, positions, values), strict=True):
-            layer[row + REACH, column + REACH] = given
+            layer[self.numbers] = given
 
     def smooth(self) -> None:
         """Replace every value by a mean around it, along the surface."""
         normals, positions, values = self.layers
-        height, width = (length - 2 * REACH for length in self.shape)
-
-        def shifted(layer: NDArray[np.float32], down: int, right: int) -> NDArray[np.float32]:
-            return layer[REACH + down :, REACH + right :][:height, :width]
-
-        here = shifted(normals, 0, 0), shifted(positions, 0, 0)
-        total, weights = np.zeros_like(shifted(values, 0, 0)), np.zeros((height, width, 1), np.float32)
+        here = normals[self.numbers], positions[self.numbers]
+        total, weights = np.zeros_like(values[self.numbers]), np.zeros((len(self.numbers), 1), np.float32)
         steps = range(-REACH, REACH + 1)
         for down, right in ((down, right) for down in steps for right in steps):
             near = np.float32(1 - (down**2 + right**2) / (2 * (REACH + 1) ** 2))
-            alike = self._alike(*here, shifted(normals, down, right), shifted(positions, down, right))
-            weight = near * alike[..., None]
-            total += weight * shifted(values, down, right)
+            other = self.numbers + down * self.width + right
+            weight = (near * self._alike(*here, normals[other], positions[other]))[:, None]
+            total += weight * values[other]
             weights += weight
-        shifted(values, 0, 0)[:] = total / np.maximum(weights, 1e-6)
+        values[self.numbers] = total / weights  # each point is like itself
 
     def sampled(
         self, row: NDArray[np.float64], column: NDArray[np.float64], points: SurfacePoints
     ) -> NDArray[np.float32]:
         """(N, K) values at points that lie at rows and columns (N,) of the grid, from the nearest four of it."""
-        normals, positions, values = (layer.reshape(-1, layer.shape[2]) for layer in self.layers)
+        normals, positions, values = self.layers
         top, left = np.floor(row).astype(np.int64), np.floor(column).astype(np.int64)
         down, right = (row - top).astype(np.float32), (column - left).astype(np.float32)
-        corner = (top + REACH) * self.shape[1] + left + REACH
+        corner = (top + REACH) * self.width + left + REACH
         total, weights = np.zeros((len(points), values.shape[1]), np.float32), np.zeros((len(points), 1), np.float32)
         for step, near in (
             (0, (1 - down) * (1 - right)),
             (1, (1 - down) * right),
-            (self.shape[1], down * (1 - right)),
-            (self.shape[1] + 1, down * right),
+            (self.width, down * (1 - right)),
+            (self.width + 1, down * right),
         ):
             number = corner + step
             alike = self._alike(points.smooth, points.position, normals[number], positions[number])
@@ -149,10 +146,10 @@ class _Grid:
         other_normals: NDArray[np.float32],
         other_positions: NDArray[np.float32],
     ) -> NDArray[np.float32]:
-        """(...) how much two pieces of surface belong together, 0 to 1."""
-        alike = np.maximum(np.einsum("...i,...i", normals, other_normals), 0)
+        """(N,) how much two pieces of surface belong together, 0 to 1."""
+        alike = np.maximum(dot(normals, other_normals), 0)
         for _ in range(_SQUARINGS):
             alike *= alike
-        plane = np.einsum("...i,...i", normals, other_positions - positions)
+        plane = dot(normals, other_positions - positions)
         alike *= np.maximum(1 - np.abs(plane) * self.scale, 0)
         return alike
