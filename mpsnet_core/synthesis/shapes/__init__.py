@@ -41,7 +41,12 @@ def draw_shape(rng: np.random.Generator, kind: str, meshes: Sequence[str] = ()) 
         pose = "upright" if character == "draped" else "front"
         return {"kind": kind, "seed": seed, "pose": pose, "character": character}
     if kind == "reliefs":
-        return {"kind": kind, "seed": seed, "pose": "front", "character": picked(rng, reliefs.CHARACTERS)}
+        return {
+            "kind": kind,
+            "seed": seed,
+            "pose": "front",
+            "character": picked(rng, reliefs.CHARACTERS, (2, 2, 2, 2, 1, 3)),
+        }
     if kind == "composites":
         character = composites.draw_character(rng)
         pose = "any" if character in composites.WEIGHTLESS and chance(rng, 0.7) else "upright"
@@ -70,7 +75,7 @@ def build_shape(description: dict[str, Any], meshes: str | os.PathLike[str] = ""
         if kind == "drapery":
             return fitted(drapery.build_drapery(description["character"], rng))
         if kind == "reliefs":
-            return fitted(reliefs.build_relief(description["character"], rng))
+            return fitted(reliefs.build_relief(description["character"], rng, CELLS_IN_GROUP))
         if kind == "composites":
             return fitted(composites.build_composite(description["character"], rng, CELLS))
         if kind == "groups":
