@@ -36,7 +36,9 @@ print(f"rendered: {rendered} ({time.monotonic() - started:.0f} s)")
 
 # The same recipes: only the renderer is another.
 started = time.monotonic()
-make_samples(synthesised, SampleJob("synthesis", COUNT, SEED, PIXELS, shapes=read_job(rendered).shapes))
+harvest = make_samples(synthesised, SampleJob("synthesis", COUNT, SEED, PIXELS, shapes=read_job(rendered).shapes))
+if harvest.failed:
+    raise SystemExit(f"{len(harvest.failed)} samples failed: {next(iter(harvest.failed.values()))}")
 print(f"synthesised: {synthesised} ({time.monotonic() - started:.0f} s)")
 
 pairs = [sample_path(folder, number) for number in range(COUNT) for folder in (rendered, synthesised)]

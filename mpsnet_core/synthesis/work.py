@@ -26,6 +26,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Literal
 
+import mpsnet_core
 from mpsnet_core.errors import InputError
 from mpsnet_core.synthesis.claims import Claims
 from mpsnet_core.synthesis.job import FOLDER_CLAIM, SampleJob, read_job, sample_number, sample_path
@@ -272,7 +273,18 @@ def _kill(child: "subprocess.Popen[str]") -> None:
 
 
 def _environment(threads: int) -> dict[str, str]:
-    """One thread for each library: the workers themselves fill the cores, and sums come out the same everywhere."""
+    """One thread for each library: the workers themselves fill the cores, and sums come out the same everywhere.
+
+    A worker finds this package where this process did, which within Blender is not on Python's own path.
+    """
+    home = str(Path(mpsnet_core.__file__).parents[1])
+    homes = dict.fromkeys([home, *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))])
     libraries = ("OMP", "OPENBLAS", "MKL", "VECLIB_MAXIMUM", "NUMEXPR")
     single = {f"{name}_NUM_THREADS": "1" for name in libraries} | {"OPENIMAGEIO_THREADS": "1"}
-    return {**os.environ, **single, THREADS_VARIABLE: str(threads), "PYTHONIOENCODING": "utf-8"}
+    return {
+        **os.environ,
+        **single,
+        THREADS_VARIABLE: str(threads),
+        "PYTHONPATH": os.pathsep.join(homes),
+        "PYTHONIOENCODING": "utf-8",
+    }
