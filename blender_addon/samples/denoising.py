@@ -13,8 +13,12 @@ _FRAME = 1  # its number ends the name of the compositor's file in Blender 4.5
 
 
 def denoising_helps(recipe: Recipe) -> bool:
-    """Whether denoised light is nearer to what endless samples would give; only light below the surface is so noisy."""
-    return any(material.subsurface for material in recipe.materials)
+    """Whether denoised light is nearer to what endless samples would give.
+
+    Direct light has hardly any noise, and of its texture and highlights denoising takes more away. What has noise is
+    light that comes from other surfaces.
+    """
+    return recipe.bounces > 0
 
 
 def add_denoising(scene: Any, passes: list[str], path: Path) -> Path:
@@ -40,7 +44,8 @@ def add_denoising(scene: Any, passes: list[str], path: Path) -> Path:
     written.add("RGBA", "Combined", rendered.outputs["Image"])
     written.add("VECTOR", "Normal", rendered.outputs["Normal"])
     for one in passes:
-        written.add("RGBA", one, rendered.outputs[one])
+        output = rendered.outputs[one]
+        written.add("FLOAT" if output.type == "VALUE" else "RGBA", one, output)
     for group in LIGHT_GROUPS:
         denoise = tree.nodes.new("CompositorNodeDenoise")
         # The guides are all but free of noise themselves, and would lose fine texture.
@@ -75,7 +80,7 @@ class _Written:
             self.node.layer_slots.clear()
 
     def add(self, kind: str, name: str, image: Any) -> None:
-        """Write an image as a layer. kind: of its channels, RGBA or VECTOR."""
+        """Write an image as a layer. kind: RGBA, VECTOR or FLOAT."""
         name = f"{LAYER}.{name}"
         if bpy.app.version >= (5, 0):
             self.node.file_output_items.new(kind, name)

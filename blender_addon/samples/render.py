@@ -37,7 +37,8 @@ def render_sample(
         vertices, triangles = add(scene, recipe, shown)  # type: ignore[arg-type]
         prepare(scene, recipe, samples)
         if denoise and denoising_helps(recipe):
-            layers = add_denoising(scene, weight_passes(recipe), layers)
+            passes = weight_passes(recipe) or ["Material Index" if bpy.app.version >= (5, 0) else "IndexMA"]
+            layers = add_denoising(scene, passes, layers)
         try:
             render_layers(scene, layers)
             return sample_from_cycles(layers, recipe, vertices, triangles, f"Cycles {bpy.app.version_string}")

@@ -49,22 +49,25 @@ def sample_from_cycles(
     planes = _planes(path)
     camera = recipe.camera
 
-    def layer(*names: str, channels: str) -> NDArray[np.float32]:
-        for name in names:
-            found = [planes.get(f"{name}.{channel}") for channel in channels]
-            if all(plane is not None for plane in found):
-                return _checked(np.stack(found, axis=-1), f"{name} pass", camera, path)  # type: ignore[arg-type]
-        raise InputError(f"{path} has no {names[0]} pass; it is no render of a sample, make the sample again")
+    def layer(name: str, *choices: str) -> NDArray[np.float32]:
+        """A pass, (H, W, C), by its name and what its channels may be called."""
+        for channels in choices:
+            if all(f"{name}.{channel}" in planes for channel in channels):
+                values = np.stack([planes[f"{name}.{channel}"] for channel in channels], axis=-1)
+                return _checked(values, f"{name} pass", camera, path)
+        raise InputError(f"{path} has no {name} pass; it is no render of a sample, make the sample again")
 
-    alpha = np.clip(layer("Combined", channels="A")[..., 0], 0, 1)
+    alpha = np.clip(layer("Combined", "A")[..., 0], 0, 1)
     covered = alpha > 0
-    lights = np.stack([layer(f"Combined_{name}", channels="RGB") for name in LIGHT_GROUPS])
-    normals = np.where(covered[..., None], normalised(layer("Normal", channels="XYZ")), np.float32(0))
+    lights = np.stack([layer(f"Combined_{name}", "RGB") for name in LIGHT_GROUPS])
+    normals = np.where(covered[..., None], normalised(layer("Normal", "XYZ")), np.float32(0))
     if recipe.materials:
         passes = [f"{WEIGHTS}{first}" for first in range(0, len(recipe.materials), 3)]
-        material = np.concatenate([layer(name, channels="RGB") for name in passes], axis=-1).argmax(axis=-1)
+        material = np.concatenate([layer(name, "RGB") for name in passes], axis=-1).argmax(axis=-1)
     else:
-        material = np.rint(layer("Material Index", "IndexMA", channels="X")[..., 0]).astype(np.int64)
+        old = any(name.startswith("IndexMA.") for name in planes)  # so called up to Blender 4.5
+        index = layer("IndexMA" if old else "Material Index", "X", "V")  # V where the compositor wrote it
+        material = np.rint(index[..., 0]).astype(np.int64)
     depth, lit = _traced(recipe, RayScene(vertices, triangles), vertices, triangles, normals, covered)
     return Sample(
         lights=np.where(covered[..., None], np.maximum(lights, 0), np.float32(0)),

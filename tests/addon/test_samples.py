@@ -218,6 +218,7 @@ def test_denoised_light_is_nearer_to_the_truth_and_the_rest_is_as_it_was(tmp_pat
     soft = recipe(
         materials=(Material(subsurface=1.0, base_color=(0.8, 0.5, 0.4)), RED, GREEN, BLUE),
         pattern=Pattern("stripes", scale=1.0),
+        bounces=1,
     )
     noisy, denoised = (
         render_sample(soft, sphere(), 8, tmp_path / "s.exr", denoise=denoise) for denoise in (False, True)
@@ -229,7 +230,7 @@ def test_denoised_light_is_nearer_to_the_truth_and_the_rest_is_as_it_was(tmp_pat
         assert np.allclose(getattr(noisy, name), getattr(denoised, name), atol=1e-4), name
     assert not list(tmp_path.iterdir())
 
-    # A matt surface in direct light has no noise that is worth it.
+    # Direct light has no noise that is worth it.
     plain = [render_sample(recipe(), sphere(), 4, tmp_path / "s.exr", denoise=denoise) for denoise in (False, True)]
     assert np.abs(plain[0].lights - plain[1].lights).max() < 1e-5
 
@@ -315,6 +316,9 @@ def test_own_objects_are_brought_to_unit_size_with_their_own_materials(scene_fil
     row, column = (int(place) for place in (told.camera.centre[1], told.camera.centre[0] - told.camera.focal[0] / 2))
     assert sample.normals[row, column, 2] > 0.99
     assert sample.depth[row, column] == pytest.approx(9.5, abs=0.01)
+    denoised = render_sample(replace(told, bounces=1), objects, 16, tmp_path / "sample.exr", denoise=True)
+    assert (denoised.material == sample.material)[inside].mean() > 0.98
+    assert np.abs(denoised.lights - sample.lights)[:, inside].mean() < 0.02
     quarter = render_sample(
         replace(told, rotation=np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]])), objects, 4, scene_file
     )
