@@ -5,8 +5,8 @@
 Needs pip's bpy. The views are drawn as a job's samples are, of one principled material. Both use the same number of
 cores: Cycles as threads of one render, synthesis as processes that each make whole samples. Counted are, for Cycles,
 the render from Blender's scene to pixels, for synthesis :func:`synthesise` from the shape to the sample; no shapes, no
-files and no process starts. Cycles takes two numbers of samples a pixel: a job's own, and the fewest (a power of two) whose
-noise is below the 2% by which the two renderers may differ, mean relative difference outside shadow edges.
+files and no process starts. Cycles takes two numbers of samples a pixel: a job's own, and the fewest (a power of two)
+whose noise is below the 2% by which the two renderers may differ, mean relative difference outside shadow edges.
 
 Ends with 1 where they differ by more, or synthesis is less than 30 times as fast as Cycles with a job's own samples.
 """
