@@ -42,6 +42,8 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
         place_job(target, job)
         if job.objects:
             self._keep_scene(target / SCENE_FILE)
+        if job.denoise and not can_denoise():
+            self.report({"WARNING"}, "this Blender has no OpenImageDenoise: light keeps its noise; take more samples")
         arguments = ["make", str(target), "--processes", str(self.processes)]
         if self.cluster:
             arguments += ["--cluster", self.cluster]
@@ -118,6 +120,13 @@ def samples_folder(scene: Any) -> Path:
     if given:
         return Path(bpy.path.abspath(given)).resolve()
     return output_folder() / bpy.path.clean_name(f"{scene.name}_samples")
+
+
+def can_denoise() -> bool:
+    """Whether this Blender was built with OpenImageDenoise; those of some Linux distributions are not."""
+    import _cycles  # type: ignore[import-not-found]
+
+    return bool(_cycles.with_openimagedenoise)
 
 
 def lasting(folder: Path) -> bool:

@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -117,6 +118,17 @@ def test_the_scenes_own_objects(scene, sphere, tmp_path):
     with pytest.raises(RuntimeError, match="its objects is Sphere, not Cube"):
         bpy.data.objects["Cube"].select_set(True)
         bpy.ops.mps.render_samples(count=2, **settings)
+
+
+def test_a_blender_that_cannot_denoise_says_so(folder, capfd, monkeypatch):
+    settings = {**SMALL, "count": 2, "seed": 3, "output": str(folder)}
+    monkeypatch.setattr("_cycles.with_openimagedenoise", False)
+    bpy.ops.mps.render_samples(**settings)
+    assert "OpenImageDenoise" not in capfd.readouterr().out
+    place_job(folder.parent / "denoised", replace(read_job(folder), denoise=True, count=1))
+    sample_path(folder, 0).rename(sample_path(folder.parent / "denoised", 0))
+    bpy.ops.mps.render_samples(**{**settings, "count": 1, "denoise": True, "output": str(folder.parent / "denoised")})
+    assert "Warning: this Blender has no OpenImageDenoise" in capfd.readouterr().out
 
 
 def test_a_worker_of_its_own_is_no_verb_that_help_lists(capfd):
