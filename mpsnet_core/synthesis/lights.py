@@ -94,10 +94,11 @@ def arrival(
     normal, smooth = points.normal[unsure_points], points.smooth[unsure_points]
     for places in disc(PENUMBRA_RAYS, TURNS).swapaxes(0, 1):
         towards = light.towards(places)[turn]
-        share = np.maximum(dot(normal, towards), 0)
-        free_rays = ~scene.occluded(start, towards) & (dot(smooth, towards) > 0)
-        irradiance[unsure_points] += free_rays * share
-        lit[unsure_points] += free_rays & (share > 0)
+        share = dot(normal, towards)
+        up = np.flatnonzero((share > 0) & (dot(smooth, towards) > 0))
+        reached = up[~scene.occluded(start[up], towards[up])]
+        irradiance[unsure_points[reached]] += share[reached]
+        lit[unsure_points[reached]] += 1
     irradiance[unsure_points] /= PENUMBRA_RAYS
     lit[unsure_points] /= PENUMBRA_RAYS
     return Arrival(irradiance, lit)
