@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from mpsnet_core.normals import normalised
 from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise
 from mpsnet_core.synthesis.shapes.draws import between, chance, count, new_seed, picked
+from mpsnet_core.synthesis.shapes.isosurface import bounds
 from mpsnet_core.synthesis.shapes.shape import Shape
 from mpsnet_core.synthesis.shapes.solids import Solid, blended, box, cylinder, ellipsoid, limb
 from mpsnet_core.synthesis.shapes.surfaces import sheet
@@ -31,7 +32,7 @@ def build_drapery(character: str, rng: np.random.Generator) -> Shape:
     if character == "draped":
         solids, size = _hidden(rng)
         start = _flat(_LEVELS[0][0], size)
-        top = max(float(solid.centre[2] + (np.abs(solid.axes.T) @ solid.half)[2]) for solid in solids)
+        top = float(bounds(solids)[1][2])
         start = start @ turned_about_z(rng) + (between(rng, -0.2, 0.2), between(rng, -0.2, 0.2), top + 0.1)
         cloth = _simulated(start, size, solids, {}, new_seed(rng))
     else:

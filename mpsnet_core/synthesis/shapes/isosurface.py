@@ -29,7 +29,10 @@ def isosurface(solids: Sequence[Solid], cell: float) -> Shape:
     have its exact normals, so that the grid does not show. Every edge has two triangles: where inside and outside meet
     as on a chessboard, the gap is filled first. Only blocks near the surface are evaluated.
     """
-    low, high = _bounds(solids, cell)
+    low, high = bounds(solids)
+    # Blending swells a joint by at most a sixth of its width for each solid in it.
+    margin = 3 * cell + max(solid.blend for solid in solids) / 3
+    low, high = low - margin, high + margin
     while np.prod(np.ceil((high - low) / cell) + BLOCK) > MAX_POINTS:
         cell *= 1.1
     counts = np.maximum(1, np.ceil((high - low) / (cell * BLOCK))).astype(np.int64)
@@ -154,13 +157,12 @@ def _split(points: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.
     return np.stack([one, two], axis=1).reshape(-1, 3).astype(np.int32)
 
 
-def _bounds(solids: Sequence[Solid], cell: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    # Blending swells a joint by at most a sixth of its width for each solid in it.
-    margin = 3 * cell + max(solid.blend for solid in solids) / 3
+def bounds(solids: Sequence[Solid]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Lowest and highest corner (3,) of a box around solids."""
     whole = [solid for solid in solids if not solid.carve]
     extents = [np.abs(solid.axes.T) @ solid.half for solid in whole]
-    low = np.min([s.centre - e for s, e in zip(whole, extents, strict=True)], axis=0) - margin
-    high = np.max([s.centre + e for s, e in zip(whole, extents, strict=True)], axis=0) + margin
+    low = np.min([s.centre - e for s, e in zip(whole, extents, strict=True)], axis=0)
+    high = np.max([s.centre + e for s, e in zip(whole, extents, strict=True)], axis=0)
     return low, high
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from mpsnet_core.synthesis.shapes.composites.assembly import Piece, assembled, textured
+from mpsnet_core.synthesis.shapes.composites.assembly import Piece, assembled
 from mpsnet_core.synthesis.shapes.composites.constructions import dwelling, pile, robot, vehicle
 from mpsnet_core.synthesis.shapes.composites.creatures import biped, bird, bust, octopus, pair, quadruped
 from mpsnet_core.synthesis.shapes.composites.growths import growth, mushrooms, tangle
@@ -42,4 +42,4 @@ def draw_character(rng: np.random.Generator) -> str:
 
 def build_composite(character: str, rng: np.random.Generator, cells: int) -> Shape:
     """A composite of the character, about 2 high, z up; its smooth body on a grid of `cells` cells."""
-    return textured(assembled(CHARACTERS[character][0](rng), cells), rng)
+    return assembled(CHARACTERS[character][0](rng), cells, rng)

@@ -1,4 +1,4 @@
-"""Assembly: solids flow into one surface, finished surfaces are set into it, and a texture goes over the whole."""
+"""Assembly: solids flow into one surface, finished surfaces are set into it, and a texture goes over them."""
 
 from collections.abc import Callable, Sequence
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.synthesis.noise import gradient_noise
 from mpsnet_core.synthesis.shapes.draws import between, chance, direction, new_seed, picked
-from mpsnet_core.synthesis.shapes.isosurface import isosurface
+from mpsnet_core.synthesis.shapes.isosurface import bounds, isosurface
 from mpsnet_core.synthesis.shapes.shape import Shape, joined
 from mpsnet_core.synthesis.shapes.solids import Solid
 from mpsnet_core.synthesis.shapes.surfaces import bent, displaced
@@ -17,41 +17,62 @@ Piece = Solid | Shape
 
 # Numbers of the parts.
 BODY, HEAD, ARMS, LEGS, FEATURES, DRESS, LOAD, BASE = range(8)
+# Surfaces with longer edges than this cannot show a texture.
+COARSE = 0.13
 
 
-def assembled(pieces: Sequence[Piece], cells: int) -> Shape:
-    """All solids as one isosurface, `cells` grid cells along its longest side, with the surfaces set into it."""
+def assembled(pieces: Sequence[Piece], cells: int, rng: np.random.Generator) -> Shape:
+    """All solids as one isosurface, `cells` grid cells along its longest side, with the surfaces set into it.
+
+    A texture may go over all that is meshed finely enough to show it, and the whole may be bent.
+    """
     solids = [piece for piece in pieces if isinstance(piece, Solid)]
-    surfaces = [piece for piece in pieces if isinstance(piece, Shape)]
-    if not solids:
-        return joined(surfaces)
-    extents = np.array([np.abs(solid.axes.T) @ solid.half for solid in solids if not solid.carve])
-    centres = np.array([solid.centre for solid in solids if not solid.carve])
-    size = ((centres + extents).max(axis=0) - (centres - extents).min(axis=0)).max()
-    return joined([isosurface(solids, size / cells), *surfaces])
-
-
-def textured(shape: Shape, rng: np.random.Generator) -> Shape:
-    """The shape bent or twisted now and then, and given the surface of what it may be made of."""
+    shapes = [piece for piece in pieces if isinstance(piece, Shape)]
+    if solids:
+        low, high = bounds(solids)
+        shapes.insert(0, isosurface(solids, float((high - low).max()) / cells))
+    texture = _texture(rng)
+    if texture is not None:
+        shapes = [displaced(shape, texture) if _longest_edge(shape) < COARSE else shape for shape in shapes]
+    shape = joined(shapes)
     if chance(rng, 0.35):
         shape = bent(shape, _bend(rng))
-    name = picked(rng, ("plain", "lumpy", "hammered", "grainy", "wrinkled"), (0.4, 0.16, 0.16, 0.12, 0.16))
+    if chance(rng, 0.2):  # lumps that move both sides of what is thin alike
+        scale, push, seed = between(rng, 2, 5), between(rng, 0.05, 0.15), new_seed(rng)
+        shape = bent(shape, lambda points: points + push / scale * _vectors(points * scale, seed))
+    return shape
+
+
+def _longest_edge(shape: Shape) -> float:
+    corners = shape.vertices[shape.triangles]
+    return float(np.sqrt(((corners - np.roll(corners, 1, axis=1)) ** 2).sum(axis=2).max()))
+
+
+def _texture(rng: np.random.Generator) -> Callable[[Array], Array] | None:
+    """The heights of a material's surface, all over or here and there; none where it is plain."""
+    name = picked(rng, ("plain", "hammered", "grainy", "wrinkled", "folded"), (0.4, 0.14, 0.12, 0.18, 0.16))
     if name == "plain":
-        return shape
-    seed = new_seed(rng)
-    if name == "lumpy":  # moves both sides of what is thin alike
-        scale, push = between(rng, 2, 5), between(rng, 0.05, 0.15)
-        return bent(shape, lambda points: points + push / scale * _vectors(points * scale, seed))
+        return None
     scale, amount = {
         "hammered": (between(rng, 7, 14), between(rng, 0.006, 0.015)),
         "grainy": (between(rng, 18, 30), between(rng, 0.002, 0.005)),
-        "wrinkled": (between(rng, 5, 10), between(rng, 0.006, 0.015)),
+        "wrinkled": (between(rng, 5, 10), between(rng, 0.02, 0.04)),
+        "folded": (between(rng, 4, 9), between(rng, 0.03, 0.06)),
     }[name]
-    if name != "wrinkled":
-        return displaced(shape, lambda points: amount * gradient_noise(points * scale, seed))
-    stretch = scale * np.array([between(rng, 0.2, 1) for _ in range(3)])
-    # Soft between sharp valleys.
-    return displaced(shape, lambda p: amount * (np.sqrt(gradient_noise(p * stretch, seed) ** 2 + 0.01) - 0.3))
+    stretch = scale * np.array([between(rng, 0.2, 1) if name == "wrinkled" else 1.0 for _ in range(3)])
+    if name == "folded":  # folds that hang
+        stretch[2] *= between(rng, 0.1, 0.3)
+    seed, patchy = new_seed(rng), chance(rng, 0.5)
+
+    def height(points: Array) -> Array:
+        field = gradient_noise(points * stretch, seed).astype(np.float64)
+        if name in ("wrinkled", "folded"):  # round between sharp valleys
+            field = np.sqrt(field**2 + 0.01) - 0.3
+        if patchy:
+            field *= np.clip(0.5 + 2.5 * gradient_noise(points * 1.5, seed + 1), 0, 1)
+        return amount * field
+
+    return height
 
 
 def _bend(rng: np.random.Generator) -> Callable[[Array], Array]:

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.normals import normalised
 from mpsnet_core.synthesis.shapes.composites.assembly import ARMS, BASE, BODY, DRESS, FEATURES, HEAD, LEGS, LOAD, Piece
-from mpsnet_core.synthesis.shapes.composites.things import hat, thing
+from mpsnet_core.synthesis.shapes.composites.things import canopy, hat, thing
 from mpsnet_core.synthesis.shapes.draws import between, chance, count, picked
 from mpsnet_core.synthesis.shapes.shape import Shape, axes_along, placed, turn_about
 from mpsnet_core.synthesis.shapes.solids import Solid, box, curved_limb, cylinder, ellipsoid, limb, ring
@@ -23,7 +23,7 @@ def softness(rng: np.random.Generator) -> float:
 
 
 def head(
-    rng: np.random.Generator, centre: ArrayLike, radius: float, facing: ArrayLike, soft: float, hatted: float = 0.3
+    rng: np.random.Generator, centre: ArrayLike, radius: float, facing: ArrayLike, soft: float, hatted: float = 0.4
 ) -> list[Piece]:
     """A head of one kind or another that looks along `facing`."""
     middle = np.asarray(centre, np.float64)
@@ -209,6 +209,8 @@ def biped(rng: np.random.Generator) -> list[Piece]:
     if chance(rng, 0.25):
         size = between(rng, 1.1, 1.7) * max(wide * belly, deep)
         pieces.append(cylinder((0, 0, -0.06), size, 0.08, 0.02, blend=0.02, part=BASE))
+    if chance(rng, 0.12):
+        pieces += canopy(rng, between(rng, 0.7, 1.1), crown[2] + radius * between(rng, 1.3, 2.0))
     return pieces
 
 
@@ -247,7 +249,7 @@ def _legs(rng: np.random.Generator, stance: str, hip: float, wide: float, deep: 
 
 def _arms(rng, chest, shoulder_wide, deep, wide, thick, soft, crown, waist) -> list[Piece]:  # type: ignore[no-untyped-def]
     pieces: list[Piece] = []
-    pose = picked(rng, ("hold", "free", "belly", "reach"), (5, 3, 2, 1.5))
+    pose = picked(rng, ("hold", "free", "belly", "reach"), (6, 3, 2, 1.5))
     length = between(rng, 0.75, 1.05)
     front = np.array([0, -deep, 0])
     if pose == "hold":
@@ -347,6 +349,8 @@ def quadruped(rng: np.random.Generator) -> list[Piece]:
             pieces += thing(rng, saddle + (side * 1.1 * girth, 0, -0.6 * girth), between(rng, 0.2, 0.32))
     if chance(rng, 0.2):
         pieces.append(box((0, -0.4 * length, -0.07), (girth * 2, length * 1.1, 0.09), 0.02, blend=0.02, part=BASE))
+    if chance(rng, 0.12):
+        pieces += canopy(rng, between(rng, 0.8, 1.2), nape[2] + radius * between(rng, 1.5, 2.2))
     return pieces
 
 

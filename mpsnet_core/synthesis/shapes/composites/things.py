@@ -4,10 +4,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.synthesis.noise import gradient_noise
-from mpsnet_core.synthesis.shapes.composites.assembly import DRESS, FEATURES, LOAD, Piece
-from mpsnet_core.synthesis.shapes.draws import between, chance, count, new_seed, picked, turned
+from mpsnet_core.synthesis.shapes.composites.assembly import BASE, DRESS, FEATURES, LOAD, Piece
+from mpsnet_core.synthesis.shapes.draws import between, chance, count, direction, new_seed, picked, turned
 from mpsnet_core.synthesis.shapes.shape import Shape, joined, placed, smooth_shape, turn_about
-from mpsnet_core.synthesis.shapes.solids import cylinder, ellipsoid, ring
+from mpsnet_core.synthesis.shapes.solids import curved_limb, cylinder, ellipsoid, ring
 from mpsnet_core.synthesis.shapes.surfaces import displaced, slab, smooth_profile, sphere, tube, turned_profile
 
 Array = NDArray[np.float64]
@@ -176,3 +176,31 @@ def fruit(rng: np.random.Generator, size: float) -> Shape:
             lambda p: depth * np.clip(p[:, 0] ** 2 + p[:, 1] ** 2, 0, 1) * np.cos(ribs * np.arctan2(p[:, 1], p[:, 0])),
         )
     return placed(shape, scale=size)
+
+
+def canopy(rng: np.random.Generator, radius: float, height: float) -> list[Piece]:
+    """A roof, a sunshade or a treetop over the origin, on posts."""
+    kind = picked(rng, ("roof", "shade", "tree"))
+    wide = radius * between(rng, 0.7, 1.1)
+    if kind == "shade":
+        foot = np.array([between(rng, -0.3, 0.3), 0.8 * radius, 0.0])
+        top = foot * (0.7, 0.7, 1) + (0, 0, height)
+        profile = [(0.02, 0.0), (0.5, -0.02), (0.95, -0.2), (1.0, -0.18), (0.55, 0.12), (0.02, between(rng, 0.2, 0.5))]
+        roof = placed(turned_profile(smooth_profile(profile), DRESS), None, wide, top)
+        return [roof, tube(np.linspace(foot, top, 8), 0.05, BASE)]
+    posts = count(rng, 2, 4) if kind == "roof" else 1
+    angles = between(rng, 0, 6.3) + np.arange(posts) * (2 * np.pi / posts)
+    feet = [np.array([np.cos(a), np.sin(a), 0]) * 0.9 * radius for a in angles]
+    if kind == "roof":
+        tops = [foot * 0.85 + (0, 0, height) for foot in feet]
+        roof = crate((wide, wide * between(rng, 0.6, 1), between(rng, 0.05, 0.15)), 0.04, None, (0, 0, height), DRESS)
+        return [roof, *(tube(np.linspace(foot, top, 8), 0.06, BASE) for foot, top in zip(feet, tops, strict=True))]
+    crown = 0.4 * feet[0] + (0, 0, height)
+    leaves = [
+        ellipsoid(crown + direction(rng) * 0.35 * wide, wide * between(rng, 0.3, 0.5), blend=0.05, part=DRESS)
+        for _ in range(count(rng, 3, 6))
+    ]
+    return [
+        *leaves,
+        *curved_limb((feet[0], feet[0] + (0, 0, 0.7 * height), crown), (0.16, 0.1, 0.08), blend=0.1, part=BASE),
+    ]
