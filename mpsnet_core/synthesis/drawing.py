@@ -4,6 +4,7 @@ The ranges are wider than the MPS-Net paper's (slant 30°, tilts 120° apart, ME
 perspective, soft shadows and painted, dirty, metallic surfaces are what its errors on photographs came from.
 """
 
+import math
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
@@ -116,27 +117,51 @@ def _seed(rng: np.random.Generator) -> int:
 # --- where things stand -----------------------------------------------------------------------------------------------
 
 
-def _turn(axis: NDArray[np.float64], degrees: float) -> NDArray[np.float64]:
-    """(3, 3) rotation about a unit axis (Rodrigues)."""
-    x, y, z = axis
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    angle = np.radians(degrees)
-    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+Quaternion = tuple[float, float, float, float]  # w, x, y, z; products of floats are the same on every machine
+
+
+def _turn(axis: Sequence[float], degrees: float) -> Quaternion:
+    """Rotation about a unit axis."""
+    half = math.radians(degrees) / 2
+    x, y, z = (math.sin(half) * coordinate for coordinate in axis)
+    return math.cos(half), x, y, z
+
+
+def _after(second: Quaternion, first: Quaternion) -> Quaternion:
+    """The rotation `first`, and then `second`."""
+    (a, b, c, d), (e, f, g, h) = second, first
+    return (
+        a * e - b * f - c * g - d * h,
+        a * f + b * e + c * h - d * g,
+        a * g - b * h + c * e + d * f,
+        a * h + b * g - c * f + d * e,
+    )
+
+
+def _matrix(rotation: Quaternion) -> NDArray[np.float64]:
+    w, x, y, z = rotation
+    length = math.sqrt(w * w + x * x + y * y + z * z)  # sum() rounds otherwise from Python 3.12 on
+    w, x, y, z = w / length, x / length, y / length, z / length
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
 
 
 def _rotation(rng: np.random.Generator, pose: str) -> NDArray[np.float64]:
-    x, y, z = np.eye(3)
-    spin = 360 * rng.random()
+    x, z = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+    spin = _turn(z, 360 * rng.random())
     if pose == "upright":  # the object's z upwards in the picture, seen from a little below to well above
-        roll = UPRIGHT_ROLL * (2 * rng.random() - 1)
-        return _turn(z, roll) @ _turn(x, _between(rng, UPRIGHT_ELEVATION) - 90) @ _turn(z, spin)
+        roll = _turn(z, UPRIGHT_ROLL * (2 * rng.random() - 1))
+        return _matrix(_after(roll, _after(_turn(x, _between(rng, UPRIGHT_ELEVATION) - 90), spin)))
     if pose == "front":  # the object's z towards the camera
-        tilt = 360 * rng.random()
-        lean = np.cos(np.radians(tilt)) * x + np.sin(np.radians(tilt)) * y
-        return _turn(lean, FRONT_TURN * np.sqrt(rng.random())) @ _turn(z, spin)
-    axes, triangle = np.linalg.qr(rng.normal(size=(3, 3)))
-    axes = axes * np.sign(np.diag(triangle))  # makes the rotation uniform
-    return axes * np.sign(np.linalg.det(axes))
+        tilt = 2 * math.pi * rng.random()
+        lean = _turn((math.cos(tilt), math.sin(tilt), 0.0), FRONT_TURN * math.sqrt(rng.random()))
+        return _matrix(_after(lean, spin))
+    return _matrix(tuple(rng.normal(size=4).tolist()))  # normalised, uniform among all rotations
 
 
 def _camera(rng: np.random.Generator, size: int) -> Camera:
@@ -147,7 +172,7 @@ def _camera(rng: np.random.Generator, size: int) -> Camera:
     if orthographic:
         pose[2, 3] = ORTHOGRAPHIC_DISTANCE
         return Camera("orthographic", size, size, np.full(2, size / (2 * margin)), centre, pose)
-    pose[2, 3] = margin / np.sin(np.arctan(SENSOR_WIDTH / 2 / length))
+    pose[2, 3] = margin / math.sin(math.atan(SENSOR_WIDTH / 2 / length))
     return Camera("perspective", size, size, np.full(2, size * length / SENSOR_WIDTH), centre, pose)
 
 
