@@ -52,7 +52,7 @@ def _body(rng: np.random.Generator, cells: int) -> Shape:
         solids.append(ellipsoid((0, 0, 0), between(rng, 0.3, 0.6), blend=soft))
         return isosurface(solids, 2.2 / cells)
     seed, scale = new_seed(rng), between(rng, 0.8, 1.8)
-    swell, push = between(rng, 0.15, 0.45), between(rng, 0.1, 0.35)
+    swell, push = between(rng, 0.15, 0.45), between(rng, 0.1, 0.25)
     stretch = np.array([between(rng, 0.6, 1.1) for _ in range(3)])
 
     def form(points: Array) -> Array:
@@ -81,7 +81,7 @@ def _folds(rng: np.random.Generator) -> Callable[[Array], Array]:
 
 def _ridges(rng: np.random.Generator) -> Callable[[Array], Array]:
     """Sharp crests on smooth valleys."""
-    seed, scale, amount = new_seed(rng), between(rng, 1.3, 2.8), between(rng, 0.06, 0.18)
+    seed, scale, amount = new_seed(rng), between(rng, 1.3, 2.8), between(rng, 0.05, 0.12)
     sharp, warp = between(rng, 0.002, 0.01), between(rng, 0.0, 0.3)
 
     def height(points: Array) -> Array:

@@ -221,8 +221,9 @@ def _legs(rng: np.random.Generator, stance: str, hip: float, wide: float, deep: 
         flare = between(rng, 1.1, 1.9)
         profile = [
             (0.01, 0.0),
-            (wide * flare, 0.0),
-            (wide * flare * 1.03, 0.03),
+            (wide * flare * 0.5, 0.0),
+            (wide * flare * 0.97, 0.0),
+            (wide * flare, 0.03),
             (wide * (1 + flare) / 2.1, 0.3),
             (wide, 0.6),
             (0.4 * wide, 0.9),
