@@ -26,7 +26,7 @@ SHAPE_SHARES = {"blobs": 2, "drapery": 1.5, "reliefs": 1, "composites": 4, "grou
 SENSOR_WIDTH = 36.0  # mm
 ORTHOGRAPHIC_SHARE = 0.3
 FOCAL_LENGTH = (35.0, 200.0)  # mm
-MARGIN = (0.72, 1.12)  # half the picture's width, in radii of the object's bounding sphere
+MARGIN = (0.62, 1.1)  # half the picture's width, in radii of the object's bounding sphere
 SHIFT = 0.06  # how far the object's centre lies off the picture's, as a share of its width
 ORTHOGRAPHIC_DISTANCE = 10.0
 
