@@ -18,8 +18,6 @@ from mpsnet_core.synthesis.recipe import Recipe
 from ..bake import as_rendered
 from ..render import refuse_glow
 
-_SURFACES = ("MESH", "CURVE", "SURFACE", "META", "FONT")
-
 
 @dataclass(frozen=True)
 class SceneObjects:
@@ -51,27 +49,37 @@ def open_objects(path: Path, names: Sequence[str]) -> SceneObjects:
     missing = [name for name in names if name not in objects]
     if missing:
         raise InputError(f'{path} has no object "{missing[0]}"; make the samples in a new folder')
-    wanted = {objects[name] for name in names}
-    meshes = []
+    wanted = [objects[name] for name in names]
+    owners, meshes = set(), []
     with ExitStack() as stack:
         for obj in wanted:
             stack.enter_context(as_rendered(obj))
         depsgraph = bpy.context.evaluated_depsgraph_get()
         for instance in depsgraph.object_instances:
             owner = (instance.parent or instance.object).original
-            if owner not in wanted or instance.object.type not in _SURFACES:
-                continue
+            if owner not in wanted or instance.object.type != "MESH":
+                continue  # what a text or a curve makes comes as a mesh of its own
             refuse_glow(instance.object, owner.name)
             mesh = bpy.data.meshes.new_from_object(instance.object, preserve_all_data_layers=True, depsgraph=depsgraph)
-            slots = [slot.material for slot in instance.object.material_slots]
-            mesh.materials.clear()
-            for material in slots or [None]:
-                mesh.materials.append(material)
+            if not mesh.polygons:
+                bpy.data.meshes.remove(mesh)
+                continue
+            for number, slot in enumerate(instance.object.material_slots):
+                if slot.link == "OBJECT" and number < len(mesh.materials):
+                    mesh.materials[number] = slot.material and slot.material.original
+            if not mesh.materials:
+                mesh.materials.append(None)
+            owners.add(owner)
             meshes.append((mesh, instance.matrix_world.copy()))
-    return _at_unit_size(meshes, path)
+    for obj in wanted:
+        if obj not in owners:
+            raise InputError(
+                f'"{obj.name}" in {path} has no surface or is hidden in viewports; make the samples in a new folder'
+            )
+    return _at_unit_size(meshes)
 
 
-def _at_unit_size(meshes: list[tuple[Any, Matrix]], path: Path) -> SceneObjects:
+def _at_unit_size(meshes: list[tuple[Any, Matrix]]) -> SceneObjects:
     clouds, triangles, count = [], [], 0
     for mesh, matrix in meshes:
         points = np.empty(3 * len(mesh.vertices), np.float32)
@@ -83,8 +91,6 @@ def _at_unit_size(meshes: list[tuple[Any, Matrix]], path: Path) -> SceneObjects:
         mesh.loop_triangles.foreach_get("vertices", corners)
         triangles.append(corners.reshape(-1, 3) + count)
         count += len(mesh.vertices)
-    if not sum(map(len, triangles)):
-        raise InputError(f"the objects in {path} have no surface; choose meshes and make the samples in a new folder")
     vertices = np.concatenate(clouds)
     used = vertices[np.unique(np.concatenate(triangles))]
     middle = (used.min(axis=0) + used.max(axis=0)) / 2

@@ -286,6 +286,9 @@ def scene_file(tmp_path) -> Path:
     red.modifiers.new("Subdivision", "SUBSURF").render_levels = 1
     bpy.ops.mesh.primitive_cube_add(location=(0, 0, 9))
     bpy.context.object.name = "Lamp"
+    hidden = bpy.data.objects.new("Hidden", bpy.context.object.data.copy())
+    bpy.context.collection.objects.link(hidden)
+    hidden.hide_viewport = True
     lamp = coloured("Lamp", (1, 1, 1), **{"Emission Strength": 5.0})
     bpy.context.object.data.materials.append(lamp)
     path = tmp_path / "scene.blend"
@@ -330,6 +333,7 @@ def test_own_objects_are_brought_to_unit_size_with_their_own_materials(scene_fil
     [
         (("Red", "Lamp"), r'material "Lamp" of "Lamp" glows'),
         (("Blue",), r'scene.blend has no object "Blue"'),
+        (("Red", "Hidden"), r'"Hidden" in .*scene.blend has no surface or is hidden in viewports'),
     ],
 )
 def test_objects_that_cannot_be_shown(names, sentence, scene_file):
