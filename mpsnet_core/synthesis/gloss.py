@@ -85,17 +85,18 @@ def reflected(
     near = np.flatnonzero((along > 0.1) & (np.hypot(*mirror.T) < reach) & (cosine > 0))
     if not len(near):
         return result
-    normals, views, mirror, turns, cosine = normals[near], views[near], mirror[near], turns[near], cosine[near]
+    normals, views, mirror, turns = normals[near], views[near], mirror[near], turns[near]
     paint = None if paint is None else paint[near]
-    total = np.zeros((len(near), 3), np.float32)
+    total, shares = np.zeros((len(near), 3), np.float32), np.zeros((len(near), 1), np.float32)
     for places, weights in _three(turns) if small else _many(mirror, np.float32(spread), turns):
         towards = light.direction.astype(np.float32) + (places * np.float32(radius)) @ light.axes.astype(np.float32)
         towards /= np.sqrt(dot(towards, towards))[:, None]
-        share = np.maximum(dot(normals, towards), 0) * weights
+        share = (np.maximum(dot(normals, towards), 0) * weights)[:, None]
         used = np.flatnonzero(share)
         some = None if paint is None else paint[used]
-        total[used] += share[used, None] * reflectance(normals[used], towards[used], views[used], some)
-    result[near] = np.pi * total / cosine[:, None]
+        total[used] += share[used] * reflectance(normals[used], towards[used], views[used], some)
+        shares += share
+    result[near] = np.pi * total / np.maximum(shares, 1e-6)
     return result
 
 

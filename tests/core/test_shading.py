@@ -136,28 +136,33 @@ def test_light_off_a_wall_falls_on_the_floor_as_form_factors_say() -> None:
     assert not none.lights[0][middle].any()
 
 
-@pytest.mark.parametrize(("roughness", "size"), [(0.6, 8.0), (0.35, 10.0), (0.15, 15.0), (0.1, 1.0)])
-def test_highlights_are_as_broad_as_their_lights(roughness: float, size: float) -> None:
-    """Against reflectance averaged over thousands of places on the light."""
+@pytest.mark.parametrize(
+    ("roughness", "size", "slant"),
+    [(0.6, 8.0, 35), (0.35, 10.0, 35), (0.15, 15.0, 35), (0.1, 1.0, 35), (0.5, 15.0, 70)],
+)
+def test_highlights_are_as_broad_as_their_lights(roughness: float, size: float, slant: float) -> None:
+    """Against reflectance averaged over thousands of places on the light, of which some may be below the horizon."""
     plastic = load_reflectance(Material(base_color=(0.1, 0.1, 0.1), roughness=roughness))
-    light = Light(direction_from_angles(35, 20), size)
+    light = Light(direction_from_angles(slant, 20), size)
     rng = np.random.default_rng(3)
     normals = direction_from_angles(30 * np.sqrt(rng.random(400)), 360 * rng.random(400)).astype(np.float32)
     views = np.broadcast_to(np.array([0, 0, 1], np.float32), normals.shape)
     found = reflected(plastic, lobe(plastic).width, light, normals, views, None, rng.integers(64, size=400))
-    across = np.linspace(-1, 1, 61)
+    across = np.linspace(-1, 1, 45)
     places = np.stack(np.meshgrid(across, across), -1).reshape(-1, 2)
-    expected = np.zeros((400, 3))
+    expected, total = np.zeros((400, 3)), np.zeros(400)
     towards = light.towards(places[(places**2).sum(1) <= 1])
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
     for one in towards:
-        cosine = normals @ one
+        cosine = np.maximum(normals @ one, 0)
         expected += np.pi * plastic(normals, np.broadcast_to(one, normals.shape), views) * cosine[:, None]
-    expected /= len(towards) * (normals @ light.direction)[:, None]
+        total += cosine
+    above = normals @ light.direction > 0
+    found, expected = found[above], expected[above] / total[above, None]
     assert expected.max() > 1.4 * np.median(expected)
     assert abs(found.mean() / expected.mean() - 1) < 0.01
     assert np.abs(found - expected).mean() < 0.05 * expected.mean()
-    assert (np.abs(found - expected) / expected.max()).max() < 0.1
+    assert (np.abs(found - expected) / expected.max()).max() < 0.15
 
 
 def test_albedo_is_measured_on_the_reflectance() -> None:
