@@ -4,7 +4,7 @@ Distances and blends after Inigo Quilez, "Distance functions" and "Smooth minimu
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -174,3 +174,16 @@ def blended(a: Array, b: Array, width: float) -> Array:
 
 def _axes(axes: ArrayLike | None) -> Array:
     return WORLD if axes is None else np.asarray(axes, np.float64)
+
+
+def placed_solid(solid: Solid, axes: Array, scale: float, offset: Array) -> Solid:
+    """The solid turned, scaled and moved as :func:`mpsnet_core.synthesis.shapes.shape.placed` does with shapes."""
+    distance = solid.distance
+    return replace(
+        solid,
+        distance=lambda points: distance(points / scale) * scale,
+        centre=solid.centre @ axes * scale + offset,
+        axes=solid.axes @ axes,
+        half=solid.half * scale,
+        blend=solid.blend * scale,
+    )

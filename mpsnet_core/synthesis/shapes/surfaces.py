@@ -92,7 +92,10 @@ def slab(outline: ArrayLike, height: float, bevel: float, part: int = 0) -> Shap
 
 
 def sheet(front: Array, back: Array, part: int = 0) -> Shape:
-    """A closed sheet between two grids (M, N, 3), with a round hem; seen from the front, columns turn left of rows."""
+    """A closed sheet between two grids (M, N, 3), with a round hem.
+
+    Seen from the front, the first index runs down and the second to the right.
+    """
     rows, columns = front.shape[:2]
     number = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
     a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]

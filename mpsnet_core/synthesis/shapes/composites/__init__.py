@@ -5,9 +5,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from mpsnet_core.synthesis.shapes.composites.assembly import Piece, assembled
+from mpsnet_core.synthesis.shapes.composites.beasts import bird, octopus, quadruped
 from mpsnet_core.synthesis.shapes.composites.constructions import dwelling, pile, robot, vehicle
-from mpsnet_core.synthesis.shapes.composites.creatures import biped, bird, bust, octopus, pair, quadruped
+from mpsnet_core.synthesis.shapes.composites.figures import biped, bust
 from mpsnet_core.synthesis.shapes.composites.growths import growth, mushrooms, tangle
+from mpsnet_core.synthesis.shapes.composites.pairs import pair
 from mpsnet_core.synthesis.shapes.composites.vessels import full_sack, vessel
 from mpsnet_core.synthesis.shapes.draws import picked
 from mpsnet_core.synthesis.shapes.shape import Shape

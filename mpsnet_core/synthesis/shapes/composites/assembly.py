@@ -21,6 +21,11 @@ BODY, HEAD, ARMS, LEGS, FEATURES, DRESS, LOAD, BASE = range(8)
 COARSE = 0.13
 
 
+def softness(rng: np.random.Generator) -> float:
+    """How wide joints flow into each other, as a share of the limbs' thickness: pressed clay to melted wax."""
+    return picked(rng, (0.12, 0.35, 0.8, 1.4), (2, 3, 3, 1))
+
+
 def assembled(pieces: Sequence[Piece], cells: int, rng: np.random.Generator) -> Shape:
     """All solids as one isosurface, `cells` grid cells along its longest side, with the surfaces set into it.
 

@@ -5,8 +5,7 @@
 import numpy as np
 
 from mpsnet_core.normals import normalised
-from mpsnet_core.synthesis.shapes.composites.assembly import ARMS, BASE, BODY, DRESS, FEATURES, HEAD, Piece
-from mpsnet_core.synthesis.shapes.composites.creatures import softness
+from mpsnet_core.synthesis.shapes.composites.assembly import ARMS, BASE, BODY, DRESS, FEATURES, HEAD, Piece, softness
 from mpsnet_core.synthesis.shapes.draws import between, chance, count, direction, picked, turned
 from mpsnet_core.synthesis.shapes.shape import axes_along, placed
 from mpsnet_core.synthesis.shapes.solids import box, curved_limb, ellipsoid, limb, ring
