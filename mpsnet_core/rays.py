@@ -43,8 +43,9 @@ class RayScene:
         low, high = vertices.min(axis=0), vertices.max(axis=0)
         self.middle, self.size = (low + high) / 2, float(np.linalg.norm(high - low)) or 1.0
         self._scene = EmbreeScene()
-        corners = ((vertices - self.middle) / self.size)[triangles]
-        self._mesh = TriangleMesh(self._scene, corners.astype(np.float32))
+        # embreex reads numbers one by one, out of tuples in half the time that it takes out of an array's rows.
+        corners = np.fromiter(zip(*triangles.T.tolist(), strict=True), object, len(triangles))
+        self._mesh = TriangleMesh(self._scene, ((vertices - self.middle) / self.size).astype(np.float32), corners)
 
     def distances(self, origins: NDArray[np.floating], directions: NDArray[np.floating]) -> NDArray[np.float64]:
         """(N,) distance along each ray to the first hit, infinity where it hits nothing. Unit directions (N, 3)."""

@@ -18,7 +18,7 @@ NOISE = NormalDist(0, 0.306)
 _LEVELS = np.linspace(-1, 1, 129)
 _SHARES = np.array([NOISE.cdf(level) for level in _LEVELS])
 
-PAINT_OCTAVES, DIRT_OCTAVES = 2, 3
+PAINT_OCTAVES, DIRT_OCTAVES = 1, 2
 DARKEST_PAINT = 0.05
 DIRT_EDGE = 0.15  # half the width of dirt's soft edges, in units of its noise
 BUMP_STEP = 0.01  # of the length of a bump
