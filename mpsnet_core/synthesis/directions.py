@@ -24,15 +24,14 @@ def frames(axes: NDArray[Floats]) -> tuple[NDArray[Floats], NDArray[Floats]]:
 
 
 def disc(count: int, turns: int = 1) -> NDArray[np.float64]:
-    """(turns, count, 2) points spread evenly over the unit disc around its middle, as in a sunflower (Vogel 1979).
+    """(turns, count, 2) points spread evenly over the unit disc, as in a sunflower (Vogel 1979).
 
     Each of the `turns` sets fills gaps that the others leave.
     """
     turn, number = np.mgrid[:turns, :count]
     radius = np.sqrt((number + (turn * GOLDEN_RATIO + 0.5) % 1) / count)
     angle = 2 * np.pi * (GOLDEN_RATIO * number + turn / turns)
-    points = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
-    return points - points.mean(axis=1, keepdims=True)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
 
 
 def tiled(side: int, shape: tuple[int, int]) -> NDArray[np.int64]:

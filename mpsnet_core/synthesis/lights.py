@@ -11,7 +11,7 @@ from mpsnet_core.synthesis.surface_points import SurfacePoints, dot
 
 # Everywhere one ray goes to a place near the light's rim, another one from pixel to pixel. Where all of them agree in a
 # pixel's neighbourhood they are enough, elsewhere there is a penumbra and so many more are cast.
-PENUMBRA_RAYS = 16
+PENUMBRA_RAYS, FIRST_RAYS = 16, 5
 TURNS = 64
 RIM = 0.9
 _TILE = 4
@@ -89,19 +89,40 @@ def arrival(
     lit[sure] = free[~unsure]
     irradiance[sure] = cosine[sure] * lit[sure]
 
-    unsure_points = facing[unsure]
-    start, turn = start[unsure], turns[unsure_points]
-    normal, smooth = points.normal[unsure_points], points.smooth[unsure_points]
-    for places in disc(PENUMBRA_RAYS, TURNS).swapaxes(0, 1):
-        towards = light.towards(places)[turn]
-        share = dot(normal, towards)
-        up = np.flatnonzero((share > 0) & (dot(smooth, towards) > 0))
-        reached = up[~scene.occluded(start[up], towards[up])]
-        irradiance[unsure_points[reached]] += share[reached]
-        lit[unsure_points[reached]] += 1
-    irradiance[unsure_points] /= PENUMBRA_RAYS
-    lit[unsure_points] /= PENUMBRA_RAYS
+    _cast_many(light, points, scene, facing[unsure], turns, irradiance, lit)
     return Arrival(irradiance, lit)
+
+
+def _cast_many(
+    light: Light,
+    points: SurfacePoints,
+    scene: RayScene,
+    chosen: NDArray[np.int64],
+    turns: NDArray[np.integer],
+    irradiance: NDArray[np.float32],
+    lit: NDArray[np.float32],
+) -> None:
+    """Fill in what reaches the chosen points, from rays to many places on the light; fewer where the first agree."""
+    places = disc(PENUMBRA_RAYS, TURNS)
+    places -= places.mean(axis=1, keepdims=True)
+    for number, towards in enumerate(light.towards(places).swapaxes(0, 1)[::-1]):  # from the rim inwards
+        if number == FIRST_RAYS:
+            mixed = (lit[chosen] > 0) & (lit[chosen] < FIRST_RAYS)
+            settled = chosen[~mixed]
+            lit[settled] /= FIRST_RAYS
+            irradiance[settled] = lit[settled] * (points.normal[settled] @ light.direction.astype(np.float32))
+            chosen = chosen[mixed]
+        if number in (0, FIRST_RAYS):
+            start, normal, smooth = points.start[chosen], points.normal[chosen], points.smooth[chosen]
+            turn = turns[chosen]
+        heading = towards[turn]
+        share = dot(normal, heading)
+        up = np.flatnonzero((share > 0) & (dot(smooth, heading) > 0))
+        reached = up[~scene.occluded(start[up], heading[up])]
+        irradiance[chosen[reached]] += share[reached]
+        lit[chosen[reached]] += 1
+    irradiance[chosen] /= PENUMBRA_RAYS
+    lit[chosen] /= PENUMBRA_RAYS
 
 
 def _grown(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
