@@ -2,7 +2,7 @@
 
 Each Cycles sample draws one of the lights by chance. Its Sobol sequence shares them out evenly among four lights, four
 samples at a time, but not among three, so that a fourth sun, all but black, takes the noise of that draw away: on a
-matt sphere with 16 samples equation 2's normals are 0.3° off rather than 7°.
+matt sphere with 64 samples equation 2's normals are 0.17° off rather than 2.3°.
 """
 
 import math
