@@ -74,7 +74,9 @@ def _ground(rng: np.random.Generator, footprint: Array, part: int) -> Shape:
         x, y = np.meshgrid(np.linspace(-1, 1, nodes) * spread[0], np.linspace(1, -1, nodes) * spread[1])
         seed, scale = new_seed(rng), between(rng, 0.8, 5)
         flat = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
-        height = between(rng, 0.01, 0.12) / np.sqrt(scale) * fractal_noise(flat * scale, seed, 3).reshape(x.shape)
+        # A float64, which NumPy before 2 and since then multiply float32 by in different precision.
+        steepness = between(rng, 0.01, 0.12) / np.sqrt(scale)
+        height = steepness * fractal_noise(flat * scale, seed, 3).astype(np.float64).reshape(x.shape)
         front = np.stack([x, y, height], axis=-1)
         return placed(sheet(front, np.stack([x, y, np.full_like(x, -0.25)], axis=-1), part), offset=(*middle, 0))
     angles = np.linspace(0, 2 * np.pi, 160, endpoint=False)

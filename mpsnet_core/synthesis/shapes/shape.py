@@ -69,7 +69,8 @@ def placed(shape: Shape, axes: ArrayLike | None = None, scale: float = 1.0, offs
     return replace(
         shape,
         vertices=shape.vertices @ turn * scale + np.asarray(offset, np.float64),
-        corner_normals=(shape.corner_normals.reshape(-1, 3) @ turn.astype(np.float32)).reshape(-1, 3, 3),
+        # In float64, of which float32 keeps what is the same on every machine.
+        corner_normals=(shape.corner_normals.reshape(-1, 3) @ turn).astype(np.float32).reshape(-1, 3, 3),
     )
 
 
@@ -79,20 +80,12 @@ def standing(shape: Shape) -> Shape:
 
 
 def fitted(shape: Shape) -> Shape:
-    """The shape moved and scaled to a bounding sphere of radius 1 at the origin.
+    """The shape moved and scaled to a bounding sphere of radius 1 about the middle of its bounding box.
 
-    The centre is that of the smallest sphere around it to within a percent (Bădoiu and Clarkson 2003, on the vertices
-    that lie farthest out in 26 directions); the farthest vertex has the distance 1.
+    The smallest sphere would be a little tighter, but which vertices it touches can hang on the last bit of a sum, and
+    so differ from one machine to the next.
     """
-    grid = np.stack(np.meshgrid(*3 * [[-1.0, 0.0, 1.0]], indexing="ij"), axis=-1).reshape(-1, 3)
-    x, y, z = np.ascontiguousarray(shape.vertices.T)
-    farthest = [int((a * x + b * y + c * z).argmax()) for a, b, c in grid]
-    extremes = shape.vertices[np.unique(farthest)]
-    centre = (extremes.min(axis=0) + extremes.max(axis=0)) / 2
-    for step in range(2, 200):
-        offsets = extremes - centre
-        centre = centre + offsets[(offsets**2).sum(axis=1).argmax()] / step
-    vertices = shape.vertices - centre
+    vertices = shape.vertices - (shape.vertices.min(axis=0) + shape.vertices.max(axis=0)) / 2
     vertices /= np.sqrt((vertices**2).sum(axis=1).max())
     return replace(shape, vertices=vertices)
 
