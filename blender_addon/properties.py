@@ -346,7 +346,7 @@ class SamplesSettings:
     )
     samples: IntProperty(
         name="Cycles Samples",
-        description="Cycles samples a pixel: more take longer and give less noise",
+        description="Cycles samples a pixel, shared by the three lights: more take longer and give less noise",
         default=64,
         min=1,
         max=65536,
@@ -354,14 +354,14 @@ class SamplesSettings:
     )
     denoise: BoolProperty(
         name="Denoise",
-        description="Take the noise from the light of each lamp with OpenImageDenoise",
+        description="Take the noise from each light's picture with OpenImageDenoise, where light goes between surfaces",
         default=True,
         options=GIVEN,
     )
     bounces: IntProperty(
         name="Bounces",
         description="How often light goes from surface to surface. 0: direct light only",
-        default=1,
+        default=3,
         min=0,
         max=64,
         options=GIVEN,

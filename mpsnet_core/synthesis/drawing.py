@@ -58,6 +58,7 @@ ROUGHNESS = ((0.5, (0.6, 1.0)), (0.35, (0.25, 0.6)), (0.15, (0.06, 0.25)))  # sh
 METAL_SHARE, METAL_BRIGHTNESS = 0.15, (0.05, 0.9)
 SPECULAR, IOR = (0.2, 0.8), (1.3, 1.7)
 SHEEN_SHARE, COAT_SHARE, SUBSURFACE_SHARE = 0.1, 0.15, 0.1
+SUBSURFACE_RADIUS = (0.1, 1.0)  # as Blender takes it: light spreads about a twelfth of that
 
 
 def draw_recipe(job: SampleJob, number: int) -> Recipe:
@@ -228,7 +229,7 @@ def _principled(rng: np.random.Generator, tone: Colour | None) -> Material:
         coat=_between(rng, (0.3, 1.0)) * bool(coat),
         coat_roughness=_between(rng, (0.02, 0.3)),
         subsurface=_between(rng, (0.2, 1.0)) * bool(subsurface),
-        subsurface_radius=_between_log(rng, (0.01, 0.1)),
+        subsurface_radius=_between_log(rng, SUBSURFACE_RADIUS),
     )
 
 

@@ -43,7 +43,7 @@ class SampleJob:
     "scene" (cycles only). merl: folder of MERL ``.binary`` files, or the ``.npz`` of neural fits; with "" all materials
     are principled (synthesis only). views: how many samples in a row show the same shape. bounces: of light between
     surfaces, 0 or more; for synthesis 0 or 1. samples: Cycles samples a pixel. denoise: whether Cycles' light is
-    denoised. supersampling: rays along a pixel's side.
+    denoised where it bounces between surfaces. supersampling: rays along a pixel's side.
 
     Raises InputError where a value is out of its range or two of them do not go together.
     """

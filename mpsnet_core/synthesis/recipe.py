@@ -168,9 +168,9 @@ def recipe_from_data(data: dict[str, Any]) -> Recipe:
             bounces=int(data["bounces"]),
         )
     except KeyError as error:
-        raise InputError(f"it holds no recipe that this program knows: it lacks {error}; make the sample anew") from None
+        raise InputError(f"it holds no recipe that this program knows: it lacks {error}; make it anew") from None
     except (TypeError, ValueError, AttributeError, OverflowError):
-        raise InputError("it holds no recipe that this program knows; make the sample anew") from None
+        raise InputError("it holds no recipe that this program knows; make it anew") from None
 
 
 def _noun(kind: type, data: dict[str, Any]) -> Any:

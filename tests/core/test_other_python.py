@@ -36,6 +36,4 @@ def test_recipes_are_equal_and_arrays_agree(tmp_path: Path) -> None:
                 getattr(ours, name), getattr(theirs, name), atol=1e-5, err_msg=f"{number} {name}"
             )
         for name in ("lights", "lit"):  # kept as half floats, whose neighbours lie a share of 2^-10 apart
-            np.testing.assert_allclose(
-                getattr(ours, name), getattr(theirs, name), atol=1e-5, rtol=2**-10, err_msg=f"{number} {name}"
-            )
+            np.testing.assert_allclose(getattr(ours, name), getattr(theirs, name), atol=1e-5, rtol=2**-10, err_msg=name)
