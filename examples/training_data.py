@@ -14,7 +14,7 @@ from pathlib import Path
 import bpy
 
 from mpsnet_core.synthesis.contact_sheet import contact_sheet, write_sheet
-from mpsnet_core.synthesis.farm import make_samples
+from mpsnet_core.synthesis.farm.run import make_samples
 from mpsnet_core.synthesis.job import SampleJob, read_job, sample_path
 
 OUTPUT = Path(__file__).resolve().parent / "output"

@@ -9,10 +9,10 @@ import numpy as np
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.synthesis.cycles import sample_from_cycles
+from mpsnet_core.synthesis.farm.work import THREADS_VARIABLE
 from mpsnet_core.synthesis.recipe import Recipe
 from mpsnet_core.synthesis.sample import Sample
 from mpsnet_core.synthesis.shapes import Shape
-from mpsnet_core.synthesis.work import THREADS_VARIABLE
 
 from .denoising import add_denoising, denoising_helps
 from .materials import weight_passes

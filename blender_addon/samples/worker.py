@@ -5,11 +5,11 @@ from pathlib import Path
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.synthesis.drawing import draw_recipe
+from mpsnet_core.synthesis.farm.work import serve
 from mpsnet_core.synthesis.job import SampleJob
 from mpsnet_core.synthesis.recipe import Recipe
 from mpsnet_core.synthesis.sample import write_sample
 from mpsnet_core.synthesis.shapes import Shape, build_shape
-from mpsnet_core.synthesis.work import serve
 
 from ..training_data import SCENE_FILE
 from .objects import SceneObjects, open_objects
@@ -17,7 +17,7 @@ from .render import render_sample
 
 
 def work(folder: str | os.PathLike[str]) -> None:
-    """Make the samples of the job in `folder` that are asked for on stdin, see :mod:`mpsnet_core.synthesis.work`.
+    """Make the samples of the job in `folder` that are asked for on stdin, see :mod:`mpsnet_core.synthesis.farm.work`.
 
     Where the job shows a scene's own objects, the folder's ``scene.blend`` is opened in place of the open file.
     """

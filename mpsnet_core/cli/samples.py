@@ -97,7 +97,7 @@ def _make(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
 
 
 def _farmed(folder: str, job: Any, options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
-    from mpsnet_core.synthesis.farm import SYNTHESIS_COMMAND, blender_command, make_samples
+    from mpsnet_core.synthesis.farm.run import SYNTHESIS_COMMAND, blender_command, make_samples
     from mpsnet_core.synthesis.job import CONTACT_SHEET
 
     command = SYNTHESIS_COMMAND if job.renderer == "synthesis" else blender_command(options.blender, options.addon)
@@ -119,8 +119,8 @@ def _farmed(folder: str, job: Any, options: argparse.Namespace, reporter: Report
 
 
 def _work(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
+    from mpsnet_core.synthesis.farm.work import serve
     from mpsnet_core.synthesis.make import make_sample
-    from mpsnet_core.synthesis.work import serve
 
     serve(options.folder, make_sample)
     return {}

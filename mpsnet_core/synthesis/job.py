@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import read_json, write_json
-from mpsnet_core.synthesis.claims import Claims
+from mpsnet_core.synthesis.farm.claims import Claims
 
 JOB_FORMAT = "mpsnet-samples"
 JOB_VERSION = 1

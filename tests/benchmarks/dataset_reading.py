@@ -15,9 +15,9 @@ import OpenImageIO as oiio
 
 from mpsnet_core.camera import Camera
 from mpsnet_core.rig import published_rig
-from mpsnet_core.synthesis.capture_model import CaptureModel
-from mpsnet_core.synthesis.dataset import SampleDataset
 from mpsnet_core.synthesis.job import sample_path
+from mpsnet_core.synthesis.photographs.capture_model import CaptureModel
+from mpsnet_core.synthesis.photographs.dataset import SampleDataset
 from mpsnet_core.synthesis.recipe import Material, Recipe
 from mpsnet_core.synthesis.sample import Sample, read_sample, write_sample
 

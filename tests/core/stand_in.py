@@ -14,8 +14,8 @@ from pathlib import Path
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import written_whole
+from mpsnet_core.synthesis.farm.work import THIS_PYTHON, serve
 from mpsnet_core.synthesis.job import SampleJob, samples_there
-from mpsnet_core.synthesis.work import THIS_PYTHON, serve
 
 # Windows knows no SIGKILL; its SIGTERM is as sudden.
 KILL = getattr(signal, "SIGKILL", signal.SIGTERM)

@@ -14,7 +14,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.lambertian import lambertian_normals, unmixed
 from mpsnet_core.images import linear_to_srgb, read_image
 from mpsnet_core.rig import published_rig
-from mpsnet_core.synthesis.capture_model import CaptureDraw, CaptureModel, photograph
+from mpsnet_core.synthesis.photographs.capture_model import CaptureDraw, CaptureModel, photograph
 from mpsnet_core.synthesis.sample import Sample
 
 DIRECTIONS = published_rig().directions

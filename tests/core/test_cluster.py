@@ -16,8 +16,8 @@ from synthetic import listing
 from test_farm import alive, job, posix, start, until, workers
 
 from mpsnet_core.errors import Cancelled, InputError
-from mpsnet_core.synthesis import cluster as dask
-from mpsnet_core.synthesis.farm import Harvest, make_samples
+from mpsnet_core.synthesis.farm import cluster as dask
+from mpsnet_core.synthesis.farm.run import Harvest, make_samples
 from mpsnet_core.synthesis.job import write_job
 
 

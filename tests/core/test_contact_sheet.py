@@ -24,7 +24,7 @@ from mpsnet_core.synthesis.contact_sheet import (
     spread,
     summarise,
 )
-from mpsnet_core.synthesis.farm import make_samples
+from mpsnet_core.synthesis.farm.run import make_samples
 from mpsnet_core.synthesis.job import SampleJob
 from mpsnet_core.synthesis.sample import Sample, write_sample
 

@@ -15,9 +15,9 @@ from synthetic import degrees_between, shaded_sphere
 
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.estimate.lambertian import lambertian_normals
-from mpsnet_core.synthesis.capture_model import CaptureModel
-from mpsnet_core.synthesis.dataset import Example, SampleDataset
 from mpsnet_core.synthesis.job import sample_path
+from mpsnet_core.synthesis.photographs.capture_model import CaptureModel
+from mpsnet_core.synthesis.photographs.dataset import Example, SampleDataset
 from mpsnet_core.synthesis.sample import write_sample
 
 SIZE = 48
@@ -129,7 +129,7 @@ def test_examples_depend_on_seed_epoch_and_index_alone(folder: Path) -> None:
 
 def test_another_process_reads_the_same_bytes(folder: Path) -> None:
     script = (
-        "import hashlib, sys; from mpsnet_core.synthesis.dataset import SampleDataset;"
+        "import hashlib, sys; from mpsnet_core.synthesis.photographs.dataset import SampleDataset;"
         "d = SampleDataset(sys.argv[1], seed=9);"
         "print(*[hashlib.sha256(b''.join(a.tobytes() for a in d.example(i, 4))).hexdigest() for i in (3, 0, 2, 1)])"
     )

@@ -16,13 +16,13 @@ from stand_in import COMMAND, KILL, begun, whole
 from synthetic import listing
 
 from mpsnet_core.errors import Cancelled, InputError
-from mpsnet_core.synthesis.farm import FAILURES_IN_A_ROW, Harvest, blender_command, duration, make_samples
+from mpsnet_core.synthesis.farm.run import FAILURES_IN_A_ROW, Harvest, blender_command, duration, make_samples
+from mpsnet_core.synthesis.farm.work import THIS_PYTHON, clear_unfinished
 from mpsnet_core.synthesis.job import SampleJob
-from mpsnet_core.synthesis.work import THIS_PYTHON, clear_unfinished
 
 RUN = """
 import sys
-from mpsnet_core.synthesis.farm import make_samples
+from mpsnet_core.synthesis.farm.run import make_samples
 from mpsnet_core.synthesis.job import SampleJob
 from stand_in import COMMAND
 

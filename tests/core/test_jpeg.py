@@ -7,7 +7,7 @@ import OpenImageIO as oiio
 import pytest
 from synthetic import Sphere, write_file
 
-from mpsnet_core.synthesis.jpeg import jpeg_losses
+from mpsnet_core.synthesis.photographs.jpeg import jpeg_losses
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from mpsnet_core.evaluation.diligent import PROTOCOLS
 from mpsnet_core.images import linear_to_srgb, srgb_to_linear
 from mpsnet_core.normals import normalised
 from mpsnet_core.rig import LightRig
-from mpsnet_core.synthesis.jpeg import jpeg_losses
+from mpsnet_core.synthesis.photographs.jpeg import jpeg_losses
 
 Range = tuple[float, float]
 Rows = tuple[tuple[float, ...], ...]

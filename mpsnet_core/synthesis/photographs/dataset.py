@@ -13,7 +13,7 @@ from mpsnet_core.capture import Capture
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.features import feature_maps
 from mpsnet_core.progress import Progress, silent
-from mpsnet_core.synthesis.capture_model import CaptureModel, photograph
+from mpsnet_core.synthesis.photographs.capture_model import CaptureModel, photograph
 from mpsnet_core.synthesis.sample import Sample, read_sample, read_sample_data
 
 log = logging.getLogger(__name__)

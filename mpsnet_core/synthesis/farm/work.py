@@ -28,7 +28,7 @@ from typing import IO, Any, Literal
 
 import mpsnet_core
 from mpsnet_core.errors import InputError
-from mpsnet_core.synthesis.claims import Claims
+from mpsnet_core.synthesis.farm.claims import Claims
 from mpsnet_core.synthesis.job import FOLDER_CLAIM, SampleJob, read_job, sample_number, sample_path
 
 # In a worker's command: the Python that starts it, which on another machine stands elsewhere.

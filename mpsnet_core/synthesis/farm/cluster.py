@@ -15,8 +15,8 @@ from typing import Any
 
 from mpsnet_core import __version__
 from mpsnet_core.errors import InputError
+from mpsnet_core.synthesis.farm.work import Answer, Answers, Worker
 from mpsnet_core.synthesis.job import JOB_FILE
-from mpsnet_core.synthesis.work import Answer, Answers, Worker
 
 try:
     from distributed import Client, Future, KilledWorker, WorkerPlugin, get_worker

@@ -16,10 +16,10 @@ from pathlib import Path
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import writable_path
 from mpsnet_core.progress import Progress, silent
-from mpsnet_core.synthesis.claims import Claims
 from mpsnet_core.synthesis.contact_sheet import contact_sheet, write_sheet
+from mpsnet_core.synthesis.farm.claims import Claims
+from mpsnet_core.synthesis.farm.work import THIS_PYTHON, Answer, Answers, Worker, WorkerLost, clear_unfinished
 from mpsnet_core.synthesis.job import CONTACT_SHEET, FOLDER_CLAIM, SampleJob, place_job, sample_path, samples_there
-from mpsnet_core.synthesis.work import THIS_PYTHON, Answer, Answers, Worker, WorkerLost, clear_unfinished
 
 log = logging.getLogger(__name__)
 
@@ -65,8 +65,8 @@ def make_samples(
 ) -> Harvest:
     """Make the samples of `job` that `folder` does not hold yet, and keep its contact sheet growing.
 
-    command: starts a worker (:mod:`mpsnet_core.synthesis.work`). processes: workers on this machine, 0 for as many as
-    there are cores. cluster: address of a Dask scheduler, whose workers do it instead; they must reach the folder by
+    command: starts a worker (:mod:`mpsnet_core.synthesis.farm.work`). processes: workers on this machine, 0 for as many
+    as there are cores. cluster: address of a Dask scheduler, whose workers do it instead; they must reach the folder by
     the same path.
 
     However it ends, the samples that are there are whole, and the same call goes on from them. Runs of several
@@ -86,7 +86,7 @@ def make_samples(
     tally = _Tally(job.count, job.count - len(numbers), progress)
     sheet = _GrowingSheet(folder)
     if cluster:
-        from mpsnet_core.synthesis.cluster import answers_from_cluster
+        from mpsnet_core.synthesis.farm.cluster import answers_from_cluster
 
         answers = answers_from_cluster(cluster, command, folder, numbers)
     else:
