@@ -6,8 +6,8 @@ from typing import Any
 import bpy
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.synthesis.pattern import DARKEST_PAINT, DIRT_EDGE, DIRT_OCTAVES, NOISE, PAINT_OCTAVES
 from mpsnet_core.synthesis.recipe import Bump, Dirt, Material, Paint, Pattern, Recipe
+from mpsnet_core.synthesis.shading.pattern import DARKEST_PAINT, DIRT_EDGE, DIRT_OCTAVES, NOISE, PAINT_OCTAVES
 
 from .nodes import Graph, Value
 

@@ -4,7 +4,7 @@ from typing import Any
 
 from numpy.random import PCG64, Generator
 
-from mpsnet_core.synthesis.pattern import NOISE
+from mpsnet_core.synthesis.shading.pattern import NOISE
 
 Value = Any  # a socket, a number, or three numbers
 

@@ -14,10 +14,10 @@ from mpsnet_core.files import existing_file
 from mpsnet_core.images import libraries_silent
 from mpsnet_core.normals import normalised
 from mpsnet_core.rays import RayScene
-from mpsnet_core.synthesis.directions import disc
-from mpsnet_core.synthesis.lights import Light
 from mpsnet_core.synthesis.recipe import Recipe
 from mpsnet_core.synthesis.sample import Sample
+from mpsnet_core.synthesis.shading.directions import disc
+from mpsnet_core.synthesis.shading.lights import Light
 
 LIGHT_GROUPS = ("light1", "light2", "light3")
 WEIGHTS = "weights"  # passes of this name and a number hold three materials' weights each

@@ -15,8 +15,8 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.normals import angular_error, normalised
 from mpsnet_core.rig import published_rig
 from mpsnet_core.synthesis.cycles import sample_from_cycles
-from mpsnet_core.synthesis.pattern import material_weights
 from mpsnet_core.synthesis.recipe import Bump, Dirt, Material, Paint, Pattern, Recipe
+from mpsnet_core.synthesis.shading.pattern import material_weights
 from mpsnet_core.synthesis.shapes import Shape
 
 SIZE = 64

@@ -12,7 +12,7 @@ from mpsnet_core.rig import direction_from_angles
 from mpsnet_core.synthesis.recipe import Material, Recipe
 from mpsnet_core.synthesis.reflectance import load_reflectance
 from mpsnet_core.synthesis.sample import Sample
-from mpsnet_core.synthesis.shading import synthesise
+from mpsnet_core.synthesis.shading.synthesise import synthesise
 from mpsnet_core.synthesis.shapes import Shape
 
 SIZE = 96

@@ -31,7 +31,7 @@ from mpsnet_core.synthesis.job import SampleJob
 from mpsnet_core.synthesis.recipe import Recipe
 from mpsnet_core.synthesis.reflectance import load_reflectance
 from mpsnet_core.synthesis.sample import Sample
-from mpsnet_core.synthesis.shading import synthesise
+from mpsnet_core.synthesis.shading.synthesise import synthesise
 from mpsnet_core.synthesis.shapes import Shape, build_shape
 
 LIMIT, GOAL = 0.02, 30

@@ -6,11 +6,11 @@ from shaded_shapes import Lambert, ball, camera, plane_points, recipe, rectangle
 
 from mpsnet_core.normals import angular_error
 from mpsnet_core.rig import direction_from_angles
-from mpsnet_core.synthesis.gloss import lobe, reflected
-from mpsnet_core.synthesis.lights import Light
 from mpsnet_core.synthesis.recipe import Bump, Dirt, Material, Paint, Pattern
 from mpsnet_core.synthesis.reflectance import load_reflectance
-from mpsnet_core.synthesis.shading import synthesise
+from mpsnet_core.synthesis.shading.gloss import lobe, reflected
+from mpsnet_core.synthesis.shading.lights import Light
+from mpsnet_core.synthesis.shading.synthesise import synthesise
 
 FLOOR = rectangle((-2, -2, 0), (4, 0, 0), (0, 4, 0))
 

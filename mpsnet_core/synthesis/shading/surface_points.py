@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from mpsnet_core.camera import Camera
 from mpsnet_core.normals import normalised
 from mpsnet_core.rays import Hits, RayScene
-from mpsnet_core.synthesis.pattern import bumped
 from mpsnet_core.synthesis.recipe import Recipe
+from mpsnet_core.synthesis.shading.pattern import bumped
 from mpsnet_core.synthesis.shapes import Shape
 
 # Rays start this far off the surface, in units of the object's radius.

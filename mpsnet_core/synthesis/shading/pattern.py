@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.normals import normalised
-from mpsnet_core.synthesis.directions import frames
 from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise, voronoi
 from mpsnet_core.synthesis.recipe import Bump, Dirt, Paint, Pattern
+from mpsnet_core.synthesis.shading.directions import frames
 
 # The noise's values are spread nearly as the normal distribution's, with this standard deviation.
 NOISE = NormalDist(0, 0.306)

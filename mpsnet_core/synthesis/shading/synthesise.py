@@ -8,15 +8,15 @@ from numpy.typing import NDArray
 
 from mpsnet_core.camera import Camera
 from mpsnet_core.normals import normalised
-from mpsnet_core.synthesis.bounce import STRIDE, indirect
-from mpsnet_core.synthesis.gloss import Lobe, lobe, reflected
-from mpsnet_core.synthesis.lights import TURNS, Light, arrival
-from mpsnet_core.synthesis.pattern import dirt_weight, material_weights, paint_factors
 from mpsnet_core.synthesis.recipe import Recipe
 from mpsnet_core.synthesis.reflectance import Reflectance
 from mpsnet_core.synthesis.sample import Sample
+from mpsnet_core.synthesis.shading.bounce import STRIDE, indirect
+from mpsnet_core.synthesis.shading.gloss import Lobe, lobe, reflected
+from mpsnet_core.synthesis.shading.lights import TURNS, Light, arrival
+from mpsnet_core.synthesis.shading.pattern import dirt_weight, material_weights, paint_factors
+from mpsnet_core.synthesis.shading.surface_points import Surface, SurfacePoints
 from mpsnet_core.synthesis.shapes import Shape
-from mpsnet_core.synthesis.surface_points import Surface, SurfacePoints
 
 RENDERER = "synthesis"
 
