@@ -127,7 +127,8 @@ def _seen_triangles(mesh: Mesh, projectors: "Sequence[_Projector]", scene: RaySc
     if np.linalg.det(mesh.world_from_object[:3, :3]) < 0:
         outwards = -outwards
     middles, outwards = corners.mean(axis=1).astype(np.float32), normalised(outwards).astype(np.float32)
-    return np.any([projector.look(middles, outwards)[:, 3] > 0 for projector in projectors], axis=0)
+    seen: NDArray[np.bool_] = np.any([projector.look(middles, outwards)[:, 3] > 0 for projector in projectors], axis=0)
+    return seen
 
 
 def _note_layout(mesh: Mesh, corners: NDArray[np.float64], covered: NDArray[np.bool_]) -> None:

@@ -97,7 +97,7 @@ def write_sample(path: str | os.PathLike[str], sample: Sample) -> None:
     spec = oiio.ImageSpec(width, height, count, "float")
     spec.channelnames = _CHANNELS
     spec.channelformats = tuple(oiio.TypeFloat if name in _FLOATS else oiio.TypeHalf for name in _CHANNELS)
-    spec.attribute("compression", "zip")
+    spec.attribute("compression", "zip:2")  # as small as zip:4, in two thirds of the time
     spec.attribute("DateTime", _NO_DATE)
     spec.attribute("oiio:ColorSpace", "raw")
     spec.attribute(

@@ -31,7 +31,7 @@ LISTEN_SECONDS = 0.2
 HELD_SECONDS = 0.3
 SHEET_SECONDS = 5.0
 # The growing contact sheet may take this share of the time.
-SHEET_SHARE = 0.1
+SHEET_SHARE = 0.05
 
 
 @dataclass

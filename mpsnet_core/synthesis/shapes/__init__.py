@@ -22,7 +22,7 @@ from mpsnet_core.synthesis.shapes.surfaces import bent
 
 KINDS = ("blobs", "drapery", "reliefs", "composites", "groups", "meshes")
 # Cells of the grid along the longest side of a body, alone and as one of several.
-CELLS, CELLS_IN_GROUP = 88, 48
+CELLS, CELLS_IN_GROUP = 72, 44
 
 
 def draw_shape(rng: np.random.Generator, kind: str, meshes: Sequence[str] = ()) -> dict[str, Any]:

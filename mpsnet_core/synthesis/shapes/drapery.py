@@ -17,7 +17,7 @@ CHARACTERS = ("draped", "pinned", "pleated", "crumpled")
 # Nodes a side of the simulated cloth, coarse to fine, and the steps at each.
 _LEVELS = ((15, 60), (29, 40), (57, 18))
 _REPEATS = 4
-_REFINED = 3
+_REFINED = 2
 # Fall a step, small enough that no step goes through a solid.
 _GRAVITY = 0.0035
 _THICKNESS = 0.02
@@ -240,7 +240,7 @@ def _pleated(rng: np.random.Generator) -> Shape:
 
 def _crumpled(rng: np.random.Generator) -> Shape:
     """A sheet folded along many straight creases of all sizes, bent by noise; faces +z."""
-    nodes = 200
+    nodes = 150
     x, y = np.meshgrid(np.linspace(-1, 1, nodes), np.linspace(1, -1, nodes))
     seed = new_seed(rng)
     flat = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 # A motif: height, 0 to about 1, at points x, y (N,) of a field about 2 wide.
 Motif = Callable[[Array, Array], Array]
 
-_NODES = 192
+_NODES = 160
 
 
 def build_relief(character: str, rng: np.random.Generator, cells: int) -> Shape:
