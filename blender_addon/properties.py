@@ -347,7 +347,7 @@ class SamplesSettings:
     samples: IntProperty(
         name="Cycles Samples",
         description="Cycles samples a pixel, shared by the three lights: more take longer and give less noise",
-        default=64,
+        default=48,
         min=1,
         max=65536,
         options=GIVEN,

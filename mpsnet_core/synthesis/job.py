@@ -58,7 +58,7 @@ class SampleJob:
     merl: str = ""
     views: int = 1
     bounces: int = 1
-    samples: int = 64
+    samples: int = 48
     denoise: bool = True
     supersampling: int = 1
 
