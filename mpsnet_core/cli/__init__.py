@@ -58,7 +58,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         reporter.close()
         sentence = str(error)
         if isinstance(error, OSError):
-            sentence = f"{error.filename or 'output'}: {error.strerror}; check the path and its permissions"
+            sentence = f"{error.filename or 'output'}: {error.strerror or error}; check the path and its permissions"
         elif isinstance(error, MemoryError):
             sentence = "there is not enough memory; take a smaller size, or smaller photos"
         sentence = " ".join(sentence.split())

@@ -63,6 +63,8 @@ def _add_synthesize(parser: argparse.ArgumentParser) -> None:
 
 def _synthesize(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.synthesis.job import SampleJob
+    from mpsnet_core.synthesis.reflectance import material_names
+    from mpsnet_core.synthesis.shapes import mesh_files
 
     if options.shapes is not None:
         shapes = tuple(name.strip() for name in options.shapes.split(",") if name.strip())
@@ -81,9 +83,11 @@ def _synthesize(options: argparse.Namespace, reporter: Reporter) -> dict[str, An
         bounces=options.bounces,
         supersampling=options.supersampling,
     )
-    from mpsnet_core.synthesis.drawing import draw_recipe
-
-    draw_recipe(job, 0)  # what cannot be read is told before anything is begun
+    # What is missing is told before anything is begun.
+    if job.meshes:
+        mesh_files(job.meshes)
+    if job.merl:
+        material_names(job.merl)
     return _farmed(options.output, job, options, reporter)
 
 

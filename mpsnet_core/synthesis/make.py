@@ -4,6 +4,7 @@ import json
 from functools import lru_cache
 from pathlib import Path
 
+from mpsnet_core.errors import InputError
 from mpsnet_core.synthesis.drawing import draw_recipe
 from mpsnet_core.synthesis.job import SampleJob
 from mpsnet_core.synthesis.reflectance import load_reflectance
@@ -15,8 +16,11 @@ from mpsnet_core.synthesis.shapes import Shape, build_shape
 def make_sample(job: SampleJob, number: int, path: Path) -> None:
     """Draw, build, shade and write sample `number` of `job`, whole or not at all.
 
-    Raises InputError where a mesh or a measured material cannot be read, or the file cannot be written.
+    Raises InputError where the job is another renderer's, a mesh or a measured material cannot be read, or the file
+    cannot be written.
     """
+    if job.renderer != "synthesis":
+        raise InputError(f"the job in {path.parent} is for Blender; go on with it by mpsnet make")
     recipe = draw_recipe(job, number)
     shape = _shape(json.dumps(recipe.shape, sort_keys=True), job.meshes)
     reflectances = [load_reflectance(material, job.merl) for material in recipe.materials]

@@ -205,8 +205,9 @@ def _description(source: Any, path: Path) -> tuple[dict[str, Any], Recipe]:
         data = json.loads(text)
         version, renderer = data["version"], data["renderer"]
         known = isinstance(version, int) and isinstance(renderer, str) and isinstance(data["recipe"], dict)
-        known = known and len([float(share) for share in data["lit_fractions"]]) == 4
-    except (KeyError, TypeError, ValueError, RecursionError):
+        shares = [float(share) for share in data["lit_fractions"]]
+        known = known and len(shares) == 4 and all(0 <= share <= 1 for share in shares)
+    except (KeyError, TypeError, ValueError, OverflowError, RecursionError):
         known = False
     if not known:
         raise InputError(f"sample {path} is damaged: its description cannot be read; delete it and make it again")

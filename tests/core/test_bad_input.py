@@ -1115,6 +1115,11 @@ SAMPLES: list[Case] = [
     ),
     ("a scene without Blender", lambda b: b.synthesize("--shapes", "scene"), "takes shapes from a scene but names no"),
     ("meshes missing", lambda b: b.synthesize("--meshes", b / "nowhere"), "nowhere"),
+    (
+        "meshes missing beside other shapes",
+        lambda b: b.synthesize("--shapes", "blobs,meshes", "--meshes", b / "nowhere"),
+        "folder of meshes…nowhere does not exist; check the path",
+    ),
     ("materials missing", lambda b: b.synthesize("--merl", b / "nowhere"), "nowhere"),
     ("processes below 0", lambda b: b.synthesize("--processes", "-2"), "-2 processes cannot be; choose 1 or more"),
     (

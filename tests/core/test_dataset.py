@@ -224,6 +224,10 @@ def test_what_cannot_be_a_dataset_is_told(folder: Path, tmp_path: Path) -> None:
     sample_path(tmp_path, 0).write_text("no picture")
     with pytest.raises(InputError, match=r"none of the 1 samples in .* is whole; make them again"):
         SampleDataset(tmp_path)
+    with pytest.raises(InputError, match=r"the dataset's crop cannot be -8; choose 0 or more"):
+        SampleDataset(folder, crop=-8)
+    with pytest.raises(InputError, match=r"the dataset's seed cannot be -1; choose 0 or more"):
+        SampleDataset(folder, seed=-1)
     dataset = SampleDataset(folder)
     for index in (-1, 4):
         with pytest.raises(IndexError):

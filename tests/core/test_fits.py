@@ -1,6 +1,7 @@
 """Fits to MERL: the network against the same sums written out, and against other people's fits by another model."""
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -131,3 +132,18 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
         np.savez(path, **{key: value for key, value in {**good, **change}.items() if value is not None})
         with pytest.raises(InputError, match=message):
             read_fits(path)
+
+
+@pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
+def test_a_damaged_file_is_told_wherever_the_damage_is(tmp_path: Path, save: Callable[..., None]) -> None:
+    path = tmp_path / "fits.npz"
+    save(path, **networks(["a"]))
+    whole, told = path.read_bytes(), 0
+    for place in range(0, len(whole), 41):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 255]) + whole[place + 1 :])
+        try:
+            read_fits(path)
+        except InputError as error:
+            assert str(path) in str(error)
+            told += 1
+    assert told > 50

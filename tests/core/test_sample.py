@@ -241,6 +241,8 @@ def channel(name: str, value: float) -> Callable[[dict[str, np.ndarray], dict[st
         (description(version=99), "version 99, this program reads up to 1; update it"),
         (description(version="1"), "its description cannot be read"),
         (description(lit_fractions=[0, 1]), "its description cannot be read"),
+        (description(lit_fractions=[0, 0, 2, 0]), "its description cannot be read"),
+        (description(lit_fractions=[0, 0, 0, 10**400]), "its description cannot be read"),
         (recipe(shape=3), "no recipe that this program knows"),
         (recipe(materials=[{"gloss": 1}]), "no recipe that this program knows"),
         (recipe(light_directions=[[0, 0, 1]] * 3), "lie .nearly. in one plane"),

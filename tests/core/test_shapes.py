@@ -278,6 +278,17 @@ def test_creases_stay_sharp_and_y_is_up(tmp_path: Path) -> None:
     np.testing.assert_allclose(size / size[0], (1, 1, 2), rtol=1e-6)
 
 
+def test_a_hole_with_a_long_rim_is_filled(tmp_path: Path) -> None:
+    turn = np.linspace(0, 2 * np.pi, 20_000, endpoint=False)
+    ring = np.column_stack([np.cos(turn), 0 * turn, np.sin(turn)])
+    cone = np.concatenate([ring, [(0, 1.0, 0)]])
+    here = np.arange(len(turn))
+    faces = np.column_stack([here, np.roll(here, -1), np.full(len(turn), len(turn))])
+    vertices, filled = meshes.closed(cone, faces)
+    assert len(vertices) == len(cone) + 1 and len(filled) == 2 * len(faces)
+    assert_closed(filled.astype(np.int32))
+
+
 def test_flat_meshes_get_a_thickness(tmp_path: Path) -> None:
     square = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], float)
     shape = meshes.load_mesh(str(obj(tmp_path / "flat.obj", square, np.array([(0, 1, 2), (0, 2, 3)]))))

@@ -13,7 +13,9 @@ from synthetic import listing
 from test_cli import events
 from test_farm import posix
 
-from mpsnet_core.synthesis.job import read_job, samples_there
+from mpsnet_core.errors import InputError
+from mpsnet_core.synthesis.job import SampleJob, read_job, samples_there
+from mpsnet_core.synthesis.make import make_sample
 from mpsnet_core.synthesis.sample import read_sample, read_sample_data
 
 # A tetrahedron, closed and turned outwards.
@@ -105,6 +107,12 @@ def test_a_terminated_run_leaves_whole_samples(tmp_path: Path) -> None:
     assert 3 <= len(there) < 500
     assert all(read_sample(tmp_path / f"sample_{number:06d}.exr").alpha.shape == (64, 64) for number in there)
     assert not [name for name in listing(tmp_path) if "unfinished" in name]
+
+
+def test_a_job_for_blender_is_not_synthesised(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="is for Blender; go on with it by mpsnet make"):
+        make_sample(SampleJob(renderer="cycles", count=1), 0, tmp_path / "sample_000000.exr")
+    assert not listing(tmp_path)
 
 
 def test_work_is_not_listed_and_speaks_its_protocol(mpsnet: Mpsnet, made: Path) -> None:

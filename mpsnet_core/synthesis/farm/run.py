@@ -72,8 +72,8 @@ def make_samples(
     However it ends, the samples that are there are whole, and the same call goes on from them. Runs of several
     processes that share a folder share the work.
 
-    Raises InputError where the folder holds another job, no worker can be started, all samples fail or the cluster
-    cannot be used.
+    Raises InputError where the folder holds another job, no worker can be started, 20 samples in a row cannot be made
+    or the cluster cannot be used.
     """
     if processes < 0:
         raise InputError(f"{processes} processes cannot be; choose 1 or more, or 0 for as many as there are cores")

@@ -92,7 +92,7 @@ def _make(job: SampleJob, number: int, path: Path, make: Callable[[SampleJob, in
     except InputError as error:
         return {"answer": "failed", "error": " ".join(str(error).split())}
     except OSError as error:
-        return {"answer": "failed", "error": f"{error.filename or path}: {error.strerror}; check the path"}
+        return {"answer": "failed", "error": f"{error.filename or path}: {error.strerror or error}; check the path"}
     except MemoryError:
         return {"answer": "failed", "error": "there is not enough memory; take a smaller size or fewer processes"}
     return {"answer": "made"}

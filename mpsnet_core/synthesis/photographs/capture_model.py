@@ -28,7 +28,7 @@ class CaptureDraw:
         what channel i sees of a surface's red, green and blue; rows sum to 1. known_mixing: (3, 3) what whoever
         estimates takes the mixing for. direction_errors: (3, 3) radians, how far the light directions that
         are known are off; of each row only the part across the light's direction counts.
-    exposure, highlights, full_well, read_noise, bits, srgb, blur, mask_error: see :class:`CaptureModel`.
+    exposure, highlights, full_well, read_noise, bits, srgb, halved_chroma, blur, mask_error: see :class:`CaptureModel`.
     jpeg_quality: 0 for none. noise_seed: what the noise is drawn from.
     """
 

@@ -55,7 +55,8 @@ class SampleDataset:
     files and files that were cut short are found here, damage within on reading: then the next sample stands in, as it
     does for a crop into which no light falls.
 
-    Raises InputError where a folder is missing, no whole sample is found, or one is smaller than the crop.
+    Raises InputError where a folder is missing, no whole sample is found, one is smaller than the crop, or the crop or
+    the seed is below 0.
     """
 
     def __init__(
@@ -68,6 +69,9 @@ class SampleDataset:
         augment: bool = True,
         progress: Progress = silent,
     ) -> None:
+        for name, value in (("seed", seed), ("crop", crop)):
+            if value < 0:
+                raise InputError(f"the dataset's {name} cannot be {value}; choose 0 or more")
         self.seed, self.crop, self.augment, self.epoch = seed, crop, augment, 0
         self.capture_model = capture_model or CaptureModel()
         self.broken: list[tuple[Path, str]] = []

@@ -6,6 +6,7 @@ Sztrajman, Rainer, Ritschel and Weyrich, "Neural BRDF Representation and Importa
 
 import os
 import zipfile
+import zlib
 from typing import Any
 
 import numpy as np
@@ -81,7 +82,7 @@ def read_fits(path: str | os.PathLike[str]) -> dict[str, MerlFit]:
         with np.load(path, allow_pickle=False) as data:
             names = data["names"]
             layers = [data[key] for key in _LAYERS]
-    except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile) as error:
+    except (OSError, EOFError, KeyError, ValueError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
         raise InputError(f"{path} is no file of fits to MERL ({error}); choose an .npz of them") from None
     if names.ndim != 1 or names.dtype.kind != "U" or len(set(names.tolist())) != len(names) or not len(names):
         raise InputError(f'{path} is no file of fits to MERL: its "names" are not a list of distinct names')

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.synthesis.reflectance import Reflectance
+from mpsnet_core.synthesis.reflectance.hemisphere import dot
 from mpsnet_core.synthesis.shading.directions import disc
 from mpsnet_core.synthesis.shading.lights import TURNS, Light
-from mpsnet_core.synthesis.shading.surface_points import dot
 
 # Lights up to this share of the width of a reflectance's highlight are taken as their middle ...
 POINT_LIKE = 0.35

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.rays import RayScene
+from mpsnet_core.synthesis.reflectance.hemisphere import dot
 from mpsnet_core.synthesis.shading.directions import disc, frames, tiled
-from mpsnet_core.synthesis.shading.surface_points import SurfacePoints, dot
+from mpsnet_core.synthesis.shading.surface_points import SurfacePoints
 
 # Everywhere one ray goes to a place near the light's rim, another one from pixel to pixel. Where all of them agree in a
 # pixel's neighbourhood they are enough, elsewhere there is a penumbra and so many more are cast.

@@ -10,6 +10,7 @@ from mpsnet_core.camera import Camera
 from mpsnet_core.normals import normalised
 from mpsnet_core.rays import Hits, RayScene
 from mpsnet_core.synthesis.recipe import Recipe
+from mpsnet_core.synthesis.reflectance.hemisphere import dot
 from mpsnet_core.synthesis.shading.pattern import bumped
 from mpsnet_core.synthesis.shapes import Shape
 
@@ -119,11 +120,6 @@ class Surface:
         back = away[dot(np.cross(second - first, third - first), view[away]) < 0]
         for vectors in (smooth, *normals):
             vectors[back] *= -1
-
-
-def dot(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
-    """Dot products (N,) of vectors (N, 3)."""
-    return np.einsum("ni,ni->n", a, b)
 
 
 def _blend(weights: tuple[NDArray[np.float32], ...], values: list[NDArray[np.float32]]) -> NDArray[np.float32]:

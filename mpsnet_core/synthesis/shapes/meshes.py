@@ -1,6 +1,7 @@
 """Meshes from files: read by trimesh, merged, wound outwards, closed and given normals."""
 
 import os
+import struct
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
@@ -21,6 +22,18 @@ MAX_BYTES = 256 << 20
 MAX_FACES = 2_000_000
 # Faces that meet at less than this look smooth, as Blender's shading by angle does.
 CREASE = 40.0
+# What trimesh raises for files that are damaged in one way or another.
+_UNREADABLE = (
+    AssertionError,
+    AttributeError,
+    ImportError,
+    LookupError,
+    OSError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+    struct.error,
+)
 # Corners of one place: closer than this share of the mesh's size.
 _SAME = 1e-6
 
@@ -82,7 +95,7 @@ def _read(path: Path) -> tuple[Array, Faces]:
             for pose, part in placed
             if hasattr(part, "faces")
         ]
-    except (ValueError, KeyError, IndexError, TypeError, AttributeError, OSError, NotImplementedError) as error:
+    except _UNREADABLE as error:
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
         raise InputError(f"mesh file {path} cannot be read ({reason}); export it again") from None
     parts = [(points, faces) for points, faces in parts if len(faces)]
@@ -191,13 +204,16 @@ def closed(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
 def _loops(onward: dict[int, list[int]]) -> Iterator[list[int]]:
     """Loops that pass no vertex twice, from where each vertex leads; `onward` is used up."""
     for start in list(onward):
-        path = [start]
+        path, places = [start], {start: 0}
         while onward[path[-1]]:
             after = onward[path[-1]].pop()
-            if after in path:
-                first = path.index(after)
-                yield path[first:]
-                path = path[:first]
+            if after in places:
+                loop = path[places[after] :]
+                yield loop
+                del path[places[after] :]
+                for vertex in loop:
+                    del places[vertex]
+            places[after] = len(path)
             path.append(after)
 
 
@@ -240,8 +256,9 @@ def creased_normals(vertices: Array, triangles: NDArray[np.int32]) -> NDArray[np
     owner = owner // 3
     total = np.zeros((len(owner), 3))
     least = np.cos(np.radians(CREASE))
+    corner = np.arange(len(owner))
     for step in range(int(count.max())):
-        corner = np.flatnonzero(count > step)
+        corner = corner[count[corner] > step]
         face, other = owner[corner], owner[start[corner] + step]
         smooth = np.einsum("ij,ij->i", flat[face], flat[other]) >= least
         total[corner[smooth]] += area[other[smooth]]

@@ -33,8 +33,8 @@ def build_relief(character: str, rng: np.random.Generator, cells: int) -> Shape:
     flat: Array = np.column_stack([u, v, np.zeros_like(u)])
     # Bent a little, so that no stroke is quite straight.
     bend = between(rng, 0.0, 0.04)
-    bent = (axis + bend * gradient_noise(flat * 2, seed + k) for k, axis in enumerate((u, v)))
-    height = between(rng, 0.1, 0.3) * _MOTIFS[character](rng)(*bent)
+    places = (axis + bend * gradient_noise(flat * 2, seed + k) for k, axis in enumerate((u, v)))
+    height = between(rng, 0.1, 0.3) * _MOTIFS[character](rng)(*places)
     edge = 0.97 - (np.sqrt(u * u + v * v) if disc else np.maximum(np.abs(u), np.abs(v)))
     if disc or chance(rng, 0.5):
         rim = between(rng, 0.03, 0.07)

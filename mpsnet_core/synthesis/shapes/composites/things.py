@@ -8,7 +8,15 @@ from mpsnet_core.synthesis.shapes.composites.assembly import BASE, DRESS, FEATUR
 from mpsnet_core.synthesis.shapes.draws import between, chance, count, direction, new_seed, picked, turned
 from mpsnet_core.synthesis.shapes.shape import Shape, joined, placed, smooth_shape, turn_about
 from mpsnet_core.synthesis.shapes.solids import curved_limb, cylinder, ellipsoid, ring
-from mpsnet_core.synthesis.shapes.surfaces import displaced, slab, smooth_profile, sphere, tube, turned_profile
+from mpsnet_core.synthesis.shapes.surfaces import (
+    displaced,
+    slab,
+    smooth_profile,
+    sphere,
+    stacked,
+    tube,
+    turned_profile,
+)
 
 Array = NDArray[np.float64]
 
@@ -46,8 +54,6 @@ def hat(rng: np.random.Generator) -> Shape:
         rings = [np.column_stack([circle * 0.85, np.zeros(144)]), np.column_stack([circle * 1.02, np.zeros(144)])]
         rings += [np.column_stack([circle * r, rim]) for r in (1.15, 1.12, 1.02, 0.98)]
         rings.append(np.column_stack([circle * 0.86, np.full(144, 0.1)]))
-        from mpsnet_core.synthesis.shapes.surfaces import stacked
-
         return stacked(np.stack(rings), DRESS)
     profile = [
         (0.02, -0.1),
