@@ -127,15 +127,14 @@ def _seen_triangles(mesh: Mesh, projectors: "Sequence[_Projector]", scene: RaySc
     if np.linalg.det(mesh.world_from_object[:3, :3]) < 0:
         outwards = -outwards
     middles, outwards = corners.mean(axis=1).astype(np.float32), normalised(outwards).astype(np.float32)
-    seen: NDArray[np.bool_] = np.any([projector.look(middles, outwards)[:, 3] > 0 for projector in projectors], axis=0)
-    return seen
+    return np.any([projector.look(middles, outwards)[:, 3] > 0 for projector in projectors], axis=0)
 
 
 def _note_layout(mesh: Mesh, corners: NDArray[np.float64], covered: NDArray[np.bool_]) -> None:
     """Tell of UVs that a person may not have meant: outside the texture, or over each other."""
     outside = ((mesh.uvs < -1e-4) | (mesh.uvs > 1 + 1e-4)).any(axis=(1, 2))
     if outside.any():
-        count = f"{outside.sum()} of {len(outside)}"
+        count = f"{outside.sum()} of {len(mesh.triangles)}"
         log.info("%s triangles have UVs outside 0 to 1, which the texture does not reach", count)
     elif texel_areas(corners).sum() > 1.05 * covered.sum():
         log.info("UVs overlap: where they do, the texture shows the part of the surface that a view sees")
