@@ -176,11 +176,12 @@ def _drive(
                     held.append((time.monotonic() + HELD_SECONDS, number))
                 else:
                     tell(answer)
-        worker.close()
     except WorkerLost:  # ended while it worked
         return
     except Exception as error:  # noqa: BLE001 - it is raised again where the answers are read
         tell(error)
+    finally:
+        worker.close()
 
 
 # --- what is told on the way ------------------------------------------------------------------------------------------

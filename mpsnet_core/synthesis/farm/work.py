@@ -174,7 +174,7 @@ class Worker:
             _kill(child)
 
     def close(self) -> None:
-        """End the process gently: it is idle, and its input ends."""
+        """End the process gently, where it has not ended: it is idle, and its input ends. Called by who asks it."""
         child = self._child
         if child is not None and child.stdin is not None:
             with contextlib.suppress(OSError):
@@ -182,6 +182,7 @@ class Worker:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 child.wait(5)
         self.end()
+        self._release()
 
     def _start(self) -> None:
         self._release()
@@ -255,11 +256,17 @@ class Worker:
 
     def _release(self) -> None:
         """Close the pipes of a process that has ended."""
-        if self._child is not None:
-            for pipe in (self._child.stdin, self._child.stdout, self._child.stderr):
-                with contextlib.suppress(OSError):
-                    assert pipe
-                    pipe.close()
+        if self._child is None:
+            return
+        pipes: list[IO[str] | None] = [self._child.stdin, self._child.stdout]
+        if self._listener is not None:
+            self._listener.join(2)
+            # What the process started may have its stderr still, and whoever closes that waits for its reader.
+            pipes += [] if self._listener.is_alive() else [self._child.stderr]
+        for pipe in pipes:
+            with contextlib.suppress(OSError):
+                assert pipe
+                pipe.close()
 
 
 def _kill(child: "subprocess.Popen[str]") -> None:
