@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.rays import RayScene
@@ -342,6 +343,13 @@ def test_hopeless_meshes_are_named(tmp_path: Path, name: str, text: str, words: 
         build_shape(description, tmp_path)
     assert name in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_mesh_that_promises_more_than_it_holds_is_named(tmp_path: Path) -> None:
+    box = trimesh.Scene([trimesh.creation.box()]).export(file_type="glb")
+    (tmp_path / "short.glb").write_bytes(box.replace(b'"byteLength":144', b'"byteLength":999'))
+    with pytest.raises(InputError, match=r"short\.glb cannot be read"):
+        meshes.load_mesh(str(tmp_path / "short.glb"))
 
 
 def test_large_meshes_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,6 +5,7 @@ Sztrajman, Rainer, Ritschel and Weyrich, "Neural BRDF Representation and Importa
 """
 
 import os
+import tokenize
 import zipfile
 import zlib
 from typing import Any
@@ -20,6 +21,18 @@ from mpsnet_core.synthesis.reflectance.rusinkiewicz import rusinkiewicz_angles
 # Weights and biases of three layers, (materials, inputs, outputs) and (materials, outputs).
 _LAYERS = {"fc1": (6, 21), "b1": (21,), "fc2": (21, 21), "b2": (21,), "fc3": (21, 3), "b3": (3,)}
 _MAX_BYTES = 64 << 20
+# What NumPy and zipfile raise for files that are damaged in one way or another.
+_UNREADABLE = (
+    EOFError,
+    KeyError,
+    OSError,
+    RuntimeError,
+    SyntaxError,
+    ValueError,
+    tokenize.TokenError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
 # exp(11) / sr is far above any material of the database and below the largest half float.
 _MAX_EXPONENT = 11.0
 
@@ -82,7 +95,7 @@ def read_fits(path: str | os.PathLike[str]) -> dict[str, MerlFit]:
         with np.load(path, allow_pickle=False) as data:
             names = data["names"]
             layers = [data[key] for key in _LAYERS]
-    except (OSError, EOFError, KeyError, ValueError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
+    except _UNREADABLE as error:
         raise InputError(f"{path} is no file of fits to MERL ({error}); choose an .npz of them") from None
     if names.ndim != 1 or names.dtype.kind != "U" or len(set(names.tolist())) != len(names) or not len(names):
         raise InputError(f'{path} is no file of fits to MERL: its "names" are not a list of distinct names')
