@@ -363,7 +363,7 @@ class SamplesSettings:
         description="How often light goes from surface to surface. 0: direct light only",
         default=3,
         min=0,
-        max=64,
+        max=32,
         options=GIVEN,
     )
     views: IntProperty(
