@@ -38,6 +38,11 @@ def render_path(path: Path) -> Path:
     return writable_path(path)
 
 
+def literally(path: Path) -> str:
+    """A path for Blender's render settings, which fill in what stands between single braces."""
+    return str(path).replace("{", "{{").replace("}", "}}")
+
+
 def beside(picture: Path, what: str) -> Path:
     """The file beside a photo that tells its "rig" or "camera": NAME.rig.json, NAME.camera.json.
 

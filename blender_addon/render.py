@@ -16,7 +16,7 @@ from mpsnet_core.rig import write_rig
 
 from .core_process import run
 from .operators import SaysWhy
-from .outputs import beside, load_photo, output_path, render_path
+from .outputs import beside, literally, load_photo, output_path, render_path
 from .properties import PhotoSettings, take_given
 from .rig import light_rig, rig_parts, scene_camera, view_layer
 
@@ -260,7 +260,7 @@ def _render(studio: Any, path: Path, file_format: str) -> None:
     settings.color_mode, settings.color_depth, settings.exr_codec = "RGBA", "32", "ZIP"
     studio.render.use_file_extension = False
     with written_whole(path) as unfinished:
-        studio.render.filepath = str(unfinished)
+        studio.render.filepath = literally(unfinished)
         try:
             bpy.ops.render.render(write_still=True, scene=studio.name)
         except RuntimeError as error:
