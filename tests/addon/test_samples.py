@@ -246,6 +246,15 @@ def test_the_same_recipe_gives_the_same_picture_and_leaves_nothing_behind(tmp_pa
     assert held() == counts
 
 
+@pytest.mark.parametrize("denoise", [False, True])
+def test_a_folder_may_have_braces_in_its_name(denoise, tmp_path):
+    folder = tmp_path / "run {1} {name}"
+    folder.mkdir()
+    small = recipe(bounces=1, camera=camera("orthographic", size=16))
+    assert render_sample(small, sphere(), 4, folder / "s.exr", denoise=denoise).mask.any()
+    assert not list(folder.iterdir())
+
+
 def held() -> dict[str, int]:
     """How many of each kind of data Blender holds."""
     kinds = [name for name in dir(bpy.data) if isinstance(getattr(bpy.data, name), bpy.types.bpy_prop_collection)]

@@ -145,6 +145,14 @@ def test_the_plain_module_is_the_command_too(folder):
     assert "8 is outside 16 to 4096" in line
 
 
+def test_a_scene_that_is_not_there_is_one_sentence(tmp_path):
+    command = [sys.executable, "-m", "blender_addon", tmp_path / "nowhere.blend", "render-samples"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, env=os.environ)
+    assert done.returncode == 2 and "Traceback" not in done.stderr
+    (line,) = [line for line in done.stderr.splitlines() if line.startswith("mpsnet: ")]
+    assert "nowhere.blend" in line and line.endswith("check the path")
+
+
 def test_how_a_folder_stands(tmp_path):
     assert standing(tmp_path / "nowhere") == standing(tmp_path) == ""
     place_job(tmp_path, SampleJob("cycles", count=20))
