@@ -1,6 +1,7 @@
 """Mesh: triangles with UVs, shading normals and tangents for every corner; mesh files."""
 
 import os
+import struct
 import zipfile
 import zlib
 from dataclasses import dataclass, field
@@ -20,6 +21,8 @@ from mpsnet_core.surface.mikktspace import mikktspace_tangents
 MESH_FORMAT = "mpsnet-mesh"
 MESH_VERSION = 1
 MAX_MESH_BYTES = 4 << 30
+# What trimesh raises for files that are damaged in one way or another.
+_UNREADABLE = (AssertionError, AttributeError, LookupError, OSError, RuntimeError, TypeError, ValueError, struct.error)
 
 
 @dataclass(frozen=True)
@@ -205,7 +208,7 @@ def _read_with_trimesh(path: Path) -> Mesh:
         scene = trimesh.load_scene(path, process=False, maintain_order=True)
         placed = [scene.graph[node] for node in scene.graph.nodes_geometry]
         parts = [_placed(scene.geometry[name], pose) for pose, name in placed]
-    except (ValueError, KeyError, IndexError, TypeError, AttributeError, OSError, NotImplementedError) as error:
+    except _UNREADABLE as error:
         raise InputError(f"it cannot be read ({type(error).__name__}: {error}); export it again") from None
     parts = [part for part in parts if len(part[1])]
     if not parts:

@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 from networks import DENSE, card, conv, pass_through, random_weights, write_model
 from onnx import TensorProto, helper
 from sphere_sample import sphere_sample
@@ -248,6 +249,12 @@ def with_pixel(value: float) -> np.ndarray:
     image = SPHERE.image.copy()
     image[8, 8, 1] = value
     return image
+
+
+def short_glb(b: Bench) -> Path:
+    """A GLB whose first buffer view is said to be longer than the file."""
+    box = trimesh.Scene([trimesh.creation.box()]).export(file_type="glb")
+    return b.bytes("mesh.glb", box.replace(b'"byteLength":144', b'"byteLength":999'))
 
 
 def within(module: Any, limit: str, value: int, work: Callable[[], Any]) -> None:
@@ -747,6 +754,7 @@ MESHES: list[Case] = [
     ),
     ("an OBJ of words", lambda b: read_mesh(b.text("mesh.obj", "hello\n")), "mesh.obj"),
     ("a broken PLY", lambda b: read_mesh(b.text("mesh.ply", "ply\nformat ascii 1.0\nelement vertex 3\n")), "mesh.ply"),
+    ("a GLB with less than it says", lambda b: read_mesh(short_glb(b)), "mesh.glb…cannot be read…export it again"),
     ("a broken GLB", lambda b: read_mesh(b.bytes("mesh.glb", b"glTF\x02\x00\x00\x00")), "mesh.glb"),
     (
         "no UVs",

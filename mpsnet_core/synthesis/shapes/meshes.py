@@ -23,17 +23,7 @@ MAX_FACES = 2_000_000
 # Faces that meet at less than this look smooth, as Blender's shading by angle does.
 CREASE = 40.0
 # What trimesh raises for files that are damaged in one way or another.
-_UNREADABLE = (
-    AssertionError,
-    AttributeError,
-    ImportError,
-    LookupError,
-    OSError,
-    RuntimeError,
-    TypeError,
-    ValueError,
-    struct.error,
-)
+_UNREADABLE = (AssertionError, AttributeError, LookupError, OSError, RuntimeError, TypeError, ValueError, struct.error)
 # Corners of one place: closer than this share of the mesh's size.
 _SAME = 1e-6
 
