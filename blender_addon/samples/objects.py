@@ -95,6 +95,8 @@ def _at_unit_size(meshes: list[tuple[Any, Matrix]]) -> SceneObjects:
     used = vertices[np.unique(np.concatenate(triangles))]
     middle = (used.min(axis=0) + used.max(axis=0)) / 2
     radius = float(np.linalg.norm(used - middle, axis=1).max())
+    if radius == 0:
+        raise InputError("the chosen objects are a single point; choose some with a surface")
     to_unit = Matrix.Scale(1 / radius, 4) @ Matrix.Translation(-middle)
     _number_materials(mesh for mesh, _ in meshes)
     return SceneObjects(
