@@ -141,4 +141,4 @@ sys.exit(main(["make", sys.argv[1], "--cluster", "tcp://127.0.0.1:8786"]))
     done = subprocess.run([sys.executable, "-c", code, tmp_path], capture_output=True, text=True, timeout=60)
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1
-    assert 'pip install distributed' in done.stderr
+    assert "pip install distributed" in done.stderr

@@ -21,7 +21,7 @@ from mpsnet_core.synthesis.job import JOB_FILE
 try:
     from distributed import Client, Future, KilledWorker, WorkerPlugin, get_worker
 except ImportError as error:
-    raise InputError(f'a cluster needs Dask ({error}); install it with: pip install distributed') from None
+    raise InputError(f"a cluster needs Dask ({error}); install it with: pip install distributed") from None
 
 CONNECT_SECONDS = 10
 LISTEN_SECONDS = 0.2
