@@ -9,16 +9,15 @@ rounds' ratios is above 1.
 """
 
 import argparse
-import contextlib
 import os
 import statistics
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
 import numpy as np
+from quiet import quiet
 
 from mpsnet_core.camera import Camera
 from mpsnet_core.normals import NormalMap
@@ -98,20 +97,6 @@ def front_view(pixels: int = 1024) -> View:
     pose = np.array([[1, 0, 0, 0], [0, 0, -1, -5], [0, 1, 0, 0], [0, 0, 0, 1]], float)
     camera = Camera("orthographic", pixels, pixels, [pixels / 2.1] * 2, None, pose)
     return View(camera, NormalMap(np.ones((pixels, pixels, 3)), np.ones((pixels, pixels), bool)))
-
-
-@contextlib.contextmanager
-def quiet() -> Iterator[None]:
-    """Blender writes about every bake to the process's own output."""
-    sys.stdout.flush()
-    kept, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 1)
-    try:
-        yield
-    finally:
-        os.dup2(kept, 1)
-        os.close(kept)
-        os.close(nowhere)
 
 
 def main() -> int:

@@ -10,17 +10,15 @@ below 2.5 or the images are further apart than noise explains.
 """
 
 import argparse
-import contextlib
-import os
 import statistics
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from quiet import quiet
 
 from blender_addon.samples.render import prepare, render_layers
 from blender_addon.samples.scene import add_shape, sample_scene
@@ -31,20 +29,6 @@ from mpsnet_core.synthesis.recipe import Recipe
 from mpsnet_core.synthesis.shapes import Shape, build_shape
 
 WANTED, EXPLAINED = 2.5, 1.15
-
-
-@contextlib.contextmanager
-def quiet() -> Iterator[None]:
-    """Blender writes about every render to the process's own output."""
-    sys.stdout.flush()
-    kept, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 1)
-    try:
-        yield
-    finally:
-        os.dup2(kept, 1)
-        os.close(kept)
-        os.close(nowhere)
 
 
 def render(recipe: Recipe, shape: Shape, samples: int, alone: str, path: Path) -> tuple[float, np.ndarray]:

@@ -12,19 +12,18 @@ Ends with 1 where they differ by more, or synthesis is less than 30 times as fas
 """
 
 import argparse
-import contextlib
 import os
 import statistics
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
+from quiet import quiet
 
 from mpsnet_core.synthesis.drawing import draw_recipe
 from mpsnet_core.synthesis.job import SampleJob
@@ -101,20 +100,6 @@ class Cycles:
     def __call__(self, recipe: Recipe, shape: Shape, samples: int) -> Sample:
         with quiet():
             return self.render_sample(recipe, shape, samples, self.folder / "sample.exr")
-
-
-@contextlib.contextmanager
-def quiet() -> Iterator[None]:
-    """Blender writes about every render to the process's own output."""
-    sys.stdout.flush()
-    kept, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 1)
-    try:
-        yield
-    finally:
-        os.dup2(kept, 1)
-        os.close(kept)
-        os.close(nowhere)
 
 
 def seconds_each(pool: ProcessPoolExecutor, processes: int, recipe: Recipe, shape: Shape) -> float:
