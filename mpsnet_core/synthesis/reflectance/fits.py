@@ -8,14 +8,13 @@ import os
 import tokenize
 import zipfile
 import zlib
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import existing_file
-from mpsnet_core.synthesis.reflectance.hemisphere import above_surface
+from mpsnet_core.synthesis.reflectance.hemisphere import AboveSurface
 from mpsnet_core.synthesis.reflectance.rusinkiewicz import rusinkiewicz_angles
 
 # Weights and biases of three layers, (materials, inputs, outputs) and (materials, outputs).
@@ -37,7 +36,7 @@ _UNREADABLE = (
 _MAX_EXPONENT = 11.0
 
 
-class MerlFit:
+class MerlFit(AboveSurface):
     """One material's fit, called as a :class:`~mpsnet_core.synthesis.reflectance.Reflectance`.
 
     layers: weights and biases, one after the other, of three layers: half vector and difference vector (azimuth of the
@@ -47,15 +46,6 @@ class MerlFit:
 
     def __init__(self, *layers: NDArray[np.float32]) -> None:
         self._layers = layers
-
-    def __call__(
-        self,
-        normals: NDArray[Any],
-        lights: NDArray[Any],
-        views: NDArray[Any],
-        paint: NDArray[Any] | None = None,
-    ) -> NDArray[np.float32]:
-        return above_surface(self._evaluate, normals, lights, views, paint)
 
     def _evaluate(
         self,

@@ -1,6 +1,6 @@
 """Where a reflectance is asked: pairs of directions above the surface, a block of them at a time."""
 
-from collections.abc import Callable
+from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
@@ -9,31 +9,43 @@ from numpy.typing import NDArray
 # Points worked on at once: what they need stays in a core's own cache, which is worth a factor of two.
 BLOCK = 1 << 14
 
-# normals (n, 3), lights (n, 3), views (n, 3), paint (n, 3) or None -> (n, 3), float32
-Evaluate = Callable[
-    [NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32] | None], NDArray[np.float32]
-]
 
+class AboveSurface(ABC):
+    """A :class:`~mpsnet_core.synthesis.reflectance.Reflectance` worked out where light and viewer are above the surface."""
 
-def above_surface(
-    evaluate: Evaluate, normals: NDArray[Any], lights: NDArray[Any], views: NDArray[Any], paint: NDArray[Any] | None
-) -> NDArray[np.float32]:
-    """What `evaluate` gives where the light and the viewer are both above the surface, and 0 elsewhere.
+    def __call__(
+        self,
+        normals: NDArray[Any],
+        lights: NDArray[Any],
+        views: NDArray[Any],
+        paint: NDArray[Any] | None = None,
+    ) -> NDArray[np.float32]:
+        """(N, 3) reflectance where light and viewer are both above the surface, and 0 elsewhere.
 
-    normals, lights, views, paint: (N, 3); a vector that is zero or not a number counts as below. Returns (N, 3).
-    """
-    result = np.zeros((len(normals), 3), np.float32)
-    for start in range(0, len(normals), BLOCK):
-        block = slice(start, start + BLOCK)
-        normal, light, view = (np.asarray(vectors[block], np.float32) for vectors in (normals, lights, views))
-        factor = None if paint is None else np.maximum(np.asarray(paint[block], np.float32), 0)
-        above = (dot(normal, light) > 0) & (dot(normal, view) > 0)
-        if above.all():
-            result[block] = evaluate(normal, light, view, factor)
-        elif above.any():
-            factor = None if factor is None else factor[above]
-            result[block][above] = evaluate(normal[above], light[above], view[above], factor)
-    return result
+        normals, lights, views, paint: (N, 3); a vector that is zero or not a number counts as below.
+        """
+        result = np.zeros((len(normals), 3), np.float32)
+        for start in range(0, len(normals), BLOCK):
+            block = slice(start, start + BLOCK)
+            normal, light, view = (np.asarray(vectors[block], np.float32) for vectors in (normals, lights, views))
+            factor = None if paint is None else np.maximum(np.asarray(paint[block], np.float32), 0)
+            above = (dot(normal, light) > 0) & (dot(normal, view) > 0)
+            if above.all():
+                result[block] = self._evaluate(normal, light, view, factor)
+            elif above.any():
+                factor = None if factor is None else factor[above]
+                result[block][above] = self._evaluate(normal[above], light[above], view[above], factor)
+        return result
+
+    @abstractmethod
+    def _evaluate(
+        self,
+        normals: NDArray[np.float32],
+        lights: NDArray[np.float32],
+        views: NDArray[np.float32],
+        paint: NDArray[np.float32] | None,
+    ) -> NDArray[np.float32]:
+        """(n, 3) reflectance of a block of points (n, 3), all above the surface."""
 
 
 def dot(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:

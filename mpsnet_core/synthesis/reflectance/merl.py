@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import existing_file
-from mpsnet_core.synthesis.reflectance.hemisphere import above_surface
+from mpsnet_core.synthesis.reflectance.hemisphere import AboveSurface
 from mpsnet_core.synthesis.reflectance.rusinkiewicz import rusinkiewicz_angles
 
 # Half angle (by its square root: fine near the highlight), difference angle, difference azimuth (0 to pi).
@@ -21,7 +21,7 @@ _HEADER_BYTES = 12
 _FILE_BYTES = _HEADER_BYTES + 3 * 8 * BINS[0] * BINS[1] * BINS[2]
 
 
-class MerlTable:
+class MerlTable(AboveSurface):
     """A measured reflectance, called as a :class:`~mpsnet_core.synthesis.reflectance.Reflectance`.
 
     values: (90, 90, 180, 3) float32 in 1/sr at the bins' centres, over half angle, difference angle and difference
@@ -32,15 +32,6 @@ class MerlTable:
     def __init__(self, values: NDArray[np.float32]) -> None:
         # The azimuth is periodic: a bin more at either end, so that neighbours are always one step apart.
         self._rows = np.concatenate([values[:, :, -1:], values, values[:, :, :1]], axis=2).reshape(-1, 3)
-
-    def __call__(
-        self,
-        normals: NDArray[Any],
-        lights: NDArray[Any],
-        views: NDArray[Any],
-        paint: NDArray[Any] | None = None,
-    ) -> NDArray[np.float32]:
-        return above_surface(self._evaluate, normals, lights, views, paint)
 
     def _evaluate(
         self,

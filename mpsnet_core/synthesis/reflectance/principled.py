@@ -9,7 +9,6 @@ that Cycles holds; the base colour times paint is held at 1. Neither transmissio
 """
 
 from dataclasses import fields
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +25,7 @@ from mpsnet_core.synthesis.reflectance.ggx import (
     ior_of_reflectance,
     reflectance_of_ior,
 )
-from mpsnet_core.synthesis.reflectance.hemisphere import above_surface, dot
+from mpsnet_core.synthesis.reflectance.hemisphere import AboveSurface, dot
 from mpsnet_core.synthesis.reflectance.sheen import sheen, sheen_lobe
 
 COAT_IOR = 1.5
@@ -34,7 +33,7 @@ COAT_IOR = 1.5
 _STEPS = 465
 
 
-class PrincipledBsdf:
+class PrincipledBsdf(AboveSurface):
     """A principled material, called as a :class:`~mpsnet_core.synthesis.reflectance.Reflectance`.
 
     Takes its numbers from the material, each held in Blender's own range; paint multiplies the base colour. Raises
@@ -73,15 +72,6 @@ class PrincipledBsdf:
             *(coat_scale, sheen_scale, fibres.spread, fibres.shear),
         )
         self._by_view = np.stack(columns, axis=-1).astype(np.float32)
-
-    def __call__(
-        self,
-        normals: NDArray[Any],
-        lights: NDArray[Any],
-        views: NDArray[Any],
-        paint: NDArray[Any] | None = None,
-    ) -> NDArray[np.float32]:
-        return above_surface(self._evaluate, normals, lights, views, paint)
 
     def _evaluate(
         self,
