@@ -11,7 +11,7 @@ BLOCK = 1 << 14
 
 
 class AboveSurface(ABC):
-    """A :class:`~mpsnet_core.synthesis.reflectance.Reflectance` worked out where light and viewer are above the surface."""
+    """A ``Reflectance`` that is 0 unless both light and viewer are above the surface."""
 
     def __call__(
         self,
