@@ -206,7 +206,7 @@ class EstimateSettings:
         name="Model",
         description="What turns the photo into normals",
         items=[
-            *((identifier, entry.name.replace("-", " ").title(), entry.title) for identifier, entry in MODELS.items()),
+            *((identifier, entry.label, entry.title) for identifier, entry in MODELS.items()),
             ("FILE", "File", "A network in an .onnx file"),
         ],
         default=_identifier(DEFAULT_MODEL),

@@ -28,6 +28,6 @@ if not bpy.data.filepath:
     bpy.ops.wm.open_mainfile(filepath=str(OUTPUT / "scene.blend"))
 
 OUTPUT.mkdir(exist_ok=True)
-bpy.ops.mps.estimate(model="LAMBERTIAN", mask="ALPHA", output=str(OUTPUT / "normals.png"))
+bpy.ops.mps.estimate(mask="ALPHA", output=str(OUTPUT / "normals.png"))
 bpy.ops.wm.save_as_mainfile(filepath=str(OUTPUT / "normals.blend"), copy=True)
 print(f"the normal map is {OUTPUT / 'normals.png'}")

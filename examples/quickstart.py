@@ -53,9 +53,10 @@ def main() -> None:
     bpy.ops.mps.render_photo(width=PIXELS, height=PIXELS, samples=32, output=str(photo))
     truth = render_truth(OUTPUT / "truth.exr")
 
-    step("estimating the normals")
-    normals = OUTPUT / "normals.png"
-    bpy.ops.mps.estimate(model="LAMBERTIAN", output=str(normals))
+    step("estimating the normals, by equation 2 alone and by the default network")
+    baseline, normals = OUTPUT / "baseline.png", OUTPUT / "normals.png"
+    bpy.ops.mps.estimate(model="LAMBERTIAN", output=str(baseline))
+    bpy.ops.mps.estimate(model="MULTISCALE", output=str(normals))
 
     step("baking them onto the low-poly's UVs")
     texture = OUTPUT / "texture.png"
@@ -72,6 +73,7 @@ def main() -> None:
     error = angular_error(estimate.vectors, truth.vectors)
     mask = estimate.mask & truth.mask
     mean = float(error[mask].mean())
+    plain_mean = float(angular_error(read_normals(baseline).vectors, truth.vectors)[mask].mean())
     pictures = cropped(
         [
             photo_picture(read_image(photo).pixels, mask),
@@ -97,7 +99,7 @@ def main() -> None:
     tiles.insert(4, ("degrees", colour_scale(HIGHEST_ERROR, 320)))
     tiles.insert(5, ("baked texture", read_image(texture, encoding="linear").pixels))
     write_image(OUTPUT / "quickstart.png", sheet(tiles, columns=5), bits=8, color_space="sRGB")
-    print(f"mean angular error: {mean:.2f}° over {mask.sum()} pixels")
+    print(f"mean angular error: {mean:.2f}° over {mask.sum()} pixels; of equation 2 alone {plain_mean:.2f}°")
     print(f"contact sheet: {OUTPUT / 'quickstart.png'}  ({time.monotonic() - started:.0f} s)")
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.bands import bands
 from mpsnet_core.camera import Camera
 from mpsnet_core.errors import InputError
 from mpsnet_core.images import Encoding, Image, read_image, read_mask
@@ -45,9 +46,10 @@ class Capture:
             raise InputError(f"the mask is {_size(mask)} but the photo is {_size(image)}; they must be the same size")
         if not mask.any():
             raise InputError("the mask is empty: no pixel of the object is marked; choose another mask or threshold")
-        if not np.isfinite(image[mask]).all():
+        finite = np.isfinite(image)
+        if not finite.all(where=mask[..., None]):
             raise InputError("the photo holds values that are not finite inside the mask; export it again")
-        if not (image[mask] > 0).any():
+        if not (image > 0).any(where=mask[..., None]):
             raise InputError("the photo is black inside the mask; were the lights on, and is it the right mask?")
         if self.camera is not None and (self.camera.height, self.camera.width) != mask.shape:
             raise InputError(
@@ -55,7 +57,7 @@ class Capture:
                 "they must be the same size"
             )
         # Outside the mask nothing counts; inside, everything is finite.
-        object.__setattr__(self, "image", np.where(np.isfinite(image), image, np.float32(0)))
+        object.__setattr__(self, "image", np.where(finite, image, np.float32(0)))
         object.__setattr__(self, "mask", mask)
 
     @property
@@ -96,17 +98,24 @@ def read_capture(
 
 def _note_doubts(capture: Capture) -> None:
     """Tell of photos that normals can be estimated from, but hardly right ones."""
-    inside = capture.image[capture.mask]
-    if np.ptp(inside, axis=1).max() <= 1e-3 * inside.max():
+    spread = brightest = saturated = 0.0
+    total = np.zeros(3)
+    for rows in bands(len(capture.mask)):
+        inside = capture.image[rows][capture.mask[rows]]
+        if len(inside):
+            spread, brightest = max(spread, float(np.ptp(inside, axis=1).max())), max(brightest, float(inside.max()))
+            saturated += int((inside >= SATURATED_SHARE * capture.clip).any(axis=1).sum())
+            total += inside.sum(axis=0, dtype=np.float64)
+    pixels = int(capture.mask.sum())
+    if spread <= 1e-3 * brightest:
         log.info("the photo's three channels are the same: was it lit by red, green and blue light?")
-    saturated = float(capture.saturated[capture.mask].any(axis=1).mean())
-    if saturated > 0.05:
-        log.info("%.0f%% of the object's pixels are saturated, and wrong; expose shorter", 100 * saturated)
-    means = inside.mean(axis=0, dtype=np.float64)
+    if saturated > 0.05 * pixels:
+        log.info("%.0f%% of the object's pixels are saturated, and wrong; expose shorter", 100 * saturated / pixels)
+    means = total / pixels
     if np.array_equal(capture.rig.mixing, np.eye(3)) and means.min() > 0 and means.max() > 1.5 * means.min():
         log.info(
-            "one channel is %.1f times as bright as another: for a coloured object or unequal lights take the model "
-            "lambertian-grey-world, or put the mixing into the rig",
+            "one channel is %.1f times as bright as another: the object is coloured or the lights are unequal, which "
+            "misleads the models lambertian and mpsnet unless the mixing is in the rig; multiscale allows for it",
             means.max() / means.min(),
         )
 

@@ -13,6 +13,7 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
+from mpsnet_core.bands import bands
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import existing_file, written_whole
 
@@ -93,11 +94,9 @@ def read_image(path: str | os.PathLike[str], *, encoding: Encoding = "auto", lay
             f"{path} has {len(names)} channel(s) ({', '.join(names)}) where red, green and blue are needed; "
             "give a colour image"
         )
-    pixels = values[..., colour]
     alpha = np.clip(values[..., names["A"]], 0, 1) if "A" in names else None
     is_float = spec.format.basetype in (oiio.HALF, oiio.FLOAT, oiio.DOUBLE)
-    if alpha is not None and not spec.getattribute("oiio:UnassociatedAlpha"):
-        pixels = np.divide(pixels, alpha[..., None], out=np.zeros_like(pixels), where=alpha[..., None] > 1e-6)
+    premultiplied = alpha is not None and not spec.getattribute("oiio:UnassociatedAlpha")
     declared = str(spec.getattribute("oiio:ColorSpace") or "").lower()
     if encoding == "auto":
         linear = is_float or "lin" in declared or declared in ("raw", "data")
@@ -108,9 +107,14 @@ def read_image(path: str | os.PathLike[str], *, encoding: Encoding = "auto", lay
     else:
         linear = encoding == "linear"
         note = f"taken as {'linear' if linear else 'sRGB'} as told"
-    if not linear:
-        pixels = srgb_to_linear(pixels).astype(np.float32)
-    return Image(np.ascontiguousarray(pixels), alpha, np.inf if is_float else 1.0, note)
+    pixels = np.empty((*values.shape[:2], 3), np.float32)
+    for rows in bands(len(values)):
+        band = values[rows][..., colour]
+        if alpha is not None and premultiplied:
+            cover = alpha[rows, :, None]
+            band = np.divide(band, cover, out=np.zeros_like(band), where=cover > 1e-6)
+        pixels[rows] = band if linear else srgb_to_linear(band)
+    return Image(pixels, alpha, np.inf if is_float else 1.0, note)
 
 
 def read_mask(path: str | os.PathLike[str]) -> NDArray[np.bool_]:
@@ -164,16 +168,21 @@ def write_image(
         spec.attribute("compression", "zip")
     if channels == 4:
         spec.alpha_channel = 3
-        if is_exr:
-            # OpenEXR defines colour as premultiplied.
-            pixels = np.concatenate([pixels[..., :3] * pixels[..., 3:], pixels[..., 3:]], axis=-1)
-        else:
+        if not is_exr:
             spec.attribute("oiio:UnassociatedAlpha", 1)
+
+    def stored(band: NDArray[np.float32]) -> NDArray[np.float32]:
+        if is_exr and channels == 4:  # OpenEXR defines colour as premultiplied
+            return np.concatenate([band[..., :3] * band[..., 3:], band[..., 3:]], axis=-1)
+        return band
+
     with written_whole(path) as unfinished:
         target = oiio.ImageOutput.create(str(unfinished))
         if target is None:
             raise InputError(f"cannot write {path}: {oiio.geterror()}")
-        done = target.open(str(unfinished), spec) and target.write_image(pixels)
+        done = target.open(str(unfinished), spec) and all(
+            target.write_scanlines(rows.start, rows.stop, 0, stored(pixels[rows])) for rows in bands(height)
+        )
         if not (target.close() and done and _has_its_end(unfinished)):
             reason = target.geterror() or oiio.geterror() or "the file was cut short"
             raise InputError(f"cannot write {path} ({' '.join(reason.split())}); is the disk full?")

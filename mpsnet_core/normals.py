@@ -7,6 +7,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.bands import bands
 from mpsnet_core.errors import InputError
 from mpsnet_core.images import read_channel, read_data, write_image
 
@@ -38,9 +39,14 @@ class NormalMap:
         confidence = np.asarray(self.confidence)
         if confidence.shape not in ((), mask.shape):
             raise InputError(f"a confidence of shape {confidence.shape} does not fit a mask of shape {mask.shape}")
-        object.__setattr__(self, "vectors", np.where(mask[..., None], normalised(vectors), np.float32(0)))
+        unit, trust = np.empty(vectors.shape, np.float32), np.empty(mask.shape, np.float32)
+        confidence = np.broadcast_to(confidence, mask.shape)
+        for rows in bands(len(mask)):
+            unit[rows] = np.where(mask[rows, :, None], normalised(vectors[rows]), 0)
+            trust[rows] = np.where(mask[rows], np.clip(confidence[rows], 0, 1), 0)
+        object.__setattr__(self, "vectors", unit)
         object.__setattr__(self, "mask", mask)
-        object.__setattr__(self, "confidence", np.where(mask, np.clip(confidence, 0, 1), 0).astype(np.float32))
+        object.__setattr__(self, "confidence", trust)
 
 
 def normalised(vectors: NDArray[Any]) -> NDArray[Any]:
@@ -85,8 +91,11 @@ def write_normals(
     bits: int | None = None,
 ) -> None:
     """Write camera-space normals as colours with the mask as alpha: PNG or TIFF (16 bits) or EXR (float)."""
-    colours = encode(normals.vectors, convention)
-    write_image(path, np.concatenate([colours, normals.mask[..., None]], axis=-1), bits=bits)
+    colours = np.empty((*normals.mask.shape, 4), np.float32)
+    for rows in bands(len(colours)):
+        colours[rows, :, :3] = encode(normals.vectors[rows], convention)
+    colours[..., 3] = normals.mask
+    write_image(path, colours, bits=bits)
 
 
 def read_normals(

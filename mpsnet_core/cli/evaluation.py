@@ -1,9 +1,11 @@
 """The verb evaluate: how good the models are."""
 
 import argparse
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
-from mpsnet_core.cli.arguments import Verbs
+from mpsnet_core.cli.arguments import Help, Verbs
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.errors import InputError
 
@@ -11,47 +13,93 @@ from mpsnet_core.errors import InputError
 def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
     parser = verbs.add_parser("evaluate", help="measure models against known normals")
     tests = parser.add_subparsers(metavar="TEST", required=True)
-    diligent = tests.add_parser("diligent", parents=[common], help="the DiLiGenT photographs, multiplexed")
-    diligent.add_argument("folder", help="DiLiGenT's pmsData folder; objects that are absent are named and skipped")
-    diligent.add_argument("--lights", action="append", metavar="A,B,C", help="lights giving R, G, B; may be repeated")
-    diligent.add_argument("--protocol", action="append", help="separated, published or white; may be repeated")
-    diligent.add_argument("--model", action="append", help="may be repeated; the default model unless given")
-    diligent.add_argument("--json", metavar="FILE", help="write the rows as JSON")
-    diligent.add_argument("-o", "--output", metavar="REPORT", help="write an HTML report with pictures")
-    diligent.set_defaults(verb=_evaluate_diligent)
+    told = _told(common)
+    _add_diligent(_test(tests, told, "diligent", _diligent, "the DiLiGenT photographs, multiplexed"))
+    _add_materials(_test(tests, told, "materials", _materials, "one blob under each measured material"))
+    _add_rendered(_test(tests, told, "rendered", _rendered, "meshes from files, of one and of several materials"))
+    _add_synthetic(_test(tests, told, "colour", _colour, "one blob in many colours: their edges, their influence"))
+    _add_samples(_test(tests, told, "samples", _samples, "held-out samples as training photographs them"))
+    sizes = tests.add_parser(
+        "patch-sizes", parents=[common], formatter_class=Help, help="train MPS-Net with patches of five sizes (table 1)"
+    )
+    _add_patch_sizes(sizes)
 
 
-def _evaluate_diligent(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
+def _told(common: argparse.ArgumentParser) -> argparse.ArgumentParser:
+    """Options of every test: which models, and where the answer goes."""
+    told = argparse.ArgumentParser(add_help=False, parents=[common])
+    told.add_argument(
+        "--model",
+        action="append",
+        metavar="MODEL",
+        help="name, file, or all; repeatable; the default model unless given",
+    )
+    told.add_argument("--json", metavar="FILE", help="write the rows as JSON")
+    told.add_argument("-o", "--output", metavar="REPORT", help="write an HTML report with pictures")
+    return told
+
+
+def _test(
+    tests: Verbs, told: argparse.ArgumentParser, name: str, make: Callable[[argparse.Namespace], Any], words: str
+) -> argparse.ArgumentParser:
+    parser: argparse.ArgumentParser = tests.add_parser(name, parents=[told], formatter_class=Help, help=words)
+    parser.set_defaults(verb=_evaluate, make=make)
+    return parser
+
+
+def _evaluate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.estimate.shelf import DEFAULT_MODEL
-    from mpsnet_core.evaluation.diligent import PROTOCOLS, PUBLISHED_LIGHTS, evaluate_diligent
-    from mpsnet_core.evaluation.report import html_figure, report_path, text_table, write_html_report
-    from mpsnet_core.files import writable_path, write_json
+    from mpsnet_core.evaluation.evaluation import evaluate
+    from mpsnet_core.evaluation.report import report_path
+    from mpsnet_core.files import writable_path
 
+    # Asked first, as a test's data may take a while to look through.
     if options.json:
         writable_path(options.json)
     if options.output:
         report_path(options.output)
-    skipped: list[str] = []
-    results = evaluate_diligent(
-        options.folder,
-        lights=[_triple(text) for text in options.lights] if options.lights else PUBLISHED_LIGHTS,
-        protocols=options.protocol or list(PROTOCOLS),
-        models=options.model or [DEFAULT_MODEL],
-        skipped=skipped,
+    return evaluate(
+        options.make(options),
+        options.model or [DEFAULT_MODEL],
+        json=options.json,
+        report=options.output,
         progress=reporter.progress,
     )
-    # One at a time: what a result holds (photo, normals, truth) would add up to gigabytes.
-    rows, figures = [], []
-    for result in results:
-        rows.append(result.row())
-        if options.output:
-            figures.append(html_figure(result))
-    if options.json:
-        write_json(options.json, {"rows": rows, "skipped": skipped})
-    if options.output:
-        write_html_report(options.output, rows, figures, skipped)
-    table = "mean angular error in degrees\n" + text_table(rows)
-    return {"rows": rows, "skipped": skipped, "text": "\n".join([table, *skipped])}
+
+
+def _add_protocol(parser: argparse.ArgumentParser, unless: str) -> None:
+    parser.add_argument(
+        "--protocol",
+        action="append",
+        help=f"how a channel weighs colours: separated, published or white; repeatable; {unless} unless given",
+    )
+
+
+def _add_synthetic(parser: argparse.ArgumentParser) -> None:
+    _add_protocol(parser, "published")
+    parser.add_argument("--size", type=int, default=256, help="side of a picture in pixels")
+
+
+# --- the tests --------------------------------------------------------------------------------------------------------
+
+
+def _add_diligent(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("folder", help="DiLiGenT's pmsData folder; objects that are absent are named and skipped")
+    parser.add_argument("--object", action="append", metavar="NAME", help="repeatable; all ten unless given")
+    parser.add_argument("--lights", action="append", metavar="A,B,C", help="lights giving R, G, B; repeatable")
+    _add_protocol(parser, "all three")
+
+
+def _diligent(options: argparse.Namespace) -> Any:
+    from mpsnet_core.evaluation.diligent import OBJECTS, PROTOCOLS, Diligent
+    from mpsnet_core.evaluation.published import PUBLISHED_LIGHTS
+
+    return Diligent(
+        options.folder,
+        objects=options.object or OBJECTS,
+        lights=[_triple(text) for text in options.lights] if options.lights else PUBLISHED_LIGHTS,
+        protocols=options.protocol or tuple(PROTOCOLS),
+    )
 
 
 def _triple(text: str) -> tuple[int, int, int]:
@@ -60,3 +108,85 @@ def _triple(text: str) -> tuple[int, int, int]:
     except ValueError:
         raise InputError(f"--lights {text} is not three numbers; write them like 48,1,96") from None
     return first, second, third
+
+
+def _add_materials(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--merl", required=True, metavar="PATH", help="a folder of MERL .binary files, or .npz of fits")
+    _add_synthetic(parser)
+
+
+def _materials(options: argparse.Namespace) -> Any:
+    from mpsnet_core.evaluation.materials import Materials
+
+    return Materials(options.merl, **_synthetic(options))
+
+
+def _add_rendered(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("mesh", nargs="+", help="mesh files, or folders of them")
+    parser.add_argument("--merl", default="", metavar="PATH", help="measured materials in place of principled ones")
+    parser.add_argument("--views", type=int, default=2, help="of each mesh, from all around")
+    _add_synthetic(parser)
+
+
+def _rendered(options: argparse.Namespace) -> Any:
+    from mpsnet_core.evaluation.rendered import Rendered
+
+    return Rendered(options.mesh, merl=options.merl, views=options.views, **_synthetic(options))
+
+
+def _colour(options: argparse.Namespace) -> Any:
+    from mpsnet_core.evaluation.colour import ColourChanges
+
+    return ColourChanges(**_synthetic(options))
+
+
+def _synthetic(options: argparse.Namespace) -> dict[str, Any]:
+    return {"protocols": options.protocol or ("published",), "size": options.size}
+
+
+def _add_samples(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("folder", nargs="+", help="folders of samples that training does not see")
+    parser.add_argument("--count", type=int, default=0, help="how many, evenly spread; 0 for all")
+
+
+def _samples(options: argparse.Namespace) -> Any:
+    from mpsnet_core.evaluation.samples import Samples
+
+    return Samples(options.folder, count=options.count)
+
+
+# --- patch sizes: the only test that trains ---------------------------------------------------------------------------
+
+
+def _add_patch_sizes(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--samples", action="append", required=True, metavar="DIR", help="to train on; repeatable")
+    parser.add_argument("--validation", action="append", required=True, metavar="DIR", help="held out; repeatable")
+    parser.add_argument(
+        "--runs", required=True, metavar="DIR", help="for checkpoints; a cancelled run goes on from them"
+    )
+    parser.add_argument("--width", type=float, default=0.125, help="factor of the published numbers of maps")
+    parser.add_argument("--steps", type=int, default=600, help="of each of the ten trainings, of 500 patches")
+    parser.add_argument("--patches", type=int, default=500_000, help="to measure on")
+    parser.add_argument("--workers", type=int, default=1, help="processes that make examples")
+    parser.add_argument("--keep", action="store_true", help="hold the samples in memory, about 1 MB each and worker")
+    parser.add_argument("--json", metavar="FILE", help="write the rows as JSON")
+    parser.add_argument("-o", "--output", metavar="REPORT", help="write an HTML report with a chart")
+    parser.set_defaults(verb=_evaluate_patch_sizes)
+
+
+def _evaluate_patch_sizes(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
+    from mpsnet_core.training.patch_sizes import evaluate_patch_sizes
+
+    return evaluate_patch_sizes(
+        [Path(folder) for folder in options.samples],
+        [Path(folder) for folder in options.validation],
+        options.runs,
+        width=options.width,
+        steps=options.steps,
+        patches=options.patches,
+        json=options.json,
+        report=options.output,
+        workers=options.workers,
+        keep=options.keep,
+        progress=reporter.progress,
+    )

@@ -1,6 +1,7 @@
 """Verbs that take photos and normals: estimate, superpose, bake, models."""
 
 import argparse
+import json
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
         )
     )
     models = verbs.add_parser("models", parents=[common], help="list the models that can be asked for by name")
+    models.add_argument("model", nargs="?", help="name or .onnx file of a network, to read its card")
     models.set_defaults(verb=_models)
 
 
@@ -34,7 +36,7 @@ def _add_estimate(parser: argparse.ArgumentParser) -> None:
         "--mask",
         help="mask file, alpha, none or threshold:0.05; without it alpha, where the photo has it, else the whole photo",
     )
-    parser.add_argument("--model", help="a name of `mpsnet models` or an .onnx file; lambertian unless given")
+    parser.add_argument("--model", help="a name of `mpsnet models` or an .onnx file; multiscale unless given")
     parser.add_argument("--encoding", default="auto", help="auto, linear or srgb: how the photo's values are meant")
     parser.add_argument("--layer", help="layer of a multi-layer EXR")
     parser.add_argument("--convention", default="opengl", help="opengl (green up) or directx (green down)")
@@ -44,7 +46,7 @@ def _add_estimate(parser: argparse.ArgumentParser) -> None:
         "--provider", default="cpu", choices=("cpu", "cuda", "directml", "coreml"), help="what runs networks"
     )
     parser.add_argument("--threads", type=int, default=0, help="CPU threads for networks, 0 for all")
-    parser.add_argument("--tile", type=int, default=1024, help="tile side in pixels for networks")
+    parser.add_argument("--tile", type=int, default=512, help="tile side in pixels for networks")
     parser.add_argument("-o", "--output", required=True, help="image file, or a folder where there are several photos")
     parser.set_defaults(verb=_estimate)
 
@@ -78,8 +80,12 @@ def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
     for number, (photo, output) in enumerate(zip(photos, outputs, strict=True)):
         step = part(reporter.progress, number / len(photos), (number + 1) / len(photos))
         step(0.0, f"reading {photo.name}")
-        capture = read_capture(photo, rig, mask=options.mask, encoding=options.encoding, layer=options.layer)
-        normals = estimator(capture, part(step, 0.1, 0.9))
+        # Neither the photo nor the last normals are kept while others are made: they are large.
+        normals = None
+        normals = estimator(
+            read_capture(photo, rig, mask=options.mask, encoding=options.encoding, layer=options.layer),
+            part(step, 0.1, 0.9),
+        )
         pixels += int(normals.mask.sum())
         step(0.9, f"writing {output.name}")
         output.parent.mkdir(exist_ok=True)
@@ -204,9 +210,21 @@ def _bake(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
 def _models(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.estimate.shelf import shelf
 
+    if options.model:
+        return _card(options.model)
     entries = shelf()
     width = max(len(entry.name) for entry in entries)
     return {
         "models": [{"name": entry.name, "title": entry.title} for entry in entries],
         "text": "\n".join(f"{entry.name.ljust(width)}  {entry.title}" for entry in entries),
     }
+
+
+def _card(model: str) -> dict[str, Any]:
+    from mpsnet_core.estimate.onnx_model import OnnxModel
+    from mpsnet_core.estimate.shelf import find_network
+
+    file = find_network(model)
+    network = OnnxModel(file.path, threads=1, passes=file.passes)
+    told = {"card": json.loads(network.card.to_json()), "training": network.record}
+    return {**told, "text": json.dumps(told, indent=2)}

@@ -53,6 +53,12 @@ def _add_synthesize(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--merl", default="", metavar="PATH", help="measured materials: a folder of MERL .binary files, or .npz of fits"
     )
+    parser.add_argument(
+        "--merl-part",
+        default="all",
+        metavar="PART",
+        help="all, or training (four in five of the measured materials) or validation (the fifth that was left out)",
+    )
     parser.add_argument("--views", type=int, default=1, help="samples in a row that show the same shape")
     parser.add_argument("--bounces", type=int, default=1, help="of light between surfaces: 0 or 1")
     parser.add_argument("--supersampling", type=int, default=1, help="rays along a pixel's side")
@@ -79,6 +85,7 @@ def _synthesize(options: argparse.Namespace, reporter: Reporter) -> dict[str, An
         # Workers may stand elsewhere.
         meshes=str(Path(options.meshes).resolve()) if options.meshes else "",
         merl=str(Path(options.merl).resolve()) if options.merl else "",
+        merl_part=options.merl_part,
         views=options.views,
         bounces=options.bounces,
         supersampling=options.supersampling,

@@ -4,7 +4,7 @@ import logging
 import os
 from typing import TYPE_CHECKING, Any
 
-from mpsnet_core.estimate.shelf import DEFAULT_MODEL, LAMBERTIAN, LAMBERTIAN_GREY_WORLD, find_model
+from mpsnet_core.estimate.shelf import DEFAULT_MODEL, LAMBERTIAN, LAMBERTIAN_GREY_WORLD, find_network
 from mpsnet_core.progress import Progress, silent
 
 if TYPE_CHECKING:  # Blender imports the shelf beside this file, and shall not wait for OpenImageIO
@@ -32,7 +32,8 @@ class Estimator:
         if self.name not in (LAMBERTIAN, LAMBERTIAN_GREY_WORLD):
             from mpsnet_core.estimate.onnx_model import OnnxModel  # onnxruntime takes a while to load
 
-            self._network = OnnxModel(find_model(self.name), **options)
+            network = find_network(self.name)
+            self._network = OnnxModel(network.path, passes=network.passes, **options)
         elif options.get("provider", "cpu") != "cpu":
             log.info("%s is no network and runs without provider %s", self.name, options["provider"])
 

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.estimate.features import FEATURE_CHANNELS
+from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS
 
 CARD_KEY = "mpsnet.card"
+# Beside the card, for people: how the model came about (recipe, date, time, hardware, figures), as JSON.
+TRAINING_KEY = "mpsnet.training"
 CARD_FORMAT = "mpsnet-model"
 CARD_VERSION = 1
 
@@ -20,10 +22,14 @@ class ModelCard:
     name, network, licence: for people. network names the architecture.
     kind: "dense" maps (N, C, H, W) to (N, 3, H, W); "patch" maps (N, C, patch, patch) to (N, 3), one pixel a patch.
     inputs: for each ONNX input the features that are stacked along its channels, see
-        :data:`mpsnet_core.estimate.features.FEATURE_CHANNELS`.
+        :data:`mpsnet_core.estimate.features.FEATURE_CHANNELS`. Constants ("lights") are one pixel and stand alone:
+        (N, 9, 1, 1).
     halo: dense only; how many pixels around it an output pixel depends on at most (receptive field radius).
     multiple: dense only; height and width must be a multiple of this (pooling).
     patch: patch only; the side of a patch in pixels, odd.
+    frame: dense only; "camera", or "canonical" for a network that always sees the first light straight up in the
+        picture and the others counter-clockwise from it, see :mod:`mpsnet_core.estimate.light_frame`.
+    passes: canonical only; 3 to give each of the lights its turn at being the first and average the answers, else 1.
     """
 
     name: str
@@ -34,6 +40,8 @@ class ModelCard:
     halo: int = 0
     multiple: int = 1
     patch: int = 1
+    frame: Literal["camera", "canonical"] = "camera"
+    passes: Literal[1, 3] = 1
 
     def __post_init__(self) -> None:
         for key in ("name", "network", "licence"):
@@ -41,6 +49,14 @@ class ModelCard:
                 raise InputError(f'its card needs a text for "{key}"')
         if self.kind not in ("dense", "patch"):
             raise InputError(f'its card\'s "kind" is {self.kind!r}; expected "dense" or "patch"')
+        if self.frame not in ("camera", "canonical"):
+            raise InputError(f'its card\'s "frame" is {self.frame!r}; expected "camera" or "canonical"')
+        if self.frame == "canonical" and self.kind != "dense":
+            raise InputError('its card\'s "frame" is "canonical", which only a dense network can have')
+        if self.passes not in (1, 3) or isinstance(self.passes, bool):
+            raise InputError(f'its card\'s "passes" is {self.passes!r}; expected 1 or 3')
+        if self.passes == 3 and self.frame != "canonical":
+            raise InputError('its card\'s "passes" is 3, which needs the "frame" "canonical"')
         if not isinstance(self.inputs, Mapping) or not self.inputs:
             raise InputError("its card's \"inputs\" must name each input's features")
         for name, features in self.inputs.items():
@@ -49,6 +65,11 @@ class ModelCard:
             for feature in features:
                 if not isinstance(feature, str) or feature not in FEATURE_CHANNELS:
                     raise InputError(f"its card asks for {feature!r}; this program makes {', '.join(FEATURE_CHANNELS)}")
+            if len(features) > 1 and (constants := CONSTANTS.intersection(features)):
+                raise InputError(
+                    f"its card stacks {', '.join(constants)}, which is one pixel, with maps in input {name!r}; "
+                    "give it an input of its own"
+                )
         for key, least in (("halo", 0), ("multiple", 1), ("patch", 1)):
             value = getattr(self, key)
             if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= 4096:
@@ -85,3 +106,12 @@ def card_from_metadata(metadata: Mapping[str, str]) -> ModelCard:
     if missing:
         raise InputError(f'its card lacks "{missing[0]}"')
     return ModelCard(**known)
+
+
+def record_from_metadata(metadata: Mapping[str, str]) -> dict[str, Any]:
+    """How the model came about, from an ONNX file's metadata; empty where it is not told or malformed."""
+    try:
+        record = json.loads(metadata.get(TRAINING_KEY, "{}"))
+    except (ValueError, RecursionError):
+        return {}
+    return record if isinstance(record, dict) else {}

@@ -5,25 +5,30 @@ from numpy.typing import NDArray
 
 from mpsnet_core.capture import Capture
 from mpsnet_core.normals import NormalMap, normalised
+from mpsnet_core.rig import LightRig
 
 # Below this share of its channel's 99th percentile inside the mask a pixel counts as unlit by that channel's light.
 SHADOW_SHARE = 0.02
 
 
-def unmixed(capture: Capture) -> NDArray[np.float32]:
-    """(H, W, 3) what each light alone gives: the image multiplied by the inverse of the rig's mixing matrix.
+def unmixed(image: NDArray[np.float32], rig: LightRig) -> NDArray[np.float32]:
+    """(..., 3) what each light alone gives: the image multiplied by the inverse of the rig's mixing matrix.
 
     Undoes ``c = M s`` of the image formation for a surface of one grey; exact for a rig without crosstalk.
     """
-    if np.array_equal(capture.rig.mixing, np.eye(3)):
-        return capture.image
-    return capture.image @ np.linalg.inv(capture.rig.mixing).T.astype(np.float32)
+    if np.array_equal(rig.mixing, np.eye(3)):
+        return image
+    return image @ np.linalg.inv(rig.mixing).T.astype(np.float32)
 
 
 def grey_world_image(image: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
     """(H, W, 3) each channel divided by its own mean inside the mask; a channel that is black there stays as it is."""
-    mean = image[mask].mean(axis=0, dtype=np.float64)
-    divisor: NDArray[np.float32] = np.where(mean > 0, mean, 1).astype(np.float32)
+    return divided(image, image[mask].mean(axis=0, dtype=np.float64))
+
+
+def divided(image: NDArray[np.float32], means: NDArray[np.float64] | float) -> NDArray[np.float32]:
+    """The image (..., 3) divided by its mean, or each channel by its own; what has none above zero stays as it is."""
+    divisor: NDArray[np.float32] = np.where(np.greater(means, 0), means, 1).astype(np.float32)
     return image / divisor
 
 
@@ -42,13 +47,13 @@ def usable_channels(capture: Capture) -> NDArray[np.bool_]:
     if not np.array_equal(capture.rig.mixing, np.eye(3)):
         # Every light's share is drawn from all channels, so one saturated channel spoils all three.
         saturated = np.broadcast_to(saturated.any(axis=-1, keepdims=True), saturated.shape)
-    light = unmixed(capture)
+    light = unmixed(capture.image, capture.rig)
     return (light > SHADOW_SHARE * np.percentile(light[capture.mask], 99, axis=0)) & ~saturated
 
 
 def lambertian_normals(capture: Capture, grey_world: bool = False) -> NormalMap:
     """Normals by equation 2, with or without grey-world. Confidence is the share of usable channels (0, ⅓, ⅔, 1)."""
-    image = unmixed(capture)
+    image = unmixed(capture.image, capture.rig)
     if grey_world:
         image = grey_world_image(image, capture.mask)
     confidence = usable_channels(capture).mean(axis=-1, dtype=np.float32)

@@ -1,8 +1,8 @@
 """DiLiGenT (Shi et al. 2016) as a test of one-shot captures multiplexed from white photographs."""
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -11,19 +11,17 @@ from numpy.typing import NDArray
 
 from mpsnet_core.capture import Capture
 from mpsnet_core.errors import InputError
-from mpsnet_core.estimate import Estimator
+from mpsnet_core.evaluation.evaluation import Evaluation
 from mpsnet_core.evaluation.matfile import read_mat_array
+from mpsnet_core.evaluation.measure import Case
+from mpsnet_core.evaluation.published import PUBLISHED_LIGHTS, Lights, diligent_figures
+from mpsnet_core.evaluation.tables import table_of_means
 from mpsnet_core.files import existing_file
 from mpsnet_core.images import read_data, read_mask
-from mpsnet_core.normals import NormalMap, angular_error, normalised
-from mpsnet_core.progress import Progress, silent
+from mpsnet_core.normals import normalised
 from mpsnet_core.rig import LightRig
 
 OBJECTS = ("ball", "bear", "buddha", "cat", "cow", "goblet", "harvest", "pot1", "pot2", "reading")
-
-Lights = tuple[int, int, int]
-# The paper's four triples (Table 2), counted from 1 as DiLiGenT's file names do.
-PUBLISHED_LIGHTS: tuple[Lights, ...] = ((48, 1, 96), (8, 41, 89), (73, 72, 27), (22, 50, 78))
 
 # How a white photograph's R, G, B make up one channel of the capture: c_i = Σ_j P_ij I_k(i),j.
 PROTOCOLS: dict[str, NDArray[np.float64]] = {
@@ -31,32 +29,15 @@ PROTOCOLS: dict[str, NDArray[np.float64]] = {
     "published": np.full((3, 3), 2 / 9) + np.eye(3) * (5 / 9 - 2 / 9),
     "white": np.full((3, 3), 1 / 3),
 }
+# The data set's authors say so of its bear.
+DAMAGED_PHOTOGRAPHS = 20
 
 
-@dataclass(frozen=True)
-class Result:
-    """One estimate against the truth. mae_deg: mean angular error over the mask in degrees."""
-
-    object: str
-    lights: Lights
-    protocol: str
-    model: str
-    mae_deg: float
-    median_deg: float
-    capture: Capture
-    estimate: NormalMap
-    truth: NDArray[np.float32]
-
-    def row(self) -> dict[str, Any]:
-        """The result as a row of the table that ``--json`` writes."""
-        return {
-            "object": self.object,
-            "lights": list(self.lights),
-            "protocol": self.protocol,
-            "model": self.model,
-            "mae_deg": round(self.mae_deg, 4),
-            "median_deg": round(self.median_deg, 4),
-        }
+def protocol_weights(protocol: str) -> NDArray[np.float64]:
+    """(3, 3) weights of a protocol of :data:`PROTOCOLS`. Raises InputError where there is none of that name."""
+    if protocol not in PROTOCOLS:
+        raise InputError(f"protocol {protocol!r} is not known; choose {', '.join(PROTOCOLS)}")
+    return PROTOCOLS[protocol]
 
 
 def object_folder(root: str | os.PathLike[str], name: str) -> Path | None:
@@ -76,8 +57,7 @@ def read_diligent(folder: str | os.PathLike[str], lights: Lights, protocol: str)
     Raises InputError where a file is missing or does not fit.
     """
     folder = Path(folder)
-    if protocol not in PROTOCOLS:
-        raise InputError(f"protocol {protocol!r} is not known; choose {', '.join(PROTOCOLS)}")
+    channels = protocol_weights(protocol)
     directions = _numbers(folder / "light_directions.txt")
     intensities = _numbers(folder / "light_intensities.txt")
     if (intensities <= 0).any():
@@ -88,7 +68,7 @@ def read_diligent(folder: str | os.PathLike[str], lights: Lights, protocol: str)
         if not 1 <= light <= count:
             raise InputError(f"{folder.name} has lights 1 to {count}, not {light}; mend --lights")
     mixed = []
-    for weights, light in zip(PROTOCOLS[protocol], lights, strict=True):
+    for weights, light in zip(channels, lights, strict=True):
         # The photographs' 16-bit values are linear, whatever the files say.
         photo, _ = read_data(folder / names[light - 1])
         mixed.append(photo / intensities[light - 1] @ weights)
@@ -107,44 +87,97 @@ def read_truth(folder: str | os.PathLike[str]) -> NDArray[np.float32]:
     return normalised(truth).astype(np.float32)
 
 
-def evaluate_diligent(
-    root: str | os.PathLike[str],
-    *,
-    lights: Sequence[Lights] = PUBLISHED_LIGHTS,
-    protocols: Iterable[str] = tuple(PROTOCOLS),
-    models: Iterable[str] = ("lambertian",),
-    skipped: list[str] | None = None,
-    progress: Progress = silent,
-) -> Iterator[Result]:
-    """Estimate and compare, for every object that is there.
+class Diligent(Evaluation):
+    """The photographs of DiLiGenT under a root folder, multiplexed.
 
-    skipped: what is absent is appended here, a line each. Raises InputError where no object is there at all.
+    objects: of :data:`OBJECTS`; those that are absent are skipped and named. lights, protocols: as for
+    :func:`read_diligent`.
+
+    Raises InputError where an object or a protocol is not known, or none of the objects is there.
     """
-    folders = {name: object_folder(root, name) for name in OBJECTS}
-    present = {name: folder for name, folder in folders.items() if folder is not None}
-    if not present:
-        raise InputError(f"{root} has none of DiLiGenT's folders (ballPNG, catPNG, ...); give its pmsData folder")
-    absent = [name for name in OBJECTS if name not in present]
-    if absent and skipped is not None:
-        skipped.append(f"absent, skipped: {', '.join(absent)}")
-    estimators = [Estimator(model) for model in models]
-    protocols = list(protocols)
-    total, done = len(present) * len(lights) * len(protocols) * len(estimators), 0
-    for name, folder in present.items():
-        truth = read_truth(folder)
-        for triple in lights:
-            for protocol in protocols:
-                capture = read_diligent(folder, triple, protocol)
-                if truth.shape != capture.image.shape:
-                    raise InputError(f"{folder}: the truth is {truth.shape}, the photos {capture.image.shape}")
-                for estimator in estimators:
-                    progress(done / total, f"{name}, lights {triple}, {protocol}, {estimator.name}")
-                    estimate = estimator(capture)
-                    error = angular_error(estimate.vectors, truth)[capture.mask]
-                    mean, median = float(error.mean()), float(np.median(error))
-                    yield Result(name, triple, protocol, estimator.name, mean, median, capture, estimate, truth)
-                    done += 1
-    progress(1.0, "evaluated")
+
+    title = "DiLiGenT, one photo each"
+
+    def __init__(
+        self,
+        root: str | os.PathLike[str],
+        *,
+        objects: Sequence[str] = OBJECTS,
+        lights: Sequence[Lights] = PUBLISHED_LIGHTS,
+        protocols: Sequence[str] = tuple(PROTOCOLS),
+    ) -> None:
+        for name in objects:
+            if name not in OBJECTS:
+                raise InputError(f"DiLiGenT has no object {name!r}; choose {', '.join(OBJECTS)}")
+        for protocol in protocols:
+            protocol_weights(protocol)
+        folders = {name: object_folder(root, name) for name in dict.fromkeys(objects)}
+        if not any(folders.values()):
+            wanted = ", ".join(f"{name}PNG" for name in list(folders)[:2])
+            raise InputError(f"{root} has none of DiLiGenT's folders ({wanted}, ...); give its pmsData folder")
+        self.lights = list(lights)
+        self.absent = [name for name, folder in folders.items() if folder is None]
+        self.cases = [
+            partial(_case, name, folder, triple, protocol)
+            for name, folder in folders.items()
+            if folder is not None
+            for triple in lights
+            for protocol in protocols
+        ]
+
+    def table(self, rows: Sequence[dict[str, Any]]) -> str:
+        """A line for each protocol, model and triple, and for the means over the triples; the paper's figures below."""
+        lines: list[dict[str, Any]] = []
+        for protocol in dict.fromkeys(row["protocol"] for row in rows):
+            published = self.published(rows) if protocol == "published" else []
+            table_2, figure_8 = ([r for r in published if bool(r["lights"]) == named] for named in (True, False))
+            measured = [row for row in rows if row["protocol"] == protocol]
+            for model in dict.fromkeys(row["model"] for row in measured):
+                lines += _with_means([row for row in measured if row["model"] == model])
+            lines += _with_means([{**row, "model": f"paper: {row['model']}"} for row in table_2])
+            lines += [{**row, "model": f"paper: {row['model']}", "lights": "figure 8"} for row in figure_8]
+        return table_of_means(lines, ("protocol", "model", "lights"), "object")
+
+    def published(self, rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+        """The paper's table 2 and figure 8 of the objects and lights measured; under its own protocol only."""
+        if not any(row["protocol"] == "published" for row in rows):
+            return []
+        return diligent_figures(list(dict.fromkeys(row["object"] for row in rows)), self.lights)
+
+    def notes(self, rows: Sequence[dict[str, Any]]) -> list[str]:
+        """Whose figures these are, and what ails the data."""
+        notes = []
+        if self.published(rows):
+            notes.append("paper: table 2 and figure 8 of Ju et al. 2019, as printed; figure 8 names no lights")
+        damaged = any(row["object"] == "bear" and min(row["lights"]) <= DAMAGED_PHOTOGRAPHS for row in rows)
+        if damaged:
+            notes.append(
+                f"the bear's first {DAMAGED_PHOTOGRAPHS} photographs are known to be damaged; they are used here"
+            )
+        return notes
+
+    def skipped(self) -> list[str]:
+        """The absent objects."""
+        return [f"absent, skipped: {', '.join(self.absent)}"] if self.absent else []
+
+
+def _case(name: str, folder: Path, lights: Lights, protocol: str) -> Case:
+    labels = {"object": name, "lights": list(lights), "protocol": protocol}
+    capture, truth = read_diligent(folder, lights, protocol), _truth(folder)
+    if truth.shape != capture.image.shape:
+        raise InputError(f"{folder}: the truth is {truth.shape}, the photos {capture.image.shape}")
+    return Case(labels, capture, truth)
+
+
+# Many cases in a row are of one object.
+_truth = lru_cache(maxsize=1)(read_truth)
+
+
+def _with_means(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """One model's rows, and once more as those of all triples, where there are several."""
+    lines = [{**row, "lights": ",".join(map(str, row["lights"]))} for row in rows]
+    triples = len({line["lights"] for line in lines})
+    return lines + [{**line, "lights": f"mean of {triples}"} for line in lines if triples > 1]
 
 
 def _numbers(path: Path) -> NDArray[np.float64]:

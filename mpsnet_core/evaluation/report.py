@@ -1,64 +1,80 @@
-"""Tables for the terminal and one self-contained HTML page with pictures."""
+"""The report of an evaluation: one self-contained HTML page with table, charts and pictures."""
 
 import base64
 import html
 import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.evaluation.diligent import Result
-from mpsnet_core.evaluation.pictures import colour_scale, cropped, error_picture, normals_picture, photo_picture, sheet
+from mpsnet_core.evaluation.measure import Result
+from mpsnet_core.evaluation.pictures import (
+    BACKGROUND,
+    colour_scale,
+    cropped,
+    error_picture,
+    normals_picture,
+    photo_picture,
+    sheet,
+)
 from mpsnet_core.files import writable_path, written_whole
 from mpsnet_core.images import write_image
-from mpsnet_core.normals import NormalMap, angular_error
+from mpsnet_core.normals import NormalMap
 
-HIGHEST_ERROR = 45.0
+HIGHEST_ERROR = 45.0  # degrees; one scale for all models and cases
+TILE_HEIGHT = 176
+LONGEST_TITLE = 21  # letters above a tile
+_COPIED = 1 << 20  # characters at a time
 
-
-def text_table(rows: Sequence[dict[str, Any]]) -> str:
-    """The mean angular errors in degrees, a line for each model, lights and protocol, a column for each object."""
-    objects = list(dict.fromkeys(str(row["object"]) for row in rows))
-    lines: dict[tuple[str, str, str], dict[str, float]] = {}
-    for row in rows:
-        lights = ",".join(map(str, row["lights"]))
-        key = (str(row["model"]), lights, str(row["protocol"]))
-        lines.setdefault(key, {})[str(row["object"])] = row["mae_deg"]
-    table = [["model", "lights", "protocol", *objects, "mean"]]
-    for key, errors in lines.items():
-        known = [errors[name] for name in objects if name in errors]
-        cells = [f"{errors[name]:.2f}" if name in errors else "-" for name in objects]
-        table.append([*key, *cells, f"{np.mean(known):.2f}"])
-    widths = [max(len(line[column]) for line in table) for column in range(len(table[0]))]
-    return "\n".join(
-        "  ".join(
-            cell.ljust(w) if c < 3 else cell.rjust(w) for c, (cell, w) in enumerate(zip(line, widths, strict=True))
-        )
-        for line in table
-    )
+_HEAD = """<!doctype html><html lang='en'><meta charset='utf-8'><title>{title}</title>
+<style>body{{background:#222;color:#eee;font:15px sans-serif;margin:2em}}pre{{font-size:14px;overflow-x:auto}}
+h2{{font-size:16px;margin:1.5em 0 .3em}}img{{max-width:100%}}svg{{display:block;margin:1em 0}}</style>
+<h1>{title}</h1>
+"""
 
 
-def comparison(
-    photo: NDArray[np.float32], estimate: NormalMap, truth: NDArray[np.float32], highest: float = HIGHEST_ERROR
-) -> list[tuple[str, NDArray[np.float32]]]:
-    """Tiles for :func:`mpsnet_core.evaluation.pictures.sheet`: photo, estimate, truth, error and its scale."""
-    error = angular_error(estimate.vectors, truth)
-    pictures = cropped(
-        [
-            photo_picture(photo, estimate.mask),
-            normals_picture(estimate),
-            normals_picture(NormalMap(truth, estimate.mask)),
-            error_picture(error, estimate.mask, highest),
-        ],
-        estimate.mask,
-    )
-    titles = ["photo", "estimate", "truth", f"error, mean {error[estimate.mask].mean():.2f}°"]
-    return [*zip(titles, pictures, strict=True), ("degrees", colour_scale(highest, 320))]
+@dataclass(frozen=True)
+class Report:
+    """A page that grows case by case on disk, as its pictures would fill the memory; see :func:`begun_report`."""
+
+    path: Path
+    figures: TextIO
+
+    def add(self, results: Sequence[Result]) -> None:
+        """One case's pictures: photo and truth, and each model's normals and errors."""
+        title = html.escape(results[0].case.title, quote=True)
+        picture = _data_url(case_picture(results))
+        self.figures.write(f"<h2>{title}</h2>\n<img alt='{title}' loading='lazy' src='{picture}'>\n")
+
+    def write(self, title: str, table: str, notes: Sequence[str], charts: Sequence[str]) -> None:
+        """Put the page in its place: title, table, notes, SVG charts, and all cases' pictures."""
+        self.figures.seek(0)
+        with written_whole(self.path) as unfinished, unfinished.open("w", encoding="utf-8") as page:
+            page.write(_HEAD.format(title=html.escape(title)))
+            page.write(f"<pre>{html.escape(table)}</pre>\n")
+            page.writelines(f"<p>{html.escape(note)}</p>\n" for note in notes)
+            page.writelines(f"{chart}\n" for chart in charts)
+            while part := self.figures.read(_COPIED):
+                page.write(part)
+            page.write("</html>\n")
+
+
+@contextmanager
+def begun_report(path: str | os.PathLike[str]) -> Iterator[Report]:
+    """A report to add cases to, which :meth:`Report.write` puts at `path`, whole or not at all.
+
+    Raises InputError where no report can be put there.
+    """
+    path = report_path(path)
+    with tempfile.TemporaryFile("w+", encoding="utf-8") as figures:
+        yield Report(path, figures)
 
 
 def report_path(path: str | os.PathLike[str]) -> Path:
@@ -69,28 +85,36 @@ def report_path(path: str | os.PathLike[str]) -> Path:
     return path
 
 
-def html_figure(result: Result) -> str:
-    """A result's row of pictures as HTML, its pictures inside."""
-    title = f"{result.object}, lights {result.lights}, {result.protocol}, {result.model}: {result.mae_deg:.2f}°"
-    picture = sheet(comparison(result.capture.image, result.estimate, result.truth), columns=5)
-    return f"<h2>{html.escape(title)}</h2><img alt='{html.escape(title)}' src='{_data_url(picture)}'>"
-
-
-def write_html_report(
-    path: str | os.PathLike[str], rows: Sequence[dict[str, Any]], figures: Sequence[str], notes: Sequence[str]
-) -> None:
-    """One HTML page: the table of `rows`, then the results' figures. Whole or not at all."""
-    path = report_path(path)
-    parts = [
-        "<!doctype html><html lang='en'><meta charset='utf-8'><title>MPS-Net evaluation</title>",
-        "<style>body{background:#222;color:#eee;font:15px sans-serif;margin:2em}pre{font-size:14px}"
-        "img{max-width:100%}</style><h1>Mean angular error in degrees</h1>",
-        f"<pre>{html.escape(text_table(rows))}</pre>",
-        *(f"<p>{html.escape(note)}</p>" for note in notes),
-        *figures,
+def case_picture(results: Sequence[Result]) -> NDArray[np.float32]:
+    """(H, W, 3) display values: the photo and each model's normals; below, the truth, their errors and the scale."""
+    case = results[0].case
+    pictures = [
+        photo_picture(case.capture.image, case.capture.mask),
+        *(normals_picture(result.estimate) for result in results),
+        normals_picture(NormalMap(case.truth, case.scored)),
+        *(error_picture(result.error.astype(np.float64), case.scored, HIGHEST_ERROR) for result in results),
     ]
-    with written_whole(path) as unfinished:
-        unfinished.write_text("\n".join(parts) + "</html>\n", encoding="utf-8")
+    tiles = [_at_least_square(picture) for picture in cropped(pictures, case.capture.mask)]
+    count = len(results)
+    names = [result.model[-LONGEST_TITLE:] for result in results]
+    errors = [f"{result.mae_deg:.2f}°" for result in results]
+    nothing = np.full((TILE_HEIGHT, 1, 3), BACKGROUND, np.float32)
+    return sheet(
+        [
+            *zip(["photo", *names], tiles[: count + 1], strict=True),
+            ("", nothing),
+            *zip(["truth", *errors], tiles[count + 1 :], strict=True),
+            ("degrees", colour_scale(HIGHEST_ERROR, TILE_HEIGHT)),
+        ],
+        count + 2,
+        TILE_HEIGHT,
+    )
+
+
+def _at_least_square(picture: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The picture with background at its sides, so that its title has room."""
+    missing = max(picture.shape[0] - picture.shape[1], 0)
+    return np.pad(picture, [(0, 0), (missing // 2, missing - missing // 2), (0, 0)], constant_values=BACKGROUND)
 
 
 def _data_url(picture: NDArray[np.float32]) -> str:

@@ -7,7 +7,7 @@ perspective, soft shadows and painted, dirty, metallic surfaces are what its err
 import math
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +41,7 @@ UPRIGHT_ELEVATION, UPRIGHT_ROLL = (-10.0, 55.0), 8.0  # degrees
 FRONT_TURN = 40.0  # degrees
 
 MATERIAL_COUNT_SHARES = (0.22, 0.26, 0.2, 0.15, 0.1, 0.07)  # for 1 to 6
+HELD_OUT = 5  # one measured material in so many is for validation
 MEASURED_SHARE = 0.6  # of the materials, where the job has measured ones
 TINT_SHARE, TINT = 0.3, (0.3, 1.0)  # of the measured ones are recoloured
 PATTERN_SHARES = {"parts": 0.25, "noise": 0.3, "voronoi": 0.2, "stripes": 0.25}
@@ -77,7 +78,7 @@ def draw_recipe(job: SampleJob, number: int) -> Recipe:
         camera=_camera(rng, job.size),
         light_directions=_light_directions(rng),
         light_sizes=np.full(3, _light_size(rng)),
-        materials=() if shape["kind"] == "scene" else _materials(rng, count, job.merl),
+        materials=() if shape["kind"] == "scene" else _materials(rng, count, _measured(job)),
         pattern=_pattern(rng, count),
         paint=_paint(rng),
         dirt=_dirt(rng),
@@ -194,9 +195,18 @@ def _light_size(rng: np.random.Generator) -> float:
 _names = lru_cache(maxsize=8)(material_names)
 
 
-def _materials(rng: np.random.Generator, count: int, merl: str) -> tuple[Material, ...]:
+def _measured(job: SampleJob) -> list[tuple[Literal["merl", "fit"], str]]:
+    names = _names(job.merl) if job.merl else []
+    if job.merl_part == "all":
+        return names
+    held_out = set(names[::HELD_OUT])
+    return [name for name in names if (name in held_out) == (job.merl_part == "validation")]
+
+
+def _materials(
+    rng: np.random.Generator, count: int, measured: list[tuple[Literal["merl", "fit"], str]]
+) -> tuple[Material, ...]:
     tone = _colour(rng, BRIGHTNESS) if rng.random() < ONE_TONE_SHARE else None
-    measured = _names(merl) if merl else []
     materials = []
     for _ in range(count):
         if measured and rng.random() < MEASURED_SHARE:

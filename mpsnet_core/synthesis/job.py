@@ -16,6 +16,7 @@ JOB_VERSION = 1
 JOB_FILE = "job.json"
 CONTACT_SHEET = "contact_sheet.png"
 RENDERERS = ("synthesis", "cycles")
+MERL_PARTS = ("all", "training", "validation")
 SHAPES = ("blobs", "drapery", "reliefs", "composites", "groups", "meshes", "scene")
 MAX_COUNT = 10_000_000
 # Samples claim their own numbers; this one is for the folder's other files.
@@ -41,9 +42,10 @@ class SampleJob:
     renderer: "synthesis" (this package) or "cycles" (Blender). size: pixels a side. shapes: kinds of shapes to draw
     from. meshes: folder of mesh files, for "meshes". objects: names of the objects in the job's ``scene.blend``, for
     "scene" (cycles only). merl: folder of MERL ``.binary`` files, or the ``.npz`` of neural fits; with "" all materials
-    are principled (synthesis only). views: how many samples in a row show the same shape. bounces: of light between
-    surfaces, 0 or more; for synthesis 0 or 1. samples: Cycles samples a pixel. denoise: whether Cycles' light is
-    denoised where it bounces between surfaces. supersampling: rays along a pixel's side.
+    are principled (synthesis only). merl_part: which of the measured materials: every fifth, in the order of their
+    names, is kept for "validation"; "training" has the others. views: how many samples in a row show the same shape.
+    bounces: of light between surfaces, 0 or more; for synthesis 0 or 1. samples: Cycles samples a pixel. denoise:
+    whether Cycles' light is denoised where it bounces between surfaces. supersampling: rays along a pixel's side.
 
     Raises InputError where a value is out of its range or two of them do not go together.
     """
@@ -56,6 +58,7 @@ class SampleJob:
     meshes: str = ""
     objects: tuple[str, ...] = ()
     merl: str = ""
+    merl_part: Literal["all", "training", "validation"] = "all"
     views: int = 1
     bounces: int = 1
     samples: int = 48
@@ -64,6 +67,7 @@ class SampleJob:
 
     def __post_init__(self) -> None:
         _one_of("the renderer", self.renderer, RENDERERS)
+        _one_of("the merl_part", self.merl_part, MERL_PARTS)
         for name, (low, high) in _RANGES.items():
             value = getattr(self, name)
             if type(value) is not int or not low <= value <= high:

@@ -7,7 +7,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
-import blender_addon  # noqa: E402
+import blender_addon
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -57,5 +57,5 @@ def photographed(sphere: "bpy.types.Object", tmp_path: Path) -> "bpy.types.Objec
 @pytest.fixture
 def estimated(photographed: "bpy.types.Object", tmp_path: Path) -> "bpy.types.Object":
     """The sphere with rig, photo and estimated normals."""
-    bpy.ops.mps.estimate(output=str(tmp_path / "normals.png"))
+    bpy.ops.mps.estimate(model="LAMBERTIAN", output=str(tmp_path / "normals.png"))
     return photographed

@@ -23,6 +23,17 @@ def test_the_estimate_is_the_spheres_normals(estimated, scene, tmp_path):
     assert angular_error(found.vectors, truth)[lit].mean() < 1.5
 
 
+def test_unasked_the_network_estimates(photographed, scene, tmp_path):
+    assert scene.mps.estimate.model == "MULTISCALE"
+    bpy.ops.mps.estimate(output=str(tmp_path / "normals.exr"), confidence=True)
+    found = read_normals(tmp_path / "normals.exr")
+    truth, mask = sphere_normals(scene, 96, 96)
+    inner = mask & (truth[..., 2] > 0.3)
+    assert angular_error(found.vectors, truth)[inner].mean() < 10
+    confidence = pixels(tmp_path / "normals_confidence.exr")[..., 0]
+    assert 0.5 < confidence[inner].mean() < 1
+
+
 def test_estimate_options_reach_the_core(photographed, scene, tmp_path):
     bpy.ops.mps.estimate(
         output=str(tmp_path / "n.exr"), mask="THRESHOLD", threshold=0.8, model="LAMBERTIAN_GREY_WORLD", confidence=True

@@ -36,7 +36,7 @@ def test_the_photo_keeps_the_rig_and_camera_it_was_taken_with(photographed, scen
 
 
 def test_a_matte_sphere_is_estimated_within_half_a_degree_where_all_lights_reach(photographed, scene, tmp_path):
-    bpy.ops.mps.estimate(output=str(tmp_path / "n.exr"), confidence=True)
+    bpy.ops.mps.estimate(model="LAMBERTIAN", output=str(tmp_path / "n.exr"), confidence=True)
     estimate = read_normals(tmp_path / "n.exr")
     camera = read_camera(tmp_path / "photo.camera.json")
     x = (np.arange(96) + 0.5 - camera.centre[0]) / camera.focal[0]

@@ -79,7 +79,7 @@ def test_command_line_does_the_same(blender, scene, by_script, tmp_path):
         [
             ["add-rig", "--object", "Sphere"],
             ["render-photo", "--width=160", "--height=160", "--samples=32", "--output=photo.exr"],
-            ["estimate", "--output=normals.png"],
+            ["estimate", "--model=LAMBERTIAN", "--output=normals.png"],
             ["bake", "--target=Sphere", "--size=256", "--output=texture.png"],
         ]
     ):

@@ -269,7 +269,7 @@ def test_every_draw_makes_a_capture(coloured: Sample) -> None:
     for _ in range(60):
         capture = taken(coloured, CaptureModel().draw(rng))
         assert capture.image.dtype == np.float32 and capture.image.min() >= 0 and capture.image.max() <= 1
-        assert np.isfinite(unmixed(capture)).all()
+        assert np.isfinite(unmixed(capture.image, capture.rig)).all()
 
 
 def test_where_there_is_nothing_to_see_it_is_told(white: Sample) -> None:

@@ -32,7 +32,7 @@ def test_estimate_writes_what_it_says(
     mask, out = write_file(tmp_path / "mask.png", sphere.mask, "uint8"), tmp_path / "normals.png"
     confidence = tmp_path / "confidence.tif"
     command = ["estimate", photo_file, "--rig", rig_file, "--mask", mask, "--confidence", confidence, "-o", out]
-    done = mpsnet(*command, "--progress", "json")
+    done = mpsnet(*command, "--model", "lambertian", "--progress", "json")
     assert (done.returncode, done.stderr) == (0, "")
     told, last = events(done.stdout)
     assert told == sorted(told) and 0 <= told[0] < told[-1] == 1
@@ -67,7 +67,7 @@ def test_the_options_reach_the_estimate(tmp_path: Path, mpsnet: Mpsnet, rig_file
 def test_without_json_notes_go_to_stderr(tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, photo_file: Path) -> None:
     done = mpsnet("estimate", photo_file, "--rig", rig_file, "-o", tmp_path / "n.png")
     assert done.returncode == 0
-    assert done.stdout == f"{tmp_path / 'n.png'}: normals by lambertian\n"
+    assert done.stdout == f"{tmp_path / 'n.png'}: normals by multiscale\n"
     assert all(line.startswith("note: ") for line in done.stderr.splitlines())
     assert "the whole photo is taken as the object" in done.stderr
 
@@ -117,7 +117,7 @@ def test_models_are_listed(mpsnet: Mpsnet) -> None:
     done = mpsnet("models", "--progress", "json")
     assert done.returncode == 0
     models = {model["name"]: model["title"] for model in events(done.stdout)[1]["result"]["models"]}
-    assert {"lambertian", "lambertian-grey-world"} <= set(models) and all(models.values())
+    assert {"multiscale", "lambertian", "lambertian-grey-world"} <= set(models) and all(models.values())
     assert all(name in mpsnet("models").stdout for name in models)
 
 

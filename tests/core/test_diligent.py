@@ -8,8 +8,10 @@ import pytest
 from conftest import Mpsnet
 from synthetic import degrees_between, diligent_object, mat_file
 
-from mpsnet_core.evaluation.diligent import evaluate_diligent, read_diligent, read_truth
+from mpsnet_core.evaluation.diligent import PROTOCOLS, Diligent, read_diligent, read_truth
 from mpsnet_core.evaluation.matfile import read_mat_array
+from mpsnet_core.evaluation.measure import measure
+from mpsnet_core.evaluation.published import PUBLISHED_LIGHTS
 
 COLOURED = (0.3, 0.2, 0.1)
 # Each capture channel's colour: the photographs' three channels weighted, of a surface that is COLOURED.
@@ -37,20 +39,71 @@ def test_a_capture_is_multiplexed_by_its_protocol(tmp_path: Path, protocol: str)
 def test_a_grey_sphere_is_exact_and_a_coloured_one_only_when_white(tmp_path: Path) -> None:
     sphere = diligent_object(tmp_path, "ball")
     diligent_object(tmp_path, "cow", COLOURED)
-    skipped: list[str] = []
+    test = Diligent(tmp_path, lights=[(1, 2, 3)])
     results = {
-        (r.object, r.protocol): r
-        for r in evaluate_diligent(tmp_path, lights=[(1, 2, 3)], models=["lambertian"], skipped=skipped)
+        (result.case.labels["object"], result.case.labels["protocol"]): result
+        for (result,) in measure(test.cases, ["lambertian"])
     }
     assert len(results) == 6
     for result in results.values():
         error = degrees_between(result.estimate.vectors, sphere.normals)[sphere.mask]
         assert result.mae_deg == pytest.approx(error.mean(), abs=1e-4)
-        assert result.median_deg == pytest.approx(np.median(error), abs=1e-4)
+        assert result.row()["mae_deg"] == pytest.approx(error.mean(), abs=1e-4)
+        assert result.row()["median_deg"] == pytest.approx(np.median(error), abs=1e-4)
     lit = {key: degrees_between(r.estimate.vectors, sphere.normals)[sphere.lit].mean() for key, r in results.items()}
     assert max(lit["ball", protocol] for protocol in CHANNELS) < 0.02
     assert lit["cow", "white"] < 0.02 < 5 < lit["cow", "published"] < lit["cow", "separated"]
-    assert skipped == ["absent, skipped: bear, buddha, cat, goblet, harvest, pot1, pot2, reading"]
+    assert test.skipped() == ["absent, skipped: bear, buddha, cat, goblet, harvest, pot1, pot2, reading"]
+
+
+def test_only_the_objects_asked_for_are_measured(tmp_path: Path) -> None:
+    for name in ("ball", "cow"):
+        diligent_object(tmp_path, name)
+    test = Diligent(tmp_path, objects=["cow", "cat"], lights=[(1, 2, 3)], protocols=["white"])
+    assert [case().labels["object"] for case in test.cases] == ["cow"]
+    assert test.skipped() == ["absent, skipped: cat"]
+
+
+def row(name: str, lights: tuple[int, ...], protocol: str, error: float) -> dict[str, object]:
+    labels = {"object": name, "lights": list(lights), "protocol": protocol, "model": "ours"}
+    return {**labels, "mae_deg": error}
+
+
+def test_the_paper_stands_beside_what_was_measured_by_its_own_protocol(tmp_path: Path) -> None:
+    """Figures as the paper prints them (table 2, figure 8), of the objects and triples measured alone."""
+    diligent_object(tmp_path, "ball")
+    triples = PUBLISHED_LIGHTS[:2]
+    assert triples == ((48, 1, 96), (8, 41, 89))
+    test = Diligent(tmp_path, lights=triples)
+    errors = {"ball": (4.0, 5.0), "goblet": (10.0, 12.0)}
+    rows = [
+        row(name, triple, protocol, error)
+        for protocol in PROTOCOLS
+        for name, pair in errors.items()
+        for triple, error in zip(triples, pair, strict=True)
+    ]
+    lines = [line.split() for line in test.table(rows).splitlines()]
+    assert lines[0] == ["protocol", "model", "lights", "ball", "goblet", "mean"]
+    ours = [
+        ["ours", "48,1,96", "4.00", "10.00", "7.00"],
+        ["ours", "8,41,89", "5.00", "12.00", "8.50"],
+        ["ours", "mean", "of", "2", "4.50", "11.00", "7.75"],
+    ]
+    for protocol in PROTOCOLS:
+        assert [line[1:] for line in lines if line[:2] == [protocol, "ours"]] == ours
+    assert [line for line in lines if "paper:" in line] == [
+        ["published", "paper:", *line]
+        for line in (
+            ["MPS-Net", "48,1,96", "5.39", "11.43", "8.41"],
+            ["MPS-Net", "8,41,89", "5.35", "12.07", "8.71"],
+            ["MPS-Net", "mean", "of", "2", "5.37", "11.75", "8.56"],
+            ["MPS-Net", "figure", "8", "-", "11.43", "11.43"],
+            ["PS-FCN", "figure", "8", "-", "13.92", "13.92"],
+            ["Demultiplexer", "figure", "8", "-", "12.46", "12.46"],
+            ["baseline", "figure", "8", "-", "15.80", "15.80"],
+        )
+    ]
+    assert test.published([r for r in rows if r["protocol"] != "published"]) == []
 
 
 PUBLISHED = {

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from synthetic import CROSSTALK, degrees_between, shaded_sphere
 
-from mpsnet_core.estimate.features import FEATURE_CHANNELS, feature_maps
+from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS, feature_maps
 from mpsnet_core.rig import LightRig, published_rig
 
 SPHERE = shaded_sphere(48, LightRig(published_rig().directions, np.array(CROSSTALK)), albedo=(0.9, 0.5, 0.3))
@@ -15,7 +15,7 @@ def feature(name: str) -> np.ndarray:
     return feature_maps(SPHERE.capture(), [name])[name].transpose(1, 2, 0)
 
 
-@pytest.mark.parametrize("name", FEATURE_CHANNELS)
+@pytest.mark.parametrize("name", sorted(FEATURE_CHANNELS.keys() - CONSTANTS))
 def test_every_map_has_its_channels_and_is_zero_outside_the_mask(name: str) -> None:
     values = feature_maps(SPHERE.capture(), [name])[name]
     assert values.shape == (FEATURE_CHANNELS[name], 48, 48)
@@ -41,8 +41,13 @@ def test_initial_normals_solve_equation_2(image: str) -> None:
     assert np.linalg.norm(feature(name)[SPHERE.mask], axis=-1) == pytest.approx(1, abs=1e-5)
 
 
-def test_lights_and_mask_are_the_same_everywhere() -> None:
-    assert feature("light_directions")[SPHERE.mask] == pytest.approx(
-        np.tile(SPHERE.rig.directions.ravel(), (SPHERE.mask.sum(), 1))
-    )
+def test_mask_is_the_captures() -> None:
     np.testing.assert_array_equal(feature("mask")[..., 0], SPHERE.mask)
+
+
+def test_lights_are_one_pixel_of_nine_numbers() -> None:
+    lights = feature_maps(SPHERE.capture(), ["lights"])["lights"]
+    assert (lights.shape, lights.dtype) == ((9, 1, 1), np.float32)
+    first, second, third = lights.reshape(3, 3)
+    for given, direction in zip((first, second, third), SPHERE.rig.directions, strict=True):
+        assert given == pytest.approx(direction, abs=1e-6)

@@ -83,7 +83,7 @@ def test_grey_world_leaves_a_black_channel_black(sphere: Sphere) -> None:
 def test_an_estimator_gives_what_the_one_call_gives(sphere: Sphere) -> None:
     told = []
     estimate = Estimator("lambertian")(sphere.capture(), lambda fraction, message: told.append(fraction))
-    np.testing.assert_array_equal(estimate.vectors, estimate_normals(sphere.capture()).vectors)
+    np.testing.assert_array_equal(estimate.vectors, estimate_normals(sphere.capture(), "lambertian").vectors)
     assert told == sorted(told) and told[-1] == 1
 
 
@@ -124,7 +124,7 @@ class TestConfidence:
 
     def test_attached_shadow_counts_lights(self, sphere: Sphere) -> None:
         shading = np.stack([sphere.normals @ light for light in sphere.rig.directions], axis=-1)
-        confidence = estimate_normals(sphere.capture()).confidence
+        confidence = estimate_normals(sphere.capture(), "lambertian").confidence
         # Clearly lit or clearly not; between lies the threshold's own business.
         clear = sphere.mask & ((shading > 0.05) | (shading < 0)).all(axis=-1)
         assert {0, 1, 2, 3} >= set(np.unique((shading > 0).sum(axis=-1)[clear])) >= {2, 3}
@@ -134,7 +134,9 @@ class TestConfidence:
         exposed = sphere.image * 1.5
         mask = write_file(tmp_path / "mask.png", sphere.mask, "uint8")
         photo = write_file(tmp_path / "photo.png", exposed, "uint8")
-        confidence = estimate_normals(read_capture(photo, sphere.rig, mask=mask, encoding="linear")).confidence
+        confidence = estimate_normals(
+            read_capture(photo, sphere.rig, mask=mask, encoding="linear"), "lambertian"
+        ).confidence
         saturated, clear = exposed >= 1, sphere.lit & (sphere.image > 0.05).all(axis=-1)
         clear &= ((exposed >= 1) | (exposed < 0.98)).all(axis=-1)
         assert saturated[clear].any(axis=-1).sum() > 50
@@ -144,7 +146,7 @@ class TestConfidence:
         sphere = shaded_sphere(rig=MIXED)
         image = sphere.image.copy()
         image[30:34, 30:34, 1] = 1
-        confidence = estimate_normals(sphere.capture(image=image, clip=1.0)).confidence
+        confidence = estimate_normals(sphere.capture(image=image, clip=1.0), "lambertian").confidence
         assert (confidence[30:34, 30:34] == 0).all() and confidence[29, 29] == 1
 
     def test_a_black_channel_costs_a_third_everywhere(self, sphere: Sphere) -> None:

@@ -14,7 +14,8 @@ from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.estimate import estimate_normals
 from mpsnet_core.estimate.card import CARD_KEY, card_from_metadata
 from mpsnet_core.estimate.features import feature_maps
-from mpsnet_core.estimate.onnx_model import PATCHES_A_BATCH, OnnxModel
+from mpsnet_core.estimate.onnx_model import OnnxModel
+from mpsnet_core.estimate.patches import PATCHES_A_BATCH
 from mpsnet_core.normals import normalised
 
 
@@ -150,7 +151,7 @@ def test_confidence_is_the_networks_own_where_it_gives_one(tmp_path: Path, spher
     red = 0.7 * sphere.image[..., 0] / sphere.image[sphere.mask].mean()
     assert red.max() > 1 > red[sphere.mask].min()
     np.testing.assert_allclose(normals.confidence, np.where(sphere.mask, np.clip(red, 0, 1), 0), atol=1e-5)
-    assert difference(normals.vectors, estimate_normals(sphere.capture()).vectors) < 1e-6
+    assert difference(normals.vectors, estimate_normals(sphere.capture(), "lambertian").vectors) < 1e-6
 
 
 def test_what_the_photo_holds_outside_the_mask_does_not_matter(tmp_path: Path, odd: Capture) -> None:
@@ -193,5 +194,29 @@ def test_cancelling_between_tiles_stops_the_work(tmp_path: Path, odd: Capture) -
 
 
 def test_a_card_comes_back_from_its_text() -> None:
-    given = card(kind="patch", patch=7, inputs={"a": ("photo", "mask"), "b": ("light_directions",)})
+    given = card(kind="patch", patch=7, inputs={"a": ("photo", "mask"), "b": ("lights",)})
     assert card_from_metadata({CARD_KEY: given.to_json()}) == given
+    given = card(halo=5, multiple=4, frame="canonical", passes=3)
+    assert card_from_metadata({CARD_KEY: given.to_json()}) == given
+
+
+@pytest.mark.parametrize("kind", ["dense", "patch"])
+def test_lights_reach_the_network_as_one_pixel(tmp_path: Path, odd: Capture, kind: str) -> None:
+    """A network that adds the second light's direction to the initial normals."""
+    side = 1 if kind == "patch" else None
+    nodes = [
+        helper.make_node("Slice", ["lights", "three", "six", "axis"], ["second"]),
+        helper.make_node("Add", ["x", "second"], ["normals"]),
+    ]
+    weights = {"three": np.int64([3]), "six": np.int64([6]), "axis": np.int64([1])}
+    model = write_model(
+        tmp_path / "lights.onnx",
+        nodes,
+        weights,
+        card(kind=kind, inputs={"x": ("initial_normals",), "lights": ("lights",)}),
+        inputs={"x": ("n", 3, side, side), "lights": ("n", 9, 1, 1)},
+        outputs={"normals": ("n", 3, side, side)},
+    )
+    expected = normalised(estimate_normals(odd, "lambertian").vectors + odd.rig.directions[1].astype(np.float32))
+    given = estimate_normals(odd, model, tile=64).vectors
+    assert difference(given[odd.mask], expected[odd.mask]) < 1e-5

@@ -2,6 +2,8 @@
 
 import base64
 import re
+import xml.etree.ElementTree as ElementTree
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +11,9 @@ import OpenImageIO as oiio
 import pytest
 from synthetic import Sphere, diligent_object, listing
 
-from mpsnet_core.evaluation.diligent import evaluate_diligent
+from mpsnet_core.evaluation.charts import Curve, line_chart
+from mpsnet_core.evaluation.diligent import Diligent
+from mpsnet_core.evaluation.measure import measure
 from mpsnet_core.evaluation.pictures import (
     BACKGROUND,
     GAP,
@@ -21,20 +25,21 @@ from mpsnet_core.evaluation.pictures import (
     photo_picture,
     sheet,
 )
-from mpsnet_core.evaluation.report import html_figure, text_table, write_html_report
+from mpsnet_core.evaluation.report import HIGHEST_ERROR, TILE_HEIGHT, begun_report, case_picture
+from mpsnet_core.evaluation.tables import table_of_means
 from mpsnet_core.normals import NormalMap
 
 
-def row(name: str, lights: tuple[int, ...], mae: float) -> dict[str, object]:
-    return {"object": name, "lights": list(lights), "protocol": "white", "model": "lambertian", "mae_deg": mae}
-
-
-def test_the_table_has_a_line_for_each_triple_and_a_mean() -> None:
-    rows = [row("ball", (48, 1, 96), 6.333), row("cat", (48, 1, 96), 11.001), row("cat", (8, 41, 89), 12.5)]
-    assert [line.split() for line in text_table(rows).splitlines()] == [
-        ["model", "lights", "protocol", "ball", "cat", "mean"],
-        ["lambertian", "48,1,96", "white", "6.33", "11.00", "8.67"],
-        ["lambertian", "8,41,89", "white", "-", "12.50", "12.50"],
+def test_the_table_has_a_line_for_each_key_and_a_mean_over_all_its_rows() -> None:
+    rows = [
+        {"model": "lambertian", "protocol": "white", "object": name, "mae_deg": error}
+        for name, error in (("ball", 6.333), ("cat", 11.001), ("cat", 12.5))
+    ]
+    rows.append({"model": "ours", "protocol": "white", "object": "cat", "mae_deg": 4.0})
+    assert [line.split() for line in table_of_means(rows, ("model", "protocol"), "object").splitlines()] == [
+        ["model", "protocol", "ball", "cat", "mean"],
+        ["lambertian", "white", "6.33", "11.75", "9.94"],
+        ["ours", "white", "-", "4.00", "4.00"],
     ]
 
 
@@ -83,17 +88,62 @@ def test_pictures_are_cut_to_the_mask(sphere: Sphere) -> None:
     assert cut.sum() == 3 * mask.sum()
 
 
-def test_the_page_shows_table_notes_and_pictures(tmp_path: Path) -> None:
+def test_a_case_is_shown_with_each_model_on_one_scale(tmp_path: Path) -> None:
+    diligent_object(tmp_path, "ball", (0.4, 0.3, 0.2))
+    (results,) = measure(Diligent(tmp_path, lights=[(1, 2, 3)], protocols=["separated"]).cases, ["lambertian"] * 2)
+    picture = case_picture(results)
+    height = 2 * (TILE_HEIGHT + TITLE_HEIGHT + GAP) + GAP
+    assert picture.shape[0] == height and picture.shape[1] > 3 * TILE_HEIGHT + 90
+    # The sphere's middle in each column: photo and both models' normals above, truth and errors below.
+    middles = [GAP + TILE_HEIGHT // 2 + number * (TILE_HEIGHT + GAP) for number in range(3)]
+    top, below = (GAP + TITLE_HEIGHT + TILE_HEIGHT // 2 + row * (TILE_HEIGHT + TITLE_HEIGHT + GAP) for row in (0, 1))
+    assert picture[below, middles[0]] == pytest.approx([0.5, 0.5, 1], abs=0.03)
+    error = results[0].error[32, 32]
+    expected = error_picture(np.full((1, 1), float(error)), np.ones((1, 1), bool), HIGHEST_ERROR)[0, 0]
+    assert 10 < error < HIGHEST_ERROR
+    for middle in middles[1:]:
+        assert picture[top, middle] == pytest.approx(0.5 + 0.5 * results[0].estimate.vectors[32, 32], abs=0.03)
+        assert picture[below, middle] == pytest.approx(expected, abs=0.05)
+
+
+def test_the_page_shows_table_notes_charts_and_pictures(tmp_path: Path) -> None:
     diligent_object(tmp_path / "data", "ball")
-    results = list(evaluate_diligent(tmp_path / "data", lights=[(1, 2, 3)], protocols=["white", "separated"]))
-    figures = [html_figure(result) for result in results]
-    write_html_report(tmp_path / "report.html", [r.row() for r in results], figures, ["absent, skipped: <none>"])
+    test = Diligent(tmp_path / "data", lights=[(1, 2, 3)], protocols=["white", "separated"])
+    with begun_report(tmp_path / "report.html") as report:
+        for results in measure(test.cases, ["lambertian", "lambertian-grey-world"]):
+            report.add(results)
+            assert listing(tmp_path) == ["data"]
+        report.write("<title>", "a < b", ["absent, skipped: <none>"], ["<svg></svg>"])
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert listing(tmp_path) == ["data", "report.html"]
-    assert "absent, skipped: &lt;none&gt;" in page
-    assert all(f"{result.mae_deg:.2f}" in page for result in results)
+    assert all(words in page for words in ("&lt;title&gt;", "a &lt; b", "absent, skipped: &lt;none&gt;", "<svg></svg>"))
+    assert re.findall("<h2>(.*)</h2>", page) == ["ball, 1-2-3, white", "ball, 1-2-3, separated"]
     pictures = re.findall(r"data:image/png;base64,([^']+)'", page)
     assert len(pictures) == 2
-    (tmp_path / "picture.png").write_bytes(base64.b64decode(pictures[0]))
+    (tmp_path / "picture.png").write_bytes(base64.b64decode(pictures[1]))
     pixels = oiio.ImageBuf(str(tmp_path / "picture.png")).get_pixels(oiio.FLOAT)
-    assert pixels.shape[1] > 4 * 320 and pixels.std() > 0.1
+    np.testing.assert_allclose(pixels, case_picture(results), atol=0.5 / 255 + 1e-6)
+
+
+def test_a_chart_puts_its_points_where_their_values_are() -> None:
+    curves = [Curve("<one>", [1, 2, 4], [10, 30, 20], ["a", "b", "c"]), Curve("other", [1, 4], [0, 31])]
+    chart = ElementTree.fromstring(line_chart("Title", curves, "x", "y", diagonal=True))
+    name = "{http://www.w3.org/2000/svg}"
+    words = {text.text: (float(text.get("x", 0)), float(text.get("y", 0))) for text in chart.iter(f"{name}text")}
+    assert {"Title", "x", "y", "<one>", "other"} <= set(words)
+    one, other = (
+        [tuple(map(float, point.split(","))) for point in line.get("points", "").split()]
+        for line in chart.iter(f"{name}polyline")
+    )
+    # Both axes are linear, and as long as the longer of both where a diagonal stands for y = x: 10 units are a tick.
+    (_, bottom), (right, _) = other[0], words["10"]
+    unit = (one[0][1] - one[1][1]) / 20
+    assert [(bottom - y) / unit for _, y in one] == pytest.approx([10, 30, 20], abs=0.2)
+    step = one[1][0] - one[0][0]
+    assert one[2][0] - one[1][0] == pytest.approx(2 * step, abs=0.2)
+    assert [circle[0].text for circle in chart.iter(f"{name}circle")] == ["a", "b", "c"]
+    (diagonal,) = (line for line in chart.iter(f"{name}line") if line.get("stroke-dasharray"))
+    run, rise = (float(diagonal.get(f"{axis}2", 0)) - float(diagonal.get(f"{axis}1", 0)) for axis in "xy")
+    assert -rise / unit == pytest.approx(run / step, abs=0.2)
+    ticks = [float(text.text or 0) for text in chart.iter(f"{name}text") if (text.text or "").isdigit()]
+    assert all(b - a in (5, 10) for a, b in pairwise(ticks) if b > a) and right

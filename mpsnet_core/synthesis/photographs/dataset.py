@@ -1,10 +1,12 @@
 """Dataset: samples as a network learns from them, photographed anew each time they are read."""
 
+import itertools
 import logging
+import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +14,16 @@ from numpy.typing import NDArray
 from mpsnet_core.capture import Capture
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.features import feature_maps
+from mpsnet_core.estimate.light_frame import QUARTER_TURN
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.photographs.capture_model import CaptureModel, photograph
-from mpsnet_core.synthesis.sample import Sample, read_sample, read_sample_data
+from mpsnet_core.synthesis.sample import read_sample, read_sample_data
 
 log = logging.getLogger(__name__)
 
-_QUARTER_TURN = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
 _MIRROR = np.diag([-1, 1, 1])
+CANONICAL_REACH = 15.0  # degrees
+KEPT_MARGIN = 8  # pixels around the object
 
 
 class Example(NamedTuple):
@@ -50,6 +54,10 @@ class SampleDataset:
     capture_model: what photographs are drawn from. crop: pixels a side of the part that is shown, which holds some of
         the object; 0 for all of it. A crop is exposed as a photo of its own.
     augment: turn the picture by quarters, mirror it, and change which light is whose channel's; with all vectors.
+    canonical: do so such that the lights run counter-clockwise and the first stands straight up, or nearly: turning by
+        quarters leaves up to 15°, and more where lights are far from 120° apart. Without `augment` the nearest
+        arrangement is taken, else one by chance.
+    keep: hold what was read in memory, the part around the object alone: about 1 MB for a sample of 256 x 256.
 
     Files that are no whole samples are told once in the log, left out and kept in `broken` as (path, sentence). Foreign
     files and files that were cut short are found here, damage within on reading: then the next sample stands in, as it
@@ -67,13 +75,17 @@ class SampleDataset:
         capture_model: CaptureModel | None = None,
         crop: int = 0,
         augment: bool = True,
+        canonical: bool = False,
+        keep: bool = False,
         progress: Progress = silent,
     ) -> None:
         for name, value in (("seed", seed), ("crop", crop)):
             if value < 0:
                 raise InputError(f"the dataset's {name} cannot be {value}; choose 0 or more")
         self.seed, self.crop, self.augment, self.epoch = seed, crop, augment, 0
+        self.canonical = canonical
         self.capture_model = capture_model or CaptureModel()
+        self._kept: dict[Path, _Shown] | None = {} if keep else None
         self.broken: list[tuple[Path, str]] = []
         self.paths: list[Path] = []
         found = _sample_files([folders] if isinstance(folders, str | os.PathLike) else folders)
@@ -121,39 +133,115 @@ class SampleDataset:
                 continue
             rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([self.seed, epoch, index])))
             try:
-                sample = read_sample(path)
+                shown = self._shown(path)
             except InputError as error:
                 self._leave_out(path, error)
                 continue
             try:
-                return self._photographed(sample, rng)
+                return self._photographed(shown, rng)
             except InputError as error:
                 log.info("%s is passed over: %s", path, error)
         raise InputError(f"none of the {len(self)} samples in {self.paths[0].parent} can be used; make them again")
 
-    def _photographed(self, sample: Sample, rng: np.random.Generator) -> tuple[Capture, NDArray[np.float32]]:
-        mask, directions = sample.mask, sample.recipe.light_directions
-        lights, normals = sample.lights, np.where(mask[..., None], sample.normals, np.float32(0))
+    def _shown(self, path: Path) -> "_Shown":
+        if self._kept is not None and path in self._kept:
+            return self._kept[path]
+        sample = read_sample(path)
+        normals = np.where(sample.mask[..., None], sample.normals, np.float32(0))
+        if self._kept is None:
+            return _Shown(sample.lights, normals, sample.mask, sample.recipe.light_directions)
+        # Light is stored as half floats; half a float's normals are good to 0.03 degrees.
+        rows, columns = _around(sample.mask, KEPT_MARGIN)
+        shown = _Shown(
+            sample.lights[:, rows, columns].astype(np.float16),
+            normals[rows, columns].astype(np.float16),
+            sample.mask[rows, columns].copy(),
+            sample.recipe.light_directions,
+        )
+        self._kept[path] = shown
+        return shown
+
+    def _photographed(self, shown: "_Shown", rng: np.random.Generator) -> tuple[Capture, NDArray[np.float32]]:
+        lights, normals, mask, directions = shown
         draw = self.capture_model.draw(rng)
         if self.crop:
             rows, columns = _crop(mask, self.crop, rng)
             lights, normals, mask = lights[:, rows, columns], normals[rows, columns], mask[rows, columns]
-        if self.augment:
+        lights, normals = lights.astype(np.float32), normals.astype(np.float32)
+        arrangement = _Arrangement((0, 1, 2), 0, False)
+        if self.canonical:
+            arrangement = _canonical(directions, rng if self.augment else None)
+        elif self.augment:
             order, turns, mirrored = rng.permutation(3), int(rng.integers(4)), bool(rng.random() < 0.5)
-            turn = np.linalg.matrix_power(_QUARTER_TURN, turns)
-            lights, normals, mask = (
-                np.rot90(lights[order], turns, (1, 2)),
-                np.rot90(normals, turns),
-                np.rot90(mask, turns),
-            )
-            if mirrored:
-                lights, normals, mask, turn = lights[:, :, ::-1], normals[:, ::-1], mask[:, ::-1], _MIRROR @ turn
-            normals, directions = normals @ turn.T.astype(np.float32), directions[order] @ turn.T
-        return photograph(lights, np.ascontiguousarray(mask), directions, draw), np.ascontiguousarray(normals)
+            arrangement = _Arrangement((int(order[0]), int(order[1]), int(order[2])), turns, mirrored)
+        lights, normals, mask, directions = _arranged(lights, normals, mask, directions, arrangement)
+        return photograph(lights, mask, directions, draw), normals
 
     def _leave_out(self, path: Path, error: InputError) -> None:
         self.broken.append((path, str(error)))
         log.warning("left out: %s", error)
+
+
+class _Shown(NamedTuple):
+    """Of a sample: lights (3, H, W, 3), normals (H, W, 3) zero outside mask (H, W), and light directions (3, 3)."""
+
+    lights: NDArray[Any]
+    normals: NDArray[Any]
+    mask: NDArray[np.bool_]
+    directions: NDArray[np.float64]
+
+
+class _Arrangement(NamedTuple):
+    """Which light gives which channel, then quarter turns counter-clockwise, then whether left and right change."""
+
+    order: tuple[int, int, int]
+    turns: int
+    mirrored: bool
+
+    @property
+    def matrix(self) -> NDArray[np.float64]:
+        """(3, 3) what the turns and the mirror do to a vector of camera space."""
+        turn = np.linalg.matrix_power(QUARTER_TURN, self.turns)
+        return _MIRROR @ turn if self.mirrored else turn
+
+
+def _arranged(
+    lights: NDArray[np.float32],
+    normals: NDArray[np.float32],
+    mask: NDArray[np.bool_],
+    directions: NDArray[np.float64],
+    arrangement: _Arrangement,
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], NDArray[np.float64]]:
+    order, turns, mirrored = arrangement
+    lights, normals, mask = (
+        np.rot90(lights[list(order)], turns, (1, 2)),
+        np.rot90(normals, turns),
+        np.rot90(mask, turns),
+    )
+    if mirrored:
+        lights, normals, mask = lights[:, :, ::-1], normals[:, ::-1], mask[:, ::-1]
+    matrix = arrangement.matrix
+    return (
+        lights,
+        np.ascontiguousarray(normals @ matrix.T.astype(np.float32)),
+        np.ascontiguousarray(mask),
+        directions[list(order)] @ matrix.T,
+    )
+
+
+def _canonical(directions: NDArray[np.float64], rng: np.random.Generator | None) -> _Arrangement:
+    """Lights counter-clockwise, the first nearly straight up: the nearest arrangement, or a near one by chance."""
+    found = []
+    for mirrored, first, turns in itertools.product((False, True), range(3), range(4)):
+        for order in ((first, (first + 1) % 3, (first + 2) % 3), (first, (first + 2) % 3, (first + 1) % 3)):
+            arrangement = _Arrangement(order, turns, mirrored)
+            turned = directions[list(order)] @ arrangement.matrix.T
+            if np.linalg.det(turned) > 0:
+                off = abs(math.degrees(math.atan2(turned[0, 0], turned[0, 1])))
+                found.append((off, arrangement))
+    found.sort(key=lambda entry: entry[0])
+    near = [entry for entry in found if entry[0] <= CANONICAL_REACH] or found[:1]
+    return near[0 if rng is None else int(rng.integers(len(near)))][1]
 
 
 def _sample_files(folders: Sequence[str | os.PathLike[str]]) -> list[Path]:
@@ -165,6 +253,15 @@ def _sample_files(folders: Sequence[str | os.PathLike[str]]) -> list[Path]:
     if not found:
         raise InputError(f"there are no samples in {', '.join(map(str, folders))}; make some with mpsnet synthesize")
     return found
+
+
+def _around(mask: NDArray[np.bool_], margin: int) -> tuple[slice, slice]:
+    """Rows and columns of the mask's bounding box, and `margin` pixels more; all of them where it is empty."""
+    places = np.argwhere(mask)
+    if not len(places):
+        return slice(None), slice(None)
+    low, high = np.maximum(places.min(axis=0) - margin, 0), places.max(axis=0) + margin + 1
+    return slice(low[0], high[0]), slice(low[1], high[1])
 
 
 def _crop(mask: NDArray[np.bool_], size: int, rng: np.random.Generator) -> tuple[slice, slice]:

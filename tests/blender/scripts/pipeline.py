@@ -32,7 +32,7 @@ bpy.ops.mps.add_rig()
 refused("photo that does not exist", bpy.ops.mps.open_photo, filepath=str(folder / "none.png"))
 bpy.ops.mps.render_photo(width=160, height=160, samples=32, output=str(folder / "photo.exr"))
 refused("mask that does not exist", bpy.ops.mps.estimate, mask="FILE", mask_file=str(folder / "none.png"))
-bpy.ops.mps.estimate(mask="AUTO", output=str(folder / "normals.png"))
+bpy.ops.mps.estimate(model="LAMBERTIAN", mask="AUTO", output=str(folder / "normals.png"))
 bpy.ops.mesh.primitive_cube_add(calc_uvs=False)
 plain = bpy.context.object
 refused("bake without UVs", bpy.ops.mps.bake, target=plain.name)

@@ -1,0 +1,12 @@
+"""A few rows of an image at a time: what is made of them on the way stays small, however large the image is."""
+
+from collections.abc import Iterator
+
+# A multiple of what TIFF and EXR files compress together.
+ROWS = 256
+
+
+def bands(height: int) -> Iterator[slice]:
+    """Slices of rows that cover an image of `height` rows from top to bottom."""
+    for top in range(0, height, ROWS):
+        yield slice(top, min(top + ROWS, height))

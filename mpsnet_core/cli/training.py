@@ -1,0 +1,117 @@
+"""Verbs train and quantize: from samples to a model, and to its int8 twin. They need PyTorch (extra ``train``)."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from mpsnet_core.cli.arguments import Help, Verbs
+from mpsnet_core.cli.reporter import Reporter
+from mpsnet_core.errors import InputError
+from mpsnet_core.estimate.shelf import find_network
+from mpsnet_core.files import writable_path
+
+
+def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
+    parser = verbs.add_parser(
+        "train", parents=[common], formatter_class=Help, help="train a network on samples and export it to ONNX"
+    )
+    parser.add_argument("--recipe", required=True, help="a shipped model's name, or a .toml file of your own")
+    parser.add_argument("--samples", action="append", required=True, metavar="DIR", help="to train on; may be repeated")
+    parser.add_argument(
+        "--validation", action="append", default=[], metavar="DIR", help="held-out samples; may be repeated"
+    )
+    parser.add_argument("--checkpoint", metavar="FILE", help="written on the way (default: beside the output)")
+    parser.add_argument("--resume", metavar="FILE", help="a checkpoint to go on from")
+    parser.add_argument("--logs", metavar="DIR", help="for TensorBoard")
+    parser.add_argument("--stop-after", type=int, default=0, metavar="STEPS", help="to go on later; 0: at the end")
+    parser.add_argument("--workers", type=int, default=1, help="processes that make examples")
+    parser.add_argument("--threads", type=int, default=0, help="of the processor, 0 for all cores")
+    parser.add_argument("--precision", default="auto", help="auto, float32 or bfloat16")
+    parser.add_argument("--keep", action="store_true", help="hold the samples in memory, about 1 MB each and worker")
+    parser.add_argument("-o", "--output", required=True, metavar="MODEL", help="the .onnx file")
+    parser.set_defaults(verb=_train)
+
+    parser = verbs.add_parser(
+        "quantize", parents=[common], formatter_class=Help, help="make a model's int8 twin: smaller and quicker"
+    )
+    parser.add_argument("model", metavar="MODEL", help="a shipped model's name, or an .onnx file of ours")
+    parser.add_argument(
+        "--samples", action="append", required=True, metavar="DIR", help="to calibrate on; may be repeated"
+    )
+    parser.add_argument("--count", type=int, default=64, help="photographs of the samples")
+    parser.add_argument("-o", "--output", required=True, metavar="MODEL", help="the .onnx file")
+    parser.set_defaults(verb=_quantize)
+
+
+def _train(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
+    from mpsnet_core.training.export import export_onnx
+    from mpsnet_core.training.loop import PRECISIONS, Places, train
+    from mpsnet_core.training.recipe import read_recipe
+
+    output = _model_path(options.output)
+    if options.precision not in PRECISIONS:
+        raise InputError(f"precision {options.precision!r} is not known; choose {', '.join(PRECISIONS)}")
+    for name in ("workers", "threads", "stop_after"):
+        if getattr(options, name) < 0:
+            raise InputError(f"--{name.replace('_', '-')} cannot be {getattr(options, name)}; choose 0 or more")
+    if options.threads:
+        import torch
+
+        torch.set_num_threads(options.threads)
+    checkpoint = Path(options.checkpoint) if options.checkpoint else output.with_suffix(".checkpoint")
+    places = Places(
+        checkpoint=writable_path(checkpoint),
+        resume=Path(options.resume) if options.resume else None,
+        logs=Path(options.logs) if options.logs else None,
+    )
+    trained = train(
+        read_recipe(options.recipe),
+        [Path(folder) for folder in options.samples],
+        [Path(folder) for folder in options.validation],
+        places=places,
+        workers=options.workers,
+        precision=options.precision,
+        stop_after=options.stop_after,
+        keep=options.keep,
+        progress=reporter.progress,
+    )
+    if trained.rank:  # of several processes one writes
+        return {"step": trained.step}
+    if trained.step < trained.recipe.steps:
+        text = f"stopped after {trained.step} of {trained.recipe.steps} steps; go on with --resume {places.checkpoint}"
+        return {"checkpoint": str(places.checkpoint), "step": trained.step, "text": text}
+    export_onnx(trained, output)
+    figures = "" if trained.figures is None else f": {trained.figures} on held-out samples"
+    return {
+        "model": str(output),
+        "step": trained.step,
+        "mae_deg": trained.figures and round(trained.figures.mae_deg, 4),
+        "text": f"wrote {output}{figures}",
+    }
+
+
+def _quantize(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
+    from mpsnet_core.training.quantize import quantise
+
+    output = _model_path(options.output)
+    twin = quantise(
+        find_network(options.model).path,
+        [Path(folder) for folder in options.samples],
+        output,
+        count=options.count,
+        progress=reporter.progress,
+    )
+    return {
+        "model": str(output),
+        "mae_deg": round(twin.mae_deg, 4),
+        "mae_deg_of_model": round(twin.model_mae_deg, 4),
+        "text": f"wrote {output}: {twin.mae_deg:.2f}° on the samples, the model itself {twin.model_mae_deg:.2f}°",
+    }
+
+
+def _model_path(path: str) -> Path:
+    """Where a model can be written; InputError where not."""
+    output = writable_path(path)
+    if output.suffix.lower() != ".onnx":
+        raise InputError(f"cannot write {output}: models are written as .onnx; change the suffix")
+    return output

@@ -1,0 +1,37 @@
+"""Patch-wise networks: one small patch around every pixel of the object, in batches."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.capture import Capture
+from mpsnet_core.estimate.card import ModelCard
+from mpsnet_core.estimate.dense import Network
+from mpsnet_core.estimate.features import CONSTANTS, feature_maps
+from mpsnet_core.progress import Progress
+
+PATCHES_A_BATCH = 1024
+
+
+def patch_answer(network: Network, card: ModelCard, capture: Capture, progress: Progress) -> NDArray[np.float32]:
+    """(H, W, 4) the normals of `capture`, of no particular length, and their confidence; zero outside the mask."""
+    side, reach = card.patch, card.patch // 2
+    maps = feature_maps(capture, {name for names in card.inputs.values() for name in names})
+    inputs = {name: np.concatenate([maps[f] for f in features]) for name, features in card.inputs.items()}
+    # What holds for every patch, and views of every patch, by its middle pixel.
+    constants = {name: values for name, values in inputs.items() if CONSTANTS.intersection(card.inputs[name])}
+    windows = {
+        name: np.lib.stride_tricks.sliding_window_view(
+            np.pad(values, [(0, 0), (reach, reach), (reach, reach)]), (len(values), side, side)
+        )[0]
+        for name, values in inputs.items()
+        if name not in constants
+    }
+    answer = np.zeros((*capture.mask.shape, 4), np.float32)
+    rows, columns = np.nonzero(capture.mask)
+    for start in range(0, len(rows), PATCHES_A_BATCH):
+        progress(start / len(rows), f"pixel {start} of {len(rows)}")
+        y, x = rows[start : start + PATCHES_A_BATCH], columns[start : start + PATCHES_A_BATCH]
+        batch = {name: view[y, x] for name, view in windows.items()}
+        batch |= {name: np.broadcast_to(values, (len(y), *values.shape)) for name, values in constants.items()}
+        answer[y, x] = np.concatenate(network(batch, len(y)), axis=1)
+    return answer

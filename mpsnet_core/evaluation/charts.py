@@ -1,0 +1,83 @@
+"""Line charts as SVG, to stand inside a page."""
+
+import html
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+WIDTH, HEIGHT = 900, 380
+LEFT, RIGHT, TOP, BOTTOM = 60, 210, 34, 46
+# Okabe and Ito's colours, which colour-blind people tell apart too, for a dark ground.
+COLOURS = ("#e69f00", "#56b4e9", "#009e73", "#f0e442", "#d55e00", "#cc79a7", "#b3b3b3", "#3d8bd4")
+
+
+class Curve(NamedTuple):
+    """A line of a chart, with words for each of its points where there are any."""
+
+    name: str
+    x: Sequence[float]
+    y: Sequence[float]
+    words: Sequence[str] = ()
+
+
+def line_chart(title: str, curves: Sequence[Curve], x_label: str, y_label: str, diagonal: bool = False) -> str:
+    """The curves as an SVG element, both axes from 0. diagonal: also the line on which y is x."""
+    x_ticks, y_ticks = (
+        _ticks(max(max(values) for values in axis)) for axis in ([c.x for c in curves], [c.y for c in curves])
+    )
+    if diagonal:
+        x_ticks = y_ticks = max(x_ticks, y_ticks, key=lambda ticks: ticks[-1])
+
+    def place(x: float, y: float) -> tuple[float, float]:
+        across = LEFT + (WIDTH - LEFT - RIGHT) * x / x_ticks[-1]
+        return round(across, 1), round(HEIGHT - BOTTOM - (HEIGHT - TOP - BOTTOM) * y / y_ticks[-1], 1)
+
+    (left, bottom), (right, top) = place(0, 0), place(x_ticks[-1], y_ticks[-1])
+    parts = [
+        f"<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 {WIDTH} {HEIGHT}' width='{WIDTH}' height='{HEIGHT}' "
+        "font-family='sans-serif' font-size='13' fill='#eee'>",
+        f"<rect width='{WIDTH}' height='{HEIGHT}' fill='#222'/>",
+        _text(left, 20, title, size=15),
+        _text((left + right) / 2, HEIGHT - 10, x_label, "middle"),
+        f"<text transform='translate(16 {(top + bottom) / 2}) rotate(-90)' text-anchor='middle'>"
+        f"{html.escape(y_label)}</text>",
+    ]
+    for tick in y_ticks:
+        _, y = place(0, tick)
+        parts += [_line((left, y), (right, y), "#444"), _text(left - 6, y + 4, f"{tick:g}", "end")]
+    for tick in x_ticks:
+        x, _ = place(tick, 0)
+        parts += [_line((x, bottom), (x, bottom + 4), "#888"), _text(x, bottom + 18, f"{tick:g}", "middle")]
+    if diagonal:
+        parts.append(_line((left, bottom), (right, top), "#888", dashed=True))
+    for number, curve in enumerate(curves):
+        colour = COLOURS[number % len(COLOURS)]
+        points = [place(x, y) for x, y in zip(curve.x, curve.y, strict=True)]
+        path = " ".join(f"{x},{y}" for x, y in points)
+        parts.append(f"<polyline points='{path}' fill='none' stroke='{colour}' stroke-width='2'/>")
+        parts += [
+            f"<circle cx='{x}' cy='{y}' r='2.5' fill='{colour}'><title>{html.escape(words)}</title></circle>"
+            for (x, y), words in zip(points, curve.words, strict=False)
+        ]
+        height = TOP + 12 + 20 * number
+        parts.append(f"<rect x='{right + 16}' y='{height - 9}' width='18' height='4' fill='{colour}'/>")
+        parts.append(_text(right + 40, height, curve.name))
+    return "\n".join([*parts, "</svg>"])
+
+
+def _ticks(highest: float) -> list[float]:
+    """Round numbers from 0 to the first that is not below `highest`, four to nine of them."""
+    highest = max(highest, 1e-9)
+    step = 10.0 ** np.floor(np.log10(highest / 4))
+    step *= next(factor for factor in (1, 2, 5, 10) if highest / (step * factor) <= 8)
+    return [float(step * number) for number in range(int(np.ceil(highest / step - 1e-9)) + 1)]
+
+
+def _text(x: float, y: float, words: str, anchor: str = "start", size: int = 13) -> str:
+    return f"<text x='{x}' y='{y}' text-anchor='{anchor}' font-size='{size}'>{html.escape(words)}</text>"
+
+
+def _line(start: tuple[float, float], end: tuple[float, float], colour: str, dashed: bool = False) -> str:
+    dashes = " stroke-dasharray='5 4'" if dashed else ""
+    return f"<line x1='{start[0]}' y1='{start[1]}' x2='{end[0]}' y2='{end[1]}' stroke='{colour}'{dashes}/>"

@@ -1,0 +1,63 @@
+"""What the paper measured: figures to stand beside ours, never mixed with them.
+
+Ju et al., "MPS-Net: Learning to Recover Surface Normal for Multispectral Photometric Stereo", Neurocomputing 2019. Mean
+angular errors in degrees.
+"""
+
+from typing import Any
+
+Lights = tuple[int, int, int]
+
+_OBJECTS = ("ball", "bear", "pot1", "pot2", "goblet", "reading", "cow", "harvest", "cat", "buddha")
+
+
+def _by_object(*errors: float) -> dict[str, float]:
+    return dict(zip(_OBJECTS, errors, strict=True))
+
+
+# Table 1: MPS-Net by the side of its patches, on rendered patches; without and with initial normals as an input.
+TABLE_1: dict[str, dict[int, float]] = {
+    "image": {1: 10.09, 3: 9.18, 5: 8.75, 7: 8.53, 9: 10.20},
+    "image and initial normals": {1: 8.28, 3: 7.41, 5: 7.03, 7: 7.11, 9: 7.72},
+}
+
+# Table 2: MPS-Net on DiLiGenT, by the lights that give the red, green and blue channel.
+TABLE_2: dict[Lights, dict[str, float]] = {
+    (48, 1, 96): _by_object(5.39, 9.74, 10.61, 10.69, 11.43, 17.10, 10.78, 16.02, 9.90, 11.54),
+    (8, 41, 89): _by_object(5.35, 9.91, 10.50, 10.99, 12.07, 17.31, 10.29, 15.44, 9.31, 11.58),
+    (73, 72, 27): _by_object(5.17, 9.44, 10.29, 10.93, 11.40, 17.85, 9.92, 15.81, 8.97, 10.73),
+    (22, 50, 78): _by_object(5.52, 10.03, 10.51, 11.36, 12.25, 17.41, 10.13, 16.55, 9.46, 10.93),
+}
+
+# Figure 6: MPS-Net on rendered meshes, of one and of several materials.
+FIGURE_6 = (7.06, 5.38, 8.96, 9.12)
+
+# Figure 8: DiLiGenT, the paper's own comparison. Its bear and buddha under MPS-Net are in no row of table 2.
+FIGURE_8: dict[str, dict[str, float]] = {
+    "MPS-Net": {"goblet": 11.43, "reading": 17.10, "bear": 8.40, "buddha": 9.54},
+    "PS-FCN": {"goblet": 13.92, "reading": 19.74, "bear": 12.29, "buddha": 12.69},
+    "Demultiplexer": {"goblet": 12.46, "reading": 22.62, "bear": 18.77, "buddha": 14.10},
+    "baseline": {"goblet": 15.80, "reading": 21.81, "bear": 18.87, "buddha": 16.31},
+}
+
+PUBLISHED_LIGHTS: tuple[Lights, ...] = tuple(TABLE_2)
+
+
+def diligent_figures(objects: list[str], lights: list[Lights]) -> list[dict[str, Any]]:
+    """Table 2 and figure 8 where they speak of these objects and lights, as rows; figure 8 names no lights.
+
+    All are of what the paper's images are multiplexed by, the protocol "published".
+    """
+    table_2 = [
+        {"object": name, "lights": list(triple), "model": "MPS-Net", "mae_deg": errors[name], "source": "Table 2"}
+        for triple, errors in TABLE_2.items()
+        for name in objects
+        if triple in lights and name in errors
+    ]
+    figure_8 = [
+        {"object": name, "lights": None, "model": model, "mae_deg": errors[name], "source": "Figure 8"}
+        for model, errors in FIGURE_8.items()
+        for name in objects
+        if name in errors
+    ]
+    return [{**row, "protocol": "published"} for row in table_2 + figure_8]

@@ -1,0 +1,9 @@
+"""Training: the networks, their recipes, the loop, export to ONNX. Needs PyTorch: the extra ``train``."""
+
+from importlib.util import find_spec
+
+from mpsnet_core.errors import InputError
+
+for _name, _library in (("torch", "PyTorch"), ("onnx", "ONNX"), ("tensorboard", "TensorBoard")):
+    if find_spec(_name) is None:
+        raise InputError(f"training needs {_library}, which is not installed; pip install 'mpsnet[train]'")

@@ -1,0 +1,351 @@
+"""The training loop: AdamW with warm-up and cosine, a running mean of the weights, checkpoints that resume bit-exactly.
+
+Started by ``torchrun``, it shares every step's batch between the processes.
+"""
+
+import hashlib
+import logging
+import math
+import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import torch
+from torch import Tensor, nn
+from torch.nn.parallel import DistributedDataParallel
+from torch.utils.tensorboard import SummaryWriter
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.progress import Progress, silent
+from mpsnet_core.synthesis.photographs.capture_model import CaptureModel
+from mpsnet_core.synthesis.photographs.dataset import SampleDataset
+from mpsnet_core.training.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
+from mpsnet_core.training.examples import Batch, Examples, batches, on_device, patches_of
+from mpsnet_core.training.loss import Loss, loss_of
+from mpsnet_core.training.networks import Network, build_network
+from mpsnet_core.training.recipe import TrainingRecipe
+from mpsnet_core.training.signals import held_signals
+from mpsnet_core.training.validation import Figures, validate
+
+log = logging.getLogger(__name__)
+
+Precision = Literal["auto", "float32", "bfloat16"]
+PRECISIONS = ("auto", "float32", "bfloat16")
+LOGGED_EVERY = 50  # steps
+VALIDATION_SEED = 1  # of its photographs
+VALIDATION_CROP = 128
+
+
+@dataclass(frozen=True)
+class Trained:
+    """What a run gave. network: with the running mean of its weights, on the CPU. figures: of the last validation.
+    samples: how many it was trained on; fingerprint: of their names, which a resumed run's must share.
+    rank: this process' number where there are several; the others' networks are not kept, but for number 0's."""
+
+    network: Network
+    recipe: TrainingRecipe
+    step: int
+    seconds: float
+    figures: Figures | None
+    samples: int
+    fingerprint: str
+    hardware: str
+    precision: str
+    rank: int = 0
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where a run's files are. checkpoint: written now and then and at the end, None for nowhere; resume: one to go on
+    from; logs: folder for TensorBoard."""
+
+    checkpoint: Path | None = None
+    resume: Path | None = None
+    logs: Path | None = None
+
+
+def train(
+    recipe: TrainingRecipe,
+    samples: list[Path],
+    validation: list[Path],
+    *,
+    places: Places | None = None,
+    workers: int = 1,
+    precision: Precision = "auto",
+    stop_after: int = 0,
+    keep: bool = False,
+    minutes_between_checkpoints: float = 5.0,
+    validations: int = 8,
+    progress: Progress = silent,
+) -> Trained:
+    """Train the recipe's network on the samples in some folders.
+
+    validation: folders of samples that are held out; none for no validation. workers: processes that make examples.
+    precision: of the layers; "auto" is bfloat16 where the processor or GPU computes with it. stop_after: steps, when to
+    stop before the recipe's end (0: at its end), to go on later. keep: hold what was read in memory. validations: how
+    many, evenly over the run, the last at its end.
+
+    A run that was resumed from a checkpoint gives the same weights, bit for bit, as one that was never stopped, on the
+    same machine with the same number of threads.
+
+    Raises InputError where the checkpoint is of another recipe or other samples, or a worker dies, and Cancelled where
+    `progress` does; the checkpoint is written then, too.
+    """
+    places = places or Places()
+    with _processes() as (rank, processes):
+        if recipe.batch % processes:
+            raise InputError(f"a batch of {recipe.batch} cannot be shared by {processes} processes; mend the recipe")
+        device = torch.device("cuda", rank % torch.cuda.device_count()) if torch.cuda.is_available() else _CPU
+        torch.manual_seed(recipe.seed)
+        network = build_network(recipe.network, dict(recipe.options)).to(device)
+        _check_fit(recipe, network)
+        nn.utils.convert_conv2d_weight_memory_format(network, torch.channels_last)
+        examples, held_out = _examples(recipe, network, samples, validation, keep)
+        run = _Run(recipe, network, device, precision, _fingerprint(examples.samples))
+        if places.resume is not None:
+            run.resume(places.resume)
+        elif places.checkpoint is not None and places.checkpoint.exists():
+            raise InputError(
+                f"{places.checkpoint} is of an earlier run; go on from it with --resume, or remove it to begin anew"
+            )
+        end = min(recipe.steps, stop_after or recipe.steps)
+        writer = SummaryWriter(str(places.logs)) if places.logs is not None and rank == 0 else None
+        model = network if processes == 1 else DistributedDataParallel(network)
+        figures, saved, started, before = None, time.monotonic(), time.monotonic(), run.seconds
+        told = recipe.steps // max(validations, 1) or 1
+        try:
+            for batch in batches(
+                examples,
+                start=run.step,
+                steps=end,
+                batch=recipe.batch,
+                workers=workers,
+                rank=rank,
+                processes=processes,
+            ):
+                with held_signals():
+                    loss = run.advance(model, batch, rank)
+                run.seconds = before + time.monotonic() - started
+                if run.step % LOGGED_EVERY == 0 and rank == 0:
+                    progress(run.step / recipe.steps, f"step {run.step}, {math.degrees(float(loss.angle)):.1f}°")
+                    if writer is not None:
+                        writer.add_scalar("training/angle_deg", math.degrees(float(loss.angle)), run.step)
+                        writer.add_scalar("training/expected_error", float(loss.expected), run.step)
+                        writer.add_scalar("training/learning_rate", learning_rate(recipe, run.step - 1), run.step)
+                if held_out is not None and rank == 0 and (run.step % told == 0 or run.step == end):
+                    figures = validate(run.mean(), held_out, device)
+                    log.info("step %d: %s on held-out samples", run.step, figures)
+                    if writer is not None:
+                        writer.add_scalar("validation/mae_deg", figures.mae_deg, run.step)
+                if time.monotonic() - saved > 60 * minutes_between_checkpoints:
+                    run.save(places.checkpoint, rank)
+                    saved = time.monotonic()
+        finally:
+            run.save(places.checkpoint, rank)
+            if writer is not None:
+                writer.close()
+        hardware = (
+            torch.cuda.get_device_name(device) if device.type == "cuda" else f"{torch.get_num_threads()} CPU threads"
+        )
+        hardware = hardware if processes == 1 else f"{processes} x {hardware}"
+        if figures is None and held_out is not None and rank == 0:  # resumed at the recipe's end
+            figures = validate(run.mean(), held_out, device)
+        return Trained(
+            run.mean().cpu(),
+            recipe,
+            run.step,
+            run.seconds,
+            figures,
+            len(examples.samples),
+            run.samples,
+            hardware,
+            run.precision,
+            rank,
+        )
+
+
+_CPU = torch.device("cpu")
+
+
+def _check_fit(recipe: TrainingRecipe, network: Network) -> None:
+    """Raise InputError where the pictures that a step sees are none that the network takes."""
+    if network.kind == "dense":
+        least = 2 * network.multiple  # batch norm needs two pixels on the coarsest scale
+        if recipe.crop < least or recipe.crop % network.multiple:
+            raise InputError(
+                f"network {recipe.network} cannot be trained on a crop of {recipe.crop}; "
+                f"choose a multiple of {network.multiple} from {least}"
+            )
+        if recipe.patches:
+            raise InputError(f"network {recipe.network} does not see patches; leave them out of the recipe")
+    elif not recipe.patches:
+        raise InputError(f"network {recipe.network} sees patches; say in the recipe how many from each picture")
+    elif 0 < recipe.crop < max(2, network.patch):
+        raise InputError(f"a crop of {recipe.crop} holds no patch; choose 0, which is the whole picture, or more")
+
+
+def learning_rate(recipe: TrainingRecipe, step: int) -> float:
+    """Of step `step`, 0 to steps - 1: a straight rise, then half a cosine; after a restart once more, half as high."""
+    highest, steps = recipe.learning_rate, recipe.restart or recipe.steps
+    if step >= steps:
+        highest, step, steps = highest / 2, step - steps, recipe.steps - steps
+    if step < recipe.warm_up:
+        return highest * (step + 1) / recipe.warm_up
+    done = (step - recipe.warm_up) / max(1, steps - recipe.warm_up)
+    return highest * 0.5 * (1 + math.cos(math.pi * min(1.0, done)))
+
+
+class _Run:
+    """A run's moving parts: what a checkpoint keeps."""
+
+    def __init__(
+        self, recipe: TrainingRecipe, network: Network, device: torch.device, precision: Precision, samples: str
+    ) -> None:
+        self.recipe, self.network, self.device, self.samples = recipe, network, device, samples
+        self.precision = _computed(precision, device)
+        self.step, self.seconds = 0, 0.0
+        self.whole = True  # False within a step
+        decayed = [value for value in network.parameters() if value.ndim > 1]
+        others = [value for value in network.parameters() if value.ndim <= 1]
+        self.optimiser = torch.optim.AdamW(
+            [{"params": decayed, "weight_decay": recipe.weight_decay}, {"params": others, "weight_decay": 0.0}],
+            lr=recipe.learning_rate,
+        )
+        self.mean_weights = {name: value.detach().clone() for name, value in network.state_dict().items()}
+
+    def advance(self, model: nn.Module, batch: Batch, rank: int) -> Loss:
+        recipe, seed = self.recipe, _seed(self.recipe.seed, self.step, rank)
+        self.whole = False
+        # What dropout and permutation draw depends on the step alone, so that a resumed run draws the same.
+        torch.manual_seed(seed)
+        batch = on_device(batch, self.device)
+        if self.network.kind == "patch":
+            batch = patches_of(batch, self.network, recipe.patches, torch.Generator().manual_seed(seed))
+        for group in self.optimiser.param_groups:
+            group["lr"] = learning_rate(recipe, self.step)
+        model.train()
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.precision == "bfloat16"):
+            prediction = model(*(channels_last(values) for values in batch.inputs))
+        loss = loss_of(prediction, batch.truth, batch.weights, recipe.error_weight)
+        if not torch.isfinite(loss.total):
+            raise InputError(f"the loss of step {self.step} is not finite; begin anew with a lower learning rate")
+        self.optimiser.zero_grad(set_to_none=True)
+        loss.total.backward()
+        nn.utils.clip_grad_norm_(self.network.parameters(), 1.0)
+        self.optimiser.step()
+        self.step += 1
+        self._follow()
+        self.whole = True
+        return loss
+
+    @torch.no_grad()
+    def _follow(self) -> None:
+        # Early weights are forgotten faster: a mean over 1000 steps says nothing after ten.
+        decay = min(self.recipe.ema, (1 + self.step) / (10 + self.step))
+        for name, value in self.network.state_dict().items():
+            if value.dtype.is_floating_point:
+                self.mean_weights[name].lerp_(value, 1 - decay)
+            else:
+                self.mean_weights[name].copy_(value)
+
+    def mean(self) -> Network:
+        """A network of its own with the running mean of the weights."""
+        network = build_network(self.recipe.network, dict(self.recipe.options)).to(self.device)
+        network.load_state_dict(self.mean_weights)
+        return network.eval()
+
+    def save(self, path: Path | None, rank: int) -> None:
+        # After a step that failed the checkpoint before stands: half a step could not be gone on from.
+        if path is not None and rank == 0 and self.whole:
+            write_checkpoint(
+                path,
+                Checkpoint(
+                    self.recipe,
+                    self.step,
+                    self.network.state_dict(),
+                    self.mean_weights,
+                    self.optimiser.state_dict(),
+                    self.seconds,
+                    self.samples,
+                ),
+            )
+
+    def resume(self, path: Path) -> None:
+        found = read_checkpoint(path)
+        if found.recipe != self.recipe:
+            raise InputError(f"checkpoint {path} is of another recipe; resume with the one it began with")
+        if found.samples != self.samples:
+            raise InputError(f"checkpoint {path} began with other samples; resume with the same folders")
+        try:
+            self.network.load_state_dict(found.weights)
+            self.mean_weights = {name: value.to(self.device) for name, value in found.mean_weights.items()}
+            self.optimiser.load_state_dict(found.optimiser)
+        except (RuntimeError, ValueError, KeyError) as error:
+            reason = " ".join(str(error).split())[:200]
+            raise InputError(f"checkpoint {path} does not fit the network: {reason}; resume from another") from None
+        self.step, self.seconds = found.step, found.seconds
+
+
+def _examples(
+    recipe: TrainingRecipe, network: Network, samples: list[Path], validation: list[Path], keep: bool
+) -> tuple[Examples, Examples | None]:
+    canonical = network.frame == "canonical"
+    training = SampleDataset(samples, seed=recipe.seed, canonical=canonical, keep=keep)
+    held_out = held_out_examples(network, validation, VALIDATION_CROP) if validation else None
+    starts = (0, recipe.restart * recipe.batch)
+    photographs = [
+        (start, CaptureModel(calibrated=chance)) for start, chance in zip(starts, recipe.calibrated, strict=False)
+    ]
+    return Examples(training, network.inputs, recipe.crop, photographs=photographs), held_out
+
+
+def held_out_examples(network: Network, folders: list[Path], crop: int) -> Examples:
+    """Examples that are the same whenever and for whatever network they are asked for, but for the network's frame.
+
+    crop: as of :class:`Examples`. Raises InputError where a folder is missing or holds no whole sample.
+    """
+    samples = SampleDataset(folders, seed=VALIDATION_SEED, augment=False, canonical=network.frame == "canonical")
+    return Examples(samples, network.inputs, crop, shuffled=False)
+
+
+def _fingerprint(samples: SampleDataset) -> str:
+    names = "\n".join(f"{path.parent.name}/{path.name}" for path in samples.paths)
+    return hashlib.sha256(names.encode()).hexdigest()[:16]
+
+
+def _seed(*key: int) -> int:
+    return int.from_bytes(hashlib.sha256(repr(key).encode()).digest()[:7], "big")
+
+
+def channels_last(values: Tensor) -> Tensor:
+    """The order in memory in which convolutions of few channels are quicker."""
+    return values.contiguous(memory_format=torch.channels_last)
+
+
+def _computed(precision: Precision, device: torch.device) -> str:
+    if precision != "auto":
+        return precision
+    if device.type == "cuda":
+        return "bfloat16" if torch.cuda.is_bf16_supported(including_emulation=False) else "float32"
+    # Without its own instructions bfloat16 is slower than float32.
+    quick = getattr(torch.cpu, "_is_avx512_bf16_supported", lambda: False)()
+    return "bfloat16" if quick else "float32"
+
+
+@contextmanager
+def _processes() -> Iterator[tuple[int, int]]:
+    """This process' number and how many there are, as torchrun tells."""
+    environment: dict[str, Any] = dict(os.environ)
+    processes = int(environment.get("WORLD_SIZE", "1"))
+    if processes == 1:
+        yield 0, 1
+        return
+    torch.distributed.init_process_group("nccl" if torch.cuda.is_available() else "gloo")
+    try:
+        yield int(environment["RANK"]), processes
+    finally:
+        torch.distributed.destroy_process_group()

@@ -1,0 +1,61 @@
+"""Network: what the loop, the validation and the export ask of every network."""
+
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar, Literal, NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+
+class Prediction(NamedTuple):
+    """What a network says. normals: (N, 3, H, W) unit vectors in the network's frame, or (N, 3) for patches.
+
+    expected_error: (N, 1, H, W) radians, the angular error that the network expects of itself; None where it gives
+    none.
+    """
+
+    normals: Tensor
+    expected_error: Tensor | None = None
+
+
+class Network(nn.Module, ABC):
+    """What all networks have in common.
+
+    inputs: for each argument of :meth:`predict` the feature maps that are stacked into it
+        (:data:`mpsnet_core.estimate.features.FEATURE_CHANNELS`).
+    kind, frame, multiple, halo, patch: as on the card (:class:`mpsnet_core.estimate.card.ModelCard`).
+    """
+
+    inputs: ClassVar[dict[str, tuple[str, ...]]]
+    kind: ClassVar[Literal["dense", "patch"]] = "dense"
+    frame: ClassVar[Literal["camera", "canonical"]] = "camera"
+    multiple: int = 1
+    halo: int = 0
+    patch: int = 1
+
+    @abstractmethod
+    def predict(self, *inputs: Tensor) -> Prediction:
+        """Normals from the inputs, in the order of `inputs`; (N, C, H, W) each, "lights" (N, 9, 1, 1)."""
+
+    def forward(self, *inputs: Tensor) -> Prediction:
+        return self.predict(*inputs)
+
+
+def unit(vectors: Tensor) -> Tensor:
+    """Vectors along axis 1 at length one; zero stays zero."""
+    # In single precision also where the layers before run in bfloat16.
+    vectors = vectors.float()
+    return vectors * torch.rsqrt((vectors * vectors).sum(dim=1, keepdim=True) + 1e-12)
+
+
+def scaled(maps: tuple[int, ...], width: float) -> list[int]:
+    """Published numbers of maps times `width`, one at least. Raises ValueError where the width is none."""
+    if isinstance(width, bool) or not isinstance(width, int | float) or not 0 < width <= 4:
+        raise ValueError(f"width {width!r} is not a number above 0 and up to 4")
+    return [max(1, round(count * width)) for count in maps]
+
+
+def convolution(channels: int, maps: int, side: int = 3, **options: Any) -> nn.Conv2d:
+    """A convolution that keeps the size, padded with zeros (the paper's SAME) unless the options say otherwise."""
+    options = {"padding": side // 2, **options}
+    return nn.Conv2d(channels, maps, side, **options)

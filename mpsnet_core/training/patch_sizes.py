@@ -1,0 +1,148 @@
+"""Table 1 of the MPS-Net paper: how large a patch should be, and what initial normals are worth.
+
+Ten networks are trained alike, one for each side of a patch (1 to 9) with and without initial normals, and measured on
+the same patches of held-out samples.
+"""
+
+import math
+import os
+from collections.abc import Sequence
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.evaluation.charts import Curve, line_chart
+from mpsnet_core.evaluation.published import TABLE_1
+from mpsnet_core.evaluation.report import begun_report
+from mpsnet_core.evaluation.tables import text_table
+from mpsnet_core.files import writable_path, write_json
+from mpsnet_core.progress import Progress, part, silent
+from mpsnet_core.synthesis.photographs.dataset import SampleDataset
+from mpsnet_core.training.loop import Places, held_out_examples, train
+from mpsnet_core.training.recipe import TrainingRecipe
+from mpsnet_core.training.validation import validate
+
+SIDES = (1, 3, 5, 7, 9)
+INPUTS = {"image": False, "image and initial normals": True}
+PICTURES_A_STEP, PATCHES_A_PICTURE = 10, 50
+
+
+def patch_size_recipe(side: int, normals: bool, width: float, steps: int) -> TrainingRecipe:
+    """What one of the ten networks is trained by; all but side and normals is the same for all."""
+    return TrainingRecipe(
+        name=f"patch-{side}{'-normals' if normals else ''}",
+        title=f"MPS-Net, patches of {side} x {side}",
+        network="mpsnet",
+        options={"width": width, "patch": side, "normals": normals},
+        steps=steps,
+        batch=PICTURES_A_STEP,
+        crop=0,
+        patches=PATCHES_A_PICTURE,
+        warm_up=min(100, math.ceil(steps / 10)),
+        ema=0.995,
+    )
+
+
+def evaluate_patch_sizes(
+    samples: Sequence[Path],
+    validation: Sequence[Path],
+    runs: str | os.PathLike[str],
+    *,
+    width: float,
+    steps: int,
+    patches: int,
+    json: str | os.PathLike[str] | None = None,
+    report: str | os.PathLike[str] | None = None,
+    workers: int = 1,
+    keep: bool = False,
+    progress: Progress = silent,
+) -> dict[str, Any]:
+    """Train and measure the ten networks: "rows", "published" (plain data), and "text" for the terminal.
+
+    runs: a folder for their checkpoints; a run that was cancelled goes on from them. width: factor of the published
+    numbers of maps. steps: of each training, of 500 patches. patches: how many are measured, or a few more: as many
+    from each held-out sample. json: a file for all but the text. report: an HTML page.
+
+    Raises InputError where samples, validation or runs cannot be used, and Cancelled where `progress` does.
+    """
+    if json:
+        writable_path(json)
+    runs = Path(runs)
+    if runs.exists() and not runs.is_dir():
+        raise InputError(f"{runs} is a file; name a folder for the runs")
+    if not runs.parent.is_dir():
+        raise InputError(f"cannot make folder {runs}: {runs.parent} does not exist; create it first")
+    if patches < 1 or workers < 0:
+        raise InputError(
+            f"{patches} patches with {workers} workers cannot be; choose 1 patch or more, 0 workers or more"
+        )
+    SampleDataset(validation)  # what is missing is told before hours of training
+    runs.mkdir(exist_ok=True)
+    rows = []
+    variants = [(words, normals, side) for words, normals in INPUTS.items() for side in SIDES]
+    with begun_report(report) if report else nullcontext() as page:
+        for number, (words, normals, side) in enumerate(variants):
+            recipe = patch_size_recipe(side, normals, width, steps)
+            checkpoint = runs / f"{recipe.name}.checkpoint"
+            progress(number / len(variants), recipe.title)
+            trained = train(
+                recipe,
+                list(samples),
+                [],
+                places=Places(checkpoint, checkpoint if checkpoint.exists() else None),
+                workers=workers,
+                keep=keep,
+                progress=part(progress, number / len(variants), (number + 1) / len(variants)),
+            )
+            held_out = held_out_examples(trained.network, list(validation), crop=0)
+            a_picture = math.ceil(patches / len(held_out))
+            figures = validate(trained.network, held_out, torch.device("cpu"), a_picture)
+            rows.append(
+                {
+                    "input": words,
+                    "patch": side,
+                    "mae_deg": round(figures.mae_deg, 4),
+                    "highest_deg": round(figures.highest_deg, 2),
+                    "width": width,
+                    "steps": steps,
+                    "patches": a_picture * len(held_out),
+                    "minutes": round(trained.seconds / 60, 1),
+                }
+            )
+        published = [
+            {"input": words, "patch": side, "mae_deg": error, "source": "Table 1"}
+            for words, errors in TABLE_1.items()
+            for side, error in errors.items()
+        ]
+        table = _table(rows)
+        if json:
+            write_json(json, {"rows": rows, "published": published})
+        if page:
+            curves = [
+                Curve(f"{source}{words}", list(errors), list(errors.values()))
+                for source, errors_of in (("", _by_input(rows)), ("paper: ", TABLE_1))
+                for words, errors in errors_of.items()
+            ]
+            title = "Patch sizes"
+            page.write(title, table, [], [line_chart(title, curves, "side of a patch", "mean error in degrees")])
+    return {"rows": rows, "published": published, "text": table}
+
+
+def _by_input(rows: Sequence[dict[str, Any]], value: str = "mae_deg") -> dict[str, dict[int, float]]:
+    return {words: {row["patch"]: row[value] for row in rows if row["input"] == words} for words in INPUTS}
+
+
+def _table(rows: Sequence[dict[str, Any]]) -> str:
+    lines = []
+    for words in INPUTS:
+        for what, errors in (
+            ("mean", _by_input(rows)[words]),
+            ("largest", _by_input(rows, "highest_deg")[words]),
+            ("paper: mean", TABLE_1[words]),
+        ):
+            lines.append([words, what, *(f"{errors[side]:.2f}" for side in SIDES)])
+    title = f"angular error in degrees over {rows[0]['patches']} patches, by the side of a patch\n"
+    return title + text_table(["input", "", *map(str, SIDES)], lines, 2)

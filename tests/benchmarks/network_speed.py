@@ -1,0 +1,196 @@
+"""How quick the default network is beside the published ones, and beside a plain matrix product.
+
+python tests/benchmarks/network_speed.py [--model multiscale] [--threads 1] [--rounds 3] [--patches 64] [--large]
+
+All on the same cores, in turns, on an object that fills 512 x 512 pixels. PS-FCN and the patch-wise MPS-Net have their
+published widths and fresh weights (which do not change the time); MPS-Net is timed on a few patches and multiplied.
+--large measures the peak memory of `mpsnet estimate` on 4096 x 4096 pixels, too, where the system tells it.
+Needs torch and onnx (pip install "mpsnet[train]").
+"""
+
+import argparse
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import onnx
+import onnxruntime
+import torch
+from onnx import TensorProto, helper
+
+from mpsnet_core.capture import Capture
+from mpsnet_core.errors import InputError
+from mpsnet_core.estimate import Estimator
+from mpsnet_core.estimate.card import CARD_KEY, ModelCard
+from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS
+from mpsnet_core.estimate.shelf import find_network
+from mpsnet_core.images import write_image
+from mpsnet_core.rig import LightRig, published_rig, write_rig
+from mpsnet_core.training.networks import Network, build_network
+
+SIDE, LARGE = 512, 4096
+
+
+def fresh(name: str, path: Path) -> Path:
+    """The ONNX file of a network of published width and random weights."""
+    network: Network = build_network(name).eval()
+    side = network.patch if network.kind == "patch" else 64
+    inputs = []
+    for features in network.inputs.values():
+        size = 1 if CONSTANTS.intersection(features) else side
+        inputs.append(torch.rand(2, sum(FEATURE_CHANNELS[feature] for feature in features), size, size))
+    free = {0: "n", 2: "h", 3: "w"} if network.kind == "dense" else {0: "n"}
+    axes = {n: {0: "n"} if CONSTANTS.intersection(f) else free for n, f in network.inputs.items()} | {"normals": free}
+    network.forward = lambda *given: network.predict(*given).normals
+    names = list(network.inputs)
+    torch.onnx.export(
+        network, tuple(inputs), path, input_names=names, output_names=["normals"], dynamic_axes=axes, dynamo=False
+    )
+    model = onnx.load(path)
+    place = {"patch": network.patch} if network.kind == "patch" else {"halo": network.halo}
+    card = ModelCard(
+        name, name, "-", network.kind, network.inputs, multiple=network.multiple, frame=network.frame, **place
+    )
+    helper.set_model_props(model, {CARD_KEY: card.to_json()})
+    onnx.save(model, path)
+    return path
+
+
+def multiply_adds(path: Path, side: int) -> int:
+    """Of one run on side x side pixels: its convolutions, whose maps are looked at as they run."""
+    model = onnx.load(path)
+    shapes = {weight.name: list(weight.dims) for weight in model.graph.initializer}
+    layers = [node for node in model.graph.node if node.op_type in ("Conv", "ConvTranspose")]
+    # Every pixel of the convolution's small side meets every weight but those of the channels on that side.
+    small = {node.output[0]: node.output[0] if node.op_type == "Conv" else node.input[0] for node in layers}
+    told = {value.name for value in model.graph.output}
+    model.graph.output.extend(onnx.ValueInfoProto(name=name) for name in small.values() if name not in told)
+    run = session(model.SerializeToString(), 0)
+    given = {
+        value.name: np.ones(
+            [
+                size if isinstance(size, int) else wanted
+                for size, wanted in zip(value.shape, (1, 0, side, side), strict=True)
+            ],
+            np.float32,
+        )
+        for value in run.get_inputs()
+    }
+    names = list(dict.fromkeys(small.values()))
+    sizes = {name: found.shape for name, found in zip(names, run.run(names, given), strict=True)}
+    return sum(int(np.prod(sizes[small[node.output[0]]])) * int(np.prod(shapes[node.input[1]][1:])) for node in layers)
+
+
+def session(model: bytes | str, threads: int) -> onnxruntime.InferenceSession:
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    return onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+
+
+def matrix_product(threads: int, side: int = 1024) -> Callable[[], object]:
+    values = [helper.make_tensor_value_info(name, TensorProto.FLOAT, (side, side)) for name in "abc"]
+    graph = helper.make_graph([helper.make_node("MatMul", ["a", "b"], ["c"])], "product", values[:2], values[2:])
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    run = session(model.SerializeToString(), threads)
+    given = {name: np.random.default_rng(0).random((side, side), np.float32) for name in "ab"}
+    return lambda: run.run(None, given)
+
+
+def alone(path: Path, threads: int) -> Callable[[], object]:
+    """The network without what the program does around it."""
+    run = session(str(path), threads)
+    random = np.random.default_rng(0)
+    given = {}
+    for value in run.get_inputs():
+        size = [SIDE if isinstance(length, str) else length for length in value.shape[2:]]
+        given[value.name] = random.random((1, value.shape[1], *size), np.float32)
+    return lambda: run.run(None, given)
+
+
+def capture(side: int, rig: LightRig) -> Capture:
+    random = np.random.default_rng(1)
+    return Capture(random.random((side, side, 3), np.float32) + 0.1, np.ones((side, side), bool), rig)
+
+
+def peak_memory(model: Path, rig: LightRig, folder: Path) -> float | None:
+    """Megabytes (10^6 bytes) that `mpsnet estimate` takes at most."""
+    try:
+        import resource
+    except ImportError:  # Windows tells no peak of a child
+        return None
+    write_image(folder / "large.png", capture(LARGE, rig).image)
+    write_rig(folder / "rig.json", rig)
+    command = [sys.executable, "-m", "mpsnet_core", "estimate", folder / "large.png", "--rig", folder / "rig.json"]
+    subprocess.run(
+        [*command, "--mask", "none", "--model", model, "--confidence", folder / "c.png", "-o", folder / "n.png"],
+        check=True,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * unit / 1e6
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Time the networks beside each other.")
+    parser.add_argument(
+        "--model", default="multiscale", help="the default network: a name, an .onnx file, or fresh weights"
+    )
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--patches", type=int, default=64, help="how many MPS-Net is timed on")
+    parser.add_argument("--large", action="store_true", help="also measure the peak memory on 4096 x 4096 pixels")
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as made:
+        folder = Path(made)
+        try:
+            ours = find_network(arguments.model).path
+        except InputError:
+            ours = fresh("multiscale", folder / "multiscale.onnx")
+            print("multiscale with fresh weights")
+        few = round(arguments.patches**0.5)
+        up, odd = published_rig(), published_rig(first_tilt=57)
+        models = {
+            name: Estimator(path, threads=arguments.threads)
+            for name, path in (
+                ("default", ours),
+                ("psfcn", fresh("psfcn", folder / "psfcn.onnx")),
+                ("mpsnet", fresh("mpsnet", folder / "mpsnet.onnx")),
+            )
+        }
+        whole, turned, part = capture(SIDE, up), capture(SIDE, odd), capture(few, up)
+        cases: dict[str, tuple[Callable[[], object], float]] = {
+            "default": (lambda: models["default"](whole), 1),
+            "default, turned": (lambda: models["default"](turned), 1),
+            "psfcn": (lambda: models["psfcn"](whole), 1),
+            "mpsnet": (lambda: models["mpsnet"](part), SIDE**2 / few**2),
+            "network alone": (alone(ours, arguments.threads), 1),
+            "matrix product": (matrix_product(arguments.threads), 1),
+        }
+        seconds: dict[str, list[float]] = {name: [] for name in cases}
+        for _ in range(arguments.rounds):
+            for name, (work, factor) in cases.items():
+                start = time.perf_counter()
+                work()
+                seconds[name].append((time.perf_counter() - start) * factor)
+        for name, times in seconds.items():
+            ratio = statistics.median(t / d for t, d in zip(times, seconds["default"], strict=True))
+            print(f"{name:16} {ratio:9.2f} times the default (median {statistics.median(times):.3f} s)")
+        done = multiply_adds(ours, SIDE)
+        share = statistics.median(
+            (done / net) / (1024**3 / product)
+            for net, product in zip(seconds["network alone"], seconds["matrix product"], strict=True)
+        )
+        print(f"{done / SIDE**2 / 1e3:.1f} thousand multiply-adds a pixel, at {share:.0%} of a matrix product's rate")
+        if arguments.large:
+            peak = peak_memory(ours, odd, folder)
+            print("no peak memory here" if peak is None else f"{peak:.0f} MB at most for {LARGE} x {LARGE} pixels")
+
+
+if __name__ == "__main__":
+    main()

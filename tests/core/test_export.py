@@ -1,0 +1,157 @@
+"""Export: what goes out as ONNX answers as the network in PyTorch does, and says what it is."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+import onnx
+from small_networks import SMALL, recipe_data
+from synthetic import degrees_between, shaded_sphere
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.estimate.card import CARD_KEY
+from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS, feature_maps
+from mpsnet_core.estimate.onnx_model import OnnxModel
+from mpsnet_core.training import export
+from mpsnet_core.training.export import TRAINING_KEY, export_onnx
+from mpsnet_core.training.loop import Trained
+from mpsnet_core.training.networks import NETWORKS, Network, build_network
+from mpsnet_core.training.recipe import recipe_from_data
+from mpsnet_core.training.validation import Figures
+
+
+def untrained(name: str) -> Trained:
+    """As if trained: batch norms have statistics of their own, and the network a validation behind it."""
+    torch.manual_seed(1)
+    network = build_network(name, SMALL[name])
+    for module in network.modules():
+        if isinstance(module, torch.nn.BatchNorm2d):
+            torch.nn.init.normal_(module.running_mean, std=0.2)
+            torch.nn.init.uniform_(module.running_var, 0.5, 1.5)
+    figures = Figures(12.3456, 80.0, 0.71) if name == "multiscale" else None
+    return Trained(
+        network, recipe_from_data(recipe_data(name)), 6, 90.0, figures, 3, "a fingerprint", "a machine", "float32"
+    )
+
+
+@pytest.fixture(scope="module")
+def models(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Trained, Path]]:
+    folder, made = tmp_path_factory.mktemp("models"), {}
+    for name in NETWORKS:
+        made[name] = (untrained(name), folder / f"{name}.onnx")
+        export_onnx(*made[name])
+    return made
+
+
+def inputs_of(network: Network, count: int, *size: int) -> dict[str, np.ndarray]:
+    random = np.random.default_rng(4)
+    return {
+        name: random.random(
+            (count, sum(FEATURE_CHANNELS[f] for f in features), *((1, 1) if features[0] in CONSTANTS else size))
+        ).astype(np.float32)
+        for name, features in network.inputs.items()
+    }
+
+
+@pytest.mark.parametrize("name", sorted(NETWORKS))
+def test_the_file_answers_as_the_network_does(name: str, models: dict[str, tuple[Trained, Path]]) -> None:
+    trained, path = models[name]
+    session = OnnxModel(path).session
+    network = trained.network.eval()
+    sizes = [(network.patch,) * 2] if network.kind == "patch" else [(32, 48), (160, 112), (48, 16)]
+    for count, size in zip((1, 7, 2), sizes, strict=False):
+        inputs = inputs_of(network, count, *size)
+        with torch.no_grad():
+            prediction = network(*map(torch.from_numpy, inputs.values()))
+        answers = dict(zip([node.name for node in session.get_outputs()], session.run(None, inputs), strict=True))
+        np.testing.assert_allclose(answers["normals"], prediction.normals.numpy(), atol=1e-4)
+        assert set(answers) == ({"normals", "confidence"} if name == "multiscale" else {"normals"})
+        if name == "multiscale":
+            expected = np.clip(1 - np.degrees(prediction.expected_error.numpy()) / 90, 0, 1)
+            np.testing.assert_allclose(answers["confidence"], expected, atol=1e-4)
+
+
+@pytest.mark.parametrize("name", sorted(NETWORKS))
+def test_the_file_says_what_it_is(name: str, models: dict[str, tuple[Trained, Path]]) -> None:
+    trained, path = models[name]
+    model = onnx.load(path)
+    onnx.checker.check_model(model, full_check=True)
+    assert model.opset_import[0].version >= 17
+    assert {value.name for value in model.graph.value_info} >= {
+        out for node in model.graph.node for out in node.output
+    } - {value.name for value in model.graph.output}, "shapes are inferred"
+    network, card = trained.network, OnnxModel(path).card
+    assert (card.name, card.kind, card.frame) == ("tiny", network.kind, network.frame)
+    assert (card.halo, card.multiple, card.patch) == (network.halo, network.multiple, network.patch)
+    assert card.inputs == network.inputs
+    metadata = {entry.key: entry.value for entry in model.metadata_props}
+    assert set(metadata) == {CARD_KEY, TRAINING_KEY}
+    record = json.loads(metadata[TRAINING_KEY])
+    assert recipe_from_data(record["recipe"]) == trained.recipe
+    assert (record["steps"], record["minutes"], record["hardware"]) == (6, 1.5, "a machine")
+    if trained.figures:
+        assert (record["validation_mae_deg"], record["validation_rank_correlation"]) == (12.346, 0.71)
+    else:
+        assert (record["validation_mae_deg"], record["validation_rank_correlation"]) == (None, None)
+
+
+@pytest.mark.parametrize("name", sorted(NETWORKS))
+def test_an_estimate_is_what_the_network_says_of_the_feature_maps(
+    name: str, models: dict[str, tuple[Trained, Path]]
+) -> None:
+    """The published rig's lights stand as in the canonical frame, and the picture's size is one that all take."""
+    trained, path = models[name]
+    network, sphere = trained.network.eval(), shaded_sphere(48)
+    capture = sphere.capture()
+    estimate = OnnxModel(path)(capture)
+    maps = feature_maps(capture, {feature for features in network.inputs.values() for feature in features})
+    inputs = [np.concatenate([maps[feature] for feature in features]) for features in network.inputs.values()]
+    at: tuple[Any, ...] = (slice(None), slice(None))
+    if network.kind == "patch":
+        at, inputs = (18, 20), [values[:, 16:21, 18:23] for values in inputs]
+    with torch.no_grad():
+        prediction = network(*(torch.from_numpy(values)[None] for values in inputs))
+    expected = np.moveaxis(prediction.normals[0].numpy(), 0, -1)
+    assert degrees_between(estimate.vectors[at], expected)[sphere.mask[at]].max() < 0.02
+    assert np.ptp(estimate.vectors[sphere.mask], axis=0).max() > 0.1, "the answer says something"
+
+
+def test_exposure_and_the_lights_strengths_do_not_change_the_default_s_estimate(
+    models: dict[str, tuple[Trained, Path]],
+) -> None:
+    model, sphere = OnnxModel(models["multiscale"][1]), shaded_sphere(40)
+    plain = model(sphere.capture())
+    for gains in ([10, 10, 10], [0.5, 2, 1], [2, 1.3, 0.5]):
+        changed = model(sphere.capture(image=sphere.image * np.float32(gains)))
+        assert degrees_between(changed.vectors, plain.vectors)[sphere.mask].max() < 0.02
+        np.testing.assert_allclose(changed.confidence, plain.confidence, atol=1e-4)
+
+
+def test_a_file_that_differs_from_the_network_is_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    trained, made = untrained("psfcn"), export._onnx_of
+
+    def wrong(network: Network) -> Any:
+        model = made(network)
+        weight = model.graph.initializer[0]
+        values = onnx.numpy_helper.to_array(weight) * 1.5
+        weight.CopyFrom(onnx.numpy_helper.from_array(values, weight.name))
+        return model
+
+    monkeypatch.setattr(export, "_onnx_of", wrong)
+    with pytest.raises(InputError, match="the exported model differs from the trained one by"):
+        export_onnx(trained, tmp_path / "model.onnx")
+    assert not list(tmp_path.iterdir())
+
+
+def test_weights_that_are_no_numbers_are_not_exported(tmp_path: Path) -> None:
+    trained = untrained("demultiplexer")
+    torch.nn.init.constant_(next(trained.network.parameters()), float("nan"))
+    with pytest.raises(InputError, match="not finite"):
+        export_onnx(replace(trained, figures=None), tmp_path / "model.onnx")
+    assert not list(tmp_path.iterdir())

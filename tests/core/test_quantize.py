@@ -1,0 +1,154 @@
+"""The int8 twin of a model: what is in eight bits, what is not, and that it answers as the model does."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+import onnx
+from conftest import Mpsnet
+from small_networks import SMALL, recipe_data
+from sphere_sample import RED, sphere_sample
+from synthetic import degrees_between, listing, shaded_sphere
+
+from mpsnet_core.errors import Cancelled, InputError
+from mpsnet_core.estimate.card import TRAINING_KEY
+from mpsnet_core.estimate.onnx_model import OnnxModel
+from mpsnet_core.synthesis.job import sample_path
+from mpsnet_core.synthesis.photographs.dataset import SampleDataset
+from mpsnet_core.synthesis.sample import write_sample
+from mpsnet_core.training.examples import Examples
+from mpsnet_core.training.export import export_onnx
+from mpsnet_core.training.loop import Trained
+from mpsnet_core.training.networks import build_network
+from mpsnet_core.training.quantize import CROP, SEED, Twin, quantise
+from mpsnet_core.training.recipe import recipe_from_data
+
+
+def exported(name: str, path: Path) -> Path:
+    torch.manual_seed(2)
+    network = build_network(name, SMALL[name])
+    for module in network.modules():
+        if isinstance(module, torch.nn.BatchNorm2d):
+            torch.nn.init.normal_(module.bias, std=0.2)
+    recipe = recipe_from_data(recipe_data(name))
+    export_onnx(Trained(network, recipe, 6, 90.0, None, 2, "", "a machine", "float32"), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def samples(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("samples")
+    for number, left in enumerate(((0.6, 0.6, 0.6), (0.2, 0.5, 0.3))):
+        write_sample(sample_path(folder, number), sphere_sample(48, left=left, right=RED, number=number))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return exported("multiscale", tmp_path_factory.mktemp("model") / "multiscale.onnx")
+
+
+@pytest.fixture(scope="module")
+def made(model: Path, samples: Path) -> tuple[Path, Twin]:
+    path = model.with_name("int8.onnx")
+    return path, quantise(model, [samples], path, count=3)
+
+
+def convolutions(path: Path) -> dict[str, np.ndarray]:
+    """The weights of each convolution, as they are stored: by the name of its node."""
+    graph = onnx.load(path).graph
+    stored = {value.name: onnx.numpy_helper.to_array(value) for value in graph.initializer}
+    behind = {node.output[0]: node.input[0] for node in graph.node if node.op_type == "DequantizeLinear"}
+    return {
+        node.name: stored[behind.get(node.input[1], node.input[1])] for node in graph.node if node.op_type == "Conv"
+    }
+
+
+def test_all_but_the_ends_and_the_lights_is_in_eight_bits(model: Path, made: tuple[Path, Twin]) -> None:
+    before, after = convolutions(model), convolutions(made[0])
+    assert before.keys() == after.keys() and len(after) == 31
+    plain = {name for name, weights in after.items() if weights.dtype == np.float32}
+    first, answer = [name for name, weights in before.items() if weights.shape[1] == 7], list(before)[-1:]
+    lights = [name for name in before if "lights" in name or "told" in name]
+    assert len(first) == 1 and len(lights) == 5
+    assert plain == {*first, *lights, *answer}
+    for name in before.keys() - plain:
+        assert after[name].dtype == np.int8
+        assert np.abs(after[name].astype(int)).max() in (63, 64), "seven bits"
+        # Every map has a scale of its own: the largest weight of each is the largest there is.
+        assert (np.abs(after[name].astype(int)).reshape(len(after[name]), -1).max(axis=1) >= 62).all()
+
+
+def test_the_twin_answers_as_the_model_does(model: Path, made: tuple[Path, Twin]) -> None:
+    float32, int8, sphere = OnnxModel(model), OnnxModel(made[0]), shaded_sphere(50)
+    for image in (sphere.image, sphere.image * np.float32([0.5, 1, 2])):
+        expected, found = float32(sphere.capture(image=image)), int8(sphere.capture(image=image))
+        off = degrees_between(found.vectors, expected.vectors)[sphere.mask]
+        assert 0 < off.mean() < 1
+        assert np.abs(found.confidence - expected.confidence)[sphere.mask].mean() < 0.02
+
+
+def test_the_twin_says_what_it_is(model: Path, made: tuple[Path, Twin]) -> None:
+    before, after = OnnxModel(model).card, OnnxModel(made[0]).card
+    assert after == made[1].card and after.name == "tiny-int8"
+    assert {**after.__dict__, "name": "tiny"} == before.__dict__
+    records = [
+        json.loads({entry.key: entry.value for entry in onnx.load(path).metadata_props}[TRAINING_KEY])
+        for path in (model, made[0])
+    ]
+    told = records[1].pop("int8")
+    assert records[0] == records[1]
+    assert (told["of"], told["photographs"]) == ("tiny", 3)
+    assert told["mae_deg"] == pytest.approx(made[1].mae_deg, abs=1e-3)
+    assert told["mae_deg_of_model"] == pytest.approx(made[1].model_mae_deg, abs=1e-3)
+
+
+def test_what_it_costs_is_measured_on_photographs_that_did_not_calibrate(
+    model: Path, made: tuple[Path, Twin], samples: Path
+) -> None:
+    examples = Examples(SampleDataset(samples, seed=SEED, canonical=True), OnnxModel(model).card.inputs, CROP)
+    errors: dict[Path, list[np.ndarray]] = {model: [], made[0]: []}
+    for number in (4, 5, 6):  # three of two samples calibrated: epochs 0 and 1
+        inputs, truth, counts = examples[number]
+        for path, found in errors.items():
+            given = dict(zip(("pixels", "lights"), (values[None] for values in inputs), strict=True))
+            normals = OnnxModel(path).session.run(["normals"], given)[0][0]
+            found.append(degrees_between(normals.transpose(1, 2, 0), truth.transpose(1, 2, 0))[counts > 0])
+    means = [np.concatenate(found).mean() for found in errors.values()]
+    assert means == pytest.approx([made[1].model_mae_deg, made[1].mae_deg], abs=1e-3)
+    assert abs(means[0] - means[1]) < 0.5
+
+
+def test_the_command_tells_what_it_costs(mpsnet: Mpsnet, model: Path, samples: Path, tmp_path: Path) -> None:
+    path = tmp_path / "twin.onnx"
+    done = mpsnet("quantize", model, "--samples", samples, "--count", "2", "-o", path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith(f"wrote {path}: ") and "° on the samples, the model itself " in done.stdout
+    assert listing(tmp_path) == ["twin.onnx"]
+
+
+def test_who_stops_it_finds_nothing(model: Path, samples: Path, tmp_path: Path) -> None:
+    def stop(fraction: float, message: str) -> None:
+        if fraction > 0.5:
+            raise Cancelled
+
+    with pytest.raises(Cancelled):
+        quantise(model, [samples], tmp_path / "twin.onnx", count=2, progress=stop)
+    assert not listing(tmp_path)
+
+
+def test_what_has_no_int8_twin_is_told(made: tuple[Path, Twin], model: Path, samples: Path, tmp_path: Path) -> None:
+    out = tmp_path / "twin.onnx"
+    with pytest.raises(InputError, match="in eight bits already; give the one that it was made from"):
+        quantise(made[0], [samples], out)
+    with pytest.raises(InputError, match="works patch by patch; only dense models have int8 twins"):
+        quantise(exported("mpsnet", tmp_path / "mpsnet.onnx"), [samples], out)
+    with pytest.raises(InputError, match="0 photographs cannot calibrate a model; choose 1 or more"):
+        quantise(model, [samples], out, count=0)
+    with pytest.raises(InputError, match=r"folder of samples .* does not exist"):
+        quantise(model, [tmp_path / "no"], out)
+    assert listing(tmp_path) == ["mpsnet.onnx"]

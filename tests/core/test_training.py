@@ -1,0 +1,421 @@
+"""The training room: examples, loss, and a loop that stops and goes on as if it had not."""
+
+import itertools
+import math
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from small_networks import recipe_data
+from sphere_sample import sphere_sample
+from torch import Tensor, nn
+
+from mpsnet_core.errors import Cancelled, InputError
+from mpsnet_core.estimate.features import feature_maps
+from mpsnet_core.estimate.onnx_model import OnnxModel
+from mpsnet_core.synthesis.job import SampleJob, sample_path
+from mpsnet_core.synthesis.make import make_sample
+from mpsnet_core.synthesis.photographs.capture_model import CaptureModel
+from mpsnet_core.synthesis.photographs.dataset import SampleDataset
+from mpsnet_core.synthesis.sample import write_sample
+from mpsnet_core.training.checkpoint import read_checkpoint
+from mpsnet_core.training.examples import Batch, Examples, batches, patches_of
+from mpsnet_core.training.loop import LOGGED_EVERY, Places, Trained, learning_rate, train
+from mpsnet_core.training.loss import angle_between, loss_of
+from mpsnet_core.training.networks import NETWORKS, Prediction, build_network
+from mpsnet_core.training.recipe import TrainingRecipe, recipe_from_data
+
+INPUTS = NETWORKS["multiscale"].inputs
+
+
+@pytest.fixture(scope="module")
+def samples(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three samples of the synthesis and a sphere."""
+    folder = tmp_path_factory.mktemp("samples")
+    job = SampleJob("synthesis", 3, seed=5, size=40)
+    for number in range(3):
+        make_sample(job, number, sample_path(folder, number))
+    write_sample(sample_path(folder, 3), sphere_sample(48, number=3))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def ball(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("ball")
+    write_sample(sample_path(folder, 0), sphere_sample(32))
+    return folder
+
+
+def recipe(network: str, **changes: Any) -> TrainingRecipe:
+    return recipe_from_data(recipe_data(network, **changes))
+
+
+def run(of: TrainingRecipe, samples: Path, checkpoint: Path, **options: Any) -> Trained:
+    places = Places(checkpoint, options.pop("resume", None), options.pop("logs", None))
+    return train(of, [samples], options.pop("validation", []), places=places, workers=0, **options)
+
+
+def assert_same(one: Path, other: Path) -> None:
+    """Two checkpoints that agree to the bit in all but the time they took."""
+
+    def walk(a: Any, b: Any) -> None:
+        if isinstance(a, Tensor):
+            assert torch.equal(a, b)
+        elif isinstance(a, dict):
+            assert a.keys() == b.keys()
+            for key in a:
+                walk(a[key], b[key])
+        elif isinstance(a, list):
+            for x, y in zip(a, b, strict=True):
+                walk(x, y)
+        else:
+            assert a == b
+
+    walk(*(read_checkpoint(path)._replace(seconds=0.0)._asdict() for path in (one, other)))
+
+
+# The loss
+
+
+def test_the_angle_is_the_arc_cosine_s() -> None:
+    random = np.random.default_rng(0)
+    a, b = (vectors / np.linalg.norm(vectors, axis=1, keepdims=True) for vectors in random.normal(size=(2, 500, 3)))
+    b[:100] = a[:100] + random.normal(size=(100, 3)) * 1e-3  # small angles
+    b[:100] /= np.linalg.norm(b[:100], axis=1, keepdims=True)
+    found = angle_between(torch.from_numpy(a).float(), torch.from_numpy(b).float()).numpy()
+    np.testing.assert_allclose(found, np.arccos((a * b).sum(axis=1)), atol=2e-6)
+
+
+def test_the_angle_s_slope_is_finite_where_vectors_meet_and_oppose() -> None:
+    up = torch.tensor([[0.0, 0.0, 1.0]])
+    for sign, angle in ((1, 0), (-1, math.pi)):
+        vector = up.clone().requires_grad_()
+        found = angle_between(vector, sign * up)
+        found.sum().backward()
+        assert float(found.detach()) == pytest.approx(angle, abs=1e-5)
+        assert vector.grad is not None and vector.grad.isfinite().all()
+
+
+def test_the_expected_error_is_learned_as_the_mean_and_teaches_the_normals_nothing() -> None:
+    random = torch.Generator().manual_seed(0)
+    normals, truth = (nn.functional.normalize(torch.randn(4, 3, 5, 5, generator=random)) for _ in range(2))
+    weights = (torch.rand(4, 5, 5, generator=random) > 0.3).float()
+    mean = float(angle_between(normals, truth)[weights > 0].mean())
+    expected = torch.full((4, 1, 5, 5), mean, requires_grad=True)
+    normals.requires_grad_()
+    loss = loss_of(Prediction(normals, expected), truth, weights, error_weight=0.7)
+    assert float(loss.angle) == pytest.approx(mean)
+    assert loss.total.item() == pytest.approx(mean + 0.7 * float(loss.expected))
+    loss.total.backward()
+    assert expected.grad is not None and float(expected.grad.sum()) == pytest.approx(0, abs=1e-6), "least at the mean"
+    assert not expected.grad[:, 0][weights == 0].any()
+    slope, normals.grad = normals.grad, None
+    loss_of(Prediction(normals), truth, weights, error_weight=0.7).total.backward()
+    assert torch.equal(slope, normals.grad)
+
+
+# Examples
+
+
+def test_an_example_is_a_window_of_the_whole_picture_s_maps(samples: Path) -> None:
+    dataset = SampleDataset(samples, seed=3, canonical=True)
+    whole, cut = Examples(dataset, INPUTS), Examples(dataset, INPUTS, crop=16)
+    for number in range(6):
+        (pixels, lights), truth, counts = whole[number]
+        (seen, lights_too), true, counted = cut[number]
+        assert (pixels.shape[0], lights.shape) == (7, (9, 1, 1)) and np.array_equal(lights, lights_too)
+        assert seen.shape == (7, 16, 16) and counted.any()
+        windows = np.lib.stride_tricks.sliding_window_view(pixels, (16, 16), axis=(1, 2))
+        at = np.argwhere((windows == seen[:, None, None]).all(axis=(0, 3, 4)))
+        assert any(np.array_equal(truth[:, y : y + 16, x : x + 16], true) for y, x in at)
+        assert any(np.array_equal(counts[y : y + 16, x : x + 16], counted) for y, x in at)
+
+
+def test_every_epoch_cuts_out_a_window_of_its_own(samples: Path) -> None:
+    plain = SampleDataset(samples, seed=3, capture_model=CaptureModel.ideal(), augment=False)
+    examples = Examples(plain, INPUTS, crop=16, shuffled=False)
+    windows = {examples[4 * epoch][1].tobytes() for epoch in range(6)}
+    assert len(windows) > 3
+
+
+def test_an_example_is_made_as_the_estimator_makes_its_inputs(samples: Path) -> None:
+    dataset = SampleDataset(samples, seed=3)
+    (pixels, lights), truth, counts = Examples(dataset, INPUTS, shuffled=False)[5]
+    capture, normals = dataset.capture(1, epoch=1)
+    maps = feature_maps(capture, ["lights", *INPUTS["pixels"]])
+    np.testing.assert_array_equal(pixels, np.concatenate([maps[name] for name in INPUTS["pixels"]]))
+    np.testing.assert_array_equal(lights, maps["lights"])
+    np.testing.assert_array_equal(truth, normals.transpose(2, 0, 1))
+    np.testing.assert_array_equal(counts > 0, capture.mask & normals.any(axis=-1))
+
+
+def test_samples_smaller_than_the_crop_are_surrounded_by_what_does_not_count(samples: Path) -> None:
+    (pixels, _), truth, counts = Examples(SampleDataset(samples), INPUTS, crop=64, shuffled=False)[0]
+    assert pixels.shape[1:] == truth.shape[1:] == counts.shape == (64, 64)
+    assert not pixels[:, 40:].any() and not pixels[:, :, 40:].any() and not counts[40:].any()
+    assert counts[:40, :40].any()
+
+
+def test_every_epoch_shows_all_samples_in_an_order_of_its_own(samples: Path) -> None:
+    examples = Examples(SampleDataset(samples, seed=1), INPUTS)
+    orders = [[examples._index(epoch, place) for place in range(4)] for epoch in range(8)]
+    assert all(sorted(order) == [0, 1, 2, 3] for order in orders)
+    assert len({tuple(order) for order in orders}) > 4
+
+
+def same(one: Batch, other: Batch) -> bool:
+    return all(torch.equal(a, b) for a, b in zip((*one.inputs, *one[1:]), (*other.inputs, *other[1:]), strict=True))
+
+
+def test_batches_are_the_same_whoever_makes_them(samples: Path) -> None:
+    examples = Examples(SampleDataset(samples, seed=3), INPUTS, crop=16)
+    here = list(batches(examples, start=0, steps=4, batch=4, workers=0))
+    assert [tuple(batch.inputs[0].shape) for batch in here] == [(4, 7, 16, 16)] * 4
+    assert not same(here[0], here[1])
+    elsewhere = list(batches(examples, start=2, steps=4, batch=4, workers=1))
+    assert all(map(same, here[2:], elsewhere)) and len(elsewhere) == 2
+    # Two processes share a batch between them.
+    shares = [list(batches(examples, start=0, steps=4, batch=4, workers=0, rank=k, processes=2)) for k in range(2)]
+    for whole, *parts in zip(here, *shares, strict=True):
+        for k, part in enumerate(parts):
+            assert torch.equal(part.truth, whole.truth[k::2])
+
+
+def test_what_a_worker_finds_wrong_is_one_sentence(tmp_path: Path) -> None:
+    dark = sphere_sample(16)
+    write_sample(sample_path(tmp_path, 0), replace(dark, lights=0 * dark.lights))
+    examples = Examples(SampleDataset(tmp_path), INPUTS, crop=16)
+    for workers in (0, 1):
+        with pytest.raises(InputError) as caught:
+            next(iter(batches(examples, start=0, steps=1, batch=1, workers=workers)))
+        assert str(caught.value) == f"none of the 1 samples in {tmp_path} can be used; make them again"
+
+
+def test_whole_pictures_of_different_sizes_make_a_batch(samples: Path) -> None:
+    """As they are where samples are kept in memory: what is around the object is left out."""
+    examples = Examples(SampleDataset(samples, keep=True), NETWORKS["mpsnet"].inputs, shuffled=False)
+    alone = [examples[number] for number in range(4)]
+    assert len({counts.shape for _, _, counts in alone}) > 1
+    (together,) = batches(examples, start=0, steps=1, batch=4, workers=0)
+    for number, (inputs, truth, counts) in enumerate(alone):
+        height, width = counts.shape
+        for values, whole in ((inputs[0], together.inputs[0]), (truth, together.truth), (counts, together.weights)):
+            np.testing.assert_array_equal(whole[number, ..., :height, :width].numpy(), values)
+            assert not whole[number, ..., height:, :].any() and not whole[number, ..., width:].any()
+
+
+def test_patches_are_cut_around_pixels_that_count() -> None:
+    network, random = build_network("mpsnet", {"width": 0.02}), torch.Generator().manual_seed(0)
+    photo, normals, truth = torch.rand((3, 3, 3, 9, 12), generator=random)
+    weights = (torch.rand((3, 9, 12), generator=random) < 0.3).float()
+    weights[1] = 0  # nothing counts there
+    batch = Batch((photo, normals), truth, weights)
+    patches = patches_of(batch, network, 30, random)
+    assert patches.truth.shape == (60, 3) and patches.inputs[0].shape == (60, 3, 5, 5) and patches.weights.all()
+    for number in range(60):
+        picture = (0, 2)[number // 30]
+        ((y, x),) = np.argwhere((truth[picture] == patches.truth[number, :, None, None]).all(dim=0).numpy())
+        assert weights[picture, y, x] == 1
+        for whole, patch in zip(batch.inputs, patches.inputs, strict=True):
+            padded = np.pad(whole[picture].numpy(), [(0, 0), (2, 2), (2, 2)])
+            np.testing.assert_array_equal(patch[number].numpy(), padded[:, y : y + 5, x : x + 5])
+
+
+# The loop
+
+
+def test_the_learning_rate_rises_straight_and_falls_along_a_cosine() -> None:
+    of = recipe("psfcn", steps=1000, warm_up=100, learning_rate=0.5)
+    rates = np.array([learning_rate(of, step) for step in range(1000)])
+    np.testing.assert_allclose(rates[:100], 0.5 * np.arange(1, 101) / 100)
+    np.testing.assert_allclose(rates[[100, 550, 999]], [0.5, 0.25, 0], atol=1e-5)
+    assert (np.diff(rates[100:]) < 0).all()
+
+
+@pytest.mark.parametrize(("network", "least"), [("mpsnet", 0.7), ("psfcn", 0.7)])
+def test_training_lowers_the_error_on_what_is_seen_again_and_again(
+    network: str, least: float, ball: Path, tmp_path: Path
+) -> None:
+    of = recipe(network, steps=60, learning_rate=5e-3, ema=0.9)
+    options = {"validation": [ball], "validations": 1}
+    before = run(of, ball, tmp_path / "c", stop_after=1, **options).figures
+    after = run(of, ball, tmp_path / "d", logs=tmp_path / "logs", **options).figures
+    assert before is not None and after is not None
+    assert after.mae_deg < least * before.mae_deg
+    (log,) = (tmp_path / "logs").iterdir()
+    for scalar in (b"training/angle_deg", b"training/learning_rate", b"validation/mae_deg"):
+        assert scalar in log.read_bytes()
+
+
+def test_an_earlier_runs_checkpoint_is_not_overwritten(ball: Path, tmp_path: Path) -> None:
+    run(recipe("demultiplexer", steps=2, crop=16), ball, tmp_path / "c")
+    before = (tmp_path / "c").read_bytes()
+    with pytest.raises(InputError, match="of an earlier run; go on from it with --resume"):
+        run(recipe("demultiplexer", steps=2, crop=16), ball, tmp_path / "c")
+    assert (tmp_path / "c").read_bytes() == before
+
+
+def test_learning_rate_rises_falls_and_may_rise_again() -> None:
+    once = recipe("demultiplexer", steps=100, warm_up=10, learning_rate=1e-3)
+    twice = replace(once, steps=160, restart=100)
+    rates = [learning_rate(twice, step) for step in range(160)]
+    assert rates[:100] == [learning_rate(once, step) for step in range(100)]
+    assert max(rates[:100]) == pytest.approx(1e-3) and max(rates[100:]) == pytest.approx(5e-4)
+    assert np.argmax(rates[:100]) in (9, 10) and np.argmax(rates[100:]) in (9, 10)
+    assert min(rates[99], rates[100], rates[159]) < 1e-5 < rates[55] == pytest.approx(5e-4)
+
+
+@pytest.mark.parametrize("network", ["mpsnet", "multiscale"])
+def test_a_resumed_run_ends_with_the_same_bits(network: str, samples: Path, tmp_path: Path) -> None:
+    of, whole, halves = recipe(network), tmp_path / "whole", tmp_path / "halves"
+    straight = run(of, samples, whole)
+    half = run(of, samples, halves, stop_after=3)
+    assert (half.step, straight.step) == (3, 6)
+    resumed = run(of, samples, halves, resume=halves)
+    assert_same(whole, halves)
+    weights = [trained.network.state_dict() for trained in (straight, resumed, half)]
+    assert all(torch.equal(weights[0][name], weights[1][name]) for name in weights[0])
+    assert not all(torch.equal(weights[0][name], weights[2][name]) for name in weights[0])
+
+
+def interrupted(of: TrainingRecipe, samples: Path, checkpoint: Path, stop: Callable[..., Any]) -> None:
+    with pytest.raises((Cancelled, KeyboardInterrupt)):
+        run(of, samples, checkpoint, progress=stop)
+
+
+def test_a_cancelled_run_leaves_a_checkpoint_to_go_on_from(ball: Path, tmp_path: Path) -> None:
+    of, whole, parts = recipe("demultiplexer", steps=LOGGED_EVERY + 3, batch=1, crop=16), tmp_path / "w", tmp_path / "p"
+
+    def stop(fraction: float, message: str) -> None:
+        assert fraction == LOGGED_EVERY / of.steps and message.startswith(f"step {LOGGED_EVERY}, ")
+        raise Cancelled
+
+    interrupted(of, ball, parts, stop)
+    assert read_checkpoint(parts).step == LOGGED_EVERY
+    run(of, ball, parts, resume=parts)
+    run(of, ball, whole)
+    assert_same(whole, parts)
+
+
+def test_who_interrupts_within_a_step_waits_for_its_end(samples: Path, tmp_path: Path) -> None:
+    """A batch norm's means are new when a step is half done, its weights are not: it could not be gone on from."""
+    of, whole, parts = recipe("multiscale"), tmp_path / "whole", tmp_path / "parts"
+    forwards = itertools.count(1)
+
+    def interrupt(module: nn.Module, given: Any, out: Any) -> None:
+        if isinstance(module, nn.BatchNorm2d) and next(forwards) == 40:
+            signal.raise_signal(signal.SIGINT)
+
+    hook = nn.modules.module.register_module_forward_hook(interrupt)
+    # Programs that a script starts in the background are born deaf to it.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            run(of, samples, parts)
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
+        hook.remove()
+    assert 1 < read_checkpoint(parts).step < 6
+    run(of, samples, parts, resume=parts)
+    run(of, samples, whole)
+    assert_same(whole, parts)
+
+
+@pytest.mark.filterwarnings("error")
+def test_the_death_of_a_worker_is_told_and_leaves_a_whole_step(ball: Path, tmp_path: Path) -> None:
+    of, parts, whole = recipe("demultiplexer", steps=400, batch=1, crop=16), tmp_path / "parts", tmp_path / "whole"
+
+    def kill(fraction: float, message: str) -> None:
+        for child in multiprocessing.active_children():
+            child.kill()
+
+    with pytest.raises(InputError) as caught:
+        train(of, [ball], [], places=Places(parts), workers=1, progress=kill)
+    step = read_checkpoint(parts).step
+    assert LOGGED_EVERY <= step < 400
+    assert str(caught.value).startswith("a process that makes examples was ended; if for want of memory, go on with")
+    run(of, ball, parts, resume=parts, stop_after=step + 1)
+    run(of, ball, whole, stop_after=step + 1)
+    assert_same(whole, parts)
+
+
+def test_a_step_that_fails_leaves_the_checkpoint_before(samples: Path, tmp_path: Path) -> None:
+    of, checkpoint = recipe("multiscale"), tmp_path / "checkpoint"
+    run(of, samples, checkpoint, stop_after=2)
+    before = checkpoint.read_bytes()
+
+    def fail(module: nn.Module, given: Any, out: Any) -> None:
+        if isinstance(module, nn.PixelShuffle):
+            raise MemoryError
+
+    hook = nn.modules.module.register_module_forward_hook(fail)
+    with pytest.raises(MemoryError):
+        run(of, samples, checkpoint, resume=checkpoint)
+    hook.remove()
+    assert checkpoint.read_bytes() == before
+
+
+def test_the_mean_of_the_weights_is_what_becomes_the_model(ball: Path, tmp_path: Path) -> None:
+    def network_of(ema: float) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
+        checkpoint = tmp_path / f"{ema}.checkpoint"
+        trained = run(recipe("demultiplexer", steps=3, crop=16, ema=ema), ball, checkpoint)
+        return trained.network.state_dict(), read_checkpoint(checkpoint).weights
+
+    for ema, same_bits in ((0.0, True), (0.9, False)):
+        mean, last = network_of(ema)
+        assert all(torch.equal(mean[name], last[name]) for name in mean) == same_bits
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="PyTorch's wheels for Windows start no processes this way")
+def test_two_processes_train_one_model(samples: Path, tmp_path: Path) -> None:
+    toml = tmp_path / "tiny.toml"
+    toml.write_text(
+        'name = "tiny"\ntitle = "a test"\nnetwork = "multiscale"\noptions = {widths = [4, 6, 8, 10]}\n'
+        "steps = 3\nbatch = 4\ncrop = 32\n"
+    )
+    model = tmp_path / "model.onnx"
+    launcher = ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
+    verb = ["-m", "mpsnet_core", "train", "--recipe", toml, "--samples", samples, "--workers", "0", "-o", model]
+    done = subprocess.run(
+        [sys.executable, *map(str, launcher + verb), "--threads", "1"],
+        capture_output=True,
+        text=True,
+        timeout=180,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == f"wrote {model}\n", "one of the two writes"
+    assert OnnxModel(model).card.name == "tiny"
+    assert read_checkpoint(tmp_path / "model.checkpoint").step == 3
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["model.checkpoint", "model.onnx", "tiny.toml"]
+
+
+@pytest.mark.parametrize(
+    ("network", "changes", "words"),
+    [
+        ("multiscale", {"crop": 40}, "on a crop of 40; choose a multiple of 16 from 32"),
+        ("multiscale", {"crop": 16}, "on a crop of 16; choose a multiple of 16 from 32"),
+        ("psfcn", {"crop": 0}, "on a crop of 0; choose a multiple of 4 from 8"),
+        ("psfcn", {"patches": 3}, "psfcn does not see patches; leave them out"),
+        ("mpsnet", {"patches": 0}, "mpsnet sees patches; say in the recipe how many"),
+        ("mpsnet", {"crop": 3}, "a crop of 3 holds no patch; choose 0"),
+    ],
+)
+def test_pictures_that_a_network_does_not_take_are_told(
+    network: str, changes: dict[str, Any], words: str, ball: Path, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError) as caught:
+        run(recipe(network, **changes), ball, tmp_path / "c")
+    assert words in str(caught.value)
