@@ -37,7 +37,8 @@ _DAMAGED = (
 
 class Checkpoint(NamedTuple):
     """step: how many are done. weights, mean_weights: the network's, and their running mean. optimiser: its state.
-    seconds: trained so far. samples: fingerprint of the samples, see :func:`mpsnet_core.training.loop.train`."""
+    seconds: trained so far. samples: fingerprint of the samples, continues: record of the network that it began with,
+    see :class:`mpsnet_core.training.loop.Trained`."""
 
     recipe: TrainingRecipe
     step: int
@@ -46,10 +47,11 @@ class Checkpoint(NamedTuple):
     optimiser: dict[str, Any]
     seconds: float
     samples: str
+    continues: dict[str, Any] | None
 
 
 # As they are in the file.
-_KINDS = {
+_KINDS: dict[str, Any] = {
     "recipe": dict,
     "step": int,
     "weights": dict,
@@ -57,6 +59,7 @@ _KINDS = {
     "optimiser": dict,
     "seconds": float,
     "samples": str,
+    "continues": dict | None,
 }
 
 
@@ -84,7 +87,7 @@ def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
         raise InputError(f"checkpoint {path} is damaged or not one of ours; resume from another")
     for name, kind in _KINDS.items():
         if not isinstance(data[name], kind):
-            raise InputError(f"checkpoint {path} is not one of ours: {name} is no {kind.__name__}; resume from another")
+            raise InputError(f"checkpoint {path} is not one of ours: {name} is of another kind; resume from another")
     try:
         return Checkpoint(**{**data, "recipe": recipe_from_data(data["recipe"])})
     except InputError as error:

@@ -76,6 +76,7 @@ def record_of(trained: Trained) -> dict[str, Any]:
         "python": platform.python_version(),
         "validation_mae_deg": figures and round(figures.mae_deg, 3),
         "validation_rank_correlation": figures and figures.rank_correlation and round(figures.rank_correlation, 3),
+        "continues": trained.continues,
     }
 
 

@@ -24,7 +24,8 @@ from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.photographs.capture_model import CaptureModel
 from mpsnet_core.synthesis.photographs.dataset import SampleDataset
 from mpsnet_core.training.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
-from mpsnet_core.training.examples import Batch, Examples, batches, on_device, patches_of
+from mpsnet_core.training.examples import Batch, Examples, batches, collated, on_device, patches_of
+from mpsnet_core.training.further import read_exported, take_weights
 from mpsnet_core.training.loss import Loss, loss_of
 from mpsnet_core.training.networks import Network, build_network
 from mpsnet_core.training.recipe import TrainingRecipe
@@ -38,12 +39,14 @@ PRECISIONS = ("auto", "float32", "bfloat16")
 LOGGED_EVERY = 50  # steps
 VALIDATION_SEED = 1  # of its photographs
 VALIDATION_CROP = 128
+NORM_EXAMPLES = 64  # from which a network that is trained further has its batch norms' means
 
 
 @dataclass(frozen=True)
 class Trained:
     """What a run gave. network: with the running mean of its weights, on the CPU. figures: of the last validation.
     samples: how many it was trained on; fingerprint: of their names, which a resumed run's must share.
+    continues: the record of the exported network whose weights it began with, None where they were drawn.
     rank: this process' number where there are several; the others' networks are not kept, but for number 0's."""
 
     network: Network
@@ -55,13 +58,14 @@ class Trained:
     fingerprint: str
     hardware: str
     precision: str
+    continues: dict[str, Any] | None = None
     rank: int = 0
 
 
 @dataclass(frozen=True)
 class Places:
     """Where a run's files are. checkpoint: written now and then and at the end, None for nowhere; resume: one to go on
-    from; logs: folder for TensorBoard."""
+    from, or the .onnx file of a network, whose weights are trained further; logs: folder for TensorBoard."""
 
     checkpoint: Path | None = None
     resume: Path | None = None
@@ -106,7 +110,9 @@ def train(
         nn.utils.convert_conv2d_weight_memory_format(network, torch.channels_last)
         examples, held_out = _examples(recipe, network, samples, validation, keep)
         run = _Run(recipe, network, device, precision, _fingerprint(examples.samples))
-        if places.resume is not None:
+        if places.resume is not None and places.resume.suffix.lower() == ".onnx":
+            run.train_further(places.resume, examples)
+        elif places.resume is not None:
             run.resume(places.resume)
         elif places.checkpoint is not None and places.checkpoint.exists():
             raise InputError(
@@ -164,6 +170,7 @@ def train(
             run.samples,
             hardware,
             run.precision,
+            run.continues,
             rank,
         )
 
@@ -208,6 +215,7 @@ class _Run:
         self.recipe, self.network, self.device, self.samples = recipe, network, device, samples
         self.precision = _computed(precision, device)
         self.step, self.seconds = 0, 0.0
+        self.continues: dict[str, Any] | None = None
         self.whole = True  # False within a step
         decayed = [value for value in network.parameters() if value.ndim > 1]
         others = [value for value in network.parameters() if value.ndim <= 1]
@@ -271,6 +279,7 @@ class _Run:
                     self.optimiser.state_dict(),
                     self.seconds,
                     self.samples,
+                    self.continues,
                 ),
             )
 
@@ -287,7 +296,20 @@ class _Run:
         except (RuntimeError, ValueError, KeyError) as error:
             reason = " ".join(str(error).split())[:200]
             raise InputError(f"checkpoint {path} does not fit the network: {reason}; resume from another") from None
-        self.step, self.seconds = found.step, found.seconds
+        self.step, self.seconds, self.continues = found.step, found.seconds, found.continues
+
+    def train_further(self, path: Path, examples: Examples) -> None:
+        exported = read_exported(path)
+        if exported.step >= self.recipe.steps:
+            raise InputError(
+                f"model {path} has had {exported.step} steps already, the recipe has {self.recipe.steps}; give it more"
+            )
+        batch = on_device(collated([examples[number] for number in range(NORM_EXAMPLES)]), self.device)
+        if self.network.kind == "patch":
+            batch = patches_of(batch, self.network, self.recipe.patches, torch.Generator().manual_seed(0))
+        take_weights(self.network, exported, batch.inputs)
+        self.mean_weights = {name: value.detach().clone() for name, value in self.network.state_dict().items()}
+        self.step, self.continues = exported.step, exported.record
 
 
 def _examples(

@@ -20,6 +20,7 @@ from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS, feature_m
 from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.training import export
 from mpsnet_core.training.export import TRAINING_KEY, export_onnx
+from mpsnet_core.training.further import read_exported, take_weights
 from mpsnet_core.training.loop import Trained
 from mpsnet_core.training.networks import NETWORKS, Network, build_network
 from mpsnet_core.training.recipe import recipe_from_data
@@ -155,3 +156,37 @@ def test_weights_that_are_no_numbers_are_not_exported(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="not finite"):
         export_onnx(replace(trained, figures=None), tmp_path / "model.onnx")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", sorted(NETWORKS))
+def test_an_exported_network_can_be_trained_further(name: str, models: dict[str, tuple[Trained, Path]]) -> None:
+    """Batch norms that export folded away are put back: the network answers as the file does, also while it learns."""
+    trained, path = models[name]
+    network = build_network(name, SMALL[name])
+    given = inputs_of(network, 8, *((network.patch,) * 2 if network.kind == "patch" else (64, 64)))
+    exported = read_exported(path)
+    take_weights(network, exported, tuple(map(torch.from_numpy, given.values())))
+    assert network.training and exported.step == 6
+    for layer in network.modules():
+        if isinstance(layer, torch.nn.Dropout):
+            layer.p = 0.0
+    expected = OnnxModel(path).session.run(None, given)[0]
+    for training in (False, True) if not name.startswith("mpsnet") else (False,):  # theirs permutes maps as it learns
+        network.train(training)
+        with torch.no_grad():
+            answer = network(*map(torch.from_numpy, given.values())).normals.numpy()
+        np.testing.assert_allclose(answer, expected, atol=1e-3)
+
+
+def test_weights_of_another_network_are_refused(models: dict[str, tuple[Trained, Path]]) -> None:
+    network = build_network("psfcn", SMALL["psfcn"])
+    inputs = tuple(map(torch.from_numpy, inputs_of(network, 2, 64, 64).values()))
+    with pytest.raises(InputError, match="is of another network than the recipe's; resume from another"):
+        take_weights(network, read_exported(models["multiscale"][1]), inputs)
+
+
+def test_a_damaged_file_cannot_be_trained_further(models: dict[str, tuple[Trained, Path]], tmp_path: Path) -> None:
+    damaged = tmp_path / "model.onnx"
+    damaged.write_bytes(models["psfcn"][1].read_bytes()[:-100])
+    with pytest.raises(InputError, match="is damaged or was not trained here; resume from another"):
+        read_exported(damaged)
