@@ -47,6 +47,20 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
     return path
 
 
+def made_folder(path: str | os.PathLike[str], what: str) -> Path:
+    """`path` as a folder, made where it is missing; `what` is to be put there. InputError where it cannot be."""
+    path = Path(path)
+    if path.exists() and not path.is_dir():
+        raise InputError(f"{path} is a file; name a folder for the {what}")
+    if not path.parent.is_dir():
+        raise InputError(f"cannot make folder {path}: {path.parent} does not exist; create it first")
+    try:
+        path.mkdir(exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot make folder {path}: {error.strerror or error}; choose another place") from None
+    return path
+
+
 def remove_unfinished(folder: str | os.PathLike[str], pid: int) -> None:
     """Remove what process `pid`, ended by force, left unfinished in `folder`."""
     for left in Path(folder).glob(f".*.{pid}.unfinished*"):

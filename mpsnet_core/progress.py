@@ -10,6 +10,6 @@ def silent(fraction: float, message: str) -> None:
     """Progress that nobody watches."""
 
 
-def part(progress: Progress, start: float, end: float) -> Progress:
-    """The stretch from `start` to `end` of a longer work's progress."""
-    return lambda fraction, message: progress(start + (end - start) * fraction, message)
+def part(progress: Progress, start: float, end: float, told: str | None = None) -> Progress:
+    """The stretch from `start` to `end` of a longer work's progress, which always says `told` where that is given."""
+    return lambda fraction, message: progress(start + (end - start) * fraction, message if told is None else told)

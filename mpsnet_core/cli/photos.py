@@ -46,7 +46,7 @@ def _add_estimate(parser: argparse.ArgumentParser) -> None:
         "--provider", default="cpu", choices=("cpu", "cuda", "directml", "coreml"), help="what runs networks"
     )
     parser.add_argument("--threads", type=int, default=0, help="CPU threads for networks, 0 for all")
-    parser.add_argument("--tile", type=int, default=512, help="tile side in pixels for networks")
+    parser.add_argument("--tile", type=int, help="tile side in pixels for networks (default: 448)")
     parser.add_argument("-o", "--output", required=True, help="image file, or a folder where there are several photos")
     parser.set_defaults(verb=_estimate)
 
@@ -54,7 +54,7 @@ def _add_estimate(parser: argparse.ArgumentParser) -> None:
 def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.capture import read_capture
     from mpsnet_core.estimate import Estimator
-    from mpsnet_core.estimate.shelf import DEFAULT_MODEL
+    from mpsnet_core.estimate.shelf import DEFAULT_MODEL, DEFAULT_TILE
     from mpsnet_core.files import writable_path
     from mpsnet_core.frames import check_apart, expand_images, output_files
     from mpsnet_core.images import checked_bits, write_image
@@ -74,7 +74,10 @@ def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
         checked_bits(writable_path(options.confidence))
         check_apart([*inputs, *outputs], [options.confidence])
     estimator = Estimator(
-        options.model or DEFAULT_MODEL, provider=options.provider, threads=options.threads, tile=options.tile
+        options.model or DEFAULT_MODEL,
+        provider=options.provider,
+        threads=options.threads,
+        tile=DEFAULT_TILE if options.tile is None else options.tile,
     )
     pixels = 0
     for number, (photo, output) in enumerate(zip(photos, outputs, strict=True)):

@@ -21,7 +21,9 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
         "--validation", action="append", default=[], metavar="DIR", help="held-out samples; may be repeated"
     )
     parser.add_argument("--checkpoint", metavar="FILE", help="written on the way (default: beside the output)")
-    parser.add_argument("--resume", metavar="FILE", help="a checkpoint to go on from, or an .onnx file, from its weights on")
+    parser.add_argument(
+        "--resume", metavar="FILE", help="a checkpoint to go on from, or an .onnx file, from its weights on"
+    )
     parser.add_argument("--logs", metavar="DIR", help="for TensorBoard")
     parser.add_argument("--stop-after", type=int, default=0, metavar="STEPS", help="to go on later; 0: at the end")
     parser.add_argument("--workers", type=int, default=1, help="processes that make examples")

@@ -99,16 +99,23 @@ def _tiles(
 ) -> Iterator[tuple[Window, Window, Window]]:
     """For each tile: the window that is read, with halo and margin; the tile with its margin; the tile itself."""
     # Tiles and windows begin on the network's grain, so that pooling falls on the same pixels as untiled.
-    step = max(1, tile // grain) * grain
     reach = -(-(halo + margin) // grain) * grain
     height, width = shape
+    down, right = (_step(length, max(1, tile // grain) * grain, grain, reach) for length in shape)
 
     def grown(top: int, left: int, by: int) -> Window:
         return (
-            slice(max(top - by, 0), min(top + step + by, height)),
-            slice(max(left - by, 0), min(left + step + by, width)),
+            slice(max(top - by, 0), min(top + down + by, height)),
+            slice(max(left - by, 0), min(left + right + by, width)),
         )
 
-    for top in range(0, height, step):
-        for left in range(0, width, step):
+    for top in range(0, height, down):
+        for left in range(0, width, right):
             yield grown(top, left, reach), grown(top, left, margin), grown(top, left, 0)
+
+
+def _step(length: int, tile: int, grain: int, reach: int) -> int:
+    """How long tiles are along a side: about the same for all, and no two where one window takes what two would."""
+    if length <= tile + 2 * reach:
+        return max(length, 1)
+    return -(-length // -(-length // tile) // grain) * grain

@@ -16,6 +16,7 @@ from mpsnet_core.estimate.card import ModelCard, card_from_metadata, record_from
 from mpsnet_core.estimate.dense import dense_answer
 from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS
 from mpsnet_core.estimate.patches import patch_answer
+from mpsnet_core.estimate.shelf import DEFAULT_TILE
 from mpsnet_core.files import existing_file
 from mpsnet_core.normals import NormalMap
 from mpsnet_core.progress import Progress, silent
@@ -27,7 +28,6 @@ PROVIDERS = {
     "coreml": "CoreMLExecutionProvider",
 }
 MAX_MODEL_BYTES = 2 << 30
-DEFAULT_TILE = 512
 
 
 class OnnxModel:

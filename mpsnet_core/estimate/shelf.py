@@ -11,6 +11,7 @@ LAMBERTIAN = "lambertian"
 LAMBERTIAN_GREY_WORLD = "lambertian-grey-world"
 DEFAULT_MODEL = "multiscale"
 AVERAGED_MODEL = "multiscale-averaged"
+DEFAULT_TILE = 448  # pixels a side of what a dense network sees at a time
 
 SHELF = Path(__file__).parent / "models"
 

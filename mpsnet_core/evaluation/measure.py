@@ -13,7 +13,7 @@ from mpsnet_core.estimate import Estimator
 from mpsnet_core.estimate.shelf import shelf
 from mpsnet_core.evaluation.confidence import error_by_confidence, rank_correlation
 from mpsnet_core.normals import NormalMap, angular_error
-from mpsnet_core.progress import Progress, silent
+from mpsnet_core.progress import Progress, part, silent
 
 EVERY_MODEL = "all"
 
@@ -116,15 +116,11 @@ def measure(
         for place, estimator in enumerate(estimators, start + 1):
             told = f"{case.title}, {estimator.name}"
             progress(place / total, told)
-            estimate = estimator(case.capture, _within(progress, place / total, (place + 1) / total, told))
+            estimate = estimator(case.capture, part(progress, place / total, (place + 1) / total, told))
             error = np.where(case.scored, angular_error(estimate.vectors, case.truth), 0).astype(np.float32)
             results.append(Result(case, estimator.name, estimate, error))
         yield results
     progress(1.0, "measured")
-
-
-def _within(progress: Progress, start: float, end: float, told: str) -> Progress:
-    return lambda fraction, _: progress(start + (end - start) * fraction, told)
 
 
 def _told(value: object) -> str:

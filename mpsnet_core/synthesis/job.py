@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import read_json, write_json
+from mpsnet_core.files import made_folder, read_json, write_json
 from mpsnet_core.synthesis.farm.claims import Claims
 
 JOB_FORMAT = "mpsnet-samples"
@@ -160,13 +160,7 @@ def place_job(folder: str | os.PathLike[str], job: SampleJob) -> None:
 
     Raises InputError where the folder holds another job (and tells what differs), samples of no job, or cannot be made.
     """
-    folder = Path(folder)
-    if not folder.is_dir():
-        if folder.exists():
-            raise InputError(f"{folder} is a file; name a folder for the samples")
-        if not folder.parent.is_dir():
-            raise InputError(f"cannot make folder {folder}: {folder.parent} does not exist; create it first")
-        folder.mkdir(exist_ok=True)
+    folder = made_folder(folder, "samples")
     with Claims(folder) as claims:
         deadline = time.monotonic() + FOLDER_SECONDS
         while True:

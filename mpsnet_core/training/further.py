@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import onnx
 import torch
+from google.protobuf.message import DecodeError
 from onnx import numpy_helper
 from torch import Tensor, nn
 
@@ -24,7 +25,10 @@ Filters = tuple[np.ndarray, np.ndarray | None]
 
 @dataclass(frozen=True)
 class Exported:
-    """A network's ONNX file. record: how it came about. filters: weights and biases (or None) of its convolutions, in order."""
+    """A network's ONNX file.
+
+    record: how it came about. filters: weights, and biases or None, of its convolutions in the order in which they run.
+    """
 
     path: str
     record: dict[str, Any]
@@ -51,7 +55,7 @@ def read_exported(path: str | os.PathLike[str]) -> Exported:
         exported = Exported(str(path), record, filters)
         if exported.step < 0:
             raise ValueError
-    except Exception:  # protobuf, JSON and ONNX each have their own for a file that is not what it should be
+    except (DecodeError, LookupError, TypeError, ValueError):
         raise InputError(refusal) from None
     return exported
 
@@ -101,7 +105,9 @@ def take_weights(network: Network, exported: Exported, inputs: tuple[Tensor, ...
         if next(filters, None) is not None:
             raise ValueError
     except (ValueError, RuntimeError, StopIteration):
-        raise InputError(f"model {exported.path} is of another network than the recipe's; resume from another") from None
+        raise InputError(
+            f"model {exported.path} is of another network than the recipe's; resume from another"
+        ) from None
     finally:
         for hook in hooks:
             hook.remove()

@@ -7,6 +7,7 @@ import hashlib
 import logging
 import math
 import os
+import platform
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -154,9 +155,7 @@ def train(
             run.save(places.checkpoint, rank)
             if writer is not None:
                 writer.close()
-        hardware = (
-            torch.cuda.get_device_name(device) if device.type == "cuda" else f"{torch.get_num_threads()} CPU threads"
-        )
+        hardware = _hardware(device)
         hardware = hardware if processes == 1 else f"{processes} x {hardware}"
         if figures is None and held_out is not None and rank == 0:  # resumed at the recipe's end
             figures = validate(run.mean(), held_out, device)
@@ -346,6 +345,14 @@ def _seed(*key: int) -> int:
 def channels_last(values: Tensor) -> Tensor:
     """The order in memory in which convolutions of few channels are quicker."""
     return values.contiguous(memory_format=torch.channels_last)
+
+
+def _hardware(device: torch.device) -> str:
+    if device.type == "cuda":
+        return torch.cuda.get_device_name(device)
+    threads = torch.get_num_threads()
+    instructions = torch.backends.cpu.get_cpu_capability()
+    return f"{threads} CPU thread{'s' * (threads > 1)}, {platform.machine()} with {instructions}"
 
 
 def _computed(precision: Precision, device: torch.device) -> str:

@@ -18,7 +18,7 @@ from mpsnet_core.evaluation.charts import Curve, line_chart
 from mpsnet_core.evaluation.published import TABLE_1
 from mpsnet_core.evaluation.report import begun_report
 from mpsnet_core.evaluation.tables import text_table
-from mpsnet_core.files import writable_path, write_json
+from mpsnet_core.files import made_folder, writable_path, write_json
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.synthesis.photographs.dataset import SampleDataset
 from mpsnet_core.training.loop import Places, held_out_examples, train
@@ -70,17 +70,12 @@ def evaluate_patch_sizes(
     """
     if json:
         writable_path(json)
-    runs = Path(runs)
-    if runs.exists() and not runs.is_dir():
-        raise InputError(f"{runs} is a file; name a folder for the runs")
-    if not runs.parent.is_dir():
-        raise InputError(f"cannot make folder {runs}: {runs.parent} does not exist; create it first")
     if patches < 1 or workers < 0:
         raise InputError(
             f"{patches} patches with {workers} workers cannot be; choose 1 patch or more, 0 workers or more"
         )
     SampleDataset(validation)  # what is missing is told before hours of training
-    runs.mkdir(exist_ok=True)
+    runs = made_folder(runs, "runs")
     rows = []
     variants = [(words, normals, side) for words, normals in INPUTS.items() for side in SIDES]
     with begun_report(report) if report else nullcontext() as page:

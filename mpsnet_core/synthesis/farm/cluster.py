@@ -19,7 +19,7 @@ from mpsnet_core.synthesis.farm.work import Answer, Answers, Worker
 from mpsnet_core.synthesis.job import JOB_FILE
 
 try:
-    from distributed import Client, Future, KilledWorker, WorkerPlugin, get_worker
+    from distributed import CancelledError, Client, Future, KilledWorker, WorkerPlugin, get_worker
 except ImportError as error:
     raise InputError(f"a cluster needs Dask ({error}); install it with: pip install distributed") from None
 
@@ -61,7 +61,9 @@ def answers_from_cluster(address: str, command: Sequence[str], folder: Path, num
                     continue
                 del pending[number]
                 answer = _answer(task, number, address)
-                if answer.state == "held":
+                if answer is None:
+                    waiting.append(number)
+                elif answer.state == "held":
                     held.append((time.monotonic() + HELD_SECONDS, number))
                 else:
                     yield answer
@@ -74,10 +76,16 @@ def _put(finished: "queue.SimpleQueue[tuple[int, Future]]", number: int, task: F
     finished.put((number, task))
 
 
-def _answer(task: Future, number: int, address: str) -> Answer:
-    if task.status == "finished":
-        return task.result()
-    error = task.exception() if task.status == "error" else None
+def _answer(task: Future, number: int, address: str) -> Answer | None:
+    """None where the answer died with its worker before it reached us, and the scheduler is still there."""
+    try:
+        if task.status == "finished":
+            return task.result()
+        error = task.exception() if task.status == "error" else None
+    except CancelledError:
+        error = None
+    if error is None and task.client.status == "running":
+        return None
     if isinstance(error, KilledWorker):
         return Answer(number, "failed", "the cluster's workers died of it again and again")
     if isinstance(error, InputError):
