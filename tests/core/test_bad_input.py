@@ -1468,6 +1468,11 @@ if find_spec("torch"):
             lambda b: (b.checkpoint(), b.train("--resume", b / "c", samples=b.samples("others"))),
             "c began with other samples; resume with the same folders",
         ),
+        (
+            "text as a network to train further",
+            lambda b: b.train("--resume", b.text("c.onnx", "hello")),
+            "c.onnx is damaged or was not trained here; resume from another",
+        ),
         ("cut checkpoint", lambda b: b.resume(cut(b.checkpoint())), "checkpoint…c is damaged or not one of ours"),
         ("spoilt checkpoint", lambda b: b.resume(spoilt(b.checkpoint())), "checkpoint…c is damaged or not one of ours"),
         ("text as checkpoint", lambda b: b.train("--resume", b.text("c", "hello")), "c is damaged or not one of ours"),

@@ -31,6 +31,7 @@ from mpsnet_core.synthesis.photographs.dataset import SampleDataset
 from mpsnet_core.synthesis.sample import write_sample
 from mpsnet_core.training.checkpoint import read_checkpoint
 from mpsnet_core.training.examples import Batch, Examples, batches, patches_of
+from mpsnet_core.training.export import export_onnx
 from mpsnet_core.training.loop import LOGGED_EVERY, Places, Trained, learning_rate, train
 from mpsnet_core.training.loss import angle_between, loss_of
 from mpsnet_core.training.networks import NETWORKS, Prediction, build_network
@@ -274,6 +275,23 @@ def test_learning_rate_rises_falls_and_may_rise_again() -> None:
     assert max(rates[:100]) == pytest.approx(1e-3) and max(rates[100:]) == pytest.approx(5e-4)
     assert np.argmax(rates[:100]) in (9, 10) and np.argmax(rates[100:]) in (9, 10)
     assert min(rates[99], rates[100], rates[159]) < 1e-5 < rates[55] == pytest.approx(5e-4)
+
+
+@pytest.mark.parametrize("network", ["multiscale", "mpsnet"])
+def test_an_exported_network_goes_on_at_its_step(network: str, samples: Path, tmp_path: Path) -> None:
+    """With its weights and a new optimiser; the record keeps what was before."""
+    exported, checkpoint = tmp_path / "model.onnx", tmp_path / "c"
+    export_onnx(run(recipe(network, steps=4), samples, tmp_path / "first"), exported)
+    further = recipe(network, steps=6)
+    first = run(further, samples, checkpoint, resume=exported, stop_after=5)
+    assert (first.step, first.continues) == (5, OnnxModel(exported).record)
+    last = run(further, samples, checkpoint, resume=checkpoint)
+    assert (last.step, last.continues) == (6, first.continues)
+    export_onnx(last, tmp_path / "further.onnx")
+    record = OnnxModel(tmp_path / "further.onnx").record
+    assert record is not None and record["continues"]["steps"] == 4
+    with pytest.raises(InputError, match="has had 4 steps already, the recipe has 4; give it more"):
+        run(recipe(network, steps=4), samples, tmp_path / "again", resume=exported)
 
 
 @pytest.mark.parametrize("network", ["mpsnet", "multiscale"])
