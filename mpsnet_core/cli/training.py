@@ -7,23 +7,24 @@ from typing import Any
 from mpsnet_core.cli.arguments import Help, Verbs
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.errors import InputError
-from mpsnet_core.estimate.shelf import find_network
+from mpsnet_core.estimate.shelf import find_network, shelf
 from mpsnet_core.files import writable_path
+from mpsnet_core.frames import check_apart
 
 
 def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
     parser = verbs.add_parser(
         "train", parents=[common], formatter_class=Help, help="train a network on samples and export it to ONNX"
     )
-    parser.add_argument("--recipe", required=True, help="a shipped model's name, or a .toml file of your own")
+    parser.add_argument(
+        "--recipe", required=True, help="a network's name, mpsnet-published, or a .toml file of your own"
+    )
     parser.add_argument("--samples", action="append", required=True, metavar="DIR", help="to train on; may be repeated")
     parser.add_argument(
         "--validation", action="append", default=[], metavar="DIR", help="held-out samples; may be repeated"
     )
     parser.add_argument("--checkpoint", metavar="FILE", help="written on the way (default: beside the output)")
-    parser.add_argument(
-        "--resume", metavar="FILE", help="a checkpoint to go on from, or an .onnx file, from its weights on"
-    )
+    parser.add_argument("--resume", metavar="FILE", help="a checkpoint to go on from, or a network to train further")
     parser.add_argument("--logs", metavar="DIR", help="for TensorBoard")
     parser.add_argument("--stop-after", type=int, default=0, metavar="STEPS", help="to go on later; 0: at the end")
     parser.add_argument("--workers", type=int, default=1, help="processes that make examples")
@@ -63,9 +64,10 @@ def _train(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     checkpoint = Path(options.checkpoint) if options.checkpoint else output.with_suffix(".checkpoint")
     places = Places(
         checkpoint=writable_path(checkpoint),
-        resume=Path(options.resume) if options.resume else None,
+        resume=_resumed(options.resume) if options.resume else None,
         logs=Path(options.logs) if options.logs else None,
     )
+    check_apart([checkpoint, *([places.resume] if places.resume else [])], [output])
     trained = train(
         read_recipe(options.recipe),
         [Path(folder) for folder in options.samples],
@@ -96,8 +98,10 @@ def _quantize(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
     from mpsnet_core.training.quantize import quantise
 
     output = _model_path(options.output)
+    model = find_network(options.model).path
+    check_apart([model], [output])
     twin = quantise(
-        find_network(options.model).path,
+        model,
         [Path(folder) for folder in options.samples],
         output,
         count=options.count,
@@ -109,6 +113,12 @@ def _quantize(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
         "mae_deg_of_model": round(twin.model_mae_deg, 4),
         "text": f"wrote {output}: {twin.mae_deg:.2f}° on the samples, the model itself {twin.model_mae_deg:.2f}°",
     }
+
+
+def _resumed(name: str) -> Path:
+    """A shipped network's file by its name, or the path as it is."""
+    shipped = {entry.name: entry.file for entry in shelf()}
+    return shipped.get(name) or Path(name)
 
 
 def _model_path(path: str) -> Path:

@@ -118,8 +118,8 @@ class TurnedGrid:
         (top, bottom), (left, right) = ((edge.start, edge.stop) for edge in place)
         y, x = self._in_picture(np.array([[top], [bottom]]), np.array([[left, right]]))
         held = (
-            slice(max(int(np.floor(y.min())), 0), int(np.ceil(y.max())) + 1),
-            slice(max(int(np.floor(x.min())), 0), int(np.ceil(x.max())) + 1),
+            slice(max(int(np.floor(y.min())), 0), max(int(np.ceil(y.max())) + 1, 0)),
+            slice(max(int(np.floor(x.min())), 0), max(int(np.ceil(x.max())) + 1, 0)),
         )
         mask = self._mask[held]
         y, x = self._turned(

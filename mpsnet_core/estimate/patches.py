@@ -15,7 +15,12 @@ PATCHES_A_BATCH = 1024
 def patch_answer(network: Network, card: ModelCard, capture: Capture, progress: Progress) -> NDArray[np.float32]:
     """(H, W, 4) the normals of `capture`, of no particular length, and their confidence; zero outside the mask."""
     side, reach = card.patch, card.patch // 2
-    maps = feature_maps(capture, {name for names in card.inputs.values() for name in names})
+    used = np.flatnonzero(capture.mask.any(axis=1)), np.flatnonzero(capture.mask.any(axis=0))
+    box = tuple(slice(places[0], places[-1] + 1) for places in used)
+    mask = capture.mask[box]
+    # Maps are zero outside the mask, so beyond the box as well.
+    cut = Capture(capture.image[box], mask, capture.rig)
+    maps = feature_maps(cut, {name for names in card.inputs.values() for name in names})
     inputs = {name: np.concatenate([maps[f] for f in features]) for name, features in card.inputs.items()}
     # What holds for every patch, and views of every patch, by its middle pixel.
     constants = {name: values for name, values in inputs.items() if CONSTANTS.intersection(card.inputs[name])}
@@ -27,11 +32,12 @@ def patch_answer(network: Network, card: ModelCard, capture: Capture, progress: 
         if name not in constants
     }
     answer = np.zeros((*capture.mask.shape, 4), np.float32)
-    rows, columns = np.nonzero(capture.mask)
+    inside = answer[box]
+    rows, columns = np.nonzero(mask)
     for start in range(0, len(rows), PATCHES_A_BATCH):
         progress(start / len(rows), f"pixel {start} of {len(rows)}")
         y, x = rows[start : start + PATCHES_A_BATCH], columns[start : start + PATCHES_A_BATCH]
         batch = {name: view[y, x] for name, view in windows.items()}
         batch |= {name: np.broadcast_to(values, (len(y), *values.shape)) for name, values in constants.items()}
-        answer[y, x] = np.concatenate(network(batch, len(y)), axis=1)
+        inside[y, x] = np.concatenate(network(batch, len(y)), axis=1)
     return answer

@@ -21,7 +21,7 @@ class Samples(Evaluation):
 
     count: how many, spread evenly over the samples in the order of their names; 0 for all.
 
-    Raises InputError where there are no samples, or the count is below 0.
+    Raises InputError where there are no samples, or the count is below 0; a case does where its sample is damaged.
     """
 
     title = "Held-out samples, photographed"
@@ -50,5 +50,8 @@ class Samples(Evaluation):
 def _case(dataset: SampleDataset, index: int) -> Case:
     path = dataset.paths[index]
     capture, truth = dataset.capture(index)
+    for broken, sentence in dataset.broken:
+        if broken == path:  # the next was taken in its place, which is right for training alone
+            raise InputError(f"{sentence}; remove {path.name} to measure without it")
     labels = {"object": path.stem, "shape": read_sample_data(path)["recipe"]["shape"]["kind"]}
     return Case(labels, capture, truth)

@@ -37,8 +37,8 @@ _DAMAGED = (
 
 class Checkpoint(NamedTuple):
     """step: how many are done. weights, mean_weights: the network's, and their running mean. optimiser: its state.
-    seconds: trained so far. samples: fingerprint of the samples, continues: record of the network that it began with,
-    see :class:`mpsnet_core.training.loop.Trained`."""
+    seconds: trained so far. samples: fingerprint of the samples. precision, keep: as they were asked for.
+    continues: record of the network that it began with. See :class:`mpsnet_core.training.loop.Trained`."""
 
     recipe: TrainingRecipe
     step: int
@@ -47,6 +47,8 @@ class Checkpoint(NamedTuple):
     optimiser: dict[str, Any]
     seconds: float
     samples: str
+    precision: str
+    keep: bool
     continues: dict[str, Any] | None
 
 
@@ -59,6 +61,8 @@ _KINDS: dict[str, Any] = {
     "optimiser": dict,
     "seconds": float,
     "samples": str,
+    "precision": str,
+    "keep": bool,
     "continues": dict | None,
 }
 

@@ -149,7 +149,7 @@ def batches(
         if all(worker.is_alive() for worker in made):
             raise
         raise InputError(
-            "a process that makes examples was ended; if for want of memory, go on with fewer workers or without --keep"
+            "a process that makes examples was ended; if for want of memory, go on with fewer workers"
         ) from None
 
 

@@ -62,16 +62,17 @@ def card_of(network: Network, name: str) -> ModelCard:
 
 def record_of(trained: Trained) -> dict[str, Any]:
     """How a model came about, as plain data: recipe, date, time, hardware, versions, figures."""
-    figures = trained.figures
+    figures, before = trained.figures, trained.continues or {}
     return {
         "recipe": trained.recipe.to_json(),
         "steps": trained.step,
         "samples": trained.samples,
         "samples_fingerprint": trained.fingerprint,
         "date": time.strftime("%Y-%m-%d"),
-        "minutes": round(trained.seconds / 60, 1),
+        "minutes": round(trained.seconds / 60 + before.get("minutes", 0.0), 1),
         "hardware": trained.hardware,
         "precision": trained.precision,
+        "keep": trained.keep,
         "torch": torch.__version__,
         "python": platform.python_version(),
         "validation_mae_deg": figures and round(figures.mae_deg, 3),

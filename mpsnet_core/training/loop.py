@@ -22,6 +22,7 @@ from torch.utils.tensorboard import SummaryWriter
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.progress import Progress, silent
+from mpsnet_core.synthesis.job import JOB_FILE
 from mpsnet_core.synthesis.photographs.capture_model import CaptureModel
 from mpsnet_core.synthesis.photographs.dataset import SampleDataset
 from mpsnet_core.training.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
@@ -46,7 +47,7 @@ NORM_EXAMPLES = 64  # from which a network that is trained further has its batch
 @dataclass(frozen=True)
 class Trained:
     """What a run gave. network: with the running mean of its weights, on the CPU. figures: of the last validation.
-    samples: how many it was trained on; fingerprint: of their names, which a resumed run's must share.
+    samples: how many it was trained on; fingerprint: of their names and jobs, which a resumed run's must share.
     continues: the record of the exported network whose weights it began with, None where they were drawn.
     rank: this process' number where there are several; the others' networks are not kept, but for number 0's."""
 
@@ -59,6 +60,7 @@ class Trained:
     fingerprint: str
     hardware: str
     precision: str
+    keep: bool = False
     continues: dict[str, Any] | None = None
     rank: int = 0
 
@@ -91,11 +93,13 @@ def train(
 
     validation: folders of samples that are held out; none for no validation. workers: processes that make examples.
     precision: of the layers; "auto" is bfloat16 where the processor or GPU computes with it. stop_after: steps, when to
-    stop before the recipe's end (0: at its end), to go on later. keep: hold what was read in memory. validations: how
+    stop before the recipe's end (0: at its end), to go on later. keep: hold what was read in memory, cut to the object
+    and in half floats, so that photographs differ a little from those without. validations: how
     many, evenly over the run, the last at its end.
 
     A run that was resumed from a checkpoint gives the same weights, bit for bit, as one that was never stopped, on the
-    same machine with the same number of threads.
+    same machine with the same number of threads. Of several processes the first that is asked to stop ends the others,
+    and the last checkpoint stands.
 
     Raises InputError where the checkpoint is of another recipe or other samples, or a worker dies, and Cancelled where
     `progress` does; the checkpoint is written then, too.
@@ -110,15 +114,12 @@ def train(
         _check_fit(recipe, network)
         nn.utils.convert_conv2d_weight_memory_format(network, torch.channels_last)
         examples, held_out = _examples(recipe, network, samples, validation, keep)
-        run = _Run(recipe, network, device, precision, _fingerprint(examples.samples))
+        run = _Run(recipe, network, device, precision, _fingerprint(samples, examples.samples), keep)
+        _check_earlier(places)
         if places.resume is not None and places.resume.suffix.lower() == ".onnx":
             run.train_further(places.resume, examples)
         elif places.resume is not None:
             run.resume(places.resume)
-        elif places.checkpoint is not None and places.checkpoint.exists():
-            raise InputError(
-                f"{places.checkpoint} is of an earlier run; go on from it with --resume, or remove it to begin anew"
-            )
         end = min(recipe.steps, stop_after or recipe.steps)
         writer = SummaryWriter(str(places.logs)) if places.logs is not None and rank == 0 else None
         model = network if processes == 1 else DistributedDataParallel(network)
@@ -135,7 +136,15 @@ def train(
                 processes=processes,
             ):
                 with held_signals():
-                    loss = run.advance(model, batch, rank)
+                    try:
+                        loss = run.advance(model, batch, rank)
+                    except RuntimeError as error:
+                        if processes == 1:
+                            raise
+                        reason = " ".join(str(error).split())[:200]
+                        raise InputError(
+                            f"another of the {processes} processes ended ({reason}); go on from the last checkpoint"
+                        ) from None
                 run.seconds = before + time.monotonic() - started
                 if run.step % LOGGED_EVERY == 0 and rank == 0:
                     progress(run.step / recipe.steps, f"step {run.step}, {math.degrees(float(loss.angle)):.1f}°")
@@ -169,12 +178,22 @@ def train(
             run.samples,
             hardware,
             run.precision,
+            run.keep,
             run.continues,
             rank,
         )
 
 
 _CPU = torch.device("cpu")
+
+
+def _check_earlier(places: Places) -> None:
+    """Raise InputError where this run would write over the checkpoint of another."""
+    checkpoint, resume = places.checkpoint, places.resume
+    if checkpoint is None or not checkpoint.exists():
+        return
+    if resume is None or not resume.exists() or not checkpoint.samefile(resume):
+        raise InputError(f"{checkpoint} is of an earlier run; go on from it with --resume, or remove it to begin anew")
 
 
 def _check_fit(recipe: TrainingRecipe, network: Network) -> None:
@@ -209,10 +228,17 @@ class _Run:
     """A run's moving parts: what a checkpoint keeps."""
 
     def __init__(
-        self, recipe: TrainingRecipe, network: Network, device: torch.device, precision: Precision, samples: str
+        self,
+        recipe: TrainingRecipe,
+        network: Network,
+        device: torch.device,
+        precision: Precision,
+        samples: str,
+        keep: bool,
     ) -> None:
-        self.recipe, self.network, self.device, self.samples = recipe, network, device, samples
+        self.recipe, self.network, self.device, self.samples, self.keep = recipe, network, device, samples, keep
         self.precision = _computed(precision, device)
+        torch.backends.cudnn.deterministic = True
         self.step, self.seconds = 0, 0.0
         self.continues: dict[str, Any] | None = None
         self.whole = True  # False within a step
@@ -238,11 +264,15 @@ class _Run:
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.precision == "bfloat16"):
             prediction = model(*(channels_last(values) for values in batch.inputs))
         loss = loss_of(prediction, batch.truth, batch.weights, recipe.error_weight)
-        if not torch.isfinite(loss.total):
-            raise InputError(f"the loss of step {self.step} is not finite; begin anew with a lower learning rate")
         self.optimiser.zero_grad(set_to_none=True)
         loss.total.backward()
-        nn.utils.clip_grad_norm_(self.network.parameters(), 1.0)
+        slope = nn.utils.clip_grad_norm_(self.network.parameters(), 1.0)
+        for what, value in (("loss", loss.total), ("slopes", slope)):
+            if not torch.isfinite(value):
+                raise InputError(
+                    f"{what} of step {self.step} not finite; begin anew with a lower learning rate, or with "
+                    "--precision float32"
+                )
         self.optimiser.step()
         self.step += 1
         self._follow()
@@ -278,6 +308,8 @@ class _Run:
                     self.optimiser.state_dict(),
                     self.seconds,
                     self.samples,
+                    self.precision,
+                    self.keep,
                     self.continues,
                 ),
             )
@@ -288,6 +320,13 @@ class _Run:
             raise InputError(f"checkpoint {path} is of another recipe; resume with the one it began with")
         if found.samples != self.samples:
             raise InputError(f"checkpoint {path} began with other samples; resume with the same folders")
+        if found.precision != self.precision:
+            raise InputError(
+                f"checkpoint {path} began with --precision {found.precision}, not {self.precision}; resume with that"
+            )
+        if found.keep != self.keep:
+            began = "with" if found.keep else "without"
+            raise InputError(f"checkpoint {path} began {began} --keep; resume {began} it")
         try:
             self.network.load_state_dict(found.weights)
             self.mean_weights = {name: value.to(self.device) for name, value in found.mean_weights.items()}
@@ -333,9 +372,13 @@ def held_out_examples(network: Network, folders: list[Path], crop: int) -> Examp
     return Examples(samples, network.inputs, crop, shuffled=False)
 
 
-def _fingerprint(samples: SampleDataset) -> str:
-    names = "\n".join(f"{path.parent.name}/{path.name}" for path in samples.paths)
-    return hashlib.sha256(names.encode()).hexdigest()[:16]
+def _fingerprint(folders: list[Path], samples: SampleDataset) -> str:
+    """Of the samples' names, and of what each folder says they were drawn from."""
+    digest = hashlib.sha256("\n".join(f"{path.parent.name}/{path.name}" for path in samples.paths).encode())
+    for folder in folders:
+        if (folder / JOB_FILE).is_file():
+            digest.update((folder / JOB_FILE).read_bytes())
+    return digest.hexdigest()[:16]
 
 
 def _seed(*key: int) -> int:

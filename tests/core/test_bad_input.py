@@ -1469,6 +1469,26 @@ if find_spec("torch"):
             "c began with other samples; resume with the same folders",
         ),
         (
+            "checkpoint of samples of another job",
+            lambda b: (b.checkpoint(), b.text("samples/job.json", "{}"), b.resume(b / "c")),
+            "c began with other samples; resume with the same folders",
+        ),
+        (
+            "model over the checkpoint",
+            lambda b: b.train("--checkpoint", b / "out.onnx"),
+            "the result would overwrite …out.onnx, a file that it needs",
+        ),
+        (
+            "twin over its model",
+            lambda b: b.run("quantize", dense()(b / "m.onnx"), "--samples", b.samples(), "-o", b / "m.onnx"),
+            "the result would overwrite …m.onnx, a file that it needs",
+        ),
+        (
+            "checkpoint begun without --keep",
+            lambda b: (b.checkpoint(), b.train("--resume", b / "c", "--keep", samples=b / "samples")),
+            "c began without --keep; resume without it",
+        ),
+        (
             "text as a network to train further",
             lambda b: b.train("--resume", b.text("c.onnx", "hello")),
             "c.onnx is damaged or was not trained here; resume from another",

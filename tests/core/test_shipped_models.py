@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.capture import Capture
 from mpsnet_core.estimate import Estimator, estimate_normals
-from mpsnet_core.estimate.shelf import DEFAULT_MODEL, SHELF, shelf
+from mpsnet_core.estimate.shelf import AVERAGED_MODEL, DEFAULT_MODEL, SHELF, shelf
 from mpsnet_core.evaluation.confidence import rank_correlation
 from mpsnet_core.evaluation.scenes import HELD_OUT_BLOB, ideal_photograph, published_view
 from mpsnet_core.normals import NormalMap, angular_error
@@ -133,6 +133,17 @@ def test_order_of_the_lights_does_not_matter() -> None:
 
 
 @pytest.mark.parametrize("seed", [(1 << 62) + 1, (1 << 62) + 2])
+def test_three_passes_are_better_than_one(seed: int) -> None:
+    shown = sample(0.0, seed)
+    capture = ideal_photograph(shown, "published")
+    once, thrice = (
+        angular_error(estimate_normals(capture, name).vectors, shown.normals)[capture.mask].mean()
+        for name in (DEFAULT_MODEL, AVERAGED_MODEL)
+    )
+    assert thrice < once
+
+
+@pytest.mark.parametrize("seed", [(1 << 62) + 1, (1 << 62) + 2])
 def test_default_is_better_than_every_other(seed: int) -> None:
     shown = sample(0.0, seed)
     capture = ideal_photograph(shown, "published")
@@ -162,6 +173,8 @@ def test_confidence_ranks_the_errors(tmp_path: Path) -> None:
     expected_all, errors_all = np.concatenate(expected), np.concatenate(errors)
     rank = rank_correlation(expected_all, errors_all)
     assert rank is not None and rank > 0.4
+    tenths = [errors_all[part].mean() for part in np.array_split(np.argsort(expected_all), 10)]
+    assert (np.diff(tenths) > 0).all()
     assert abs(expected_all.mean() - errors_all.mean()) < 0.25 * errors_all.mean()
 
 

@@ -32,7 +32,7 @@ from mpsnet_core.synthesis.sample import write_sample
 from mpsnet_core.training.checkpoint import read_checkpoint
 from mpsnet_core.training.examples import Batch, Examples, batches, patches_of
 from mpsnet_core.training.export import export_onnx
-from mpsnet_core.training.loop import LOGGED_EVERY, Places, Trained, learning_rate, train
+from mpsnet_core.training.loop import LOGGED_EVERY, Places, Trained, _examples, learning_rate, train
 from mpsnet_core.training.loss import angle_between, loss_of
 from mpsnet_core.training.networks import NETWORKS, Prediction, build_network
 from mpsnet_core.training.recipe import TrainingRecipe, recipe_from_data
@@ -203,6 +203,22 @@ def test_what_a_worker_finds_wrong_is_one_sentence(tmp_path: Path) -> None:
         assert str(caught.value) == f"none of the 1 samples in {tmp_path} can be used; make them again"
 
 
+def test_photographs_change_at_the_restart(samples: Path) -> None:
+    of = recipe("demultiplexer", steps=8, restart=4, batch=2, crop=16, calibrated=[0.0, 1.0])
+    network = build_network("demultiplexer", {"width": 0.1})
+    both = _examples(of, network, [samples], [], False)[0]
+    early, late = (
+        Examples(
+            SampleDataset([samples], seed=of.seed), network.inputs, 16, photographs=[(0, CaptureModel(calibrated=c))]
+        )
+        for c in (0.0, 1.0)
+    )
+    for number in (0, 8, 7, 9, 3, 15):
+        expected, other = (early, late) if number < 8 else (late, early)
+        np.testing.assert_array_equal(both[number][0][0], expected[number][0][0])
+        assert not np.array_equal(both[number][0][0], other[number][0][0])
+
+
 def test_whole_pictures_of_different_sizes_make_a_batch(samples: Path) -> None:
     """As they are where samples are kept in memory: what is around the object is left out."""
     examples = Examples(SampleDataset(samples, keep=True), NETWORKS["mpsnet"].inputs, shuffled=False)
@@ -274,7 +290,7 @@ def test_learning_rate_rises_falls_and_may_rise_again() -> None:
     assert rates[:100] == [learning_rate(once, step) for step in range(100)]
     assert max(rates[:100]) == pytest.approx(1e-3) and max(rates[100:]) == pytest.approx(5e-4)
     assert np.argmax(rates[:100]) in (9, 10) and np.argmax(rates[100:]) in (9, 10)
-    assert min(rates[99], rates[100], rates[159]) < 1e-5 < rates[55] == pytest.approx(5e-4)
+    assert rates[99] < 1e-5 and rates[159] < 1e-5 and rates[55] == pytest.approx(5e-4)
 
 
 @pytest.mark.parametrize("network", ["multiscale", "mpsnet"])
@@ -283,6 +299,13 @@ def test_an_exported_network_goes_on_at_its_step(network: str, samples: Path, tm
     exported, checkpoint = tmp_path / "model.onnx", tmp_path / "c"
     export_onnx(run(recipe(network, steps=4), samples, tmp_path / "first"), exported)
     further = recipe(network, steps=6)
+    still = run(replace(further, learning_rate=1e-8), samples, tmp_path / "still", resume=exported, stop_after=5)
+    seen = [torch.rand(2, 3, 5, 5)] * 2
+    if network == "multiscale":
+        seen = [torch.rand(2, 7, 32, 32), nn.functional.normalize(torch.rand(2, 9, 1, 1), dim=1)]
+    given = dict(zip(still.network.inputs, (values.numpy() for values in seen), strict=True))
+    answer = still.network.eval()(*seen).normals.detach().numpy()
+    np.testing.assert_allclose(answer, OnnxModel(exported).session.run(None, given)[0], atol=0.02)
     first = run(further, samples, checkpoint, resume=exported, stop_after=5)
     assert (first.step, first.continues) == (5, OnnxModel(exported).record)
     last = run(further, samples, checkpoint, resume=checkpoint)
@@ -290,6 +313,10 @@ def test_an_exported_network_goes_on_at_its_step(network: str, samples: Path, tm
     export_onnx(last, tmp_path / "further.onnx")
     record = OnnxModel(tmp_path / "further.onnx").record
     assert record is not None and record["continues"]["steps"] == 4
+    before = checkpoint.read_bytes()
+    with pytest.raises(InputError, match="of an earlier run; go on from it with --resume"):
+        run(further, samples, checkpoint, resume=exported)
+    assert checkpoint.read_bytes() == before
     with pytest.raises(InputError, match="has had 4 steps already, the recipe has 4; give it more"):
         run(recipe(network, steps=4), samples, tmp_path / "again", resume=exported)
 

@@ -44,7 +44,6 @@ class PsFcn(Network):
 
     def predict(self, *inputs: Tensor) -> Prediction:
         photo, lights = inputs
-        # The lights' images one after another in the batch: the weights are shared.
         directions = lights.expand(-1, -1, *photo.shape[2:])
         images = [torch.cat([photo[:, k : k + 1], directions[:, 3 * k : 3 * k + 3]], dim=1) for k in range(3)]
         features = [self.extractor(image) for image in images]
