@@ -17,7 +17,9 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
         "train", parents=[common], formatter_class=Help, help="train a network on samples and export it to ONNX"
     )
     parser.add_argument(
-        "--recipe", required=True, help="a network's name, mpsnet-published, or a .toml file of your own"
+        "--recipe",
+        required=True,
+        help="a network's name, mpsnet-published, multiscale-short, or a .toml file of your own",
     )
     parser.add_argument("--samples", action="append", required=True, metavar="DIR", help="to train on; may be repeated")
     parser.add_argument(

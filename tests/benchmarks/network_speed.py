@@ -117,23 +117,24 @@ def capture(side: int, rig: LightRig) -> Capture:
     return Capture(random.random((side, side, 3), np.float32) + 0.1, np.ones((side, side), bool), rig)
 
 
+# Linux counts what the process that starts another had in memory; this one is small.
+PEAK = """
+import resource, subprocess, sys
+subprocess.run(sys.argv[1:], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
+"""
+
+
 def peak_memory(model: Path, rig: LightRig, folder: Path) -> float | None:
     """Megabytes (10^6 bytes) that `mpsnet estimate` takes at most."""
-    try:
-        import resource
-    except ImportError:  # Windows tells no peak of a child
+    if sys.platform == "win32":  # tells no peak of a child
         return None
     write_image(folder / "large.png", capture(LARGE, rig).image)
     write_rig(folder / "rig.json", rig)
     command = [sys.executable, "-m", "mpsnet_core", "estimate", folder / "large.png", "--rig", folder / "rig.json"]
-    subprocess.run(
-        [*command, "--mask", "none", "--model", model, "--confidence", folder / "c.png", "-o", folder / "n.png"],
-        check=True,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    unit = 1 if sys.platform == "darwin" else 1024
-    return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * unit / 1e6
+    command += ["--mask", "none", "--model", model, "--confidence", folder / "c.png", "-o", folder / "n.png"]
+    done = subprocess.run([sys.executable, "-c", PEAK, *command], check=True, capture_output=True, text=True)
+    return int(done.stdout) * (1 if sys.platform == "darwin" else 1024) / 1e6
 
 
 def main() -> None:
@@ -159,6 +160,7 @@ def main() -> None:
             name: Estimator(path, threads=arguments.threads)
             for name, path in (
                 ("default", ours),
+                ("int8", find_network("multiscale-int8").path),
                 ("psfcn", fresh("psfcn", folder / "psfcn.onnx")),
                 ("mpsnet", fresh("mpsnet", folder / "mpsnet.onnx")),
             )
@@ -167,6 +169,7 @@ def main() -> None:
         cases: dict[str, tuple[Callable[[], object], float]] = {
             "default": (lambda: models["default"](whole), 1),
             "default, turned": (lambda: models["default"](turned), 1),
+            "multiscale-int8": (lambda: models["int8"](whole), 1),
             "psfcn": (lambda: models["psfcn"](whole), 1),
             "mpsnet": (lambda: models["mpsnet"](part), SIDE**2 / few**2),
             "network alone": (alone(ours, arguments.threads), 1),
