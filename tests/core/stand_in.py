@@ -1,8 +1,9 @@
 """A worker that stands in for a renderer: `python stand_in.py FOLDER` makes files that say when and by whom.
 
 What it does with a number is told by files in the folder: ``die_N`` is what it dies of (once, the file goes first),
-``always_die_N`` every time, ``fail_N`` what it cannot make, ``slow`` how many seconds a sample takes, ``template.exr``
-what a sample looks like. Each sample begun is a line of the file ``begun``: its number and the worker's process id.
+``always_die_N`` every time, ``die_late_N`` between writing and saying so, ``fail_N`` what it cannot make, ``slow``
+how many seconds a sample takes, ``template.exr`` what a sample looks like. Each sample begun is a line of the file
+``begun``: its number and the worker's process id.
 """
 
 import os
@@ -65,6 +66,8 @@ def make(job: SampleJob, number: int, path: Path) -> None:
             file.write(template.read_bytes())
         else:
             file.write(f"{job.seed} {number} ".encode() + END)
+    if (folder / f"die_late_{number}").exists():
+        os.kill(os.getpid(), KILL)
 
 
 if __name__ == "__main__":

@@ -139,6 +139,12 @@ def test_a_worker_that_dies_loses_only_its_sample_which_is_made_anew(tmp_path: P
     assert unfinished(tmp_path) == []
 
 
+def test_a_sample_is_made_though_its_worker_dies_before_it_says_so(tmp_path: Path) -> None:
+    (tmp_path / "die_late_2").touch()
+    assert run(tmp_path, 5) == Harvest(made=5)
+    assert whole(tmp_path) == set(range(5)) and len(begun(tmp_path)[2]) == 1
+
+
 def test_a_sample_that_every_worker_dies_of_is_given_up(tmp_path: Path) -> None:
     (tmp_path / "always_die_2").touch()
     harvest = run(tmp_path, 5)

@@ -86,7 +86,7 @@ def _answer(answers: IO[str], **said: Any) -> None:
 
 def _make(job: SampleJob, number: int, path: Path, make: Callable[[SampleJob, int, Path], None]) -> dict[str, str]:
     try:
-        if path.exists() and path.stat().st_size:
+        if _is_there(path):
             return {"answer": "there"}
         make(job, number, path)
     except InputError as error:
@@ -96,6 +96,10 @@ def _make(job: SampleJob, number: int, path: Path, make: Callable[[SampleJob, in
     except MemoryError:
         return {"answer": "failed", "error": "there is not enough memory; take a smaller size or fewer processes"}
     return {"answer": "made"}
+
+
+def _is_there(path: Path) -> bool:
+    return path.exists() and path.stat().st_size > 0
 
 
 def clear_unfinished(folder: str | os.PathLike[str]) -> None:
@@ -161,6 +165,8 @@ class Worker:
             except WorkerLost as death:
                 if self._ended:
                     raise
+                if _is_there(sample_path(self._folder, number)):
+                    return Answer(number, "made")  # it died between writing and saying so
                 if attempt == 2:
                     return Answer(number, "failed", f"the worker died of it twice ({death})")
         raise AssertionError
