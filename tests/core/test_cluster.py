@@ -1,5 +1,6 @@
 """Samples made on a Dask cluster, whose workers may be killed; a worker that stands in for a renderer."""
 
+import gc
 import os
 import signal
 import subprocess
@@ -128,6 +129,7 @@ def test_an_address_where_nobody_answers_is_told(
     with pytest.raises(InputError, match=f"no Dask scheduler answers at {address} .*give an address like tcp://"):
         make_samples(tmp_path, job(3), COMMAND, cluster=address)
     assert capfd.readouterr().err == ""
+    assert not [thing for thing in gc.get_objects() if isinstance(thing, Client) and thing.status == "connecting"]
 
 
 def test_without_dask_it_says_what_to_install(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Cluster: samples made by the workers of a Dask cluster, each with worker processes of its own."""
 
+import asyncio
 import contextlib
 import logging
 import queue
@@ -9,6 +10,7 @@ import uuid
 import warnings
 from collections import deque
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,6 +22,7 @@ from mpsnet_core.synthesis.job import JOB_FILE
 
 try:
     from distributed import CancelledError, Client, Future, KilledWorker, WorkerPlugin, get_worker
+    from distributed.comm import connect
 except ImportError as error:
     raise InputError(f"a cluster needs Dask ({error}); install it with: pip install distributed") from None
 
@@ -94,6 +97,11 @@ def _answer(task: Future, number: int, address: str) -> Answer | None:
     raise InputError(f"the cluster at {address} was lost{reason}; run again to go on")
 
 
+async def _reach(address: str) -> None:
+    comm = await connect(address, timeout=CONNECT_SECONDS)
+    await comm.close()
+
+
 @contextlib.contextmanager
 def _client(address: str) -> Iterator[Client]:
     # Dask tells in its logs what is told here in a sentence.
@@ -105,6 +113,10 @@ def _client(address: str) -> Iterator[Client]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             try:
+                # A Client that cannot connect stays half open, and closes as it is collected as garbage: where that
+                # falls into the start of the next one, both wait for one lock for ever. So there is none before this.
+                with ThreadPoolExecutor(1) as elsewhere:  # this thread may have an event loop already
+                    elsewhere.submit(asyncio.run, _reach(address)).result()
                 client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
             except (OSError, ValueError, TypeError) as error:
                 reason = " ".join(str(error).split())
