@@ -48,12 +48,14 @@ def read_exported(path: str | os.PathLike[str]) -> Exported:
         raise InputError(refusal)
     try:
         model = onnx.load(str(path), load_external_data=False)
+        if any(node.op_type == "DequantizeLinear" for node in model.graph.node):
+            raise InputError(f"model {path} is in 8-bit numbers; resume from the one that it was made from")
         record = json.loads({entry.key: entry.value for entry in model.metadata_props}[TRAINING_KEY])
         values = {entry.name: numpy_helper.to_array(entry) for entry in model.graph.initializer}
         nodes = [node for node in model.graph.node if node.op_type in ("Conv", "ConvTranspose")]
         filters = [(values[node.input[1]], values[node.input[2]] if len(node.input) > 2 else None) for node in nodes]
         exported = Exported(str(path), record, filters)
-        if exported.step < 0:
+        if exported.step < 0 or not isinstance(record["minutes"], int | float):
             raise ValueError
     except (DecodeError, LookupError, TypeError, ValueError):
         raise InputError(refusal) from None

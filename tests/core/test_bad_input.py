@@ -1489,6 +1489,11 @@ if find_spec("torch"):
             "c began without --keep; resume without it",
         ),
         (
+            "8-bit network to train further",
+            lambda b: b.train("--resume", "multiscale-int8"),
+            "multiscale-int8.onnx is in 8-bit numbers; resume from the one that it was made from",
+        ),
+        (
             "text as a network to train further",
             lambda b: b.train("--resume", b.text("c.onnx", "hello")),
             "c.onnx is damaged or was not trained here; resume from another",
