@@ -1,7 +1,7 @@
 """AliceVision, which Meshroom drives: views, intrinsics and poses of a scene as JSON (cameras.sfm, .json).
 
-https://github.com/alicevision/AliceVision/tree/develop/src/aliceVision/sfmDataIO, whose file versions differ in what they
-call a focal length and a principal point. Numbers are written as text.
+https://github.com/alicevision/AliceVision/tree/develop/src/aliceVision/sfmDataIO, whose file versions differ in what
+they call a focal length and a principal point. Numbers are written as text.
 """
 
 import json
@@ -44,7 +44,7 @@ def read_alicevision(path: str | os.PathLike[str]) -> list[PosedPhoto]:
     with said_of(file):
         if file.stat().st_size > MAX_FILE_BYTES:
             raise InputError(
-                "it is larger than 256 MiB; take cameras.sfm of Meshroom's StructureFromMotion node, which has no points"
+                "it is larger than 256 MiB; take cameras.sfm of Meshroom's node StructureFromMotion, without points"
             )
         try:
             scene = json.loads(file.read_text(encoding="utf-8-sig"))
@@ -118,8 +118,8 @@ def _lens(intrinsic: dict[str, Any]) -> Lens:
     removed = str(intrinsic.get("undistortionType", "none")).lower()
     if kind not in _DISTORTIONS or removed != "none":
         raise InputError(
-            f"camera type {kind if removed == 'none' else removed!r} is not read here (pinhole, radial1, radial3 and brown "
-            "are); choose one of these in Meshroom's CameraInit node"
+            f"camera type {kind if removed == 'none' else removed!r} is not read here (pinhole, radial1, radial3 and "
+            "brown are); choose one of these in Meshroom's CameraInit node"
         )
     values = _numbers(intrinsic, "distortionParams", _DISTORTIONS[kind]).tolist() if _DISTORTIONS[kind] else []
     return Lens(radial=tuple(values[:3]), tangential=(values[4], values[3]) if len(values) == 5 else (0.0, 0.0))

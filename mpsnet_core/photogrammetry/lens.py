@@ -24,8 +24,8 @@ _REACH_STEPS = 4096
 class Lens:
     """Brown's distortion model, as COLMAP, OpenCV, Metashape and AliceVision fit it to lenses.
 
-    Where a pinhole camera sees a point p = (x, y), in focal lengths from the optical axis, x right and y down, this lens
-    shows it at A d with r² = |p|² and
+    Where a pinhole camera sees a point p = (x, y), in focal lengths from the optical axis, x right and y down, this
+    lens shows it at A d with r² = |p|² and
 
         d = p (1 + radial[0] r² + radial[1] r⁴ + ...) / (1 + divisor[0] r² + ...) + tangential r² + 2 (tangential·p) p
 
@@ -182,6 +182,6 @@ def _check_size(image: NDArray[Any], camera: Camera) -> None:
     if image.ndim not in (2, 3) or image.shape[:2] != (camera.height, camera.width):
         found = " x ".join(map(str, image.shape[1::-1]))
         raise InputError(
-            f"the photo is {found} but its camera {camera.width} x {camera.height}; give the photo that the cameras were "
-            "found with, neither scaled, cropped nor turned"
+            f"the photo is {found} but its camera {camera.width} x {camera.height}; give the photo as photogrammetry "
+            "had it, neither scaled, cropped nor turned"
         )

@@ -69,7 +69,7 @@ def _chunk_photos(chunk: Element) -> list[PosedPhoto]:
             "export both in local coordinates"
         )
     photos = []
-    for camera in chunk.iter("camera"):  # groups hold cameras of their own
+    for camera in chunk.iterfind("cameras//camera"):  # groups hold cameras of their own
         pose = camera.find("transform")
         if pose is None or camera.get("enabled", "1").lower() in ("0", "false"):
             continue
@@ -137,7 +137,7 @@ def _calibration(sensor: Element) -> tuple[int, int, dict[str, float]]:
 
 
 def _similarity(transform: Element | None) -> NDArray[np.float64]:
-    """(4, 4) of a chunk's or a component's transform: rotation, translation and scale, each of which may be left out."""
+    """(4, 4) of a chunk's or a component's transform: rotation, translation and scale, any of which may be missing."""
     world = np.eye(4)
     if transform is None:
         return world
