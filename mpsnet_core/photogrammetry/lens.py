@@ -76,9 +76,8 @@ class Lens:
 
 def photo_points(points: ArrayLike, camera: Camera, lens: Lens) -> NDArray[np.float64]:
     """Pixels (..., 2) of the photo, taken through `lens`, of what stands at pixels (..., 2) of the pinhole camera."""
-    return (
-        lens.distorted((np.asarray(points, np.float64) - camera.centre) / camera.focal) * camera.focal + camera.centre
-    )
+    plane = (np.asarray(points, np.float64) - camera.centre) / camera.focal
+    return lens.distorted(plane) * camera.focal + camera.centre
 
 
 def undistorted(image: NDArray[np.floating], camera: Camera, lens: Lens) -> NDArray[np.float32]:
@@ -107,7 +106,7 @@ def undistorted_mask(mask: NDArray[np.bool_], camera: Camera, lens: Lens) -> NDA
     """A photo's mask (H, W) as the pinhole camera would see it.
 
     Holds the pixels that :func:`undistorted` blends from pixels of the mask alone; so what the photo does not show is
-    not in it. The pixels that a saturated one had a share in are `~undistorted_mask(~saturated, camera, lens)`.
+    not in it. Pixels that a saturated one had a share in are outside of `undistorted_mask(~saturated, camera, lens)`.
 
     Raises InputError where mask and camera differ in size.
     """

@@ -131,7 +131,7 @@ def _calibration(sensor: Element) -> tuple[int, int, dict[str, float]]:
     for name in ("p3", "p4"):
         if values.get(name):
             raise InputError(
-                f"its sensor has the distortion {name}, which is not read here; adjust it without p3 and p4"
+                f"its sensor has the distortion {name}, which is not read here; calibrate without p3, p4"
             )
     return width, height, values
 
