@@ -21,12 +21,10 @@ from mpsnet_core.photogrammetry.posed_photo import FLIP_YZ, PosedPhoto, photogra
 # A scene with its points is larger than its cameras by far, and needs some ten times this while it is read.
 MAX_FILE_BYTES = 1 << 28
 
-# How many coefficients each kind of distortion has; first the intrinsic types of old files, then the distortion types
-# that newer ones give to a "pinhole".
-_DISTORTIONS = {
-    **{"pinhole": 0, "radial1": 1, "radial3": 3, "brown": 5},
-    **{"none": 0, "radialk1": 1, "radialk3": 3},
-}
+# How many coefficients each type of distortion has; newer files give the type to a "pinhole", older ones name the
+# camera by it.
+_DISTORTIONS = {"none": 0, "radialk1": 1, "radialk3": 3, "brown": 5}
+_OLD_TYPES = {"radial1": "radialk1", "radial3": "radialk3", "brown": "brown"}
 
 Version = tuple[int, int, int]
 
@@ -81,16 +79,17 @@ def _posed(name: str, intrinsic: dict[str, Any], pose: dict[str, Any], version: 
     position = _numbers(transform, "center", 3)
     if version >= (1, 2, 3):
         turn, position = FLIP_YZ @ turn, FLIP_YZ @ position
-    width, height = (int(_number(intrinsic, side)) for side in ("width", "height"))
+    width, height = (_number(intrinsic, side) for side in ("width", "height"))
     # AliceVision counts from the middle of the first pixel, we from its corner.
     centre = _numbers(intrinsic, "principalPoint", 2) + 0.5
     if version >= (1, 2, 1):
         centre += np.array([width, height]) / 2
-    camera = photogrammetry_camera(width, height, _focal(intrinsic, width, version), centre, turn, position)
+    focal = _focal(intrinsic, width, version)
+    camera = photogrammetry_camera(int(width), int(height), focal, centre, turn, position)
     return PosedPhoto(name, camera, _lens(intrinsic))
 
 
-def _focal(intrinsic: dict[str, Any], width: int, version: Version) -> NDArray[np.float64]:
+def _focal(intrinsic: dict[str, Any], width: float, version: Version) -> NDArray[np.float64]:
     """(2,) pixels. The same lens through the versions: compatibilityData/scene_v*.json of AliceVision's sources."""
     if version < (1, 2, 0):
         return np.repeat(_numbers(intrinsic, "pxFocalLength", 1), 2)
@@ -112,17 +111,17 @@ def _focal(intrinsic: dict[str, Any], width: int, version: Version) -> NDArray[n
 
 
 def _lens(intrinsic: dict[str, Any]) -> Lens:
-    kind, bend = str(intrinsic.get("type")).lower(), str(intrinsic.get("distortionType", "none")).lower()
-    if kind == "pinhole":
-        kind = bend
-    removed = str(intrinsic.get("undistortionType", "none")).lower()
-    if kind not in _DISTORTIONS or removed != "none":
-        raise InputError(
-            f"camera type {kind if removed == 'none' else removed!r} is not read here (pinhole, radial1, radial3 and "
-            "brown are); choose one of these in Meshroom's CameraInit node"
-        )
-    values = _numbers(intrinsic, "distortionParams", _DISTORTIONS[kind]).tolist() if _DISTORTIONS[kind] else []
-    return Lens(radial=tuple(values[:3]), tangential=(values[4], values[3]) if len(values) == 5 else (0.0, 0.0))
+    kind = str(intrinsic.get("type")).lower()
+    bend = _OLD_TYPES.get(kind) or str(intrinsic.get("distortionType", "none")).lower()
+    straightened = str(intrinsic.get("undistortionType", "none")).lower()
+    for name, read in ((kind, ("pinhole", *_OLD_TYPES)), (bend, _DISTORTIONS), (straightened, ("none",))):
+        if name not in read:
+            raise InputError(
+                f"camera type {name!r} is not read here (pinhole, radial1, radial3 and brown are); choose one of these in "
+                "Meshroom's CameraInit node"
+            )
+    values = _numbers(intrinsic, "distortionParams", _DISTORTIONS[bend]).tolist() if _DISTORTIONS[bend] else []
+    return Lens(radial=tuple(values[:3]), tangential=(values[4], values[3]) if bend == "brown" else (0.0, 0.0))
 
 
 def _version(value: Any) -> Version:

@@ -118,11 +118,8 @@ def _calibration(sensor: Element) -> tuple[int, int, dict[str, float]]:
     resolution = calibration.find("resolution")
     if resolution is None:
         resolution = sensor.find("resolution")
-    try:
-        given = {} if resolution is None else resolution.attrib
-        width, height = int(given["width"]), int(given["height"])
-    except (KeyError, ValueError):
-        raise InputError(f"its sensor has no resolution in pixels; {EXPORT}") from None
+    given = {} if resolution is None else resolution.attrib
+    width, height = (int(_numbers(given.get(side), 1, f"its sensor's {side}")[0]) for side in ("width", "height"))
     parameters = [child for child in calibration if child.tag != "resolution" and not len(child)]
     values = {child.tag: float(_numbers(child.text, 1, f"its sensor's {child.tag}")[0]) for child in parameters}
     if "f" not in values:
@@ -130,9 +127,7 @@ def _calibration(sensor: Element) -> tuple[int, int, dict[str, float]]:
         raise InputError(f"its sensor's calibration lacks the focal length f{old}; {EXPORT} with a newer version")
     for name in ("p3", "p4"):
         if values.get(name):
-            raise InputError(
-                f"its sensor has the distortion {name}, which is not read here; calibrate without p3, p4"
-            )
+            raise InputError(f"its sensor has the distortion {name}, which is not read here; calibrate without p3, p4")
     return width, height, values
 
 
