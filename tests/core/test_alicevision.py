@@ -14,8 +14,8 @@ from mpsnet_core.photogrammetry import read_cameras
 
 CENTRE = np.array([0.3, -0.2, -6.0])
 SIZE = (4092, 2048)
-# One camera, of 1000 pixels across and 2000 down and the principal point 26 left of and 16 below the middle, in the words
-# of each version of the file: compatibilityData/scene_v*.json of AliceVision's sources has it so.
+# One camera, of 1000 pixels across and 2000 down and the principal point 26 left of and 16 below the middle, in the
+# words of each version of the file: compatibilityData/scene_v*.json of AliceVision's sources has it so.
 WORDS: dict[str, dict[str, Any]] = {
     "1.2.0": {"pxFocalLength": ["1000", "2000"], "principalPoint": ["2020", "1040"]},
     "1.2.1": {"pxFocalLength": ["1000", "2000"], "principalPoint": ["-26", "16"]},
@@ -111,8 +111,7 @@ def test_lenses_bend_as_alicevision_bends(tmp_path: Path, kind: str, version: st
 
 
 def test_numbers_may_be_numbers(tmp_path: Path) -> None:
-    text = json.dumps(scene())
-    plain = json.loads(text, parse_float=float)
+    plain = scene()
     plain["intrinsics"][0] |= {"width": 4092, "focalLength": 8.7976539589442808, "principalPoint": [-26, 16]}
     plain["version"] = [1, 2, 8]
     one, other = read_cameras(write(tmp_path, scene()))[0], read_cameras(write(tmp_path, plain, "b.sfm"))[0]
