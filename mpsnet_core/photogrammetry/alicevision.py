@@ -127,7 +127,7 @@ def _lens(intrinsic: dict[str, Any]) -> Lens:
 def _version(value: Any) -> Version:
     try:
         major, minor, revision = (int(part) for part in value)
-    except (TypeError, ValueError):
+    except (OverflowError, TypeError, ValueError):
         raise InputError(f'its "version" is {value!r}, not three whole numbers; save the scene again') from None
     if major != 1:
         raise InputError(f"it is of version {major}.{minor}.{revision}, and 1.x.x is read here; update this program")

@@ -4,6 +4,7 @@ https://colmap.github.io/format.html and, for the camera models, https://colmap.
 """
 
 import logging
+import math
 import os
 import struct
 from collections.abc import Iterator
@@ -44,6 +45,12 @@ _MODELS = (
     "RADIAL_FISHEYE",
     "THIN_PRISM_FISHEYE",
     "RAD_TAN_THIN_PRISM_FISHEYE",
+    "SIMPLE_DIVISION",
+    "DIVISION",
+    "SIMPLE_FISHEYE",
+    "FISHEYE",
+    "EUCM",
+    "EQUIRECTANGULAR",
 )
 
 # Where the model may be inside the folder that is named: COLMAP's own projects, and what its undistorter writes.
@@ -137,8 +144,7 @@ def _known_model(model: str) -> str:
 
 def _posed(name: str, intrinsics: _Intrinsics, pose: NDArray[np.float64]) -> PosedPhoto:
     """pose: quaternion w, x, y, z and translation, world to camera."""
-    (w, x, y, z), translation = pose[:4], pose[4:]
-    length = float(np.linalg.norm(pose[:4]))
+    length = math.hypot(*pose[:4])
     if not np.isfinite(pose).all() or abs(length - 1) > 1e-2:
         raise InputError("its quaternion is no rotation, or its translation not finite; export the model again")
     w, x, y, z = pose[:4] / length
@@ -152,7 +158,7 @@ def _posed(name: str, intrinsics: _Intrinsics, pose: NDArray[np.float64]) -> Pos
     )
     i = intrinsics
     turn = camera_from_world.T
-    camera = photogrammetry_camera(i.width, i.height, i.focal, i.centre, turn, -turn @ translation)
+    camera = photogrammetry_camera(i.width, i.height, i.focal, i.centre, turn, -turn @ pose[4:])
     return PosedPhoto(name, camera, i.lens)
 
 

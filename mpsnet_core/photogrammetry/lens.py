@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from mpsnet_core.camera import Camera
 from mpsnet_core.errors import InputError
 
-# Rows at a time. What is made of them on the way stays in the processor's cache, which is worth more than long bands.
+# Rows at a time: each pixel of them takes some 200 bytes on the way. More are no faster.
 ROWS = 32
 
 Matrix = tuple[tuple[float, float], tuple[float, float]]

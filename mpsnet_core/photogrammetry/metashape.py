@@ -8,6 +8,8 @@ The camera model is that of the user manual's appendix "Camera models", frame ca
 
 import logging
 import os
+from dataclasses import dataclass, field
+from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
@@ -25,6 +27,15 @@ log = logging.getLogger(__name__)
 MAX_FILE_BYTES = 1 << 26
 
 EXPORT = "export the cameras again (File > Export > Export Cameras, Agisoft XML)"
+
+
+@dataclass(frozen=True)
+class _Similarity:
+    """p to turn · scale · p + shift, chunk to world."""
+
+    turn: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+    shift: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    scale: float = 1.0
 
 
 def read_metashape(path: str | os.PathLike[str]) -> list[PosedPhoto]:
@@ -84,11 +95,11 @@ def _chunk_photos(chunk: Element) -> list[PosedPhoto]:
     return photos
 
 
-def _posed(name: str, sensor: Element, pose: NDArray[np.float64], world: NDArray[np.float64]) -> PosedPhoto:
-    """pose: camera to chunk, x right, y down, z forward. world: chunk to world, a similarity."""
-    scale = np.cbrt(np.linalg.det(world[:3, :3]))
-    turn = (world[:3, :3] / scale) @ rotation(pose[:3, :3], "the camera")
-    position = world[:3, :3] @ pose[:3, 3] + world[:3, 3]
+def _posed(name: str, sensor: Element, pose: NDArray[np.float64], world: _Similarity) -> PosedPhoto:
+    """pose: (4, 4) camera to chunk, x right, y down, z forward."""
+    turn = world.turn @ rotation(pose[:3, :3], "the camera")
+    with np.errstate(over="ignore", invalid="ignore"):  # the camera refuses what is not finite
+        position = world.scale * (world.turn @ pose[:3, 3]) + world.shift
     width, height, values = _calibration(sensor)
     get = values.get
     focal = (values["f"] + get("b1", 0.0), values["f"])
@@ -131,24 +142,22 @@ def _calibration(sensor: Element) -> tuple[int, int, dict[str, float]]:
     return width, height, values
 
 
-def _similarity(transform: Element | None) -> NDArray[np.float64]:
-    """(4, 4) of a chunk's or a component's transform: rotation, translation and scale, any of which may be missing."""
-    world = np.eye(4)
+def _similarity(transform: Element | None) -> _Similarity:
+    """A chunk's or a component's transform: rotation, translation and scale, any of which may be missing."""
     if transform is None:
-        return world
+        return _Similarity()
     if not len(transform):
         raise InputError(f"the chunk's transform is of a version older than 1.2; {EXPORT} with a newer version")
-    what = "the chunk's"
+    given: dict[str, Any] = {}
     if (text := transform.findtext("rotation")) is not None:
-        world[:3, :3] = rotation(_numbers(text, 9, f"{what} rotation"), "the chunk")
+        given["turn"] = rotation(_numbers(text, 9, "the chunk's rotation"), "the chunk")
     if (text := transform.findtext("translation")) is not None:
-        world[:3, 3] = _numbers(text, 3, f"{what} translation")
+        given["shift"] = _numbers(text, 3, "the chunk's translation")
     if (text := transform.findtext("scale")) is not None:
-        scale = float(_numbers(text, 1, f"{what} scale")[0])
-        if scale <= 0:
-            raise InputError(f"{what} scale is {scale:g}, which must be above 0; {EXPORT}")
-        world[:3, :3] *= scale
-    return world
+        given["scale"] = float(_numbers(text, 1, "the chunk's scale")[0])
+        if given["scale"] <= 0:
+            raise InputError(f"the chunk's scale is {given['scale']:g}, which must be above 0; {EXPORT}")
+    return _Similarity(**given)
 
 
 def _numbers(text: str | None, count: int, what: str) -> NDArray[np.float64]:

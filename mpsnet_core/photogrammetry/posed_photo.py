@@ -60,7 +60,8 @@ def rotation(values: ArrayLike, what: str) -> NDArray[np.float64]:
     Raises InputError where that is not near, or a number is not finite.
     """
     matrix = np.asarray(values, np.float64).reshape(3, 3)
-    if not np.isfinite(matrix).all() or np.abs(matrix @ matrix.T - np.eye(3)).max() > ROTATION_TOLERANCE:
+    # The first bound keeps the product finite; it says no to nan as well.
+    if not (np.abs(matrix) < 2).all() or np.abs(matrix @ matrix.T - np.eye(3)).max() > ROTATION_TOLERANCE:
         raise InputError(f"the rotation of {what} is not one; export the cameras again")
     left, _, right = np.linalg.svd(matrix)
     if np.linalg.det(left @ right) < 0:

@@ -179,6 +179,7 @@ SCALED = "1.1 0 0 0 0 1.1 0 0 0 0 1.1 0 0 0 0 1"
         ({"rest": SIMILARITY.replace(">2<", ">0<")}, "the chunk's scale is 0"),
         ({"rest": SIMILARITY.replace(">2<", "><")}, "the chunk's scale must be a finite number"),
         ({"rest": SIMILARITY.replace("10 20", "10")}, "the chunk's translation must be 3 finite numbers"),
+        ({"rest": SIMILARITY.replace(">2<", ">1e308<")}, "photo 'DSC_0002': the camera's world_from_camera must be"),
         ({"rest": f"<transform>{MIRRORED}</transform>"}, "older than 1.2"),
         ({"cameras": ""}, "holds no photo with a pose"),
         ({"cameras": CAMERAS.replace("transform>", "reference>")}, "holds no photo with a pose"),
