@@ -115,14 +115,14 @@ def _model_files(path: Path) -> tuple[Path, Path]:
 
 def _intrinsics(model: str, width: int, height: int, values: tuple[float, ...]) -> _Intrinsics:
     given = dict(zip(_PARAMETERS[model], values, strict=True))
-    fx, fy = given.get("fx", given.get("f", 0.0)), given.get("fy", given.get("f", 0.0))
     get = given.get
+    focal = (given["f"],) * 2 if "f" in given else (given["fx"], given["fy"])
     lens = Lens(
         _trimmed(get("k1", 0.0), get("k2", 0.0), get("k3", 0.0)),
         _trimmed(get("k4", 0.0), get("k5", 0.0), get("k6", 0.0)),
         (get("p2", 0.0), get("p1", 0.0)),
     )
-    return _Intrinsics(width, height, (fx, fy), (given["cx"], given["cy"]), lens)
+    return _Intrinsics(width, height, focal, (given["cx"], given["cy"]), lens)
 
 
 def _trimmed(*coefficients: float) -> tuple[float, ...]:
@@ -142,7 +142,7 @@ def _known_model(model: str) -> str:
     return model
 
 
-def _posed(name: str, intrinsics: _Intrinsics, pose: NDArray[np.float64]) -> PosedPhoto:
+def _posed(name: str, inside: _Intrinsics, pose: NDArray[np.float64]) -> PosedPhoto:
     """pose: quaternion w, x, y, z and translation, world to camera."""
     length = math.hypot(*pose[:4])
     if not np.isfinite(pose).all() or abs(length - 1) > 1e-2:
@@ -156,10 +156,9 @@ def _posed(name: str, intrinsics: _Intrinsics, pose: NDArray[np.float64]) -> Pos
         ],
         "the photo",
     )
-    i = intrinsics
     turn = camera_from_world.T
-    camera = photogrammetry_camera(i.width, i.height, i.focal, i.centre, turn, -turn @ pose[4:])
-    return PosedPhoto(name, camera, i.lens)
+    camera = photogrammetry_camera(inside.width, inside.height, inside.focal, inside.centre, turn, -turn @ pose[4:])
+    return PosedPhoto(name, camera, inside.lens)
 
 
 def _text_cameras(source: TextIO) -> dict[int, _Intrinsics]:
@@ -193,13 +192,22 @@ def _text_images(source: TextIO, cameras: dict[int, _Intrinsics]) -> list[PosedP
             try:
                 pose, camera, name = np.array([float(word) for word in words[1:8]]), int(words[8]), words[9].strip()
             except (IndexError, ValueError):
-                raise InputError(
-                    "not IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, or the line of points after each photo was "
-                    "taken out; export the model again"
-                ) from None
+                raise InputError("not IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME; export the model again") from None
             photos.append(_posed(name, _camera_of(camera, cameras), pose))
-        next(lines, None)
+        number, line = next(lines, (0, ""))
+        with said_of(f"line {number}"):
+            _check_points(line.split())
     return photos
+
+
+def _check_points(words: list[str]) -> None:
+    """Raises InputError where a line is not X, Y, POINT3D_ID of any number of points: it may be the next photo's."""
+    try:
+        whole = len(words) % 3 == 0 and all(math.isfinite(float(word)) for word in words[-3:])
+    except ValueError:
+        whole = False
+    if not whole:
+        raise InputError("not the points of the photo above (X Y POINT3D_ID ..., or empty); export the model again")
 
 
 def _lines(source: TextIO) -> Iterator[tuple[int, str]]:

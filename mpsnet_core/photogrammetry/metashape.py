@@ -26,6 +26,8 @@ log = logging.getLogger(__name__)
 # A thousand photos are a few MB.
 MAX_FILE_BYTES = 1 << 26
 
+_PARAMETERS = ("f", "fx", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2", "p3", "p4")
+
 EXPORT = "export the cameras again (File > Export > Export Cameras, Agisoft XML)"
 
 
@@ -131,7 +133,7 @@ def _calibration(sensor: Element) -> tuple[int, int, dict[str, float]]:
         resolution = sensor.find("resolution")
     given = {} if resolution is None else resolution.attrib
     width, height = (int(_numbers(given.get(side), 1, f"its sensor's {side}")[0]) for side in ("width", "height"))
-    parameters = [child for child in calibration if child.tag != "resolution" and not len(child)]
+    parameters = [child for child in calibration if child.tag in _PARAMETERS]
     values = {child.tag: float(_numbers(child.text, 1, f"its sensor's {child.tag}")[0]) for child in parameters}
     if "f" not in values:
         old = "; it was written by PhotoScan 1.1 or older" if "fx" in values else ""

@@ -170,6 +170,8 @@ POSE = "1 0.8 0.2 -0.4 0.4 0.3 -0.2 6 3 a.jpg\n\n"
         (TEXT_CAMERAS, POSE.replace("6 3", "inf 3"), "not finite"),
         (TEXT_CAMERAS, POSE.replace(" 3 a", " 9 a"), "its camera 9 is not in the file of cameras"),
         (TEXT_CAMERAS, "1.5 2.5 -1\n", "not IMAGE_ID QW QX QY QZ"),
+        (TEXT_CAMERAS, POSE.strip() + "\n" + POSE.replace("a.", "b."), "line 2: not the points of the photo above"),
+        (TEXT_CAMERAS, POSE.strip() + "\n" + POSE.replace("a.", "b c d."), "line 2: not the points"),
         (TEXT_CAMERAS, "# no photo\n", "holds no photo with a pose"),
         (TEXT_CAMERAS, "\0\ufffe binary \1", "not IMAGE_ID"),
     ],
