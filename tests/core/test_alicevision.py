@@ -20,6 +20,7 @@ WORDS: dict[str, dict[str, Any]] = {
     "1.2.0": {"pxFocalLength": ["1000", "2000"], "principalPoint": ["2020", "1040"]},
     "1.2.1": {"pxFocalLength": ["1000", "2000"], "principalPoint": ["-26", "16"]},
     "1.2.2": {"focalLength": "8.7976539589442808", "pixelRatio": "0.5", "principalPoint": ["-26", "16"]},
+    "1.2.3": {"focalLength": "8.7976539589442808", "pixelRatio": "0.5", "principalPoint": ["-26", "16"]},
     "1.2.4": {"focalLength": "8.7976539589442808", "pixelRatio": "0.5", "principalPoint": ["-26", "16"]},
     "1.2.5": {"focalLength": "8.7976539589442808", "pixelRatio": "2", "principalPoint": ["-26", "16"]},
     "1.2.8": {"focalLength": "8.7976539589442808", "pixelRatio": "2", "principalPoint": ["-26", "16"]},
