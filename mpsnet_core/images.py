@@ -144,6 +144,18 @@ def read_data(
     return image.pixels, image.alpha
 
 
+def read_orientation(path: str | os.PathLike[str]) -> int:
+    """EXIF orientation of a photo, 1 to 8; :func:`read_image` turns it so that it is 1, which it is unless told.
+
+    Raises InputError where the file is missing or broken.
+    """
+    source = _open(existing_file(path, "image"))
+    try:
+        return int(source.spec().getattribute("Orientation") or 1)
+    finally:
+        source.close()
+
+
 def write_image(
     path: str | os.PathLike[str], pixels: NDArray[Any], *, bits: int | None = None, color_space: str = "raw"
 ) -> None:
