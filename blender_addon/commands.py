@@ -16,7 +16,17 @@ from .operators import CANCELLED
 from .training_data import samples_folder, standing
 
 COMMAND = "mpsnet"
-VERBS = ("add_rig", "render_photo", "open_photo", "render_truth", "estimate", "bake", "render_samples")
+VERBS = (
+    "add_rig",
+    "calibrate_lights",
+    "calibrate_mixing",
+    "render_photo",
+    "open_photo",
+    "render_truth",
+    "estimate",
+    "bake",
+    "render_samples",
+)
 EXIT_BAD_INPUT = 2
 EXIT_CANCELLED = 130
 

@@ -72,8 +72,11 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         return bpy.path.abspath(self.model_file)
 
     def _place(self, context: Any, image: Any, rig: LightRig, folder: Path) -> list[str]:
-        """The camera that took the photo, and for near lights the mesh that tells how far each pixel is from them."""
+        """The camera that took the photo, and for near lights how far the object is from it."""
         scene = context.scene
+        distance = ["--distance", f"{self.distance:g}"] if self.distance and rig.near is not None else []
+        if self.lens:
+            return ["--focal", f"{self.lens:g}", *distance]
         camera, taken_with = folder / "camera.json", remembered(image, "camera")
         if taken_with is not None:
             camera.write_text(taken_with, encoding="utf-8")
@@ -81,17 +84,18 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
             write_camera(camera, scene_camera(rig_camera(scene), scene, tuple(image.size)))
         elif rig.near is not None:
             raise InputError(
-                "the rig's lights stand near the object, so the photo's camera counts; add a rig, whose camera is taken"
+                "the rig's lights stand near the object, so the photo's camera counts; tell its lens, or add a rig, "
+                "whose camera is taken"
             )
         else:
             return []
-        settings = scene.mps.estimate
         if self.surface:
-            settings.surface = named_object(scene, self.surface)
-        if rig.near is None or settings.surface is None:
-            return ["--camera", str(camera)]
+            scene.mps.estimate.surface = named_object(scene, self.surface)
+        surface = scene.mps.estimate.surface
+        if rig.near is None or distance or surface is None:
+            return ["--camera", str(camera), *distance]
         context.view_layer.update()
-        write_mesh(folder / "surface.npz", settings.surface, context.evaluated_depsgraph_get(), None)
+        write_mesh(folder / "surface.npz", surface, context.evaluated_depsgraph_get(), None)
         return ["--camera", str(camera), "--mesh", str(folder / "surface.npz")]
 
     def _mask(self) -> list[str]:

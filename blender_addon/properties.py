@@ -23,6 +23,12 @@ FILE_FORMATS = (
     ("EXR", "OpenEXR", "32-bit float OpenEXR"),
 )
 
+ENCODINGS = (
+    ("AUTO", "Automatic", "Linear for float files and camera raw, sRGB for all others, unless the file says otherwise"),
+    ("LINEAR", "Linear", "Twice the value is twice the light"),
+    ("SRGB", "sRGB", "As for a screen"),
+)
+
 
 def _identifier(model: str) -> str:
     """A model's name as Blender writes enums: upper case, words joined by underscores."""
@@ -129,6 +135,75 @@ class RigSettings:
     )
 
 
+class CalibrateSettings:
+    """Photos of balls that tell where real lights are and how their colours mix."""
+
+    ball: StringProperty(
+        name="Mirror Ball",
+        description="Photo of a mirror ball where the object stands, under the red, green and blue light at once",
+        subtype="FILE_PATH",
+        options=GIVEN,
+    )
+    second_ball: StringProperty(
+        name="Second Place",
+        description="Photo of the same ball at another place. With two places the lights' positions are found, "
+        "not only their directions. Needs the lens",
+        subtype="FILE_PATH",
+        options=GIVEN,
+    )
+    ball_radius: FloatProperty(
+        name="Ball Radius",
+        description="Radius of the ball, in the unit that positions are wanted in: that of the mesh",
+        default=1.0,
+        min=1e-6,
+        max=1e6,
+        options=GIVEN,
+    )
+    grey: StringProperty(
+        name="Grey Ball",
+        description="Photo of a matt grey ball under the red, green and blue light at once",
+        subtype="FILE_PATH",
+        options=GIVEN,
+    )
+    lens: FloatProperty(
+        name="Lens (mm)",
+        description="Focal length in millimetres on a sensor 36 mm wide. 0: the camera is taken as far away",
+        default=0.0,
+        min=0.0,
+        max=10000.0,
+        options=GIVEN,
+    )
+    circle_x: FloatProperty(
+        name="Ball X",
+        description="Middle of the ball, in pixels from the photo's left edge. Only counts with a radius below",
+        default=0.0,
+        options=GIVEN,
+    )
+    circle_y: FloatProperty(
+        name="Y", description="Middle of the ball, in pixels from the photo's top edge", default=0.0, options=GIVEN
+    )
+    circle_radius: FloatProperty(
+        name="Radius",
+        description="Radius of the ball's outline in pixels. 0: the ball is looked for",
+        default=0.0,
+        min=0.0,
+        options=GIVEN,
+    )
+    encoding: EnumProperty(
+        name="Encoding",
+        description="How the photos' values stand for light",
+        items=ENCODINGS,
+        default="AUTO",
+        options=GIVEN,
+    )
+    output: StringProperty(
+        name="Rig File",
+        description="Rig file to write (.json). Empty: mpsnet_rig.json in the output folder",
+        subtype="FILE_PATH",
+        options=GIVEN,
+    )
+
+
 class PhotoSettings:
     """How the one photo is rendered."""
 
@@ -187,11 +262,7 @@ class EstimateSettings:
     encoding: EnumProperty(
         name="Encoding",
         description="How the photo's values stand for light",
-        items=[
-            ("AUTO", "Automatic", "Linear for float files, sRGB for all others, unless the file says otherwise"),
-            ("LINEAR", "Linear", "Twice the value is twice the light"),
-            ("SRGB", "sRGB", "As for a screen"),
-        ],
+        items=ENCODINGS,
         default="AUTO",
         options=GIVEN,
     )
@@ -200,6 +271,24 @@ class EstimateSettings:
         description="Measured rig (.json or .lp) of a photo taken with a real camera. "
         "Empty: the one beside the photo when it was rendered or opened, else the rig in this scene",
         subtype="FILE_PATH",
+        options=GIVEN,
+    )
+    lens: FloatProperty(
+        name="Lens (mm)",
+        description="Focal length of the real camera in millimetres on a sensor 36 mm wide. "
+        "0: the camera that the photo was rendered with, else the rig's",
+        default=0.0,
+        min=0.0,
+        max=10000.0,
+        options=GIVEN,
+    )
+    distance: FloatProperty(
+        name="Distance",
+        description="How far the object is from the camera, in the unit of a rig file with near lights. "
+        "0: as far as the rig's target, or as the surface tells",
+        default=0.0,
+        min=0.0,
+        max=1e6,
         options=GIVEN,
     )
     model: EnumProperty(
@@ -411,6 +500,13 @@ class MPS_PG_rig(RigSettings, bpy.types.PropertyGroup):
     collection: PointerProperty(type=bpy.types.Collection)
 
 
+class MPS_PG_calibrate(CalibrateSettings, bpy.types.PropertyGroup):
+    """Calibration: its photos, and what was found."""
+
+    image: PointerProperty(name="Found", description="What was found, drawn over the photo", type=bpy.types.Image)
+    told: StringProperty()
+
+
 class MPS_PG_photo(PhotoSettings, bpy.types.PropertyGroup):
     """The one photo: how it is rendered, and the image once it is there."""
 
@@ -452,6 +548,7 @@ class MPS_PG_scene(bpy.types.PropertyGroup):
     """Everything the add-on keeps in a scene: ``scene.mps``."""
 
     rig: PointerProperty(type=MPS_PG_rig)
+    calibrate: PointerProperty(type=MPS_PG_calibrate)
     photo: PointerProperty(type=MPS_PG_photo)
     estimate: PointerProperty(type=MPS_PG_estimate)
     bake: PointerProperty(type=MPS_PG_bake)
@@ -482,6 +579,7 @@ def take_given(operator: bpy.types.Operator, settings: type, group: bpy.types.Pr
 CLASSES = (
     MPS_PG_light,
     MPS_PG_rig,
+    MPS_PG_calibrate,
     MPS_PG_photo,
     MPS_PG_estimate,
     MPS_PG_bake,
