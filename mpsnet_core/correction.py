@@ -138,9 +138,7 @@ def _gain(field: NDArray[np.float32], flat: str | os.PathLike[str]) -> tuple[NDA
     field = field / middle
     weak = field < LEAST_FLAT
     if weak.mean() > BAD_SHARE:
-        raise InputError(
-            f"{weak.mean():.1%} of the flat field {flat} is nearly black; fill the picture with a lit card"
-        )
+        raise InputError(f"{weak.mean():.1%} of the flat field {flat} is nearly black; fill the picture with the card")
     return np.divide(1, field, out=np.ones_like(field), where=~weak), weak
 
 

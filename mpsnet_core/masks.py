@@ -24,8 +24,8 @@ WORKING_SIDE, OUTLINE = 1024, 2
 BORDER_SHARE, OBJECT_AT_BORDER = 0.04, 0.2
 # On a screen's scale, 0 to 1: what differs less from the background is it, and a background below it is dark.
 LEAST_CONTRAST, DARK = 0.02, 0.1
-# Gaps up to this share of the picture's side are closed; holes up to these shares of the object's area are filled, where
-# a shadow may have made them and always.
+# Gaps up to this share of the picture's side are closed; holes are filled up to these shares of the object's area, the
+# first where a shadow may have made them, the second always.
 GAP, SHADOW, SPECK = 0.004, 0.05, 0.001
 # Parts smaller than this share of the largest are not of the object.
 PART = 0.02
@@ -146,8 +146,8 @@ def _standing_out(photo: NDArray[np.float32], behind: NDArray[np.float32]) -> _F
     """The object where a photo differs from what is behind it, both (H, W, 3) on the screen's scale."""
     contrast = _contrast(photo, behind)
     at_border = contrast[_border(contrast.shape)]
-    least = max(LEAST_CONTRAST, 1.5 * float(np.quantile(at_border, 1 - OBJECT_AT_BORDER)))
-    least = max(least, 5 * 1.4826 * float(np.median(at_border)))
+    # Twice what noise and a background of several things do, where the object is not.
+    least = max(LEAST_CONTRAST, 2 * float(np.quantile(at_border, 1 - OBJECT_AT_BORDER)))
     parting, clearness = _otsu(np.log(np.maximum(contrast, least / 4)))
     threshold = max(float(np.exp(parting)), least)
     mask = _mended(contrast > threshold, contrast, threshold, dark=float(np.median(behind)) < DARK)

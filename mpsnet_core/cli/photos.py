@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from mpsnet_core.cli.arguments import Help, Verbs
+from mpsnet_core.cli.arguments import Help, Verbs, add_reading, asked_correction, read_files
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.errors import InputError
 
@@ -34,11 +34,11 @@ def _add_estimate(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rig", required=True, help="rig file (.json, or .lp with three lights)")
     parser.add_argument(
         "--mask",
-        help="mask file, alpha, none or threshold:0.05; without it alpha, where the photo has it, else the whole photo",
+        help="mask file, alpha, none, auto, background:FILE (the scene without the object) or threshold:0.05; without "
+        "it alpha, where the photo has it, else the whole photo; `mpsnet mask` shows what comes of it",
     )
     parser.add_argument("--model", help="a name of `mpsnet models` or an .onnx file; multiscale unless given")
-    parser.add_argument("--encoding", default="auto", help="auto, linear or srgb: how the photo's values are meant")
-    parser.add_argument("--layer", help="layer of a multi-layer EXR")
+    add_reading(parser)
     parser.add_argument("--convention", default="opengl", help="opengl (green up) or directx (green down)")
     parser.add_argument("--confidence", metavar="FILE", help="also write the confidence map (one photo only)")
     parser.add_argument("--format", default="png", help="png, tif or exr, where the output is a folder")
@@ -66,13 +66,14 @@ def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
     rig = read_rig(options.rig)
     photos = expand_images(options.image)
     outputs = output_files(photos, options.output, f".{options.format.lstrip('.')}")
-    inputs = [*photos, options.rig, options.mask or options.rig]
+    inputs = [*photos, options.rig, *read_files(options)]
     check_apart(inputs, outputs)
     if options.confidence:
         if len(photos) > 1:
             raise InputError("--confidence takes one photo at a time; leave it out or give one photo")
         checked_bits(writable_path(options.confidence))
         check_apart([*inputs, *outputs], [options.confidence])
+    correction = asked_correction(options)
     estimator = Estimator(
         options.model or DEFAULT_MODEL,
         provider=options.provider,
@@ -86,7 +87,9 @@ def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
         # Neither the photo nor the last normals are kept while others are made: they are large.
         normals = None
         normals = estimator(
-            read_capture(photo, rig, mask=options.mask, encoding=options.encoding, layer=options.layer),
+            read_capture(
+                photo, rig, mask=options.mask, encoding=options.encoding, layer=options.layer, correction=correction
+            ),
             part(step, 0.1, 0.9),
         )
         pixels += int(normals.mask.sum())

@@ -42,7 +42,8 @@ def write_dng(
 ) -> Path:
     """Write whole numbers: (H, W) as a mosaic under colour filters, (H, W, 3) as an image whose pixels have all three.
 
-    pattern: letters of FILTERS, row by row. black: one level, or one for each place of a 2 x 2 mosaic. size: what the header says, where it lies.
+    pattern: letters of FILTERS, row by row. black: one level, or one for each place of a 2 x 2 mosaic. size: the
+    (height, width) that the header says, where it lies.
     """
     values = np.asarray(values)
     height, width = size or values.shape[:2]
