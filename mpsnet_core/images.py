@@ -143,8 +143,12 @@ def read_image(path: str | os.PathLike[str], *, encoding: Encoding = "auto", lay
             cover = alpha[rows, :, None]
             band = np.divide(band, cover, out=np.zeros_like(band), where=cover > 1e-6)
         pixels[rows] = band if linear else srgb_to_linear(band)
-    exposure_time = spec.getattribute("ExposureTime")
-    return Image(pixels, alpha, np.inf if is_float else 1.0, note, exposure_time=exposure_time or None)
+    return Image(pixels, alpha, np.inf if is_float else 1.0, note, exposure_time=_exposure_time(spec))
+
+
+def _exposure_time(spec: Any) -> float | None:
+    seconds = spec.getattribute("ExposureTime")
+    return float(seconds) if isinstance(seconds, float) and 0 < seconds < np.inf else None
 
 
 def _read_raw(path: Path, encoding: Encoding, layer: str | None) -> Image:

@@ -70,6 +70,7 @@ def _check(raw: Any, path: Path) -> None:
 
 
 def _developed(raw: Any, rawpy: Any, path: Path) -> Image:
+    flip, exposure_time = raw.sizes.flip, raw.other.shutter_speed  # asked now: developing forgets how it was held
     counted = raw.postprocess(
         demosaic_algorithm=rawpy.DemosaicAlgorithm.LINEAR,
         user_wb=[1, 1, 1, 1],
@@ -87,12 +88,11 @@ def _developed(raw: Any, rawpy: Any, path: Path) -> Image:
             f"{path} is from a sensor whose pixels are not square or stand in slanted rows, which this program does "
             "not read; convert it to a linear TIFF"
         )
-    flip = raw.sizes.flip
     counted, clipped = _upright(counted, flip), _upright(clipped, flip)
     pixels = np.empty(counted.shape, np.float32)
     for rows in bands(len(pixels)):
         pixels[rows] = counted[rows] / np.float32(65535)
-    return Image(pixels, None, np.inf, NOTE, np.ascontiguousarray(clipped), raw.other.shutter_speed or None)
+    return Image(pixels, None, np.inf, NOTE, np.ascontiguousarray(clipped), exposure_time or None)
 
 
 def _clipped(raw: Any) -> NDArray[np.bool_]:
