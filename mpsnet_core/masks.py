@@ -29,8 +29,10 @@ LEAST_CONTRAST, DARK = 0.02, 0.1
 GAP, SHADOW, SPECK = 0.004, 0.05, 0.001
 # Parts smaller than this share of the largest are not of the object.
 PART = 0.02
-# Otsu's criterion, 0 to 1: 0.64 for a single bell curve cut in two.
-CLEAR = 0.75
+# Otsu's criterion, 0 to 1: 0.64 for a single bell curve cut in two, 0.75 for an even spread. What is smaller than the
+# first share of the photo and not clear is noise; objects are mostly between the second and the third.
+CLEAR = 0.8
+NOISE_SHARE, SMALL_SHARE, LARGE_SHARE = 0.002, 0.01, 0.8
 
 
 def find_mask(
@@ -151,7 +153,7 @@ def _standing_out(photo: NDArray[np.float32], behind: NDArray[np.float32]) -> _F
     parting, clearness = _otsu(np.log(np.maximum(contrast, least / 4)))
     threshold = max(float(np.exp(parting)), least)
     mask = _mended(contrast > threshold, contrast, threshold, dark=float(np.median(behind)) < DARK)
-    if not mask.any():
+    if not mask.any() or (clearness < CLEAR and mask.mean() < NOISE_SHARE):
         raise InputError("no object stands out from the background; give a mask file, or a photo of the background")
     _note_doubts(mask, clearness)
     return _Found(mask, threshold)
@@ -186,11 +188,9 @@ def _note_doubts(mask: NDArray[np.bool_], clearness: float) -> None:
             "background?",
             100 * touching,
         )
-    if share < 0.01 or share > 0.8:
-        size = "small" if share < 0.01 else "large"
-        log.warning(
-            "the mask is %s for an object, %.1f%% of the photo: look at it before you use it", size, 100 * share
-        )
+    if not SMALL_SHARE <= share <= LARGE_SHARE:
+        size = "small" if share < SMALL_SHARE else "large"
+        log.warning("the mask is %s for an object: look at it before you use it", size)
 
 
 def _otsu(values: NDArray[np.float32]) -> tuple[float, float]:
@@ -283,7 +283,7 @@ def _reduced(pixels: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
 
 def _white(small: NDArray[np.float32]) -> NDArray[np.float32]:
     """(3,) what counts as white in each channel, so that a weak light's counts as much as a strong one's."""
-    return np.maximum(np.quantile(small, 0.995, axis=(0, 1)), 1e-9).astype(np.float32)
+    return np.maximum(np.quantile(small, 0.999, axis=(0, 1)), 1e-9).astype(np.float32)
 
 
 def _on_screen(pixels: NDArray[np.float32], white: NDArray[np.float32]) -> NDArray[np.float32]:

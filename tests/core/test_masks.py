@@ -13,7 +13,7 @@ from mpsnet_core.capture import read_capture
 from mpsnet_core.correction import read_correction
 from mpsnet_core.errors import InputError
 from mpsnet_core.images import read_image, read_mask
-from mpsnet_core.masks import auto_mask, background_mask
+from mpsnet_core.masks import auto_mask, background_mask, threshold_mask
 from mpsnet_core.rig import published_rig
 
 SIDE = 200
@@ -109,7 +109,7 @@ def test_a_bust_that_reaches_the_lower_border_is_found_and_told_of(caplog: pytes
     assert "the mask meets 10% of the photo's border" in caplog.text
 
 
-@pytest.mark.parametrize("factor", [2.5, 6])
+@pytest.mark.parametrize("factor", [2.5, 4.1])
 def test_a_large_photo_has_its_outline_at_full_size(factor: float) -> None:
     """Photos above the working size are judged pixel by pixel along the outline: it is right to a pixel or two."""
     side = round(factor * 512)
@@ -125,6 +125,17 @@ def test_odd_sizes_and_values_that_are_not_finite() -> None:
     photo = noisy(before(image, wall(1500, level=0.003), mask))[:1333, :1177]
     photo[5, 5], photo[700, 700] = np.nan, np.inf
     assert overlap(auto_mask(photo), mask[:1333, :1177]) > 0.98
+
+
+def test_a_threshold_counts_from_the_brightest_pixels_not_from_one_hot_one() -> None:
+    pixels = np.zeros((100, 100, 3), np.float32)
+    pixels[20:60, 20:60, 1] = 0.4
+    pixels[30, 30, 0] = 0.021
+    pixels[0, 0] = 1000
+    pixels[5, 5] = 0.019
+    mask = threshold_mask(pixels, 0.05)
+    assert mask[20:60, 20:60].all() and mask[0, 0]
+    assert mask.sum() == 40 * 40 + 1
 
 
 class TestBackground:
@@ -155,7 +166,7 @@ class TestBackground:
     def test_a_capture_takes_it_with_the_photos_own_correction(self, tmp_path: Path) -> None:
         image, mask = ball()
         scene = self.scene()
-        field = 1 - 0.6 * np.linspace(0, 1, SIDE)[:, None, None] * np.ones(3)
+        field = 1 - 0.6 * np.linspace(0, 1, SIDE)[:, None, None] * np.ones((SIDE, 3))
         files = {}
         for name, light in {"photo": before(image, scene, mask), "empty": scene, "flat": 0.8 * np.ones(3)}.items():
             files[name] = write_file(tmp_path / f"{name}.png", noisy(light * field), "uint16")
@@ -168,7 +179,7 @@ class TestBackground:
         )
         assert overlap(capture.mask, mask) > 0.97
         middle = capture.image[mask] / image[mask].clip(0.05)
-        assert np.median(middle[image[mask] > 0.1]) == pytest.approx(1 / field[67:133].mean(), rel=0.1)
+        assert np.median(middle[image[mask] > 0.1]) == pytest.approx(field[67:133].mean(), rel=0.02)
 
 
 @pytest.mark.parametrize(("thing", "lights"), [("owl", (0, 4, 8)), ("owl", (3, 7, 11)), ("cat", (1, 5, 9))])
@@ -180,19 +191,17 @@ def test_photographs_of_things_on_black_cloth(captures: Path, thing: str, lights
 
 
 def test_what_hardly_differs_is_told_of(caplog: pytest.LogCaptureFixture) -> None:
-    image, mask = ball(albedo=0.5)
-    dim = np.linspace(0.001, 1, SIDE)[None, :, None]
-    auto_mask(noisy(before(image * dim**3, wall(level=0.05), mask), well=300))
+    image, mask = ball(albedo=0.2)
+    found = auto_mask(noisy(before(image, wall(level=0.15), mask), well=300))
+    assert 0.3 < overlap(found, mask) < 0.9
     assert "hardly differ" in caplog.text
 
 
 @pytest.mark.parametrize(("radius", "word"), [(0.08, "small"), (0.98, "large")])
-def test_masks_of_an_unlikely_size_are_told_of(
-    radius: float, word: str, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_masks_of_an_unlikely_size_are_told_of(radius: float, word: str, caplog: pytest.LogCaptureFixture) -> None:
     image, mask = ball(radius=radius)
     if word == "large":
-        mask[4:-4, 4:-4] = True
+        mask[9:-9, 9:-9] = True
         image[mask] = image[mask].clip(0.1)
     auto_mask(noisy(before(image, wall(level=0.001), mask)))
     assert f"the mask is {word} for an object" in caplog.text
@@ -267,7 +276,7 @@ class TestCommand:
         assert photo[0].read_bytes() == before_run and not (tmp_path / "mask.png").exists()
 
 
-@pytest.mark.parametrize("light", [np.zeros((50, 60, 3)), wall(60), noisy(wall(60))], ids=["black", "wall", "noise"])
+@pytest.mark.parametrize("light", [np.zeros((50, 60, 3)), np.full((90, 80, 3), 0.3)], ids=["black", "grey"])
 def test_a_photo_without_an_object(light: np.ndarray) -> None:
     with pytest.raises(InputError, match="no object stands out from the background; give a mask file"):
-        auto_mask(light.astype(np.float32))
+        auto_mask(noisy(light))

@@ -33,7 +33,7 @@ def flat(height: int = 48, width: int = 60) -> np.ndarray:
 
 
 def smooth(height: int = 48, width: int = 60) -> np.ndarray:
-    """Three slow waves that have nothing to do with one another; their second derivative is at most 0.4 (2 pi / 30)²."""
+    """Three slow waves that have nothing to do with one another; second derivatives up to 0.4 (2 pi / 30)²."""
     y, x = np.mgrid[:height, :width] * (2 * np.pi / 30)
     return np.stack([0.5 + 0.4 * np.sin(x), 0.5 + 0.4 * np.cos(y), 0.5 + 0.4 * np.sin(x / 2 + y / 2)], axis=-1)
 
