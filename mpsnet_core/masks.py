@@ -179,7 +179,7 @@ def _mended(
 
 def _note_doubts(mask: NDArray[np.bool_], clearness: float) -> None:
     share, touching = mask.mean(), mask[_border(mask.shape, 1)].mean()
-    log.info("the mask covers %.1f%% of the photo; object and background part by %.2f of 1", 100 * share, clearness)
+    log.info("the mask covers %.1f%% of the photo; it is clear by %.2f, where 1 is wholly", 100 * share, clearness)
     if clearness < CLEAR:
         log.warning("object and background hardly differ in places: look at the mask before you use it")
     if touching > 0.01:

@@ -31,21 +31,22 @@ def read_raw(path: Path) -> Image:
     Raises InputError where rawpy is not installed, or the file is missing, broken, too large, or of a sensor without
     red, green and blue in upright rows.
     """
+    path = existing_file(path, "image")
     try:
         rawpy = importlib.import_module("rawpy")
     except ImportError:
         raise InputError(
             f"{path} is a camera raw file, which needs rawpy: pip install 'mpsnet[raw]', or convert it to a linear TIFF"
         ) from None
-    path = existing_file(path, "image")
     try:
         with libraries_silent(), rawpy.RawPy() as raw:
             raw.open_file(str(path))
             _check(raw, path)
             raw.unpack()
             return _developed(raw, rawpy, path)
-    except rawpy.LibRawError as error:
-        reason = str(error.args[0].decode() if error.args and isinstance(error.args[0], bytes) else error)
+    except (rawpy.LibRawError, rawpy.NotSupportedError, NotImplementedError) as error:
+        told = error.args[0] if error.args else ""
+        reason = told.decode("ascii", "replace") if isinstance(told, bytes) else str(told)
         raise InputError(
             f"{path} cannot be read as camera raw ({reason}); if it is whole, convert it to a linear TIFF"
         ) from None
