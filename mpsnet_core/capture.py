@@ -97,7 +97,7 @@ def read_capture(
         if correction is not None:
             image = corrected(image, correction)
         inside = find_mask(image, mask, encoding=encoding, correction=correction)
-        capture = Capture(image.pixels, inside, rig, camera, image.clip, image.clipped)
+        capture = Capture(image.pixels, inside, rig, camera, clip=image.clip, clipped=image.clipped)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     _note_doubts(capture)
