@@ -29,9 +29,9 @@ LEAST_CONTRAST, DARK = 0.02, 0.1
 GAP, SHADOW, SPECK = 0.004, 0.05, 0.001
 # Parts smaller than this share of the largest are not of the object.
 PART = 0.02
-# Otsu's criterion, 0 to 1: 0.64 for a single bell curve cut in two. What is smaller than the
-# first share of the photo and not clear is noise; objects are mostly between the second and the third.
+# Otsu's criterion, 0 to 1: 0.64 for a single bell curve cut in two.
 CLEAR = 0.75
+# Shares of the photo. What is below the first and not clear is noise; most objects are between the others.
 NOISE_SHARE, SMALL_SHARE, LARGE_SHARE = 0.002, 0.01, 0.8
 
 
