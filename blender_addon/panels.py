@@ -129,9 +129,16 @@ class MPS_PT_photo(_Step):
         column.prop(estimate, "mask")
         if estimate.mask == "FILE":
             column.prop(estimate, "mask_file")
+        elif estimate.mask == "BACKGROUND":
+            column.prop(estimate, "background")
         elif estimate.mask == "THRESHOLD":
             column.prop(estimate, "threshold", slider=True)
+        self.progress_or(context, "show_mask", "MOD_MASK")
+        self.picture(estimate.mask_image)
+        column = self.column()
         column.prop(estimate, "encoding")
+        column.prop(estimate, "dark")
+        column.prop(estimate, "flat")
         column.prop(estimate, "rig_file", placeholder="Automatic")
         column.prop(estimate, "lens")
         column.prop(estimate, "distance")

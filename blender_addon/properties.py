@@ -236,7 +236,9 @@ class EstimateSettings:
         name="Mask",
         description="Which pixels of the photo are the object",
         items=[
-            ("AUTO", "Automatic", "The photo's alpha if it has one, else the whole photo"),
+            ("AUTO", "Alpha or All", "The photo's alpha if it has one, else the whole photo"),
+            ("FIND", "Find", "An object before a dark or plain background is found"),
+            ("BACKGROUND", "Background Photo", "Where the photo differs from one of the scene without the object"),
             ("ALPHA", "Alpha", "Where the photo is opaque"),
             ("FILE", "File", "Where a mask picture is white"),
             ("THRESHOLD", "Threshold", "Where the photo is brighter than a threshold"),
@@ -248,6 +250,12 @@ class EstimateSettings:
     mask_file: StringProperty(
         name="Mask File",
         description="Picture that is white where the object is and black elsewhere",
+        subtype="FILE_PATH",
+        options=GIVEN,
+    )
+    background: StringProperty(
+        name="Background",
+        description="Photo of the scene without the object, under the same lights",
         subtype="FILE_PATH",
         options=GIVEN,
     )
@@ -264,6 +272,19 @@ class EstimateSettings:
         description="How the photo's values stand for light",
         items=ENCODINGS,
         default="AUTO",
+        options=GIVEN,
+    )
+    dark: StringProperty(
+        name="Dark Frame",
+        description="Photo with the three lights off, taken off the photo. A folder or pattern of several is averaged",
+        subtype="FILE_PATH",
+        options=GIVEN,
+    )
+    flat: StringProperty(
+        name="Flat Field",
+        description="Photo of an even white card in the object's place, which evens out lens and lights. "
+        "A folder or pattern of several is averaged. Not together with near lights",
+        subtype="FILE_PATH",
         options=GIVEN,
     )
     rig_file: StringProperty(
@@ -516,6 +537,7 @@ class MPS_PG_photo(PhotoSettings, bpy.types.PropertyGroup):
 class MPS_PG_estimate(EstimateSettings, bpy.types.PropertyGroup):
     """The estimate: its settings, and the normal map once it is there."""
 
+    mask_image: PointerProperty(name="Mask", description="The mask, drawn over the photo", type=bpy.types.Image)
     surface: PointerProperty(
         name="Surface",
         description="Mesh that tells how far each pixel is from near lights (area and point lights). "

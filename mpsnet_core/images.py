@@ -193,9 +193,14 @@ def read_data(
 def read_orientation(path: str | os.PathLike[str]) -> int:
     """EXIF orientation of a photo, 1 to 8; :func:`read_image` turns it so that it is 1, which it is unless told.
 
+    Camera raw counts as 1: other programs see what a raw converter made of it, which is upright.
+
     Raises InputError where the file is missing or broken.
     """
-    source = _open(existing_file(path, "image"))
+    path = existing_file(path, "image")
+    if path.suffix.lower() in RAW_SUFFIXES:
+        return 1
+    source = _open(path)
     try:
         return int(source.spec().getattribute("Orientation") or 1)
     finally:
