@@ -89,14 +89,24 @@ def read_capture(
     """
     image = read_image(path, encoding=encoding, layer=layer)
     try:
-        capture = Capture(image.pixels, _mask(image, mask), rig, camera, image.clip)
+        capture = capture_from(image, rig, mask=mask, camera=camera)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-    _note_doubts(capture)
+    note_doubts(capture)
     return capture
 
 
-def _note_doubts(capture: Capture) -> None:
+def capture_from(
+    image: Image, rig: LightRig, *, mask: str | os.PathLike[str] | None = None, camera: Camera | None = None
+) -> Capture:
+    """An image that has been read, a video's frame for instance, as a capture; as :func:`read_capture` else.
+
+    Raises InputError where the mask cannot be read, or image, mask and camera do not fit each other.
+    """
+    return Capture(image.pixels, _mask(image, mask), rig, camera, image.clip)
+
+
+def note_doubts(capture: Capture) -> None:
     """Tell of photos that normals can be estimated from, but hardly right ones."""
     spread = brightest = saturated = 0.0
     total = np.zeros(3)

