@@ -1,8 +1,8 @@
 """Noise taken out of normals over time, without lag: a mean over the frames before and behind that show the same.
 
-A bilateral filter in time (Tomasi and Manduchi 1998): past and future weigh alike, and a neighbour counts at a pixel only
-where its photo shows the same there within the camera's noise, told by small patches as in non-local means (Buades et
-al. 2005). What moves keeps its edges, what stands still loses noise by the square root of the number of frames.
+A bilateral filter in time (Tomasi and Manduchi 1998): past and future weigh alike, and a neighbour counts at a pixel
+only where its photo shows the same there within the camera's noise, told by small patches as in non-local means (Buades
+et al. 2005). What moves keeps its edges, what stands still loses noise by the square root of the number of frames.
 """
 
 from collections import deque

@@ -6,7 +6,7 @@ import pytest
 
 from mpsnet_core.frames import expand_images, numbering, output_files
 
-NAMES = ["b.TIF", "frame_0001.png", "frame_0002.png", "frame_0010.png", "frame_a.png", "frame_01.png"]
+NAMES = ["b.TIF", "frame_0001.png", "frame_01.png", "frame_0002.png", "frame_0010.png", "frame_a.png"]
 
 
 @pytest.fixture
@@ -24,8 +24,8 @@ def folder(tmp_path: Path) -> Path:
         (["frame_####.png"], ["frame_0001.png", "frame_0002.png", "frame_0010.png"]),
         (["frame_##.*"], ["frame_01.png"]),
         (["frame_?.png"], ["frame_a.png"]),
-        (["*.*"], sorted(NAMES)),
-        ([""], sorted(NAMES)),
+        (["*.*"], NAMES),
+        ([""], NAMES),
         (["b.TIF", "frame_0##1.png"], ["b.TIF", "frame_0001.png"]),
     ],
 )
