@@ -25,8 +25,10 @@ SURE = 1.5
 # Noise grows with brightness: it is measured in so many classes of it, on about so many pixels in all.
 CLASSES = 8
 MEASURED = 32768
-# Noise below this share of the photo's mean is none: 8-bit steps in the shadows are larger.
-LEAST_NOISE = 1e-3
+# Noise is taken to be this share of the light at least, by which a normal turns a degree: compressed video shows less
+# between many pixels of two frames, which it copies, and more between others. In shadows, of so much of the mean light.
+LEAST_NOISE = 0.01
+SHADOW = 0.2
 # Where no frame is sure of anything, all count alike.
 LEAST_CONFIDENCE = 0.01
 
@@ -122,14 +124,15 @@ def _noise(
     whole = inside[:, :-2] & inside[:, 1:-1] & inside[:, 2:]
     places = np.flatnonzero(whole[:-2] & whole[1:-1] & whole[2:])
     places = places[:: max(1, len(places) // MEASURED)]
-    least = LEAST_NOISE * max(float(brightness.mean(where=inside)) if inside.any() else 0.0, 1e-6)
+    mean = float(brightness.mean(where=inside)) if inside.any() else 0.0
+    least = np.float32(LEAST_NOISE) * np.maximum(brightness, np.float32(max(SHADOW * mean, 1e-6)))
     if len(places) < CLASSES:
-        return np.full_like(difference, least)
+        return least
     rest, level = rest.ravel()[places], brightness[1:-1, 1:-1].ravel()[places]
     classes = np.array_split(np.argsort(level, kind="stable"), CLASSES)
     levels = [float(level[members].mean()) for members in classes]
-    strengths = [max(float(np.median(rest[members])), least) for members in classes]
-    return np.interp(brightness, levels, strengths).astype(np.float32)
+    strengths = [float(np.median(rest[members])) for members in classes]
+    return np.maximum(np.interp(brightness, levels, strengths).astype(np.float32), least)
 
 
 def _patch_sums(values: NDArray[np.float32]) -> NDArray[np.float32]:

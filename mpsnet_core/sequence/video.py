@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import existing_file
 from mpsnet_core.frames import RESULT
-from mpsnet_core.images import ENCODINGS, MAX_PIXELS, Encoding, Image, checked_bits, srgb_to_linear
+from mpsnet_core.images import ENCODINGS, IMAGE_SUFFIXES, MAX_PIXELS, Encoding, Image, checked_bits, srgb_to_linear
 from mpsnet_core.sequence.source import Frame, Masks, identity
 
 log = logging.getLogger(__name__)
@@ -83,7 +83,7 @@ def video_outputs(video: Path, folder: str | os.PathLike[str], suffix: str) -> C
     Raises InputError where `folder` cannot be one.
     """
     target = Path(folder)
-    if target.is_file() or (not target.is_dir() and target.suffix):
+    if target.is_file() or (not target.is_dir() and target.suffix.lower() in IMAGE_SUFFIXES):
         raise InputError(f"{target} is one file, but {video} is a video; give a folder")
     if not target.is_dir() and not target.parent.is_dir():
         raise InputError(f"cannot make folder {target}: {target.parent} does not exist; create it first")
