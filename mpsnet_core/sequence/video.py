@@ -27,6 +27,8 @@ _OPEN = {"protocol_whitelist": "file", "format_whitelist": "avi,matroska,webm,mo
 # Transfer characteristics by their numbers in ITU-T H.273.
 _LINEAR = 8
 _NOT_SRGB = {9: "logarithmic", 10: "logarithmic", 16: "PQ (HDR)", 17: "DCI", 18: "HLG (HDR)"}
+# And matrices.
+_BT709 = 1
 _UNKNOWN_MATRIX = 2
 # Lower pictures whose matrix is not told are by BT.601, others by BT.709.
 _HD_HEIGHT = 720
@@ -124,10 +126,9 @@ def video_frames(
                     f"{video.height}; cut the video where its size changes"
                 )
             made_from = "\n".join([source, str(number), *masks.made_from(number, reach)])
-            read = partial(_image, picture, linear)
-            yield Frame(
-                number, f"{video.path.name}, frame {number}", outputs(number), made_from, read, masks.of(number)
-            )
+            name = f"{video.path.name}, frame {number}"
+            read = partial(_image, picture, linear, name)
+            yield Frame(number, name, outputs(number), made_from, read, masks.of(number))
     if number == 0:
         raise InputError(f"{video.path} holds no frame that can be read{damage}; copy or export it again")
     if damage or video.count - number > max(2, _SHORT * video.count):
@@ -135,15 +136,21 @@ def video_frames(
         log.warning("%s ends after %d%s frames%s: is it cut short or damaged?", video.path, number, promised, damage)
 
 
-def _image(picture: Any, linear: bool) -> Image:
+def _image(picture: Any, linear: bool, name: str) -> Image:
     """A decoded frame as linear pixels, upright."""
+    import av
+
     parts = picture.format.components
     deep, alpha = any(part.bits > 8 for part in parts), any(part.is_alpha for part in parts)
-    matrix = None
-    if picture.colorspace == _UNKNOWN_MATRIX and picture.height >= _HD_HEIGHT:
-        matrix = "ITU709"
+    matrix = int(picture.colorspace)
+    if matrix == _UNKNOWN_MATRIX and picture.height >= _HD_HEIGHT:
+        matrix = _BT709
     kind = {(False, False): "rgb24", (True, False): "rgb48le", (False, True): "rgba", (True, True): "rgba64le"}
-    values: NDArray[Any] = picture.to_ndarray(format=kind[deep, alpha], src_colorspace=matrix)
+    try:
+        values: NDArray[Any] = picture.to_ndarray(format=kind[deep, alpha], src_colorspace=matrix)
+    except (av.FFmpegError, OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"{name}: its colours cannot be brought to RGB ({reason}); convert the video") from None
     values = np.rot90(values, round(picture.rotation / 90))
     steps = np.linspace(0, 1, 65536 if deep else 256)
     curve = (steps if linear else srgb_to_linear(steps)).astype(np.float32)
@@ -172,7 +179,7 @@ def _opened(path: Path) -> Any:
             f'{path} is a video, which takes PyAV to read; install it with pip install "mpsnet[video]", or give frames'
         ) from None
     try:
-        container = av.open(f"file:{path}", options=dict(_OPEN), metadata_errors="replace")
+        container = av.open(f"file:{path}", options=dict(_OPEN))
     except (av.FFmpegError, OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError(f"{path} cannot be read as a video ({reason}); is it a video file, and whole?") from None

@@ -226,6 +226,13 @@ def test_bad_videos_get_one_sentence(tmp_path: Path, kind: str, capfd: pytest.Ca
     assert capfd.readouterr().err == ""
 
 
+def test_colours_that_cannot_be_converted_get_one_sentence(tmp_path: Path) -> None:
+    ictcp = 14
+    [frame] = decoded(clip(tmp_path / "a.mkv", noise(1), kind="yuv444p", colorspace=ictcp))
+    with pytest.raises(InputError, match=r"^a\.mkv, frame 1: its colours cannot be brought to RGB \(.*\); convert the"):
+        frame.read()
+
+
 def test_sound_alone_is_refused(tmp_path: Path) -> None:
     with av.open(str(tmp_path / "a.mkv"), "w") as container:
         stream = container.add_stream("pcm_s16le", rate=8000)
