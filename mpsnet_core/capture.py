@@ -11,7 +11,7 @@ from mpsnet_core.bands import bands
 from mpsnet_core.camera import Camera, camera_of_lens
 from mpsnet_core.correction import Correction, corrected
 from mpsnet_core.errors import InputError
-from mpsnet_core.images import Encoding, read_image, saturated
+from mpsnet_core.images import Encoding, Image, read_image, saturated
 from mpsnet_core.masks import find_mask
 from mpsnet_core.rig import LightRig
 from mpsnet_core.surface.raster import grown
@@ -122,18 +122,37 @@ def read_capture(
     """
     image = read_image(path, encoding=encoding, layer=layer)
     try:
-        if correction is not None:
-            image = corrected(image, correction)
-        height, width, _ = image.pixels.shape
-        if camera is not None and not isinstance(camera, Camera):
-            camera = camera_of_lens(camera, width, height)
-        inside = find_mask(image, mask, encoding=encoding, correction=correction)
-        distances = _depth(depth, rig, inside)
-        capture = Capture(image.pixels, inside, rig, camera, image.clip, distances, image.clipped)
+        capture = capture_from(
+            image, rig, mask=mask, encoding=encoding, camera=camera, depth=depth, correction=correction
+        )
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-    _note_doubts(capture)
+    note_doubts(capture)
     return capture
+
+
+def capture_from(
+    image: Image,
+    rig: LightRig,
+    *,
+    mask: str | os.PathLike[str] | None = None,
+    encoding: Encoding = "auto",
+    camera: Camera | float | None = None,
+    depth: NDArray[np.float32] | float | None = None,
+    correction: Correction | None = None,
+) -> Capture:
+    """An image that has been read, a video's frame for instance, as a capture; all else as of :func:`read_capture`.
+
+    Raises InputError where the mask cannot be read, or image, mask, camera and depth do not fit each other.
+    """
+    if correction is not None:
+        image = corrected(image, correction)
+    height, width, _ = image.pixels.shape
+    if camera is not None and not isinstance(camera, Camera):
+        camera = camera_of_lens(camera, width, height)
+    inside = find_mask(image, mask, encoding=encoding, correction=correction)
+    distances = _depth(depth, rig, inside)
+    return Capture(image.pixels, inside, rig, camera, image.clip, distances, image.clipped)
 
 
 def _depth(
@@ -165,7 +184,7 @@ def _depth(
     return grown(filled, known, DEPTH_MARGIN)[..., 0]
 
 
-def _note_doubts(capture: Capture) -> None:
+def note_doubts(capture: Capture) -> None:
     """Tell of photos that normals can be estimated from, but hardly right ones."""
     spread = brightest = spoilt = 0.0
     total = np.zeros(3)

@@ -1,7 +1,9 @@
 """Files that appear whole or not at all, and JSON files that say what they are."""
 
+import contextlib
 import json
 import os
+import sys
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -65,6 +67,28 @@ def remove_unfinished(folder: str | os.PathLike[str], pid: int) -> None:
     """Remove what process `pid`, ended by force, left unfinished in `folder`."""
     for left in Path(folder).glob(f".*.{pid}.unfinished*"):
         left.unlink(missing_ok=True)
+
+
+def remove_abandoned(folder: str | os.PathLike[str]) -> None:
+    """Remove what processes that were ended by force left unfinished in `folder`, and nothing that one is writing."""
+    for left in Path(folder).glob(".*.unfinished*"):
+        pid = left.name.split(".unfinished")[0].rpartition(".")[2]
+        if pid.isdecimal() and not _running(int(pid)):
+            # Windows, which tells us nothing of the process, does not let go of a file that one has open.
+            with contextlib.suppress(PermissionError):
+                left.unlink(missing_ok=True)
+
+
+def _running(pid: int) -> bool:
+    if sys.platform == "win32":
+        return False
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        return True
+    return True
 
 
 def existing_file(path: str | os.PathLike[str], what: str) -> Path:

@@ -1,9 +1,12 @@
 """Which photos are meant by files, folders and frame patterns, and what their results are called."""
 
 import glob
+import itertools
 import os
 import re
+from collections import Counter
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from mpsnet_core.errors import InputError
@@ -13,9 +16,68 @@ from mpsnet_core.images import IMAGE_SUFFIXES, PHOTO_SUFFIXES, RAW_SUFFIXES, che
 # What a photo's name is given to name its normals.
 RESULT = "_normals"
 
+# So many gaps in a sequence are named; more are only said to be.
+NAMED_GAPS = 5
+
+
+@dataclass(frozen=True)
+class Numbering:
+    """The numbers of files whose names differ in one run of digits alone: the frames of a sequence.
+
+    head, tail: the names without suffix, before and behind the digits. digits: of each file, as written.
+    """
+
+    head: str
+    tail: str
+    digits: tuple[str, ...]
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """The frame number of each file."""
+        return tuple(map(int, self.digits))
+
+    @property
+    def stems(self) -> list[str]:
+        """The files' names without suffix, the number moved behind all other digits, where Blender looks for it."""
+        if not re.search("[0-9]", self.tail):
+            return [f"{self.head}{digits}{self.tail}" for digits in self.digits]
+        return [f"{self.head.rstrip('_.- ')}{self.tail}_{digits}" for digits in self.digits]
+
+    @property
+    def gaps(self) -> str:
+        """The numbers that are missing between the first and the last, in words; "" where none is."""
+        numbers = sorted(self.numbers)
+        gaps = [
+            str(a + 1) if b - a == 2 else f"{a + 1} to {b - 1}" for a, b in itertools.pairwise(numbers) if b - a > 1
+        ]
+        return ", ".join(gaps[:NAMED_GAPS] + ["and more"] * (len(gaps) > NAMED_GAPS))
+
+
+def numbering(files: Sequence[Path]) -> Numbering | None:
+    """The numbers of `files`, or None where they are no sequence: names that differ in more, or a number twice."""
+    names = [re.split("([0-9]+)", file.stem) for file in files]
+    if len({len(name) for name in names}) != 1 or len(files) < 2:
+        return None
+    columns = list(zip(*names, strict=True))
+    differing = [place for place, column in enumerate(columns) if len(set(column)) > 1]
+    if len(differing) != 1 or differing[0] % 2 == 0:  # text stands at even places, digits between
+        return None
+    place = differing[0]
+    found = Numbering("".join(names[0][:place]), "".join(names[0][place + 1 :]), columns[place])
+    return found if len(set(found.numbers)) == len(files) else None
+
+
+def natural_order(file: Path) -> tuple[list[str | int], str]:
+    """Sorts frame_2 before frame_10: runs of digits count as numbers."""
+    parts: list[str | int] = [
+        int(part) if place % 2 else part for place, part in enumerate(re.split("([0-9]+)", file.name))
+    ]
+    return parts, file.name
+
 
 def expand_images(inputs: Sequence[str | os.PathLike[str]]) -> list[Path]:
-    """The photos meant by `inputs`, in order: files as they are, a folder's or a pattern's images sorted by name.
+    """The photos meant by `inputs`, in order: files as they are, a folder's or a pattern's images by name, numbers in
+    names by their size (frame_2 before frame_10).
 
     A run of # in a pattern stands for as many digits; * and ? as in a shell. Where a camera wrote a photo both as raw
     and as JPEG, folders and patterns mean the raw file.
@@ -60,9 +122,11 @@ def output_files(photos: Sequence[Path], output: str | os.PathLike[str], suffix:
         if not target.parent.is_dir():
             raise InputError(f"cannot make folder {target}: {target.parent} does not exist; create it first")
     checked_bits(Path(f"normals{suffix}"))
-    files = [target / f"{photo.stem}{RESULT}{suffix}" for photo in photos]
+    numbered = numbering(photos)
+    stems = numbered.stems if numbered else [photo.stem for photo in photos]
+    files = [target / f"{stem}{RESULT}{suffix}" for stem in stems]
     if len(set(files)) < len(files):
-        twice = next(file for file in files if files.count(file) > 1)
+        twice = next(file for file, times in Counter(files).items() if times > 1)
         raise InputError(f"two photos would both be written to {twice}; rename one or estimate them apart")
     check_apart(photos, files)
     return files
@@ -81,7 +145,7 @@ def _is_result(file: Path) -> bool:
 
 
 def _photos(files: Iterable[Path]) -> list[Path]:
-    found = sorted(file for file in files if _is_image(file))
+    found = sorted(filter(_is_image, files), key=natural_order)
     raw = {file.with_suffix("") for file in found if file.suffix.lower() in RAW_SUFFIXES}
     return [file for file in found if file.suffix.lower() not in (".jpg", ".jpeg") or file.with_suffix("") not in raw]
 

@@ -40,6 +40,8 @@ PHOTO_SUFFIXES = (*IMAGE_SUFFIXES, *RAW_SUFFIXES)
 # Above this share of the clip value a channel counts as saturated: an 8-bit sRGB 254 is linear 0.991.
 SATURATED_SHARE = 0.99
 
+PNG_FILTER_UP = 32  # libpng's number: each pixel is stored as its difference from the one above
+
 
 @dataclass(frozen=True)
 class Image:
@@ -208,12 +210,18 @@ def read_orientation(path: str | os.PathLike[str]) -> int:
 
 
 def write_image(
-    path: str | os.PathLike[str], pixels: NDArray[Any], *, bits: int | None = None, color_space: str = "raw"
+    path: str | os.PathLike[str],
+    pixels: NDArray[Any],
+    *,
+    bits: int | None = None,
+    color_space: str = "raw",
+    description: str | None = None,
 ) -> None:
     """Write (H, W) or (H, W, C) values as they stand, whole or not at all.
 
     A fourth channel is alpha, not premultiplied into the others here. bits: 8, 16 or 32 as the format allows; integers
     hold 0 to 1, EXR 16 is half. color_space: "raw" for data, "sRGB" for pictures whose values carry that curve.
+    description: a line of text to be kept in the file, which :func:`image_description` reads.
 
     Raises InputError where the format, the bits or the place to write are not usable.
     """
@@ -226,9 +234,13 @@ def write_image(
     spec = oiio.ImageSpec(width, height, channels, kind)
     spec.attribute("oiio:ColorSpace", color_space)
     if path.suffix.lower() == ".png":
-        spec.attribute("png:compressionLevel", 3)
+        # For 16 bits of normals or photos smaller than what libpng chooses, in a quarter of its time.
+        spec.attribute("compression", "rle")
+        spec.attribute("png:filter", PNG_FILTER_UP)
     elif not path.suffix.lower().startswith(".jp"):
         spec.attribute("compression", "zip")
+    if description is not None:
+        spec.attribute("ImageDescription", description)
     if channels == 4:
         spec.alpha_channel = 3
         if not is_exr:
@@ -249,6 +261,18 @@ def write_image(
         if not (target.close() and done and _has_its_end(unfinished)):
             reason = target.geterror() or oiio.geterror() or "the file was cut short"
             raise InputError(f"cannot write {path} ({' '.join(reason.split())}); is the disk full?")
+
+
+def image_description(path: str | os.PathLike[str]) -> str:
+    """The line of text that an image file keeps, "" where it has none or cannot be read as an image."""
+    source = oiio.ImageInput.open(os.fspath(path))
+    if source is None:
+        oiio.geterror()
+        return ""
+    try:
+        return str(source.spec().getattribute("ImageDescription") or "")
+    finally:
+        source.close()
 
 
 def _has_its_end(file: Path) -> bool:

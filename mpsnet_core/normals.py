@@ -89,13 +89,17 @@ def write_normals(
     *,
     convention: Convention = "opengl",
     bits: int | None = None,
+    description: str | None = None,
 ) -> None:
-    """Write camera-space normals as colours with the mask as alpha: PNG or TIFF (16 bits) or EXR (float)."""
+    """Write camera-space normals as colours with the mask as alpha: PNG or TIFF (16 bits) or EXR (float).
+
+    description: a line of text to be kept in the file, see :func:`mpsnet_core.images.write_image`.
+    """
     colours = np.empty((*normals.mask.shape, 4), np.float32)
     for rows in bands(len(colours)):
         colours[rows, :, :3] = encode(normals.vectors[rows], convention)
     colours[..., 3] = normals.mask
-    write_image(path, colours, bits=bits)
+    write_image(path, colours, bits=bits, description=description)
 
 
 def read_normals(

@@ -1,7 +1,7 @@
 """How the command line takes its arguments."""
 
 import argparse
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from mpsnet_core.errors import InputError
 
@@ -41,6 +41,16 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_place(parser: argparse.ArgumentParser) -> None:
+    """Where the photo was taken from: camera or lens, and how far the object was."""
+    parser.add_argument("--camera", help="camera file: for perspective, and where the rig's lights are near")
+    parser.add_argument("--focal", type=float, metavar="MM", help="in its place the lens, in mm on a 36 mm sensor")
+    parser.add_argument(
+        "--mesh", help="the object's mesh in the camera's world: how far each pixel is from near lights"
+    )
+    parser.add_argument("--distance", type=float, help="in its place one distance of the object from the camera")
+
+
 def asked_correction(options: argparse.Namespace) -> "Correction | None":
     """Dark frame and flat field as :func:`add_reading` takes them, None where neither is given."""
     from mpsnet_core.correction import read_correction
@@ -50,7 +60,30 @@ def asked_correction(options: argparse.Namespace) -> "Correction | None":
     return read_correction(options.dark, options.flat, encoding=options.encoding, smooth=options.flat_smooth)
 
 
+def asked_place(options: argparse.Namespace) -> tuple[Any, Any]:
+    """Camera (or focal length) and depth (or distance) as :func:`add_place` takes them, None where not told."""
+    from mpsnet_core.camera import read_camera
+    from mpsnet_core.surface.depth import depth_of_mesh
+    from mpsnet_core.surface.mesh import read_mesh
+
+    if options.camera and options.focal is not None:
+        raise InputError("--camera and --focal both tell the lens; give one of them")
+    if options.mesh and options.distance is not None:
+        raise InputError("--mesh and --distance both tell how far the object is; give one of them")
+    if options.mesh and not options.camera:
+        raise InputError("--mesh needs --camera, which tells where the mesh was seen from; give it")
+    camera = read_camera(options.camera) if options.camera else options.focal
+    if options.mesh:
+        mesh = read_mesh(options.mesh)
+        try:
+            return camera, depth_of_mesh(camera, mesh)
+        except InputError as error:
+            raise InputError(f"camera {options.camera}: {error}") from None
+    return camera, options.distance
+
+
 def read_files(options: argparse.Namespace) -> list[str]:
-    """The files that mask, dark frame and flat field are read from, which no result may overwrite."""
+    """The files that options of :func:`add_reading` and :func:`add_place` name, which no result may overwrite."""
     mask = (options.mask or "").removeprefix("background:")
-    return [file for file in (mask, options.dark, options.flat) if file]
+    place = (getattr(options, "camera", None), getattr(options, "mesh", None))
+    return [file for file in (mask, options.dark, options.flat, *place) if file]

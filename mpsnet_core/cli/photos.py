@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from mpsnet_core.cli.arguments import Help, Verbs, add_reading, asked_correction, read_files
+from mpsnet_core.cli.arguments import Help, Verbs, add_place, add_reading, asked_correction, asked_place, read_files
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.errors import InputError
 
@@ -30,20 +30,18 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
 
 
 def _add_estimate(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("image", nargs="+", help="photo(s), a folder of them, or a pattern: frame_####.png, *.tif")
+    parser.add_argument(
+        "image", nargs="+", help="photo(s), a folder of them, a pattern (frame_####.png, *.tif), or a video"
+    )
     parser.add_argument("--rig", required=True, help="rig file (.json, or .lp with three lights)")
     parser.add_argument(
         "--mask",
-        help="mask file, alpha, none, auto, background:FILE (the scene without the object) or threshold:0.05; without "
-        "it alpha, where the photo has it, else the whole photo; `mpsnet mask` shows what comes of it",
+        help="mask file, alpha, none, auto, background:FILE (the scene without the object) or threshold:0.05, for "
+        "frames also a folder or pattern of masks by their numbers; without it alpha, where the photo has it, else the "
+        "whole photo; `mpsnet mask` shows what comes of it",
     )
     parser.add_argument("--model", help="a name of `mpsnet models` or an .onnx file; multiscale unless given")
-    parser.add_argument("--camera", help="camera file: for perspective, and where the rig's lights are near")
-    parser.add_argument("--focal", type=float, metavar="MM", help="in its place the lens, in mm on a 36 mm sensor")
-    parser.add_argument(
-        "--mesh", help="the object's mesh in the camera's world: how far each pixel is from near lights"
-    )
-    parser.add_argument("--distance", type=float, help="in its place one distance of the object from the camera")
+    add_place(parser)
     add_reading(parser)
     parser.add_argument("--convention", default="opengl", help="opengl (green up) or directx (green down)")
     parser.add_argument("--confidence", metavar="FILE", help="also write the confidence map (one photo only)")
@@ -53,7 +51,15 @@ def _add_estimate(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--threads", type=int, default=0, help="CPU threads for networks, 0 for all")
     parser.add_argument("--tile", type=int, help="tile side in pixels for networks (default: 448)")
-    parser.add_argument("-o", "--output", required=True, help="image file, or a folder where there are several photos")
+    parser.add_argument(
+        "--smooth", type=int, default=0, metavar="N", help="frames before and behind that each is averaged with"
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        required=True,
+        help="image file, or a folder where there are several; frames that it holds already are not made again",
+    )
     parser.set_defaults(verb=_estimate)
 
 
@@ -67,79 +73,53 @@ def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
     from mpsnet_core.normals import check_convention, write_normals
     from mpsnet_core.progress import part
     from mpsnet_core.rig import read_rig
+    from mpsnet_core.sequence.video import is_video
 
     check_convention(options.convention)
     rig = read_rig(options.rig)
-    camera, depth = _place(options)
     photos = expand_images(options.image)
-    outputs = output_files(photos, options.output, f".{options.format.lstrip('.')}")
-    inputs = [*photos, options.rig, *read_files(options), *filter(None, (options.camera, options.mesh))]
-    check_apart(inputs, outputs)
+    if len(photos) > 1 or is_video(photos[0]):
+        from mpsnet_core.cli.sequence import estimate_frames
+
+        return estimate_frames(options, photos, rig, reporter)
+    if options.smooth:
+        raise InputError("--smooth takes the frames of a sequence, and there is one photo; leave it out")
+    [photo], [output] = photos, output_files(photos, options.output, f".{options.format.lstrip('.')}")
+    inputs = [photo, options.rig, *read_files(options)]
+    check_apart(inputs, [output])
     if options.confidence:
-        if len(photos) > 1:
-            raise InputError("--confidence takes one photo at a time; leave it out or give one photo")
         checked_bits(writable_path(options.confidence))
-        check_apart([*inputs, *outputs], [options.confidence])
-    correction = asked_correction(options)
+        check_apart([*inputs, output], [options.confidence])
+    correction, (camera, depth) = asked_correction(options), asked_place(options)
     estimator = Estimator(
         options.model or DEFAULT_MODEL,
         provider=options.provider,
         threads=options.threads,
         tile=DEFAULT_TILE if options.tile is None else options.tile,
     )
-    pixels = 0
-    for number, (photo, output) in enumerate(zip(photos, outputs, strict=True)):
-        step = part(reporter.progress, number / len(photos), (number + 1) / len(photos))
-        step(0.0, f"reading {photo.name}")
-        # Neither the photo nor the last normals are kept while others are made: they are large.
-        normals = None
-        normals = estimator(
-            read_capture(
-                photo,
-                rig,
-                mask=options.mask,
-                encoding=options.encoding,
-                layer=options.layer,
-                camera=camera,
-                depth=depth,
-                correction=correction,
-            ),
-            part(step, 0.1, 0.9),
-        )
-        pixels += int(normals.mask.sum())
-        step(0.9, f"writing {output.name}")
-        output.parent.mkdir(exist_ok=True)
-        write_normals(output, normals, convention=options.convention)
-        if options.confidence:
-            write_image(options.confidence, normals.confidence)
-        step(1.0, "done")
+    reporter.progress(0.0, f"reading {photo.name}")
+    capture = read_capture(
+        photo,
+        rig,
+        mask=options.mask,
+        encoding=options.encoding,
+        layer=options.layer,
+        camera=camera,
+        depth=depth,
+        correction=correction,
+    )
+    normals = estimator(capture, part(reporter.progress, 0.1, 0.9))
+    reporter.progress(0.9, f"writing {output.name}")
+    output.parent.mkdir(exist_ok=True)
+    write_normals(output, normals, convention=options.convention)
+    if options.confidence:
+        write_image(options.confidence, normals.confidence)
+    reporter.progress(1.0, "done")
     return {
-        "outputs": [str(output) for output in outputs],
-        "pixels": pixels,
-        "text": "\n".join(f"{output}: normals by {estimator.name}" for output in outputs),
+        "outputs": [str(output)],
+        "pixels": int(normals.mask.sum()),
+        "text": f"{output}: normals by {estimator.name}",
     }
-
-
-def _place(options: argparse.Namespace) -> tuple[Any, Any]:
-    """Camera (or focal length) and depth (or distance) of the photos, None where they are not told."""
-    from mpsnet_core.camera import read_camera
-    from mpsnet_core.surface.depth import depth_of_mesh
-    from mpsnet_core.surface.mesh import read_mesh
-
-    if options.camera and options.focal is not None:
-        raise InputError("--camera and --focal both tell the lens; give one of them")
-    if options.mesh and options.distance is not None:
-        raise InputError("--mesh and --distance both tell how far the object is; give one of them")
-    if options.mesh and not options.camera:
-        raise InputError("--mesh needs --camera, which tells where the mesh was seen from; give it")
-    camera = read_camera(options.camera) if options.camera else options.focal
-    if options.mesh:
-        mesh = read_mesh(options.mesh)
-        try:
-            return camera, depth_of_mesh(camera, mesh)
-        except InputError as error:
-            raise InputError(f"camera {options.camera}: {error}") from None
-    return camera, options.distance
 
 
 # --- superpose --------------------------------------------------------------------------------------------------------

@@ -150,6 +150,8 @@ def _session(path: Path, provider: str, threads: int) -> Any:
     options.intra_op_num_threads = threads
     options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_ENABLE_ALL
     options.enable_mem_pattern = False  # plans for one size only, half as much memory again, and is no quicker
+    # Threads that wait for work would hold cores that reading and writing other frames can use; no slower alone.
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.log_severity_level = 4  # what goes wrong is said in our own sentence
     try:
         return onnxruntime.InferenceSession(str(path), options, providers=[PROVIDERS[provider]])

@@ -87,7 +87,8 @@ def test_a_folder_of_frames_becomes_a_folder_of_normals(
     assert told == sorted(told)
     names = [f"frame_{number:04d}_normals.tif" for number in (1, 2, 3)]
     assert listing(tmp_path / "out") == names
-    assert last["result"]["outputs"] == [str(tmp_path / "out" / name) for name in names]
+    assert last["result"]["first_output"] == str(tmp_path / "out" / names[0])
+    assert (last["result"]["pattern"], last["result"]["count"]) == ("frame_####_normals.tif", 3)
 
 
 @pytest.mark.parametrize("style", ["none", "json", "bar", "auto"])

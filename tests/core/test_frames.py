@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from mpsnet_core.frames import expand_images, output_files
+from mpsnet_core.frames import expand_images, numbering, output_files
 
-NAMES = ["b.TIF", "frame_0001.png", "frame_0002.png", "frame_0010.png", "frame_a.png", "frame_01.png"]
+NAMES = ["b.TIF", "frame_0001.png", "frame_01.png", "frame_0002.png", "frame_0010.png", "frame_a.png"]
 
 
 @pytest.fixture
@@ -24,8 +24,8 @@ def folder(tmp_path: Path) -> Path:
         (["frame_####.png"], ["frame_0001.png", "frame_0002.png", "frame_0010.png"]),
         (["frame_##.*"], ["frame_01.png"]),
         (["frame_?.png"], ["frame_a.png"]),
-        (["*.*"], sorted(NAMES)),
-        ([""], sorted(NAMES)),
+        (["*.*"], NAMES),
+        ([""], NAMES),
         (["b.TIF", "frame_0##1.png"], ["b.TIF", "frame_0001.png"]),
     ],
 )
@@ -57,3 +57,43 @@ def test_results_of_an_earlier_run_are_no_photos(tmp_path: Path) -> None:
     assert [photo.name for photo in expand_images([tmp_path])] == ["a.png", "b.png"]
     # Named outright, it is meant.
     assert [photo.name for photo in expand_images([tmp_path / "a_normals.png"])] == ["a_normals.png"]
+
+
+def test_frames_without_zeros_before_their_numbers_are_in_order(tmp_path: Path) -> None:
+    for number in (1, 10, 9, 100, 2):
+        (tmp_path / f"take2_{number}.png").touch()
+    names = [path.name for path in expand_images([tmp_path])]
+    assert names == [f"take2_{number}.png" for number in (1, 2, 9, 10, 100)]
+
+
+@pytest.mark.parametrize(
+    ("names", "numbers"),
+    [
+        (["a_0001.png", "a_0002.png"], (1, 2)),
+        (["a9.png", "a10.png"], (9, 10)),
+        (["shot3_07_v2.png", "shot3_08_v2.png"], (7, 8)),
+        (["shot1_01.png", "shot2_02.png"], None),
+        (["a_1.png", "b_2.png"], None),
+        (["a_1.png", "a_01.png"], None),
+        (["a_1.png", "a_.png"], None),
+        (["a_1.png"], None),
+    ],
+)
+def test_names_that_differ_in_one_number_are_a_sequence(names: list[str], numbers: tuple[int, ...] | None) -> None:
+    found = numbering([Path(name) for name in names])
+    assert (found and found.numbers) == numbers
+
+
+@pytest.mark.parametrize(
+    ("numbers", "words"),
+    [([1, 2, 3], ""), ([6, 8], "7"), ([8, 1, 2], "3 to 7"), ([1, 3, 5, 7, 9, 11, 13], "2, 4, 6, 8, 10, and more")],
+)
+def test_missing_numbers_are_named(numbers: list[int], words: str) -> None:
+    found = numbering([Path(f"frame_{number:04d}.png") for number in numbers])
+    assert found is not None and found.gaps == words
+
+
+def test_results_of_a_sequence_have_their_number_behind_all_other_digits(tmp_path: Path) -> None:
+    """Blender takes a file's last digits for the number of its frame."""
+    files = output_files([tmp_path / f"shot2_{number:02d}_v3.png" for number in (7, 8)], tmp_path / "out", ".png")
+    assert [file.name for file in files] == ["shot2_v3_07_normals.png", "shot2_v3_08_normals.png"]

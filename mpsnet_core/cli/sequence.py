@@ -1,0 +1,166 @@
+"""The verb estimate for more than one picture: several photos, numbered frames, a video."""
+
+import argparse
+import hashlib
+import logging
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from mpsnet_core.capture import Capture, capture_from
+from mpsnet_core.cli.arguments import asked_correction, asked_place, read_files
+from mpsnet_core.cli.reporter import Reporter
+from mpsnet_core.errors import InputError
+from mpsnet_core.estimate import Estimator
+from mpsnet_core.estimate.shelf import DEFAULT_MODEL, DEFAULT_TILE, LAMBERTIAN, LAMBERTIAN_GREY_WORLD, find_network
+from mpsnet_core.frames import check_apart, numbering, output_files
+from mpsnet_core.rig import LightRig
+from mpsnet_core.sequence.run import Outcome, estimate_sequence
+from mpsnet_core.sequence.smoothing import MAX_REACH
+from mpsnet_core.sequence.source import Frame, frame_masks, identity, photo_frames
+from mpsnet_core.sequence.video import is_video, read_video_header, video_frames, video_outputs
+
+log = logging.getLogger(__name__)
+
+# Options that change nothing in the normals, or that the frames themselves tell of; all others make other normals.
+NOT_IN_RECIPE = ("confidence", "image", "mask", "model", "output", "progress", "provider", "threads", "verb")
+
+
+def estimate_frames(
+    options: argparse.Namespace, photos: list[Path], rig: LightRig, reporter: Reporter
+) -> dict[str, Any]:
+    """Normals of several photos, or of a video's frames."""
+    if options.confidence:
+        raise InputError("--confidence takes one photo at a time; leave it out or give one photo")
+    if not 0 <= options.smooth <= MAX_REACH:
+        raise InputError(f"--smooth {options.smooth} cannot be; choose 0 to {MAX_REACH} frames")
+    if not any(is_video(photo) for photo in photos):
+        return _photos(options, photos, rig, reporter)
+    if len(photos) > 1:
+        raise InputError(f"{next(filter(is_video, photos))} is a video; give it alone, and each video on its own")
+    return _video(options, photos[0], rig, reporter)
+
+
+def _photos(options: argparse.Namespace, photos: list[Path], rig: LightRig, reporter: Reporter) -> dict[str, Any]:
+    outputs = output_files(photos, options.output, f".{options.format.lstrip('.')}")
+    check_apart([*photos, options.rig, *read_files(options)], outputs)
+    numbered = numbering(photos)
+    masks = frame_masks(options.mask)
+    if numbered is None and (options.smooth or masks.by_number):
+        what = "--smooth" if options.smooth else f"--mask {options.mask}"
+        raise InputError(f"{what} takes the frames of one sequence: photos whose names differ in one number alone")
+    for number in numbered.numbers if numbered else ():
+        masks.of(number)  # one that is missing is told before any work
+    frames = photo_frames(
+        photos, outputs, masks=masks, reach=options.smooth, encoding=options.encoding, layer=options.layer
+    )
+    outcome, result = _run(options, frames, len(photos), rig, reporter)
+    if numbered is None:
+        listed = [str(output) for output in outputs]
+        return {**result, "outputs": listed, "text": f"{options.output}: {_told(outcome, options)}"}
+    if numbered.gaps:
+        log.warning("frame(s) %s missing; the others are estimated", numbered.gaps)
+    number, first = min(zip(numbered.numbers, outputs, strict=True))
+    padded = len({len(digits) for digits in numbered.digits}) == 1
+    return {**result, **_sequence(outcome, options, first, number, padded, None)}
+
+
+def _video(options: argparse.Namespace, path: Path, rig: LightRig, reporter: Reporter) -> dict[str, Any]:
+    if options.layer:
+        raise InputError(f"{path} is a video, which has no layers; leave --layer out")
+    outputs = video_outputs(path, options.output, f".{options.format.lstrip('.')}")
+    video = read_video_header(path, encoding=options.encoding)
+    frames = video_frames(
+        video, outputs, masks=frame_masks(options.mask), reach=options.smooth, encoding=options.encoding
+    )
+    outcome, result = _run(options, frames, video.count, rig, reporter)
+    return {**result, **_sequence(outcome, options, outputs(1), 1, True, video.frame_rate)}
+
+
+def _run(
+    options: argparse.Namespace, frames: Iterable[Frame], count: int, rig: LightRig, reporter: Reporter
+) -> tuple[Outcome, dict[str, Any]]:
+    correction, (camera, depth) = asked_correction(options), asked_place(options)
+
+    def take(frame: Frame) -> Capture:
+        image = frame.read()
+        try:
+            return capture_from(
+                image,
+                rig,
+                mask=frame.mask,
+                encoding=options.encoding,
+                camera=camera,
+                depth=depth,
+                correction=correction,
+            )
+        except InputError as error:
+            raise InputError(f"{frame.name}: {error}") from None
+
+    estimator = Estimator(
+        options.model or DEFAULT_MODEL,
+        provider=options.provider,
+        threads=options.threads,
+        tile=DEFAULT_TILE if options.tile is None else options.tile,
+    )
+    outcome = estimate_sequence(
+        frames,
+        take,
+        estimator,
+        recipe=_recipe(options),
+        smooth=options.smooth,
+        convention=options.convention,
+        count=count,
+        progress=reporter.progress,
+    )
+    return outcome, {
+        "folder": options.output,
+        "made": outcome.made,
+        "there": outcome.there,
+        "pixels": outcome.pixels,
+    }
+
+
+def _sequence(
+    outcome: Outcome, options: argparse.Namespace, first: Path, number: int, padded: bool, rate: float | None
+) -> dict[str, Any]:
+    """What a program needs to load the results as one image sequence."""
+    *_, digits = re.finditer("[0-9]+", first.stem)
+    run = "#" * len(digits[0]) if padded else "*"
+    pattern = f"{first.stem[: digits.start()]}{run}{first.stem[digits.end() :]}{first.suffix}"
+    return {
+        "first_output": str(first),
+        "pattern": pattern,
+        "first": number,
+        "count": outcome.made + outcome.there,
+        "frame_rate": rate,
+        "text": f"{Path(options.output) / pattern}: {_told(outcome, options)}",
+    }
+
+
+def _told(outcome: Outcome, options: argparse.Namespace) -> str:
+    there = f", {outcome.there} there already" if outcome.there else ""
+    return f"normals by {options.model or DEFAULT_MODEL}, {outcome.made} made{there}"
+
+
+def _recipe(options: argparse.Namespace) -> str:
+    """Text that changes with every setting that the normals depend on; files count by what they hold."""
+    model = options.model or DEFAULT_MODEL
+    lines = [model]
+    if model not in (LAMBERTIAN, LAMBERTIAN_GREY_WORLD):
+        lines.append(_content(str(find_network(model).path)))
+    for name, value in sorted(vars(options).items()):
+        if name not in NOT_IN_RECIPE:
+            values = value if isinstance(value, list) else [value]
+            lines.append(f"{name}: {', '.join(map(_content, values))}")
+    return "\n".join(lines)
+
+
+def _content(value: Any) -> str:
+    if isinstance(value, str) and Path(value).is_file():
+        with Path(value).open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    if isinstance(value, str) and Path(value).is_dir():  # of dark frames, say
+        return "; ".join(identity(file) for file in sorted(Path(value).iterdir()))
+    return repr(value)

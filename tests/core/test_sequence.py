@@ -1,0 +1,384 @@
+"""Sequences of frames: in order, resumed after any end without gap or duplicate, what is missing or broken named."""
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import Mpsnet
+from synthetic import degrees_between, listing, shaded_sphere, write_file
+
+from mpsnet_core.capture import Capture, capture_from
+from mpsnet_core.errors import Cancelled, InputError
+from mpsnet_core.estimate import Estimator
+from mpsnet_core.images import Image, image_description, write_image
+from mpsnet_core.normals import NormalMap, read_normals
+from mpsnet_core.progress import Progress
+from mpsnet_core.rig import write_rig
+from mpsnet_core.sequence.run import Outcome, estimate_sequence
+from mpsnet_core.sequence.source import Frame, Masks, frame_masks, photo_frames
+
+SPHERE = shaded_sphere(48)
+LAMBERTIAN = Estimator("lambertian")
+
+
+def picture(number: int) -> np.ndarray:
+    """A noisy sphere, other noise each frame."""
+    noise = np.random.default_rng(number).normal(0, 0.02, SPHERE.image.shape)
+    return np.where(SPHERE.mask[..., None], np.clip(0.6 * SPHERE.image + 0.1 + noise, 0, 1), 0)
+
+
+def shots(folder: Path, numbers: range | list[int], kind: str = "uint8") -> list[Path]:
+    folder.mkdir(exist_ok=True)
+    return [
+        write_file(folder / f"frame_{number:04d}.png", np.dstack([picture(number), SPHERE.mask]), kind)
+        for number in numbers
+    ]
+
+
+def take(frame: Frame) -> Capture:
+    return capture_from(frame.read(), SPHERE.rig, mask=frame.mask)
+
+
+def run(photos: list[Path], out: Path, smooth: int = 0, recipe: str = "recipe", **options: Any) -> Outcome:
+    outputs = [out / f"{photo.stem}_normals.png" for photo in photos]
+    frames = photo_frames(photos, outputs, masks=options.pop("masks", Masks(None)), reach=smooth)
+    options = {"take": take, "estimator": LAMBERTIAN, **options}
+    return estimate_sequence(frames, recipe=recipe, smooth=smooth, count=len(photos), **options)
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {name: (folder / name).read_bytes() for name in listing(folder)}
+
+
+# --- in order, and ahead ----------------------------------------------------------------------------------------------
+
+
+def test_frames_are_made_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    photos = shots(tmp_path / "shots", [3, 1, 2, 10])
+    seen = []
+
+    def watched(capture: Capture, progress: Progress) -> NormalMap:
+        seen.append(next(number for number in (1, 2, 3, 10) if np.allclose(capture.image, wanted[number], atol=1e-6)))
+        return LAMBERTIAN(capture, progress)
+
+    wanted = {number: take(frame).image for number, frame in zip((1, 2, 3, 10), frames_of(photos), strict=True)}
+    outcome = run(photos, tmp_path / "out", estimator=watched)
+    assert seen == [1, 2, 3, 10]
+    assert (outcome.made, outcome.there, outcome.pixels) == (4, 0, 4 * SPHERE.mask.sum())
+
+
+def frames_of(photos: list[Path]) -> Iterator[Frame]:
+    return photo_frames(photos, photos, masks=Masks(None))
+
+
+def test_each_result_is_what_the_estimator_gives_alone(tmp_path: Path) -> None:
+    photos = shots(tmp_path / "shots", range(1, 5), "uint16")
+    run(photos, tmp_path / "out")
+    for photo, frame in zip(photos, frames_of(photos), strict=True):
+        alone = LAMBERTIAN(take(frame))
+        found = read_normals(tmp_path / "out" / f"{photo.stem}_normals.png")
+        np.testing.assert_array_equal(found.mask, alone.mask)
+        assert degrees_between(found.vectors, alone.vectors)[alone.mask].max() < 0.01
+
+
+def test_no_more_than_a_few_frames_are_held_at_once(tmp_path: Path) -> None:
+    """However quick the reading and however slow the writing: frames alive are counted, not guessed from memory."""
+    alive, most, lock = 0, 0, threading.Lock()
+
+    class Held(np.ndarray):
+        def __del__(self) -> None:
+            nonlocal alive
+            if self.base is None:
+                with lock:
+                    alive -= 1
+
+    def pixels() -> Image:
+        nonlocal alive, most
+        values = Held((48, 48, 3), np.float32)
+        values[:] = picture(1)
+        with lock:
+            alive += 1
+            most = max(most, alive)
+        return Image(values, None, 1.0, "")
+
+    def kept(frame: Frame) -> Capture:
+        image = frame.read()
+        capture = capture_from(image, SPHERE.rig, mask="none")
+        object.__setattr__(capture, "image", image.pixels)
+        return capture
+
+    frames = (Frame(k, str(k), tmp_path / "out" / f"{k:03d}_normals.png", str(k), pixels) for k in range(60))
+    estimate_sequence(frames, kept, LAMBERTIAN, recipe="", smooth=2)
+    assert len(listing(tmp_path / "out")) == 60
+    # Five that smoothing looks at, the one that is estimated, and three that were read ahead.
+    assert most <= 10
+
+
+def test_reading_and_writing_go_on_while_a_frame_is_estimated(tmp_path: Path) -> None:
+    photos = shots(tmp_path / "shots", range(1, 7))
+    main, read_in, met = threading.current_thread(), [], []
+
+    def watched_take(frame: Frame) -> Capture:
+        read_in.append((frame.number, threading.current_thread()))
+        return take(frame)
+
+    def watched(capture: Capture, progress: Progress) -> NormalMap:
+        assert threading.current_thread() is main
+        limit = time.monotonic() + 10
+        while not met and len(read_in) < 3 and time.monotonic() < limit:  # the next are read meanwhile
+            time.sleep(0.001)
+        met.append(len(read_in))
+        return LAMBERTIAN(capture, progress)
+
+    run(photos, tmp_path / "out", take=watched_take, estimator=watched)
+    assert met[0] >= 3
+    assert [number for number, _ in read_in] == [1, 2, 3, 4, 5, 6]
+    assert {thread for _, thread in read_in}.isdisjoint({main}) and len({thread for _, thread in read_in}) == 1
+
+
+# --- going on ---------------------------------------------------------------------------------------------------------
+
+
+def test_what_is_there_is_left_as_it_is(tmp_path: Path) -> None:
+    photos = shots(tmp_path / "shots", range(1, 6))
+    run(photos, tmp_path / "out")
+    first = {name: (tmp_path / "out" / name).stat().st_mtime_ns for name in listing(tmp_path / "out")}
+    never: Any = None
+    assert run(photos, tmp_path / "out", take=never, estimator=never) == Outcome(made=0, there=5)
+    assert {name: (tmp_path / "out" / name).stat().st_mtime_ns for name in listing(tmp_path / "out")} == first
+
+
+@pytest.mark.parametrize("smooth", [0, 2])
+def test_what_is_missing_is_made_with_the_same_bytes(tmp_path: Path, smooth: int) -> None:
+    photos = shots(tmp_path / "shots", range(1, 12))
+    run(photos, tmp_path / "out", smooth)
+    whole = contents(tmp_path / "out")
+    for name in ("frame_0001_normals.png", "frame_0005_normals.png", "frame_0011_normals.png"):
+        (tmp_path / "out" / name).unlink()
+    (tmp_path / "out" / "frame_0008_normals.png").write_bytes(b"not ours")
+    outcome = run(photos, tmp_path / "out", smooth)
+    assert (outcome.made, outcome.there) == (4, 7)
+    assert contents(tmp_path / "out") == whole
+
+
+def test_a_photo_that_changed_is_made_again_with_those_it_counts_for(tmp_path: Path) -> None:
+    photos = shots(tmp_path / "shots", range(1, 10))
+    for smooth, again in ((0, 1), (2, 5)):
+        run(photos, tmp_path / "out", smooth)
+        write_file(photos[4], np.dstack([picture(77 + smooth), SPHERE.mask]), "uint8")
+        os.utime(photos[4], ns=(smooth, smooth))
+        outcome = run(photos, tmp_path / "out", smooth)
+        assert (outcome.made, outcome.there) == (again, 9 - again)
+
+
+def test_other_settings_make_everything_again(tmp_path: Path) -> None:
+    photos = shots(tmp_path / "shots", range(1, 4))
+    for options in ({}, {"recipe": "another"}, {"smooth": 1}, {"convention": "directx"}):
+        assert run(photos, tmp_path / "out", **options) == Outcome(3, 0, 3 * SPHERE.mask.sum())
+
+
+def test_what_a_killed_run_left_is_cleared_but_not_what_another_writes(tmp_path: Path) -> None:
+    photos = shots(tmp_path / "shots", range(1, 3))
+    (tmp_path / "out").mkdir()
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    left = tmp_path / "out" / f".frame_0001_normals.{ended.pid}.unfinished.png"
+    alive = tmp_path / "out" / f".frame_0001_normals.{os.getppid()}.unfinished.png"
+    for file in (left, alive):
+        file.write_bytes(b"half")
+    run(photos, tmp_path / "out")
+    assert not left.exists()
+    assert alive.exists() or sys.platform == "win32"
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif", ".exr"])
+def test_every_format_keeps_the_line_that_says_what_it_was_made_of(tmp_path: Path, suffix: str) -> None:
+    write_image(tmp_path / f"a{suffix}", SPHERE.normals, description="normals by us, 0f3a")
+    assert image_description(tmp_path / f"a{suffix}") == "normals by us, 0f3a"
+    write_image(tmp_path / f"b{suffix}", SPHERE.normals)
+    assert image_description(tmp_path / f"b{suffix}") == ""
+    assert image_description(tmp_path / f"missing{suffix}") == ""
+
+
+# --- what goes wrong on the way ---------------------------------------------------------------------------------------
+
+
+def test_a_broken_frame_is_named_and_what_was_made_is_kept(tmp_path: Path) -> None:
+    photos = shots(tmp_path / "shots", range(1, 9))
+    whole = photos[5].read_bytes()
+    photos[5].write_bytes(whole[: len(whole) // 2])
+    words = r"frame_0006\.png is damaged or cut short.*; 5 frames were made, and the same command goes on from them"
+    with pytest.raises(InputError, match=words):
+        run(photos, tmp_path / "out")
+    assert listing(tmp_path / "out") == [f"frame_{number:04d}_normals.png" for number in range(1, 6)]
+    photos[5].write_bytes(whole)
+    outcome = run(photos, tmp_path / "out")
+    assert (outcome.made, outcome.there) == (3, 5)
+
+
+def test_a_result_that_cannot_be_written_ends_the_run(tmp_path: Path) -> None:
+    photos = shots(tmp_path / "shots", range(1, 9))
+    (tmp_path / "out" / "frame_0003_normals.png").mkdir(parents=True)
+    with pytest.raises(InputError, match=r"frame_0003_normals\.png: it is a folder"):
+        run(photos, tmp_path / "out")
+    assert "frame_0002_normals.png" in listing(tmp_path / "out")
+
+
+def test_a_cancelled_run_keeps_what_was_estimated(tmp_path: Path) -> None:
+    photos = shots(tmp_path / "shots", range(1, 9))
+
+    def stop(fraction: float, message: str) -> None:
+        if fraction >= 0.5:
+            raise Cancelled
+
+    with pytest.raises(Cancelled):
+        run(photos, tmp_path / "out", progress=stop)
+    assert listing(tmp_path / "out") == [f"frame_{number:04d}_normals.png" for number in range(1, 5)]
+    assert run(photos, tmp_path / "out").there == 4
+
+
+# --- masks by number --------------------------------------------------------------------------------------------------
+
+
+def test_masks_go_with_frames_by_their_numbers(tmp_path: Path) -> None:
+    photos = shots(tmp_path / "shots", [9, 10, 11])
+    (tmp_path / "masks").mkdir()
+    halves = {number: SPHERE.mask & (np.arange(48) > number * 2) for number in (8, 9, 10, 11)}
+    for number, half in halves.items():
+        write_file(tmp_path / "masks" / f"m{number}.png", half, "uint8")
+    for given in (tmp_path / "masks", tmp_path / "masks" / "m*.png"):
+        run(photos, tmp_path / "out", masks=frame_masks(str(given)))
+        for number in (9, 10, 11):
+            found = read_normals(tmp_path / "out" / f"frame_{number:04d}_normals.png")
+            np.testing.assert_array_equal(found.mask, halves[number])
+    os.utime(tmp_path / "masks" / "m10.png", ns=(1, 1))
+    assert run(photos, tmp_path / "out", masks=frame_masks(str(given))).made == 1
+
+
+def test_a_mask_of_a_sequence_without_numbers_is_refused(tmp_path: Path) -> None:
+    for name in ("front.png", "back.png"):
+        write_file(tmp_path / name, SPHERE.mask, "uint8")
+    with pytest.raises(InputError, match=r"are not numbered like frames; name them mask_0001\.png"):
+        frame_masks(str(tmp_path))
+
+
+# --- the command ------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Path:
+    write_rig(tmp_path / "rig.json", SPHERE.rig)
+    return tmp_path / "rig.json"
+
+
+def result(done: "subprocess.CompletedProcess[str]") -> dict[str, Any]:
+    assert (done.returncode, done.stderr) == (0, "")
+    return json.loads(done.stdout.splitlines()[-1])["result"]
+
+
+def test_missing_frames_are_named_and_the_others_made(tmp_path: Path, mpsnet: Mpsnet, rig: Path) -> None:
+    shots(tmp_path / "shots", [1, 2, 3, 7, 9, 10])
+    command = ["estimate", tmp_path / "shots", "--rig", rig, "--model", "lambertian", "-o", tmp_path / "out"]
+    told = result(mpsnet(*command, "--smooth", "1", "--progress", "json"))
+    assert "frame(s) 4 to 6, 8 missing; the others are estimated" in told["notes"]
+    assert (told["first"], told["count"], told["made"], told["there"]) == (1, 6, 6, 0)
+    assert told["pattern"] == "frame_####_normals.png"
+    assert told["folder"] == str(tmp_path / "out")
+    again = result(mpsnet(*command, "--smooth", "1", "--progress", "json"))
+    assert (again["made"], again["there"]) == (0, 6)
+
+
+def test_settings_and_files_that_matter_make_frames_again(tmp_path: Path, mpsnet: Mpsnet, rig: Path) -> None:
+    shots(tmp_path / "shots", [1, 2])
+    command = ["estimate", tmp_path / "shots", "--rig", rig, "-o", tmp_path / "out", "--progress", "json"]
+
+    def made(*options: str) -> int:
+        return result(mpsnet(*command, *options))["made"]
+
+    assert made("--model", "lambertian") == 2
+    assert made("--model", "lambertian", "--threads", "1") == 0
+    assert made("--model", "lambertian-grey-world") == 2
+    assert made("--model", "lambertian-grey-world", "--encoding", "linear") == 2
+    rig.write_text(rig.read_text().replace("\n}", ',\n  "mixing": [[1, 0.1, 0], [0, 1, 0], [0, 0, 1]]\n}'))
+    assert made("--model", "lambertian-grey-world", "--encoding", "linear") == 2
+
+
+def test_many_photos_tell_each_kind_of_doubt_once(tmp_path: Path, mpsnet: Mpsnet, rig: Path) -> None:
+    (tmp_path / "shots").mkdir()
+    for number in range(1, 9):
+        values = np.minimum(picture(number) * (2 + 0.1 * number), 1)
+        write_file(tmp_path / "shots" / f"frame_{number}.png", values, "uint8")
+    command = ["estimate", tmp_path / "shots", "--rig", rig, "--model", "lambertian", "-o", tmp_path / "out"]
+    notes = result(mpsnet(*command, "--progress", "json"))["notes"]
+    assert len(notes) == len(set(notes)) <= 4
+    assert sum("saturated" in note for note in notes) == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["a.png", "b.png", "--smooth", "1"], "--smooth takes the frames of one sequence"),
+        (["a.png", "--smooth", "1"], "--smooth takes the frames of a sequence, and there is one photo; leave it out"),
+        (["a.png", "b.png", "--mask", "masks"], "masks takes the frames of one sequence"),
+        (["s_1.png", "s_2.png", "--mask", "masks"], "masks has no mask for frame 1; add it, or give one mask for all"),
+        (["s_1.png", "s_2.png", "--smooth", "-1"], "--smooth -1 cannot be; choose 0 to 12 frames"),
+        (["s_1.png", "s_2.png", "--smooth", "some"], "--smooth: invalid int value: 'some'"),
+        (["s_1.png", "s_2.png", "--confidence", "c.png"], "--confidence takes one photo at a time"),
+        (["s_1.png", "s_2.png", "--mask", "none/*.png"], "no image matches none/*.png; check the pattern"),
+    ],
+)
+def test_what_a_sequence_cannot_be_asked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mpsnet: Mpsnet, rig: Path, arguments: list[str], words: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("a.png", "b.png", "s_1.png", "s_2.png"):
+        write_file(tmp_path / name, picture(1), "uint8")
+    (tmp_path / "masks").mkdir()
+    for name in ("m_2.png", "m_3.png"):
+        write_file(tmp_path / "masks" / name, SPHERE.mask, "uint8")
+    done = mpsnet("estimate", *arguments, "--rig", rig, "-o", tmp_path / "out")
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 1 and words in done.stderr, done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+@pytest.mark.parametrize("smooth", ["0", "2"])
+def test_killed_again_and_again_it_leaves_no_gap_and_no_duplicate(tmp_path: Path, rig: Path, smooth: str) -> None:
+    """SIGKILL at random moments; what is there in the end is, to the byte, what one run without any end gives."""
+    shots(tmp_path / "shots", range(1, 61), "uint16")
+    command = [sys.executable, "-m", "mpsnet_core", "estimate", str(tmp_path / "shots" / "frame_####.png")]
+    command += ["--rig", str(rig), "--model", "lambertian", "--smooth", smooth, "--progress", "json", "-o"]
+    subprocess.run([*command, str(tmp_path / "whole")], check=True, capture_output=True)
+    moments, kills, out = random.Random(3), 0, tmp_path / "out"
+    for _ in range(40):
+        child = subprocess.Popen([*command, str(out)], stdout=subprocess.PIPE, text=True)
+        assert child.stdout is not None
+        for line in child.stdout:  # at work: some lines on, and some way into what comes next
+            if "result" in line or moments.random() < 0.06:
+                break
+        time.sleep(moments.random() * 0.01)
+        child.send_signal(signal.SIGKILL)
+        child.stdout.close()
+        kills += child.wait() == -signal.SIGKILL
+        if out.is_dir() and len([name for name in listing(out) if name.startswith("frame")]) == 60:
+            break
+        assert all(
+            (out / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+            for name in (listing(out) if out.is_dir() else [])
+            if name.startswith("frame")
+        )
+    assert kills >= 3
+    subprocess.run([*command, str(out)], check=True, capture_output=True)
+    assert contents(out) == contents(tmp_path / "whole")
+    assert len(listing(out)) == 60
