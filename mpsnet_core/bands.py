@@ -6,7 +6,7 @@ from collections.abc import Iterator
 ROWS = 256
 
 
-def bands(height: int) -> Iterator[slice]:
-    """Slices of rows that cover an image of `height` rows from top to bottom."""
-    for top in range(0, height, ROWS):
-        yield slice(top, min(top + ROWS, height))
+def bands(height: int, rows: int = ROWS) -> Iterator[slice]:
+    """Slices of `rows` rows that cover an image of `height` rows from top to bottom."""
+    for top in range(0, height, rows):
+        yield slice(top, min(top + rows, height))

@@ -14,6 +14,7 @@ CAMERA_FORMAT = "mpsnet-camera"
 CAMERA_VERSION = 1
 CAMERA_KEYS = ("projection", "width", "height", "focal", "centre", "world_from_camera")
 MAX_SIDE = 1_000_000
+FULL_FRAME = 36.0  # mm, the longer side of what focal lengths are told for
 
 Projection = Literal["orthographic", "perspective"]
 
@@ -81,6 +82,14 @@ class Camera:
         """(4,) row d: a homogeneous world point's distance in front of the camera along its axis is d·p."""
         return -np.linalg.inv(self.world_from_camera)[2]
 
+    def points(self, depth: NDArray[np.floating], first_row: int = 0) -> NDArray[np.float64]:
+        """(h, W, 3) in camera space: what rows of pixels, from `first_row` on, show at `depth` (h, W) along the axis."""
+        depth = np.asarray(depth, np.float64)
+        x = (np.arange(depth.shape[1]) + 0.5 - self.centre[0]) / self.focal[0]
+        y = (self.centre[1] - (np.arange(depth.shape[0]) + first_row + 0.5)) / self.focal[1]
+        scale = depth if self.projection == "perspective" else np.ones_like(depth)
+        return np.stack([x * scale, y[:, None] * scale, -depth], axis=-1)
+
     def rays(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """World-space origins and unit directions, each (N, 3), of the rays through image points (N, 2) in pixels."""
         points = np.asarray(points, dtype=np.float64)
@@ -92,6 +101,17 @@ class Camera:
             origins, directions = np.zeros((len(x), 3)), np.stack([x, y, -one], -1)
             directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         return origins @ self.rotation.T + self.world_from_camera[:3, 3], directions @ self.rotation.T
+
+
+def camera_of_lens(focal_length: float, width: int, height: int) -> Camera:
+    """A perspective camera in the origin whose lens has `focal_length` in millimetres on a sensor 36 mm wide ("35 mm
+    equivalent"), whichever way the camera was held.
+
+    Raises InputError where the focal length is not above 0.
+    """
+    if not (np.isfinite(focal_length) and focal_length > 0):
+        raise InputError(f"a focal length is a number of millimetres above 0, not {focal_length}")
+    return Camera("perspective", width, height, np.full(2, focal_length / FULL_FRAME * max(width, height)))
 
 
 def _numbers(value: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float64]:

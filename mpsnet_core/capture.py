@@ -8,15 +8,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.bands import bands
-from mpsnet_core.camera import Camera
+from mpsnet_core.camera import Camera, camera_of_lens
 from mpsnet_core.errors import InputError
 from mpsnet_core.images import Encoding, Image, read_image, read_mask
 from mpsnet_core.rig import LightRig
+from mpsnet_core.surface.raster import grown
 
 log = logging.getLogger(__name__)
 
 # Above this share of the clip value a channel counts as saturated: an 8-bit sRGB 254 is linear 0.991.
 SATURATED_SHARE = 0.99
+
+# A mesh that covers less of the mask than this hardly belongs to the photo.
+LEAST_KNOWN = 0.8
+# Pixels by which a mesh's depth is continued where the mask is larger than the mesh.
+DEPTH_MARGIN = 32
 
 
 @dataclass(frozen=True)
@@ -28,8 +34,10 @@ class Capture:
     rig: the lights, in camera space.
     camera: its projection and pose, where known.
     clip: linear value at which a channel saturates; infinity for renders.
+    depth: (H, W) how far in front of the camera, along its axis, each pixel's surface is, in the unit of the camera's
+        pose; needed where the rig's lights are near.
 
-    Raises InputError where the shapes do not agree, the mask is empty or a value is not finite.
+    Raises InputError where the shapes do not agree, the mask is empty, a value is not finite or the depth is lacking.
     """
 
     image: NDArray[np.float32]
@@ -37,6 +45,7 @@ class Capture:
     rig: LightRig
     camera: Camera | None = None
     clip: float = np.inf
+    depth: NDArray[np.float32] | None = None
 
     def __post_init__(self) -> None:
         image, mask = np.asarray(self.image, np.float32), np.asarray(self.mask, bool)
@@ -56,6 +65,18 @@ class Capture:
                 f"the camera is {self.camera.width} x {self.camera.height} but the photo is {_size(image)}; "
                 "they must be the same size"
             )
+        if self.rig.near is not None and (self.camera is None or self.depth is None):
+            raise InputError(
+                "the rig's lights stand near the object, so its distance counts: give the camera, and the object's mesh "
+                "or distance"
+            )
+        if self.depth is not None:
+            depth = np.asarray(self.depth, np.float32)
+            if depth.shape != mask.shape:
+                raise InputError(f"the depth is {_size(depth)} but the photo is {_size(image)}; they must be the same size")
+            if not (np.isfinite(depth) & (depth > 0)).all(where=mask):
+                raise InputError("the object's depth is not above 0 everywhere inside the mask; check camera and mesh")
+            object.__setattr__(self, "depth", depth)
         # Outside the mask nothing counts; inside, everything is finite.
         object.__setattr__(self, "image", np.where(finite, image, np.float32(0)))
         object.__setattr__(self, "mask", mask)
@@ -77,23 +98,59 @@ def read_capture(
     mask: str | os.PathLike[str] | None = None,
     encoding: Encoding = "auto",
     layer: str | None = None,
-    camera: Camera | None = None,
+    camera: Camera | float | None = None,
+    depth: NDArray[np.float32] | float | None = None,
 ) -> Capture:
     """Read a photo as a capture.
 
     mask: a mask file, or "alpha", "none" (the whole photo), or "threshold:T" (pixels whose brightest channel is
         above T times the photo's 99.9th percentile). Unless given: alpha where the photo has it, else the whole photo.
     encoding, layer: as in :func:`mpsnet_core.images.read_image`.
+    camera: or the focal length of its lens in millimetres, see :func:`mpsnet_core.camera.camera_of_lens`.
+    depth: (H, W) how far in front of the camera the surface is, with infinity where that is not known (see
+        :func:`mpsnet_core.surface.depth.depth_of_mesh`), or one distance for all. Under near lights, unless given, that
+        of the lights' target.
 
-    Raises InputError where a file is missing or broken, or photo, mask and camera do not fit each other.
+    Raises InputError where a file is missing or broken, or photo, mask, camera and depth do not fit each other.
     """
     image = read_image(path, encoding=encoding, layer=layer)
     try:
-        capture = Capture(image.pixels, _mask(image, mask), rig, camera, image.clip)
+        height, width, _ = image.pixels.shape
+        if camera is not None and not isinstance(camera, Camera):
+            camera = camera_of_lens(camera, width, height)
+        inside = _mask(image, mask)
+        distances = _depth(depth, rig, inside) if camera is not None else None
+        capture = Capture(image.pixels, inside, rig, camera, image.clip, distances)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     _note_doubts(capture)
     return capture
+
+
+def _depth(
+    depth: NDArray[np.float32] | float | None, rig: LightRig, mask: NDArray[np.bool_]
+) -> NDArray[np.float32] | None:
+    """(H, W) a depth for every pixel of the mask, None where it does not count."""
+    if rig.near is None:
+        return None
+    if depth is None:
+        depth = -float(rig.near.target[2])
+        log.info("the object is taken as flat, %.4g in front of the camera as the lights' target is", depth)
+    if not isinstance(depth, np.ndarray):
+        return np.full(mask.shape, depth, np.float32)
+    if depth.shape != mask.shape:
+        raise InputError(f"the camera is {_size(depth)} but the photo is {_size(mask)}; they must be the same size")
+    known = np.isfinite(depth)
+    inside = np.count_nonzero(known & mask)
+    if not inside:
+        raise InputError("the camera sees nothing of the mesh inside the mask; check that they belong to one photo")
+    if inside < LEAST_KNOWN * mask.sum():
+        log.info(
+            "the mesh covers %.0f%% of the mask: do camera, mesh and mask belong to this photo?", 100 * inside / mask.sum()
+        )
+    # Beside the mesh, its nearest pixel's depth, and far from it the mean.
+    filled = np.where(known, depth, depth[known & mask].mean())[..., None]
+    return grown(filled, known, DEPTH_MARGIN)[..., 0]
 
 
 def _note_doubts(capture: Capture) -> None:

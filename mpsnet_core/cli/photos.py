@@ -37,6 +37,10 @@ def _add_estimate(parser: argparse.ArgumentParser) -> None:
         help="mask file, alpha, none or threshold:0.05; without it alpha, where the photo has it, else the whole photo",
     )
     parser.add_argument("--model", help="a name of `mpsnet models` or an .onnx file; multiscale unless given")
+    parser.add_argument("--camera", help="camera file: for perspective, and where the rig's lights are near")
+    parser.add_argument("--focal", type=float, metavar="MM", help="in its place the lens, in mm on a 36 mm sensor")
+    parser.add_argument("--mesh", help="the object's mesh in the camera's world: how far each pixel is from near lights")
+    parser.add_argument("--distance", type=float, help="in its place one distance of the object from the camera")
     parser.add_argument("--encoding", default="auto", help="auto, linear or srgb: how the photo's values are meant")
     parser.add_argument("--layer", help="layer of a multi-layer EXR")
     parser.add_argument("--convention", default="opengl", help="opengl (green up) or directx (green down)")
@@ -64,9 +68,10 @@ def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
 
     check_convention(options.convention)
     rig = read_rig(options.rig)
+    camera, depth = _place(options)
     photos = expand_images(options.image)
     outputs = output_files(photos, options.output, f".{options.format.lstrip('.')}")
-    inputs = [*photos, options.rig, options.mask or options.rig]
+    inputs = [*photos, options.rig, *filter(None, (options.mask, options.camera, options.mesh))]
     check_apart(inputs, outputs)
     if options.confidence:
         if len(photos) > 1:
@@ -86,7 +91,15 @@ def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
         # Neither the photo nor the last normals are kept while others are made: they are large.
         normals = None
         normals = estimator(
-            read_capture(photo, rig, mask=options.mask, encoding=options.encoding, layer=options.layer),
+            read_capture(
+                photo,
+                rig,
+                mask=options.mask,
+                encoding=options.encoding,
+                layer=options.layer,
+                camera=camera,
+                depth=depth,
+            ),
             part(step, 0.1, 0.9),
         )
         pixels += int(normals.mask.sum())
@@ -101,6 +114,27 @@ def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
         "pixels": pixels,
         "text": "\n".join(f"{output}: normals by {estimator.name}" for output in outputs),
     }
+
+
+def _place(options: argparse.Namespace) -> tuple[Any, Any]:
+    """Camera (or focal length) and depth (or distance) of the photos, None where they are not told."""
+    from mpsnet_core.camera import read_camera
+    from mpsnet_core.surface.depth import depth_of_mesh
+    from mpsnet_core.surface.mesh import read_mesh
+
+    if options.camera and options.focal is not None:
+        raise InputError("--camera and --focal both tell the lens; give one of them")
+    if options.mesh and options.distance is not None:
+        raise InputError("--mesh and --distance both tell how far the object is; give one of them")
+    if options.mesh and not options.camera:
+        raise InputError("--mesh needs --camera, which tells where the mesh was seen from; give it")
+    camera = read_camera(options.camera) if options.camera else options.focal
+    if options.mesh:
+        try:
+            return camera, depth_of_mesh(camera, read_mesh(options.mesh))
+        except InputError as error:
+            raise InputError(f"camera {options.camera}: {error}") from None
+    return camera, options.distance
 
 
 # --- superpose --------------------------------------------------------------------------------------------------------

@@ -10,7 +10,6 @@ from mpsnet_core.capture import Capture
 from mpsnet_core.estimate.card import ModelCard
 from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS, mean_light, window_map
 from mpsnet_core.estimate.grids import Grid, StraightGrid, TurnedGrid, Window
-from mpsnet_core.estimate.lambertian import unmixed
 from mpsnet_core.estimate.light_frame import CAMERA_FRAME, LightFrame, canonical_frames
 from mpsnet_core.normals import normalised
 from mpsnet_core.progress import Progress
@@ -76,7 +75,7 @@ def _inputs(
 ) -> dict[str, NDArray[np.float32]]:
     """What the network sees of a window, (1, C, H, W), filled up with zeros to the network's multiple."""
     order = list(frame.order)
-    light, directions = unmixed(photo, rig)[..., order], frame.lights(rig.directions)
+    light, directions = rig.unmixed(photo)[..., order], frame.lights(rig.directions)
     inputs = {}
     for name, features in card.inputs.items():
         size = (1, 1) if CONSTANTS.intersection(features) else _padded(mask.shape, card.multiple)

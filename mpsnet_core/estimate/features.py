@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.bands import bands
 from mpsnet_core.capture import Capture
-from mpsnet_core.estimate.lambertian import divided, initial_normals, unmixed
+from mpsnet_core.estimate.lambertian import divided, initial_normals
 
 # Channels of each map; maps are zero outside the mask.
 FEATURE_CHANNELS = {
@@ -25,7 +25,7 @@ CONSTANTS = frozenset({"lights"})
 
 def feature_maps(capture: Capture, names: Iterable[str]) -> dict[str, NDArray[np.float32]]:
     """The named maps, each (C, H, W) float32 and zero outside the mask; constants are (C, 1, 1)."""
-    light, means = unmixed(capture.image, capture.rig), mean_light(capture)
+    light, means = capture.rig.unmixed(capture.image), mean_light(capture)
     return {name: window_map(name, light, capture.mask, capture.rig.directions, means) for name in names}
 
 

@@ -4,21 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.capture import Capture
+from mpsnet_core.estimate.afar import under_distant_lights
 from mpsnet_core.normals import NormalMap, normalised
-from mpsnet_core.rig import LightRig
 
 # Below this share of its channel's 99th percentile inside the mask a pixel counts as unlit by that channel's light.
 SHADOW_SHARE = 0.02
-
-
-def unmixed(image: NDArray[np.float32], rig: LightRig) -> NDArray[np.float32]:
-    """(..., 3) what each light alone gives: the image multiplied by the inverse of the rig's mixing matrix.
-
-    Undoes ``c = M s`` of the image formation for a surface of one grey; exact for a rig without crosstalk.
-    """
-    if np.array_equal(rig.mixing, np.eye(3)):
-        return image
-    return image @ np.linalg.inv(rig.mixing).T.astype(np.float32)
 
 
 def grey_world_image(image: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
@@ -47,13 +37,17 @@ def usable_channels(capture: Capture) -> NDArray[np.bool_]:
     if not np.array_equal(capture.rig.mixing, np.eye(3)):
         # Every light's share is drawn from all channels, so one saturated channel spoils all three.
         saturated = np.broadcast_to(saturated.any(axis=-1, keepdims=True), saturated.shape)
-    light = unmixed(capture.image, capture.rig)
+    light = capture.rig.unmixed(capture.image)
     return (light > SHADOW_SHARE * np.percentile(light[capture.mask], 99, axis=0)) & ~saturated
 
 
 def lambertian_normals(capture: Capture, grey_world: bool = False) -> NormalMap:
-    """Normals by equation 2, with or without grey-world. Confidence is the share of usable channels (0, ⅓, ⅔, 1)."""
-    image = unmixed(capture.image, capture.rig)
+    """Normals by equation 2, with or without grey-world. Confidence is the share of usable channels (0, ⅓, ⅔, 1).
+
+    Under near lights every pixel has its own three. Perspective makes no difference: matt light leaves alike to all sides.
+    """
+    distant = under_distant_lights(capture)
+    image = distant.rig.unmixed(distant.image)
     if grey_world:
         image = grey_world_image(image, capture.mask)
     confidence = usable_channels(capture).mean(axis=-1, dtype=np.float32)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.capture import Capture
 from mpsnet_core.errors import InputError
+from mpsnet_core.estimate.afar import seen_from_afar, turn_back
 from mpsnet_core.estimate.card import ModelCard, card_from_metadata, record_from_metadata
 from mpsnet_core.estimate.dense import dense_answer
 from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS
@@ -72,10 +73,12 @@ class OnnxModel:
 
     def __call__(self, capture: Capture, progress: Progress = silent) -> NormalMap:
         """Normals of `capture` in camera space; confidence 1 inside the mask unless the network gives one."""
+        seen = seen_from_afar(capture)
         if self.card.kind == "dense":
-            answer = dense_answer(self._run, self.card, capture, self.tile, progress)
+            answer = dense_answer(self._run, self.card, seen, self.tile, progress)
         else:
-            answer = patch_answer(self._run, self.card, capture, progress)
+            answer = patch_answer(self._run, self.card, seen, progress)
+        turn_back(answer[..., :3], capture.camera)
         self._release_memory()
         progress(1.0, "normals estimated")
         return NormalMap(answer[..., :3], capture.mask, answer[..., 3])

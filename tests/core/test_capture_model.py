@@ -11,7 +11,7 @@ from synthetic import degrees_between, write_file
 
 from mpsnet_core.capture import Capture
 from mpsnet_core.errors import InputError
-from mpsnet_core.estimate.lambertian import lambertian_normals, unmixed
+from mpsnet_core.estimate.lambertian import lambertian_normals
 from mpsnet_core.images import linear_to_srgb, read_image
 from mpsnet_core.rig import published_rig
 from mpsnet_core.synthesis.photographs.capture_model import CaptureDraw, CaptureModel, photograph
@@ -269,7 +269,7 @@ def test_every_draw_makes_a_capture(coloured: Sample) -> None:
     for _ in range(60):
         capture = taken(coloured, CaptureModel().draw(rng))
         assert capture.image.dtype == np.float32 and capture.image.min() >= 0 and capture.image.max() <= 1
-        assert np.isfinite(unmixed(capture.image, capture.rig)).all()
+        assert np.isfinite(capture.rig.unmixed(capture.image)).all()
 
 
 def test_where_there_is_nothing_to_see_it_is_told(white: Sample) -> None:
