@@ -5,12 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mpsnet_core.calibrate.robust import biweight, spread
 from mpsnet_core.camera import Camera
 from mpsnet_core.errors import InputError
 from mpsnet_core.normals import normalised
 
-# Tukey's biweight: at 4.685 standard deviations a point counts nothing; 95% efficient on normal errors.
-TUKEY = 4.685
 ROUNDS = 30
 # Neighbouring points of an outline share their errors; about one in this many tells something of its own.
 POINTS_THAT_AGREE = 4
@@ -93,7 +92,7 @@ class Ball:
         return replace(self, centre=normalised(axis) * self.radius / sine)
 
 
-def check_camera(camera: Camera) -> Camera:
+def at_origin(camera: Camera) -> Camera:
     """The camera at the origin: rigs are in its own space, wherever it stands in the world."""
     return replace(camera, world_from_camera=np.eye(4))
 
@@ -120,15 +119,12 @@ def fit_ball(points: ArrayLike, camera: Camera, radius: float = 1.0) -> Ball:
     astray lose their weight by Tukey's biweight. Raises InputError where no ball fits.
     """
     points = np.asarray(points, np.float64)
-    weight = np.ones(len(points))
-    scale = np.inf
+    weight: NDArray[np.float64] = np.ones(len(points))
     for turn in range(ROUNDS):
         centre, size = _solved(points, weight, camera, radius)
         error = _outline_error(points, centre, size, camera)
         trusted = weight > 0
-        # The first rounds follow the median alone, so that a third of the points astray do no harm.
-        scale = max(1.4826 * float(np.median(np.abs(error[trusted]))), 1e-3)
-        lighter = np.clip(1 - (error / (TUKEY * scale)) ** 2, 0, None) ** 2
+        lighter = biweight(error, max(spread(error, trusted), 1e-3))
         if np.abs(lighter - weight).max() < 1e-3 and turn > 3:
             break
         weight = lighter
@@ -138,8 +134,8 @@ def fit_ball(points: ArrayLike, camera: Camera, radius: float = 1.0) -> Ball:
     outward = points[trusted] - middle
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
     slope = np.column_stack([outward, np.ones(len(outward))])
-    spread = max(residual, LEAST_UNCERTAINTY) ** 2 * POINTS_THAT_AGREE
-    covariance = spread * np.linalg.pinv(slope.T @ slope) + LEAST_UNCERTAINTY**2 * np.eye(3)
+    variance = max(residual, LEAST_UNCERTAINTY) ** 2 * POINTS_THAT_AGREE
+    covariance = variance * np.linalg.pinv(slope.T @ slope) + LEAST_UNCERTAINTY**2 * np.eye(3)
     bins = np.floor(np.arctan2(outward[:, 1], outward[:, 0]) / (2 * np.pi) * 72).astype(int) % 72
     return Ball(centre, size, camera, residual, len(np.unique(bins)) / 72, covariance)
 
@@ -177,7 +173,7 @@ def surface(ball: Ball, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray
     Returns where the surface is, its unit normal, and the unit direction back to the camera. Points outside the
     outline are taken to its nearest ray's.
     """
-    origins, away = check_camera(ball.camera).rays(np.atleast_2d(points))
+    origins, away = at_origin(ball.camera).rays(np.atleast_2d(points))
     if ball.camera.projection == "orthographic":
         # Rays start beside the ball's middle, which has no depth: bring them before it.
         origins = origins - away * ball.radius * 2
@@ -202,7 +198,7 @@ def _solved(
 ) -> tuple[NDArray[np.float64], float]:
     if (weight > 0).sum() < 5:
         raise InputError("no ball fits the outline that was found; give the circle by hand (x,y,r)")
-    origins, away = check_camera(camera).rays(points)
+    origins, away = at_origin(camera).rays(points)
     root = np.sqrt(weight)
     if camera.projection == "orthographic":
         x, y = origins[:, 0], origins[:, 1]
@@ -223,7 +219,7 @@ def _outline_error(
     points: NDArray[np.float64], centre: NDArray[np.float64], radius: float, camera: Camera
 ) -> NDArray[np.float64]:
     """(N,) how far outside the ball's outline points lie, in pixels."""
-    origins, away = check_camera(camera).rays(points)
+    origins, away = at_origin(camera).rays(points)
     if camera.projection == "orthographic":
         return (np.linalg.norm(origins[:, :2] - centre[:2], axis=1) - radius) * camera.focal.mean()
     distance = np.linalg.norm(centre)

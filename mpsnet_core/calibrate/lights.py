@@ -16,7 +16,6 @@ from mpsnet_core.normals import angular_error, normalised
 
 log = logging.getLogger(__name__)
 
-LIGHT_COLOURS = ("red", "green", "blue")
 # A position is kept while it is known better than to this share of its distance.
 UNSURE = 0.25
 # From this share of a highlight's light on, another spot may be a light as well.
@@ -71,6 +70,12 @@ class LightsFound:
     positions: NDArray[np.float64] | None = None
     position_uncertainties: NDArray[np.float64] | None = None
     gaps: NDArray[np.float64] | None = None
+
+
+def angles(directions: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Slants and tilts (0 to 360), in degrees, of directions (..., 3)."""
+    x, y, z = np.moveaxis(np.asarray(directions, np.float64), -1, 0)
+    return np.degrees(np.arctan2(np.hypot(x, y), z)), np.degrees(np.arctan2(y, x)) % 360.0
 
 
 def find_lights(sightings: Sequence[Sighting]) -> LightsFound:

@@ -1,0 +1,136 @@
+"""From photo files to balls and highlights, one photo in memory at a time."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.calibrate.ball import Ball, Circle, ball_from_circle, ball_from_mask, distant_camera
+from mpsnet_core.calibrate.circles import find_balls
+from mpsnet_core.calibrate.highlights import Highlight, find_coloured_highlights, find_highlight
+from mpsnet_core.calibrate.lights import Sighting
+from mpsnet_core.camera import Camera
+from mpsnet_core.errors import InputError
+from mpsnet_core.images import Encoding, Image, read_image, read_mask
+from mpsnet_core.progress import Progress, silent
+
+# Of 35 mm film, whose diagonal a "35 mm equivalent" focal length refers to (CIPA DCG-001).
+FILM_DIAGONAL = 43.267
+
+
+@dataclass(frozen=True)
+class BallPhotos:
+    """Photos of a ball and how to look at them.
+
+    files: photos of the ball that stand for one place of it: one under all lights, or one for each light alone.
+    circles: the ball's outlines, drawn by hand; mask: a file that shows the ball; else the ball is looked for.
+    balls: how many there are. radius: theirs, in the unit that positions are wanted in.
+    camera: a Camera, a focal length as :func:`focal_pixels` takes it, or None for a camera far away.
+    mirror: whether the ball is a mirror; else it is matt.
+    """
+
+    files: Sequence[Path]
+    circles: Sequence[Circle] = ()
+    mask: Path | None = None
+    balls: int = 1
+    radius: float = 1.0
+    camera: Camera | str | None = None
+    encoding: Encoding = "auto"
+    mirror: bool = True
+
+    def read(self, file: Path) -> Image:
+        """One of the photos."""
+        return read_image(file, encoding=self.encoding)
+
+
+def mean_photo(photos: BallPhotos) -> NDArray[np.float32]:
+    """(H, W, 3) linear, the mean: what is dark in one photo is lit in another. Raises InputError where sizes differ."""
+    total = photos.read(photos.files[0]).pixels
+    for file in photos.files[1:]:
+        pixels = photos.read(file).pixels
+        if pixels.shape != total.shape:
+            raise InputError(
+                f"{file} is {pixels.shape[1]} x {pixels.shape[0]} but {photos.files[0]} is {total.shape[1]} x "
+                f"{total.shape[0]}; they must be the same size"
+            )
+        total = total + pixels
+    return np.nan_to_num(total / np.float32(len(photos.files)), posinf=0.0, neginf=0.0)
+
+
+def seen_balls(photos: BallPhotos, image: NDArray[np.float32]) -> list[Ball]:
+    """The balls that the photos show. image: (H, W, 3), their mean. Raises InputError where they are not found."""
+    height, width = image.shape[:2]
+    camera = _camera(photos, width, height)
+    if photos.circles:
+        for circle in photos.circles:
+            if not (0 <= circle.x <= width and 0 <= circle.y <= height):
+                told = f"the circle {circle.x:g},{circle.y:g},{circle.radius:g}"
+                raise InputError(
+                    f"{told} has its middle outside the photo, which is {width} x {height}; x and y count pixels from "
+                    "the top left corner"
+                )
+        return [ball_from_circle(circle, camera, photos.radius) for circle in photos.circles]
+    if photos.mask is not None:
+        mask = read_mask(photos.mask)
+        if mask.shape != (height, width):
+            raise InputError(
+                f"the mask {photos.mask} is {mask.shape[1]} x {mask.shape[0]} but the photo is {width} x {height}; "
+                "they must be the same size"
+            )
+        return [ball_from_mask(mask, camera, photos.radius)]
+    try:
+        return find_balls(image, camera, count=photos.balls, radius=photos.radius, mirror=photos.mirror)
+    except InputError as error:
+        raise InputError(f"{photos.files[0]}: {error}") from None
+
+
+def read_sightings(photos: BallPhotos, progress: Progress = silent) -> list[Sighting]:
+    """What each ball in the photos mirrors: of one photo the red, the green and the blue light, of several one each.
+
+    Raises InputError where a file cannot be read, or a ball or a highlight is not found.
+    """
+    progress(0.0, "looking for the ball")
+    balls = seen_balls(photos, mean_photo(photos))
+    found: list[list[Highlight]] = [[] for _ in balls]
+    for number, file in enumerate(photos.files):
+        progress((number + 1) / (len(photos.files) + 1), f"looking for highlights in {file.name}")
+        image = photos.read(file)
+        for spots, ball in zip(found, balls, strict=True):
+            try:
+                if len(photos.files) == 1:
+                    spots += find_coloured_highlights(image.pixels, ball, image.clip)
+                else:
+                    spots.append(find_highlight(image.pixels, ball, image.clip))
+            except InputError as error:
+                raise InputError(f"{file}: {error}") from None
+    return [Sighting(ball, tuple(spots)) for ball, spots in zip(balls, found, strict=True)]
+
+
+def focal_pixels(told: str, width: int, height: int) -> float:
+    """A focal length in pixels, of "2400px", or of "50" or "50mm" as a 35 mm equivalent. Raises InputError."""
+    number, unit = (told[:-2], told[-2:]) if told[-2:] in ("px", "mm") else (told, "mm")
+    try:
+        value = float(number)
+    except ValueError:
+        value = -1.0
+    if not 0 < value < 1e6:
+        raise InputError(
+            f"a focal length is a number of millimetres (35 mm equivalent) or of pixels with px, not {told!r}; "
+            "50 or 2400px would do"
+        )
+    return value if unit == "px" else value / FILM_DIAGONAL * float(np.hypot(width, height))
+
+
+def _camera(photos: BallPhotos, width: int, height: int) -> Camera:
+    if photos.camera is None:
+        return distant_camera(width, height)
+    if isinstance(photos.camera, str):
+        return Camera("perspective", width, height, np.full(2, focal_pixels(photos.camera, width, height)))
+    if (photos.camera.width, photos.camera.height) != (width, height):
+        raise InputError(
+            f"the camera is {photos.camera.width} x {photos.camera.height} but the photo is {width} x {height}; "
+            "they must be the same size"
+        )
+    return photos.camera
