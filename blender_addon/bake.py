@@ -55,7 +55,7 @@ class MPS_OT_bake(RunsCore, BakeSettings, bpy.types.Operator):
         normals_image = scene.mps.estimate.image
         normals = image_file(normals_image, "normal map", "estimate the normals first")
         if self.target:
-            settings.target = _named(scene, self.target)
+            settings.target = named_object(scene, self.target)
         target = settings.target or context.view_layer.objects.active  # `--command` has no context.object
         if target is None:
             raise InputError("there is no target to bake onto; choose a mesh object")
@@ -90,7 +90,8 @@ class MPS_OT_bake(RunsCore, BakeSettings, bpy.types.Operator):
         self.report({"INFO"}, f"Texture written to {self._output}; {result['seen']:.0%} of the surface seen{turned}")
 
 
-def _named(scene: Any, name: str) -> Any:
+def named_object(scene: Any, name: str) -> Any:
+    """The scene's object of that name. Raises InputError where there is none."""
     target = scene.objects.get(name)
     if target is None:
         raise InputError(f'there is no object "{name}" in the scene; check its name')
@@ -106,10 +107,11 @@ def _refuse_linked(target: Any) -> None:
             )
 
 
-def write_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str) -> str:
+def write_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None) -> str:
     """Write an object as the render sees it, modifiers applied, as the core's mesh file; give the UV map's name.
 
-    Normals and tangents of each corner are Blender's own.
+    Normals and tangents of each corner are Blender's own. uv_map: "" for the one that is active for rendering, None
+    where only the shape counts.
 
     Raises InputError where the object is no mesh, has no faces, lacks the UV map or is disabled in viewports.
     """
@@ -125,19 +127,24 @@ def write_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str) -> str:
             raise InputError(f'"{obj.name}" is disabled in viewports or excluded from the view layer; enable it first')
         mesh = bpy.data.meshes.new_from_object(evaluated, preserve_all_data_layers=True, depsgraph=depsgraph)
     try:
-        uv_map = _uv_map(obj, mesh, uv_map)
+        if uv_map is not None:
+            uv_map = _uv_map(obj, mesh, uv_map)
         if not mesh.polygons:
             raise InputError(f'"{obj.name}" has no faces; choose an object with a surface')
         corners = _read(mesh.loop_triangles, "loops", 3, np.int32)
         normals = _read(mesh.corner_normals, "vector", 3)[corners]
-        uvs = _read(mesh.uv_layers[uv_map].uv, "vector", 2)[corners]
         triangles = _read(mesh.loop_triangles, "vertices", 3, np.int32)
         vertices = _read(mesh.vertices, "co", 3)
-        if _read(mesh.polygons, "loop_total", 1, np.int32).max() > 4:
-            tangents = _tangents_of_triangles(vertices, triangles, normals, uvs)
+        layout: dict[str, NDArray[Any]] = {}
+        if uv_map is None:
+            layout["uvs"] = np.tile(np.array([[0, 0], [1, 0], [0, 1]], np.float32), (len(triangles), 1, 1))
         else:
-            mesh.calc_tangents(uvmap=uv_map)
-            tangents = _tangents(mesh)[corners]
+            layout["uvs"] = _read(mesh.uv_layers[uv_map].uv, "vector", 2)[corners]
+            if _read(mesh.polygons, "loop_total", 1, np.int32).max() > 4:
+                layout["tangents"] = _tangents_of_triangles(vertices, triangles, normals, layout["uvs"])
+            else:
+                mesh.calc_tangents(uvmap=uv_map)
+                layout["tangents"] = _tangents(mesh)[corners]
         np.savez(
             path,
             format=np.array("mpsnet-mesh"),
@@ -145,13 +152,12 @@ def write_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str) -> str:
             vertices=vertices,
             triangles=triangles,
             corner_normals=normals,
-            uvs=uvs,
-            tangents=tangents,
             world_from_object=np.array(obj.matrix_world, dtype=np.float64),
+            **layout,
         )
     finally:
         bpy.data.meshes.remove(mesh)
-    return uv_map
+    return uv_map or ""
 
 
 @contextmanager

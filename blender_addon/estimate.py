@@ -5,15 +5,18 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+from bpy.props import StringProperty
 
+from mpsnet_core.camera import write_camera
 from mpsnet_core.errors import InputError
-from mpsnet_core.rig import write_rig
+from mpsnet_core.rig import LightRig, read_rig, write_rig
 
+from .bake import named_object, write_mesh
 from .operators import RunsCore, idle
 from .outputs import image_file, load_image, output_path, remember, remembered
 from .preferences import preference
 from .properties import MODELS, EstimateSettings, take_given
-from .rig import light_rig
+from .rig import light_rig, rig_camera, scene_camera
 
 
 class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
@@ -22,6 +25,12 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
     bl_idname = "mps.estimate"
     bl_label = "Estimate Normals"
     bl_options = {"UNDO"}
+
+    surface: StringProperty(
+        name="Surface",
+        description="Name of the mesh object that tells how far each pixel is from near lights. Empty: the panel's",
+        options={"SKIP_SAVE"},
+    )
 
     @classmethod
     def poll(cls, context: Any) -> bool:
@@ -47,6 +56,7 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         arguments += ["--encoding", self.encoding.lower(), "--model", self._model()]
         arguments += ["--provider", preference("provider").lower(), "--threads", str(preference("threads"))]
         arguments += self._mask()
+        arguments += self._place(context, image, read_rig(rig), folder)
         outputs = [output]
         if self.confidence:
             outputs.append(output.with_name(f"{output.stem}_confidence{output.suffix}"))
@@ -60,6 +70,29 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         if not self.model_file:
             raise InputError("the model is a file but none is named; choose an .onnx file")
         return bpy.path.abspath(self.model_file)
+
+    def _place(self, context: Any, image: Any, rig: LightRig, folder: Path) -> list[str]:
+        """The camera that took the photo, and for near lights the mesh that tells how far each pixel is from them."""
+        scene = context.scene
+        camera, taken_with = folder / "camera.json", remembered(image, "camera")
+        if taken_with is not None:
+            camera.write_text(taken_with, encoding="utf-8")
+        elif scene.mps.rig.lights:
+            write_camera(camera, scene_camera(rig_camera(scene), scene, tuple(image.size)))
+        elif rig.near is not None:
+            raise InputError(
+                "the rig's lights stand near the object, so the photo's camera counts; add a rig, whose camera is taken"
+            )
+        else:
+            return []
+        settings = scene.mps.estimate
+        if self.surface:
+            settings.surface = named_object(scene, self.surface)
+        if rig.near is None or settings.surface is None:
+            return ["--camera", str(camera)]
+        context.view_layer.update()
+        write_mesh(folder / "surface.npz", settings.surface, context.evaluated_depsgraph_get(), None)
+        return ["--camera", str(camera), "--mesh", str(folder / "surface.npz")]
 
     def _mask(self) -> list[str]:
         if self.mask == "AUTO":

@@ -98,6 +98,7 @@ class MPS_PT_photo(_Step):
             column.prop(estimate, "threshold", slider=True)
         column.prop(estimate, "encoding")
         column.prop(estimate, "rig_file", placeholder="Automatic")
+        column.prop(estimate, "surface")
 
 
 class MPS_PT_estimate(_Step):

@@ -420,6 +420,13 @@ class MPS_PG_photo(PhotoSettings, bpy.types.PropertyGroup):
 class MPS_PG_estimate(EstimateSettings, bpy.types.PropertyGroup):
     """The estimate: its settings, and the normal map once it is there."""
 
+    surface: PointerProperty(
+        name="Surface",
+        description="Mesh that tells how far each pixel is from near lights (area and point lights). "
+        "Empty: all is taken as far as the rig's target",
+        type=bpy.types.Object,
+        poll=lambda _, candidate: candidate.type == "MESH",
+    )
     image: PointerProperty(name="Normals", description="Normal map in camera space", type=bpy.types.Image)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.camera import Camera
 from mpsnet_core.errors import InputError
-from mpsnet_core.rig import LightRig, direction_from_angles
+from mpsnet_core.rig import LightRig, direction_from_angles, near_rig
 
 from .operators import SaysWhy
 from .properties import RigSettings, take_given
@@ -19,6 +19,8 @@ from .properties import RigSettings, take_given
 COLOURS = {"Red": (1.0, 0.0, 0.0), "Green": (0.0, 1.0, 0.0), "Blue": (0.0, 0.0, 1.0)}
 COLLECTION = "MPS Rig"
 SENSOR_WIDTH = 36.0
+# How the brightness of lights with a place falls off their axis: a disc is seen smaller from the side.
+_LOBES = {"AREA": 1.0, "POINT": 0.0, "SPOT": 0.0}
 
 # Columns are the camera's x, y and z axes in the world.
 _VIEWS = {
@@ -91,6 +93,8 @@ def add_rig(context: Any) -> None:
     target.matrix_world = Matrix.Translation(centre) @ orientation.to_4x4()
     collection.objects.link(target)
     settings.target = target
+    meshes = [obj for obj in selected if obj.type == "MESH"]
+    scene.mps.estimate.surface = meshes[0] if len(meshes) == 1 else None
     settings.camera = _add_camera(scene, radius)
     reach = settings.distance * radius
     directions = direction_from_angles([settings.slant] * 3, settings.tilt + np.array([0.0, 120.0, 240.0]))
@@ -224,8 +228,9 @@ def _area_power(distance: float) -> float:
 def light_rig(scene: Any) -> LightRig:
     """The rig as its objects stand now, in the camera's axes.
 
-    A sun shines along its own axis wherever it stands; any other light shines from its place towards the target. The
-    mixing matrix follows from the lights' colours and brightness.
+    A sun shines along its own axis wherever it stands; any other light shines from its place towards the target. Where
+    all three are of one such kind they are near lights, which differ from pixel to pixel. The mixing matrix follows
+    from the lights' colours and their brightness at the target.
 
     Raises InputError where a part of the rig is missing, or no normal can be told from how the lights stand.
     """
@@ -239,7 +244,13 @@ def drawn_rig(scene: Any) -> LightRig:
     to_camera = np.array(camera.matrix_world.normalized().to_3x3()).T
     centre = target.matrix_world.translation
     directions = np.array([_direction(light, centre) for light in lights])
-    return LightRig(directions @ to_camera.T, _mixing(lights, centre))
+    mixing = _mixing(lights, centre)
+    lobes = {_LOBES.get(light.data.type) for light in lights}
+    if len(lobes) > 1 or None in lobes:
+        return LightRig(directions @ to_camera.T, mixing)
+    places = np.array([*(light.matrix_world.translation for light in lights), centre])
+    *positions, target = (places - np.array(camera.matrix_world.translation)) @ to_camera.T
+    return near_rig(positions, target, mixing, lobes.pop() or 0.0)
 
 
 def view_layer(scene: Any) -> Any:

@@ -83,7 +83,7 @@ class Camera:
         return -np.linalg.inv(self.world_from_camera)[2]
 
     def points(self, depth: NDArray[np.floating], first_row: int = 0) -> NDArray[np.float64]:
-        """(h, W, 3) in camera space: what rows of pixels, from `first_row` on, show at `depth` (h, W) along the axis."""
+        """(h, W, 3) in camera space: what rows of pixels from `first_row` on show at `depth` (h, W) along the axis."""
         depth = np.asarray(depth, np.float64)
         x = (np.arange(depth.shape[1]) + 0.5 - self.centre[0]) / self.focal[0]
         y = (self.centre[1] - (np.arange(depth.shape[0]) + first_row + 0.5)) / self.focal[1]

@@ -67,13 +67,15 @@ class Capture:
             )
         if self.rig.near is not None and (self.camera is None or self.depth is None):
             raise InputError(
-                "the rig's lights stand near the object, so its distance counts: give the camera, and the object's mesh "
-                "or distance"
+                "the rig's lights stand near the object, so its distance counts: give the camera, and the object's "
+                "mesh or distance"
             )
         if self.depth is not None:
             depth = np.asarray(self.depth, np.float32)
             if depth.shape != mask.shape:
-                raise InputError(f"the depth is {_size(depth)} but the photo is {_size(image)}; they must be the same size")
+                raise InputError(
+                    f"the depth is {_size(depth)} but the photo is {_size(image)}; they must be the same size"
+                )
             if not (np.isfinite(depth) & (depth > 0)).all(where=mask):
                 raise InputError("the object's depth is not above 0 everywhere inside the mask; check camera and mesh")
             object.__setattr__(self, "depth", depth)
@@ -119,7 +121,7 @@ def read_capture(
         if camera is not None and not isinstance(camera, Camera):
             camera = camera_of_lens(camera, width, height)
         inside = _mask(image, mask)
-        distances = _depth(depth, rig, inside) if camera is not None else None
+        distances = _depth(depth, rig, inside)
         capture = Capture(image.pixels, inside, rig, camera, image.clip, distances)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
@@ -132,6 +134,8 @@ def _depth(
 ) -> NDArray[np.float32] | None:
     """(H, W) a depth for every pixel of the mask, None where it does not count."""
     if rig.near is None:
+        if depth is not None:
+            log.info("the rig's lights are distant, so how far the object is does not count")
         return None
     if depth is None:
         depth = -float(rig.near.target[2])
@@ -146,7 +150,8 @@ def _depth(
         raise InputError("the camera sees nothing of the mesh inside the mask; check that they belong to one photo")
     if inside < LEAST_KNOWN * mask.sum():
         log.info(
-            "the mesh covers %.0f%% of the mask: do camera, mesh and mask belong to this photo?", 100 * inside / mask.sum()
+            "the mesh covers %.0f%% of the mask: do camera, mesh and mask belong to this photo?",
+            100 * inside / mask.sum(),
         )
     # Beside the mesh, its nearest pixel's depth, and far from it the mean.
     filled = np.where(known, depth, depth[known & mask].mean())[..., None]

@@ -51,8 +51,8 @@ def _three(value: ArrayLike, what: str) -> NDArray[np.float64]:
 class NearLights:
     """Lights so near that their directions and brightness differ from point to point of the object.
 
-    positions: (3, 3) float64, where each light stands, a light a row, in camera space with the camera in the origin (the
-        scene has negative z), in the unit of the camera's pose and the mesh.
+    positions: (3, 3) float64, where each light stands, a light a row, in camera space with the camera in the origin
+        (the scene has negative z), in the unit of the camera's pose and the mesh.
     target: (3,) float64, the point that the lights are turned to, and where the rig's directions and mixing hold.
     lobe: how a light's brightness falls off its axis towards the target, as a power of the cosine: 0 for a bare bulb, 1
         for a disc or a bare LED chip, more for LEDs with a lens (Quéau et al. 2018, equation 2.5).
@@ -178,9 +178,7 @@ def published_rig(slant: float = 30.0, first_tilt: float = 90.0) -> LightRig:
     return LightRig(direction_from_angles([slant] * 3, first_tilt + np.array([0.0, 120.0, 240.0])))
 
 
-def near_rig(
-    positions: ArrayLike, target: ArrayLike, mixing: ArrayLike | None = None, lobe: float = 0.0
-) -> LightRig:
+def near_rig(positions: ArrayLike, target: ArrayLike, mixing: ArrayLike | None = None, lobe: float = 0.0) -> LightRig:
     """A rig of lights that stand near the object, see :class:`NearLights`.
 
     mixing: (3, 3), as it is at the target; identity unless given.

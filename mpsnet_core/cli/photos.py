@@ -39,7 +39,9 @@ def _add_estimate(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--model", help="a name of `mpsnet models` or an .onnx file; multiscale unless given")
     parser.add_argument("--camera", help="camera file: for perspective, and where the rig's lights are near")
     parser.add_argument("--focal", type=float, metavar="MM", help="in its place the lens, in mm on a 36 mm sensor")
-    parser.add_argument("--mesh", help="the object's mesh in the camera's world: how far each pixel is from near lights")
+    parser.add_argument(
+        "--mesh", help="the object's mesh in the camera's world: how far each pixel is from near lights"
+    )
     parser.add_argument("--distance", type=float, help="in its place one distance of the object from the camera")
     parser.add_argument("--encoding", default="auto", help="auto, linear or srgb: how the photo's values are meant")
     parser.add_argument("--layer", help="layer of a multi-layer EXR")
@@ -130,8 +132,9 @@ def _place(options: argparse.Namespace) -> tuple[Any, Any]:
         raise InputError("--mesh needs --camera, which tells where the mesh was seen from; give it")
     camera = read_camera(options.camera) if options.camera else options.focal
     if options.mesh:
+        mesh = read_mesh(options.mesh)
         try:
-            return camera, depth_of_mesh(camera, read_mesh(options.mesh))
+            return camera, depth_of_mesh(camera, mesh)
         except InputError as error:
             raise InputError(f"camera {options.camera}: {error}") from None
     return camera, options.distance

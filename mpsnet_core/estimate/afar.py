@@ -93,7 +93,7 @@ def _is_perspective(camera: Camera | None) -> bool:
 
 
 def _turn_to_z(camera: Camera, rows: slice) -> NDArray[np.float64]:
-    """(h, W, 3) axes of the smallest turns that bring each pixel's line of sight onto z, as long as the angle's sine."""
+    """(h, W, 3) axes of the smallest turns that bring lines of sight onto z, as long as the angles' sines."""
     towards = -camera.points(np.ones((rows.stop - rows.start, camera.width)), rows.start)
     towards /= np.linalg.norm(towards, axis=-1, keepdims=True)
     return np.cross(towards, [0.0, 0.0, 1.0])

@@ -44,7 +44,8 @@ def usable_channels(capture: Capture) -> NDArray[np.bool_]:
 def lambertian_normals(capture: Capture, grey_world: bool = False) -> NormalMap:
     """Normals by equation 2, with or without grey-world. Confidence is the share of usable channels (0, ⅓, ⅔, 1).
 
-    Under near lights every pixel has its own three. Perspective makes no difference: matt light leaves alike to all sides.
+    Under near lights every pixel has its own three. Perspective makes no difference: a matt surface looks the same from
+    all sides.
     """
     distant = under_distant_lights(capture)
     image = distant.rig.unmixed(distant.image)

@@ -1,0 +1,282 @@
+"""Lights and lens close to the object: a ball whose normals are known, for the baseline and for networks."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from near_scene import NEAR, SIZE, WIDE, Scene, ball
+from networks import pass_through
+from synthetic import CROSSTALK, degrees_between, write_file
+
+from mpsnet_core.camera import Camera, camera_of_lens, write_camera
+from mpsnet_core.capture import Capture, read_capture
+from mpsnet_core.cli import main
+from mpsnet_core.errors import InputError
+from mpsnet_core.estimate import estimate_normals
+from mpsnet_core.estimate.afar import seen_from_afar
+from mpsnet_core.normals import read_normals
+from mpsnet_core.rig import LightRig, near_rig, published_rig, read_rig, write_rig
+from mpsnet_core.surface.depth import depth_of_mesh
+from mpsnet_core.surface.mesh import Mesh, smooth_corner_normals
+
+
+@pytest.fixture(scope="module")
+def wide() -> Scene:
+    return ball(WIDE)
+
+
+@pytest.fixture(scope="module")
+def close() -> Scene:
+    return ball(50, NEAR)
+
+
+def error(scene: Scene, model: str | Path = "lambertian", capture: Capture | None = None) -> float:
+    """Mean angular error where all three lights reach: what is elsewhere no lamp tells."""
+    normals = estimate_normals(capture or scene.capture(), model)
+    return float(degrees_between(normals.vectors, scene.normals)[scene.lit].mean())
+
+
+# --- the baseline -----------------------------------------------------------------------------------------------------
+
+
+def test_a_wide_lens_costs_the_baseline_nothing(wide: Scene) -> None:
+    assert error(wide) <= error(ball(None)) + 0.01
+
+
+def distant(scene: Scene) -> Capture:
+    """The capture taken as if its lights were far away."""
+    return Capture(scene.image, scene.mask, LightRig(scene.rig.directions, scene.rig.mixing))
+
+
+@pytest.mark.parametrize(
+    ("lens", "lobe", "mixing"),
+    [(50, 0, None), (None, 0, None), (WIDE, 1, None), (50, 2.5, CROSSTALK)],
+    ids=["lens", "orthographic", "discs", "crosstalk"],
+)
+def test_under_near_lights_the_baseline_is_exact(lens: float | None, lobe: float, mixing: list | None) -> None:
+    scene = ball(lens, NEAR, lobe, mixing)
+    assert error(scene) < 0.02
+    assert error(scene, capture=distant(scene)) > 15
+
+
+def test_one_distance_for_all_is_better_than_distant_lights(close: Scene) -> None:
+    flat = close.capture(depth=np.full_like(close.depth, close.depth[close.mask].mean()))
+    assert error(close, capture=flat) < error(close, capture=distant(close)) / 2
+
+
+def test_the_baseline_with_grey_world_is_as_good_as_under_distant_lights(close: Scene) -> None:
+    assert error(close, "lambertian-grey-world") <= error(ball(50), "lambertian-grey-world") + 0.02
+
+
+# --- networks ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("near", [None, NEAR])
+def test_what_a_network_sees_is_turned_and_relit_and_its_answer_turned_back(tmp_path: Path, near: float | None) -> None:
+    """One that hands on the initial normals gives those that are true, whatever stands between."""
+    scene = ball(WIDE, near)
+    frontal = (seen_from_afar(scene.capture()).image > 0).all(axis=-1) & scene.lit
+    normals = estimate_normals(scene.capture(), pass_through(tmp_path / "same.onnx"))
+    assert frontal.sum() > 0.7 * scene.lit.sum()
+    assert degrees_between(normals.vectors, scene.normals)[frontal].mean() < 0.02
+
+
+def test_a_network_sees_a_ball_from_nearby_as_from_afar() -> None:
+    """Seen frontally, how far from the ball's middle a line of sight passes is the sine of its normal's slant."""
+    scene = ball(WIDE, NEAR)
+    seen = seen_from_afar(scene.capture()).image
+    focal, away = WIDE / 36 * SIZE, 1.04 / np.sin(np.arctan(18 / WIDE))
+    x, y = np.meshgrid(np.arange(SIZE) + 0.5 - SIZE / 2, SIZE / 2 - 0.5 - np.arange(SIZE))
+    from_axis = np.hypot(x, y)
+    sine = away * np.sin(np.arctan(from_axis / focal))
+    frontal = (seen > 0).all(axis=-1) & scene.lit & (sine < 1)
+    sine = np.where(frontal, sine, 0)
+    expected = np.stack([x / from_axis * sine, y / from_axis * sine, np.sqrt(1 - sine**2)], axis=-1)
+    found = seen.astype(float) @ np.linalg.inv(scene.rig.directions).T
+    assert frontal.sum() > 5000
+    assert degrees_between(found, expected)[frontal].max() < 0.01
+
+
+def test_near_lights_cost_the_default_network_little(close: Scene) -> None:
+    assert error(close, "multiscale") <= 1.2 * error(ball(50), "multiscale")
+
+
+def test_near_lights_and_wide_lenses_are_worth_telling_the_default_network(close: Scene, wide: Scene) -> None:
+    assert error(close, "multiscale") < 0.8 * error(close, "multiscale", distant(close))
+    assert error(wide, "multiscale") < error(wide, "multiscale", wide.capture(camera=None))
+
+
+# --- what is known of them --------------------------------------------------------------------------------------------
+
+
+def test_a_rig_file_keeps_near_lights(tmp_path: Path) -> None:
+    rig = near_rig([[0, 30, -2], [-20, -10, 1], [25, -10, 0]], [1, 2, -50], CROSSTALK, lobe=1.5)
+    write_rig(tmp_path / "rig.json", rig)
+    back = read_rig(tmp_path / "rig.json")
+    assert back.near is not None and back.near.lobe == 1.5
+    np.testing.assert_allclose(back.near.positions, rig.near.positions)
+    np.testing.assert_allclose(back.near.target, [1, 2, -50])
+    np.testing.assert_allclose(back.directions[0], np.array([-1, 28, 48]) / np.linalg.norm([-1, 28, 48]))
+    np.testing.assert_allclose(back.mixing, CROSSTALK)
+
+
+def test_brightness_is_one_at_the_target_and_falls_with_the_square() -> None:
+    near = near_rig([[0, 3, -1], [3, 0, -1], [-3, -3, -1]], [0, 0, -5]).near
+    assert near is not None
+    np.testing.assert_allclose(np.linalg.norm(near.light_at(np.array([0, 0, -5.0])), axis=1), 1)
+    half_way = np.array([0, 1.5, -3.0])  # from the target to the first light
+    np.testing.assert_allclose(near.light_at(half_way)[0], 4 * np.array([0, 3, 4]) / 5)
+
+
+@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
+def test_points_are_where_the_camera_projects_them_from(projection: str) -> None:
+    camera = Camera(projection, 30, 20, np.array([25.0, 27]), np.array([14.0, 11]))
+    depth = np.random.default_rng(0).uniform(2, 5, (20, 30))
+    points = camera.points(depth[5:15], first_row=5)
+    projected = np.concatenate([points, np.ones((10, 30, 1))], axis=-1) @ camera.projection_rows().T
+    pixels = projected[..., :2] / projected[..., 2:]
+    np.testing.assert_allclose(pixels[..., 0], np.broadcast_to(np.arange(30) + 0.5, (10, 30)))
+    np.testing.assert_allclose(pixels[..., 1], np.broadcast_to(np.arange(5, 15)[:, None] + 0.5, (10, 30)))
+    np.testing.assert_allclose(-points[..., 2], depth[5:15])
+
+
+def test_a_lens_is_told_for_the_longer_side() -> None:
+    assert camera_of_lens(36, 600, 400).focal.tolist() == [600, 600]
+    assert camera_of_lens(36, 400, 600).focal.tolist() == [600, 600]
+
+
+def ball_mesh(middle: np.ndarray) -> Mesh:
+    source = trimesh.creation.icosphere(5)
+    vertices, triangles = np.array(source.vertices) + middle, np.array(source.faces, np.int32)
+    uvs = np.broadcast_to(np.array([[0, 0], [1, 0], [0, 1.0]]), (len(triangles), 3, 2))
+    return Mesh(vertices, triangles, smooth_corner_normals(vertices, triangles), uvs)
+
+
+def test_the_depth_of_a_mesh_is_that_of_the_ball_it_stands_for(wide: Scene) -> None:
+    pose = np.eye(4)
+    pose[:3, :3] = [[0, 0, 1], [1, 0, 0], [0, 1, 0]]
+    pose[:3, 3] = [7, -3, 2]
+    camera = Camera("perspective", SIZE, SIZE, wide.camera.focal, world_from_camera=pose)
+    mesh = ball_mesh(pose[:3, :3] @ [0, 0, -1.04 / np.sin(np.arctan(18 / WIDE))] + pose[:3, 3])
+    depth = depth_of_mesh(camera, mesh)
+    assert np.abs(depth - wide.depth)[wide.mask].max() < 0.01
+    assert np.isinf(depth[0, 0])
+
+
+# --- the command line -------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def bench(tmp_path: Path, close: Scene) -> Path:
+    write_file(tmp_path / "photo.exr", close.image, "float")
+    write_file(tmp_path / "mask.png", close.mask, "uint8")
+    write_rig(tmp_path / "rig.json", close.rig)
+    write_camera(tmp_path / "camera.json", close.camera)
+    distance = 1.04 / np.sin(np.arctan(18 / 50))
+    mesh = ball_mesh(np.array([0, 0, -distance]))
+    lines = [f"v {x} {y} {z}" for x, y, z in mesh.vertices] + ["vt 0 0", "vt 1 0", "vt 0 1"]
+    lines += [f"f {a + 1}/1 {b + 1}/2 {c + 1}/3" for a, b, c in mesh.triangles]
+    (tmp_path / "ball.obj").write_text("\n".join(lines))
+    return tmp_path
+
+
+def estimate(bench: Path, *arguments: str) -> int:
+    named = [str(bench / word) if (bench / word).is_file() else word for word in arguments]
+    command = [
+        "estimate",
+        str(bench / "photo.exr"),
+        "--rig",
+        str(bench / "rig.json"),
+        "--mask",
+        str(bench / "mask.png"),
+    ]
+    return main([*command, "--model", "lambertian", "--progress", "none", "-o", str(bench / "normals.exr"), *named])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "degrees"),
+    [
+        (("--camera", "camera.json", "--mesh", "ball.obj"), 0.3),
+        (("--camera", "camera.json"), 12),
+        (("--focal", "50", "--distance", "2.4"), 6),
+    ],
+    ids=["mesh", "target", "distance"],
+)
+def test_the_command_line_takes_camera_and_distance(
+    bench: Path, close: Scene, arguments: tuple[str, ...], degrees: float
+) -> None:
+    assert estimate(bench, *arguments) == 0
+    found = read_normals(bench / "normals.exr").vectors
+    assert degrees_between(found, close.normals)[close.lit].mean() < degrees
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ((), "the rig's lights stand near the object, so its distance counts: give the camera"),
+        (("--camera", "camera.json", "--focal", "50"), "--camera and --focal both tell the lens"),
+        (("--focal", "0"), "a focal length is a number of millimetres above 0"),
+        (("--focal", "50", "--mesh", "ball.obj"), "--mesh needs --camera"),
+        (("--camera", "camera.json", "--mesh", "ball.obj", "--distance", "3"), "both tell how far"),
+        (("--camera", "camera.json", "--distance", "-3"), "the object's depth is not above 0"),
+        (("--camera", "away.json", "--mesh", "ball.obj"), "away.json: the camera does not see the mesh"),
+        (("--camera", "small.json", "--mesh", "ball.obj"), "the camera is 80 x 80 but the photo is 160 x 160"),
+    ],
+)
+def test_what_does_not_fit_is_told(
+    bench: Path, close: Scene, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], sentence: str
+) -> None:
+    turned = np.diag([1.0, -1, -1, 1])
+    write_camera(bench / "away.json", Camera("perspective", SIZE, SIZE, close.camera.focal, world_from_camera=turned))
+    write_camera(bench / "small.json", Camera("perspective", 80, 80, close.camera.focal / 2))
+    assert estimate(bench, *arguments) == 2
+    assert sentence in capsys.readouterr().err
+    assert not (bench / "normals.exr").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"target": None}, 'lights with a position need a "target"'),
+        ({"target": [0, 0]}, "the lights' target must be three finite numbers"),
+        ({"lobe": -1}, "the lights' lobe is a number from 0"),
+        ({"lobe": "wide"}, "the lights' lobe is a number from 0"),
+        (
+            {"lights": [{"position": [0, 1, 0]}, {"position": [1, 0, 0]}, {"slant": 3, "tilt": 4}]},
+            "the third light needs",
+        ),
+        (
+            {"lights": [{"position": [0, 1, 0]}, {"position": [1, 0, 0]}, {"position": [0, 0, -5]}]},
+            "stands in the target",
+        ),
+        (
+            {"lights": [{"position": [0, 1, 0]}, {"position": [1, 0, 0]}, {"position": ["x", 0, 0]}]},
+            "the third light's",
+        ),
+        (
+            {"lights": [{"slant": 30, "tilt": tilt} for tilt in (0, 120, 240)]},
+            '"target" is for lights with a "position"',
+        ),
+    ],
+)
+def test_near_rig_files_that_are_wrong_are_refused(tmp_path: Path, change: dict, sentence: str) -> None:
+    lights = [{"position": place} for place in ([0, 3, -1], [3, 0, -1], [-3, -3, -1])]
+    data = {"format": "mpsnet-rig", "version": 1, "lights": lights, "target": [0, 0, -5], **change}
+    (tmp_path / "rig.json").write_text(json.dumps({key: value for key, value in data.items() if value is not None}))
+    with pytest.raises(InputError, match=r"rig\.json") as refused:
+        read_rig(tmp_path / "rig.json")
+    assert sentence in str(refused.value)
+
+
+def test_directions_that_contradict_the_positions_are_refused(close: Scene) -> None:
+    with pytest.raises(InputError, match="not those from its target"):
+        LightRig(published_rig(slant=40).directions, np.eye(3), close.rig.near)
+
+
+def test_a_mesh_elsewhere_in_the_picture_is_refused(bench: Path, close: Scene) -> None:
+    depth = np.full_like(close.depth, np.inf)
+    depth[0, 0] = 3
+    with pytest.raises(InputError, match="sees nothing of the mesh inside the mask"):
+        read_capture(bench / "photo.exr", close.rig, mask=str(bench / "mask.png"), camera=close.camera, depth=depth)
