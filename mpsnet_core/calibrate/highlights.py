@@ -22,6 +22,8 @@ CANDIDATE = 0.25
 CENTROID_SHARE = 0.05
 CLIPPED_SHARE = 0.1
 LEAST_UNCERTAINTY = 0.1
+# Where clipped highlights touch, one hides a part of the other.
+HIDDEN_SHARE = 0.5
 # Pixels whose chromaticity differs by less are of one colour.
 SAME_COLOUR = 0.08
 # How much likelier, in natural logarithms, the colours must fit the best order of the lights than the next best.
@@ -109,6 +111,8 @@ def find_coloured_highlights(
     for light, name in enumerate(("red", "green", "blue")):
         others = weight.sum(axis=-1) - weight[..., light]
         spot = _highlight(window, weight[..., light], others, f"the {name} light")
+        if _touches(owner, light):
+            spot = replace(spot, uncertainty=float(np.hypot(spot.uncertainty, HIDDEN_SHARE * spot.radius)))
         found.append(replace(spot, colour=_colour(colours[:, light])))
     for a, b in combinations(found, 2):
         if np.hypot(a.x - b.x, a.y - b.y) < 0.5 * min(a.radius, b.radius):
@@ -187,6 +191,12 @@ def _owners(lights: NDArray[np.float64], coloured: NDArray[np.bool_], clipped: N
             break
     owner[clipped] = front[clipped]
     return owner
+
+
+def _touches(owner: NDArray[np.int64], light: int) -> bool:
+    """Whether a clipped pixel of the light lies beside one of another light."""
+    mine, others = owner == light, (owner >= 0) & (owner != light)
+    return any(bool((mine[_to(step)] & others[_from(step)]).any()) for step in ((0, 1), (1, 0), (0, -1), (-1, 0)))
 
 
 def _to(step: tuple[int, int]) -> tuple[slice, slice]:

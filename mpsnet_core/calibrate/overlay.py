@@ -59,7 +59,7 @@ def lights_picture(
 def ball_picture(image: NDArray[np.float32], ball: Ball, words: str) -> NDArray[np.float32]:
     """(H, W, 3) display values: the ball, enlarged, with its outline, and words below."""
     canvas = _Canvas(image, ball)
-    canvas.label(words, (ball.circle.x, ball.circle.y + 1.15 * ball.circle.radius), OUTLINE)
+    canvas.label(words, (ball.circle.x, ball.circle.y + 1.15 * ball.circle.radius), OUTLINE, side="middle")
     return canvas.pixels
 
 

@@ -11,13 +11,10 @@ from mpsnet_core.calibrate.ball import Ball, Circle, ball_from_circle, ball_from
 from mpsnet_core.calibrate.circles import find_balls
 from mpsnet_core.calibrate.highlights import Highlight, find_coloured_highlights, find_highlight
 from mpsnet_core.calibrate.lights import Sighting
-from mpsnet_core.camera import Camera
+from mpsnet_core.camera import Camera, camera_of_lens
 from mpsnet_core.errors import InputError
 from mpsnet_core.images import Encoding, Image, read_image, read_mask
 from mpsnet_core.progress import Progress, silent
-
-# Of 35 mm film, whose diagonal a "35 mm equivalent" focal length refers to (CIPA DCG-001).
-FILM_DIAGONAL = 43.267
 
 
 @dataclass(frozen=True)
@@ -27,7 +24,7 @@ class BallPhotos:
     files: photos of the ball that stand for one place of it: one under all lights, or one for each light alone.
     circles: the ball's outlines, drawn by hand; mask: a file that shows the ball; else the ball is looked for.
     balls: how many there are. radius: theirs, in the unit that positions are wanted in.
-    camera: a Camera, a focal length as :func:`focal_pixels` takes it, or None for a camera far away.
+    camera: a Camera, a focal length as :func:`camera_of_lens` takes it, or None for a camera far away.
     mirror: whether the ball is a mirror; else it is matt.
     """
 
@@ -36,7 +33,7 @@ class BallPhotos:
     mask: Path | None = None
     balls: int = 1
     radius: float = 1.0
-    camera: Camera | str | None = None
+    camera: Camera | float | None = None
     encoding: Encoding = "auto"
     mirror: bool = True
 
@@ -108,26 +105,11 @@ def read_sightings(photos: BallPhotos, progress: Progress = silent) -> list[Sigh
     return [Sighting(ball, tuple(spots)) for ball, spots in zip(balls, found, strict=True)]
 
 
-def focal_pixels(told: str, width: int, height: int) -> float:
-    """A focal length in pixels, of "2400px", or of "50" or "50mm" as a 35 mm equivalent. Raises InputError."""
-    number, unit = (told[:-2], told[-2:]) if told[-2:] in ("px", "mm") else (told, "mm")
-    try:
-        value = float(number)
-    except ValueError:
-        value = -1.0
-    if not 0 < value < 1e6:
-        raise InputError(
-            f"a focal length is a number of millimetres (35 mm equivalent) or of pixels with px, not {told!r}; "
-            "50 or 2400px would do"
-        )
-    return value if unit == "px" else value / FILM_DIAGONAL * float(np.hypot(width, height))
-
-
 def _camera(photos: BallPhotos, width: int, height: int) -> Camera:
     if photos.camera is None:
         return distant_camera(width, height)
-    if isinstance(photos.camera, str):
-        return Camera("perspective", width, height, np.full(2, focal_pixels(photos.camera, width, height)))
+    if not isinstance(photos.camera, Camera):
+        return camera_of_lens(photos.camera, width, height)
     if (photos.camera.width, photos.camera.height) != (width, height):
         raise InputError(
             f"the camera is {photos.camera.width} x {photos.camera.height} but the photo is {width} x {height}; "

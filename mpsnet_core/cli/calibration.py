@@ -35,7 +35,6 @@ def _add_shared(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--circle",
         action="append",
-        default=[],
         metavar="X,Y,R",
         help="the ball's outline by hand: its middle from the photo's top left corner and its radius, in pixels; "
         "repeatable, in the balls' order; it is looked for unless given",
@@ -43,9 +42,7 @@ def _add_shared(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--mask", help="mask file of the ball (of the card, with --card)")
     camera = parser.add_mutually_exclusive_group()
     camera.add_argument("--camera", metavar="FILE", help="camera file; without it the camera is taken as far away")
-    camera.add_argument(
-        "--focal", metavar="LENGTH", help="focal length instead: 50 (millimetres, 35 mm equivalent) or 2400px"
-    )
+    camera.add_argument("--focal", type=float, metavar="MM", help="in its place the lens, in mm on a 36 mm sensor")
     parser.add_argument("--encoding", default="auto", help="auto, linear or srgb: how the photos' values are meant")
     parser.add_argument("--overlay", metavar="PNG", help="write a picture of what was found, drawn over the photo")
     parser.add_argument("--json", metavar="FILE", help="write what was found as JSON")
@@ -316,9 +313,8 @@ def _mixing_data(found: "MixingFound") -> dict[str, Any]:
         "left_out": found.left_out,
         "balls": [] if found.ball is None else [_ball_data(found.ball)],
     }
-    rows.append(
-        f"{found.residual:.2%} of the brightness unexplained, {found.pixels} pixels, {found.left_out:.1%} of them left out"
-    )
+    left_out = f"{found.left_out:.1%} of {found.pixels} pixels left out"
+    rows.append(f"{found.residual:.2%} of the brightness unexplained, {left_out}")
     if found.ball is not None:
         rows.append(_ball_line(found.ball))
     return {**data, "text": "\n".join(rows)}
@@ -364,7 +360,7 @@ def _circles(options: argparse.Namespace) -> list["Circle"]:
 
     if options.circle and options.mask:
         raise InputError("--circle and --mask both say where it is; give one of them")
-    return [Circle(*_numbers(text, "--circle")) for text in options.circle]
+    return [Circle(*_numbers(text, "--circle")) for text in options.circle or []]
 
 
 def _numbers(text: str, option: str) -> list[float]:

@@ -72,7 +72,7 @@ def photograph(
     levels: int | None = 65535,
     on: Sequence[int] | None = None,
     white_lamp: tuple[Sequence[float], float, float] | None = None,
-    fine: int = 4,
+    fine: int = 3,
     seed: int = 0,
 ) -> np.ndarray:
     """(H, W, 3) a mirror ball's photo, clipped at 1.
