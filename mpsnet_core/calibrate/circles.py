@@ -1,5 +1,7 @@
 """Finding balls in a photo: circles by the Hough transform along gradients, then their outlines to parts of a pixel."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,9 +14,12 @@ SEARCHED_SIDE = 400
 # A ball's radius, as a share of the photo's shorter side.
 SMALLEST, LARGEST = 0.04, 0.75
 CANDIDATES = 12
-ANGLES = 360
-# How far from a circle its outline is looked for, as shares of the radius, round after round.
-REACHES = (0.07, 0.035, 0.02)
+# How far from a circle its outline is looked for, as shares of the radius, round after round, and at last.
+REACHES = (0.12, 0.04)
+CLOSE = 0.012
+# Pixels from place to place on a line across the outline, and the weights of lines beside each other.
+STEP = 0.5
+BESIDE = (0.1, 0.2, 0.4, 0.2, 0.1)
 # With less of its outline, or one that is rougher (as a share of the radius), a circle is not a ball that was found.
 LEAST_SEEN = 0.2
 ROUGHEST = 0.01
@@ -58,17 +63,27 @@ def find_balls(
 
 
 def outlined(image: NDArray[np.float32], circle: Circle, camera: Camera, radius: float = 1.0) -> Ball:
-    """The ball near a circle, by the edges next to it, to parts of a pixel. Raises InputError where no ball fits."""
+    """The ball near a circle, by the edges next to it, to parts of a pixel. Raises InputError where no ball fits.
+
+    First the outline is moved to where most of it lies on edges, however faint (after Daugman's integro-differential
+    operator, "High confidence visual recognition of persons", PAMI 1993): a mirror ball's rim blends with what stands
+    behind it, and what it mirrors has stronger edges. Then the steepest places along it are fitted.
+    """
     brightness = image.sum(axis=-1)
     ball = fit_ball(circle.points(), camera, radius)
     for share in REACHES:
-        points = _edges_near(brightness, ball, max(share * ball.circle.radius, 2.0))
-        ball = fit_ball(points, camera, radius)
-    return ball
+        edges = _Edges(brightness, ball, max(share * ball.circle.radius, 2.0))
+        ball = fit_ball(edges.best_outline(), camera, radius)
+    edges = _Edges(brightness, ball, max(CLOSE * ball.circle.radius, 1.5))
+    points, clear = edges.steepest()
+    ball = fit_ball(points[clear], camera, radius)
+    away = np.linalg.norm(points[:, None] - ball.outline[None], axis=2).min(axis=1)
+    seen = clear & (away < max(CLOSE / 2 * ball.circle.radius, 0.75))
+    return replace(ball, seen=float(seen.mean()))
 
 
 def _score(ball: Ball) -> float:
-    return ball.seen * float(np.sqrt(ball.circle.radius)) / (1 + ball.residual)
+    return ball.seen**2 * float(np.sqrt(ball.circle.radius)) / (1 + ball.residual)
 
 
 def _apart(a: Circle, b: Circle) -> bool:
@@ -169,29 +184,53 @@ def _box(values: NDArray[np.float64], reach: int) -> NDArray[np.float64]:
     return values
 
 
-def _edges_near(brightness: NDArray[np.float32], ball: Ball, reach: float) -> NDArray[np.float64]:
-    """(N, 2) the steepest place within `reach` pixels of the ball's outline, along each of many lines across it."""
-    outline = ball.outline
-    along = np.roll(outline, -1, axis=0) - np.roll(outline, 1, axis=0)
-    across = np.stack([along[:, 1], -along[:, 0]], axis=-1)
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
-    offsets = np.arange(-reach - 1, reach + 1.25, 0.5)
-    places = outline[:, None] + offsets[:, None] * across[:, None]
-    profile = _sampled(brightness, places)
-    steep = np.abs(profile[:, 2:] - profile[:, :-2])
-    middle = offsets[1:-1]
-    height, width = brightness.shape
-    inside = ((places > 1) & (places < [width - 1, height - 1])).all(axis=(1, 2))
-    liked = steep * np.exp(-((middle / reach) ** 2))
-    best = np.clip(liked.argmax(axis=1), 1, len(middle) - 2)
-    line = np.arange(len(best))
-    before, here, after = (steep[line, best + k].astype(np.float64) for k in (-1, 0, 1))
-    bend = before - 2 * here + after
-    part = np.where(bend < 0, np.clip(0.5 * (before - after) / np.where(bend < 0, bend, 1), -0.5, 0.5), 0.0)
-    points = outline + (middle[best] + 0.5 * part)[:, None] * across
-    # A flat line tells nothing.
-    telling = inside & (here > 0.05 * np.median(here[inside]) if inside.any() else inside)
-    return points[telling]
+class _Edges:
+    """How steep a picture is along lines across a ball's outline."""
+
+    def __init__(self, brightness: NDArray[np.float32], ball: Ball, reach: float) -> None:
+        self.outline = ball.outline
+        along = np.roll(self.outline, -1, axis=0) - np.roll(self.outline, 1, axis=0)
+        self.across = np.stack([along[:, 1], -along[:, 0]], axis=-1)
+        self.across /= np.linalg.norm(self.across, axis=1, keepdims=True)
+        offsets = np.arange(-reach - 1.5, reach + 1.75, STEP)
+        places = self.outline[:, None] + offsets[:, None] * self.across[:, None]
+        profile = _sampled(brightness, places)
+        # Neighbouring lines cross the same edge; their mean has less noise.
+        profile = sum(share * np.roll(profile, turn, axis=0) for turn, share in zip(range(-2, 3), BESIDE, strict=True))
+        self.steep = np.abs(profile[:, 2:] - profile[:, :-2])
+        self.offsets, self.reach = offsets[1:-1], reach
+        height, width = brightness.shape
+        self.whole = ((places > 1) & (places < [width - 1, height - 1])).all(axis=(1, 2))
+        # Half of what is steepest anywhere: what is steeper counts little more, however strong it is.
+        self.usual = max(float(np.median(self.steep[self.whole])) if self.whole.any() else 0.0, 1e-12)
+
+    def best_outline(self) -> NDArray[np.float64]:
+        """(N, 2) the outline shifted and grown, within reach, to where most of it lies on an edge."""
+        evidence = self.steep / (self.steep + 2 * self.usual)
+        evidence[~self.whole] = 0
+        line = np.arange(len(evidence))
+        best, span = np.zeros(3), self.reach / 2
+        while span > 0.2:
+            grid = np.linspace(-span, span, 7)
+            nudges = best + np.stack(np.meshgrid(grid, grid, grid, indexing="ij"), axis=-1).reshape(-1, 3)
+            offsets = nudges[:, :2] @ self.across.T + nudges[:, 2:]
+            place = np.rint((offsets - self.offsets[0]) / STEP).astype(int)
+            within = (place >= 0) & (place < evidence.shape[1])
+            total = np.where(within, evidence[line, np.clip(place, 0, evidence.shape[1] - 1)], 0).sum(axis=1)
+            best = nudges[total.argmax()]
+            span /= 2.5
+        return (self.outline + (self.across @ best[:2] + best[2])[:, None] * self.across)[self.whole]
+
+    def steepest(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """(N, 2) the steepest place on each line, to parts of a step, and (N,) whether it is an edge."""
+        liked = self.steep * np.exp(-((self.offsets / self.reach) ** 2))
+        best = np.clip(liked.argmax(axis=1), 1, len(self.offsets) - 2)
+        line = np.arange(len(best))
+        before, here, after = (self.steep[line, best + k] for k in (-1, 0, 1))
+        bend = np.minimum(before - 2 * here + after, -1e-12)
+        part = np.clip(0.5 * (before - after) / bend, -0.5, 0.5)
+        points = self.outline + (self.offsets[best] + STEP * part)[:, None] * self.across
+        return points, self.whole & (here > 1.5 * np.median(self.steep, axis=1)) & (here > 0.05 * np.median(here))
 
 
 def _sampled(picture: NDArray[np.float32], places: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -23,7 +23,7 @@ CENTROID_SHARE = 0.05
 CLIPPED_SHARE = 0.1
 LEAST_UNCERTAINTY = 0.1
 # Where clipped highlights touch, one hides a part of the other.
-HIDDEN_SHARE = 0.5
+HIDDEN_SHARE = 0.25
 # Pixels whose chromaticity differs by less are of one colour.
 SAME_COLOUR = 0.08
 # How much likelier, in natural logarithms, the colours must fit the best order of the lights than the next best.
@@ -57,13 +57,16 @@ class Highlight:
 
 @dataclass(frozen=True)
 class _Window:
-    """The part of a photo that holds the ball. excess: (H, W, 3) above what the ball mirrors elsewhere."""
+    """The part of a photo that holds the ball.
+
+    excess: (H, W, 3) above what the ball mirrors elsewhere. clipped: (H, W) how many of a pixel's channels are.
+    """
 
     left: int
     top: int
     inside: NDArray[np.bool_]
     excess: NDArray[np.float64]
-    clipped: NDArray[np.bool_]
+    clipped: NDArray[np.int64]
 
 
 def find_highlight(image: NDArray[np.float32], ball: Ball, clip: float = np.inf) -> Highlight:
@@ -88,25 +91,27 @@ def find_coloured_highlights(
     white is none of them. Which is whose follows from the order of the lights that makes the product of
     red in the red, green in the green and blue in the blue largest: neither the lights' brightness nor the channels'
     gains change that. Unmixed by the inverse of these colours each light stands alone, though highlights overlap.
-    Clipped pixels have lost their colour; they take that of the nearest pixel that has not.
+    Clipped pixels have lost their colour; they take that of the nearest pixel that has kept it.
 
     Raises InputError where the ball shows no highlights or they do not differ in colour.
     """
     window = _window(image, ball, clip)
     gains = np.array([_peak(window.excess[..., channel]) for channel in range(3)])
     share = (window.excess / gains).max(axis=-1)
-    coloured = (share > SKIRT) & ~window.clipped
+    bright, clipped = share > SKIRT, window.clipped > 0
+    coloured = bright & ~clipped
     colours = _three_colours(window.excess[coloured] / gains) * gains[:, None]
     colours /= colours.max(axis=0)
     lights = np.clip(window.excess @ np.linalg.inv(colours).T, 0, None)
     weight = np.zeros(lights.shape)
-    owner = _owners(lights, coloured, window.clipped)
+    # One channel at its end still leaves two that tell whose the pixel is; two do not.
+    owner = _owners(lights, bright & (window.clipped < 2), clipped)
     for light in range(3):
         here = lights[..., light]
-        held = window.clipped & (owner == light)
+        held = clipped & (owner == light)
         # At the level where its strongest channel saturates a clipped highlight is as bright as can be told.
-        top = clip if held.any() else _peak(np.where(window.clipped, 0, here))
-        weight[..., light] = np.where(window.clipped, held, np.minimum(here / top, 1))
+        top = clip if held.any() else _peak(np.where(clipped, 0, here))
+        weight[..., light] = np.where(clipped, held, np.minimum(here / top, 1))
     found = []
     for light, name in enumerate(("red", "green", "blue")):
         others = weight.sum(axis=-1) - weight[..., light]
@@ -137,7 +142,7 @@ def _window(image: NDArray[np.float32], ball: Ball, clip: float) -> _Window:
     excess = np.where(inside[..., None], np.clip(pixels - background, 0, None), 0)
     if not excess.any():
         raise InputError("the ball shows no highlight: all of it is equally bright; were the lights on?")
-    clipped = inside & (pixels >= SATURATED_SHARE * clip).any(axis=-1)
+    clipped = np.where(inside, (pixels >= SATURATED_SHARE * clip).sum(axis=-1), 0)
     return _Window(left, top, inside, excess, clipped)
 
 
@@ -174,10 +179,10 @@ def _three_colours(pixels: NDArray[np.float64]) -> NDArray[np.float64]:
     return colours[:, orders[0]]
 
 
-def _owners(lights: NDArray[np.float64], coloured: NDArray[np.bool_], clipped: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """(H, W) the light that a clipped pixel belongs to, by the nearest pixel that has its colour; -1 elsewhere."""
+def _owners(lights: NDArray[np.float64], telling: NDArray[np.bool_], clipped: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """(H, W) the light that a clipped pixel belongs to, by the nearest that tells its colour; -1 elsewhere."""
     owner = np.full(clipped.shape, -1, np.int64)
-    front = np.where(coloured, lights.argmax(axis=-1), -1)
+    front = np.where(telling, lights.argmax(axis=-1), -1)
     # Colour grows inwards from the clipped spots' rims, a pixel a round, sides before corners.
     while (front[clipped] < 0).any():
         before = front.copy()
@@ -225,7 +230,7 @@ def _highlight(window: _Window, weight: NDArray[np.float64], others: NDArray[np.
     amount = np.minimum(weight[spot], 1)
     row, column = (np.average(places, weights=amount) for places in np.nonzero(spot))
     radius = float(np.sqrt((spot & (weight > SPOT)).sum() / np.pi))
-    clipped = bool((spot & window.clipped).any())
+    clipped = bool((spot & (window.clipped > 0)).any())
     return Highlight(
         window.left + float(column) + 0.5,
         window.top + float(row) + 0.5,
