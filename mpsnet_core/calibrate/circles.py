@@ -17,6 +17,9 @@ CANDIDATES = 12
 # How far from a circle its outline is looked for, as shares of the radius, round after round, and at last.
 REACHES = (0.12, 0.04)
 CLOSE = 0.012
+# A mirror's rim fades into what stands behind it, as all surfaces mirror fully at grazing angles: so many pixels of its
+# radius may be lost.
+FADING = 0.3
 # Pixels from place to place on a line across the outline, and the weights of lines beside each other.
 STEP = 0.5
 BESIDE = (0.1, 0.2, 0.4, 0.2, 0.1)
@@ -47,7 +50,7 @@ def find_balls(
     for circle in _circles(small, bright):
         whole = Circle(circle.x * step, circle.y * step, circle.radius * step)
         try:
-            ball = outlined(image, whole, camera, radius)
+            ball = outlined(image, whole, camera, radius=radius, mirror=mirror)
         except InputError:
             continue
         if ball.seen >= LEAST_SEEN and ball.residual <= ROUGHEST * ball.circle.radius:
@@ -62,7 +65,9 @@ def find_balls(
     return sorted(balls, key=lambda ball: ball.circle.x)
 
 
-def outlined(image: NDArray[np.float32], circle: Circle, camera: Camera, radius: float = 1.0) -> Ball:
+def outlined(
+    image: NDArray[np.float32], circle: Circle, camera: Camera, *, radius: float = 1.0, mirror: bool = True
+) -> Ball:
     """The ball near a circle, by the edges next to it, to parts of a pixel. Raises InputError where no ball fits.
 
     First the outline is moved to where most of it lies on edges, however faint (after Daugman's integro-differential
@@ -79,7 +84,8 @@ def outlined(image: NDArray[np.float32], circle: Circle, camera: Camera, radius:
     ball = fit_ball(points[clear], camera, radius)
     away = np.linalg.norm(points[:, None] - ball.outline[None], axis=2).min(axis=1)
     seen = clear & (away < max(CLOSE / 2 * ball.circle.radius, 0.75))
-    return replace(ball, seen=float(seen.mean()))
+    fading = np.diag([0, 0, FADING**2]) if mirror else 0.0
+    return replace(ball, seen=float(seen.mean()), covariance=ball.covariance + fading)
 
 
 def _score(ball: Ball) -> float:

@@ -12,7 +12,7 @@ from mpsnet_core.calibrate.highlights import find_coloured_highlights
 from mpsnet_core.calibrate.lights import Sighting, find_lights
 from mpsnet_core.images import read_image
 
-SIZE = (560, 360)
+SIZE = (960, 560)
 RADIUS = 0.1
 LAMP = 0.06  # its diameter
 RED, GREEN, BLUE = (1.0, 0.3, 0.3), (0.3, 1.0, 0.3), (0.3, 0.3, 1.0)
@@ -58,15 +58,15 @@ def render(scene: "bpy.types.Scene", path: Path) -> None:
 
 
 def test_lights_by_two_mirror_balls(scene, tmp_path):
-    chrome = surface("Chrome", 0.7, 1.0, 0.03)
-    balls = [mirror_ball(place, chrome) for place in ((-0.18, 0.02, 0.1), (0.17, -0.03, 0.1))]
+    steel = surface("Steel", 0.55, 1.0, 0.03)
+    balls = [mirror_ball(place, steel) for place in ((-0.18, 0.02, 0.1), (0.17, -0.03, 0.1))]
     bpy.ops.mesh.primitive_plane_add(size=4)
     bpy.context.object.data.materials.append(surface("Table", 0.3, 0.0, 0.9))
     scene.world = bpy.data.worlds.new("Room")
     scene.world.color = (0.05, 0.05, 0.05)
     target = Vector((0, 0, 0.1))
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-    camera.data.lens = 50
+    camera.data.lens = 56
     camera.matrix_world = Matrix.LocRotScale(
         Vector((0.1, -0.75, 0.75)), (Vector((0.1, -0.75, 0.75)) - target).to_track_quat("Z", "Y"), None
     )
