@@ -9,9 +9,21 @@ import atexit
 
 import bpy
 
-from . import bake, commands, estimate, operators, panels, preferences, properties, render, rig, training_data
+from . import (
+    bake,
+    calibrate,
+    commands,
+    estimate,
+    operators,
+    panels,
+    preferences,
+    properties,
+    render,
+    rig,
+    training_data,
+)
 
-_MODULES = (properties, preferences, operators, rig, render, estimate, bake, training_data, panels, commands)
+_MODULES = (properties, preferences, operators, rig, calibrate, render, estimate, bake, training_data, panels, commands)
 
 
 def register() -> None:

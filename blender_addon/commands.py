@@ -16,7 +16,18 @@ from .operators import CANCELLED
 from .training_data import samples_folder, standing
 
 COMMAND = "mpsnet"
-VERBS = ("add_rig", "render_photo", "open_photo", "render_truth", "estimate", "bake", "render_samples")
+VERBS = (
+    "add_rig",
+    "calibrate_lights",
+    "calibrate_mixing",
+    "render_photo",
+    "open_photo",
+    "show_mask",
+    "render_truth",
+    "estimate",
+    "bake",
+    "render_samples",
+)
 EXIT_BAD_INPUT = 2
 EXIT_CANCELLED = 130
 
@@ -88,8 +99,15 @@ def _written(verb: str) -> str:
     if verb == "render_samples":
         folder = samples_folder(bpy.context.scene)
         return f": {standing(folder)} in {folder}"
-    steps = {"render_photo": "photo", "open_photo": "photo", "estimate": "estimate", "bake": "bake"}
-    image = getattr(bpy.context.scene.mps, steps[verb]).image if verb in steps else None
+    scene = bpy.context.scene.mps
+    images = {
+        "render_photo": scene.photo.image,
+        "open_photo": scene.photo.image,
+        "show_mask": scene.estimate.mask_image,
+        "estimate": scene.estimate.image,
+        "bake": scene.bake.image,
+    }
+    image = images.get(verb)
     return f": {bpy.path.abspath(image.filepath)}" if image else ""
 
 

@@ -53,9 +53,8 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
             else:
                 rig.write_text(taken_with, encoding="utf-8")
         arguments = ["estimate", str(photo), "--rig", str(rig), "--output", str(output)]
-        arguments += ["--encoding", self.encoding.lower(), "--model", self._model()]
+        arguments += [*reading(self), "--model", self._model()]
         arguments += ["--provider", preference("provider").lower(), "--threads", str(preference("threads"))]
-        arguments += self._mask()
         arguments += self._place(context, image, read_rig(rig), folder)
         outputs = [output]
         if self.confidence:
@@ -72,8 +71,11 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         return bpy.path.abspath(self.model_file)
 
     def _place(self, context: Any, image: Any, rig: LightRig, folder: Path) -> list[str]:
-        """The camera that took the photo, and for near lights the mesh that tells how far each pixel is from them."""
+        """The camera that took the photo, and for near lights how far the object is from it."""
         scene = context.scene
+        distance = ["--distance", f"{self.distance:g}"] if self.distance and rig.near is not None else []
+        if self.lens:
+            return ["--focal", f"{self.lens:g}", *distance]
         camera, taken_with = folder / "camera.json", remembered(image, "camera")
         if taken_with is not None:
             camera.write_text(taken_with, encoding="utf-8")
@@ -81,29 +83,19 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
             write_camera(camera, scene_camera(rig_camera(scene), scene, tuple(image.size)))
         elif rig.near is not None:
             raise InputError(
-                "the rig's lights stand near the object, so the photo's camera counts; add a rig, whose camera is taken"
+                "the rig's lights stand near the object, so the photo's camera counts; tell its lens, or add a rig, "
+                "whose camera is taken"
             )
         else:
             return []
-        settings = scene.mps.estimate
         if self.surface:
-            settings.surface = named_object(scene, self.surface)
-        if rig.near is None or settings.surface is None:
-            return ["--camera", str(camera)]
+            scene.mps.estimate.surface = named_object(scene, self.surface)
+        surface = scene.mps.estimate.surface
+        if rig.near is None or distance or surface is None:
+            return ["--camera", str(camera), *distance]
         context.view_layer.update()
-        write_mesh(folder / "surface.npz", settings.surface, context.evaluated_depsgraph_get(), None)
+        write_mesh(folder / "surface.npz", surface, context.evaluated_depsgraph_get(), None)
         return ["--camera", str(camera), "--mesh", str(folder / "surface.npz")]
-
-    def _mask(self) -> list[str]:
-        if self.mask == "AUTO":
-            return []
-        if self.mask == "THRESHOLD":
-            return ["--mask", f"threshold:{self.threshold:g}"]
-        if self.mask != "FILE":
-            return ["--mask", self.mask.lower()]
-        if not self.mask_file:
-            raise InputError("the mask is a file but none is named; choose a picture")
-        return ["--mask", bpy.path.abspath(self.mask_file)]
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         scene = bpy.data.scenes.get(self._scene)
@@ -118,9 +110,62 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         self.report({"INFO"}, f"Normals written to {self._output}")
 
 
-def register() -> None:
-    bpy.utils.register_class(MPS_OT_estimate)
+class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
+    """Show which pixels of the photo count as the object, before they are used. The mask is written as a file, too"""
+
+    bl_idname = "mps.show_mask"
+    bl_label = "Show Mask"
+    bl_options = {"UNDO"}
+
+    poll = MPS_OT_estimate.poll
+
+    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+        scene = context.scene
+        take_given(self, EstimateSettings, scene.mps.estimate)
+        photo = image_file(scene.mps.photo.image, "photo", "render or open one first")
+        mask = output_path("", f"{scene.name}_mask", "PNG")
+        self._scene, self._overlay = scene.name, mask.with_name(f"{mask.stem}_shown.png")
+        arguments = ["mask", str(photo), "--output", str(mask), "--overlay", str(self._overlay), *reading(self)]
+        if "--mask" not in arguments:
+            arguments += ["--mask", "alpha"]
+        return arguments, [mask, self._overlay]
+
+    def finish(self, context: Any, result: dict[str, Any]) -> None:
+        scene = bpy.data.scenes.get(self._scene)
+        if scene is None:
+            raise InputError(f'the scene "{self._scene}" is gone; its mask is in {result["output"]}')
+        scene.mps.estimate.mask_image = load_image(self._overlay, "MPS Mask", is_data=False)
+        for note in result.get("notes", []):
+            self.report({"INFO"}, note)
+        self.report(
+            {"INFO"}, f"The object covers {result['share']:.1%} of the photo; mask written to {result['output']}"
+        )
 
 
-def unregister() -> None:
-    bpy.utils.unregister_class(MPS_OT_estimate)
+def reading(settings: Any) -> list[str]:
+    """The core's options for how a photo is read: encoding, dark frame, flat field and mask.
+
+    Raises InputError where a file is asked for and none is named.
+    """
+    arguments = ["--encoding", settings.encoding.lower()]
+    for frame in ("dark", "flat"):
+        if getattr(settings, frame):
+            arguments += [f"--{frame}", bpy.path.abspath(getattr(settings, frame))]
+    if settings.mask == "AUTO":
+        return arguments
+    if settings.mask == "FILE":
+        if not settings.mask_file:
+            raise InputError("the mask is a file but none is named; choose a picture")
+        return [*arguments, "--mask", bpy.path.abspath(settings.mask_file)]
+    if settings.mask == "BACKGROUND":
+        if not settings.background:
+            raise InputError("the mask comes from a background photo but none is named; choose one")
+        return [*arguments, "--mask", f"background:{bpy.path.abspath(settings.background)}"]
+    if settings.mask == "THRESHOLD":
+        return [*arguments, "--mask", f"threshold:{settings.threshold:g}"]
+    return [*arguments, "--mask", {"FIND": "auto"}.get(settings.mask, settings.mask.lower())]
+
+
+CLASSES = (MPS_OT_estimate, MPS_OT_show_mask)
+
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -76,6 +76,41 @@ class MPS_PT_rig(_Step):
             grid.label(text=f"{tilt:.1f}°")
 
 
+class MPS_PT_calibrate(_Step):
+    bl_label = "Calibrate Real Lights"
+    bl_parent_id = "MPS_PT_rig"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        calibrate = context.scene.mps.calibrate
+        column = self.column()
+        column.prop(calibrate, "ball")
+        column.prop(calibrate, "second_ball", placeholder="For positions")
+        if calibrate.second_ball:
+            column.prop(calibrate, "ball_radius")
+        column.prop(calibrate, "lens")
+        circle = column.column(align=True)
+        circle.prop(calibrate, "circle_x")
+        circle.prop(calibrate, "circle_y")
+        circle.prop(calibrate, "circle_radius")
+        column.prop(calibrate, "encoding")
+        column.prop(calibrate, "output", placeholder="Automatic")
+        self.progress_or(context, "calibrate_lights", "LIGHT_SUN")
+        column = self.column()
+        column.prop(calibrate, "grey")
+        self.progress_or(context, "calibrate_mixing", "COLOR")
+        if calibrate.told:
+            self._found(calibrate)
+
+    def _found(self, calibrate: Any) -> None:
+        self.picture(calibrate.image, scale=12)
+        rows = [line.split("|") for line in calibrate.told.splitlines()]
+        grid = self.layout.box().grid_flow(row_major=True, columns=len(rows[0]), even_columns=True)
+        for row in rows:
+            for text in row:
+                grid.label(text=text)
+
+
 class MPS_PT_photo(_Step):
     bl_label = "2  Photo"
 
@@ -94,10 +129,19 @@ class MPS_PT_photo(_Step):
         column.prop(estimate, "mask")
         if estimate.mask == "FILE":
             column.prop(estimate, "mask_file")
+        elif estimate.mask == "BACKGROUND":
+            column.prop(estimate, "background")
         elif estimate.mask == "THRESHOLD":
             column.prop(estimate, "threshold", slider=True)
+        self.progress_or(context, "show_mask", "MOD_MASK")
+        self.picture(estimate.mask_image)
+        column = self.column()
         column.prop(estimate, "encoding")
+        column.prop(estimate, "dark")
+        column.prop(estimate, "flat")
         column.prop(estimate, "rig_file", placeholder="Automatic")
+        column.prop(estimate, "lens")
+        column.prop(estimate, "distance")
         column.prop(estimate, "surface")
 
 
@@ -186,6 +230,6 @@ def _wrapped(layout: Any, sentence: str, width: int = 36) -> None:
     layout.label(text=line)
 
 
-CLASSES = (MPS_PT_rig, MPS_PT_photo, MPS_PT_estimate, MPS_PT_bake, MPS_PT_samples)
+CLASSES = (MPS_PT_rig, MPS_PT_calibrate, MPS_PT_photo, MPS_PT_estimate, MPS_PT_bake, MPS_PT_samples)
 
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -23,6 +23,12 @@ FILE_FORMATS = (
     ("EXR", "OpenEXR", "32-bit float OpenEXR"),
 )
 
+ENCODINGS = (
+    ("AUTO", "Automatic", "Linear for float files and camera raw, sRGB for all others, unless the file says otherwise"),
+    ("LINEAR", "Linear", "Twice the value is twice the light"),
+    ("SRGB", "sRGB", "As for a screen"),
+)
+
 
 def _identifier(model: str) -> str:
     """A model's name as Blender writes enums: upper case, words joined by underscores."""
@@ -129,6 +135,75 @@ class RigSettings:
     )
 
 
+class CalibrateSettings:
+    """Photos of balls that tell where real lights are and how their colours mix."""
+
+    ball: StringProperty(
+        name="Mirror Ball",
+        description="Photo of a mirror ball where the object stands, under the red, green and blue light at once",
+        subtype="FILE_PATH",
+        options=GIVEN,
+    )
+    second_ball: StringProperty(
+        name="Second Place",
+        description="Photo of the same ball at another place. With two places the lights' positions are found, "
+        "not only their directions. Needs the lens",
+        subtype="FILE_PATH",
+        options=GIVEN,
+    )
+    ball_radius: FloatProperty(
+        name="Ball Radius",
+        description="Radius of the ball, in the unit that positions are wanted in: that of the mesh",
+        default=1.0,
+        min=1e-6,
+        max=1e6,
+        options=GIVEN,
+    )
+    grey: StringProperty(
+        name="Grey Ball",
+        description="Photo of a matt grey ball under the red, green and blue light at once",
+        subtype="FILE_PATH",
+        options=GIVEN,
+    )
+    lens: FloatProperty(
+        name="Lens (mm)",
+        description="Focal length in millimetres on a sensor 36 mm wide. 0: the camera is taken as far away",
+        default=0.0,
+        min=0.0,
+        max=10000.0,
+        options=GIVEN,
+    )
+    circle_x: FloatProperty(
+        name="Ball X",
+        description="Middle of the ball, in pixels from the photo's left edge. Only counts with a radius below",
+        default=0.0,
+        options=GIVEN,
+    )
+    circle_y: FloatProperty(
+        name="Y", description="Middle of the ball, in pixels from the photo's top edge", default=0.0, options=GIVEN
+    )
+    circle_radius: FloatProperty(
+        name="Radius",
+        description="Radius of the ball's outline in pixels. 0: the ball is looked for",
+        default=0.0,
+        min=0.0,
+        options=GIVEN,
+    )
+    encoding: EnumProperty(
+        name="Encoding",
+        description="How the photos' values stand for light",
+        items=ENCODINGS,
+        default="AUTO",
+        options=GIVEN,
+    )
+    output: StringProperty(
+        name="Rig File",
+        description="Rig file to write (.json). Empty: mpsnet_rig.json in the output folder",
+        subtype="FILE_PATH",
+        options=GIVEN,
+    )
+
+
 class PhotoSettings:
     """How the one photo is rendered."""
 
@@ -161,7 +236,9 @@ class EstimateSettings:
         name="Mask",
         description="Which pixels of the photo are the object",
         items=[
-            ("AUTO", "Automatic", "The photo's alpha if it has one, else the whole photo"),
+            ("AUTO", "Alpha or All", "The photo's alpha if it has one, else the whole photo"),
+            ("FIND", "Find", "An object before a dark or plain background is found"),
+            ("BACKGROUND", "Background Photo", "Where the photo differs from one of the scene without the object"),
             ("ALPHA", "Alpha", "Where the photo is opaque"),
             ("FILE", "File", "Where a mask picture is white"),
             ("THRESHOLD", "Threshold", "Where the photo is brighter than a threshold"),
@@ -176,6 +253,12 @@ class EstimateSettings:
         subtype="FILE_PATH",
         options=GIVEN,
     )
+    background: StringProperty(
+        name="Background",
+        description="Photo of the scene without the object, under the same lights",
+        subtype="FILE_PATH",
+        options=GIVEN,
+    )
     threshold: FloatProperty(
         name="Mask Threshold",
         description="Pixels brighter than this fraction of the photo's brightest are the object",
@@ -187,12 +270,21 @@ class EstimateSettings:
     encoding: EnumProperty(
         name="Encoding",
         description="How the photo's values stand for light",
-        items=[
-            ("AUTO", "Automatic", "Linear for float files, sRGB for all others, unless the file says otherwise"),
-            ("LINEAR", "Linear", "Twice the value is twice the light"),
-            ("SRGB", "sRGB", "As for a screen"),
-        ],
+        items=ENCODINGS,
         default="AUTO",
+        options=GIVEN,
+    )
+    dark: StringProperty(
+        name="Dark Frame",
+        description="Photo with the three lights off, taken off the photo. A folder or pattern of several is averaged",
+        subtype="FILE_PATH",
+        options=GIVEN,
+    )
+    flat: StringProperty(
+        name="Flat Field",
+        description="Photo of an even white card in the object's place, which evens out lens and lights. "
+        "A folder or pattern of several is averaged. Not together with near lights",
+        subtype="FILE_PATH",
         options=GIVEN,
     )
     rig_file: StringProperty(
@@ -200,6 +292,24 @@ class EstimateSettings:
         description="Measured rig (.json or .lp) of a photo taken with a real camera. "
         "Empty: the one beside the photo when it was rendered or opened, else the rig in this scene",
         subtype="FILE_PATH",
+        options=GIVEN,
+    )
+    lens: FloatProperty(
+        name="Lens (mm)",
+        description="Focal length of the real camera in millimetres on a sensor 36 mm wide. "
+        "0: the camera that the photo was rendered with, else the rig's",
+        default=0.0,
+        min=0.0,
+        max=10000.0,
+        options=GIVEN,
+    )
+    distance: FloatProperty(
+        name="Distance",
+        description="How far the object is from the camera, in the unit of a rig file with near lights. "
+        "0: as far as the rig's target, or as the surface tells",
+        default=0.0,
+        min=0.0,
+        max=1e6,
         options=GIVEN,
     )
     model: EnumProperty(
@@ -411,6 +521,13 @@ class MPS_PG_rig(RigSettings, bpy.types.PropertyGroup):
     collection: PointerProperty(type=bpy.types.Collection)
 
 
+class MPS_PG_calibrate(CalibrateSettings, bpy.types.PropertyGroup):
+    """Calibration: its photos, and what was found."""
+
+    image: PointerProperty(name="Found", description="What was found, drawn over the photo", type=bpy.types.Image)
+    told: StringProperty()
+
+
 class MPS_PG_photo(PhotoSettings, bpy.types.PropertyGroup):
     """The one photo: how it is rendered, and the image once it is there."""
 
@@ -420,6 +537,7 @@ class MPS_PG_photo(PhotoSettings, bpy.types.PropertyGroup):
 class MPS_PG_estimate(EstimateSettings, bpy.types.PropertyGroup):
     """The estimate: its settings, and the normal map once it is there."""
 
+    mask_image: PointerProperty(name="Mask", description="The mask, drawn over the photo", type=bpy.types.Image)
     surface: PointerProperty(
         name="Surface",
         description="Mesh that tells how far each pixel is from near lights (area and point lights). "
@@ -452,6 +570,7 @@ class MPS_PG_scene(bpy.types.PropertyGroup):
     """Everything the add-on keeps in a scene: ``scene.mps``."""
 
     rig: PointerProperty(type=MPS_PG_rig)
+    calibrate: PointerProperty(type=MPS_PG_calibrate)
     photo: PointerProperty(type=MPS_PG_photo)
     estimate: PointerProperty(type=MPS_PG_estimate)
     bake: PointerProperty(type=MPS_PG_bake)
@@ -482,6 +601,7 @@ def take_given(operator: bpy.types.Operator, settings: type, group: bpy.types.Pr
 CLASSES = (
     MPS_PG_light,
     MPS_PG_rig,
+    MPS_PG_calibrate,
     MPS_PG_photo,
     MPS_PG_estimate,
     MPS_PG_bake,

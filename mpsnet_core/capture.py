@@ -9,15 +9,14 @@ from numpy.typing import NDArray
 
 from mpsnet_core.bands import bands
 from mpsnet_core.camera import Camera, camera_of_lens
+from mpsnet_core.correction import Correction, corrected
 from mpsnet_core.errors import InputError
-from mpsnet_core.images import Encoding, Image, read_image, read_mask
+from mpsnet_core.images import Encoding, read_image, saturated
+from mpsnet_core.masks import find_mask
 from mpsnet_core.rig import LightRig
 from mpsnet_core.surface.raster import grown
 
 log = logging.getLogger(__name__)
-
-# Above this share of the clip value a channel counts as saturated: an 8-bit sRGB 254 is linear 0.991.
-SATURATED_SHARE = 0.99
 
 # A mesh that covers less of the mask than this hardly belongs to the photo.
 LEAST_KNOWN = 0.8
@@ -33,9 +32,10 @@ class Capture:
     mask: (H, W) bool, the pixels of the object.
     rig: the lights, in camera space.
     camera: its projection and pose, where known.
-    clip: linear value at which a channel saturates; infinity for renders.
+    clip: linear value at which a channel saturates; infinity for renders and where `clipped` tells it.
     depth: (H, W) how far in front of the camera, along its axis, each pixel's surface is, in the unit of the camera's
         pose; needed where the rig's lights are near.
+    clipped: (H, W, 3) bool, where a channel is at its end, or None where `clip` tells it.
 
     Raises InputError where the shapes do not agree, the mask is empty, a value is not finite or the depth is lacking.
     """
@@ -46,6 +46,7 @@ class Capture:
     camera: Camera | None = None
     clip: float = np.inf
     depth: NDArray[np.float32] | None = None
+    clipped: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         image, mask = np.asarray(self.image, np.float32), np.asarray(self.mask, bool)
@@ -60,6 +61,8 @@ class Capture:
             raise InputError("the photo holds values that are not finite inside the mask; export it again")
         if not (image > 0).any(where=mask[..., None]):
             raise InputError("the photo is black inside the mask; were the lights on, and is it the right mask?")
+        if self.clipped is not None and self.clipped.shape != image.shape:
+            raise InputError(f"what is clipped is {_size(self.clipped)} but the photo is {_size(image)}")
         if self.camera is not None and (self.camera.height, self.camera.width) != mask.shape:
             raise InputError(
                 f"the camera is {self.camera.width} x {self.camera.height} but the photo is {_size(image)}; "
@@ -86,7 +89,7 @@ class Capture:
     @property
     def saturated(self) -> NDArray[np.bool_]:
         """(H, W, 3) where a channel is at its end, and so wrong."""
-        return self.image >= SATURATED_SHARE * self.clip
+        return saturated(self.image, self.clip) if self.clipped is None else self.clipped
 
 
 def _size(array: NDArray[np.generic]) -> str:
@@ -102,27 +105,31 @@ def read_capture(
     layer: str | None = None,
     camera: Camera | float | None = None,
     depth: NDArray[np.float32] | float | None = None,
+    correction: Correction | None = None,
 ) -> Capture:
     """Read a photo as a capture.
 
-    mask: a mask file, or "alpha", "none" (the whole photo), or "threshold:T" (pixels whose brightest channel is
-        above T times the photo's 99.9th percentile). Unless given: alpha where the photo has it, else the whole photo.
+    mask: a mask file, or "alpha", "none" (the whole photo), "threshold:T", "auto" or "background:FILE", as
+        :func:`mpsnet_core.masks.find_mask` says. Unless given: alpha where the photo has it, else the whole photo.
     encoding, layer: as in :func:`mpsnet_core.images.read_image`.
     camera: or the focal length of its lens in millimetres, see :func:`mpsnet_core.camera.camera_of_lens`.
     depth: (H, W) how far in front of the camera the surface is, with infinity where that is not known (see
         :func:`mpsnet_core.surface.depth.depth_of_mesh`), or one distance for all. Under near lights, unless given, that
         of the lights' target.
+    correction: dark frame and flat field (:func:`mpsnet_core.correction.read_correction`).
 
     Raises InputError where a file is missing or broken, or photo, mask, camera and depth do not fit each other.
     """
     image = read_image(path, encoding=encoding, layer=layer)
     try:
+        if correction is not None:
+            image = corrected(image, correction)
         height, width, _ = image.pixels.shape
         if camera is not None and not isinstance(camera, Camera):
             camera = camera_of_lens(camera, width, height)
-        inside = _mask(image, mask)
+        inside = find_mask(image, mask, encoding=encoding, correction=correction)
         distances = _depth(depth, rig, inside)
-        capture = Capture(image.pixels, inside, rig, camera, image.clip, distances)
+        capture = Capture(image.pixels, inside, rig, camera, image.clip, distances, image.clipped)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     _note_doubts(capture)
@@ -160,19 +167,21 @@ def _depth(
 
 def _note_doubts(capture: Capture) -> None:
     """Tell of photos that normals can be estimated from, but hardly right ones."""
-    spread = brightest = saturated = 0.0
+    spread = brightest = spoilt = 0.0
     total = np.zeros(3)
     for rows in bands(len(capture.mask)):
-        inside = capture.image[rows][capture.mask[rows]]
+        mask = capture.mask[rows]
+        inside = capture.image[rows][mask]
         if len(inside):
             spread, brightest = max(spread, float(np.ptp(inside, axis=1).max())), max(brightest, float(inside.max()))
-            saturated += int((inside >= SATURATED_SHARE * capture.clip).any(axis=1).sum())
+            clipped = saturated(inside, capture.clip) if capture.clipped is None else capture.clipped[rows][mask]
+            spoilt += int(clipped.any(axis=1).sum())
             total += inside.sum(axis=0, dtype=np.float64)
     pixels = int(capture.mask.sum())
     if spread <= 1e-3 * brightest:
         log.info("the photo's three channels are the same: was it lit by red, green and blue light?")
-    if saturated > 0.05 * pixels:
-        log.info("%.0f%% of the object's pixels are saturated, and wrong; expose shorter", 100 * saturated / pixels)
+    if spoilt > 0.05 * pixels:
+        log.info("%.0f%% of the object's pixels are saturated, and wrong; expose shorter", 100 * spoilt / pixels)
     means = total / pixels
     if np.array_equal(capture.rig.mixing, np.eye(3)) and means.min() > 0 and means.max() > 1.5 * means.min():
         log.info(
@@ -180,30 +189,3 @@ def _note_doubts(capture: Capture) -> None:
             "misleads the models lambertian and mpsnet unless the mixing is in the rig; multiscale allows for it",
             means.max() / means.min(),
         )
-
-
-def _mask(image: Image, mask: str | os.PathLike[str] | None) -> NDArray[np.bool_]:
-    choice = "" if mask is None else os.fspath(mask)
-    if choice == "none" or (not choice and image.alpha is None):
-        if not choice:
-            log.warning("no mask and no alpha: the whole photo is taken as the object")
-        return np.ones(image.pixels.shape[:2], bool)
-    if choice in ("", "alpha"):
-        if image.alpha is None:
-            raise InputError("the photo has no alpha channel to take the mask from; give a mask file or a threshold")
-        return image.alpha > 0.5
-    if choice.startswith("threshold:"):
-        return threshold_mask(image.pixels, choice.partition(":")[2])
-    return read_mask(choice)
-
-
-def threshold_mask(pixels: NDArray[np.float32], threshold: str | float) -> NDArray[np.bool_]:
-    """(H, W) bool: where the brightest channel is above `threshold` (0 to 1) times its 99.9th percentile."""
-    try:
-        level = float(threshold)
-    except ValueError:
-        level = -1.0
-    if not 0 <= level < 1:
-        raise InputError(f"a mask threshold is a number from 0 up to 1, not {threshold!r}; 0.05 is a good start")
-    brightest = np.nan_to_num(pixels.max(axis=-1), posinf=0.0)
-    return brightest > level * np.percentile(brightest, 99.9)

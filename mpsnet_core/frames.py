@@ -8,7 +8,7 @@ from pathlib import Path
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import writable_path
-from mpsnet_core.images import IMAGE_SUFFIXES, checked_bits
+from mpsnet_core.images import IMAGE_SUFFIXES, PHOTO_SUFFIXES, RAW_SUFFIXES, checked_bits
 
 # What a photo's name is given to name its normals.
 RESULT = "_normals"
@@ -17,7 +17,8 @@ RESULT = "_normals"
 def expand_images(inputs: Sequence[str | os.PathLike[str]]) -> list[Path]:
     """The photos meant by `inputs`, in order: files as they are, a folder's or a pattern's images sorted by name.
 
-    A run of # in a pattern stands for as many digits; * and ? as in a shell.
+    A run of # in a pattern stands for as many digits; * and ? as in a shell. Where a camera wrote a photo both as raw
+    and as JPEG, folders and patterns mean the raw file.
 
     Raises InputError where something is missing or matches no image.
     """
@@ -26,14 +27,15 @@ def expand_images(inputs: Sequence[str | os.PathLike[str]]) -> list[Path]:
         path = Path(given)
         if path.is_dir():
             # A folder may hold the results of an earlier run beside the photos.
-            found = [file for file in sorted(path.iterdir()) if _is_image(file) and not _is_result(file)]
+            found = _photos(file for file in path.iterdir() if not _is_result(file))
             if not found:
-                raise InputError(f"folder {path} holds no images ({', '.join(IMAGE_SUFFIXES)}); choose another")
+                kinds = ", ".join(IMAGE_SUFFIXES)
+                raise InputError(f"folder {path} holds no images ({kinds}, or camera raw); choose another")
         elif path.is_file():
             found = [path]
         elif any(sign in path.name for sign in "#*?"):
             pattern = re.sub("#", "[0-9]", glob.escape(path.name).replace("[*]", "*").replace("[?]", "?"))
-            found = [file for file in sorted(path.parent.glob(pattern)) if _is_image(file)]
+            found = _photos(path.parent.glob(pattern))
             if not found:
                 raise InputError(f"no image matches {path}; check the pattern")
         else:
@@ -53,7 +55,7 @@ def output_files(photos: Sequence[Path], output: str | os.PathLike[str], suffix:
         check_apart(photos, [target])
         return [writable_path(target)]
     if not target.is_dir():
-        if target.is_file() or target.suffix.lower() in IMAGE_SUFFIXES:
+        if target.is_file() or target.suffix.lower() in PHOTO_SUFFIXES:
             raise InputError(f"{target} is one file, but there are {len(photos)} photos; give a folder")
         if not target.parent.is_dir():
             raise InputError(f"cannot make folder {target}: {target.parent} does not exist; create it first")
@@ -78,5 +80,11 @@ def _is_result(file: Path) -> bool:
     return file.stem.endswith(RESULT)
 
 
+def _photos(files: Iterable[Path]) -> list[Path]:
+    found = sorted(file for file in files if _is_image(file))
+    raw = {file.with_suffix("") for file in found if file.suffix.lower() in RAW_SUFFIXES}
+    return [file for file in found if file.suffix.lower() not in (".jpg", ".jpeg") or file.with_suffix("") not in raw]
+
+
 def _is_image(file: Path) -> bool:
-    return file.suffix.lower() in IMAGE_SUFFIXES and not file.name.startswith(".") and file.is_file()
+    return file.suffix.lower() in PHOTO_SUFFIXES and not file.name.startswith(".") and file.is_file()

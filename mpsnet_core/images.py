@@ -29,6 +29,16 @@ MAX_CHANNELS = 1024
 # Bits a channel that each kind of file can hold; the first is what is written unless asked otherwise.
 WRITABLE_BITS = {".png": (16, 8), ".tif": (16, 8, 32), ".tiff": (16, 8, 32), ".exr": (32, 16)}
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr")
+# fmt: off
+RAW_SUFFIXES = (
+    ".3fr", ".arw", ".cr2", ".cr3", ".crw", ".dcr", ".dng", ".erf", ".fff", ".iiq", ".kdc", ".mef", ".mos", ".mrw",
+    ".nef", ".nrw", ".orf", ".pef", ".raf", ".rw2", ".rwl", ".sr2", ".srf", ".srw",
+)
+# fmt: on
+PHOTO_SUFFIXES = (*IMAGE_SUFFIXES, *RAW_SUFFIXES)
+
+# Above this share of the clip value a channel counts as saturated: an 8-bit sRGB 254 is linear 0.991.
+SATURATED_SHARE = 0.99
 
 
 @dataclass(frozen=True)
@@ -37,14 +47,24 @@ class Image:
 
     pixels: (H, W, 3) float32, linear, row 0 on top, not premultiplied by alpha.
     alpha: (H, W) float32 in 0 to 1, or None where the file has none.
-    clip: the linear value from which a channel may be saturated: 1 in integer files, infinity in float files.
+    clip: the linear value from which a channel may be saturated: 1 in integer files, infinity in float files and where
+        `clipped` tells it.
     note: how the file's values were taken, for people to read.
+    clipped: (H, W, 3) bool, where a channel is at its end and so wrong, or None where `clip` tells it.
+    exposure_time: in seconds, where the file says it.
     """
 
     pixels: NDArray[np.float32]
     alpha: NDArray[np.float32] | None
     clip: float
     note: str
+    clipped: NDArray[np.bool_] | None = None
+    exposure_time: float | None = None
+
+    @property
+    def saturated(self) -> NDArray[np.bool_]:
+        """(H, W, 3) where a channel is at its end, and so wrong."""
+        return saturated(self.pixels, self.clip) if self.clipped is None else self.clipped
 
 
 @dataclass(frozen=True)
@@ -53,6 +73,11 @@ class _Layer:
 
     subimage: int
     channels: dict[str, int]
+
+
+def saturated(pixels: NDArray[np.float32], clip: float) -> NDArray[np.bool_]:
+    """Where values of a photo that clips at `clip` are at their end; of the shape of `pixels`."""
+    return pixels >= SATURATED_SHARE * clip
 
 
 def srgb_to_linear(values: NDArray[Any]) -> NDArray[Any]:
@@ -77,9 +102,10 @@ def image_layers(path: str | os.PathLike[str]) -> list[str]:
 
 
 def read_image(path: str | os.PathLike[str], *, encoding: Encoding = "auto", layer: str | None = None) -> Image:
-    """Read a colour image.
+    """Read a colour image; camera raw files too, where rawpy is installed (:mod:`mpsnet_core.raw`).
 
     encoding: how the file's values are meant. "auto": float files and files that say so are linear, all others sRGB.
+        Camera raw is always linear.
     layer: which layer of a multi-layer or multi-part EXR; its full name or its last part ("Combined"). Unless
         given: the unnamed layer, else the only one, else the one called Combined.
 
@@ -87,7 +113,10 @@ def read_image(path: str | os.PathLike[str], *, encoding: Encoding = "auto", lay
     """
     if encoding not in ENCODINGS:
         raise InputError(f"encoding {encoding!r} is not known; choose {', '.join(ENCODINGS)}")
-    values, names, spec = _read_layer(Path(path), layer)
+    path = Path(path)
+    if path.suffix.lower() in RAW_SUFFIXES:
+        return _read_raw(path, encoding, layer)
+    values, names, spec = _read_layer(path, layer)
     colour = [names[name] for name in ("XYZ" if "X" in names else "RGB") if name in names]
     if len(colour) != 3:
         raise InputError(
@@ -114,7 +143,24 @@ def read_image(path: str | os.PathLike[str], *, encoding: Encoding = "auto", lay
             cover = alpha[rows, :, None]
             band = np.divide(band, cover, out=np.zeros_like(band), where=cover > 1e-6)
         pixels[rows] = band if linear else srgb_to_linear(band)
-    return Image(pixels, alpha, np.inf if is_float else 1.0, note)
+    return Image(pixels, alpha, np.inf if is_float else 1.0, note, exposure_time=_exposure_time(spec))
+
+
+def _exposure_time(spec: Any) -> float | None:
+    seconds = spec.getattribute("ExposureTime")
+    return float(seconds) if isinstance(seconds, float) and 0 < seconds < np.inf else None
+
+
+def _read_raw(path: Path, encoding: Encoding, layer: str | None) -> Image:
+    from mpsnet_core.raw import read_raw  # it needs this module
+
+    if encoding == "srgb":
+        raise InputError(f"{path} is a camera raw file, which is linear, not sRGB; leave the encoding at auto")
+    if layer is not None:
+        raise InputError(f"{path} is a camera raw file, which has no layer {layer!r}; leave the layer out")
+    image = read_raw(path)
+    log.info(image.note)
+    return image
 
 
 def read_mask(path: str | os.PathLike[str]) -> NDArray[np.bool_]:
@@ -142,6 +188,23 @@ def read_data(
     """Read three channels of data (normals) as they stand: (H, W, 3) float32 without any curve, and alpha or None."""
     image = read_image(path, encoding="linear", layer=layer)
     return image.pixels, image.alpha
+
+
+def read_orientation(path: str | os.PathLike[str]) -> int:
+    """EXIF orientation of a photo, 1 to 8; :func:`read_image` turns it so that it is 1, which it is unless told.
+
+    Camera raw counts as 1: other programs see what a raw converter made of it, which is upright.
+
+    Raises InputError where the file is missing or broken.
+    """
+    path = existing_file(path, "image")
+    if path.suffix.lower() in RAW_SUFFIXES:
+        return 1
+    source = _open(path)
+    try:
+        return int(source.spec().getattribute("Orientation") or 1)
+    finally:
+        source.close()
 
 
 def write_image(

@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from mpsnet_core.cli.arguments import Help, Verbs
+from mpsnet_core.cli.arguments import Help, Verbs, add_reading, asked_correction, read_files
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.errors import InputError
 
@@ -34,7 +34,8 @@ def _add_estimate(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rig", required=True, help="rig file (.json, or .lp with three lights)")
     parser.add_argument(
         "--mask",
-        help="mask file, alpha, none or threshold:0.05; without it alpha, where the photo has it, else the whole photo",
+        help="mask file, alpha, none, auto, background:FILE (the scene without the object) or threshold:0.05; without "
+        "it alpha, where the photo has it, else the whole photo; `mpsnet mask` shows what comes of it",
     )
     parser.add_argument("--model", help="a name of `mpsnet models` or an .onnx file; multiscale unless given")
     parser.add_argument("--camera", help="camera file: for perspective, and where the rig's lights are near")
@@ -43,8 +44,7 @@ def _add_estimate(parser: argparse.ArgumentParser) -> None:
         "--mesh", help="the object's mesh in the camera's world: how far each pixel is from near lights"
     )
     parser.add_argument("--distance", type=float, help="in its place one distance of the object from the camera")
-    parser.add_argument("--encoding", default="auto", help="auto, linear or srgb: how the photo's values are meant")
-    parser.add_argument("--layer", help="layer of a multi-layer EXR")
+    add_reading(parser)
     parser.add_argument("--convention", default="opengl", help="opengl (green up) or directx (green down)")
     parser.add_argument("--confidence", metavar="FILE", help="also write the confidence map (one photo only)")
     parser.add_argument("--format", default="png", help="png, tif or exr, where the output is a folder")
@@ -73,13 +73,14 @@ def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
     camera, depth = _place(options)
     photos = expand_images(options.image)
     outputs = output_files(photos, options.output, f".{options.format.lstrip('.')}")
-    inputs = [*photos, options.rig, *filter(None, (options.mask, options.camera, options.mesh))]
+    inputs = [*photos, options.rig, *read_files(options), *filter(None, (options.camera, options.mesh))]
     check_apart(inputs, outputs)
     if options.confidence:
         if len(photos) > 1:
             raise InputError("--confidence takes one photo at a time; leave it out or give one photo")
         checked_bits(writable_path(options.confidence))
         check_apart([*inputs, *outputs], [options.confidence])
+    correction = asked_correction(options)
     estimator = Estimator(
         options.model or DEFAULT_MODEL,
         provider=options.provider,
@@ -101,6 +102,7 @@ def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
                 layer=options.layer,
                 camera=camera,
                 depth=depth,
+                correction=correction,
             ),
             part(step, 0.1, 0.9),
         )

@@ -8,10 +8,12 @@ from numpy.typing import NDArray
 
 from mpsnet_core.images import linear_to_srgb
 from mpsnet_core.normals import NormalMap, encode
+from mpsnet_core.regions import grown
 
 BACKGROUND = 0.13
 TITLE_HEIGHT = 30
 GAP = 10
+OUTLINE_COLOUR = (1.0, 0.55, 0.1)
 LEGEND_STEP = 150
 
 
@@ -19,6 +21,16 @@ def photo_picture(image: NDArray[np.float32], mask: NDArray[np.bool_] | None = N
     """(H, W, 3) display values of a linear image, exposed so that its 99.5th percentile is white."""
     white = np.percentile(image if mask is None else image[mask], 99.5)
     return linear_to_srgb(image / max(float(white), 1e-12)).astype(np.float32)
+
+
+def mask_picture(image: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """(H, W, 3) display values of a linear image: outside the mask grey and dim, its outline in orange."""
+    picture = photo_picture(image, mask if mask.any() else None)
+    dim = np.float32(0.35) * picture.mean(axis=-1, keepdims=True)
+    picture = np.where(mask[..., None], picture, dim)
+    wide = max(1, round(max(mask.shape) / 600))
+    picture[grown(mask, wide) & ~mask] = OUTLINE_COLOUR
+    return picture
 
 
 def normals_picture(normals: NormalMap) -> NDArray[np.float32]:

@@ -24,6 +24,15 @@ def diligent() -> Path:
 
 
 @pytest.fixture(scope="session")
+def captures() -> Path:
+    """The folder with photographs of things under white lights."""
+    folder = Path(os.environ.get("MPSNET_TEST_DATA", "")) / "captures"
+    if "MPSNET_TEST_DATA" not in os.environ or not folder.is_dir():
+        pytest.skip("MPSNET_TEST_DATA does not name a folder with captures")
+    return folder
+
+
+@pytest.fixture(scope="session")
 def sphere() -> Sphere:
     return shaded_sphere()
 

@@ -7,7 +7,7 @@ import pytest
 from synthetic import Sphere, write_file
 
 from mpsnet_core.camera import Camera
-from mpsnet_core.capture import read_capture, threshold_mask
+from mpsnet_core.capture import read_capture
 from mpsnet_core.images import write_image
 from mpsnet_core.rig import published_rig
 
@@ -36,17 +36,6 @@ def test_without_alpha_the_whole_photo_is_taken_and_that_is_said(
 def test_a_mask_file_is_used(tmp_path: Path, photo_file: Path, sphere: Sphere) -> None:
     mask = write_file(tmp_path / "mask.png", sphere.mask, "uint8")
     np.testing.assert_array_equal(read_capture(photo_file, sphere.rig, mask=mask).mask, sphere.mask)
-
-
-def test_a_threshold_counts_from_the_brightest_pixels_not_from_one_hot_one() -> None:
-    pixels = np.zeros((100, 100, 3), np.float32)
-    pixels[20:60, 20:60, 1] = 0.4
-    pixels[30, 30, 0] = 0.021
-    pixels[0, 0] = 1000
-    pixels[5, 5] = 0.019
-    mask = threshold_mask(pixels, 0.05)
-    assert mask[20:60, 20:60].all() and mask[0, 0]
-    assert mask.sum() == 40 * 40 + 1
 
 
 @pytest.mark.parametrize(("kind", "clip"), [("uint8", 1.0), ("float", np.inf)])

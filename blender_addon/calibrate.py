@@ -1,0 +1,128 @@
+"""Calibration: where the real lights are and how their colours mix, from photos of a mirror ball and a grey ball."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from mpsnet_core.errors import InputError
+
+from .operators import RunsCore, idle
+from .outputs import load_image, output_folder
+from .properties import CalibrateSettings, take_given
+
+_OVERLAY = "MPS Calibration"
+
+
+class _Calibrates(RunsCore, CalibrateSettings):
+    """What both calibrations share: photos of a ball in, a rig file and a picture of what was found out."""
+
+    bl_options = {"UNDO"}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return idle(cls, context)
+
+    def _arguments(self, what: str, photos: Sequence[str], rig: Path) -> tuple[list[str], list[Path]]:
+        self._rig, self._overlay = rig, rig.with_name(f"{rig.stem}_{what}.png")
+        arguments = ["calibrate", what, *photos, "--overlay", str(self._overlay), "--output", str(rig)]
+        arguments += ["--encoding", self.encoding.lower()]
+        if self.lens:
+            arguments += ["--focal", f"{self.lens:g}"]
+        if self.circle_radius > 0:
+            arguments += ["--circle", f"{self.circle_x:g},{self.circle_y:g},{self.circle_radius:g}"]
+        return arguments, [rig, self._overlay]
+
+    def _rig_path(self, name: str) -> Path:
+        """The rig file to write: the one that is named, else `name` in the output folder."""
+        path = Path(bpy.path.abspath(self.output)) if self.output else output_folder() / f"{name}.json"
+        if path.suffix.lower() != ".json":
+            raise InputError(f"a rig file's name ends in .json, that of {path} does not; change it")
+        return path
+
+    def _take(self, scene: Any, told: str) -> None:
+        settings = scene.mps.calibrate
+        settings.image = load_image(self._overlay, _OVERLAY, is_data=False)
+        settings.told = told
+        scene.mps.estimate.rig_file = str(self._rig)
+        self.report({"INFO"}, f"Rig written to {self._rig}; photos are estimated with it from now on")
+
+    def _scene(self) -> Any:
+        scene = bpy.data.scenes.get(self._scene_name)
+        if scene is None:
+            raise InputError(f'the scene "{self._scene_name}" is gone; the rig is in {self._rig}')
+        return scene
+
+
+class MPS_OT_calibrate_lights(_Calibrates, bpy.types.Operator):
+    """Find the three lights in the photo of a mirror ball, and write a rig file that the estimate then uses"""
+
+    bl_idname = "mps.calibrate_lights"
+    bl_label = "Find Lights"
+
+    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+        take_given(self, CalibrateSettings, context.scene.mps.calibrate)
+        self._scene_name = context.scene.name
+        photos = [_photo(self.ball, "the mirror ball")]
+        if self.second_ball:
+            photos.append(_photo(self.second_ball, "the mirror ball at its second place"))
+        arguments, outputs = self._arguments("lights", photos, self._rig_path("mpsnet_rig"))
+        if self.second_ball:
+            arguments += ["--radius", f"{self.ball_radius:g}"]
+        return arguments, outputs
+
+    def finish(self, context: Any, result: dict[str, Any]) -> None:
+        lines = []
+        for light in result["lights"]:
+            lines.append(
+                f"{light['name'].title()}|{light['slant']:.1f}°|{light['tilt']:.1f}°|±{light['uncertainty']:.1f}°"
+            )
+        self._take(self._scene(), "\n".join(lines))
+        for note in result.get("notes", []):
+            self.report({"INFO"}, note)
+
+
+class MPS_OT_calibrate_mixing(_Calibrates, bpy.types.Operator):
+    """Find in the photo of a matt grey ball how the lights' colours mix, and add it to the rig file"""
+
+    bl_idname = "mps.calibrate_mixing"
+    bl_label = "Find Mixing"
+
+    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+        scene = context.scene
+        take_given(self, CalibrateSettings, scene.mps.calibrate)
+        self._scene_name = scene.name
+        lights = scene.mps.estimate.rig_file
+        if not lights:
+            raise InputError("where are the lights? Find them first, or name a rig file in the step Photo")
+        # The core does not overwrite what it reads: the rig goes through a copy.
+        before = folder / "rig.json"
+        try:
+            before.write_bytes(Path(bpy.path.abspath(lights)).read_bytes())
+        except OSError:
+            raise InputError(f"rig file {bpy.path.abspath(lights)} cannot be read; find the lights first") from None
+        photos = [_photo(self.grey, "the grey ball")]
+        arguments, outputs = self._arguments("mixing", photos, self._rig_path("mpsnet_rig"))
+        return [*arguments, "--rig", str(before)], outputs
+
+    def finish(self, context: Any, result: dict[str, Any]) -> None:
+        rows = [
+            "|".join([name, *(f"{value:.3f}" for value in row)])
+            for name, row in zip("RGB", result["mixing"], strict=True)
+        ]
+        self._take(self._scene(), "\n".join(rows))
+        for note in result.get("notes", []):
+            self.report({"INFO"}, note)
+        self.report({"INFO"}, f"{result['residual']:.1%} of the brightness is unexplained")
+
+
+def _photo(path: str, what: str) -> str:
+    if not path:
+        raise InputError(f"no photo of {what} is named; choose one")
+    return bpy.path.abspath(path)
+
+
+CLASSES = (MPS_OT_calibrate_lights, MPS_OT_calibrate_mixing)
+
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

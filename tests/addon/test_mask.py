@@ -1,0 +1,66 @@
+"""The mask is shown before it is used, and what is shown is what is used."""
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from mpsnet_core.images import read_image, read_mask, write_image
+from mpsnet_core.normals import read_normals
+
+
+@pytest.fixture
+def on_grey(photographed, scene, tmp_path):
+    """The sphere's photo before a dim grey wall, without alpha; gives the true mask and the wall's own photo."""
+    rendered = read_image(tmp_path / "photo.exr")
+    assert rendered.alpha is not None
+    mask = rendered.alpha > 0.5
+    noise = np.random.default_rng(1).normal(0, 0.002, (*mask.shape, 3))
+    write_image(tmp_path / "shot.exr", np.where(mask[..., None], rendered.pixels, 0.03) + noise)
+    write_image(tmp_path / "wall.exr", np.full((*mask.shape, 3), 0.03, np.float32))
+    bpy.ops.mps.open_photo(filepath=str(tmp_path / "shot.exr"))
+    return mask
+
+
+def overlap(found: np.ndarray, mask: np.ndarray) -> float:
+    return float((found & mask).sum() / (found | mask).sum())
+
+
+@pytest.mark.parametrize("choice", ["FIND", "BACKGROUND", "THRESHOLD"])
+def test_what_is_shown_is_what_is_estimated(on_grey, scene, tmp_path, choice):
+    options = {"mask": choice, "background": str(tmp_path / "wall.exr"), "threshold": 0.1}
+    bpy.ops.mps.show_mask(**options)
+    shown = scene.mps.estimate.mask_image
+    assert shown is not None and tuple(shown.size) == (96, 96)
+    folder = Path(bpy.path.abspath(shown.filepath)).parent
+    found = read_mask(folder / f"{scene.name}_mask.png")
+    assert overlap(found, on_grey) > (0.8 if choice == "THRESHOLD" else 0.95)
+    bpy.ops.mps.estimate(model="LAMBERTIAN", output=str(tmp_path / "n.exr"))
+    np.testing.assert_array_equal(read_normals(tmp_path / "n.exr").mask, found)
+
+
+def test_a_background_photo_that_is_not_named_is_asked_for(on_grey):
+    with pytest.raises(RuntimeError, match="background photo but none is named"):
+        bpy.ops.mps.show_mask(mask="BACKGROUND")
+
+
+def test_dark_and_flat_frames_reach_the_estimate(photographed, scene, tmp_path):
+    """A photo with light of the room and a lens that darkens to one side, and the frames that tell of both."""
+    ideal = read_image(tmp_path / "photo.exr")
+    fall = np.linspace(0.4, 1.0, 96, dtype=np.float32)[None, :, None]
+    room = np.float32([0.05, 0.02, 0.08])
+    write_image(tmp_path / "flat.exr", np.broadcast_to(fall, (96, 96, 3)) + room)
+    write_image(tmp_path / "dark.exr", np.broadcast_to(room, (96, 96, 3)))
+    write_image(tmp_path / "mask.png", ideal.alpha > 0.5, bits=8)
+    write_image(tmp_path / "shot.exr", ideal.pixels * fall + room)
+    options = {"model": "LAMBERTIAN", "mask": "FILE", "mask_file": str(tmp_path / "mask.png")}
+    bpy.ops.mps.estimate(**options, output=str(tmp_path / "expected.exr"))
+    bpy.ops.mps.open_photo(filepath=str(tmp_path / "shot.exr"))
+    bpy.ops.mps.estimate(output=str(tmp_path / "raw.exr"))
+    frames = {"dark": str(tmp_path / "dark.exr"), "flat": str(tmp_path / "flat.exr")}
+    bpy.ops.mps.estimate(**frames, output=str(tmp_path / "corrected.exr"))
+    expected, raw, corrected = (read_normals(tmp_path / f"{n}.exr").vectors for n in ("expected", "raw", "corrected"))
+    mask = ideal.alpha > 0.99
+    assert np.abs(raw - expected)[mask].max() > 0.1
+    assert np.abs(corrected - expected)[mask].max() < 1e-3

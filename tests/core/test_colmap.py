@@ -1,0 +1,227 @@
+"""COLMAP models written by hand, after https://colmap.github.io/format.html, and what is refused."""
+
+import shutil
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from photogrammetry_scene import POINTS, QUATERNION, TURN, Array, opencv, refusal, seen
+
+from mpsnet_core.photogrammetry import Lens, read_cameras
+
+SIZE = (640, 480)
+TRANSLATION = (0.3, -0.2, 6.0)
+# Model, its number, its parameters in the file's order.
+MODELS = {
+    "SIMPLE_PINHOLE": (0, {"f": 500, "cx": 321.5, "cy": 238.25}),
+    "PINHOLE": (1, {"fx": 500, "fy": 480, "cx": 321.5, "cy": 238.25}),
+    "SIMPLE_RADIAL": (2, {"f": 500, "cx": 321.5, "cy": 238.25, "k1": -0.12}),
+    "RADIAL": (3, {"f": 500, "cx": 321.5, "cy": 238.25, "k1": -0.12, "k2": 0.05}),
+    "OPENCV": (4, {"fx": 500, "fy": 480, "cx": 321, "cy": 238, "k1": -0.1, "k2": 0.05, "p1": 0.004, "p2": -0.002}),
+    "FULL_OPENCV": (
+        6,
+        {"fx": 500, "fy": 480, "cx": 321, "cy": 238, "k1": -0.1, "k2": 0.05, "p1": 0.004, "p2": -0.002}
+        | {"k3": 0.02, "k4": 0.03, "k5": -0.01, "k6": 0.005},
+    ),
+}
+TEXT_CAMERAS = """# Camera list with one line of data per camera:
+#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]
+# Number of cameras: 2
+3 SIMPLE_RADIAL 640 480 500 321.5 238.25 -0.12
+1 PINHOLE 64 48 50 60 32 24
+"""
+# The second photo has no points: its second line is empty.
+TEXT_IMAGES = """# Image list with two lines of data per image:
+#   IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME
+#   POINTS2D[] as (X, Y, POINT3D_ID)
+# Number of images: 3, mean observations per image: 1
+7 0.8 0.2 -0.4 0.4 0.3 -0.2 6 3 lit/b 2.jpg
+2362.39 248.498 58396 1784.7 268.254 59027 1784.7 268.254 -1
+4 1 0 0 0 0 0 0 1 lit/c.jpg
+
+5 0 1 0 0 0 0 0 1 a.jpg
+1.0 2.0 -1
+"""
+
+
+def documented(x: Array, parameters: dict[str, float]) -> Array:
+    """World points (N, 3) to pixels: the pose is world to camera, x right, y down, z forward."""
+    x, y, z = (x @ TURN.T + TRANSLATION).T
+    x, y = opencv(x / z, y / z, parameters)
+    focal = parameters.get("f", 0)
+    return np.stack(
+        [parameters.get("fx", focal) * x + parameters["cx"], parameters.get("fy", focal) * y + parameters["cy"]], -1
+    )
+
+
+def write_text(folder: Path, cameras: str = TEXT_CAMERAS, images: str = TEXT_IMAGES) -> Path:
+    (folder / "cameras.txt").write_text(cameras, encoding="utf-8")
+    (folder / "images.txt").write_text(images, encoding="utf-8")
+    return folder
+
+
+def binary_cameras(*cameras: tuple[int, int, int, int, tuple[float, ...]]) -> bytes:
+    packed = b"".join(struct.pack(f"<IiQQ{len(p)}d", i, m, w, h, *p) for i, m, w, h, p in cameras)
+    return struct.pack("<Q", len(cameras)) + packed
+
+
+def binary_images(*names: str, camera: int = 3, pose: tuple[float, ...] = (*QUATERNION, *TRANSLATION)) -> bytes:
+    data = struct.pack("<Q", len(names))
+    for number, name in enumerate(names):
+        data += struct.pack("<I7dI", number + 1, *pose, camera) + name.encode() + b"\0"
+        points = [(2362.39, 248.498, 5), (1784.7, 268.254, 2**64 - 1)][:number]
+        data += struct.pack("<Q", len(points)) + b"".join(struct.pack("<ddQ", *point) for point in points)
+    return data
+
+
+def write_binary(folder: Path, cameras: bytes | None = None, images: bytes | None = None) -> Path:
+    good = binary_cameras((3, 0, *SIZE, (500.0, 321.5, 238.25)))
+    (folder / "cameras.bin").write_bytes(good if cameras is None else cameras)
+    (folder / "images.bin").write_bytes(binary_images("b.jpg", "a.jpg") if images is None else images)
+    return folder
+
+
+def test_the_turn_of_these_tests_is_its_quaternion() -> None:
+    def times(a: Array, b: Array) -> Array:
+        return np.array([a[0] * b[0] - a[1:] @ b[1:], *(a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:]))])
+
+    quaternion = np.array(QUATERNION)
+    back = quaternion * (1, -1, -1, -1)
+    turned = [times(times(quaternion, np.array([0, *axis])), back)[1:] for axis in np.eye(3)]
+    np.testing.assert_allclose(np.array(turned).T, TURN, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["text", "binary"])
+@pytest.mark.parametrize("model", MODELS)
+def test_points_land_where_the_model_says(tmp_path: Path, model: str, kind: str) -> None:
+    number, parameters = MODELS[model]
+    if kind == "text":
+        camera = f"3 {model} 640 480 " + " ".join(map(str, parameters.values()))
+        write_text(tmp_path, camera + "\n", "1 0.8 0.2 -0.4 0.4 0.3 -0.2 6 3 a.jpg\n\n")
+    else:
+        write_binary(tmp_path, binary_cameras((3, number, *SIZE, tuple(parameters.values()))), binary_images("a.jpg"))
+    (posed,) = read_cameras(tmp_path)
+    assert (posed.camera.width, posed.camera.height) == SIZE
+    np.testing.assert_allclose(seen(posed), documented(POINTS, parameters), atol=1e-9)
+    assert posed.lens.is_identity == ("PINHOLE" in model)
+
+
+def test_text_photos_come_by_name_with_their_own_cameras(tmp_path: Path) -> None:
+    photos = read_cameras(write_text(tmp_path))
+    assert [posed.photo for posed in photos] == ["a.jpg", "lit/b 2.jpg", "lit/c.jpg"]
+    a, b, c = photos
+    np.testing.assert_allclose(seen(b), documented(POINTS, MODELS["SIMPLE_RADIAL"][1]), atol=1e-9)
+    # The identity looks along the world's +z with its y down; half a turn about x looks along -z, as ours do.
+    np.testing.assert_array_equal(c.camera.rotation, np.diag([1, -1, -1]))
+    np.testing.assert_array_equal(a.camera.rotation, np.eye(3))
+
+
+def test_binary_photos_come_by_name_past_each_others_points(tmp_path: Path) -> None:
+    write_binary(tmp_path, images=binary_images("c.jpg", "b.jpg", "größe/a.jpg", "d.jpg"))
+    assert [posed.photo for posed in read_cameras(tmp_path)] == ["b.jpg", "c.jpg", "d.jpg", "größe/a.jpg"]
+
+
+@pytest.mark.parametrize("place", ["sparse/0", "sparse", "0", "."])
+@pytest.mark.parametrize("write", [write_text, write_binary])
+def test_a_project_leads_to_its_model(tmp_path: Path, place: str, write: Callable[[Path], Path]) -> None:
+    (tmp_path / place).mkdir(parents=True, exist_ok=True)
+    write(tmp_path / place)
+    assert len(read_cameras(tmp_path)) == (3 if write is write_text else 2)
+
+
+def test_either_file_of_a_model_names_it_and_binary_goes_first(tmp_path: Path) -> None:
+    write_binary(write_text(tmp_path))
+    assert len(read_cameras(tmp_path)) == 2
+    for name, count in {"cameras.txt": 3, "images.txt": 3, "cameras.bin": 2, "images.bin": 2}.items():
+        assert len(read_cameras(tmp_path / name)) == count
+
+
+def test_a_quaternion_in_few_digits_is_made_a_rotation(tmp_path: Path) -> None:
+    write_text(tmp_path, images="1 0.801 0.2 -0.4 0.4 0 0 0 3 a.jpg\n\n")
+    (posed,) = read_cameras(tmp_path)
+    np.testing.assert_allclose(posed.camera.rotation @ posed.camera.rotation.T, np.eye(3), atol=1e-12)
+
+
+def test_lenses_have_no_terms_that_they_do_not_need(tmp_path: Path) -> None:
+    assert read_cameras(write_text(tmp_path))[1].lens == Lens(radial=(-0.12,))
+
+
+POSE = "1 0.8 0.2 -0.4 0.4 0.3 -0.2 6 3 a.jpg\n\n"
+
+
+@pytest.mark.parametrize(
+    ("cameras", "images", "said"),
+    [
+        ("3 OPENCV_FISHEYE 640 480 1 1 1 1 0 0 0 0", POSE, "cameras.txt: line 1: camera model OPENCV_FISHEYE"),
+        ("3 SPLINE 640 480 1", POSE, "camera model SPLINE"),
+        ("3 PINHOLE 640 480 500 500 320", POSE, "PINHOLE has 4 parameters, here are 3"),
+        ("3 PINHOLE 640", POSE, "line 1: not CAMERA_ID MODEL WIDTH HEIGHT"),
+        ("3 PINHOLE 640 480 500 500 320 x", POSE, "line 1: not CAMERA_ID MODEL WIDTH HEIGHT"),
+        ("3 PINHOLE 640 480 500 nan 320 240", POSE, "images.txt: line 1: the camera's focal"),
+        ("3 PINHOLE 640 480 500 -1 320 240", POSE, "focal must be above 0"),
+        ("3 PINHOLE 640 999999999999 500 500 320 240", POSE, "height must be a whole number"),
+        ("3 SIMPLE_RADIAL 640 480 500 320 240 inf", POSE, "cameras.txt: line 1: the lens has a coefficient"),
+        ("", POSE, "its camera 3 is not in the file of cameras"),
+        (TEXT_CAMERAS, POSE.replace("a.jpg", ""), "not IMAGE_ID QW QX QY QZ"),
+        (TEXT_CAMERAS, POSE.replace("0.8", "nan"), "no rotation"),
+        (TEXT_CAMERAS, POSE.replace("0.8", "1.8"), "no rotation"),
+        (TEXT_CAMERAS, POSE.replace("6 3", "inf 3"), "not finite"),
+        (TEXT_CAMERAS, POSE.replace(" 3 a", " 9 a"), "its camera 9 is not in the file of cameras"),
+        (TEXT_CAMERAS, "1.5 2.5 -1\n", "not IMAGE_ID QW QX QY QZ"),
+        (TEXT_CAMERAS, POSE.strip() + "\n" + POSE.replace("a.", "b."), "line 2: not the points of the photo above"),
+        (TEXT_CAMERAS, POSE.strip() + "\n" + POSE.replace("a.", "b c d."), "line 2: not the points"),
+        (TEXT_CAMERAS, "# no photo\n", "holds no photo with a pose"),
+        (TEXT_CAMERAS, "\0\ufffe binary \1", "not IMAGE_ID"),
+    ],
+)
+def test_bad_text_is_refused(tmp_path: Path, cameras: str, images: str, said: str) -> None:
+    message = refusal(lambda: read_cameras(write_text(tmp_path, cameras, images)))
+    assert said in message
+    assert str(tmp_path) in message
+
+
+CAMERA = binary_cameras((3, 0, 640, 480, (500.0, 321.5, 238.25)))
+IMAGE = binary_images("a.jpg")
+
+
+@pytest.mark.parametrize(
+    ("cameras", "images", "said"),
+    [
+        (b"", IMAGE, "cameras.bin: it ends before"),
+        (CAMERA[:-1], IMAGE, "cameras.bin: it ends before"),
+        (struct.pack("<Q", 2**60), IMAGE, "more than fit into it"),
+        (CAMERA + b"\0", IMAGE, "cameras.bin: it holds more than it says"),
+        (binary_cameras((3, 5, 640, 480, (1.0,) * 8)), IMAGE, "camera model OPENCV_FISHEYE"),
+        (binary_cameras((3, -7, 640, 480, ())), IMAGE, "camera model number -7"),
+        (binary_cameras((3, 99, 640, 480, (1.0,))), IMAGE, "camera model number 99"),
+        (binary_cameras((3, 0, 2**63, 480, (500.0, 1.0, 1.0))), IMAGE, "the camera's width"),
+        (CAMERA, IMAGE[:40], "images.bin: it says that it holds 1 more than fit"),
+        (CAMERA, IMAGE[:-4], "images.bin: it ends before"),
+        (CAMERA, IMAGE[:-8] + struct.pack("<Q", 2**61), "more than fit into it"),
+        (CAMERA, IMAGE[:72] + b"a" * 100, "a photo's name without an end"),
+        (CAMERA, struct.pack("<Q", 0) + IMAGE[8:], "images.bin: it holds more than it says"),
+        (CAMERA, struct.pack("<Q", 0), "holds no photo with a pose"),
+        (CAMERA, binary_images("a.jpg", camera=4), "photo 'a.jpg': its camera 4 is not"),
+        (CAMERA, binary_images("a.jpg", pose=(float("nan"), 0, 0, 0, 0, 0, 0)), "photo 'a.jpg': its quaternion"),
+    ],
+)
+def test_bad_binary_is_refused(tmp_path: Path, cameras: bytes, images: bytes, said: str) -> None:
+    message = refusal(lambda: read_cameras(write_binary(tmp_path, cameras, images)))
+    assert said in message
+    assert str(tmp_path) in message
+
+
+def test_what_is_no_model_is_refused(tmp_path: Path) -> None:
+    assert "holds no COLMAP model" in refusal(lambda: read_cameras(tmp_path))
+    assert "does not exist" in refusal(lambda: read_cameras(tmp_path / "nowhere"))
+    (tmp_path / "points3D.bin").write_bytes(b"")
+    assert "is not a file of a COLMAP model" in refusal(lambda: read_cameras(tmp_path / "points3D.bin"))
+    (tmp_path / "scene.abc").write_bytes(b"")
+    assert "no file of cameras" in refusal(lambda: read_cameras(tmp_path / "scene.abc"))
+    write_binary(tmp_path)
+    (tmp_path / "images.bin").unlink()
+    assert "images.bin does not exist" in refusal(lambda: read_cameras(tmp_path))
+    shutil.rmtree(tmp_path)
+    assert "does not exist" in refusal(lambda: read_cameras(tmp_path))

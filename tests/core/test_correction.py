@@ -1,0 +1,237 @@
+"""Dark frames and flat fields: a photo with a known dark signal and fall-off must come out as if it had neither."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import Mpsnet
+from synthetic import Sphere, degrees_between, shaded_sphere, write_file
+
+from mpsnet_core.capture import read_capture
+from mpsnet_core.correction import Correction, corrected, read_correction
+from mpsnet_core.errors import InputError
+from mpsnet_core.images import read_image
+from mpsnet_core.normals import read_normals
+
+SIDE = 64
+
+
+def fall_off() -> np.ndarray:
+    """(SIDE, SIDE, 3) what a lens and three near lights make of even white, 1 in the middle of each channel."""
+    y, x = np.mgrid[:SIDE, :SIDE] / SIDE - 0.5
+    tilts = np.stack([1 + 0.6 * y, 1 - 0.5 * x, 1 + 0.5 * x], axis=-1)
+    field = tilts * (1 - 0.8 * (x**2 + y**2))[..., None]
+    third = SIDE // 3
+    return field / field[third:-third, third:-third].mean(axis=(0, 1))
+
+
+def dark_signal() -> np.ndarray:
+    """(SIDE, SIDE, 3) glow at one side, another level in each channel."""
+    glow = np.broadcast_to(np.linspace(0.01, 0.06, SIDE)[None, :, None], (SIDE, SIDE, 3))
+    return glow * [1, 0.5, 0.8]
+
+
+class Shots:
+    """Files of what a camera with fall-off and dark signal shows, in 16 bits, linear."""
+
+    def __init__(self, folder: Path, sphere: Sphere) -> None:
+        self.folder = folder
+        self.photo = self.write("photo.tif", 0.8 * sphere.image * fall_off() + dark_signal())
+        self.dark = self.write("dark.tif", dark_signal())
+        self.flat = self.write("flat.tif", 0.6 * np.array([1, 0.8, 0.5]) * fall_off() + dark_signal())
+
+    def write(self, name: str, values: Any, kind: str = "uint16", **attributes: Any) -> Path:
+        values = np.broadcast_to(values, (SIDE, SIDE, 3))
+        return write_file(self.folder / name, values, kind, oiio__ColorSpace="linear", **attributes)
+
+    def corrected(self, dark: Path | None = None, flat: Path | None = None, **options: Any) -> np.ndarray:
+        image = read_image(self.photo, encoding="linear")
+        return corrected(image, read_correction(dark, flat, encoding="linear", **options)).pixels
+
+
+@pytest.fixture
+def shots(tmp_path: Path, sphere: Sphere) -> Shots:
+    return Shots(tmp_path, sphere)
+
+
+def test_dark_frame_and_flat_field_leave_the_scene_alone(shots: Shots, sphere: Sphere) -> None:
+    np.testing.assert_allclose(shots.corrected(shots.dark, shots.flat), 0.8 * sphere.image, atol=3e-4)
+
+
+def test_the_dark_frame_alone(shots: Shots, sphere: Sphere) -> None:
+    np.testing.assert_allclose(shots.corrected(shots.dark), 0.8 * sphere.image * fall_off(), atol=3e-5)
+
+
+def test_unequal_lights_stay_unequal(tmp_path: Path, sphere: Sphere) -> None:
+    """A flat field evens out each channel over the picture, not the channels with one another."""
+    shots = Shots(tmp_path, sphere)
+    dim = shots.write("photo.tif", 0.8 * sphere.image * fall_off() * [1, 0.5, 0.25])
+    image = corrected(
+        read_image(dim, encoding="linear"),
+        read_correction(flat=shots.write("f.tif", 0.6 * fall_off()), encoding="linear"),
+    )
+    np.testing.assert_allclose(image.pixels, 0.8 * sphere.image * [1, 0.5, 0.25], atol=3e-4)
+
+
+def test_several_frames_are_averaged(shots: Shots, tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    (tmp_path / "darks").mkdir()
+    for number in range(16):
+        noisy = dark_signal() + 0.004 * rng.normal(size=(SIDE, SIDE, 3))
+        shots.write(f"darks/{number:02d}.tif", noisy)
+    for given in (tmp_path / "darks", tmp_path / "darks" / "##.tif"):
+        dark = read_correction(given, encoding="linear").dark
+        assert dark is not None
+        assert np.std(dark - dark_signal()) == pytest.approx(0.001, rel=0.1)
+
+
+def test_a_smooth_flat_field_leaves_the_cards_grain_out(shots: Shots) -> None:
+    rng = np.random.default_rng(1)
+    grain = 1 + 0.05 * rng.normal(size=(SIDE, SIDE, 1))
+    flat = shots.write("flat.tif", 0.6 * fall_off() * grain)
+    errors = []
+    for smooth in (0, 8):
+        gain = read_correction(flat=flat, encoding="linear", smooth=smooth).gain
+        assert gain is not None
+        errors.append(np.abs(gain * fall_off() - 1)[4:-4, 4:-4].mean())
+    assert errors[0] > 0.035 and errors[1] < 0.012
+
+
+def test_what_was_clipped_stays_known(shots: Shots, sphere: Sphere) -> None:
+    """After dark frame and flat field no value tells any more that it was clipped, at the rim it is far from 1."""
+    light = 1.6 * sphere.image * fall_off() + dark_signal()
+    photo = read_image(shots.write("photo.tif", np.minimum(light, 1)), encoding="linear")
+    image = corrected(photo, read_correction(shots.dark, shots.flat, encoding="linear"))
+    assert image.clip == np.inf
+    np.testing.assert_array_equal(image.saturated, light >= 0.99)
+    assert 100 < image.saturated.sum() < 6000
+
+
+def test_the_capture_knows_what_was_clipped(shots: Shots, sphere: Sphere) -> None:
+    photo = shots.write("photo.tif", np.minimum(1.6 * sphere.image * fall_off(), 1))
+    correction = read_correction(flat=shots.flat, encoding="linear")
+    capture = read_capture(photo, sphere.rig, mask="none", encoding="linear", correction=correction)
+    np.testing.assert_array_equal(capture.saturated, 1.6 * sphere.image * fall_off() >= 0.99)
+
+
+def test_a_hot_and_a_dead_pixel_count_as_clipped(shots: Shots) -> None:
+    dark, flat = dark_signal(), 0.6 * fall_off() + dark_signal()
+    dark[10, 20, 1] = 1
+    flat[30, 40, 2] = 0
+    correction = read_correction(shots.write("dark.tif", dark), shots.write("flat.tif", flat), encoding="linear")
+    image = corrected(read_image(shots.photo, encoding="linear"), correction)
+    # The hot site is dark in what remains of the flat field too.
+    assert np.argwhere(image.saturated).tolist() == [[10, 20, 1], [30, 40, 2]]
+    assert np.isfinite(image.pixels).all()
+
+
+def test_float_files_do_not_saturate(shots: Shots) -> None:
+    photo = shots.write("photo.exr", 5 * fall_off() + dark_signal(), "float")
+    image = corrected(read_image(photo), read_correction(shots.dark, shots.flat, encoding="linear"))
+    assert not image.saturated.any() and image.pixels.max() == pytest.approx(5, rel=0.01)
+
+
+@pytest.mark.parametrize(("times", "told"), [((0.2, 0.2), False), ((0.2, 1.0), True), ((None, 1.0), False)])
+def test_another_exposure_of_the_dark_frame_is_told(
+    shots: Shots, caplog: pytest.LogCaptureFixture, times: tuple[float | None, float | None], told: bool
+) -> None:
+    paths = []
+    for name, values, time in zip("pd", (0.5, 0.01), times, strict=True):
+        paths.append(shots.write(f"{name}.jpg", values, "uint8", **({"ExposureTime": time} if time else {})))
+    with caplog.at_level("INFO"):
+        corrected(read_image(paths[0]), read_correction(paths[1]))
+    assert ("exposed for 1 s, the photo for 0.2 s" in caplog.text) is told
+
+
+def test_the_command_line_corrects(shots: Shots, tmp_path: Path, mpsnet: Mpsnet, rig_file: Path) -> None:
+    sphere = shaded_sphere()
+    found = {}
+    for name, options in {"with": ["--dark", shots.dark, "--flat", shots.flat], "without": []}.items():
+        out = tmp_path / f"{name}.exr"
+        command = ["estimate", shots.photo, "--rig", rig_file, "--model", "lambertian", "--encoding", "linear"]
+        done = mpsnet(*command, "--mask", "none", *options, "-o", out, "--progress", "json")
+        assert done.returncode == 0, done.stderr
+        assert json.loads(done.stdout.splitlines()[-1])["result"]["outputs"] == [str(out)]
+        found[name] = degrees_between(read_normals(out).vectors, sphere.normals)[sphere.lit].mean()
+    assert found["with"] < 0.1 and found["without"] > 3
+
+
+def refused(correct: Callable[[], Any]) -> str:
+    with pytest.raises(InputError) as caught:
+        correct()
+    sentence = str(caught.value)
+    assert "\n" not in sentence and len(sentence) < 400
+    return sentence
+
+
+class TestBadInput:
+    def read(self, **given: Any) -> Correction:
+        return read_correction(**given, encoding="linear")
+
+    def test_missing(self, tmp_path: Path) -> None:
+        assert "no.tif does not exist" in refused(lambda: self.read(dark=tmp_path / "no.tif"))
+
+    def test_an_empty_folder(self, tmp_path: Path) -> None:
+        assert "holds no images" in refused(lambda: self.read(flat=tmp_path))
+
+    def test_broken(self, shots: Shots) -> None:
+        shots.flat.write_bytes(shots.flat.read_bytes()[:3000])
+        assert "flat.tif" in refused(lambda: self.read(flat=shots.flat))
+
+    def test_frames_of_different_sizes(self, shots: Shots, tmp_path: Path) -> None:
+        (tmp_path / "frames").mkdir()
+        for number in (1, 2):
+            write_file(tmp_path / "frames" / f"{number}.png", np.zeros((8, 8 * number, 3)), "uint8")
+        sentence = refused(lambda: self.read(dark=tmp_path / "frames"))
+        assert "2.png is 16 x 8 but" in sentence and "same camera" in sentence
+
+    @pytest.mark.parametrize("which", ["dark", "flat"])
+    def test_another_size_than_the_photo(self, shots: Shots, which: str) -> None:
+        small = write_file(shots.folder / "small.tif", np.full((32, 40, 3), 0.3), "uint16")
+        image = read_image(shots.photo)
+        sentence = refused(lambda: corrected(image, self.read(**{which: small})))
+        assert "is 40 x 32 but the photo is 64 x 64" in sentence and which in sentence
+
+    def test_dark_and_flat_of_different_sizes(self, shots: Shots) -> None:
+        small = write_file(shots.folder / "small.tif", np.full((32, 40, 3), 0.3), "uint16")
+        assert "40 x 32" in refused(lambda: self.read(dark=small, flat=shots.flat))
+
+    def test_an_overexposed_flat_field(self, shots: Shots) -> None:
+        flat = shots.write("flat.tif", np.minimum(1.1 * fall_off(), 1))
+        sentence = refused(lambda: self.read(flat=flat))
+        assert "flat.tif is overexposed; expose it shorter" in sentence
+
+    def test_an_overexposed_dark_frame(self, shots: Shots) -> None:
+        assert "dark.tif is no dark frame" in refused(lambda: self.read(dark=shots.write("dark.tif", 1)))
+
+    def test_a_flat_field_without_one_light(self, shots: Shots) -> None:
+        flat = shots.write("flat.tif", fall_off() * [0.5, 0, 0.5])
+        assert "black in the middle of its green channel; were all lights on" in refused(lambda: self.read(flat=flat))
+
+    def test_a_card_that_does_not_fill_the_picture(self, shots: Shots) -> None:
+        field = 0.5 * fall_off()
+        field[:, :9] = 0
+        sentence = refused(lambda: self.read(flat=shots.write("flat.tif", field)))
+        assert "14.1% of the flat field" in sentence and "fill the picture" in sentence
+
+    def test_a_dark_frame_as_bright_as_the_photo(self, shots: Shots) -> None:
+        image = read_image(shots.photo, encoding="linear")
+        assert "as bright as the photo" in refused(lambda: corrected(image, self.read(dark=shots.photo)))
+
+    def test_not_finite(self, shots: Shots) -> None:
+        values = np.full((SIDE, SIDE, 3), 0.1)
+        values[3, 3] = np.nan
+        path = shots.write("dark.exr", values, "float")
+        assert "dark.exr holds values that are not finite" in refused(lambda: self.read(dark=path))
+
+    def test_a_negative_smoothing(self, shots: Shots) -> None:
+        assert "0 pixels or more, not -1" in refused(lambda: self.read(flat=shots.flat, smooth=-1))
+
+    def test_a_result_over_the_dark_frame(self, shots: Shots, mpsnet: Mpsnet, rig_file: Path) -> None:
+        before = shots.dark.read_bytes()
+        done = mpsnet("estimate", shots.photo, "--rig", rig_file, "--dark", shots.dark, "-o", shots.dark)
+        assert done.returncode == 2 and "would overwrite" in done.stderr
+        assert shots.dark.read_bytes() == before

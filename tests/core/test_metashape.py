@@ -1,0 +1,224 @@
+"""Metashape's cameras as it exports them, written by hand, and what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from photogrammetry_scene import POINTS, TURN, Array, refusal, seen
+
+from mpsnet_core.photogrammetry import read_cameras
+
+CALIBRATION = {"f": 520.0, "cx": 4.5, "cy": -7.25, "b1": 3.5, "b2": -1.75}
+CALIBRATION |= {"k1": -0.1, "k2": 0.06, "k3": -0.02, "k4": 0.004, "p1": 0.003, "p2": -0.002}
+POSITION = np.array([0.4, -0.3, -6.0])
+
+SENSOR = """
+    <sensors next_id="2">
+      <sensor id="0" label="unknown" type="frame">
+        <resolution width="640" height="480"/>
+        <property name="layer_index" value="0"/>
+        <bands><band label="Red"/></bands>
+        <calibration type="frame" class="initial"><resolution width="640" height="480"/><f>9999</f></calibration>
+        <calibration type="{kind}" class="adjusted">
+          <resolution width="640" height="480"/>
+          {calibration}
+        </calibration>
+        <covariance><params>f cx cy</params><coeffs>1 0 0 0 1 0 0 0 1</coeffs></covariance>
+      </sensor>
+    </sensors>"""
+CAMERAS = """
+    <cameras next_id="4" next_group_id="1">
+      <camera id="0" sensor_id="0" {component} label="DSC_0002">
+        <transform>{transform}</transform>
+        <rotation_covariance>1 0 0 0 1 0 0 0 1</rotation_covariance>
+        <orientation>1</orientation>
+      </camera>
+      <camera id="1" sensor_id="0" label="not aligned"><orientation>1</orientation></camera>
+      <camera id="2" sensor_id="0" label="disabled" enabled="0"><transform>{transform}</transform></camera>
+      <camera id="3" sensor_id="0" label="disabled too" enabled="false"><transform>{transform}</transform></camera>
+      <group id="0" label="Group 1" type="folder">
+        <camera id="4" sensor_id="0" {component} label="DSC_0001.JPG" enabled="true">
+          <transform>{transform}</transform>
+        </camera>
+      </group>
+    </cameras>"""
+DOCUMENT = """<?xml version="1.0" encoding="UTF-8"?>
+<document version="{version}">
+  <chunk label="Chunk 1" enabled="true">{sensor}{cameras}{rest}
+  </chunk>
+</document>
+"""
+LOCAL = '<reference>LOCAL_CS["Local Coordinates (m)",LOCAL_DATUM["Local Datum",0],UNIT["metre",1]]</reference>'
+# A quarter turn about z, twice as large, and moved.
+SIMILARITY = """<transform>
+      <rotation locked="true">0 -1 0 1 0 0 0 0 1</rotation>
+      <translation locked="true">10 20 30</translation>
+      <scale locked="true">2</scale>
+    </transform>"""
+
+
+def cameras_file(
+    folder: Path,
+    *,
+    calibration: dict[str, float | str] = CALIBRATION,
+    kind: str = "frame",
+    transform: str | None = None,
+    component: str = "",
+    sensor: str = SENSOR,
+    cameras: str = CAMERAS,
+    rest: str = LOCAL,
+    version: str = "1.5.0",
+) -> Path:
+    given = "\n          ".join(f"<{name}>{value}</{name}>" for name, value in calibration.items())
+    if transform is None:
+        transform = " ".join(map(repr, np.vstack([np.c_[TURN, POSITION], [0, 0, 0, 1]]).ravel().tolist()))
+    text = DOCUMENT.format(
+        version=version,
+        sensor=sensor.format(kind=kind, calibration=given),
+        cameras=cameras.format(transform=transform, component=component),
+        rest=rest,
+    )
+    (folder / "cameras.xml").write_text(text, encoding="utf-8")
+    return folder / "cameras.xml"
+
+
+def documented(points: Array, calibration: dict[str, float] = CALIBRATION) -> Array:
+    """Points (N, 3) of the chunk to pixels, after the manual's appendix on frame cameras."""
+    c = {name: 0.0 for name in CALIBRATION} | calibration
+    # The camera's transform takes camera to chunk: its columns are the camera's right, down and forward.
+    x, y, z = ((points - POSITION) @ TURN).T
+    x, y = x / z, y / z
+    r = np.hypot(x, y)
+    radial = 1 + c["k1"] * r**2 + c["k2"] * r**4 + c["k3"] * r**6 + c["k4"] * r**8
+    xd = x * radial + (c["p1"] * (r**2 + 2 * x**2) + 2 * c["p2"] * x * y)
+    yd = y * radial + (c["p2"] * (r**2 + 2 * y**2) + 2 * c["p1"] * x * y)
+    u = 640 * 0.5 + c["cx"] + xd * c["f"] + xd * c["b1"] + yd * c["b2"]
+    v = 480 * 0.5 + c["cy"] + yd * c["f"]
+    return np.stack([u, v], axis=-1)
+
+
+def test_points_land_where_the_manual_says_and_other_photos_are_left_out(tmp_path: Path) -> None:
+    photos = read_cameras(cameras_file(tmp_path))
+    assert [posed.photo for posed in photos] == ["DSC_0001.JPG", "DSC_0002"]
+    for posed in photos:
+        in_front = POINTS[(POINTS - POSITION) @ TURN[:, 2] > 0.5]
+        np.testing.assert_allclose(seen(posed, in_front), documented(in_front), atol=1e-9)
+
+
+def test_what_is_zero_may_be_left_out(tmp_path: Path) -> None:
+    (posed, _) = read_cameras(cameras_file(tmp_path, calibration={"f": 520.0, "cx": 4.5}))
+    assert posed.lens.is_identity
+    np.testing.assert_allclose(seen(posed), documented(POINTS, {"f": 520.0, "cx": 4.5}), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("component", "rest"),
+    [
+        ("", SIMILARITY + LOCAL),
+        ('component_id="0"', SIMILARITY),
+        (
+            'component_id="0"',
+            f'<components next_id="1" active_id="0"><component id="0" label="Component 1">{SIMILARITY}'
+            "<region><center>0 0 0</center></region></component></components>",
+        ),
+    ],
+    ids=["chunk", "chunk, for a component that has none", "component"],
+)
+def test_cameras_stand_in_the_world_of_the_meshes(tmp_path: Path, component: str, rest: str) -> None:
+    photos = read_cameras(cameras_file(tmp_path, component=component, rest=rest))
+    x, y, z = POINTS.T
+    world = np.stack([10 - 2 * y, 20 + 2 * x, 30 + 2 * z], axis=-1)
+    for posed in photos:
+        np.testing.assert_allclose(seen(posed, world), documented(POINTS), atol=1e-9)
+
+
+def test_geographic_coordinates_are_warned_of(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    read_cameras(cameras_file(tmp_path))
+    assert not caplog.records
+    read_cameras(cameras_file(tmp_path, rest='<reference>GEOGCS["WGS 84"]</reference>'))
+    assert "export both in local coordinates" in caplog.text
+
+
+def test_a_byte_order_mark_is_no_harm(tmp_path: Path) -> None:
+    file = cameras_file(tmp_path)
+    file.write_bytes(b"\xef\xbb\xbf" + file.read_bytes())
+    assert len(read_cameras(file)) == 2
+
+
+def without(calibration: dict[str, float], *names: str) -> dict[str, float]:
+    return {name: value for name, value in calibration.items() if name not in names}
+
+
+MIRRORED = "-1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1"
+SCALED = "1.1 0 0 0 0 1.1 0 0 0 0 1.1 0 0 0 0 1"
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"kind": "fisheye"}, "photo 'DSC_0002': its sensor is of type 'fisheye'"),
+        ({"sensor": SENSOR.replace('type="frame"', 'type="spherical"', 1)}, "of type 'spherical'"),
+        ({"sensor": ""}, "its sensor 0 is not in the file"),
+        ({"sensor": '<sensors><sensor id="0" label="Nikon"/></sensors>'}, "sensor 'Nikon' has no calibration"),
+        ({"sensor": SENSOR.replace("<resolution", "<pixels")}, "its sensor's width must be a finite number"),
+        ({"sensor": SENSOR.replace('width="640"', 'width="many"')}, "its sensor's width must be a finite number"),
+        ({"sensor": SENSOR.replace('width="640"', f'width="{"9" * 400}"')}, "its sensor's width must be"),
+        ({"sensor": SENSOR.replace('width="640"', 'width="-640"')}, "the camera's width"),
+        ({"calibration": without(CALIBRATION, "f")}, "lacks the focal length f;"),
+        ({"calibration": without(CALIBRATION, "f") | {"fx": 500}}, "PhotoScan 1.1"),
+        ({"calibration": CALIBRATION | {"f": "nan"}}, "its sensor's f must be a finite number"),
+        ({"calibration": CALIBRATION | {"k1": "1e999"}}, "its sensor's k1 must be a finite number"),
+        ({"calibration": CALIBRATION | {"f": -3}}, "focal must be above 0"),
+        ({"calibration": CALIBRATION | {"f": 1e-320, "b1": 0}}, "coefficient that is not finite"),
+        ({"calibration": CALIBRATION | {"p3": 0.1}}, "distortion p3"),
+        ({"transform": "1 0 0"}, "its transform must be 16 finite numbers"),
+        ({"transform": "nan" + MIRRORED[2:]}, "its transform must be 16 finite numbers"),
+        ({"transform": MIRRORED}, "a mirroring"),
+        ({"transform": SCALED}, "the rotation of the camera is not one"),
+        ({"rest": SIMILARITY.replace("0 -1 0 1", "0 -1 0 2")}, "the rotation of the chunk is not one"),
+        ({"rest": SIMILARITY.replace(">2<", ">0<")}, "the chunk's scale is 0"),
+        ({"rest": SIMILARITY.replace(">2<", "><")}, "the chunk's scale must be a finite number"),
+        ({"rest": SIMILARITY.replace("10 20", "10")}, "the chunk's translation must be 3 finite numbers"),
+        ({"rest": SIMILARITY.replace(">2<", ">1e308<")}, "photo 'DSC_0002': the camera's world_from_camera must be"),
+        ({"rest": f"<transform>{MIRRORED}</transform>"}, "older than 1.2"),
+        ({"cameras": ""}, "holds no photo with a pose"),
+        ({"cameras": CAMERAS.replace("transform>", "reference>")}, "holds no photo with a pose"),
+        ({"rest": "</chunk><chunk>"}, "it holds 2 chunks"),
+        ({"rest": "<unclosed>"}, "it is not valid XML"),
+    ],
+)
+def test_bad_files_are_refused(tmp_path: Path, changes: dict[str, str], said: str) -> None:
+    message = refusal(lambda: read_cameras(cameras_file(tmp_path, **changes)))  # type: ignore[arg-type]
+    assert said in message
+    assert str(tmp_path / "cameras.xml") in message
+
+
+BOMB = """<?xml version="1.0"?>
+<!DOCTYPE document [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;&a;&a;">]>
+<document><chunk>&b;</chunk></document>
+"""
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (BOMB.encode(), "it has a document type"),
+        (BOMB.encode("utf-16"), "it is not UTF-8 text"),
+        (b"", "it is not valid XML"),
+        (b"\x89PNG\r\n", "it is not UTF-8 text"),
+        (b"<document/>", "it is not a Metashape file of cameras"),
+        (b"<html><chunk/></html>", "it is not a Metashape file of cameras"),
+        (b"<document>" + b"<a>" * 100_000, "it is not valid XML"),
+        (b"<document>&undefined;</document>", "it is not valid XML"),
+    ],
+)
+def test_what_is_no_file_of_cameras_is_refused(tmp_path: Path, content: bytes, said: str) -> None:
+    (tmp_path / "cameras.xml").write_bytes(content)
+    assert said in refusal(lambda: read_cameras(tmp_path / "cameras.xml"))
+
+
+def test_missing_and_huge_files_are_refused(tmp_path: Path) -> None:
+    assert "does not exist" in refusal(lambda: read_cameras(tmp_path / "cameras.xml"))
+    with (tmp_path / "cameras.xml").open("wb") as file:
+        file.truncate(1 << 27)
+    assert "larger than 64 MiB" in refusal(lambda: read_cameras(tmp_path / "cameras.xml"))
