@@ -84,7 +84,7 @@ def outlined(
     ball = fit_ball(points[clear], camera, radius)
     away = np.linalg.norm(points[:, None] - ball.outline[None], axis=2).min(axis=1)
     seen = clear & (away < max(CLOSE / 2 * ball.circle.radius, 0.75))
-    fading = np.diag([0, 0, FADING**2]) if mirror else 0.0
+    fading = np.diag([0, 0, FADING**2 if mirror else 0.0])
     return replace(ball, seen=float(seen.mean()), covariance=ball.covariance + fading)
 
 
@@ -202,7 +202,8 @@ class _Edges:
         places = self.outline[:, None] + offsets[:, None] * self.across[:, None]
         profile = _sampled(brightness, places)
         # Neighbouring lines cross the same edge; their mean has less noise.
-        profile = sum(share * np.roll(profile, turn, axis=0) for turn, share in zip(range(-2, 3), BESIDE, strict=True))
+        around = np.stack([np.roll(profile, turn, axis=0) for turn in range(-2, 3)])
+        profile = np.tensordot(BESIDE, around, axes=1)
         self.steep = np.abs(profile[:, 2:] - profile[:, :-2])
         self.offsets, self.reach = offsets[1:-1], reach
         height, width = brightness.shape

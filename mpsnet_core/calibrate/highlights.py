@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.calibrate.ball import Ball, surface
-from mpsnet_core.capture import SATURATED_SHARE
 from mpsnet_core.connected import spots
 from mpsnet_core.errors import InputError
+from mpsnet_core.images import Image
 
 # Of the ball's radius: nearer to its rim a mirror shows what lies behind it, squeezed, and the rim is blurred.
 USED_RADIUS = 0.96
@@ -59,32 +59,26 @@ class Highlight:
 class _Window:
     """The part of a photo that holds the ball.
 
-    excess: (H, W, 3) above what the ball mirrors elsewhere. clipped: (H, W) how many of a pixel's channels are.
+    excess: (H, W, 3) above what the ball mirrors elsewhere. clipped: (H, W, 3) which of it is
+    at its end.
     """
 
     left: int
     top: int
     inside: NDArray[np.bool_]
     excess: NDArray[np.float64]
-    clipped: NDArray[np.int64]
+    clipped: NDArray[np.bool_]
 
 
-def find_highlight(image: NDArray[np.float32], ball: Ball, clip: float = np.inf) -> Highlight:
-    """The highlight of the one light that is on.
-
-    image: (H, W, 3) linear. clip: the value at which a channel saturates. Raises InputError where the ball shows none.
-    """
-    window = _window(image, ball, clip)
+def find_highlight(photo: Image, ball: Ball) -> Highlight:
+    """The highlight of the one light that is on. Raises InputError where the ball shows none."""
+    window = _window(photo, ball)
     light = window.excess.max(axis=-1)
     return _highlight(window, light / _peak(light), np.zeros_like(light), "the light")
 
 
-def find_coloured_highlights(
-    image: NDArray[np.float32], ball: Ball, clip: float = np.inf
-) -> tuple[Highlight, Highlight, Highlight]:
+def find_coloured_highlights(photo: Image, ball: Ball) -> tuple[Highlight, Highlight, Highlight]:
     """The highlights of the red, the green and the blue light that are on at once, in this order.
-
-    image: (H, W, 3) linear. clip: the value at which a channel saturates.
 
     The three colours are those of the ball's most different bright pixels (successive projections, Gillis and Vavasis,
     "Fast and robust recursive algorithms for separable nonnegative matrix factorization", PAMI 2014), so that what is
@@ -95,22 +89,24 @@ def find_coloured_highlights(
 
     Raises InputError where the ball shows no highlights or they do not differ in colour.
     """
-    window = _window(image, ball, clip)
+    window = _window(photo, ball)
     gains = np.array([_peak(window.excess[..., channel]) for channel in range(3)])
     share = (window.excess / gains).max(axis=-1)
-    bright, clipped = share > SKIRT, window.clipped > 0
+    bright, clipped = share > SKIRT, window.clipped.any(axis=-1)
     coloured = bright & ~clipped
     colours = _three_colours(window.excess[coloured] / gains) * gains[:, None]
     colours /= colours.max(axis=0)
     lights = np.clip(window.excess @ np.linalg.inv(colours).T, 0, None)
     weight = np.zeros(lights.shape)
     # One channel at its end still leaves two that tell whose the pixel is; two do not.
-    owner = _owners(lights, bright & (window.clipped < 2), clipped)
+    owner = _owners(lights, bright & (window.clipped.sum(axis=-1) < 2), clipped)
     for light in range(3):
         here = lights[..., light]
         held = clipped & (owner == light)
-        # At the level where its strongest channel saturates a clipped highlight is as bright as can be told.
-        top = clip if held.any() else _peak(np.where(clipped, 0, here))
+        # A clipped highlight is as bright as can be told where its strongest channel is at its end.
+        strongest = int(colours[:, light].argmax())
+        ends = window.excess[held & window.clipped[..., strongest], strongest]
+        top = float(ends.min()) if ends.size else _peak(here)
         weight[..., light] = np.where(clipped, held, np.minimum(here / top, 1))
     found = []
     for light, name in enumerate(("red", "green", "blue")):
@@ -127,8 +123,8 @@ def find_coloured_highlights(
     return found[0], found[1], found[2]
 
 
-def _window(image: NDArray[np.float32], ball: Ball, clip: float) -> _Window:
-    height, width = image.shape[:2]
+def _window(photo: Image, ball: Ball) -> _Window:
+    height, width = photo.pixels.shape[:2]
     (low_x, low_y), (high_x, high_y) = ball.outline.min(axis=0), ball.outline.max(axis=0)
     left, right = max(int(low_x), 0), min(int(high_x) + 1, width)
     top, bottom = max(int(low_y), 0), min(int(high_y) + 1, height)
@@ -137,12 +133,12 @@ def _window(image: NDArray[np.float32], ball: Ball, clip: float) -> _Window:
     x, y = np.meshgrid(np.arange(left, right) + 0.5, np.arange(top, bottom) + 0.5)
     _, normal, back = surface(ball, np.stack([x.ravel(), y.ravel()], axis=-1))
     inside = (np.einsum("ni,ni->n", normal, back) > np.sqrt(1 - USED_RADIUS**2)).reshape(x.shape)
-    pixels = np.nan_to_num(image[top:bottom, left:right].astype(np.float64), posinf=0.0, neginf=0.0)
+    pixels = np.nan_to_num(photo.pixels[top:bottom, left:right].astype(np.float64), posinf=0.0, neginf=0.0)
     background = np.median(pixels[inside], axis=0)
     excess = np.where(inside[..., None], np.clip(pixels - background, 0, None), 0)
     if not excess.any():
         raise InputError("the ball shows no highlight: all of it is equally bright; were the lights on?")
-    clipped = np.where(inside, (pixels >= SATURATED_SHARE * clip).sum(axis=-1), 0)
+    clipped = photo.saturated[top:bottom, left:right] & inside[..., None]
     return _Window(left, top, inside, excess, clipped)
 
 
@@ -230,7 +226,7 @@ def _highlight(window: _Window, weight: NDArray[np.float64], others: NDArray[np.
     amount = np.minimum(weight[spot], 1)
     row, column = (np.average(places, weights=amount) for places in np.nonzero(spot))
     radius = float(np.sqrt((spot & (weight > SPOT)).sum() / np.pi))
-    clipped = bool((spot & (window.clipped > 0)).any())
+    clipped = bool((spot & window.clipped.any(axis=-1)).any())
     return Highlight(
         window.left + float(column) + 0.5,
         window.top + float(row) + 0.5,

@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.calibrate.ball import Ball, surface
 from mpsnet_core.calibrate.robust import DEVIATIONS, biweight, spread
-from mpsnet_core.capture import SATURATED_SHARE
 from mpsnet_core.errors import InputError
+from mpsnet_core.images import Image
 from mpsnet_core.normals import normalised
 from mpsnet_core.rig import LIGHT_NAMES, LightRig
 
@@ -54,11 +54,10 @@ class MixingFound:
     ball: Ball | None
 
 
-def mixing_from_ball(image: NDArray[np.float32], ball: Ball, rig: LightRig, clip: float = np.inf) -> MixingFound:
+def mixing_from_ball(photo: Image, ball: Ball, rig: LightRig) -> MixingFound:
     """The mixing matrix from one photo of a matt grey ball under all three lights.
 
-    image: (H, W, 3) linear. clip: the value at which a channel saturates. rig: where the lights are; its own mixing
-    is of no account.
+    rig: where the lights are; its own mixing is of no account.
 
     Each channel is ``c_i = Σ_k M_ik max(n·l_k, 0) + a_i``, linear in M and the ambient light a: least squares over the
     ball's pixels, those that fit badly left out by Tukey's biweight. As the normals hang on the outline, which may be
@@ -70,7 +69,7 @@ def mixing_from_ball(image: NDArray[np.float32], ball: Ball, rig: LightRig, clip
         raise InputError(
             "the rig's lights have positions, which only a perspective camera sees; give the camera or its focal length"
         )
-    points, colours = _ball_pixels(image, ball, clip)
+    points, colours = _ball_pixels(photo, ball)
     weight: NDArray[np.float64] = np.ones(colours.shape)
     scale = np.inf
     for turn in range(ROUNDS):
@@ -100,17 +99,15 @@ def mixing_from_ball(image: NDArray[np.float32], ball: Ball, rig: LightRig, clip
     )
 
 
-def mixing_from_ball_by_light(
-    images: Sequence[NDArray[np.float32]], ball: Ball, rig: LightRig, clip: float = np.inf
-) -> MixingFound:
+def mixing_from_ball_by_light(photos: Sequence[Image], ball: Ball, rig: LightRig) -> MixingFound:
     """The mixing matrix from three photos of a matt grey ball, each under one light alone, in rig order.
 
     As :func:`mixing_from_ball`, but every photo gives its light's column by itself, so that nothing rests on telling
     the lights' shadings apart. All photos have the same exposure. Raises InputError as there.
     """
     columns = []
-    for light, image in enumerate(_three_photos(images)):
-        points, colours = _ball_pixels(image, ball, clip)
+    for light, photo in enumerate(_three_photos(photos)):
+        points, colours = _ball_pixels(photo, ball)
         shading = _shading(ball, rig, points)[:, light]
         lit = shading > LEAST_COSINE
         if lit.sum() < LEAST_PIXELS:
@@ -120,26 +117,22 @@ def mixing_from_ball_by_light(
 
 
 def mixing_from_card(
-    images: Sequence[NDArray[np.float32]],
-    mask: NDArray[np.bool_],
-    rig: LightRig,
-    clip: float = np.inf,
-    normal: ArrayLike = (0.0, 0.0, 1.0),
+    photos: Sequence[Image], mask: NDArray[np.bool_], rig: LightRig, normal: ArrayLike = (0.0, 0.0, 1.0)
 ) -> MixingFound:
     """The mixing matrix from three photos of a matt grey card, each under one light alone, in rig order.
 
-    images: (H, W, 3) linear, of the same exposure. mask: (H, W), where the card is. normal: (3,) which way it faces,
+    photos: of the same exposure. mask: (H, W), where the card is. normal: (3,) which way it faces,
     in camera space. One photo under all lights would be three numbers for nine unknowns. The card stands where the
     rig's directions hold: where the ball stood. Raises InputError where a light does not reach the card.
     """
     facing = normalised(np.asarray(normal, np.float64))
     cosines = rig.directions @ facing
     columns = []
-    for light, image in enumerate(_three_photos(images)):
+    for light, photo in enumerate(_three_photos(photos)):
         if cosines[light] <= LEAST_COSINE:
             raise InputError(f"the {LIGHT_NAMES[light]} light does not reach the card's face; check its normal")
-        inside = image[mask].astype(np.float64)
-        usable = (inside < SATURATED_SHARE * clip).all(axis=1) & np.isfinite(inside).all(axis=1)
+        inside = photo.pixels[mask].astype(np.float64)
+        usable = ~photo.saturated[mask].any(axis=1) & np.isfinite(inside).all(axis=1)
         if usable.sum() < LEAST_PIXELS:
             raise InputError(
                 f"the photo of the {LIGHT_NAMES[light]} light has fewer than {LEAST_PIXELS} usable pixels of the card; "
@@ -149,20 +142,18 @@ def mixing_from_card(
     return _from_columns(columns, None)
 
 
-def _three_photos(images: Sequence[NDArray[np.float32]]) -> Sequence[NDArray[np.float32]]:
-    if len(images) != 3:
+def _three_photos(photos: Sequence[Image]) -> Sequence[Image]:
+    if len(photos) != 3:
         raise InputError(
-            f"{len(images)} photo(s) where three are needed, one under each light alone in the rig's order; one photo "
+            f"{len(photos)} photo(s) where three are needed, one under each light alone in the rig's order; one photo "
             "under all of them will do for a grey ball"
         )
-    return images
+    return photos
 
 
-def _ball_pixels(
-    image: NDArray[np.float32], ball: Ball, clip: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _ball_pixels(photo: Image, ball: Ball) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Points (P, 2) well inside the ball and their colours (P, 3), without those that are clipped."""
-    height, width = image.shape[:2]
+    height, width = photo.pixels.shape[:2]
     (low_x, low_y), (high_x, high_y) = ball.outline.min(axis=0), ball.outline.max(axis=0)
     x, y = np.meshgrid(
         np.arange(max(int(low_x), 0), min(int(high_x) + 1, width)),
@@ -173,8 +164,8 @@ def _ball_pixels(
     if len(points):
         _, normal, back = surface(ball, points)
         inside = np.einsum("ni,ni->n", normal, back) > np.sqrt(1 - USED_RADIUS**2)
-        colours = image[y, x].astype(np.float64)
-        usable = inside & (colours < SATURATED_SHARE * clip).all(axis=1) & np.isfinite(colours).all(axis=1)
+        colours = photo.pixels[y, x].astype(np.float64)
+        usable = inside & ~photo.saturated[y, x].any(axis=1) & np.isfinite(colours).all(axis=1)
         chosen = np.flatnonzero(usable)[:: max(1, int(usable.sum()) // MOST_PIXELS)]
     if not len(points) or len(chosen) < LEAST_PIXELS:
         raise InputError(

@@ -12,6 +12,7 @@ from mpsnet_core.calibrate.circles import find_balls
 from mpsnet_core.calibrate.highlights import Highlight, find_coloured_highlights, find_highlight
 from mpsnet_core.calibrate.lights import Sighting
 from mpsnet_core.camera import Camera, camera_of_lens
+from mpsnet_core.correction import Correction, corrected
 from mpsnet_core.errors import InputError
 from mpsnet_core.images import Encoding, Image, read_image, read_mask
 from mpsnet_core.progress import Progress, silent
@@ -26,6 +27,7 @@ class BallPhotos:
     balls: how many there are. radius: theirs, in the unit that positions are wanted in.
     camera: a Camera, a focal length as :func:`camera_of_lens` takes it, or None for a camera far away.
     mirror: whether the ball is a mirror; else it is matt.
+    encoding, layer: as in :func:`mpsnet_core.images.read_image`. correction: dark frame and flat field.
     """
 
     files: Sequence[Path]
@@ -36,10 +38,13 @@ class BallPhotos:
     camera: Camera | float | None = None
     encoding: Encoding = "auto"
     mirror: bool = True
+    layer: str | None = None
+    correction: Correction | None = None
 
     def read(self, file: Path) -> Image:
         """One of the photos."""
-        return read_image(file, encoding=self.encoding)
+        image = read_image(file, encoding=self.encoding, layer=self.layer)
+        return image if self.correction is None else corrected(image, self.correction)
 
 
 def mean_photo(photos: BallPhotos) -> NDArray[np.float32]:
@@ -97,9 +102,9 @@ def read_sightings(photos: BallPhotos, progress: Progress = silent) -> list[Sigh
         for spots, ball in zip(found, balls, strict=True):
             try:
                 if len(photos.files) == 1:
-                    spots += find_coloured_highlights(image.pixels, ball, image.clip)
+                    spots += find_coloured_highlights(image, ball)
                 else:
-                    spots.append(find_highlight(image.pixels, ball, image.clip))
+                    spots.append(find_highlight(image, ball))
             except InputError as error:
                 raise InputError(f"{file}: {error}") from None
     return [Sighting(ball, tuple(spots)) for ball, spots in zip(balls, found, strict=True)]

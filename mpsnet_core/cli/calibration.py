@@ -3,10 +3,11 @@
 import argparse
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mpsnet_core.cli.arguments import Help, Verbs
+from mpsnet_core.cli.arguments import Help, Verbs, add_reading, asked_correction, read_files
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.errors import InputError
 
@@ -43,7 +44,7 @@ def _add_shared(parser: argparse.ArgumentParser) -> None:
     camera = parser.add_mutually_exclusive_group()
     camera.add_argument("--camera", metavar="FILE", help="camera file; without it the camera is taken as far away")
     camera.add_argument("--focal", type=float, metavar="MM", help="in its place the lens, in mm on a 36 mm sensor")
-    parser.add_argument("--encoding", default="auto", help="auto, linear or srgb: how the photos' values are meant")
+    add_reading(parser)
     parser.add_argument("--overlay", metavar="PNG", help="write a picture of what was found, drawn over the photo")
     parser.add_argument("--json", metavar="FILE", help="write what was found as JSON")
 
@@ -125,7 +126,7 @@ def _lights(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         step = part(reporter.progress, 0.9 * number / places, 0.9 * (number + 1) / places)
         for sighting in read_sightings(photos, step):
             kept = tuple(sighting.highlights[light] for light in chosen)
-            sightings.append(type(sighting)(sighting.ball, kept))
+            sightings.append(replace(sighting, highlights=kept))
             pictured.append(photos)
     found = find_lights(sightings)
     near = found.positions is not None and not options.distant
@@ -165,14 +166,13 @@ def _by_place(files: Sequence[Path], places: int, options: argparse.Namespace) -
         raise InputError(f"there are {len(circles)} circles for {places} places of the ball; give as many for each")
     if options.mask and (places > 1 or options.balls > 1):
         raise InputError("--mask shows one ball at one place; give circles instead")
+    photos = _photos(options, files, circles, balls=options.balls, radius=options.radius)
     share, each = len(files) // places, len(circles) // places
     return [
-        _photos(
-            options,
-            files[place * share : (place + 1) * share],
-            circles[place * each : (place + 1) * each],
-            balls=options.balls,
-            radius=options.radius,
+        replace(
+            photos,
+            files=files[place * share : (place + 1) * share],
+            circles=circles[place * each : (place + 1) * each],
         )
         for place in range(places)
     ]
@@ -239,8 +239,6 @@ def _add_mixing(parser: argparse.ArgumentParser) -> None:
 
 
 def _mixing(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
-    from dataclasses import replace
-
     from mpsnet_core.calibrate.mixing import mixing_from_ball, mixing_from_ball_by_light
     from mpsnet_core.calibrate.overlay import ball_picture
     from mpsnet_core.calibrate.photos import mean_photo, seen_balls
@@ -264,10 +262,8 @@ def _mixing(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         ball = seen_balls(photos, image)[0]
         reporter.progress(0.4, "solving for the mixing")
         read = [photos.read(file) for file in files]
-        if len(files) == 1:
-            found = mixing_from_ball(read[0].pixels, ball, rig, read[0].clip)
-        else:
-            found = mixing_from_ball_by_light([one.pixels for one in read], ball, rig, read[0].clip)
+        one = len(files) == 1
+        found = mixing_from_ball(read[0], ball, rig) if one else mixing_from_ball_by_light(read, ball, rig)
         assert found.ball is not None
         picture = ball_picture(image, found.ball, f"{found.residual:.1%} unexplained")
     write_rig(options.output, replace(rig, mixing=found.mixing))
@@ -297,7 +293,7 @@ def _card(photos: "BallPhotos", options: argparse.Namespace, rig: Any) -> "Mixin
     else:
         raise InputError("where is the card? Give --mask FILE, or --circle X,Y,R for a part of it")
     normal = _numbers(options.normal, "--normal") if options.normal else [0.0, 0.0, 1.0]
-    return mixing_from_card([one.pixels for one in read], mask, rig, read[0].clip, normal)
+    return mixing_from_card(read, mask, rig, normal)
 
 
 def _mixing_data(found: "MixingFound") -> dict[str, Any]:
@@ -333,7 +329,7 @@ def _inputs(given: Sequence[str], options: argparse.Namespace) -> list[Path]:
     outputs = [file for file in (options.output, options.overlay, options.json) if file]
     for number, output in enumerate(outputs):
         writable_path(output)
-        check_apart([*files, *filter(None, [options.mask, options.camera]), *outputs[:number]], [output])
+        check_apart([*files, *read_files(options), *filter(None, [options.camera]), *outputs[:number]], [output])
     if options.overlay:
         checked_bits(Path(options.overlay), 8)
     return files
@@ -351,6 +347,8 @@ def _photos(
         Path(options.mask) if options.mask else None,
         camera=read_camera(options.camera) if options.camera else options.focal,
         encoding=options.encoding,
+        layer=options.layer,
+        correction=asked_correction(options),
         **more,
     )
 

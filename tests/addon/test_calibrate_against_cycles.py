@@ -80,7 +80,7 @@ def test_lights_by_two_mirror_balls(scene, tmp_path):
     seen_by = scene_camera(camera, scene, SIZE)
     image = read_image(tmp_path / "balls.exr")
     found_balls = find_balls(image.pixels, seen_by, count=2, radius=RADIUS)
-    found = find_lights([Sighting(b, find_coloured_highlights(image.pixels, b, image.clip)) for b in found_balls])
+    found = find_lights([Sighting(b, find_coloured_highlights(image, b)) for b in found_balls])
     to_camera = np.linalg.inv(np.array(camera.matrix_world))
 
     def in_camera(point: Vector) -> np.ndarray:

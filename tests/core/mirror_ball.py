@@ -9,6 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mpsnet_core.images import Image
+
 CROSSTALK = np.array([[1.0, 0.3, 0.3], [0.3, 1.0, 0.3], [0.3, 0.3, 1.0]])
 
 
@@ -115,6 +117,11 @@ def grey_photograph(
     met, _, normals = scene.hits(*scene.eye_rays(x, y))
     shading = np.clip(normals @ np.asarray(directions).T, 0, None) @ np.asarray(mixing).T + ambient
     return developed(scene.averaged(albedo * shading * met[..., None], fine), noise, levels, seed)
+
+
+def taken(pixels: np.ndarray) -> Image:
+    """What the core takes for a photo whose channels end at 1."""
+    return Image(pixels, None, 1.0, "traced")
 
 
 def developed(values: np.ndarray, noise: float, levels: int | None, seed: int = 0) -> np.ndarray:

@@ -146,6 +146,17 @@ def test_the_mixing_goes_into_the_rig(mpsnet: Mpsnet, photos: Path, tmp_path: Pa
     assert picture(overlay).std() > 0.01
 
 
+def test_the_rooms_light_is_taken_off(photos: Path, tmp_path: Path) -> None:
+    """A dark frame of a room that is brighter than the lamps' crosstalk."""
+    room = np.linspace(0.05, 0.3, 240)[None, :, None] * np.array([1.0, 0.6, 0.2])
+    lit = grey_photograph(MATT, CROSSTALK, FACING, levels=None) + room
+    write_file(tmp_path / "lit.exr", lit, "float")
+    write_file(tmp_path / "dark.exr", np.broadcast_to(room, lit.shape), "float")
+    command = ["calibrate", "mixing", str(tmp_path / "lit.exr"), "--dark", str(tmp_path / "dark.exr")]
+    assert main([*command, "--rig", str(photos / "rig.json"), "-o", str(tmp_path / "rig.json")]) == 0
+    assert np.abs(read_rig(tmp_path / "rig.json").mixing - CROSSTALK).max() < 0.01
+
+
 @pytest.mark.parametrize("card", [False, True])
 def test_the_mixing_by_a_photo_for_each_light(photos: Path, tmp_path: Path, card: bool) -> None:
     files = [str(photos / f"grey{light}.exr") for light in range(3)]
@@ -199,6 +210,8 @@ BALL_CASES: dict[str, tuple[list[str], str]] = {
     "overlay over the rig": (["ball.exr", "--overlay", "rig_out.json"], "would overwrite"),
     "overlay of no format": (["ball.exr", "--overlay", "overlay.gif"], "overlay.gif … not an image format"),
     "no folder": (["ball.exr", "-o", "none/rig.json"], "does not exist; create it"),
+    "dark frame of another size": (["ball.exr", "--dark", "other.exr"], "dark frame … the same size"),
+    "output over the dark frame": (["ball.exr", "--dark", "black.exr", "-o", "black.exr"], "would overwrite"),
     "encoding": (["ball.exr", "--encoding", "log"], "encoding 'log'"),
 }
 GREY = [f"grey{light}.exr" for light in range(3)]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mirror_ball import CROSSTALK, Scene, around, lamps_around, photograph
+from mirror_ball import CROSSTALK, Scene, around, lamps_around, photograph, taken
 from synthetic import degrees_between
 
 from mpsnet_core.calibrate.ball import Circle, ball_from_circle, ball_from_mask, distant_camera, fit_ball, mirrored
@@ -15,7 +15,7 @@ from mpsnet_core.calibrate.highlights import find_coloured_highlights, find_high
 from mpsnet_core.calibrate.lights import LightsFound, Sighting, find_lights, meeting_point, write_lp
 from mpsnet_core.camera import Camera
 from mpsnet_core.errors import InputError
-from mpsnet_core.images import read_image, read_mask
+from mpsnet_core.images import Image, read_image, read_mask
 from mpsnet_core.rig import read_rig
 
 FAR = 1e6
@@ -35,7 +35,7 @@ def pinhole(scene: Scene) -> Camera:
 
 def lights_of(image: np.ndarray, camera: Camera, *, count: int = 1, radius: float = 1.0) -> LightsFound:
     balls = find_balls(image, camera, count=count, radius=radius)
-    return find_lights([Sighting(ball, find_coloured_highlights(image, ball, 1.0)) for ball in balls])
+    return find_lights([Sighting(ball, find_coloured_highlights(taken(image), ball)) for ball in balls])
 
 
 def test_a_ball_is_found_to_a_part_of_a_pixel() -> None:
@@ -59,7 +59,7 @@ def test_the_direction_is_the_lights_and_not_the_balls_normal() -> None:
     scene = afar([(60, 90), (60, 210), (60, 330)])
     image = photograph(scene)
     ball = find_balls(image, distant_camera(*scene.size))[0]
-    sighting = Sighting(ball, find_coloured_highlights(image, ball))
+    sighting = Sighting(ball, find_coloured_highlights(taken(image), ball))
     slants = np.degrees(np.arccos(find_lights([sighting]).directions[:, 2]))
     assert slants == pytest.approx([60, 60, 60], abs=0.5)
     for spot in sighting.highlights:
@@ -142,7 +142,7 @@ def test_two_photos_of_one_ball_give_the_same_positions_in_the_balls_unit() -> N
         alone = Scene([ball], scene.lamps, scene.size, scene.focal)
         image = photograph(alone)
         seen = find_balls(image, pinhole(scene), radius=100.0)[0]
-        sightings.append(Sighting(seen, find_coloured_highlights(image, seen, 1.0)))
+        sightings.append(Sighting(seen, find_coloured_highlights(taken(image), seen)))
     found = find_lights(sightings)
     assert found.positions is not None
     assert np.linalg.norm(found.positions - 1000 * places, axis=1).max() < 0.02 * 800
@@ -165,7 +165,7 @@ def test_rays_that_miss_each_other_are_told(caplog: pytest.LogCaptureFixture) ->
         lamps = [(place + number * np.array([0.0, 0.2, 0.1]), radius) for place, radius in scene.lamps]
         image = photograph(Scene([ball], lamps, scene.size, scene.focal))
         seen = find_balls(image, pinhole(scene), radius=0.1)[0]
-        sightings.append(Sighting(seen, find_coloured_highlights(image, seen, 1.0)))
+        sightings.append(Sighting(seen, find_coloured_highlights(taken(image), seen)))
     find_lights(sightings)
     assert "miss each other" in caplog.text
 
@@ -212,6 +212,18 @@ def test_clipped_highlights_that_overlap_are_known_to_be_unsure() -> None:
     assert found.uncertainties.max() > 1
 
 
+def test_clipping_that_the_photo_tells_by_itself() -> None:
+    """Camera raw says of each channel where it is at its end; white balance then takes the ends apart."""
+    scene = afar(degrees=6.0)
+    image = photograph(scene, brightness=2.0)
+    gains = np.array([1.9, 1.0, 1.4], np.float32)
+    ball = find_balls(image, distant_camera(*scene.size))[0]
+    told = Image(image * gains, None, np.inf, "raw", clipped=image >= 1)
+    found = find_lights([Sighting(ball, find_coloured_highlights(told, ball))])
+    assert degrees_between(found.directions, FACING).max() < 0.7
+    assert all(spot.clipped for spot in found.sightings[0].highlights)
+
+
 def test_a_white_lamp_in_the_mirror_is_no_light() -> None:
     scene = afar()
     lamp = (np.array(MIDDLE) + FAR * around(40, 20), 6e4, 0.8)
@@ -233,7 +245,7 @@ def test_one_photo_a_light_of_any_number_of_white_lights() -> None:
     white = np.ones((3, 7))
     photos = [photograph(scene, white, on=[k], brightness=3.0, seed=k) for k in range(7)]
     ball = find_balls(np.mean(photos, axis=0), distant_camera(*scene.size))[0]
-    found = find_lights([Sighting(ball, tuple(find_highlight(photo, ball, 1.0) for photo in photos))])
+    found = find_lights([Sighting(ball, tuple(find_highlight(taken(photo), ball) for photo in photos))])
     truth = np.array([around(*angle) for angle in angles])
     assert degrees_between(found.directions, truth).max() < 0.5
 
@@ -243,10 +255,10 @@ def test_lights_of_one_colour_cannot_be_told_apart() -> None:
     image = photograph(scene, np.ones((3, 3)))
     ball = find_balls(image, distant_camera(*scene.size))[0]
     with pytest.raises(InputError, match=r"do not differ in colour.*each light alone"):
-        find_coloured_highlights(image, ball, 1.0)
+        find_coloured_highlights(taken(image), ball)
     blown = photograph(scene, brightness=20.0)
     with pytest.raises(InputError, match=r"do not differ in colour.*expose so that they do not clip"):
-        find_coloured_highlights(blown, ball, 1.0)
+        find_coloured_highlights(taken(blown), ball)
 
 
 def test_a_ball_without_light_and_a_photo_without_a_ball() -> None:
@@ -255,9 +267,9 @@ def test_a_ball_without_light_and_a_photo_without_a_ball() -> None:
     with pytest.raises(InputError, match=r"no ball was found.*x,y,r"):
         find_balls(flat, camera)
     with pytest.raises(InputError, match=r"no highlight.*lights on"):
-        find_highlight(flat, ball_from_circle(Circle(80, 60, 40), camera))
+        find_highlight(taken(flat), ball_from_circle(Circle(80, 60, 40), camera))
     with pytest.raises(InputError, match="outside the photo"):
-        find_highlight(flat, ball_from_circle(Circle(900, 60, 40), camera))
+        find_highlight(taken(flat), ball_from_circle(Circle(900, 60, 40), camera))
     noise = np.random.default_rng(1).random((120, 160, 3)).astype(np.float32)
     with pytest.raises(InputError, match="no ball was found"):
         find_balls(noise, camera)
@@ -279,7 +291,7 @@ def test_sightings_that_do_not_fit_each_other() -> None:
     scene = afar()
     image = photograph(scene)
     ball = find_balls(image, distant_camera(*scene.size))[0]
-    spots = find_coloured_highlights(image, ball)
+    spots = find_coloured_highlights(taken(image), ball)
     with pytest.raises(InputError, match="same number of lights"):
         find_lights([Sighting(ball, spots), Sighting(ball, spots[:2])])
     with pytest.raises(InputError, match="give at least one"):
@@ -312,7 +324,7 @@ def test_a_mirror_ball_under_the_found_lights_shines_where_the_photographs_do(
     height, width = mask.shape
     camera = distant_camera(width, height)
     ball = ball_from_mask(mask, camera) if by_mask else find_balls(np.mean(photos, axis=0), camera)[0]
-    found = find_lights([Sighting(ball, tuple(find_highlight(photo, ball, 1.0) for photo in photos))])
+    found = find_lights([Sighting(ball, tuple(find_highlight(taken(photo), ball) for photo in photos))])
     assert len(found.directions) == 12
     assert (found.directions[:, 2] > 0).all()
     circle = ball.circle

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from mirror_ball import CROSSTALK, Scene, around, developed, grey_photograph
+from mirror_ball import CROSSTALK, Scene, around, developed, grey_photograph, taken
 from synthetic import degrees_between
 
 from mpsnet_core.calibrate.ball import Ball, Circle, ball_from_circle, distant_camera
@@ -34,7 +34,7 @@ def drawn(circle: Circle = TRUE_CIRCLE) -> Ball:
 @pytest.mark.parametrize("options", [{}, {"levels": 255}, {"noise": 0.02}, {"ambient": 0.05}])
 @pytest.mark.parametrize("circle", [TRUE_CIRCLE, Circle(155.8, 155.0, 111.5), Circle(152.8, 157.4, 108.0)])
 def test_a_grey_ball_tells_the_matrix_though_its_circle_is_slightly_wrong(circle: Circle, options: dict) -> None:
-    found = mixing_from_ball(grey_photograph(SCENE, MIXING, FACING, **options), drawn(circle), RIG, 1.0)
+    found = mixing_from_ball(taken(grey_photograph(SCENE, MIXING, FACING, **options)), drawn(circle), RIG)
     assert np.abs(found.mixing - MIXING).max() < 0.01
     assert found.mixing.max() == 1
     assert found.ambient == pytest.approx(options.get("ambient", 0), abs=0.01)
@@ -46,12 +46,12 @@ def test_a_grey_ball_tells_the_matrix_though_its_circle_is_slightly_wrong(circle
 
 def test_a_ball_that_is_found_and_one_in_perspective() -> None:
     image = grey_photograph(SCENE, MIXING, FACING)
-    found = mixing_from_ball(image, find_balls(image, CAMERA, mirror=False)[0], RIG, 1.0)
+    found = mixing_from_ball(taken(image), find_balls(image, CAMERA, mirror=False)[0], RIG)
     assert np.abs(found.mixing - MIXING).max() < 0.01
     scene = Scene([((0.1, -0.1, -1.0), 0.15)], [], (400, 300), 700)
     image = grey_photograph(scene, MIXING, FACING)
     camera = Camera("perspective", 400, 300, (700.0, 700.0))
-    found = mixing_from_ball(image, find_balls(image, camera, mirror=False)[0], RIG, 1.0)
+    found = mixing_from_ball(taken(image), find_balls(image, camera, mirror=False)[0], RIG)
     assert np.abs(found.mixing - MIXING).max() < 0.01
 
 
@@ -69,7 +69,7 @@ def test_gloss_stains_and_clipping_are_left_out() -> None:
     image[np.hypot(x - 120, y - 190) < 14] *= 0.5
     photo = developed(image * 1.1, 0.003, 4095)
     assert (photo >= 1).any(axis=-1).mean() > 0.03
-    found = mixing_from_ball(photo, drawn(), RIG, 1.0)
+    found = mixing_from_ball(taken(photo), drawn(), RIG)
     assert np.abs(found.mixing - MIXING).max() < 0.01
     assert 0.005 < found.left_out < 0.15
 
@@ -87,10 +87,10 @@ def test_lights_that_stand_near() -> None:
     image = developed(scene.averaged(0.4 * shading @ MIXING.T * met[..., None], 3), 0.003, 65535)
     camera = Camera("perspective", 300, 300, (550.0, 550.0))
     ball = find_balls(image, camera, radius=0.2, mirror=False)[0]
-    found = mixing_from_ball(image, ball, near_rig(places, middle), 1.0)
+    found = mixing_from_ball(taken(image), ball, near_rig(places, middle))
     assert np.abs(found.mixing - MIXING).max() < 0.01
     with pytest.raises(InputError, match=r"only a perspective camera sees"):
-        mixing_from_ball(image, drawn(), near_rig(places, middle), 1.0)
+        mixing_from_ball(taken(image), drawn(), near_rig(places, middle))
 
 
 def bumps(size: int = 160) -> np.ndarray:
@@ -103,7 +103,7 @@ def bumps(size: int = 160) -> np.ndarray:
 
 def test_another_shape_under_the_found_matrix_is_estimated_as_if_there_were_no_crosstalk() -> None:
     photo = grey_photograph(SCENE, MIXING, FACING, levels=255)
-    found = mixing_from_ball(photo, drawn(Circle(155.3, 155.2, 111)), RIG, 1.0)
+    found = mixing_from_ball(taken(photo), drawn(Circle(155.3, 155.2, 111)), RIG)
     normals = bumps()
     light = 0.5 * np.clip(normals @ FACING.T, 0, None)
     errors = {}
@@ -129,7 +129,7 @@ def by_light(albedo: float = 0.5) -> list[np.ndarray]:
 
 
 def test_a_ball_under_one_light_at_a_time() -> None:
-    found = mixing_from_ball_by_light(by_light(), drawn(), RIG, 1.0)
+    found = mixing_from_ball_by_light([taken(photo) for photo in by_light()], drawn(), RIG)
     assert np.abs(found.mixing - MIXING).max() < 0.01
 
 
@@ -143,7 +143,7 @@ def test_a_card_under_one_light_at_a_time(normal: Sequence[float]) -> None:
         colour = 0.5 * MIXING[:, light] * (FACING[light] @ facing)
         photos.append(developed(np.where(mask[..., None], colour, 0.9), 0.01, 65535, seed=light))
         photos[-1][20:23, 20:30] *= 0.3  # a pencil stroke
-    found = mixing_from_card(photos, mask, RIG, 1.0, normal)
+    found = mixing_from_card([taken(photo) for photo in photos], mask, RIG, normal)
     assert np.abs(found.mixing - MIXING).max() < 0.01
     assert found.ball is None
 
@@ -152,7 +152,7 @@ def test_a_rig_in_the_wrong_order_is_told(caplog: pytest.LogCaptureFixture) -> N
     """Lights at their places but mirrored explain the photo badly: by much, or by light that is taken away."""
     image = grey_photograph(SCENE, MIXING, FACING)
     try:
-        mixing_from_ball(image, drawn(), LightRig(FACING * [-1, -1, 1]), 1.0)
+        mixing_from_ball(taken(image), drawn(), LightRig(FACING * [-1, -1, 1]))
     except InputError as error:
         assert "does the rig belong to this photo" in str(error)
     else:
@@ -162,19 +162,19 @@ def test_a_rig_in_the_wrong_order_is_told(caplog: pytest.LogCaptureFixture) -> N
 def test_bad_photos() -> None:
     image = grey_photograph(SCENE, MIXING, FACING)
     with pytest.raises(InputError, match=r"black.*lights on"):
-        mixing_from_ball(np.zeros_like(image), drawn(), RIG, 1.0)
+        mixing_from_ball(taken(np.zeros_like(image)), drawn(), RIG)
     with pytest.raises(InputError, match=r"fewer than 200 usable pixels.*overexposed"):
-        mixing_from_ball(np.ones_like(image), drawn(), RIG, 1.0)
+        mixing_from_ball(taken(np.ones_like(image)), drawn(), RIG)
     with pytest.raises(InputError, match=r"fewer than 200 usable pixels.*circle"):
-        mixing_from_ball(image, drawn(Circle(900, 900, 20)), RIG, 1.0)
+        mixing_from_ball(taken(image), drawn(Circle(900, 900, 20)), RIG)
     with pytest.raises(InputError, match=r"2 photo\(s\) where three are needed"):
-        mixing_from_ball_by_light([image, image], drawn(), RIG, 1.0)
+        mixing_from_ball_by_light([taken(image)] * 2, drawn(), RIG)
     mask = np.ones(image.shape[:2], bool)
     with pytest.raises(InputError, match=r"2 photo\(s\) where three are needed"):
-        mixing_from_card([image, image], mask, RIG)
+        mixing_from_card([taken(image)] * 2, mask, RIG)
     with pytest.raises(InputError, match=r"first light does not reach the card"):
-        mixing_from_card([image] * 3, mask, RIG, normal=(0, -1, 0))
+        mixing_from_card([taken(image)] * 3, mask, RIG, normal=(0, -1, 0))
     with pytest.raises(InputError, match=r"first light has fewer than 200"):
-        mixing_from_card([image] * 3, ~mask, RIG)
+        mixing_from_card([taken(image)] * 3, ~mask, RIG)
     with pytest.raises(InputError, match=r"black"):
-        mixing_from_card([0 * image] * 3, mask, RIG)
+        mixing_from_card([taken(0 * image)] * 3, mask, RIG)
