@@ -93,13 +93,21 @@ def find_coloured_highlights(photo: Image, ball: Ball) -> tuple[Highlight, Highl
     gains = np.array([_peak(window.excess[..., channel]) for channel in range(3)])
     share = (window.excess / gains).max(axis=-1)
     bright, clipped = share > SKIRT, window.clipped.any(axis=-1)
-    coloured = bright & ~clipped
-    colours = _three_colours(window.excess[coloured] / gains) * gains[:, None]
+    # One channel at its end still leaves two that tell whose a pixel is, if not of which colour; two do not.
+    telling = bright & (window.clipped.sum(axis=-1) < 2)
+    colours = _three_colours(window.excess[bright & ~clipped] / gains)
+    if colours is None:
+        colours = _three_colours(window.excess[telling] / gains)
+    if colours is None:
+        raise InputError(
+            "the highlights do not differ in colour, so the lights cannot be told apart; expose so that they do not "
+            "clip, or take one photo of each light alone"
+        )
+    colours *= gains[:, None]
     colours /= colours.max(axis=0)
     lights = np.clip(window.excess @ np.linalg.inv(colours).T, 0, None)
     weight = np.zeros(lights.shape)
-    # One channel at its end still leaves two that tell whose the pixel is; two do not.
-    owner = _owners(lights, bright & (window.clipped.sum(axis=-1) < 2), clipped)
+    owner = _owners(lights, telling, clipped)
     for light in range(3):
         here = lights[..., light]
         held = clipped & (owner == light)
@@ -148,12 +156,13 @@ def _peak(values: NDArray[np.float64]) -> float:
     return max(float(pairs.max()), 1e-12)
 
 
-def _three_colours(pixels: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(3, 3) the most different colours of pixels (N, 3), a column each, in the order red, green, blue."""
-    unlike = "the highlights do not differ in colour, so the lights cannot be told apart; "
-    mend = "expose so that they do not clip, or take one photo of each light alone"
+def _three_colours(pixels: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """(3, 3) the most different colours of pixels (N, 3), a column each, in the order red, green, blue.
+
+    None where they are too alike to tell which is whose.
+    """
     if len(pixels) < 3:
-        raise InputError(unlike + mend)
+        return None
     shares = pixels / pixels.sum(axis=1, keepdims=True)
     left = shares.copy()
     columns = []
@@ -171,7 +180,7 @@ def _three_colours(pixels: NDArray[np.float64]) -> NDArray[np.float64]:
     best, second = (sum(logs[k, order[k]] for k in range(3)) for order in orders[:2])
     singular = np.linalg.svd(colours, compute_uv=False)
     if best - second < LEAST_MARGIN or singular[-1] < 0.05 * singular[0]:
-        raise InputError(unlike + mend)
+        return None
     return colours[:, orders[0]]
 
 

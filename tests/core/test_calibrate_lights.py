@@ -189,6 +189,7 @@ OVERLAPPING = [(30, 90), (30, 99), (25.5, 95)]
     [
         (ANGLES, {"brightness": 0.8}),
         (ANGLES, {"brightness": 2.0}),  # clipped, but for the crosstalk
+        (ANGLES, {"brightness": 2.0, "fine": 1}),  # so sharp that no pixel at their rims is darker
         (ANGLES, {"brightness": 0.7, "colours": CROSSTALK * [1, 0.3, 0.15]}),  # red in the blue outshines blue
         (ANGLES, {"brightness": 0.8, "colours": CROSSTALK[[2, 0, 1]][:, [2, 0, 1]], "levels": 255}),
         (TOUCHING, {"brightness": 0.8}),
