@@ -7,6 +7,7 @@ for NumPy because no maintained Python package carries it on all platforms.
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.connected import connected
 from mpsnet_core.normals import normalised
 
 
@@ -138,16 +139,4 @@ def _groups(pairs: NDArray[np.int64], turns: NDArray[np.bool_]) -> NDArray[np.in
     """(3T,) a number for every set of corners that share one tangent."""
     triangles = pairs[:, 0] // 3
     sharing = pairs[turns[triangles[:, 0]] == turns[triangles[:, 1]]].reshape(-1, 2)
-    return _connected(3 * len(turns), sharing[:, 0], sharing[:, 1])
-
-
-def _connected(count: int, a: NDArray[np.int64], b: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(count,) the least number in each one's connected component, given the edges a - b."""
-    label = np.arange(count)
-    while True:
-        least = np.minimum(label[a], label[b])
-        if (label[a] == least).all() and (label[b] == least).all():
-            return label
-        np.minimum.at(label, a, least)
-        np.minimum.at(label, b, least)
-        label = label[label]
+    return connected(3 * len(turns), sharing[:, 0], sharing[:, 1])

@@ -1,0 +1,402 @@
+"""The verb calibrate: where the lights are, and how their colours mix, by photos of balls and cards."""
+
+import argparse
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mpsnet_core.cli.arguments import Help, Verbs, add_reading, asked_correction, read_files
+from mpsnet_core.cli.reporter import Reporter
+from mpsnet_core.errors import InputError
+
+if TYPE_CHECKING:
+    from mpsnet_core.calibrate.ball import Ball, Circle
+    from mpsnet_core.calibrate.lights import LightsFound
+    from mpsnet_core.calibrate.mixing import MixingFound
+    from mpsnet_core.calibrate.photos import BallPhotos
+
+COLOURS = ("red", "green", "blue")
+
+
+def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
+    parser = verbs.add_parser("calibrate", help="where the lights are and how their colours mix, by photos of balls")
+    what = parser.add_subparsers(metavar="WHAT", required=True)
+    _add_lights(
+        what.add_parser("lights", parents=[common], formatter_class=Help, help="a mirror ball tells where lights are")
+    )
+    _add_mixing(
+        what.add_parser("mixing", parents=[common], formatter_class=Help, help="a grey ball or card tells the mixing")
+    )
+
+
+def _add_shared(parser: argparse.ArgumentParser) -> None:
+    """Options of both: where the ball is in the photo, and how the camera sees."""
+    parser.add_argument(
+        "--circle",
+        action="append",
+        metavar="X,Y,R",
+        help="the ball's outline by hand: its middle from the photo's top left corner and its radius, in pixels; "
+        "repeatable, in the balls' order; it is looked for unless given",
+    )
+    parser.add_argument("--mask", help="mask file of the ball (of the card, with --card)")
+    camera = parser.add_mutually_exclusive_group()
+    camera.add_argument("--camera", metavar="FILE", help="camera file; without it the camera is taken as far away")
+    camera.add_argument("--focal", type=float, metavar="MM", help="in its place the lens, in mm on a 36 mm sensor")
+    add_reading(parser)
+    parser.add_argument("--overlay", metavar="PNG", help="write a picture of what was found, drawn over the photo")
+    parser.add_argument("--json", metavar="FILE", help="write what was found as JSON")
+
+
+# --- lights -----------------------------------------------------------------------------------------------------------
+
+
+def _add_lights(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "ball",
+        nargs="+",
+        help="photo(s) of a mirror ball under the red, green and blue light at once, one for each place of the ball",
+    )
+    _add_shared(parser)
+    parser.add_argument(
+        "--per-light",
+        action="store_true",
+        help="the photos show one light each, in the order red, green, blue (any number of lights for an .lp file)",
+    )
+    parser.add_argument(
+        "--places",
+        type=int,
+        default=1,
+        help="with --per-light: at how many places the ball stood, first all photos of the first place",
+    )
+    parser.add_argument("--balls", type=int, default=1, help="how many mirror balls each photo shows")
+    parser.add_argument(
+        "--radius", type=float, default=1.0, help="of the ball, in the unit that the lights' positions are wanted in"
+    )
+    parser.add_argument(
+        "--lights",
+        metavar="R,G,B",
+        help="with --per-light: which of the lights, counted from 1, are the rig's red, green and blue one",
+    )
+    parser.add_argument("--distant", action="store_true", help="write directions, though positions could be told")
+    parser.add_argument(
+        "-o", "--output", required=True, metavar="RIG", help="rig file (.json), or .lp with any number of directions"
+    )
+    parser.set_defaults(verb=_lights)
+
+
+def _lights(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
+    import numpy as np
+
+    from mpsnet_core.calibrate.lights import find_lights, write_lp
+    from mpsnet_core.calibrate.overlay import lights_picture
+    from mpsnet_core.calibrate.photos import mean_photo, read_sightings
+    from mpsnet_core.evaluation.pictures import sheet
+    from mpsnet_core.images import write_image
+    from mpsnet_core.progress import part
+    from mpsnet_core.rig import LightRig, near_rig, write_rig
+
+    files = _inputs(options.ball, options)
+    is_lp = Path(options.output).suffix.lower() == ".lp"
+    for name in ("places", "balls"):
+        if getattr(options, name) < 1:
+            raise InputError(f"--{name} is a number from 1 up, not {getattr(options, name)}")
+    if not 0 < options.radius < np.inf:
+        raise InputError(f"--radius is the ball's radius, a number above 0, not {options.radius:g}")
+    if not options.per_light and (options.places > 1 or options.lights):
+        raise InputError("--places and --lights are for photos of one light each; add --per-light, or leave them out")
+    if len(files) % options.places:
+        raise InputError(
+            f"{len(files)} photos cannot be shared out to {options.places} places; give as many for each place"
+        )
+    places = options.places if options.per_light else len(files)
+    count = len(files) // places if options.per_light else 3
+    chosen = _chosen(options.lights, count) if options.lights else list(range(count))
+    if len(chosen) != 3 and not is_lp:
+        raise InputError(
+            f"there are photos of {count} light(s) where a rig has three; choose them with --lights 1,2,3, or write an "
+            ".lp file"
+        )
+    if options.per_light and count < 2:
+        raise InputError("--per-light takes a photo for each light; leave it out for one photo under all of them")
+    names = [*COLOURS] if len(chosen) == 3 else [str(number + 1) for number in chosen]
+    sightings, pictured = [], []
+    for number, photos in enumerate(_by_place(files, places, options)):
+        step = part(reporter.progress, 0.9 * number / places, 0.9 * (number + 1) / places)
+        for sighting in read_sightings(photos, step):
+            kept = tuple(sighting.highlights[light] for light in chosen)
+            sightings.append(replace(sighting, highlights=kept))
+            pictured.append(photos)
+    found = find_lights(sightings)
+    near = found.positions is not None and not options.distant
+    if is_lp:
+        write_lp(options.output, found.directions, [files[k].stem for k in chosen] if options.per_light else names)
+    elif near:
+        assert found.positions is not None
+        write_rig(options.output, near_rig(found.positions, found.target))
+    else:
+        write_rig(options.output, LightRig(found.directions))
+    reporter.progress(0.9, "drawing what was found")
+    if options.overlay:
+        tiles = [
+            lights_picture(mean_photo(photos), sighting, found.directions, names)
+            for photos, sighting in zip(pictured, sightings, strict=True)
+        ]
+        titled = [(f"{place}", tile) for place, tile in enumerate(tiles, 1)]
+        picture = tiles[0] if len(tiles) == 1 else sheet(titled, 2, tile_height=tiles[0].shape[0])
+        write_image(options.overlay, picture, bits=8, color_space="sRGB")
+    reporter.progress(1.0, "done")
+    return _told(options, _lights_data(found, names))
+
+
+def _chosen(text: str, count: int) -> list[int]:
+    try:
+        numbers = [int(number) for number in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(set(numbers)) != 3 or len(numbers) != 3 or not all(1 <= number <= count for number in numbers):
+        raise InputError(f"--lights {text} must be three different lights, numbers from 1 to {count}: 1,5,9 for one")
+    return [number - 1 for number in numbers]
+
+
+def _by_place(files: Sequence[Path], places: int, options: argparse.Namespace) -> list["BallPhotos"]:
+    circles = _circles(options)
+    if len(circles) % places:
+        raise InputError(f"there are {len(circles)} circles for {places} places of the ball; give as many for each")
+    if options.mask and (places > 1 or options.balls > 1):
+        raise InputError("--mask shows one ball at one place; give circles instead")
+    photos = _photos(options, files, circles, balls=options.balls, radius=options.radius)
+    share, each = len(files) // places, len(circles) // places
+    return [
+        replace(
+            photos,
+            files=files[place * share : (place + 1) * share],
+            circles=circles[place * each : (place + 1) * each],
+        )
+        for place in range(places)
+    ]
+
+
+def _lights_data(found: "LightsFound", names: Sequence[str]) -> dict[str, Any]:
+    from mpsnet_core.calibrate.lights import angles
+
+    lights = []
+    lines = []
+    for k, name in enumerate(names):
+        slant, tilt = (float(angle) for angle in angles(found.directions[k]))
+        light = {
+            "name": name,
+            "direction": found.directions[k].tolist(),
+            "slant": slant,
+            "tilt": tilt,
+            "uncertainty": float(found.uncertainties[k]),
+            "highlights": [
+                {
+                    "ball": number,
+                    "x": spot.x,
+                    "y": spot.y,
+                    "radius": spot.radius,
+                    "clipped": spot.clipped,
+                    "rival": spot.rival,
+                    "colour": list(spot.colour),
+                }
+                for number, spot in enumerate(sighting.highlights[k] for sighting in found.sightings)
+            ],
+        }
+        line = f"{name.rjust(6)}: slant {slant:.2f}°, tilt {tilt:.2f}°, ± {found.uncertainties[k]:.2f}°"
+        if found.positions is not None and found.position_uncertainties is not None and found.gaps is not None:
+            light |= {
+                "position": found.positions[k].tolist(),
+                "position_uncertainty": float(found.position_uncertainties[k]),
+                "gap": float(found.gaps[k]),
+            }
+            place = ", ".join(f"{value:.4g}" for value in found.positions[k])
+            line += f"; at {place}, ± {found.position_uncertainties[k]:.2g}, rays meet to {found.gaps[k]:.2g}"
+        clipped = any(sighting.highlights[k].clipped for sighting in found.sightings)
+        lines.append(line + (" (clipped)" if clipped else ""))
+        lights.append(light)
+    balls = [_ball_data(sighting.ball) for sighting in found.sightings]
+    lines += [_ball_line(sighting.ball) for sighting in found.sightings]
+    return {"lights": lights, "balls": balls, "target": found.target.tolist(), "text": "\n".join(lines)}
+
+
+# --- mixing -----------------------------------------------------------------------------------------------------------
+
+
+def _add_mixing(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "photo",
+        nargs="+",
+        help="a photo of a matt grey ball under all three lights, or three, each under one light, in the rig's order",
+    )
+    parser.add_argument("--rig", required=True, help="rig file with the lights' directions or positions")
+    _add_shared(parser)
+    parser.add_argument("--card", action="store_true", help="the photos show a flat grey card: one photo a light")
+    parser.add_argument("--normal", metavar="X,Y,Z", help="where the card faces, in camera space (default: 0,0,1)")
+    parser.add_argument("-o", "--output", required=True, metavar="RIG", help="rig file with the mixing (.json)")
+    parser.set_defaults(verb=_mixing)
+
+
+def _mixing(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
+    from mpsnet_core.calibrate.mixing import mixing_from_ball, mixing_from_ball_by_light
+    from mpsnet_core.calibrate.overlay import ball_picture
+    from mpsnet_core.calibrate.photos import mean_photo, seen_balls
+    from mpsnet_core.images import write_image
+    from mpsnet_core.rig import read_rig, write_rig
+
+    files = _inputs(options.photo, options)
+    rig = read_rig(options.rig)
+    if options.normal and not options.card:
+        raise InputError("--normal is a card's; add --card, or leave it out")
+    if len(files) not in ((3,) if options.card else (1, 3)):
+        wanted = "a card takes three photos, one" if options.card else "give one photo of a grey ball, or three, one"
+        raise InputError(f"there are {len(files)} photo(s): {wanted} under each light alone, in the rig's order")
+    photos = _photos(options, files, _circles(options), mirror=False)
+    reporter.progress(0.0, "reading the photos")
+    image = mean_photo(photos)
+    picture = None
+    if options.card:
+        found = _card(photos, options, rig)
+    else:
+        ball = seen_balls(photos, image)[0]
+        reporter.progress(0.4, "solving for the mixing")
+        read = [photos.read(file) for file in files]
+        one = len(files) == 1
+        found = mixing_from_ball(read[0], ball, rig) if one else mixing_from_ball_by_light(read, ball, rig)
+        assert found.ball is not None
+        picture = ball_picture(image, found.ball, f"{found.residual:.1%} unexplained")
+    write_rig(options.output, replace(rig, mixing=found.mixing))
+    if options.overlay and picture is not None:
+        write_image(options.overlay, picture, bits=8, color_space="sRGB")
+    reporter.progress(1.0, "done")
+    return _told(options, _mixing_data(found))
+
+
+def _card(photos: "BallPhotos", options: argparse.Namespace, rig: Any) -> "MixingFound":
+    import numpy as np
+
+    from mpsnet_core.calibrate.mixing import mixing_from_card
+    from mpsnet_core.images import read_mask
+
+    if options.overlay:
+        raise InputError("--overlay shows a ball; leave it out with --card")
+    read = [photos.read(file) for file in photos.files]
+    height, width = read[0].pixels.shape[:2]
+    if photos.mask is not None:
+        mask = read_mask(photos.mask)
+        if mask.shape != (height, width):
+            raise InputError(f"the mask {photos.mask} is not of the photo's size, {width} x {height}; make it so")
+    elif photos.circles:
+        x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+        mask = np.hypot(x - photos.circles[0].x, y - photos.circles[0].y) < photos.circles[0].radius
+    else:
+        raise InputError("where is the card? Give --mask FILE, or --circle X,Y,R for a part of it")
+    normal = _numbers(options.normal, "--normal") if options.normal else [0.0, 0.0, 1.0]
+    return mixing_from_card(read, mask, rig, normal)
+
+
+def _mixing_data(found: "MixingFound") -> dict[str, Any]:
+    rows = [
+        f"{channel.rjust(6)}: " + "  ".join(f"{value:6.3f}" for value in row)
+        for channel, row in zip(COLOURS, found.mixing, strict=True)
+    ]
+    data: dict[str, Any] = {
+        "mixing": found.mixing.tolist(),
+        "residual": found.residual,
+        "ambient": found.ambient.tolist(),
+        "pixels": found.pixels,
+        "left_out": found.left_out,
+        "balls": [] if found.ball is None else [_ball_data(found.ball)],
+    }
+    left_out = f"{found.left_out:.1%} of {found.pixels} pixels left out"
+    rows.append(f"{found.residual:.2%} of the brightness unexplained, {left_out}")
+    if found.ball is not None:
+        rows.append(_ball_line(found.ball))
+    return {**data, "text": "\n".join(rows)}
+
+
+# --- both -------------------------------------------------------------------------------------------------------------
+
+
+def _inputs(given: Sequence[str], options: argparse.Namespace) -> list[Path]:
+    """The photos, once it is sure that the results can be written and overwrite none of what is read."""
+    from mpsnet_core.files import writable_path
+    from mpsnet_core.frames import check_apart, expand_images
+    from mpsnet_core.images import checked_bits
+
+    files = expand_images(given)
+    outputs = [file for file in (options.output, options.overlay, options.json) if file]
+    for number, output in enumerate(outputs):
+        writable_path(output)
+        check_apart([*files, *read_files(options), *filter(None, [options.camera]), *outputs[:number]], [output])
+    if options.overlay:
+        checked_bits(Path(options.overlay), 8)
+    return files
+
+
+def _photos(
+    options: argparse.Namespace, files: Sequence[Path], circles: Sequence["Circle"], **more: Any
+) -> "BallPhotos":
+    from mpsnet_core.calibrate.photos import BallPhotos
+    from mpsnet_core.camera import read_camera
+
+    return BallPhotos(
+        files,
+        circles,
+        Path(options.mask) if options.mask else None,
+        camera=read_camera(options.camera) if options.camera else options.focal,
+        encoding=options.encoding,
+        layer=options.layer,
+        correction=asked_correction(options),
+        **more,
+    )
+
+
+def _circles(options: argparse.Namespace) -> list["Circle"]:
+    from mpsnet_core.calibrate.ball import Circle
+
+    if options.circle and options.mask:
+        raise InputError("--circle and --mask both say where it is; give one of them")
+    return [Circle(*_numbers(text, "--circle")) for text in options.circle or []]
+
+
+def _numbers(text: str, option: str) -> list[float]:
+    try:
+        numbers = [float(number) for number in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != 3:
+        raise InputError(f"{option} {text} is not three numbers with commas between them, such as 250,148,119")
+    return numbers
+
+
+def _ball_data(ball: "Ball") -> dict[str, Any]:
+    circle = ball.circle
+    return {
+        "circle": [circle.x, circle.y, circle.radius],
+        "residual": ball.residual,
+        "seen": ball.seen,
+        "centre": ball.centre.tolist(),
+        "radius": ball.radius,
+    }
+
+
+def _ball_line(ball: "Ball") -> str:
+    x, y, radius = ball.circle.x, ball.circle.y, ball.circle.radius
+    return (
+        f"  ball: {x:.1f},{y:.1f},{radius:.1f} pixels, {ball.seen:.0%} of its outline seen, fits to "
+        f"{ball.residual:.2f} pixels"
+    )
+
+
+def _told(options: argparse.Namespace, data: dict[str, Any]) -> dict[str, Any]:
+    """The result, with where it was written; also as a JSON file where that is asked for."""
+    from mpsnet_core.files import written_whole
+
+    text = data.pop("text")
+    result = {"output": options.output, "overlay": options.overlay, **data}
+    if options.json:
+        with written_whole(options.json) as unfinished:
+            unfinished.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+    return {**result, "text": f"{options.output}:\n{text}"}

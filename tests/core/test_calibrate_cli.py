@@ -1,0 +1,274 @@
+"""The verb calibrate: rigs that it writes, pictures that it draws, and what it says of bad input."""
+
+import contextlib
+import io
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from conftest import Mpsnet
+from mirror_ball import CROSSTALK, Scene, around, grey_photograph, lamps_around, photograph
+from synthetic import degrees_between, listing, write_file
+
+from mpsnet_core.camera import Camera, write_camera
+from mpsnet_core.cli import main
+from mpsnet_core.rig import LightRig, read_rig, write_rig
+
+ANGLES = [(30, 90), (35, 205), (25, 335)]
+FACING = np.array([around(*angle) for angle in ANGLES])
+MIDDLE = (10.0, -5.0, 0.0)
+SCENE = Scene([(MIDDLE, 70.0)], lamps_around(MIDDLE, 1e6), (240, 200))
+CIRCLE = "130,105,70"
+LEFT, RIGHT = (-0.17, -0.02, -0.9), (0.16, -0.03, -0.85)
+BETWEEN = (np.array(LEFT) + RIGHT) / 2
+PAIR = Scene([(LEFT, 0.1), (RIGHT, 0.1)], lamps_around(BETWEEN, 0.8), (600, 400), 900)
+MATT = Scene([(MIDDLE, 70.0)], [], (240, 200))
+
+
+@pytest.fixture(scope="module")
+def photos(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with photos of mirror balls and grey balls, a rig, a camera and masks."""
+    folder = tmp_path_factory.mktemp("photos")
+    write_file(folder / "ball.exr", photograph(SCENE), "float")
+    white = np.ones((3, 3))
+    for light in range(3):
+        write_file(folder / f"only{light}.png", photograph(SCENE, white, on=[light]) ** (1 / 2.2), "uint8")
+        mixing = CROSSTALK * np.eye(3)[light]
+        write_file(folder / f"grey{light}.exr", grey_photograph(MATT, mixing, FACING), "float")
+    write_file(folder / "pair.exr", photograph(PAIR), "float")
+    write_file(folder / "grey.exr", grey_photograph(MATT, CROSSTALK, FACING), "float")
+    write_camera(folder / "camera.json", Camera("perspective", 600, 400, np.array([900.0, 900.0])))
+    write_rig(folder / "rig.json", LightRig(FACING))
+    x, y = np.meshgrid(np.arange(240) + 0.5, np.arange(200) + 0.5)
+    write_file(folder / "mask.png", (np.hypot(x - 130, y - 105) < 70) * 1.0, "uint8")
+    write_file(folder / "small.png", np.ones((20, 20)), "uint8")
+    write_file(folder / "flat.exr", np.full((200, 240, 3), 0.3), "float")
+    write_file(folder / "black.exr", np.zeros((200, 240, 3)), "float")
+    write_file(folder / "other.exr", np.zeros((50, 60, 3)), "float")
+    (folder / "text.txt").write_text("no photo")
+    return folder
+
+
+def result_of(stdout: str) -> dict[str, Any]:
+    return json.loads(stdout.splitlines()[-1])["result"]
+
+
+def picture(path: Path) -> np.ndarray:
+    return np.asarray(oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT))
+
+
+def test_one_photo_becomes_a_rig(mpsnet: Mpsnet, photos: Path, tmp_path: Path) -> None:
+    rig, overlay, told = tmp_path / "rig.json", tmp_path / "overlay.png", tmp_path / "told.json"
+    command = ["calibrate", "lights", photos / "ball.exr", "--overlay", overlay, "--json", told, "-o", rig]
+    done = mpsnet(*command, "--progress", "json")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert listing(tmp_path) == ["overlay.png", "rig.json", "told.json"]
+    assert degrees_between(read_rig(rig).directions, FACING).max() < 0.7
+    result = result_of(done.stdout)
+    assert json.loads(told.read_text()).items() <= result.items()
+    assert [light["name"] for light in result["lights"]] == ["red", "green", "blue"]
+    for light, (slant, tilt) in zip(result["lights"], ANGLES, strict=True):
+        assert (light["slant"], light["tilt"]) == pytest.approx((slant, tilt), abs=1)
+        assert 0 < light["uncertainty"] < 1
+        assert light["highlights"][0]["rival"] < 0.2 and not light["highlights"][0]["clipped"]
+    assert result["balls"][0]["circle"] == pytest.approx([130, 105, 70], abs=0.3)
+    assert result["overlay"] == str(overlay)
+    drawn = picture(overlay)
+    # Yellow outline, and the three lights' colours.
+    red, green, blue = drawn[..., 0], drawn[..., 1], drawn[..., 2]
+    assert ((red > 0.9) & (green > 0.75) & (blue < 0.4)).sum() > 300
+    assert ((red > 0.9) & (green < 0.5)).any() and ((green > 0.8) & (red < 0.5)).any()
+    assert ((blue > 0.9) & (red < 0.5)).any()
+
+
+def test_without_json_it_says_what_it_found(mpsnet: Mpsnet, photos: Path, tmp_path: Path) -> None:
+    done = mpsnet("calibrate", "lights", photos / "ball.exr", "--circle", CIRCLE, "-o", tmp_path / "rig.json")
+    assert done.returncode == 0
+    assert re.search(r"red: slant (29|30)\.\d\d°, tilt (89|90)\.\d\d°, ± \d\.\d\d°", done.stdout)
+    assert "orthographic" in done.stderr
+
+
+@pytest.mark.parametrize("where", [[], ["--mask", "mask.png"], ["--circle", CIRCLE]])
+def test_a_photo_for_each_light(photos: Path, tmp_path: Path, where: list[str]) -> None:
+    given = [str(photos / option) if option.endswith(".png") else option for option in where]
+    files = [str(photos / f"only{light}.png") for light in range(3)]
+    assert main(["calibrate", "lights", *files, "--per-light", *given, "-o", str(tmp_path / "rig.json")]) == 0
+    assert degrees_between(read_rig(tmp_path / "rig.json").directions, FACING).max() < 1
+    assert (
+        main(["calibrate", "lights", *files, "--per-light", "--lights", "3,1,2", "-o", str(tmp_path / "b.json")]) == 0
+    )
+    assert degrees_between(read_rig(tmp_path / "b.json").directions, FACING[[2, 0, 1]]).max() < 1
+
+
+def test_any_number_of_lights_goes_into_an_lp_file(photos: Path, tmp_path: Path) -> None:
+    files = [str(photos / f"only{light}.png") for light in (0, 1)]
+    overlay = tmp_path / "overlay.png"
+    command = ["calibrate", "lights", *files, "--per-light", "--overlay", str(overlay)]
+    assert main([*command, "-o", str(tmp_path / "lights.lp")]) == 0
+    lines = (tmp_path / "lights.lp").read_text().splitlines()
+    assert lines[0] == "2" and [line.split()[0] for line in lines[1:]] == ["only0", "only1"]
+    assert degrees_between(np.array([line.split()[1:] for line in lines[1:]], float), FACING[:2]).max() < 1
+    assert picture(overlay).std() > 0.01
+
+
+@pytest.mark.parametrize("lens", [["--focal", "54"], ["--camera", "camera.json"]])
+def test_two_balls_give_a_rig_with_positions(photos: Path, tmp_path: Path, lens: list[str]) -> None:
+    given = [str(photos / option) if option.endswith(".json") else option for option in lens]
+    rig = tmp_path / "rig.json"
+    command = ["calibrate", "lights", str(photos / "pair.exr"), "--balls", "2", "--radius", "0.1", *given]
+    assert main([*command, "-o", str(rig), "--overlay", str(tmp_path / "overlay.png")]) == 0
+    near = read_rig(rig).near
+    assert near is not None
+    assert np.linalg.norm(near.positions - [place for place, _ in PAIR.lamps], axis=1).max() < 0.02 * 0.8
+    assert near.target == pytest.approx(BETWEEN, abs=0.005)
+    assert picture(tmp_path / "overlay.png").shape[1] > 1000
+    assert main([*command, "--distant", "-o", str(rig)]) == 0
+    assert read_rig(rig).near is None
+
+
+def test_the_mixing_goes_into_the_rig(mpsnet: Mpsnet, photos: Path, tmp_path: Path) -> None:
+    rig, overlay = tmp_path / "rig.json", tmp_path / "overlay.png"
+    rig.write_bytes((photos / "rig.json").read_bytes())
+    command = ["calibrate", "mixing", photos / "grey.exr", "--rig", rig, "--overlay", overlay, "-o", rig]
+    done = mpsnet(*command, "--progress", "json")
+    assert (done.returncode, done.stderr) == (0, "")
+    found = read_rig(rig)
+    assert np.abs(found.mixing - CROSSTALK).max() < 0.01
+    assert degrees_between(found.directions, FACING).max() < 1e-6
+    result = result_of(done.stdout)
+    assert result["mixing"] == found.mixing.tolist()
+    assert result["residual"] < 0.02 and result["left_out"] < 0.1
+    assert picture(overlay).std() > 0.01
+
+
+def test_the_rooms_light_is_taken_off(photos: Path, tmp_path: Path) -> None:
+    """A dark frame of a room that is brighter than the lamps' crosstalk."""
+    room = np.linspace(0.05, 0.3, 240)[None, :, None] * np.array([1.0, 0.6, 0.2])
+    lit = grey_photograph(MATT, CROSSTALK, FACING, levels=None) + room
+    write_file(tmp_path / "lit.exr", lit, "float")
+    write_file(tmp_path / "dark.exr", np.broadcast_to(room, lit.shape), "float")
+    command = ["calibrate", "mixing", str(tmp_path / "lit.exr"), "--dark", str(tmp_path / "dark.exr")]
+    assert main([*command, "--rig", str(photos / "rig.json"), "-o", str(tmp_path / "rig.json")]) == 0
+    assert np.abs(read_rig(tmp_path / "rig.json").mixing - CROSSTALK).max() < 0.01
+
+
+@pytest.mark.parametrize("card", [False, True])
+def test_the_mixing_by_a_photo_for_each_light(photos: Path, tmp_path: Path, card: bool) -> None:
+    files = [str(photos / f"grey{light}.exr") for light in range(3)]
+    where = ["--card", "--circle", "130,105,9"] if card else []  # the ball's front is as flat as a card
+    command = ["calibrate", "mixing", *files, "--rig", str(photos / "rig.json"), *where]
+    assert main([*command, "-o", str(tmp_path / "rig.json")]) == 0
+    mixing = read_rig(tmp_path / "rig.json").mixing
+    assert np.abs(mixing - CROSSTALK).max() < (0.03 if card else 0.01)
+
+
+# --- bad input --------------------------------------------------------------------------------------------------------
+
+ONLY = ["only0.png", "only1.png", "only2.png"]
+BALL_CASES: dict[str, tuple[list[str], str]] = {
+    "no photo": (["none.png"], "none.png does not exist … check the path"),
+    "not an image": (["text.txt"], "text.txt cannot be read as an image"),
+    "no ball": (["flat.exr"], "no ball was found … circle by hand"),
+    "no highlight": (["flat.exr", "--circle", CIRCLE], "flat.exr … no highlight … lights on"),
+    "black": (["black.exr"], "black.exr … no ball was found"),
+    "white lights in one photo": (["only0.png"], "do not differ in colour … each light alone"),
+    "circle of two numbers": (["ball.exr", "--circle", "1,2"], "--circle 1,2 … three numbers"),
+    "circle of words": (["ball.exr", "--circle", "a,b,c"], "--circle a,b,c … three numbers"),
+    "circle without radius": (["ball.exr", "--circle", "9,9,0"], "radius above 0"),
+    "circle not finite": (["ball.exr", "--circle", "9,nan,5"], "finite"),
+    "circle outside": (["ball.exr", "--circle", "900,9,50"], "outside the photo … 240 x 200"),
+    "circle and mask": (["ball.exr", "--circle", CIRCLE, "--mask", "mask.png"], "give one of them"),
+    "circles for some places": (
+        ["ball.exr", "ball.exr", "--circle", CIRCLE],
+        "1 circles for 2 places … as many for each",
+    ),
+    "mask of two places": (["ball.exr", "ball.exr", "--mask", "mask.png"], "--mask shows one ball at one place"),
+    "mask of another size": (["ball.exr", "--mask", "small.png"], "small.png is 20 x 20 … 240 x 200"),
+    "empty mask": (["ball.exr", "--mask", "black.exr"], "shows no ball"),
+    "camera of another size": (["ball.exr", "--camera", "camera.json"], "600 x 400 … 240 x 200"),
+    "camera and focal": (["ball.exr", "--camera", "camera.json", "--focal", "50"], "not allowed with"),
+    "focal of nothing": (["ball.exr", "--focal", "0"], "focal length … above 0"),
+    "focal in words": (["ball.exr", "--focal", "long"], "--focal"),
+    "no balls": (["ball.exr", "--balls", "0"], "--balls is a number from 1"),
+    "more balls than there are": (["ball.exr", "--balls", "2"], "only 1 of 2 balls"),
+    "no radius": (["ball.exr", "--radius", "0"], "--radius … above 0"),
+    "radius not finite": (["ball.exr", "--radius", "nan"], "--radius … above 0"),
+    "places of one photo": (["ball.exr", "--places", "2"], "add --per-light"),
+    "photos for some places": ([*ONLY, "--per-light", "--places", "2"], "3 photos … 2 places"),
+    "one light alone": (["only0.png", "--per-light", "-o", "rig.lp"], "--per-light takes a photo for each light"),
+    "two lights in a rig": ([*ONLY[:2], "--per-light"], "2 light(s) where a rig has three … .lp"),
+    "a light that is not there": ([*ONLY, "--per-light", "--lights", "1,2,4"], "numbers from 1 to 3"),
+    "a light twice": ([*ONLY, "--per-light", "--lights", "1,2,2"], "three different lights"),
+    "lights in words": ([*ONLY, "--per-light", "--lights", "red"], "three different lights"),
+    "photos of two sizes": (["only0.png", "other.exr", "only1.png", "--per-light"], "other.exr is 60 x 50 … 240 x 200"),
+    "output over a photo": (["ball.exr", "-o", "ball.exr"], "would overwrite"),
+    "overlay over the rig": (["ball.exr", "--overlay", "rig_out.json"], "would overwrite"),
+    "overlay of no format": (["ball.exr", "--overlay", "overlay.gif"], "overlay.gif … not an image format"),
+    "no folder": (["ball.exr", "-o", "none/rig.json"], "does not exist; create it"),
+    "dark frame of another size": (["ball.exr", "--dark", "other.exr"], "the dark frame is 60 x 50 but the photo is 240 x 200"),
+    "output over the dark frame": (["ball.exr", "--dark", "black.exr", "-o", "black.exr"], "would overwrite"),
+    "encoding": (["ball.exr", "--encoding", "log"], "encoding 'log'"),
+}
+GREY = [f"grey{light}.exr" for light in range(3)]
+MIXING_CASES: dict[str, tuple[list[str], str]] = {
+    "no rig": (["grey.exr", "--rig", "none.json"], "none.json does not exist"),
+    "two photos": ([*GREY[:2]], "2 photo(s) … one photo of a grey ball, or three"),
+    "one photo of a card": (["grey.exr", "--card", "--circle", CIRCLE], "card takes three photos"),
+    "a card anywhere": ([*GREY, "--card"], "where is the card"),
+    "a card's mask of another size": ([*GREY, "--card", "--mask", "small.png"], "small.png … 240 x 200"),
+    "a card's overlay": ([*GREY, "--card", "--mask", "mask.png", "--overlay", "o.png"], "leave it out with --card"),
+    "a card in the dark": (["black.exr"] * 3 + ["--card", "--mask", "mask.png"], "black … lights on"),
+    "a card that faces away": (
+        [*GREY, "--card", "--mask", "mask.png", "--normal", "0,-1,0"],
+        "does not reach the card",
+    ),
+    "a ball's normal": (["grey.exr", "--normal", "0,0,1"], "--normal is a card's"),
+    "a normal of two": ([*GREY, "--card", "--mask", "mask.png", "--normal", "0,1"], "--normal 0,1 … three numbers"),
+    "no ball": (["flat.exr"], "no ball was found"),
+    "a black ball": (["black.exr", "--circle", CIRCLE], "black … lights on"),
+    "photos of two sizes": (["grey0.exr", "other.exr", "grey1.exr"], "other.exr is 60 x 50 … 240 x 200"),
+    "output over a photo": (["grey.exr", "-o", "grey.exr"], "would overwrite"),
+}
+
+
+@pytest.fixture
+def said(photos: Path, tmp_path: Path) -> Callable[[str, list[str]], str]:
+    """Runs a calibration in this process, which must fail and leave nothing, and gives its one sentence."""
+
+    def run(verb: str, options: list[str]) -> str:
+        options = [str(photos / word) if (photos / word).is_file() else word for word in options]
+        for name in ("rig_out.json", "overlay.gif", "o.png"):
+            options = [str(tmp_path / name) if word == name else word for word in options]
+        command = ["calibrate", verb, *options]
+        if verb == "mixing" and "--rig" not in options:
+            command += ["--rig", str(photos / "rig.json")]
+        if "-o" not in options:
+            command += ["-o", str(tmp_path / "rig_out.json")]
+        before = {file: file.read_bytes() for file in photos.iterdir()}
+        stderr = io.StringIO()
+        with contextlib.redirect_stderr(stderr):
+            assert main(command) == 2
+        assert {file: file.read_bytes() for file in photos.iterdir()} == before
+        assert listing(tmp_path) == []
+        lines = stderr.getvalue().splitlines()
+        assert len(lines) == 1, lines
+        return lines[0]
+
+    return run
+
+
+CASES = [("lights", *case) for case in BALL_CASES.items()] + [("mixing", *case) for case in MIXING_CASES.items()]
+
+
+@pytest.mark.parametrize("verb, name, case", CASES, ids=[f"{verb}: {name}" for verb, name, _ in CASES])
+def test_bad_input_gets_one_sentence(
+    said: Callable[[str, list[str]], str], verb: str, name: str, case: tuple[list[str], str]
+) -> None:
+    options, words = case
+    sentence = said(verb, options)
+    assert re.search(".*".join(re.escape(part.strip()) for part in words.split("…")), sentence), sentence

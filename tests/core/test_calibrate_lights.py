@@ -1,0 +1,352 @@
+"""Lights by mirror balls: against photographs that are traced ray by ray, with lamps whose places are known."""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mirror_ball import CROSSTALK, Scene, around, lamps_around, photograph, taken
+from synthetic import degrees_between
+
+from mpsnet_core.calibrate.ball import Circle, ball_from_circle, ball_from_mask, distant_camera, fit_ball, mirrored
+from mpsnet_core.calibrate.circles import find_balls
+from mpsnet_core.calibrate.highlights import find_coloured_highlights, find_highlight
+from mpsnet_core.calibrate.lights import LightsFound, Sighting, find_lights, meeting_point, write_lp
+from mpsnet_core.camera import Camera
+from mpsnet_core.errors import InputError
+from mpsnet_core.images import Image, read_image, read_mask
+from mpsnet_core.rig import read_rig
+
+FAR = 1e6
+MIDDLE = (20.3, -11.7, 0.0)
+ANGLES = [(30, 90), (35, 205), (25, 335)]
+FACING = np.array([around(*angle) for angle in ANGLES])
+
+
+def afar(angles: Sequence[tuple[float, float]] = ANGLES, degrees: float = 5.0, radius: float = 97.4) -> Scene:
+    """A ball before an orthographic camera, under lamps at infinity."""
+    return Scene([(MIDDLE, radius)], lamps_around(MIDDLE, FAR, degrees, angles))
+
+
+def pinhole(scene: Scene) -> Camera:
+    return Camera("perspective", *scene.size, np.full(2, scene.focal))
+
+
+def lights_of(image: np.ndarray, camera: Camera, *, count: int = 1, radius: float = 1.0) -> LightsFound:
+    balls = find_balls(image, camera, count=count, radius=radius)
+    return find_lights([Sighting(ball, find_coloured_highlights(taken(image), ball)) for ball in balls])
+
+
+def test_a_ball_is_found_to_a_part_of_a_pixel() -> None:
+    scene = afar()
+    circle = find_balls(photograph(scene), distant_camera(*scene.size))[0].circle
+    assert (circle.x, circle.y, circle.radius) == pytest.approx((220.3, 161.7, 97.4), abs=0.15)
+
+
+@pytest.mark.parametrize("levels", [255, 65535, None])
+def test_directions_afar(levels: int | None) -> None:
+    scene = afar()
+    found = lights_of(photograph(scene, levels=levels), distant_camera(*scene.size))
+    assert degrees_between(found.directions, FACING).max() < 0.5
+    assert found.positions is None
+    assert (degrees_between(found.directions, FACING) < 3 * found.uncertainties).all()
+    assert (found.uncertainties < 1).all()
+
+
+def test_the_direction_is_the_lights_and_not_the_balls_normal() -> None:
+    """Seen from the front, a light at slant 60° shines in the mirror where the ball's own slant is 30°."""
+    scene = afar([(60, 90), (60, 210), (60, 330)])
+    image = photograph(scene)
+    ball = find_balls(image, distant_camera(*scene.size))[0]
+    sighting = Sighting(ball, find_coloured_highlights(taken(image), ball))
+    slants = np.degrees(np.arccos(find_lights([sighting]).directions[:, 2]))
+    assert slants == pytest.approx([60, 60, 60], abs=0.5)
+    for spot in sighting.highlights:
+        away = np.hypot(spot.x - ball.circle.x, spot.y - ball.circle.y)
+        assert np.degrees(np.arcsin(away / ball.circle.radius)) == pytest.approx(30, abs=0.3)
+
+
+def test_a_turned_photo_gives_turned_lights() -> None:
+    scene = Scene([((0.0, 0.0, 0.0), 97.4)], lamps_around((0, 0, 0), FAR, 5, ANGLES), (300, 300))
+    image = photograph(scene)
+    upright = lights_of(image, distant_camera(300, 300)).directions
+    turned = lights_of(np.rot90(image).copy(), distant_camera(300, 300)).directions
+    assert degrees_between(turned, upright @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])).max() < 0.1
+
+
+@pytest.mark.parametrize("middle, radius", [((0.12, -0.08, -1.0), 0.14), ((0.22, -0.12, -1.0), 0.10)])
+def test_directions_in_perspective(middle: Sequence[float], radius: float) -> None:
+    """At the photo's side, even across its border, where a ball's outline is an ellipse and the view is oblique."""
+    scene = Scene([(middle, radius)], lamps_around(middle, FAR, 5, ANGLES), focal=700)
+    image = photograph(scene)
+    found = lights_of(image, pinhole(scene), radius=radius)
+    assert degrees_between(found.directions, FACING).max() < 0.5
+    assert found.sightings[0].ball.centre == pytest.approx(middle, abs=0.003)
+    # Taken as far away, the same photo misleads by the angle at which the ball is seen.
+    assert degrees_between(lights_of(image, distant_camera(*scene.size)).directions, FACING).min() > 4
+
+
+def test_an_outline_in_perspective_is_the_ellipse_that_the_formulas_give() -> None:
+    """The outline's points are where rays touch the ball: their distance from its middle is the radius."""
+    camera = Camera("perspective", 400, 300, (500.0, 500.0))
+    middle, radius = np.array([0.5, 0.2, -1.4]), 0.2
+    ball = fit_ball(ball_from_circle(Circle(378, 78, 74), camera, radius).outline, camera, radius)
+    for x, y in ball.outline[::20]:
+        ray = np.array([(x - 200) / 500, (150 - y) / 500, -1.0])
+        ray /= np.linalg.norm(ray)
+        assert np.linalg.norm(np.cross(ray, ball.centre)) == pytest.approx(radius, rel=1e-6)
+    exact = fit_ball(_touching(middle, radius, camera), camera, radius)
+    assert exact.centre == pytest.approx(middle, abs=1e-6)
+
+
+def _touching(middle: np.ndarray, radius: float, camera: Camera) -> np.ndarray:
+    """(N, 2) the outline by brute force: pixels of a fine fan of rays where the ball begins to be hit."""
+    points = []
+    for turn in np.radians(np.arange(0, 360, 5)):
+        low, high = 0.0, 400.0
+        start = np.array([500 * middle[0] / -middle[2] + 200, 150 - 500 * middle[1] / -middle[2]])
+        for _ in range(60):
+            half = (low + high) / 2
+            x, y = start + half * np.array([np.cos(turn), np.sin(turn)])
+            ray = np.array([(x - 200) / 500, (150 - y) / 500, -1.0])
+            hit = np.linalg.norm(np.cross(ray / np.linalg.norm(ray), middle)) < radius
+            low, high = (half, high) if hit else (low, half)
+        points.append(start + low * np.array([np.cos(turn), np.sin(turn)]))
+    return np.array(points)
+
+
+def near_scene(distance: float = 0.8) -> tuple[Scene, np.ndarray]:
+    """Two balls, and lamps so far from the middle between them."""
+    left, right = (-0.17, -0.02, -0.9), (0.16, -0.03, -0.85)
+    middle = (np.array(left) + right) / 2
+    lamps = lamps_around(middle, distance)
+    return Scene([(left, 0.1), (right, 0.1)], lamps, (600, 400), 900), np.array([place for place, _ in lamps])
+
+
+def test_two_balls_give_positions() -> None:
+    scene, places = near_scene()
+    found = lights_of(photograph(scene), pinhole(scene), count=2, radius=0.1)
+    assert found.positions is not None and found.position_uncertainties is not None and found.gaps is not None
+    off = np.linalg.norm(found.positions - places, axis=1)
+    assert (off < 0.02 * 0.8).all()
+    assert (off < 3 * found.position_uncertainties).all()
+    assert (found.gaps < found.position_uncertainties).all()
+    assert degrees_between(found.directions, places - found.target).max() < 0.5
+
+
+def test_two_photos_of_one_ball_give_the_same_positions_in_the_balls_unit() -> None:
+    scene, places = near_scene()
+    sightings = []
+    for ball in scene.balls:
+        alone = Scene([ball], scene.lamps, scene.size, scene.focal)
+        image = photograph(alone)
+        seen = find_balls(image, pinhole(scene), radius=100.0)[0]
+        sightings.append(Sighting(seen, find_coloured_highlights(taken(image), seen)))
+    found = find_lights(sightings)
+    assert found.positions is not None
+    assert np.linalg.norm(found.positions - 1000 * places, axis=1).max() < 0.02 * 800
+
+
+def test_lights_far_from_two_balls_keep_their_directions(caplog: pytest.LogCaptureFixture) -> None:
+    scene, _ = near_scene(100.0)
+    caplog.set_level("INFO")
+    found = lights_of(photograph(scene), pinhole(scene), count=2, radius=0.1)
+    assert found.positions is None
+    assert degrees_between(found.directions, FACING).max() < 0.5
+    assert "nearly parallel" in caplog.text
+
+
+def test_rays_that_miss_each_other_are_told(caplog: pytest.LogCaptureFixture) -> None:
+    """The lights were moved between two photos."""
+    scene, _ = near_scene()
+    sightings = []
+    for number, ball in enumerate(scene.balls):
+        lamps = [(place + number * np.array([0.0, 0.2, 0.1]), radius) for place, radius in scene.lamps]
+        image = photograph(Scene([ball], lamps, scene.size, scene.focal))
+        seen = find_balls(image, pinhole(scene), radius=0.1)[0]
+        sightings.append(Sighting(seen, find_coloured_highlights(taken(image), seen)))
+    find_lights(sightings)
+    assert "miss each other" in caplog.text
+
+
+def test_rays_meet_where_they_were_sent_from() -> None:
+    random = np.random.default_rng(3)
+    point = np.array([0.3, -0.2, 2.0])
+    origins = random.normal(size=(5, 3))
+    met, error, gap = meeting_point(
+        origins, (point - origins) / np.linalg.norm(point - origins, axis=1)[:, None], [0.01] * 5
+    )
+    assert met == pytest.approx(point) and gap == pytest.approx(0, abs=1e-9) and 0 < error < 0.1
+
+
+TOUCHING = [(30, 90), (30, 101), (24, 95)]
+OVERLAPPING = [(30, 90), (30, 99), (25.5, 95)]
+
+
+@pytest.mark.parametrize(
+    "angles, options",
+    [
+        (ANGLES, {"brightness": 0.8}),
+        (ANGLES, {"brightness": 2.0}),  # clipped, but for the crosstalk
+        (ANGLES, {"brightness": 2.0, "fine": 1}),  # so sharp that no pixel at their rims is darker
+        (ANGLES, {"brightness": 0.7, "colours": CROSSTALK * [1, 0.3, 0.15]}),  # red in the blue outshines blue
+        (ANGLES, {"brightness": 0.8, "colours": CROSSTALK[[2, 0, 1]][:, [2, 0, 1]], "levels": 255}),
+        (TOUCHING, {"brightness": 0.8}),
+        (TOUCHING, {"brightness": 2.0}),
+        (OVERLAPPING, {"brightness": 0.7}),
+    ],
+)
+def test_three_colours_in_one_photo(angles: Sequence[tuple[float, float]], options: dict) -> None:
+    scene = afar(angles, degrees=6.0)
+    found = lights_of(photograph(scene, **options), distant_camera(*scene.size))
+    truth = np.array([around(*angle) for angle in angles])
+    assert degrees_between(found.directions, truth).max() < 1
+    assert {spot.clipped for spot in found.sightings[0].highlights} == {options["brightness"] > 1}
+
+
+def test_clipped_highlights_that_overlap_are_known_to_be_unsure() -> None:
+    scene = afar(OVERLAPPING, degrees=6.0)
+    found = lights_of(photograph(scene, brightness=2.0), distant_camera(*scene.size))
+    truth = np.array([around(*angle) for angle in OVERLAPPING])
+    assert (degrees_between(found.directions, truth) < 3 * found.uncertainties).all()
+    assert found.uncertainties.max() > 1
+
+
+def test_clipping_that_the_photo_tells_by_itself() -> None:
+    """Camera raw says of each channel where it is at its end; white balance then takes the ends apart."""
+    scene = afar(degrees=6.0)
+    image = photograph(scene, brightness=2.0)
+    gains = np.array([1.9, 1.0, 1.4], np.float32)
+    ball = find_balls(image, distant_camera(*scene.size))[0]
+    told = Image(image * gains, None, np.inf, "raw", clipped=image >= 1)
+    found = find_lights([Sighting(ball, find_coloured_highlights(told, ball))])
+    assert degrees_between(found.directions, FACING).max() < 0.7
+    assert all(spot.clipped for spot in found.sightings[0].highlights)
+
+
+def test_a_white_lamp_in_the_mirror_is_no_light() -> None:
+    scene = afar()
+    lamp = (np.array(MIDDLE) + FAR * around(40, 20), 6e4, 0.8)
+    found = lights_of(photograph(scene, white_lamp=lamp), distant_camera(*scene.size))
+    assert degrees_between(found.directions, FACING).max() < 0.5
+
+
+def test_a_fourth_light_that_is_as_bright_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    fourth = (np.array(MIDDLE) + FAR * around(50, 150), FAR * np.tan(np.radians(2.5)))
+    scene = Scene([(MIDDLE, 97.4)], [*afar().lamps, fourth])
+    colours = np.concatenate([CROSSTALK, 0.9 * CROSSTALK[:, :1]], axis=1)
+    lights_of(photograph(scene, colours=colours), distant_camera(*scene.size))
+    assert "light 1: another spot on the ball holds" in caplog.text and "light 2" not in caplog.text
+
+
+def test_one_photo_a_light_of_any_number_of_white_lights() -> None:
+    angles = [(10 + 8 * k, 70 * k) for k in range(7)]
+    scene = afar(angles, degrees=6.0)
+    white = np.ones((3, 7))
+    photos = [photograph(scene, white, on=[k], brightness=3.0, seed=k) for k in range(7)]
+    ball = find_balls(np.mean(photos, axis=0), distant_camera(*scene.size))[0]
+    found = find_lights([Sighting(ball, tuple(find_highlight(taken(photo), ball) for photo in photos))])
+    truth = np.array([around(*angle) for angle in angles])
+    assert degrees_between(found.directions, truth).max() < 0.5
+
+
+def test_lights_of_one_colour_cannot_be_told_apart() -> None:
+    scene = afar()
+    image = photograph(scene, np.ones((3, 3)))
+    ball = find_balls(image, distant_camera(*scene.size))[0]
+    with pytest.raises(InputError, match=r"do not differ in colour.*each light alone"):
+        find_coloured_highlights(taken(image), ball)
+    blown = photograph(scene, brightness=20.0)
+    with pytest.raises(InputError, match=r"do not differ in colour.*expose so that they do not clip"):
+        find_coloured_highlights(taken(blown), ball)
+
+
+def test_a_ball_without_light_and_a_photo_without_a_ball() -> None:
+    flat = np.full((120, 160, 3), 0.2, np.float32)
+    camera = distant_camera(160, 120)
+    with pytest.raises(InputError, match=r"no ball was found.*x,y,r"):
+        find_balls(flat, camera)
+    with pytest.raises(InputError, match=r"no highlight.*lights on"):
+        find_highlight(taken(flat), ball_from_circle(Circle(80, 60, 40), camera))
+    with pytest.raises(InputError, match="outside the photo"):
+        find_highlight(taken(flat), ball_from_circle(Circle(900, 60, 40), camera))
+    noise = np.random.default_rng(1).random((120, 160, 3)).astype(np.float32)
+    with pytest.raises(InputError, match="no ball was found"):
+        find_balls(noise, camera)
+    scene = afar()
+    with pytest.raises(InputError, match="only 1 of 2 balls"):
+        find_balls(photograph(scene), distant_camera(*scene.size), count=2)
+
+
+def test_a_mask_that_also_holds_the_stand() -> None:
+    x, y = np.meshgrid(np.arange(200) + 0.5, np.arange(200) + 0.5)
+    mask = (np.hypot(x - 97.3, y - 88.8) < 70.6) | ((np.abs(x - 97) < 15) & (y > 88))
+    circle = ball_from_mask(mask, distant_camera(200, 200)).circle
+    assert (circle.x, circle.y, circle.radius) == pytest.approx((97.3, 88.8, 70.6), abs=0.2)
+    with pytest.raises(InputError, match="shows no ball"):
+        ball_from_mask(np.zeros((50, 50), bool), distant_camera(50, 50))
+
+
+def test_sightings_that_do_not_fit_each_other() -> None:
+    scene = afar()
+    image = photograph(scene)
+    ball = find_balls(image, distant_camera(*scene.size))[0]
+    spots = find_coloured_highlights(taken(image), ball)
+    with pytest.raises(InputError, match="same number of lights"):
+        find_lights([Sighting(ball, spots), Sighting(ball, spots[:2])])
+    with pytest.raises(InputError, match="give at least one"):
+        find_lights([])
+
+
+def test_a_direction_file_is_read_back(tmp_path: Path) -> None:
+    write_lp(tmp_path / "three.lp", FACING, ["a", "b", "c"])
+    assert degrees_between(read_rig(tmp_path / "three.lp").directions, FACING).max() < 1e-3
+
+
+# --- photographs ------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def chrome() -> tuple[list[np.ndarray], np.ndarray]:
+    """Photographs of a mirror ball under twelve lights, one each, and its mask."""
+    folder = Path(os.environ.get("MPSNET_TEST_DATA", "")) / "captures" / "chrome"
+    if "MPSNET_TEST_DATA" not in os.environ or not folder.is_dir():
+        pytest.skip("MPSNET_TEST_DATA does not name a folder with captures/chrome")
+    photos = [read_image(folder / f"chrome.{k}.png").pixels for k in range(12)]
+    return photos, read_mask(folder / "chrome.mask.png")
+
+
+@pytest.mark.parametrize("by_mask", [True, False])
+def test_a_mirror_ball_under_the_found_lights_shines_where_the_photographs_do(
+    chrome: tuple[list[np.ndarray], np.ndarray], by_mask: bool
+) -> None:
+    photos, mask = chrome
+    height, width = mask.shape
+    camera = distant_camera(width, height)
+    ball = ball_from_mask(mask, camera) if by_mask else find_balls(np.mean(photos, axis=0), camera)[0]
+    found = find_lights([Sighting(ball, tuple(find_highlight(taken(photo), ball) for photo in photos))])
+    assert len(found.directions) == 12
+    assert (found.directions[:, 2] > 0).all()
+    circle = ball.circle
+    middle = (circle.x - width / 2, height / 2 - circle.y, 0.0)
+    for photo, direction in zip(photos, found.directions, strict=True):
+        lamp = (np.array(middle) + FAR * direction, FAR * np.tan(np.radians(3)))
+        drawn = photograph(Scene([(middle, circle.radius)], [lamp], (width, height)), np.ones((3, 1)), room=0, fine=2)
+        rows, columns = np.nonzero(drawn.max(axis=-1) > 0.4)
+        bright_rows, bright_columns = np.nonzero(photo.max(axis=-1) > 0.9)
+        apart = np.hypot(rows.mean() - bright_rows.mean(), columns.mean() - bright_columns.mean())
+        assert apart < 1
+
+
+def test_the_ball_that_is_found_is_the_masks(chrome: tuple[list[np.ndarray], np.ndarray]) -> None:
+    photos, mask = chrome
+    camera = distant_camera(mask.shape[1], mask.shape[0])
+    ours, theirs = find_balls(np.mean(photos, axis=0), camera)[0].circle, ball_from_mask(mask, camera).circle
+    assert (ours.x, ours.y, ours.radius) == pytest.approx((theirs.x, theirs.y, theirs.radius), abs=2)
+
+
+def test_what_a_mirror_shows_at_the_middle_is_the_camera() -> None:
+    ball = ball_from_circle(Circle(100, 80, 50), distant_camera(200, 160))
+    _, direction = mirrored(ball, [(100, 80)])
+    assert direction[0] == pytest.approx([0, 0, 1])

@@ -1,0 +1,180 @@
+"""The mixing matrix by grey balls and cards: against photographs that are traced with a matrix that is known."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from mirror_ball import CROSSTALK, Scene, around, developed, grey_photograph, taken
+from synthetic import degrees_between
+
+from mpsnet_core.calibrate.ball import Ball, Circle, ball_from_circle, distant_camera
+from mpsnet_core.calibrate.circles import find_balls
+from mpsnet_core.calibrate.mixing import mixing_from_ball, mixing_from_ball_by_light, mixing_from_card
+from mpsnet_core.camera import Camera
+from mpsnet_core.capture import Capture
+from mpsnet_core.errors import InputError
+from mpsnet_core.estimate import estimate_normals
+from mpsnet_core.rig import LightRig, near_rig
+
+ANGLES = [(30, 90), (35, 205), (25, 335)]
+FACING = np.array([around(*angle) for angle in ANGLES])
+RIG = LightRig(FACING)
+# Crosstalk of 30%, and lights and channels of different strength.
+MIXING = CROSSTALK * np.array([1.0, 0.8, 0.6]) * np.array([[0.7], [1.0], [0.8]])
+MIXING = MIXING / MIXING.max()
+SCENE = Scene([((4.3, -6.2, 0.0), 110.0)], [], (300, 300))
+CAMERA = distant_camera(300, 300)
+TRUE_CIRCLE = Circle(154.3, 156.2, 110.0)
+
+
+def drawn(circle: Circle = TRUE_CIRCLE) -> Ball:
+    return ball_from_circle(circle, CAMERA)
+
+
+@pytest.mark.parametrize("options", [{}, {"levels": 255}, {"noise": 0.02}, {"ambient": 0.05}])
+@pytest.mark.parametrize("circle", [TRUE_CIRCLE, Circle(155.8, 155.0, 111.5), Circle(152.8, 157.4, 108.0)])
+def test_a_grey_ball_tells_the_matrix_though_its_circle_is_slightly_wrong(circle: Circle, options: dict) -> None:
+    found = mixing_from_ball(taken(grey_photograph(SCENE, MIXING, FACING, **options)), drawn(circle), RIG)
+    assert np.abs(found.mixing - MIXING).max() < 0.01
+    assert found.mixing.max() == 1
+    assert found.ambient == pytest.approx(options.get("ambient", 0), abs=0.01)
+    assert found.residual < 0.04
+    assert found.ball is not None
+    corrected = found.ball.circle
+    assert (corrected.x, corrected.y, corrected.radius) == pytest.approx((154.3, 156.2, 110), abs=0.2)
+
+
+def test_a_ball_that_is_found_and_one_in_perspective() -> None:
+    image = grey_photograph(SCENE, MIXING, FACING)
+    found = mixing_from_ball(taken(image), find_balls(image, CAMERA, mirror=False)[0], RIG)
+    assert np.abs(found.mixing - MIXING).max() < 0.01
+    scene = Scene([((0.1, -0.1, -1.0), 0.15)], [], (400, 300), 700)
+    image = grey_photograph(scene, MIXING, FACING)
+    camera = Camera("perspective", 400, 300, (700.0, 700.0))
+    found = mixing_from_ball(taken(image), find_balls(image, camera, mirror=False)[0], RIG)
+    assert np.abs(found.mixing - MIXING).max() < 0.01
+
+
+def test_gloss_stains_and_clipping_are_left_out() -> None:
+    """A sharp highlight of each light on the matt ball, a dark stain, and an exposure that clips a part of it."""
+    image = grey_photograph(SCENE, MIXING, FACING, albedo=0.75, noise=0, levels=None)
+    x, y = np.meshgrid(np.arange(300) + 0.5, np.arange(300) + 0.5)
+    normal = np.stack(
+        [x - 154.3, 156.2 - y, np.sqrt(np.clip(110**2 - (x - 154.3) ** 2 - (y - 156.2) ** 2, 0, None))], -1
+    )
+    for light, direction in enumerate(FACING):
+        half = direction + np.array([0, 0, 1])
+        gloss = np.clip(normal @ (half / np.linalg.norm(half)) / 110, 0, None) ** 300
+        image = image + 0.6 * gloss[..., None] * MIXING[:, light]
+    image[np.hypot(x - 120, y - 190) < 14] *= 0.5
+    photo = developed(image * 1.1, 0.003, 4095)
+    assert (photo >= 1).any(axis=-1).mean() > 0.03
+    found = mixing_from_ball(taken(photo), drawn(), RIG)
+    assert np.abs(found.mixing - MIXING).max() < 0.01
+    assert 0.005 < found.left_out < 0.15
+
+
+def test_lights_that_stand_near() -> None:
+    """Brightness falls with the square of the distance; the matrix holds at the target."""
+    middle = np.array([0.05, -0.02, -1.0])
+    scene = Scene([(middle, 0.2)], [], (300, 300), 550)
+    places = middle + 0.7 * FACING
+    starts, aims = scene.eye_rays(*scene.samples(3))
+    met, points, normals = scene.hits(starts, aims)
+    away = places - points[..., None, :]
+    distance = np.linalg.norm(away, axis=-1)
+    shading = np.clip(np.einsum("...ki,...i->...k", away, normals), 0, None) * 0.7**2 / distance**3
+    image = developed(scene.averaged(0.4 * shading @ MIXING.T * met[..., None], 3), 0.003, 65535)
+    camera = Camera("perspective", 300, 300, (550.0, 550.0))
+    ball = find_balls(image, camera, radius=0.2, mirror=False)[0]
+    found = mixing_from_ball(taken(image), ball, near_rig(places, middle))
+    assert np.abs(found.mixing - MIXING).max() < 0.01
+    with pytest.raises(InputError, match=r"only a perspective camera sees"):
+        mixing_from_ball(taken(image), drawn(), near_rig(places, middle))
+
+
+def bumps(size: int = 160) -> np.ndarray:
+    """(H, W, 3) normals of a wavy sheet, up to 45° steep."""
+    x, y = np.meshgrid(np.linspace(0, 9, size), np.linspace(0, 9, size))
+    slope_x, slope_y = 0.7 * np.cos(x) * np.sin(0.7 * y + 1), 0.7 * np.sin(1.3 * x) * np.cos(0.9 * y)
+    normals = np.stack([-slope_x, slope_y, np.ones_like(x)], -1)
+    return normals / np.linalg.norm(normals, axis=-1, keepdims=True)
+
+
+def test_another_shape_under_the_found_matrix_is_estimated_as_if_there_were_no_crosstalk() -> None:
+    photo = grey_photograph(SCENE, MIXING, FACING, levels=255)
+    found = mixing_from_ball(taken(photo), drawn(Circle(155.3, 155.2, 111)), RIG)
+    normals = bumps()
+    light = 0.5 * np.clip(normals @ FACING.T, 0, None)
+    errors = {}
+    for name, mixing, rig in (
+        ("no crosstalk", np.eye(3), RIG),
+        ("found", MIXING, LightRig(FACING, found.mixing)),
+        ("true", MIXING, LightRig(FACING, MIXING)),
+        ("left out", MIXING, RIG),
+    ):
+        image = developed(light @ mixing.T, 0.001, 65535)
+        estimate = estimate_normals(Capture(image, np.ones(image.shape[:2], bool), rig), "lambertian")
+        errors[name] = degrees_between(estimate.vectors, normals).mean()
+    assert abs(errors["found"] - errors["no crosstalk"]) < 0.3
+    # What is left of the difference is noise, which any unmixing amplifies.
+    assert abs(errors["found"] - errors["true"]) < 0.02
+    assert errors["left out"] > errors["no crosstalk"] + 5
+
+
+def by_light(albedo: float = 0.5) -> list[np.ndarray]:
+    """The grey ball under each light alone, all at one exposure."""
+    alone = [MIXING * np.eye(3)[light] for light in range(3)]
+    return [grey_photograph(SCENE, mixing, FACING, albedo=albedo, seed=k) for k, mixing in enumerate(alone)]
+
+
+def test_a_ball_under_one_light_at_a_time() -> None:
+    found = mixing_from_ball_by_light([taken(photo) for photo in by_light()], drawn(), RIG)
+    assert np.abs(found.mixing - MIXING).max() < 0.01
+
+
+@pytest.mark.parametrize("normal", [(0, 0, 1), (0.2, -0.3, 1)])
+def test_a_card_under_one_light_at_a_time(normal: Sequence[float]) -> None:
+    facing = np.array(normal) / np.linalg.norm(normal)
+    mask = np.zeros((60, 80), bool)
+    mask[10:50, 10:70] = True
+    photos = []
+    for light in range(3):
+        colour = 0.5 * MIXING[:, light] * (FACING[light] @ facing)
+        photos.append(developed(np.where(mask[..., None], colour, 0.9), 0.01, 65535, seed=light))
+        photos[-1][20:23, 20:30] *= 0.3  # a pencil stroke
+    found = mixing_from_card([taken(photo) for photo in photos], mask, RIG, normal)
+    assert np.abs(found.mixing - MIXING).max() < 0.01
+    assert found.ball is None
+
+
+def test_a_rig_in_the_wrong_order_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    """Lights at their places but mirrored explain the photo badly: by much, or by light that is taken away."""
+    image = grey_photograph(SCENE, MIXING, FACING)
+    try:
+        mixing_from_ball(taken(image), drawn(), LightRig(FACING * [-1, -1, 1]))
+    except InputError as error:
+        assert "does the rig belong to this photo" in str(error)
+    else:
+        assert "does the rig belong to this photo" in caplog.text
+
+
+def test_bad_photos() -> None:
+    image = grey_photograph(SCENE, MIXING, FACING)
+    with pytest.raises(InputError, match=r"black.*lights on"):
+        mixing_from_ball(taken(np.zeros_like(image)), drawn(), RIG)
+    with pytest.raises(InputError, match=r"fewer than 200 usable pixels.*overexposed"):
+        mixing_from_ball(taken(np.ones_like(image)), drawn(), RIG)
+    with pytest.raises(InputError, match=r"fewer than 200 usable pixels.*circle"):
+        mixing_from_ball(taken(image), drawn(Circle(900, 900, 20)), RIG)
+    with pytest.raises(InputError, match=r"2 photo\(s\) where three are needed"):
+        mixing_from_ball_by_light([taken(image)] * 2, drawn(), RIG)
+    mask = np.ones(image.shape[:2], bool)
+    with pytest.raises(InputError, match=r"2 photo\(s\) where three are needed"):
+        mixing_from_card([taken(image)] * 2, mask, RIG)
+    with pytest.raises(InputError, match=r"first light does not reach the card"):
+        mixing_from_card([taken(image)] * 3, mask, RIG, normal=(0, -1, 0))
+    with pytest.raises(InputError, match=r"first light has fewer than 200"):
+        mixing_from_card([taken(image)] * 3, ~mask, RIG)
+    with pytest.raises(InputError, match=r"black"):
+        mixing_from_card([taken(0 * image)] * 3, mask, RIG)
