@@ -96,15 +96,9 @@ class MPS_OT_calibrate_mixing(_Calibrates, bpy.types.Operator):
         lights = scene.mps.estimate.rig_file
         if not lights:
             raise InputError("where are the lights? Find them first, or name a rig file in the step Photo")
-        # The core does not overwrite what it reads: the rig goes through a copy.
-        before = folder / "rig.json"
-        try:
-            before.write_bytes(Path(bpy.path.abspath(lights)).read_bytes())
-        except OSError:
-            raise InputError(f"rig file {bpy.path.abspath(lights)} cannot be read; find the lights first") from None
         photos = [_photo(self.grey, "the grey ball")]
         arguments, outputs = self._arguments("mixing", photos, self._rig_path("mpsnet_rig"))
-        return [*arguments, "--rig", str(before)], outputs
+        return [*arguments, "--rig", bpy.path.abspath(lights)], outputs
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         rows = [
