@@ -98,6 +98,8 @@ def expand_images(inputs: Sequence[str | os.PathLike[str]]) -> list[Path]:
         elif any(sign in path.name for sign in "#*?"):
             pattern = re.sub("#", "[0-9]", glob.escape(path.name).replace("[*]", "*").replace("[?]", "?"))
             found = _photos(path.parent.glob(pattern))
+            if RESULT not in path.stem:  # as in a folder
+                found = [file for file in found if not _is_result(file)]
             if not found:
                 raise InputError(f"no image matches {path}; check the pattern")
         else:

@@ -55,6 +55,8 @@ def test_results_of_an_earlier_run_are_no_photos(tmp_path: Path) -> None:
     for name in ("a.png", "a_normals.png", "b.png"):
         (tmp_path / name).touch()
     assert [photo.name for photo in expand_images([tmp_path])] == ["a.png", "b.png"]
+    assert [photo.name for photo in expand_images([tmp_path / "*.png"])] == ["a.png", "b.png"]
+    assert [photo.name for photo in expand_images([tmp_path / "?_normals.png"])] == ["a_normals.png"]
     # Named outright, it is meant.
     assert [photo.name for photo in expand_images([tmp_path / "a_normals.png"])] == ["a_normals.png"]
 
