@@ -30,8 +30,10 @@ class _Calibrates(RunsCore, CalibrateSettings):
         arguments += ["--encoding", self.encoding.lower()]
         if self.lens:
             arguments += ["--focal", f"{self.lens:g}"]
-        if self.circle_radius > 0:
-            arguments += ["--circle", f"{self.circle_x:g},{self.circle_y:g},{self.circle_radius:g}"]
+        circles = [(self.circle_x, self.circle_y, self.circle_radius)]
+        circles += [(self.second_x, self.second_y, self.second_radius)] if len(photos) > 1 else []
+        for x, y, radius in circles if circles[0][2] > 0 else ():
+            arguments += ["--circle", f"{x:g},{y:g},{radius:g}"]
         return arguments, [rig, self._overlay]
 
     def _rig_path(self, name: str) -> Path:

@@ -13,7 +13,17 @@ from mpsnet_core.rig import LightRig, read_rig, write_rig
 
 from .bake import named_object, write_mesh
 from .operators import RunsCore, idle
-from .outputs import image_file, load_image, output_path, remember, remembered
+from .outputs import (
+    FORMATS,
+    frame_pattern,
+    image_file,
+    load_frames,
+    load_image,
+    output_frames,
+    output_path,
+    remember,
+    remembered,
+)
 from .preferences import preference
 from .properties import MODELS, EstimateSettings, take_given
 from .rig import light_rig, rig_camera, scene_camera
@@ -44,7 +54,12 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         take_given(self, EstimateSettings, scene.mps.estimate)
         image = scene.mps.photo.image
         photo = image_file(image, "photo", "render or open one first")
-        output = output_path(self.output, f"{scene.name}_normals", self.file_format)
+        self._moves = image.source in {"SEQUENCE", "MOVIE"}
+        if self._moves:
+            photo = frame_pattern(photo) if image.source == "SEQUENCE" else photo
+            output = output_frames(self.output, f"{scene.name}_normals")
+        else:
+            output = output_path(self.output, f"{scene.name}_normals", self.file_format)
         rig = Path(bpy.path.abspath(self.rig_file)) if self.rig_file else folder / "rig.json"
         if not self.rig_file:
             taken_with = remembered(image, "rig")
@@ -56,7 +71,9 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         arguments += [*reading(self), "--model", self._model()]
         arguments += ["--provider", preference("provider").lower(), "--threads", str(preference("threads"))]
         arguments += self._place(context, image, read_rig(rig), folder)
-        outputs = [output]
+        if self._moves:
+            arguments += ["--smooth", str(self.smooth), "--format", FORMATS[self.file_format]]
+        outputs = [output / "frames" if self._moves else output]
         if self.confidence:
             outputs.append(output.with_name(f"{output.stem}_confidence{output.suffix}"))
             arguments += ["--confidence", str(outputs[1])]
@@ -101,7 +118,11 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         scene = bpy.data.scenes.get(self._scene)
         if scene is None:
             raise InputError(f'the scene "{self._scene}" is gone; its normals are in {self._output}')
-        image = load_image(self._output, "MPS Normals", is_data=True)
+        if self._moves:
+            image = load_frames(Path(result["first_output"]), "MPS Normals Frames")
+            scene.mps.estimate.first_frame, scene.mps.estimate.last_frame = result["first"], result["last"]
+        else:
+            image = load_image(self._output, "MPS Normals", is_data=True)
         # The bake takes the camera as it stood for this photo, not for one that was estimated here before.
         remember(image, "camera", self._camera)
         scene.mps.estimate.image = image

@@ -1,5 +1,6 @@
 """Where files go, and how they come into Blender as images."""
 
+import re
 from pathlib import Path
 
 import bpy
@@ -7,12 +8,12 @@ import numpy as np
 
 from mpsnet_core.camera import read_camera
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import writable_path
+from mpsnet_core.files import made_folder, writable_path
 from mpsnet_core.rig import read_rig
 
 from .preferences import preference
 
-_SUFFIXES = {"PNG": ".png", "TIFF": ".tif", "EXR": ".exr"}
+FORMATS = {"PNG": "png", "TIFF": "tif", "EXR": "exr"}
 _ENDINGS = {".png", ".tif", ".tiff", ".exr"}
 _FINE_PREVIEW = 512
 _READERS = {"rig": read_rig, "camera": read_camera}
@@ -25,10 +26,51 @@ def output_path(given: str, name: str, file_format: str) -> Path:
     """
     path = Path(bpy.path.abspath(given)) if given else output_folder() / bpy.path.clean_name(name)
     if not path.suffix:
-        path = path.with_name(path.name + _SUFFIXES[file_format])
+        path = path.with_name(f"{path.name}.{FORMATS[file_format]}")
     if path.suffix.lower() not in _ENDINGS:
         raise InputError(f"cannot write {path}: the ending {path.suffix} is not known; use .png, .tif or .exr")
     return writable_path(path)
+
+
+def output_frames(given: str, name: str) -> Path:
+    """The folder for a sequence's frames: `given`, or `name` in the output folder.
+
+    Raises InputError where it would go with Blender: the frames of a sequence cannot be packed into the .blend file.
+    """
+    folder = Path(bpy.path.abspath(given)) if given else output_folder() / bpy.path.clean_name(name)
+    if not lasting(folder):
+        raise InputError("no folder is named for the frames; name one, or save this file and they go beside it")
+    return made_folder(folder, "frames")
+
+
+def lasting(folder: Path) -> bool:
+    """Whether a folder outlives this run of Blender."""
+    return Path(bpy.app.tempdir) not in folder.parents
+
+
+def frame_pattern(file: Path) -> Path:
+    """The pattern of a sequence's files, from one of them: frame_0012.png gives frame_####.png.
+
+    Raises InputError where its name has no number.
+    """
+    runs = list(re.finditer("[0-9]+", file.stem))
+    if not runs:
+        raise InputError(f"{file.name} has no number in its name, so it is no frame of a sequence; open it as a photo")
+    start, end = runs[-1].span()
+    digits = file.stem[start:end]
+    # Without leading zeros the numbers may grow longer.
+    run = "#" * len(digits) if digits.startswith("0") or len(digits) > 2 else "*"
+    return file.with_name(f"{file.stem[:start]}{run}{file.stem[end:]}{file.suffix}")
+
+
+def load_frames(first: Path, name: str) -> bpy.types.Image:
+    """The numbered files that begin with `first` as one image sequence of data.
+
+    Raises InputError where Blender cannot read it.
+    """
+    image = load_image(first, name, is_data=True)
+    image.source = "SEQUENCE"
+    return image
 
 
 def render_path(path: Path) -> Path:
@@ -56,14 +98,15 @@ def load_photo(path: Path, name: str) -> bpy.types.Image:
 
     Raises InputError where Blender cannot read it, or the file of its rig or camera is malformed.
     """
-    known = {what: _read_beside(path, what) for what in _READERS}
+    known = {what: read_beside(path, what) for what in _READERS}
     image = load_image(path, name, is_data=False)
     for what, text in known.items():
         remember(image, what, text)
     return image
 
 
-def _read_beside(picture: Path, what: str) -> str | None:
+def read_beside(picture: Path, what: str) -> str | None:
+    """The text of a photo's "rig" or "camera" file, None where there is none. InputError where it is malformed."""
     file = beside(picture, what)
     if not file.is_file():
         return None
@@ -105,6 +148,8 @@ def load_image(path: Path, name: str, *, is_data: bool) -> bpy.types.Image:
         image = bpy.data.images.load(str(path), check_existing=True)
     except RuntimeError:
         raise InputError(f"cannot open {path}: it does not exist or is not an image; check the path") from None
+    if image.source == "SEQUENCE":
+        image.source = "FILE"
     if image.packed_file:
         image.unpack(method="REMOVE")  # else the packed file would be read again
     if is_data:  # said before its pixels are read: 4.5 does not convert them again
@@ -149,6 +194,9 @@ def image_file(image: bpy.types.Image | None, what: str, mend: str) -> Path:
     """The file an image comes from. Raises InputError where there is no image or it has no file on disk."""
     if image is None:
         raise InputError(f"there is no {what} yet; {mend}")
+    source = remembered(image, "source")
+    if source is not None:
+        return Path(source)
     path = Path(bpy.path.abspath(image.filepath, library=image.library))
     if image.packed_file and not path.is_file():
         path = Path(bpy.app.tempdir) / path.name

@@ -6,8 +6,9 @@ import bpy
 
 from mpsnet_core.errors import InputError
 
+from .outputs import lasting
 from .rig import COLOURS, drawn_rig
-from .training_data import lasting, samples_folder, standing
+from .training_data import samples_folder, standing
 
 
 class _Step(bpy.types.Panel):
@@ -93,6 +94,11 @@ class MPS_PT_calibrate(_Step):
         circle.prop(calibrate, "circle_x")
         circle.prop(calibrate, "circle_y")
         circle.prop(calibrate, "circle_radius")
+        if calibrate.second_ball and calibrate.circle_radius:
+            circle = column.column(align=True)
+            circle.prop(calibrate, "second_x")
+            circle.prop(calibrate, "second_y")
+            circle.prop(calibrate, "second_radius")
         column.prop(calibrate, "encoding")
         column.prop(calibrate, "output", placeholder="Automatic")
         self.progress_or(context, "calibrate_lights", "LIGHT_SUN")
@@ -156,7 +162,11 @@ class MPS_PT_estimate(_Step):
             column.prop(estimate, "model_file")
         column.prop(estimate, "file_format")
         column.prop(estimate, "output", text="File", placeholder="Automatic")
-        column.prop(estimate, "confidence")
+        photo = context.scene.mps.photo.image
+        if photo is not None and photo.source in {"SEQUENCE", "MOVIE"}:
+            column.prop(estimate, "smooth")
+        else:
+            column.prop(estimate, "confidence")
         self.progress_or(context, "estimate", "NORMALS_FACE")
         self.layout.template_ID(estimate, "image", open="image.open")
         self.picture(estimate.image)

@@ -189,6 +189,25 @@ class CalibrateSettings:
         min=0.0,
         options=GIVEN,
     )
+    second_x: FloatProperty(
+        name="Second Ball X",
+        description="Middle of the ball at its second place, in pixels from the photo's left edge",
+        default=0.0,
+        options=GIVEN,
+    )
+    second_y: FloatProperty(
+        name="Y",
+        description="Middle of the ball at its second place, in pixels from the photo's top edge",
+        default=0.0,
+        options=GIVEN,
+    )
+    second_radius: FloatProperty(
+        name="Radius",
+        description="Radius of the ball's outline at its second place, in pixels. Needed where the first one is given",
+        default=0.0,
+        min=0.0,
+        options=GIVEN,
+    )
     encoding: EnumProperty(
         name="Encoding",
         description="How the photos' values stand for light",
@@ -329,6 +348,15 @@ class EstimateSettings:
         name="Confidence Map",
         description="Also write how far each normal can be trusted, beside the normal map",
         default=False,
+        options=GIVEN,
+    )
+    smooth: IntProperty(
+        name="Smooth Over Time",
+        description="Frames of a sequence or video before and behind, with which each is averaged where they show "
+        "the same",
+        default=0,
+        min=0,
+        max=12,
         options=GIVEN,
     )
     file_format: EnumProperty(
@@ -537,6 +565,8 @@ class MPS_PG_photo(PhotoSettings, bpy.types.PropertyGroup):
 class MPS_PG_estimate(EstimateSettings, bpy.types.PropertyGroup):
     """The estimate: its settings, and the normal map once it is there."""
 
+    first_frame: IntProperty(description="Number of the first frame of normals, where they are a sequence")
+    last_frame: IntProperty(description="Number of the last frame of normals, where they are a sequence")
     mask_image: PointerProperty(name="Mask", description="The mask, drawn over the photo", type=bpy.types.Image)
     surface: PointerProperty(
         name="Surface",

@@ -11,12 +11,21 @@ from bpy.props import StringProperty
 
 from mpsnet_core.camera import write_camera
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import written_whole
+from mpsnet_core.files import PHOTO_SUFFIXES, RAW_SUFFIXES, VIDEO_SUFFIXES, written_whole
 from mpsnet_core.rig import write_rig
 
 from .core_process import run
 from .operators import SaysWhy
-from .outputs import beside, literally, load_photo, output_path, render_path
+from .outputs import (
+    beside,
+    frame_pattern,
+    literally,
+    load_photo,
+    output_path,
+    read_beside,
+    remember,
+    render_path,
+)
 from .properties import PhotoSettings, take_given
 from .rig import light_rig, rig_parts, scene_camera, view_layer
 
@@ -46,7 +55,9 @@ class MPS_OT_render_photo(SaysWhy, PhotoSettings, bpy.types.Operator):
 
 
 class MPS_OT_open_photo(SaysWhy, bpy.types.Operator):
-    """Open a captured photo: PNG, TIFF, JPEG or OpenEXR. Files NAME.rig.json and NAME.camera.json beside it are read"""
+    """Open a captured photo (PNG, TIFF, JPEG, OpenEXR, camera raw), all frames of a sequence, or a video.
+
+    Files NAME.rig.json and NAME.camera.json beside it are read"""
 
     bl_idname = "mps.open_photo"
     bl_label = "Open Photo"
@@ -55,7 +66,15 @@ class MPS_OT_open_photo(SaysWhy, bpy.types.Operator):
     filepath: StringProperty(
         name="File", description="Photo under red, green and blue light", subtype="FILE_PATH", options={"SKIP_SAVE"}
     )
-    filter_image: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
+    sequence: bpy.props.BoolProperty(
+        name="All Frames",
+        description="The photo is a numbered frame, and all frames that are numbered like it are meant",
+        default=False,
+        options={"SKIP_SAVE"},
+    )
+    filter_glob: StringProperty(
+        default=";".join(f"*{suffix}" for suffix in (*PHOTO_SUFFIXES, *VIDEO_SUFFIXES)), options={"HIDDEN", "SKIP_SAVE"}
+    )
     filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
 
     def invoke(self, context: Any, event: bpy.types.Event) -> set[Any]:
@@ -66,7 +85,22 @@ class MPS_OT_open_photo(SaysWhy, bpy.types.Operator):
         if not self.filepath:
             raise InputError("no photo was named; give its path as filepath")
         path = Path(bpy.path.abspath(self.filepath))
-        context.scene.mps.photo.image = load_photo(path, path.stem)
+        image = load_raw(path) if path.suffix.lower() in RAW_SUFFIXES else load_photo(path, path.stem)
+        if self.sequence:
+            frame_pattern(path)  # says so where it has no number
+            image.source = "SEQUENCE"
+        context.scene.mps.photo.image = image
+
+
+def load_raw(path: Path) -> bpy.types.Image:
+    """A camera raw file as an image to look at, developed beside; what reads the photo goes on reading the raw file."""
+    shown = output_path("", path.stem, "EXR")
+    run(["superpose", str(path), "--output", str(shown)], [shown])
+    image = load_photo(shown, path.stem)
+    remember(image, "source", str(path))
+    for what in ("rig", "camera"):
+        remember(image, what, read_beside(path, what))
+    return image
 
 
 class MPS_OT_render_truth(SaysWhy, bpy.types.Operator):

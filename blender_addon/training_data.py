@@ -13,7 +13,7 @@ from mpsnet_core.files import written_whole
 from mpsnet_core.synthesis.job import CONTACT_SHEET, JOB_FILE, SHAPES, SampleJob, place_job, read_job, samples_there
 
 from .operators import RunsCore, idle
-from .outputs import fine_preview, load_image, output_folder
+from .outputs import fine_preview, lasting, load_image, output_folder
 from .properties import SamplesSettings, take_given
 
 SCENE_FILE = "scene.blend"
@@ -127,11 +127,6 @@ def can_denoise() -> bool:
     import _cycles  # type: ignore[import-not-found]
 
     return bool(_cycles.with_openimagedenoise)
-
-
-def lasting(folder: Path) -> bool:
-    """Whether a folder outlives this run of Blender."""
-    return Path(bpy.app.tempdir) not in folder.parents
 
 
 def standing(folder: Path) -> str:

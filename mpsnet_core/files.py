@@ -14,6 +14,17 @@ from mpsnet_core.errors import InputError
 # Rigs and cameras are a few hundred bytes; a larger file is not one of ours and is not parsed.
 MAX_JSON_BYTES = 1 << 20
 
+# Photos by their suffixes; camera raw as far as LibRaw reads it.
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr")
+# fmt: off
+RAW_SUFFIXES = (
+    ".3fr", ".arw", ".cr2", ".cr3", ".crw", ".dcr", ".dng", ".erf", ".fff", ".iiq", ".kdc", ".mef", ".mos", ".mrw",
+    ".nef", ".nrw", ".orf", ".pef", ".raf", ".rw2", ".rwl", ".sr2", ".srf", ".srw",
+)
+# fmt: on
+PHOTO_SUFFIXES = (*IMAGE_SUFFIXES, *RAW_SUFFIXES)
+VIDEO_SUFFIXES = (".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mts", ".mxf", ".webm")
+
 
 @contextmanager
 def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:

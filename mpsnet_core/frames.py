@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import writable_path
-from mpsnet_core.images import IMAGE_SUFFIXES, PHOTO_SUFFIXES, RAW_SUFFIXES, checked_bits
+from mpsnet_core.files import IMAGE_SUFFIXES, PHOTO_SUFFIXES, RAW_SUFFIXES, writable_path
+from mpsnet_core.images import checked_bits
 
 # What a photo's name is given to name its normals.
 RESULT = "_normals"

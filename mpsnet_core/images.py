@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.bands import bands
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import existing_file, written_whole
+from mpsnet_core.files import RAW_SUFFIXES, existing_file, written_whole
 
 log = logging.getLogger(__name__)
 
@@ -28,14 +28,6 @@ MAX_CHANNELS = 1024
 
 # Bits a channel that each kind of file can hold; the first is what is written unless asked otherwise.
 WRITABLE_BITS = {".png": (16, 8), ".tif": (16, 8, 32), ".tiff": (16, 8, 32), ".exr": (32, 16)}
-IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr")
-# fmt: off
-RAW_SUFFIXES = (
-    ".3fr", ".arw", ".cr2", ".cr3", ".crw", ".dcr", ".dng", ".erf", ".fff", ".iiq", ".kdc", ".mef", ".mos", ".mrw",
-    ".nef", ".nrw", ".orf", ".pef", ".raf", ".rw2", ".rwl", ".sr2", ".srf", ".srw",
-)
-# fmt: on
-PHOTO_SUFFIXES = (*IMAGE_SUFFIXES, *RAW_SUFFIXES)
 
 # Above this share of the clip value a channel counts as saturated: an 8-bit sRGB 254 is linear 0.991.
 SATURATED_SHARE = 0.99

@@ -63,7 +63,7 @@ def _photos(options: argparse.Namespace, photos: list[Path], rig: LightRig, repo
         log.warning("frame(s) %s missing; the others are estimated", numbered.gaps)
     number, first = min(zip(numbered.numbers, outputs, strict=True))
     padded = len({len(digits) for digits in numbered.digits}) == 1
-    return {**result, **_sequence(outcome, options, first, number, padded, None)}
+    return {**result, **_sequence(outcome, options, first, (number, max(numbered.numbers)), padded, None)}
 
 
 def _video(options: argparse.Namespace, path: Path, rig: LightRig, reporter: Reporter) -> dict[str, Any]:
@@ -75,7 +75,8 @@ def _video(options: argparse.Namespace, path: Path, rig: LightRig, reporter: Rep
         video, outputs, masks=frame_masks(options.mask), reach=options.smooth, encoding=options.encoding
     )
     outcome, result = _run(options, frames, video.count, rig, reporter)
-    return {**result, **_sequence(outcome, options, outputs(1), 1, True, video.frame_rate)}
+    numbers = (1, outcome.made + outcome.there)
+    return {**result, **_sequence(outcome, options, outputs(1), numbers, True, video.frame_rate)}
 
 
 def _run(
@@ -123,7 +124,12 @@ def _run(
 
 
 def _sequence(
-    outcome: Outcome, options: argparse.Namespace, first: Path, number: int, padded: bool, rate: float | None
+    outcome: Outcome,
+    options: argparse.Namespace,
+    first: Path,
+    numbers: tuple[int, int],
+    padded: bool,
+    rate: float | None,
 ) -> dict[str, Any]:
     """What a program needs to load the results as one image sequence."""
     *_, digits = re.finditer("[0-9]+", first.stem)
@@ -132,7 +138,8 @@ def _sequence(
     return {
         "first_output": str(first),
         "pattern": pattern,
-        "first": number,
+        "first": numbers[0],
+        "last": numbers[1],
         "count": outcome.made + outcome.there,
         "frame_rate": rate,
         "text": f"{Path(options.output) / pattern}: {_told(outcome, options)}",

@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.camera import Camera
 from mpsnet_core.errors import InputError
-from mpsnet_core.images import IMAGE_SUFFIXES, read_orientation
+from mpsnet_core.files import IMAGE_SUFFIXES
+from mpsnet_core.images import read_orientation
 from mpsnet_core.photogrammetry.lens import Lens
 
 # Photogrammetry looks along +z with y down, we along -z with y up.

@@ -12,14 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import existing_file
+from mpsnet_core.files import IMAGE_SUFFIXES, VIDEO_SUFFIXES, existing_file
 from mpsnet_core.frames import RESULT
-from mpsnet_core.images import ENCODINGS, IMAGE_SUFFIXES, MAX_PIXELS, Encoding, Image, checked_bits, srgb_to_linear
+from mpsnet_core.images import ENCODINGS, MAX_PIXELS, Encoding, Image, checked_bits, srgb_to_linear
 from mpsnet_core.sequence.source import Frame, Masks, identity
 
 log = logging.getLogger(__name__)
 
-VIDEO_SUFFIXES = (".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mts", ".mxf", ".webm")
 
 # What is let in: files that hold pictures themselves. FFmpeg's playlists name other files, and addresses.
 _OPEN = {"protocol_whitelist": "file", "format_whitelist": "avi,matroska,webm,mov,mp4,m4a,3gp,3g2,mj2,mpegts,mxf"}

@@ -8,7 +8,7 @@ import pytest
 from dng import BAYER, X_TRANS, mosaic, write_dng
 from synthetic import degrees_between, shaded_sphere
 
-from mpsnet_core import images
+from mpsnet_core import files
 from mpsnet_core.capture import read_capture
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate import estimate_normals
@@ -254,5 +254,5 @@ class TestBadInput:
 
 
 def test_the_plain_install_reads_what_it_read_before() -> None:
-    assert not set(images.IMAGE_SUFFIXES) & set(images.RAW_SUFFIXES)
-    assert all(suffix == suffix.lower() and suffix[0] == "." for suffix in images.RAW_SUFFIXES)
+    assert not set(files.IMAGE_SUFFIXES) & set(files.RAW_SUFFIXES)
+    assert all(suffix == suffix.lower() and suffix[0] == "." for suffix in files.RAW_SUFFIXES)

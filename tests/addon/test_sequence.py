@@ -1,0 +1,113 @@
+"""Frames and videos become image sequences on Blender's timeline."""
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from mpsnet_core.images import read_image, write_image
+from mpsnet_core.normals import read_normals
+from mpsnet_core.rig import published_rig, write_rig
+
+NUMBERS = range(8, 12)
+
+
+@pytest.fixture
+def shots(scene, tmp_path) -> Path:
+    """Four frames of a matt ball that grows, numbered from 8, and their rig; the folder of the scene's own file."""
+    lights = published_rig().directions
+    folder = tmp_path / "shots"
+    folder.mkdir()
+    for number in NUMBERS:
+        write_image(folder / f"shot_{number:04d}.exr", ball(10 + number, lights))
+    write_rig(tmp_path / "rig.json", published_rig())
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    return folder
+
+
+def ball(radius: float, lights: np.ndarray) -> np.ndarray:
+    """(48, 48, 4) a ball of so many pixels' radius in the middle, with alpha."""
+    x, y = np.meshgrid(np.arange(48) - 23.5, 23.5 - np.arange(48))
+    inside = x**2 + y**2 < (radius - 1) ** 2
+    z = np.sqrt(np.where(inside, radius**2 - x**2 - y**2, 0))
+    light = np.maximum(np.stack([x, y, z], axis=-1) / radius @ lights.T, 0) * inside[..., None]
+    return np.concatenate([light, inside[..., None]], axis=-1).astype(np.float32)
+
+
+def shown_at(image, frame: int) -> Path:
+    """The file that a texture of the scene's shows at a frame of the timeline."""
+    scene = bpy.context.scene
+    texture = bpy.data.textures.new("Shown", "IMAGE")
+    texture.image = image
+    user = texture.image_user
+    user.frame_start, user.frame_offset = NUMBERS[0], NUMBERS[0] - 1
+    user.frame_duration = scene.mps.estimate.last_frame - scene.mps.estimate.first_frame + 1
+    user.frame_current = frame
+    return Path(image.filepath_from_user(image_user=user))
+
+
+def test_a_sequence_of_frames_becomes_one_of_normals(shots, scene, tmp_path):
+    bpy.ops.mps.open_photo(filepath=str(shots / "shot_0009.exr"), sequence=True)
+    bpy.ops.mps.estimate(model="LAMBERTIAN", rig_file=str(tmp_path / "rig.json"))
+    image, estimate = scene.mps.estimate.image, scene.mps.estimate
+    assert (image.source, estimate.first_frame, estimate.last_frame) == ("SEQUENCE", 8, 11)
+    assert image.colorspace_settings.is_data
+    for number in NUMBERS:
+        file = shown_at(image, number)
+        mask = read_image(shots / f"shot_{number:04d}.exr").alpha > 0.5
+        np.testing.assert_array_equal(read_normals(file).mask, mask)
+
+
+def test_it_goes_on_where_it_stopped(shots, scene, tmp_path):
+    bpy.ops.mps.open_photo(filepath=str(shots / "shot_0008.exr"), sequence=True)
+    options = {"model": "LAMBERTIAN", "rig_file": str(tmp_path / "rig.json"), "output": str(tmp_path / "normals")}
+    bpy.ops.mps.estimate(**options)
+    files = sorted((tmp_path / "normals").iterdir())
+    assert len(files) == 4
+    files[2].unlink()
+    before = {file.name: file.stat().st_mtime_ns for file in files if file.exists()}
+    bpy.ops.mps.estimate(**options)
+    after = {file.name: file.stat().st_mtime_ns for file in sorted((tmp_path / "normals").iterdir())}
+    assert len(after) == 4
+    assert before.items() <= after.items()
+
+
+def test_a_video_becomes_a_sequence_of_normals(shots, scene, tmp_path):
+    av = pytest.importorskip("av")
+    lights = published_rig().directions
+    with av.open(str(tmp_path / "clip.mkv"), "w") as container:
+        stream = container.add_stream("ffv1", rate=24)
+        stream.width = stream.height = 48
+        stream.pix_fmt = "bgr0"
+        for number in NUMBERS:
+            values = (255 * ball(10 + number, lights)[..., :3] ** (1 / 2.2)).astype(np.uint8)
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(values, format="rgb24").reformat(format="bgr0")))
+        container.mux(stream.encode())
+    bpy.ops.mps.open_photo(filepath=str(tmp_path / "clip.mkv"))
+    assert scene.mps.photo.image.source == "MOVIE"
+    bpy.ops.mps.estimate(
+        model="LAMBERTIAN", rig_file=str(tmp_path / "rig.json"), mask="THRESHOLD", threshold=0.05, smooth=1
+    )
+    estimate = scene.mps.estimate
+    assert (estimate.image.source, estimate.first_frame, estimate.last_frame) == ("SEQUENCE", 1, 4)
+    assert len(list((tmp_path / "Scene_normals").iterdir())) == 4
+
+
+def test_frames_need_a_folder_that_stays(shots, scene, tmp_path):
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    bpy.ops.mps.open_photo(filepath=str(shots / "shot_0008.exr"), sequence=True)
+    with pytest.raises(RuntimeError, match="no folder is named for the frames; name one, or save this file"):
+        bpy.ops.mps.estimate(model="LAMBERTIAN", rig_file=str(tmp_path / "rig.json"))
+
+
+def test_a_photo_without_a_number_is_no_frame(shots, scene, tmp_path):
+    write_image(tmp_path / "photo.exr", ball(20, published_rig().directions))
+    with pytest.raises(RuntimeError, match="has no number in its name"):
+        bpy.ops.mps.open_photo(filepath=str(tmp_path / "photo.exr"), sequence=True)
+
+
+def test_a_sequence_has_no_confidence_map(shots, scene, tmp_path):
+    bpy.ops.mps.open_photo(filepath=str(shots / "shot_0008.exr"), sequence=True)
+    with pytest.raises(RuntimeError, match="--confidence takes one photo at a time"):
+        bpy.ops.mps.estimate(model="LAMBERTIAN", rig_file=str(tmp_path / "rig.json"), confidence=True)
