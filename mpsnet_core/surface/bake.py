@@ -2,7 +2,7 @@
 
 import logging
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -23,8 +23,8 @@ log = logging.getLogger(__name__)
 MAX_SIZE = 16384
 # Texels worked on at once: small enough to stay in a core's cache.
 TEXELS_AT_ONCE = 1 << 16
-# Views beyond this much memory are read once more for each pass over them.
-KEPT_BYTES = 2 << 30
+# Views beyond about this much memory are not held at once, but asked for again in each pass.
+HELD_BYTES = 1 << 30
 # The weight of the mesh's own normal where views fade out: that of a view at 80 degrees.
 FADE = 1e-3
 
@@ -82,14 +82,18 @@ def bake_normals(
     starts = range(0, len(texels), TEXELS_AT_ONCE)
     with ThreadPoolExecutor(_usable_cores()) as pool:
         try:
-            for number, projector in enumerate(projectors):
+            done = 0
+            for batch in projectors.batches():
 
-                def look(start: int, projector: Projector = projector) -> None:
+                def look(start: int, batch: list[Projector] = batch) -> None:
                     chunk = slice(start, start + TEXELS_AT_ONCE)
-                    gathered.add(chunk, projector.look(*surface.points(chunk)))
+                    points = surface.points(chunk)
+                    for projector in batch:
+                        gathered.add(chunk, projector.look(*points))
 
-                for done, _ in enumerate(pool.map(look, starts)):
-                    progress(0.1 + 0.75 * (number + done / len(starts)) / len(views), "baking")
+                for _ in pool.map(look, starts):
+                    progress(0.1 + 0.7 * done / (len(starts) * len(views)), "baking")
+                    done += len(batch)
             if not gathered.views.any():
                 raise InputError("no view sees any of the mesh; check that the cameras and the mesh share one world")
             vectors = np.zeros((size * size, 3), np.float32)
@@ -99,8 +103,8 @@ def bake_normals(
                 chunk = slice(start, start + TEXELS_AT_ONCE)
                 vectors[texels[chunk]] = surface.settled(chunk, gathered.sums[chunk, :3], FADE * (feather > 0), space)
 
-            for done, _ in enumerate(pool.map(settle, starts)):
-                progress(0.85 + 0.05 * done / len(starts), "baking")
+            for number, _ in enumerate(pool.map(settle, starts)):
+                progress(0.8 + 0.1 * number / len(starts), "baking")
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
@@ -121,23 +125,26 @@ def bake_normals(
 
 
 class _Projectors:
-    """The views' projectors in their order: kept once made as far as they fit in memory, those beyond made anew."""
+    """The views' projectors, as many at once as memory shall hold; all of them kept where that is enough."""
 
     def __init__(self, views: Sequence[View], scene: RayScene, feather: float) -> None:
         self.views, self.scene, self.feather = views, scene, feather
-        self.kept: list[Projector] = []
-        self.free = KEPT_BYTES
+        self.all: list[Projector] = []
 
-    def __iter__(self) -> Iterator[Projector]:
+    def batches(self) -> Iterator[list[Projector]]:
+        if self.all:
+            yield self.all
+            return
+        batch: list[Projector] = []
+        held = 0
         for number in range(len(self.views)):
-            if number < len(self.kept):
-                yield self.kept[number]
-                continue
-            projector = Projector(self.views[number], self.scene, self.feather)
-            if number == len(self.kept) and projector.samples.nbytes <= self.free:
-                self.kept.append(projector)
-                self.free -= projector.samples.nbytes
-            yield projector
+            batch.append(Projector(self.views[number], self.scene, self.feather))
+            held += batch[-1].samples.nbytes
+            if number + 1 == len(self.views) == len(batch):
+                self.all = batch
+            if held >= HELD_BYTES or number + 1 == len(self.views):
+                yield batch
+                batch, held = [], 0
 
 
 @dataclass(frozen=True)
@@ -172,7 +179,7 @@ class _Gathered:
 
 
 def _seen_triangles(
-    mesh: Mesh, projectors: Iterable[Projector], scene: RayScene, progress: Progress
+    mesh: Mesh, projectors: _Projectors, scene: RayScene, progress: Progress
 ) -> NDArray[np.bool_]:
     """(T,) whether any view sees the triangle's middle."""
     corners = mesh.world_vertices[mesh.triangles] - scene.middle
@@ -181,9 +188,10 @@ def _seen_triangles(
         outwards = -outwards
     middles, outwards = corners.mean(axis=1).astype(np.float32), normalised(outwards).astype(np.float32)
     seen = np.zeros(len(middles), bool)
-    for projector in projectors:
-        progress(0.5, "laying out the UVs")
-        seen |= projector.look(middles, outwards)[:, 3] > 0
+    for batch in projectors.batches():
+        progress(0.0, "laying out the UVs")
+        for projector in batch:
+            seen |= projector.look(middles, outwards)[:, 3] > 0
     return seen
 
 
