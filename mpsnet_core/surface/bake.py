@@ -78,39 +78,39 @@ def bake_normals(
     surface = _Surface(mesh, corners, scene.middle, order[laid.ravel()[texels]], texels, size)
     del laid
 
-    gathered = _Gathered.nothing(len(texels))
+    looks = _Looks.none(len(texels))
+    vectors = np.zeros((size * size, 3), np.float32)
+    vectors[:, 2] = 1
+    spread = np.zeros(size * size, np.float32)
     starts = range(0, len(texels), TEXELS_AT_ONCE)
+    done = 0
     with ThreadPoolExecutor(_usable_cores()) as pool:
         try:
-            done = 0
             for batch in projectors.batches():
+                last = done + len(batch) * len(starts) == len(views) * len(starts)
 
-                def look(start: int, batch: list[Projector] = batch) -> None:
+                def work(start: int, batch: list[Projector] = batch, last: bool = last) -> None:
                     chunk = slice(start, start + TEXELS_AT_ONCE)
-                    points = surface.points(chunk)
+                    point, normal = surface.points(chunk)
+                    looked = looks.of(chunk)
                     for projector in batch:
-                        gathered.add(chunk, projector.look(*points))
+                        looked.add(*projector.look(point, normal))
+                    if last:
+                        fallback = normal * np.float32(FADE * (feather > 0))
+                        vectors[texels[chunk]] = surface.encoded(chunk, looked.sums[:, :3] + fallback, space)
+                        spread[texels[chunk]] = looked.spread()
 
-                for _ in pool.map(look, starts):
-                    progress(0.1 + 0.7 * done / (len(starts) * len(views)), "baking")
+                for _ in pool.map(work, starts):
+                    progress(0.1 + 0.8 * done / (len(views) * len(starts)), "baking")
                     done += len(batch)
-            if not gathered.views.any():
-                raise InputError("no view sees any of the mesh; check that the cameras and the mesh share one world")
-            vectors = np.zeros((size * size, 3), np.float32)
-            vectors[:, 2] = 1
-
-            def settle(start: int) -> None:
-                chunk = slice(start, start + TEXELS_AT_ONCE)
-                vectors[texels[chunk]] = surface.settled(chunk, gathered.sums[chunk, :3], FADE * (feather > 0), space)
-
-            for number, _ in enumerate(pool.map(settle, starts)):
-                progress(0.8 + 0.1 * number / len(starts), "baking")
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
+    if not looks.views.any():
+        raise InputError("no view sees any of the mesh; check that the cameras and the mesh share one world")
     progress(0.9, "growing the margin")
-    count, spread = np.zeros(size * size, np.uint16), np.zeros(size * size, np.float32)
-    count[texels], spread[texels] = gathered.views, gathered.spread()
+    count = np.zeros(size * size, np.uint16)
+    count[texels] = looks.views
     shape = (size, size)
     texture = Texture(
         grown(vectors.reshape(*shape, 3), covered, margin),
@@ -148,34 +148,40 @@ class _Projectors:
 
 
 @dataclass(frozen=True)
-class _Gathered:
+class _Looks:
     """What the views so far say of N texels.
 
-    sums: (N, 4) the weighted normals in world space, and the sum of their lengths: of their weights, but for what
-    sampling between unlike pixels takes off. views: (N,) how many see the texel.
+    sums: (N, 4) their weighted normals in world space, and those vectors' lengths. views: (N,) how many see the texel.
     """
 
     sums: NDArray[np.float32]
     views: NDArray[np.uint16]
 
     @classmethod
-    def nothing(cls, count: int) -> "_Gathered":
+    def none(cls, count: int) -> "_Looks":
         return cls(np.zeros((count, 4), np.float32), np.zeros(count, np.uint16))
 
-    def add(self, chunk: slice, looks: NDArray[np.float32]) -> None:
-        """Add what one more view says of some of the texels: (M, 4), see :meth:`Projector.look`."""
-        self.sums[chunk, :3] += looks[:, :3]
-        self.sums[chunk, 3] += np.sqrt(np.einsum("ni,ni->n", looks[:, :3], looks[:, :3]))
-        self.views[chunk] += looks[:, 3] > 0
+    def of(self, chunk: slice) -> "_Looks":
+        """Some of the texels; what is added to them is added here."""
+        return _Looks(self.sums[chunk], self.views[chunk])
+
+    def add(self, seen: NDArray[np.int64], samples: NDArray[np.float32]) -> None:
+        """Add what one more view says, see :meth:`Projector.look`."""
+        samples[:, 3] = np.sqrt(np.einsum("ni,ni->n", samples[:, :3], samples[:, :3]))
+        self.sums[seen] += samples
+        self.views[seen] += 1
 
     def spread(self) -> NDArray[np.float32]:
         """(N,) degrees: the angle whose cosine is the weighted mean cosine between the views' normals and their mean.
 
-        That mean cosine is the length of the weighted sum over the sum of the lengths.
+        That mean cosine is the weighted sum's length over the sum of the lengths.
         """
-        lengths = np.linalg.norm(self.sums[:, :3], axis=1)
-        cosine = np.clip(lengths / np.maximum(self.sums[:, 3], 1e-30), 0, 1)
-        return np.where(self.views > 1, np.degrees(np.arccos(cosine)), 0).astype(np.float32)
+        spread = np.zeros(len(self.views), np.float32)
+        several = np.flatnonzero(self.views > 1)
+        sums = self.sums[several].astype(np.float64)
+        cosine = np.linalg.norm(sums[:, :3], axis=1) / sums[:, 3]
+        spread[several] = np.degrees(np.arccos(np.minimum(cosine, 1)))
+        return spread
 
 
 def _seen_triangles(
@@ -191,7 +197,7 @@ def _seen_triangles(
     for batch in projectors.batches():
         progress(0.0, "laying out the UVs")
         for projector in batch:
-            seen |= projector.look(middles, outwards)[:, 3] > 0
+            seen[projector.look(middles, outwards)[0]] = True
     return seen
 
 
@@ -265,15 +271,10 @@ class _Surface:
         position, normal = self.at(chunk, self.position, self.normal)
         return position, normalised(normal @ self.world_from_object_normals.T)
 
-    def settled(self, chunk: slice, sums: NDArray[np.float32], fade: float, space: Space) -> NDArray[np.float32]:
-        """(M, 3) unit normals in `space` from the views' weighted sums (M, 3) in world space.
-
-        fade: the weight of the mesh's own normal; where there is no sum that stands alone.
-        """
+    def encoded(self, chunk: slice, vectors: NDArray[np.float32], space: Space) -> NDArray[np.float32]:
+        """(M, 3) unit normals in `space` from vectors (M, 3) in world space; the surface's own where those are zero."""
         normal, tangent = self.at(chunk, self.normal, self.tangent)
-        seen = sums.any(axis=1)[:, None]
-        own = normalised(normal @ self.world_from_object_normals.T)
-        baked = np.where(seen, (sums + fade * own) @ self.object_from_world_normals.T, normal)
+        baked = np.where(vectors.any(axis=1)[:, None], vectors @ self.object_from_world_normals.T, normal)
         if space == "tangent":
             baked = _to_tangent_space(baked, normal, tangent, self.sign[self.triangle[chunk]])
         return normalised(baked)

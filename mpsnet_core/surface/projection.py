@@ -64,12 +64,14 @@ class Projector:
             np.concatenate([world, np.ones_like(world[..., :1])], -1) * weight[..., None], [(1, 1), (1, 1), (0, 0)]
         )
 
-    def look(self, points: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.float32]:
-        """(N, 4) the weighted normal in world space and its weight, for surface points and unit normals (N, 3).
+    def look(
+        self, points: NDArray[np.float32], normals: NDArray[np.float32]
+    ) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+        """Which of the surface's points (N, 3), of unit normals (N, 3), the view sees: (M,) their numbers.
 
-        The points are relative to the scene's middle, the normals in world space.
+        And (M, 4) what it sees there: the weighted normal in world space and its weight. The points are relative to
+        the scene's middle, the normals in world space.
         """
-        out = np.zeros((len(points), 4), np.float32)
         if self.camera.projection == "orthographic":
             facing = normals @ self.camera.rotation[:, 2].astype(np.float32)
         else:
@@ -92,8 +94,8 @@ class Projector:
         hit = sampled[:, 3] > 0
         candidate, sampled = candidate[hit], sampled[hit]
         visible = self.visibility.seen(points[hit], pixels[hit], depth[hit])
-        out[candidate[visible]] = sampled[visible] * (facing[candidate[visible]] ** FACING_POWER)[:, None]
-        return out
+        seen = candidate[visible]
+        return seen, sampled[visible] * (facing[seen] ** FACING_POWER)[:, None]
 
     def _sample(self, pixels: NDArray[np.float64]) -> NDArray[np.float32]:
         """Bilinear, between pixel centres; pixels outside the mask take no part."""
