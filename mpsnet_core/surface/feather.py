@@ -9,14 +9,15 @@ from mpsnet_core.surface.visibility import Visibility
 # As a share of the mesh's size.
 FEATHER = 0.03
 # What is left at the very border: a doubtful normal is better than none where no other view looks.
-FAINTEST = 1e-4
+FAINTEST = 0.1
 # No wider than this many of the depth image's pixels.
 WIDEST = 96
 
 
 def feathered(visibility: Visibility, mask: NDArray[np.bool_], width: float) -> NDArray[np.float32]:
-    """(h, w) share of its weight that a view keeps: 1 where all its borders are `width` or more away, nearly 0 there.
+    """(h, w) what a view's facing is multiplied by: 1 where all its borders are `width` or more away, FAINTEST there.
 
+    As facing, it counts by its fourth power: so a view that ends yields to one that glances well before its end.
     Borders are those of the image, of the mask (H, W) and of whatever stands before something else. With a camera that
     is slightly wrong the pixels there show another part, or the background. width: on the object, in world units.
     The result has the pixels of the visibility's depth image.

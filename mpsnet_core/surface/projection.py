@@ -56,7 +56,7 @@ class Projector:
         if feather > 0:
             share = feathered(self.visibility, normals.mask, feather * scene.size)
             for rows in bands(len(weight)):
-                weight[rows] *= upsampled(share, weight.shape, rows)
+                weight[rows] *= upsampled(share, weight.shape, rows) ** FACING_POWER
         world = normals.vectors @ view.camera.rotation.T.astype(np.float32)
         # (H + 2, W + 2, 4): world normals and a 1, times their weight. The border of nothing spares sampling at the
         # image's edge a special case.

@@ -51,10 +51,12 @@ class Shot:
     normals: np.ndarray
 
 
-def shot(corner: tuple[float, float, float], size: int, rng: np.random.Generator, *, noise: float, off: float) -> Shot:
+def shot(
+    corner: tuple[float, float, float], size: int, rng: np.random.Generator, *, noise: float, off: float, reach: float = 1.1
+) -> Shot:
     """The sphere seen from a corner of the cube. off: degrees that the believed camera is turned about the sphere's
-    middle and, as many hundredths of a radius for each degree, moved."""
-    camera = camera_looking(corner, "perspective", size=size, distance=5.0)
+    middle and, as many hundredths of a radius for each degree, moved. reach: how much of the sphere is in the picture."""
+    camera = camera_looking(corner, "perspective", size=size, distance=5.0, reach=reach)
     row, column = np.mgrid[:size, :size].reshape(2, -1) + 0.5
     middle = camera.world_from_camera[:3, 3]
     along = np.stack([(column - size / 2) / camera.focal[0], (size / 2 - row) / camera.focal[0], -np.ones_like(row)], 1)
