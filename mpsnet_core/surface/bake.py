@@ -184,9 +184,7 @@ class _Looks:
         return spread
 
 
-def _seen_triangles(
-    mesh: Mesh, projectors: _Projectors, scene: RayScene, progress: Progress
-) -> NDArray[np.bool_]:
+def _seen_triangles(mesh: Mesh, projectors: _Projectors, scene: RayScene, progress: Progress) -> NDArray[np.bool_]:
     """(T,) whether any view sees the triangle's middle."""
     corners = mesh.world_vertices[mesh.triangles] - scene.middle
     outwards = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -52,7 +52,13 @@ class Shot:
 
 
 def shot(
-    corner: tuple[float, float, float], size: int, rng: np.random.Generator, *, noise: float, off: float, reach: float = 1.1
+    corner: tuple[float, float, float],
+    size: int,
+    rng: np.random.Generator,
+    *,
+    noise: float,
+    off: float,
+    reach: float = 1.1,
 ) -> Shot:
     """The sphere seen from a corner of the cube. off: degrees that the believed camera is turned about the sphere's
     middle and, as many hundredths of a radius for each degree, moved. reach: how much of the sphere is in the picture."""
