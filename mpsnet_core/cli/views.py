@@ -4,11 +4,15 @@ import argparse
 import contextlib
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mpsnet_core.cli.arguments import Help, Verbs
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.errors import InputError
+
+if TYPE_CHECKING:
+    from mpsnet_core.camera import Camera
+    from mpsnet_core.rig import LightRig
 
 
 def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
@@ -65,7 +69,7 @@ def add_level(parser: argparse.ArgumentParser, default: str) -> None:
         "--level",
         default=default,
         metavar="on|off|SCALE",
-        help="take what is larger than SCALE (a share of the mesh's size; on: 0.03) from the mesh, detail from the photos",
+        help="take from the mesh what is larger than SCALE (a share of its size; on: 0.03), and detail from the photos",
     )
 
 
@@ -115,9 +119,15 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     outputs = [file for file in (options.output, options.report, options.json) if file]
     for number, file in enumerate(outputs):
         check_apart([options.mesh, options.cameras, options.rig, *outputs[:number]], [file])
-    lights = read_world_lights(options.rig).seen_by if options.lights_in == "world" else None
-    rig = None if lights else read_rig(options.rig)
-    photography = Photography(lights or (lambda camera: rig), options.mask, options.encoding)
+    if options.lights_in == "world":
+        rig_of = read_world_lights(options.rig).seen_by
+    else:
+        rig = read_rig(options.rig)
+
+        def rig_of(camera: "Camera") -> "LightRig":
+            return rig
+
+    photography = Photography(rig_of, options.mask, options.encoding)
     model = options.model or DEFAULT_MODEL
     views = posed_photos(options.cameras, options.photos)
     check_apart([view.photo for view in views], outputs)

@@ -1,4 +1,4 @@
-"""Agreement: how much of the surface each view sees, and how far it departs from the others, before and after levelling.
+"""Agreement: how much of the surface each view sees, and how far it departs from the others, levelled and not.
 
 It is asked at points spread evenly over the surface, so that neither UVs nor the texture's size come into it, and while
 each view is at hand, so that none needs to be read again.

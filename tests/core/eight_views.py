@@ -61,7 +61,7 @@ def shot(
     reach: float = 1.1,
 ) -> Shot:
     """The sphere seen from a corner of the cube. off: degrees that the believed camera is turned about the sphere's
-    middle and, as many hundredths of a radius for each degree, moved. reach: how much of the sphere is in the picture."""
+    middle and, as many hundredths of a radius for each degree, moved. reach: half the picture's width, in radii."""
     camera = camera_looking(corner, "perspective", size=size, distance=5.0, reach=reach)
     row, column = np.mgrid[:size, :size].reshape(2, -1) + 0.5
     middle = camera.world_from_camera[:3, 3]
