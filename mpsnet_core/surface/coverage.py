@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.evaluation.pictures import BACKGROUND, colour_scale, error_picture, legend
+from mpsnet_core.evaluation.pictures import BACKGROUND, colour_scale, error_picture
 from mpsnet_core.evaluation.report import HEAD, data_url, report_path
 from mpsnet_core.evaluation.tables import text_table
 from mpsnet_core.files import written_whole
@@ -15,20 +15,15 @@ from mpsnet_core.normals import encode
 from mpsnet_core.surface.agreement import ViewAgreement
 from mpsnet_core.surface.texture import Texture
 
-PICTURE = 900  # pixels on a side, at most
+SEEN_BY, APART = "how many views see it:", "how far the views lie apart where several see it"
+PICTURE = 1024  # pixels on a side, at most
 SCALES = (1.0, 2.0, 5.0, 10.0, 20.0, 45.0, 90.0)  # degrees
-# Seen by none, by one view, two, ...; the last colour stands for all above.
-COUNTS = (
-    (0.20, 0.36, 0.66),
-    (0.55, 0.13, 0.13),
-    (0.84, 0.42, 0.13),
-    (0.93, 0.75, 0.25),
-    (0.62, 0.80, 0.42),
-    (0.3, 0.7, 0.6),
-)
+# Seen by none, by one view, by two, ...; the last colour stands for all above.
+COUNTS = ("#335ca8", "#8c2121", "#d66b21", "#edbf40", "#9ecc6b", "#4db399")
 
-_STYLE = """<style>.maps{display:flex;flex-wrap:wrap;gap:1.5em;align-items:flex-start}figure{margin:0;max-width:620px}
-figcaption{margin:.2em 0 .5em}p{max-width:60em;line-height:1.4}</style>
+_STYLE = """<style>.maps{display:flex;flex-wrap:wrap;gap:1.5em;align-items:flex-start}
+figure{margin:0;max-width:620px}figcaption{margin:.2em 0 .5em}p{max-width:60em;line-height:1.4}
+i{display:inline-block;width:.9em;height:.9em;margin:0 .4em 0 1em;vertical-align:-.1em}</style>
 """
 
 
@@ -48,12 +43,15 @@ def write_bake_report(
         page.write(HEAD.format(title=html.escape(title)) + _STYLE)
         page.writelines(f"<p>{html.escape(note)}</p>\n" for note in notes)
         page.write("<div class='maps'>\n")
-        for words, pictures in _maps(texture):
-            images = "".join(f"<img alt='{html.escape(words)}' src='{data_url(picture)}'>" for picture in pictures)
-            page.write(f"<figure><figcaption>{html.escape(words)}</figcaption>{images}</figure>\n")
+        for words, picture in _maps(texture):
+            shown = f"<img alt='{html.escape(words)}' src='{data_url(picture)}'>"
+            key = _KEY if words == SEEN_BY else ""
+            page.write(f"<figure><figcaption>{html.escape(words)}{key}</figcaption>{shown}</figure>\n")
         page.write(f"</div>\n<h2>The views</h2>\n<pre>{html.escape(view_table(views))}</pre>\n{_EXPLAINED}</html>\n")
 
 
+_COUNTED = ("none", *map(str, range(1, len(COUNTS) - 1)), f"{len(COUNTS) - 1} or more")
+_KEY = "".join(f"<i style='background:{colour}'></i>{words}" for colour, words in zip(COUNTS, _COUNTED, strict=True))
 _EXPLAINED = """<p><b>seen</b>: share of the surface that the view sees. <b>apart</b>: mean angle in degrees between the
 view's normals and the mean of the others, as they were estimated, and levelled. <b>levelling</b>: mean angle that the
 view was turned by. A view that stays apart from the others after levelling has a wrong camera, mask or light.</p>
@@ -70,34 +68,22 @@ def view_table(views: Sequence[ViewAgreement]) -> str:
     return text_table(["view", "seen", "apart", "apart, levelled", "levelling"], lines, 1)
 
 
-def _maps(texture: Texture) -> list[tuple[str, list[NDArray[np.float32]]]]:
+def _maps(texture: Texture) -> list[tuple[str, NDArray[np.float32]]]:
+    """Words and a picture of at most `PICTURE` texels a side for each map."""
     step = -(-len(texture.vectors) // PICTURE)
     few = (slice(step // 2, None, step), slice(step // 2, None, step))
     covered = texture.covered[few]
-    colours = np.where(covered[..., None], encode(texture.vectors[few]), np.float32(BACKGROUND))
-    maps = [(f"the texture, {texture.space} space", [colours.astype(np.float32)])]
-    if texture.views is not None:
-        maps.append(("how many views see it", [_counts_picture(texture.views[few], covered)]))
+
+    def on_surface(colours: NDArray[np.float32]) -> NDArray[np.float32]:
+        return np.where(covered[..., None], colours, np.float32(BACKGROUND))
+
+    maps = [(f"the texture, {texture.space} space", on_surface(encode(texture.vectors[few])))]
     if texture.views is not None and texture.spread is not None:
-        shared = texture.views[few] > 1
-        spread = texture.spread[few]
+        palette = np.array([list(bytes.fromhex(colour[1:])) for colour in COUNTS], np.float32) / 255
+        maps.append((SEEN_BY, on_surface(palette[np.minimum(texture.views[few], len(palette) - 1)])))
+        shared, spread = texture.views[few] > 1, texture.spread[few].astype(np.float64)
         high = float(np.percentile(spread[shared], 98)) if shared.any() else 0.0
         highest = next(scale for scale in SCALES if scale >= min(high, SCALES[-1]))
-        picture = error_picture(spread.astype(np.float64), shared, highest)
-        scale = colour_scale(highest, len(picture))
-        maps.append(("how far the views' normals lie apart", [np.concatenate([picture, scale], axis=1)]))
+        picture = error_picture(spread, shared, highest)
+        maps.append((APART, np.concatenate([picture, colour_scale(highest, len(picture))], axis=1)))
     return maps
-
-
-def _counts_picture(views: NDArray[np.uint16], covered: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """(H, W, 3) a colour for each number of views, and below it what they mean."""
-    palette = np.array(COUNTS, np.float32)
-    picture = np.where(covered[..., None], palette[np.minimum(views, len(palette) - 1)], np.float32(BACKGROUND))
-    words = ["none", *map(str, range(1, len(palette) - 1)), f"{len(palette) - 1} or more"]
-    meaning = legend(list(zip(COUNTS, words, strict=True)), PICTURE)
-    wide = max(picture.shape[1], meaning.shape[1])
-    pad = [
-        np.pad(part, [(0, 0), (0, wide - part.shape[1]), (0, 0)], constant_values=BACKGROUND)
-        for part in (picture, np.full((8, 1, 3), BACKGROUND, np.float32), meaning)
-    ]
-    return np.concatenate(pad)

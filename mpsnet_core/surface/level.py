@@ -128,9 +128,9 @@ def _mesh_seen(
     # Normals are carried by the inverse transpose; a row times a matrix transposes once more.
     to_camera = (np.linalg.inv(mesh.world_from_object[:3, :3]) @ camera.rotation).astype(np.float32)
     own = normalised((mesh.corner_normals[hits.triangle] * weights).sum(axis=1) @ to_camera)
-    points = origins - scene.middle + directions * hits.distance[:, None]
-    facing = np.einsum("ni,ni->n", own, directions @ camera.rotation)
-    points[(hits.triangle < 0) | (facing >= 0)] = np.nan
+    hit = (hits.triangle >= 0) & (np.einsum("ni,ni->n", own, directions @ camera.rotation) < 0)
+    points = np.full_like(origins, np.nan)
+    points[hit] = origins[hit] - scene.middle + directions[hit] * hits.distance[hit, None]
     return points.astype(np.float32), own
 
 
