@@ -159,8 +159,12 @@ def test_lights_may_stand_in_the_world(table: Table) -> None:
     assert WorldLights(world).seen_by(camera).directions == pytest.approx(published_rig().directions)
 
 
-def test_cameras_may_come_from_colmap(table: Table) -> None:
-    """The same cameras by COLMAP's own definition (y down, z forward, world to camera) give the same texture."""
+@pytest.mark.parametrize("lens", ["PINHOLE 96 96 {f} {f} 48 48", "SIMPLE_RADIAL 96 96 {f} 48 48 0.01"])
+def test_cameras_may_come_from_colmap(table: Table, lens: str) -> None:
+    """The same cameras by COLMAP's own definition (y down, z forward, world to camera) give the same texture.
+
+    The second lens moves what is at the sphere's edge by 0.02 pixels, which is nothing, but asks for all that it takes.
+    """
     pytest.importorskip("mpsnet_core.photogrammetry")
     table.run()
     own = table.texture()
@@ -178,10 +182,10 @@ def test_cameras_may_come_from_colmap(table: Table) -> None:
         lines += [f"{number + 1} {pose} 1 side{number}.exr", ""]
     focal = camera.focal[0]
     (table / "colmap" / "images.txt").write_text("\n".join(lines) + "\n")
-    (table / "colmap" / "cameras.txt").write_text(f"1 PINHOLE 96 96 {focal} {focal} 48 48\n")
+    (table / "colmap" / "cameras.txt").write_text(f"1 {lens.format(f=focal)}\n")
     (table / "colmap" / "points3D.txt").write_text("")
     table.run("--cameras", table / "colmap")
-    assert degrees_between(table.texture(), own).mean() < 0.05
+    assert degrees_between(table.texture(), own).mean() < (0.05 if lens.startswith("PINHOLE") else 0.5)
 
 
 def behind(table: Table) -> list[Any]:
@@ -225,7 +229,7 @@ BAD: dict[str, tuple[Callable[[Table], list[Any]], str]] = {
     "angles for lights in the world": (angles, r"the first light stands in the world, where it needs \"direction\""),
     "a camera without a photo": (no_photo, r"camera side1.camera.json has no image side1 .*put it there"),
     "two photos for a camera": (two_photos, r"camera side1.camera.json may mean .* keep one of them"),
-    "a photo of another size": (small_photo, r"view side1: the camera is 96 x 96 but the photo is 50 x 40"),
+    "a photo of another size": (small_photo, r"view side1: .*the camera is 96 x 96 but the photo is 50 x 40"),
     "a camera that looks elsewhere": (elsewhere, r"view side1: .*do the cameras and the mesh share one world"),
     "a damaged photo": (broken_photo, r"view side1: .*side1.exr cannot be read|view side1: .*side1.exr is damaged"),
     "no folder of photos": (lambda t: ["--photos", t / "none"], r"none is not a folder"),
