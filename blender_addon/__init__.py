@@ -21,9 +21,23 @@ from . import (
     render,
     rig,
     training_data,
+    views,
 )
 
-_MODULES = (properties, preferences, operators, rig, calibrate, render, estimate, bake, training_data, panels, commands)
+_MODULES = (
+    properties,
+    preferences,
+    operators,
+    rig,
+    calibrate,
+    render,
+    estimate,
+    bake,
+    views,
+    training_data,
+    panels,
+    commands,
+)
 
 
 def register() -> None:

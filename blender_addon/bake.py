@@ -8,6 +8,7 @@ from typing import Any
 import bpy
 import numpy as np
 from bpy.props import StringProperty
+from mathutils import Matrix
 from numpy.typing import NDArray
 
 from mpsnet_core.camera import write_camera
@@ -25,7 +26,7 @@ _SHOWN_AND_RENDERED = (
     ("steps", "render_steps"),
     ("viewport_resolution", "resolution"),
 )
-_BITS = {".png": "16", ".tif": "16", ".tiff": "16", ".exr": "32"}
+BITS = {".png": "16", ".tif": "16", ".tiff": "16", ".exr": "32"}
 
 
 class MPS_OT_bake(RunsCore, BakeSettings, bpy.types.Operator):
@@ -59,7 +60,7 @@ class MPS_OT_bake(RunsCore, BakeSettings, bpy.types.Operator):
         target = settings.target or context.view_layer.objects.active  # `--command` has no context.object
         if target is None:
             raise InputError("there is no target to bake onto; choose a mesh object")
-        _refuse_linked(target)
+        refuse_linked(target)
         output = output_path(self.output, f"{target.name}_normal", self.file_format)
         context.view_layer.update()
         camera, taken_with = folder / "camera.json", remembered(normals_image, "camera")
@@ -71,7 +72,7 @@ class MPS_OT_bake(RunsCore, BakeSettings, bpy.types.Operator):
         self._scene, self._target, self._output = scene.name, target.name, output
         arguments = ["bake", "--mesh", str(folder / "mesh.npz"), "--output", str(output)]
         arguments += ["--view", f"{camera}={normals}"]
-        arguments += ["--size", str(self.size), "--margin", str(self.margin), "--bits", _BITS[output.suffix.lower()]]
+        arguments += ["--size", str(self.size), "--margin", str(self.margin), "--bits", BITS[output.suffix.lower()]]
         arguments += ["--space", self.space.lower(), "--convention", self.convention.lower()]
         return arguments, [output]
 
@@ -81,9 +82,8 @@ class MPS_OT_bake(RunsCore, BakeSettings, bpy.types.Operator):
             raise InputError(f'"{self._target}" is gone or renamed; its texture is in {self._output}')
         image = load_image(self._output, f"MPS {target.name}", is_data=True)
         scene.mps.bake.image = image
-        for material in _own_materials(target):
-            for name in wear(material, image, self._uv_map, self.space, self.convention):
-                self.report({"INFO"}, f'The texture took the place of "{name}" in material "{material.name}"')
+        for sentence in wear_texture(target, image, self._uv_map, self.space, self.convention):
+            self.report({"INFO"}, sentence)
         for note in result.get("notes", []):
             self.report({"INFO"}, note)
         turned = "; DirectX, so the material turns its green round for Blender" if self.convention == "DIRECTX" else ""
@@ -98,7 +98,7 @@ def named_object(scene: Any, name: str) -> Any:
     return target
 
 
-def _refuse_linked(target: Any) -> None:
+def refuse_linked(target: Any) -> None:
     """What another file holds cannot be given a material. A linked material can: a copy of it is worn."""
     for datablock, what in ((target, "object"), (target.data, "mesh")):
         if datablock is not None and datablock.library is not None:
@@ -107,11 +107,11 @@ def _refuse_linked(target: Any) -> None:
             )
 
 
-def write_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None) -> str:
+def write_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: Matrix | None = None) -> str:
     """Write an object as the render sees it, modifiers applied, as the core's mesh file; give the UV map's name.
 
     Normals and tangents of each corner are Blender's own. uv_map: "" for the one that is active for rendering, None
-    where only the shape counts.
+    where only the shape counts. turn: brings Blender's world into that of the cameras, where they differ.
 
     Raises InputError where the object is no mesh, has no faces, lacks the UV map or is disabled in viewports.
     """
@@ -152,7 +152,7 @@ def write_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None) -> str:
             vertices=vertices,
             triangles=triangles,
             corner_normals=normals,
-            world_from_object=np.array(obj.matrix_world, dtype=np.float64),
+            world_from_object=np.array(turn @ obj.matrix_world if turn else obj.matrix_world, dtype=np.float64),
             **layout,
         )
     finally:
@@ -229,6 +229,15 @@ def _own_materials(target: Any) -> list[Any]:
         if bpy.app.version < (5, 0):
             slot.material.use_nodes = True
     return list(dict.fromkeys(slot.material for slot in target.material_slots))
+
+
+def wear_texture(target: Any, image: Any, uv_map: str, space: str, convention: str) -> list[str]:
+    """Give all materials of an object the texture; gives a sentence for each node whose place it took."""
+    return [
+        f'The texture took the place of "{name}" in material "{material.name}"'
+        for material in _own_materials(target)
+        for name in wear(material, image, uv_map, space, convention)
+    ]
 
 
 def wear(material: Any, image: Any, uv_map: str, space: str, convention: str) -> list[str]:

@@ -26,6 +26,7 @@ VERBS = (
     "render_truth",
     "estimate",
     "bake",
+    "bake_views",
     "render_samples",
 )
 EXIT_BAD_INPUT = 2
@@ -106,6 +107,7 @@ def _written(verb: str) -> str:
         "show_mask": scene.estimate.mask_image,
         "estimate": scene.estimate.image,
         "bake": scene.bake.image,
+        "bake_views": scene.bake.image,
     }
     image = images.get(verb)
     return f": {bpy.path.abspath(image.filepath)}" if image else ""

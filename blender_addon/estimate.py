@@ -68,7 +68,7 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
             else:
                 rig.write_text(taken_with, encoding="utf-8")
         arguments = ["estimate", str(photo), "--rig", str(rig), "--output", str(output)]
-        arguments += [*reading(self), "--model", self._model()]
+        arguments += [*reading(self), "--model", model_name(self)]
         arguments += ["--provider", preference("provider").lower(), "--threads", str(preference("threads"))]
         arguments += self._place(context, image, read_rig(rig), folder)
         if self._moves:
@@ -79,13 +79,6 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
             arguments += ["--confidence", str(outputs[1])]
         self._scene, self._output, self._camera = scene.name, output, remembered(image, "camera")
         return arguments, outputs
-
-    def _model(self) -> str:
-        if self.model != "FILE":
-            return MODELS[self.model].name
-        if not self.model_file:
-            raise InputError("the model is a file but none is named; choose an .onnx file")
-        return bpy.path.abspath(self.model_file)
 
     def _place(self, context: Any, image: Any, rig: LightRig, folder: Path) -> list[str]:
         """The camera that took the photo, and for near lights how far the object is from it."""
@@ -163,8 +156,19 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
         )
 
 
-def reading(settings: Any) -> list[str]:
+def model_name(settings: Any) -> str:
+    """The model as the core knows it. Raises InputError where it is a file and none is named."""
+    if settings.model != "FILE":
+        return MODELS[settings.model].name
+    if not settings.model_file:
+        raise InputError("the model is a file but none is named; choose an .onnx file")
+    return bpy.path.abspath(settings.model_file)
+
+
+def reading(settings: Any, unmasked: str = "") -> list[str]:
     """The core's options for how a photo is read: encoding, dark frame, flat field and mask.
+
+    unmasked: the mask in place of the photo's alpha or the whole photo.
 
     Raises InputError where a file is asked for and none is named.
     """
@@ -172,19 +176,24 @@ def reading(settings: Any) -> list[str]:
     for frame in ("dark", "flat"):
         if getattr(settings, frame):
             arguments += [f"--{frame}", bpy.path.abspath(getattr(settings, frame))]
-    if settings.mask == "AUTO":
-        return arguments
+    mask = _mask(settings)
+    if unmasked and mask in ("", "none"):
+        mask = unmasked
+    return [*arguments, *(["--mask", mask] if mask else [])]
+
+
+def _mask(settings: Any) -> str:
     if settings.mask == "FILE":
         if not settings.mask_file:
             raise InputError("the mask is a file but none is named; choose a picture")
-        return [*arguments, "--mask", bpy.path.abspath(settings.mask_file)]
+        return bpy.path.abspath(settings.mask_file)
     if settings.mask == "BACKGROUND":
         if not settings.background:
             raise InputError("the mask comes from a background photo but none is named; choose one")
-        return [*arguments, "--mask", f"background:{bpy.path.abspath(settings.background)}"]
+        return f"background:{bpy.path.abspath(settings.background)}"
     if settings.mask == "THRESHOLD":
-        return [*arguments, "--mask", f"threshold:{settings.threshold:g}"]
-    return [*arguments, "--mask", {"FIND": "auto"}.get(settings.mask, settings.mask.lower())]
+        return f"threshold:{settings.threshold:g}"
+    return {"AUTO": "", "FIND": "auto"}.get(settings.mask, settings.mask.lower())
 
 
 CLASSES = (MPS_OT_estimate, MPS_OT_show_mask)

@@ -195,6 +195,28 @@ class MPS_PT_bake(_Step):
         self.picture(bake.image)
 
 
+class MPS_PT_views(_Step):
+    bl_label = "Many Views"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        views = context.scene.mps.views
+        column = self.column()
+        column.prop(views, "cameras", placeholder="This scene's")
+        if views.cameras:
+            column.prop(views, "photos")
+            column.prop(views, "axes")
+        column.prop(views, "lights_in")
+        column.prop(views, "level")
+        if views.level:
+            column.prop(views, "level_scale")
+        column.prop(views, "keep", placeholder="No")
+        column.prop(views, "write_report")
+        self.progress_or(context, "bake_views", "CAMERA_STEREO")
+        if views.report_file:
+            self.layout.operator("wm.path_open", text="Open Report", icon="URL").filepath = views.report_file
+
+
 class MPS_PT_samples(_Step):
     bl_label = "Training Data"
     bl_options = {"DEFAULT_CLOSED"}
@@ -240,6 +262,6 @@ def _wrapped(layout: Any, sentence: str, width: int = 36) -> None:
     layout.label(text=line)
 
 
-CLASSES = (MPS_PT_rig, MPS_PT_calibrate, MPS_PT_photo, MPS_PT_estimate, MPS_PT_bake, MPS_PT_samples)
+CLASSES = (MPS_PT_rig, MPS_PT_calibrate, MPS_PT_photo, MPS_PT_estimate, MPS_PT_bake, MPS_PT_views, MPS_PT_samples)
 
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -425,6 +425,67 @@ class BakeSettings:
     )
 
 
+class ViewsSettings:
+    """Photos from all around with their cameras, and how they become one texture."""
+
+    cameras: StringProperty(
+        name="Cameras",
+        description="What a photogrammetry program wrote: a COLMAP folder, Metashape's .xml, Meshroom's .sfm. "
+        "Empty: this scene's cameras, each with its photo as background image",
+        subtype="FILE_PATH",
+        options=GIVEN,
+    )
+    photos: StringProperty(
+        name="Photos", description="Folder of the photos of these cameras", subtype="DIR_PATH", options=GIVEN
+    )
+    axes: EnumProperty(
+        name="Mesh Was Imported",
+        description="How the photogrammetry program's mesh came into Blender, so that mesh and cameras meet",
+        items=[
+            ("Y_UP", "Y Up", "Turned from Y up to Z up, as Blender's importers of OBJ and glTF do unless told"),
+            ("AS_IS", "As It Is", "With forward Y and up Z, as Blender's importer of PLY does"),
+        ],
+        default="Y_UP",
+        options=GIVEN,
+    )
+    lights_in: EnumProperty(
+        name="Lights",
+        description="What the lights went with while the photos were taken",
+        items=[
+            ("CAMERA", "Go With the Camera", "The lights are fixed to the camera, or the object stood on a turntable"),
+            ("WORLD", "Stand Still", "The camera went round; a rig file has directions along the mesh's axes"),
+        ],
+        default="CAMERA",
+        options=GIVEN,
+    )
+    level: BoolProperty(
+        name="Level",
+        description="Take large shapes from the mesh and detail from the photos: seams between views vanish",
+        default=True,
+        options=GIVEN,
+    )
+    level_scale: FloatProperty(
+        name="Detail Size",
+        description="What is smaller than this fraction of the object's size is detail, and taken from the photos",
+        default=0.03,
+        min=0.002,
+        max=0.5,
+        options=GIVEN,
+    )
+    keep: StringProperty(
+        name="Keep Normals",
+        description="Folder for each view's normals; the next run goes on from them. Empty: they are not kept",
+        subtype="DIR_PATH",
+        options=GIVEN,
+    )
+    write_report: BoolProperty(
+        name="Report",
+        description="Write a page beside the texture that shows which views cover what and how far they disagree",
+        default=True,
+        options=GIVEN,
+    )
+
+
 class SamplesSettings:
     """What training data is rendered, how, and where to."""
 
@@ -590,6 +651,12 @@ class MPS_PG_bake(BakeSettings, bpy.types.PropertyGroup):
     image: PointerProperty(name="Texture", description="The baked normal texture", type=bpy.types.Image)
 
 
+class MPS_PG_views(ViewsSettings, bpy.types.PropertyGroup):
+    """Many views: their settings, and the report of the last bake."""
+
+    report_file: StringProperty()
+
+
 class MPS_PG_samples(SamplesSettings, bpy.types.PropertyGroup):
     """Training data: its settings, and the contact sheet of what has been rendered."""
 
@@ -604,6 +671,7 @@ class MPS_PG_scene(bpy.types.PropertyGroup):
     photo: PointerProperty(type=MPS_PG_photo)
     estimate: PointerProperty(type=MPS_PG_estimate)
     bake: PointerProperty(type=MPS_PG_bake)
+    views: PointerProperty(type=MPS_PG_views)
     samples: PointerProperty(type=MPS_PG_samples)
 
 
@@ -635,6 +703,7 @@ CLASSES = (
     MPS_PG_photo,
     MPS_PG_estimate,
     MPS_PG_bake,
+    MPS_PG_views,
     MPS_PG_samples,
     MPS_PG_scene,
     MPS_PG_job,

@@ -151,14 +151,17 @@ def capture_from(
     if camera is not None and not isinstance(camera, Camera):
         camera = camera_of_lens(camera, width, height)
     inside = find_mask(image, mask, encoding=encoding, correction=correction)
-    distances = _depth(depth, rig, inside)
+    distances = depth_within(inside, depth, rig)
     return Capture(image.pixels, inside, rig, camera, image.clip, distances, image.clipped)
 
 
-def _depth(
-    depth: NDArray[np.float32] | float | None, rig: LightRig, mask: NDArray[np.bool_]
+def depth_within(
+    mask: NDArray[np.bool_], depth: NDArray[np.float32] | float | None, rig: LightRig
 ) -> NDArray[np.float32] | None:
-    """(H, W) a depth for every pixel of the mask, None where it does not count."""
+    """(H, W) a depth for every pixel of the mask, from what is known of it; None where the rig's lights are distant.
+
+    mask: (H, W). depth: as :func:`read_capture` takes it. Raises InputError where it is known nowhere inside the mask.
+    """
     if rig.near is None:
         if depth is not None:
             log.info("the rig's lights are distant, so how far the object is does not count")

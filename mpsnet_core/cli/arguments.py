@@ -63,6 +63,7 @@ def asked_correction(options: argparse.Namespace) -> "Correction | None":
 def asked_place(options: argparse.Namespace) -> tuple[Any, Any]:
     """Camera (or focal length) and depth (or distance) as :func:`add_place` takes them, None where not told."""
     from mpsnet_core.camera import read_camera
+    from mpsnet_core.rays import RayScene
     from mpsnet_core.surface.depth import depth_of_mesh
     from mpsnet_core.surface.mesh import read_mesh
 
@@ -76,7 +77,7 @@ def asked_place(options: argparse.Namespace) -> tuple[Any, Any]:
     if options.mesh:
         mesh = read_mesh(options.mesh)
         try:
-            return camera, depth_of_mesh(camera, mesh)
+            return camera, depth_of_mesh(camera, RayScene(mesh.world_vertices, mesh.triangles))
         except InputError as error:
             raise InputError(f"camera {options.camera}: {error}") from None
     return camera, options.distance

@@ -7,6 +7,7 @@ from typing import Any
 
 from mpsnet_core.cli.arguments import Help, Verbs, add_place, add_reading, asked_correction, asked_place, read_files
 from mpsnet_core.cli.reporter import Reporter
+from mpsnet_core.cli.views import add_level, level_scale
 from mpsnet_core.errors import InputError
 
 
@@ -163,6 +164,7 @@ def _add_bake(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--confidence", action="append", metavar="FILE", help="confidence map of a view, in the views' order"
     )
+    add_level(parser, "off")
     parser.add_argument("--margin", type=int, default=16, help="texels that the islands' borders are grown by")
     parser.add_argument(
         "--bits",
@@ -180,13 +182,17 @@ def _bake(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.images import checked_bits
     from mpsnet_core.normals import check_convention, read_normals
     from mpsnet_core.progress import part
+    from mpsnet_core.rays import RayScene
     from mpsnet_core.surface.bake import View, bake_normals
+    from mpsnet_core.surface.feather import FEATHER
+    from mpsnet_core.surface.level import levelled
     from mpsnet_core.surface.mesh import read_mesh
     from mpsnet_core.surface.texture import write_texture
 
     check_convention(options.convention)
     check_convention(options.normals_convention)
     checked_bits(writable_path(options.output), options.bits)
+    level = level_scale(options.level)
     pairs = []
     for view in options.view:
         camera, equals, normals = view.partition("=")
@@ -200,12 +206,16 @@ def _bake(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     check_apart(inputs, [options.output])
     reporter.progress(0.0, "reading the mesh")
     mesh = read_mesh(options.mesh)
+    scene = RayScene(mesh.world_vertices, mesh.triangles) if level else None
     views = []
     for (camera, normals), confidence in zip(pairs, confidences, strict=True):
         reporter.progress(0.05, f"reading {Path(normals).name}")
         try:
             normal_map = read_normals(normals, convention=options.normals_convention, confidence=confidence)
-            views.append(View(read_camera(camera), normal_map))
+            view = View(read_camera(camera), normal_map)
+            if scene is not None:
+                view = View(view.camera, levelled(view.normals, view.camera, mesh, scene, scale=level))
+            views.append(view)
         except InputError as error:
             raise InputError(f"view {camera}={normals}: {error}") from None
     texture = bake_normals(
@@ -214,6 +224,8 @@ def _bake(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         size=options.size,
         space=options.space,
         margin=options.margin,
+        # Views that are levelled are meant to leave no seam.
+        feather=FEATHER if level else 0.0,
         progress=part(reporter.progress, 0.1, 0.9),
     )
     reporter.progress(0.9, "writing the texture")

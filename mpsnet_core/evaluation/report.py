@@ -33,7 +33,7 @@ TILE_HEIGHT = 176
 LONGEST_TITLE = 21  # letters above a tile
 _COPIED = 1 << 20  # characters at a time
 
-_HEAD = """<!doctype html><html lang='en'><meta charset='utf-8'><title>{title}</title>
+HEAD = """<!doctype html><html lang='en'><meta charset='utf-8'><title>{title}</title>
 <style>body{{background:#222;color:#eee;font:15px sans-serif;margin:2em}}pre{{font-size:14px;overflow-x:auto}}
 h2{{font-size:16px;margin:1.5em 0 .3em}}img{{max-width:100%}}svg{{display:block;margin:1em 0}}</style>
 <h1>{title}</h1>
@@ -50,14 +50,14 @@ class Report:
     def add(self, results: Sequence[Result]) -> None:
         """One case's pictures: photo and truth, and each model's normals and errors."""
         title = html.escape(results[0].case.title, quote=True)
-        picture = _data_url(case_picture(results))
+        picture = data_url(case_picture(results))
         self.figures.write(f"<h2>{title}</h2>\n<img alt='{title}' loading='lazy' src='{picture}'>\n")
 
     def write(self, title: str, table: str, notes: Sequence[str], charts: Sequence[str]) -> None:
         """Put the page in its place: title, table, notes, SVG charts, and all cases' pictures."""
         self.figures.seek(0)
         with written_whole(self.path) as unfinished, unfinished.open("w", encoding="utf-8") as page:
-            page.write(_HEAD.format(title=html.escape(title)))
+            page.write(HEAD.format(title=html.escape(title)))
             page.write(f"<pre>{html.escape(table)}</pre>\n")
             page.writelines(f"<p>{html.escape(note)}</p>\n" for note in notes)
             page.writelines(f"{chart}\n" for chart in charts)
@@ -117,7 +117,8 @@ def _at_least_square(picture: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.pad(picture, [(0, 0), (missing // 2, missing - missing // 2), (0, 0)], constant_values=BACKGROUND)
 
 
-def _data_url(picture: NDArray[np.float32]) -> str:
+def data_url(picture: NDArray[np.float32]) -> str:
+    """Display values (H, W, 3) as a PNG inside a URL."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "picture.png"
         write_image(file, picture, bits=8, color_space="sRGB")

@@ -2,51 +2,31 @@
 
 import logging
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.camera import Camera
 from mpsnet_core.errors import InputError
-from mpsnet_core.normals import NormalMap, normalised
-from mpsnet_core.progress import Progress, silent
+from mpsnet_core.normals import normalised
+from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.rays import RayScene
 from mpsnet_core.surface.mesh import Mesh
+from mpsnet_core.surface.projection import Projector, View
 from mpsnet_core.surface.raster import grown, texel_areas, texel_coordinates, triangle_of_texel
 from mpsnet_core.surface.texture import SPACES, Space, Texture
-from mpsnet_core.surface.visibility import Visibility
 
 log = logging.getLogger(__name__)
 
 MAX_SIZE = 16384
 # Texels worked on at once: small enough to stay in a core's cache.
 TEXELS_AT_ONCE = 1 << 16
-# Surfaces turned further from the camera than this (cosine) show too few pixels to be trusted.
-MIN_FACING = 0.1
-# A view counts with the cosine between surface and camera to this power: views from ahead win over glancing ones.
-FACING_POWER = 4
-
-
-@dataclass(frozen=True)
-class View:
-    """One photo's normals and the camera that took it.
-
-    Raises InputError where the two differ in size.
-    """
-
-    camera: Camera
-    normals: NormalMap
-
-    def __post_init__(self) -> None:
-        height, width = self.normals.mask.shape
-        if (self.camera.width, self.camera.height) != (width, height):
-            raise InputError(
-                f"the camera is {self.camera.width} x {self.camera.height} but its normal map is {width} x {height}; "
-                "they must be the same size"
-            )
+# Views beyond about this much memory are not held at once, but asked for again in each pass.
+HELD_BYTES = 1 << 30
+# The weight of the mesh's own normal where views fade out: that of a view at 80 degrees.
+FADE = 1e-3
 
 
 def bake_normals(
@@ -56,6 +36,7 @@ def bake_normals(
     size: int = 2048,
     space: Space = "tangent",
     margin: int = 16,
+    feather: float = 0.0,
     progress: Progress = silent,
 ) -> Texture:
     """Bake the views' normals onto the mesh's UVs.
@@ -63,13 +44,15 @@ def bake_normals(
     Every texel takes the mean of the views that see it, weighted by confidence and by how squarely they look at the
     surface. Texels that none sees keep the mesh's own shading normal.
 
+    views: asked for one after the other, and more than once where they are too large to be held all at once.
     size: the texture's side in texels. margin: texels that the islands' borders are grown by. space: "tangent" is
-    MikkTSpace, "object" the mesh's own axes.
+    MikkTSpace, "object" the mesh's own axes. feather: a share of the mesh's size; over this distance each view fades
+    out towards its borders (:mod:`mpsnet_core.surface.feather`), into the others or into the mesh's own normals.
 
     Raises InputError where there is no view, a number is out of range or no texel is seen; Cancelled where `progress`
     does.
     """
-    if not views:
+    if not len(views):
         raise InputError("there is no view to bake; give at least one camera with its normal map")
     if not 1 <= size <= MAX_SIZE:
         raise InputError(f"a texture of {size} texels cannot be baked; choose a size from 1 to {MAX_SIZE}")
@@ -77,57 +60,143 @@ def bake_normals(
         raise InputError(f"a margin of {margin} texels does not fit a texture of {size}; choose 0 to {size}")
     if space not in SPACES:
         raise InputError(f"space {space!r} is not known; choose {' or '.join(SPACES)}")
+    if not 0 <= feather <= 1:
+        raise InputError(f"a feather of {feather:g} times the mesh's size cannot be baked; choose 0 to 1")
 
     progress(0.0, "laying out the UVs")
     scene = RayScene(mesh.world_vertices, mesh.triangles)
-    projectors = [_Projector(view, scene) for view in views]
+    projectors = _Projectors(views, scene, feather)
     corners = texel_coordinates(mesh.uvs, size)
     # Where UVs overlap (mirrored halves, say), the triangle that a view sees wins: the last one laid down.
-    order = np.argsort(_seen_triangles(mesh, projectors, scene), kind="stable")
+    order = np.argsort(_seen_triangles(mesh, projectors, scene, part(progress, 0.0, 0.1)), kind="stable")
     laid = triangle_of_texel(corners[order], size)
     covered = laid >= 0
     if not covered.any():
         raise InputError(f"no texel of a {size} x {size} texture lies on the mesh's UVs; choose a larger size")
-    owner = np.where(covered, order[laid], -1)
     _note_layout(mesh, corners, covered)
-    surface = _Surface(mesh, corners, scene.middle)
-
-    vectors = np.zeros((size, size, 3), np.float32)
-    vectors[..., 2] = 1
-    seen = np.zeros((size, size), bool)
     texels = np.flatnonzero(covered)
+    surface = _Surface(mesh, corners, scene.middle, order[laid.ravel()[texels]], texels, size)
+    del laid
+
+    looks = _Looks.none(len(texels))
+    vectors = np.zeros((size * size, 3), np.float32)
+    vectors[:, 2] = 1
+    spread = np.zeros(size * size, np.float32)
     starts = range(0, len(texels), TEXELS_AT_ONCE)
-
-    def work(start: int) -> None:
-        chunk = texels[start : start + TEXELS_AT_ONCE]
-        rows, columns = np.divmod(chunk, size)
-        vectors[rows, columns], seen[rows, columns] = _bake_texels(
-            surface, projectors, owner.ravel()[chunk], columns, rows, space
-        )
-
+    done = 0
     with ThreadPoolExecutor(_usable_cores()) as pool:
         try:
-            for done, _ in enumerate(pool.map(work, starts)):
-                progress(0.1 + 0.8 * done / len(starts), "baking")
+            for batch in projectors.batches():
+                last = done + len(batch) * len(starts) == len(views) * len(starts)
+
+                def work(start: int, batch: list[Projector] = batch, last: bool = last) -> None:
+                    chunk = slice(start, start + TEXELS_AT_ONCE)
+                    point, normal = surface.points(chunk)
+                    looked = looks.of(chunk)
+                    for projector in batch:
+                        looked.add(*projector.look(point, normal))
+                    if last:
+                        fallback = normal * np.float32(FADE * (feather > 0))
+                        vectors[texels[chunk]] = surface.encoded(chunk, looked.sums[:, :3] + fallback, space)
+                        spread[texels[chunk]] = looked.spread()
+
+                for _ in pool.map(work, starts):
+                    progress(0.1 + 0.8 * done / (len(views) * len(starts)), "baking")
+                    done += len(batch)
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
-    if not seen.any():
+    if not looks.views.any():
         raise InputError("no view sees any of the mesh; check that the cameras and the mesh share one world")
     progress(0.9, "growing the margin")
-    texture = Texture(grown(vectors, covered, margin), seen, covered, space)
+    count = np.zeros(size * size, np.uint16)
+    count[texels] = looks.views
+    shape = (size, size)
+    texture = Texture(
+        grown(vectors.reshape(*shape, 3), covered, margin),
+        (count > 0).reshape(shape),
+        covered,
+        space,
+        count.reshape(shape),
+        spread.reshape(shape),
+    )
     progress(1.0, "baked")
     return texture
 
 
-def _seen_triangles(mesh: Mesh, projectors: "Sequence[_Projector]", scene: RayScene) -> NDArray[np.bool_]:
+class _Projectors:
+    """The views' projectors, as many at once as memory shall hold; all of them kept where that is enough."""
+
+    def __init__(self, views: Sequence[View], scene: RayScene, feather: float) -> None:
+        self.views, self.scene, self.feather = views, scene, feather
+        self.all: list[Projector] = []
+
+    def batches(self) -> Iterator[list[Projector]]:
+        if self.all:
+            yield self.all
+            return
+        batch: list[Projector] = []
+        held = 0
+        for number in range(len(self.views)):
+            batch.append(Projector(self.views[number], self.scene, self.feather))
+            held += batch[-1].samples.nbytes
+            if number + 1 == len(self.views) == len(batch):
+                self.all = batch
+            if held >= HELD_BYTES or number + 1 == len(self.views):
+                yield batch
+                batch, held = [], 0
+
+
+@dataclass(frozen=True)
+class _Looks:
+    """What the views so far say of N texels.
+
+    sums: (N, 4) their weighted normals in world space, and those vectors' lengths. views: (N,) how many see the texel.
+    """
+
+    sums: NDArray[np.float32]
+    views: NDArray[np.uint16]
+
+    @classmethod
+    def none(cls, count: int) -> "_Looks":
+        return cls(np.zeros((count, 4), np.float32), np.zeros(count, np.uint16))
+
+    def of(self, chunk: slice) -> "_Looks":
+        """Some of the texels; what is added to them is added here."""
+        return _Looks(self.sums[chunk], self.views[chunk])
+
+    def add(self, seen: NDArray[np.int64], samples: NDArray[np.float32]) -> None:
+        """Add what one more view says, see :meth:`Projector.look`."""
+        samples[:, 3] = np.sqrt(np.einsum("ni,ni->n", samples[:, :3], samples[:, :3]))
+        self.sums[seen] += samples
+        self.views[seen] += 1
+
+    def spread(self) -> NDArray[np.float32]:
+        """(N,) degrees: the angle whose cosine is the weighted mean cosine between the views' normals and their mean.
+
+        That mean cosine is the weighted sum's length over the sum of the lengths.
+        """
+        spread = np.zeros(len(self.views), np.float32)
+        several = np.flatnonzero(self.views > 1)
+        sums = self.sums[several].astype(np.float64)
+        cosine = np.linalg.norm(sums[:, :3], axis=1) / sums[:, 3]
+        spread[several] = np.degrees(np.arccos(np.minimum(cosine, 1)))
+        return spread
+
+
+def _seen_triangles(mesh: Mesh, projectors: _Projectors, scene: RayScene, progress: Progress) -> NDArray[np.bool_]:
     """(T,) whether any view sees the triangle's middle."""
     corners = mesh.world_vertices[mesh.triangles] - scene.middle
     outwards = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     if np.linalg.det(mesh.world_from_object[:3, :3]) < 0:
         outwards = -outwards
     middles, outwards = corners.mean(axis=1).astype(np.float32), normalised(outwards).astype(np.float32)
-    return np.any([projector.look(middles, outwards)[:, 3] > 0 for projector in projectors], axis=0)
+    seen = np.zeros(len(middles), bool)
+    for batch in projectors.batches():
+        progress(0.0, "laying out the UVs")
+        for projector in batch:
+            seen[projector.look(middles, outwards)[0]] = True
+    return seen
 
 
 def _note_layout(mesh: Mesh, corners: NDArray[np.float64], covered: NDArray[np.bool_]) -> None:
@@ -145,13 +214,23 @@ def _usable_cores() -> int:
 
 
 class _Surface:
-    """What varies linearly over each triangle, as a value at its first corner and steps along texel x and y.
+    """The surface under N texels: linear over each triangle, a value at its first corner and steps along texel x and y.
 
     normal, tangent, position: (T, 3, 3), see :meth:`linear`; positions in the world, relative to `middle`, because far
-    from the origin float32 would be too coarse.
+    from the origin float32 would be too coarse. triangle, texels: (N,) what lies under which texels of the texture,
+    numbered row by row.
     """
 
-    def __init__(self, mesh: Mesh, corners: NDArray[np.float64], middle: NDArray[np.float64]) -> None:
+    def __init__(
+        self,
+        mesh: Mesh,
+        corners: NDArray[np.float64],
+        middle: NDArray[np.float64],
+        triangle: NDArray[np.integer],
+        texels: NDArray[np.integer],
+        size: int,
+    ) -> None:
+        self.triangle, self.texels, self.size = triangle, texels, size
         self.origin = corners[:, 0].astype(np.float32)
         e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
         area = e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0]
@@ -176,96 +255,27 @@ class _Surface:
             [first[:, None], np.einsum("tbk,tba->tak", differences, self.steps)], axis=1, dtype=np.float32
         )
 
+    def at(self, chunk: slice, *layers: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+        """(M, K) values of :meth:`linear`'s layers at some of the texels."""
+        triangle = self.triangle[chunk]
+        rows, columns = np.divmod(self.texels[chunk], self.size)
+        x = (columns - self.origin[triangle, 0]).astype(np.float32)[:, None]
+        y = (rows - self.origin[triangle, 1]).astype(np.float32)[:, None]
+        values = (layer[triangle] for layer in layers)
+        return [value[:, 0] + value[:, 1] * x + value[:, 2] * y for value in values]
 
-class _Projector:
-    """One view, ready to be asked what it sees at points of the surface."""
+    def points(self, chunk: slice) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """(M, 3) points, and (M, 3) unit shading normals in world space."""
+        position, normal = self.at(chunk, self.position, self.normal)
+        return position, normalised(normal @ self.world_from_object_normals.T)
 
-    def __init__(self, view: View, scene: RayScene) -> None:
-        self.camera, self.middle = view.camera, scene.middle
-        self.visibility = Visibility(view.camera, scene)
-        self.projection = view.camera.projection_rows()
-        self.depth = view.camera.depth_row()
-        normals = view.normals
-        # A little weight where the confidence is zero: a doubtful normal is better than none.
-        weight = np.where(normals.mask, np.maximum(normals.confidence, 0.01), 0).astype(np.float32)
-        world = normals.vectors @ view.camera.rotation.T.astype(np.float32)
-        # (H + 2, W + 2, 4): world normals and a 1, times their weight. The border of nothing spares sampling at the
-        # image's edge a special case.
-        self.samples = np.pad(
-            np.concatenate([world, np.ones_like(world[..., :1])], -1) * weight[..., None], [(1, 1), (1, 1), (0, 0)]
-        )
-
-    def look(self, points: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.float32]:
-        """(N, 4) the weighted normal in world space and its weight, for surface points and unit normals (N, 3).
-
-        The points are relative to the scene's middle, the normals in world space.
-        """
-        out = np.zeros((len(points), 4), np.float32)
-        if self.camera.projection == "orthographic":
-            facing = normals @ self.camera.rotation[:, 2].astype(np.float32)
-        else:
-            towards = (self.camera.world_from_camera[:3, 3] - self.middle).astype(np.float32) - points
-            facing = np.einsum("ni,ni->n", normals, towards) / np.linalg.norm(towards, axis=1)
-        candidate = np.flatnonzero(facing > MIN_FACING)
-        points = points[candidate] + self.middle
-        depth = points @ self.depth[:3] + self.depth[3]
-        projected = points @ self.projection[:, :3].T + self.projection[:, 3]
-        ahead = (depth > 0) | (self.camera.projection == "orthographic")
-        with np.errstate(divide="ignore", invalid="ignore"):
-            pixels = projected[:, :2] / projected[:, 2:]
-        inside = (
-            ahead
-            & (pixels > -0.5).all(axis=1)
-            & (pixels < [self.camera.width + 0.5, self.camera.height + 0.5]).all(axis=1)
-        )
-        candidate, points, pixels, depth = candidate[inside], points[inside], pixels[inside], depth[inside]
-        sampled = self._sample(pixels)
-        hit = sampled[:, 3] > 0
-        candidate, sampled = candidate[hit], sampled[hit]
-        visible = self.visibility.seen(points[hit], pixels[hit], depth[hit])
-        out[candidate[visible]] = sampled[visible] * (facing[candidate[visible]] ** FACING_POWER)[:, None]
-        return out
-
-    def _sample(self, pixels: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Bilinear, between pixel centres; pixels outside the mask take no part."""
-        place = pixels + 0.5  # the border adds one pixel, pixel centres stand at one half
-        corner = np.floor(place).astype(np.int64)
-        x, y = (place - corner).astype(np.float32).T[..., None]
-        stride = self.samples.shape[1]
-        index = corner[:, 1] * stride + corner[:, 0]
-        flat = self.samples.reshape(-1, 4)
-        above = flat[index] * (1 - x) + flat[index + 1] * x
-        below = flat[index + stride] * (1 - x) + flat[index + stride + 1] * x
-        result: NDArray[np.float32] = above * (1 - y) + below * y
-        return result
-
-
-def _bake_texels(
-    surface: _Surface,
-    projectors: Sequence[_Projector],
-    triangles: NDArray[np.int32],
-    columns: NDArray[np.int64],
-    rows: NDArray[np.int64],
-    space: Space,
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """(N, 3) unit normals in `space` and (N,) whether any view saw the texel."""
-    x = (columns - surface.origin[triangles, 0]).astype(np.float32)[:, None]
-    y = (rows - surface.origin[triangles, 1]).astype(np.float32)[:, None]
-
-    def at_texels(linear: NDArray[np.float32]) -> NDArray[np.float32]:
-        value = linear[triangles]
-        result: NDArray[np.float32] = value[:, 0] + value[:, 1] * x + value[:, 2] * y
-        return result
-
-    normal = at_texels(surface.normal)
-    points = at_texels(surface.position)
-    facing_out = normalised(normal @ surface.world_from_object_normals.T)
-    total = sum(projector.look(points, facing_out) for projector in projectors)
-    seen = np.asarray(total)[:, 3] > 0
-    baked = np.where(seen[:, None], np.asarray(total)[:, :3] @ surface.object_from_world_normals.T, normal)
-    if space == "tangent":
-        baked = _to_tangent_space(baked, normal, at_texels(surface.tangent), surface.sign[triangles])
-    return normalised(baked), seen
+    def encoded(self, chunk: slice, vectors: NDArray[np.float32], space: Space) -> NDArray[np.float32]:
+        """(M, 3) unit normals in `space` from vectors (M, 3) in world space; the surface's own where those are zero."""
+        normal, tangent = self.at(chunk, self.normal, self.tangent)
+        baked = np.where(vectors.any(axis=1)[:, None], vectors @ self.object_from_world_normals.T, normal)
+        if space == "tangent":
+            baked = _to_tangent_space(baked, normal, tangent, self.sign[self.triangle[chunk]])
+        return normalised(baked)
 
 
 def _to_tangent_space(

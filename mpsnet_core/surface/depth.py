@@ -7,15 +7,13 @@ from mpsnet_core.bands import bands
 from mpsnet_core.camera import Camera
 from mpsnet_core.errors import InputError
 from mpsnet_core.rays import RayScene
-from mpsnet_core.surface.mesh import Mesh
 
 
-def depth_of_mesh(camera: Camera, mesh: Mesh) -> NDArray[np.float32]:
-    """(H, W) how far in front of the camera, along its axis, the mesh is in each pixel; infinity beside it.
+def depth_of_mesh(camera: Camera, scene: RayScene) -> NDArray[np.float32]:
+    """(H, W) how far in front of the camera, along its axis, the scene's mesh is in each pixel; infinity beside it.
 
     In the unit of the mesh's world. Raises InputError where the camera sees nothing of the mesh.
     """
-    scene = RayScene(mesh.world_vertices, mesh.triangles)
     depth = np.full((camera.height, camera.width), np.inf, np.float32)
     x = np.arange(camera.width) + 0.5
     for rows in bands(camera.height):

@@ -21,12 +21,16 @@ class Texture:
     vectors: (S, S, 3) float32 unit vectors in `space`, row 0 at v = 1; flat (+z) where there is no surface.
     seen: (S, S) bool, texels that at least one view saw. covered: (S, S) bool, texels on the surface.
     space: "tangent" (MikkTSpace) or "object".
+    views: (S, S) uint16, how many views saw each texel. spread: (S, S) float32, degrees that their normals lie apart:
+    the angle whose cosine is the weighted mean cosine between them and their mean; 0 where fewer than two saw it.
     """
 
     vectors: NDArray[np.float32]
     seen: NDArray[np.bool_]
     covered: NDArray[np.bool_]
     space: Space
+    views: NDArray[np.uint16] | None = None
+    spread: NDArray[np.float32] | None = None
 
     @property
     def seen_fraction(self) -> float:

@@ -5,11 +5,14 @@ from numpy.typing import NDArray
 
 from mpsnet_core.camera import Camera
 from mpsnet_core.rays import RayScene
+from mpsnet_core.surface.upsample import reduced_shape
 
 # The depth image that settles easy cases is traced at no more than this many pixels on its longer side.
 DEPTH_PIXELS = 1024
 # Where depth bends by more than this many pixel widths from one pixel to the next there is a silhouette or a crease.
 SHARPEST_BEND = 0.5
+# Where it bends by more than this, one thing stands before another.
+BREAK = 3.0
 # A ray starts this share of the mesh's size off the surface, so that it does not hit where it starts.
 OFFSET = 1e-4
 
@@ -19,14 +22,15 @@ class Visibility:
 
     A depth image, taken as a small plane in each pixel, settles points far from any silhouette; only the others cost a
     ray.
+
+    shape: (h, w) of the depth image. unbroken: (h, w) bool, where it shows a surface that goes on to all sides.
+    footprint: about the size of one of its pixels on the object.
     """
 
     def __init__(self, camera: Camera, scene: RayScene) -> None:
         self.camera, self.scene = camera, scene
         self.offset = OFFSET * scene.size
-        self.scale = min(1.0, DEPTH_PIXELS / max(camera.width, camera.height))
-        width, height = max(1, round(camera.width * self.scale)), max(1, round(camera.height * self.scale))
-        self.shape = (height, width)
+        self.shape = height, width = reduced_shape(camera.height, camera.width, DEPTH_PIXELS)
         y, x = np.mgrid[:height, :width].reshape(2, -1) + 0.5
         points = np.stack([x * camera.width / width, y * camera.height / height], axis=1)
         origins, directions = camera.rays(points)
@@ -37,13 +41,16 @@ class Visibility:
         distance = scene.distances(origins - back * directions, directions) - back
         # Distance along the ray to depth along the camera's axis.
         depth = (distance * (directions @ -camera.rotation[:, 2])).reshape(height, width)
-        pixel = 1 / (camera.focal.min() * self.scale)
+        pixel = max(camera.height, camera.width) / (max(height, width) * camera.focal.min())
         pixel = np.full_like(depth, pixel) if camera.projection == "orthographic" else pixel * depth
+        seen = np.isfinite(depth)
+        self.footprint = float(np.median(pixel[seen])) if seen.any() else 1.0
         padded = np.pad(depth, 1, constant_values=np.inf)
         left, right, above, below = padded[1:-1, :-2], padded[1:-1, 2:], padded[:-2, 1:-1], padded[2:, 1:-1]
         with np.errstate(invalid="ignore"):
             bend = np.maximum(np.abs(left + right - 2 * depth), np.abs(above + below - 2 * depth))
             self.smooth = np.isfinite(bend) & (bend <= SHARPEST_BEND * pixel)
+            self.unbroken = np.isfinite(bend) & (bend <= BREAK * pixel)
             planes = [depth + SHARPEST_BEND * pixel + 2 * self.offset, (right - left) / 2, (below - above) / 2]
         # The plane's depth in the pixel's middle, with what is forgiven, and its slope a pixel to the right and down.
         self.planes = np.where(self.smooth[..., None], np.stack(planes, axis=-1), 0)

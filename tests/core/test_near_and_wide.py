@@ -17,6 +17,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.estimate import estimate_normals
 from mpsnet_core.estimate.afar import seen_from_afar
 from mpsnet_core.normals import read_normals
+from mpsnet_core.rays import RayScene
 from mpsnet_core.rig import LightRig, near_rig, published_rig, read_rig, write_rig
 from mpsnet_core.surface.depth import depth_of_mesh
 from mpsnet_core.surface.mesh import Mesh, smooth_corner_normals
@@ -160,7 +161,7 @@ def test_the_depth_of_a_mesh_is_that_of_the_ball_it_stands_for(wide: Scene) -> N
     pose[:3, 3] = [7, -3, 2]
     camera = Camera("perspective", SIZE, SIZE, wide.camera.focal, world_from_camera=pose)
     mesh = ball_mesh(pose[:3, :3] @ [0, 0, -1.04 / np.sin(np.arctan(18 / WIDE))] + pose[:3, 3])
-    depth = depth_of_mesh(camera, mesh)
+    depth = depth_of_mesh(camera, RayScene(mesh.world_vertices, mesh.triangles))
     assert np.abs(depth - wide.depth)[wide.mask].max() < 0.01
     assert np.isinf(depth[0, 0])
 

@@ -1,0 +1,139 @@
+"""Many views: a photo for each camera, from photogrammetry or of this scene, baked into one texture."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy.props import StringProperty
+from mathutils import Matrix
+
+from mpsnet_core.camera import write_views
+from mpsnet_core.errors import InputError
+from mpsnet_core.rig import write_rig
+from mpsnet_core.world_lights import in_world, write_world_lights
+
+from .bake import BITS, named_object, refuse_linked, wear_texture, write_mesh
+from .estimate import model_name, reading
+from .operators import RunsCore, idle
+from .outputs import image_file, load_image, output_path
+from .preferences import preference
+from .properties import ViewsSettings, take_given
+from .rig import light_rig, rig_camera, scene_camera
+
+# What Blender's importers of OBJ and glTF do to a file whose y axis is up.
+_BLENDER_FROM_Y_UP = Matrix(((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1)))
+
+
+class MPS_OT_bake_views(RunsCore, ViewsSettings, bpy.types.Operator):
+    """Estimate a photo for each camera, bring all into line with the mesh and bake them into one texture.
+
+    Size, space, convention, margin, format and file are those of the step Bake, the model is that of Estimate"""
+
+    bl_idname = "mps.bake_views"
+    bl_label = "Bake Views"
+    bl_options = {"UNDO"}
+
+    target: StringProperty(
+        name="Target",
+        description="Name of the mesh object that gets the texture. Empty: the panel's target, else the active object",
+        options={"SKIP_SAVE"},
+    )
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return idle(cls, context)
+
+    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+        scene = context.scene
+        take_given(self, ViewsSettings, scene.mps.views)
+        bake, estimate = scene.mps.bake, scene.mps.estimate
+        if self.target:
+            bake.target = named_object(scene, self.target)
+        target = bake.target or context.view_layer.objects.active
+        if target is None:
+            raise InputError("there is no target to bake onto; choose a mesh object in the step Bake")
+        refuse_linked(target)
+        output = output_path(bake.output, f"{target.name}_normal", bake.file_format)
+        context.view_layer.update()
+        turn = _BLENDER_FROM_Y_UP if self.cameras and self.axes == "Y_UP" else Matrix.Identity(4)
+        self._uv_map = write_mesh(
+            folder / "mesh.npz", target, context.evaluated_depsgraph_get(), bake.uv_map, turn.inverted()
+        )
+        arguments = ["views", "--mesh", str(folder / "mesh.npz"), *self._cameras(scene, folder)]
+        arguments += ["--rig", self._rig(scene, folder), "--lights-in", self.lights_in.lower()]
+        arguments += [*reading(estimate, unmasked="mesh"), "--model", model_name(estimate)]
+        arguments += ["--level", f"{self.level_scale:g}" if self.level else "off"]
+        arguments += ["--size", str(bake.size), "--margin", str(bake.margin), "--bits", BITS[output.suffix.lower()]]
+        arguments += ["--space", bake.space.lower(), "--convention", bake.convention.lower()]
+        arguments += ["--provider", preference("provider").lower(), "--threads", str(preference("threads"))]
+        outputs = [output]
+        if self.keep:
+            arguments += ["--keep", bpy.path.abspath(self.keep)]
+        self._report = ""
+        if self.write_report:
+            outputs.append(output.with_name(f"{output.stem}_report.html"))
+            self._report = str(outputs[1])
+            arguments += ["--report", self._report]
+        self._scene, self._target, self._output = scene.name, target.name, output
+        return [*arguments, "--output", str(output)], outputs
+
+    def _cameras(self, scene: Any, folder: Path) -> list[str]:
+        if self.cameras:
+            if not self.photos:
+                raise InputError("where are the photos of these cameras? Choose their folder")
+            return ["--cameras", bpy.path.abspath(self.cameras), "--photos", bpy.path.abspath(self.photos)]
+        views = []
+        for obj in scene.objects:
+            image = _background(obj)
+            if image is None:
+                continue
+            photo = image_file(image, f"background image of {obj.name}", "choose another")
+            name = bpy.path.clean_name(obj.name)
+            views.append((name, photo, scene_camera(obj, scene, tuple(image.size))))
+        if not views:
+            raise InputError(
+                "no camera of this scene has a background image; give each its photo in its Object Data, or choose the "
+                "cameras that a photogrammetry program wrote"
+            )
+        write_views(folder / "views.json", views)
+        return ["--cameras", str(folder / "views.json")]
+
+    def _rig(self, scene: Any, folder: Path) -> str:
+        given = scene.mps.estimate.rig_file
+        if given:
+            return bpy.path.abspath(given)
+        rig = light_rig(scene)
+        if self.lights_in == "WORLD":
+            write_world_lights(folder / "rig.json", in_world(rig, scene_camera(rig_camera(scene), scene)))
+        else:
+            write_rig(folder / "rig.json", rig)
+        return str(folder / "rig.json")
+
+    def finish(self, context: Any, result: dict[str, Any]) -> None:
+        scene, target = bpy.data.scenes.get(self._scene), bpy.data.objects.get(self._target)
+        if scene is None or target is None:
+            raise InputError(f'"{self._target}" is gone or renamed; its texture is in {self._output}')
+        scene.mps.views.report_file = self._report
+        image = load_image(self._output, f"MPS {target.name}", is_data=True)
+        scene.mps.bake.image = image
+        bake = scene.mps.bake
+        for sentence in wear_texture(target, image, self._uv_map, bake.space, bake.convention):
+            self.report({"INFO"}, sentence)
+        for note in result.get("notes", []):
+            self.report({"INFO"}, note)
+        count = len(result["views"])
+        self.report({"INFO"}, f"{count} views baked into {self._output}; {result['seen']:.0%} of the surface seen")
+
+
+def _background(obj: Any) -> Any:
+    """The photo behind a camera, None for what has none."""
+    if obj.type != "CAMERA":
+        return None
+    shown = [behind.image for behind in obj.data.background_images if behind.source == "IMAGE" and behind.image]
+    return shown[0] if shown else None
+
+
+CLASSES = (MPS_OT_bake_views,)
+
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

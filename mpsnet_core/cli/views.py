@@ -1,0 +1,190 @@
+"""The verb views: a photo for each camera, baked into one texture."""
+
+import argparse
+import contextlib
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mpsnet_core.cli.arguments import Help, Verbs, add_reading, asked_correction, read_files
+from mpsnet_core.cli.reporter import Reporter
+from mpsnet_core.errors import InputError
+
+if TYPE_CHECKING:
+    from mpsnet_core.camera import Camera
+    from mpsnet_core.rig import LightRig
+
+
+def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
+    parser = verbs.add_parser(
+        "views", parents=[common], formatter_class=Help, help="posed photos from all around to one texture"
+    )
+    parser.add_argument("--mesh", required=True, help="mesh with UVs: .obj, .ply, .glb, or the add-on's .npz")
+    parser.add_argument(
+        "--cameras",
+        required=True,
+        help="from photogrammetry (COLMAP folder, Metashape .xml, Meshroom .sfm), or a folder of NAME.camera.json",
+    )
+    parser.add_argument(
+        "--photos",
+        metavar="FOLDER",
+        help="the photos, one for each camera; only the add-on's file names them itself",
+    )
+    parser.add_argument("--rig", required=True, help="rig file (.json, or .lp with three lights)")
+    parser.add_argument(
+        "--lights-in",
+        default="camera",
+        choices=("camera", "world"),
+        help="camera: the lights go with it (or the object turns); world: they stand still, the rig file has "
+        "directions along the mesh's axes, or positions in its world",
+    )
+    parser.add_argument(
+        "--mask",
+        default="mesh",
+        help="mesh (where the camera sees it), a folder of masks named as the photos, or as in estimate",
+    )
+    add_reading(parser)
+    parser.add_argument("--model", help="a name of `mpsnet models` or an .onnx file; multiscale unless given")
+    add_level(parser, "on")
+    parser.add_argument("--size", type=int, default=2048, help="side of the texture in texels")
+    parser.add_argument("--space", default="tangent", help="tangent (MikkTSpace) or object")
+    parser.add_argument("--convention", default="opengl", help="of the texture: opengl (green up) or directx")
+    parser.add_argument("--margin", type=int, default=16, help="texels that the islands' borders are grown by")
+    parser.add_argument("--bits", type=int, help="bits a channel, as in bake")
+    parser.add_argument(
+        "--keep", metavar="FOLDER", help="keep each view's normals there; the next run goes on from them"
+    )
+    parser.add_argument(
+        "--report", metavar="FILE", help="write an HTML page: coverage, disagreement, a line for each view"
+    )
+    parser.add_argument("--json", metavar="FILE", help="write the same figures as JSON")
+    parser.add_argument(
+        "--provider", default="cpu", choices=("cpu", "cuda", "directml", "coreml"), help="what runs networks"
+    )
+    parser.add_argument("--threads", type=int, default=0, help="CPU threads for networks, 0 for all")
+    parser.add_argument("--tile", type=int, help="tile side in pixels for networks (default: 448)")
+    parser.add_argument("-o", "--output", required=True, help="texture file: .png, .tif or .exr")
+    parser.set_defaults(verb=_views)
+
+
+def add_level(parser: argparse.ArgumentParser, default: str) -> None:
+    """The option --level, read by :func:`level_scale`."""
+    parser.add_argument(
+        "--level",
+        default=default,
+        metavar="on|off|SCALE",
+        help="take from the mesh what is larger than SCALE (a share of its size; on: 0.03), and detail from the photos",
+    )
+
+
+def level_scale(text: str) -> float:
+    """The levelling's scale that --level means, 0 for none. Raises InputError where it means none of them."""
+    from mpsnet_core.surface.level import LEVEL_SCALE, MAX_SCALE, MIN_SCALE
+
+    if text in ("on", "off"):
+        return LEVEL_SCALE if text == "on" else 0.0
+    try:
+        scale = float(text)
+    except ValueError:
+        scale = 0.0
+    if not MIN_SCALE <= scale <= MAX_SCALE:
+        raise InputError(f"--level {text} is not known; give on, off, or a scale from {MIN_SCALE:g} to {MAX_SCALE:g}")
+    return scale
+
+
+def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
+    from mpsnet_core.estimate import Estimator
+    from mpsnet_core.estimate.shelf import DEFAULT_MODEL, DEFAULT_TILE
+    from mpsnet_core.evaluation.report import report_path
+    from mpsnet_core.files import made_folder, writable_path, write_json
+    from mpsnet_core.frames import check_apart
+    from mpsnet_core.images import checked_bits
+    from mpsnet_core.normals import check_convention
+    from mpsnet_core.progress import part
+    from mpsnet_core.rays import RayScene
+    from mpsnet_core.rig import read_rig
+    from mpsnet_core.surface.agreement import agreement, table_rows
+    from mpsnet_core.surface.bake import bake_normals
+    from mpsnet_core.surface.coverage import view_table, write_bake_report
+    from mpsnet_core.surface.feather import FEATHER
+    from mpsnet_core.surface.mesh import read_mesh
+    from mpsnet_core.surface.texture import write_texture
+    from mpsnet_core.views import KeptView, KeptViews, Photography, posed_photos, source_of
+    from mpsnet_core.world_lights import read_world_lights
+
+    # All that can be known beforehand is asked before the long work.
+    check_convention(options.convention)
+    checked_bits(writable_path(options.output), options.bits)
+    level = level_scale(options.level)
+    if options.report:
+        report_path(options.report)
+    if options.json:
+        writable_path(options.json)
+    outputs = [file for file in (options.output, options.report, options.json) if file]
+    for number, file in enumerate(outputs):
+        check_apart([options.mesh, options.cameras, options.rig, *read_files(options), *outputs[:number]], [file])
+    if options.lights_in == "world":
+        rig_of = read_world_lights(options.rig).seen_by
+    else:
+        rig = read_rig(options.rig)
+
+        def rig_of(camera: "Camera") -> "LightRig":
+            return rig
+
+    photography = Photography(rig_of, options.mask, options.encoding, options.layer, asked_correction(options))
+    model = options.model or DEFAULT_MODEL
+    views = posed_photos(options.cameras, options.photos)
+    check_apart([view.photo for view in views], outputs)
+    sources = []
+    for view in views:
+        try:
+            sources.append(source_of(view, photography, model))
+        except InputError as error:
+            raise InputError(f"view {view.name}: {error}") from None
+    reporter.progress(0.0, "reading the mesh")
+    mesh = read_mesh(options.mesh)
+    scene = RayScene(mesh.world_vertices, mesh.triangles)
+    tile = DEFAULT_TILE if options.tile is None else options.tile
+    estimator = Estimator(model, provider=options.provider, threads=options.threads, tile=tile)
+    with contextlib.ExitStack() as stack:
+        if options.keep:
+            folder = made_folder(options.keep, "normals of the views")
+        else:
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="mpsnet-views-")))
+        kept = [KeptView(folder, view.name) for view in views]
+        stored = KeptViews(kept, [view.camera for view in views], mesh, scene, level)
+        agreed = agreement(mesh, scene)
+        known = 0
+        for number, (view, source) in enumerate(zip(views, sources, strict=True)):
+            step = part(reporter.progress, 0.02 + 0.7 * number / len(views), 0.02 + 0.7 * (number + 1) / len(views))
+            step(0.0, f"view {number + 1} of {len(views)}: {view.name}")
+            if kept[number].is_of(source):
+                known += 1
+            else:
+                told = part(step, 0.1, 0.8, f"view {number + 1} of {len(views)}: {view.name}")
+                kept[number].write(estimator(photography.capture(view, scene), told), source)
+            estimated, levelled, angle = stored.both(number)
+            agreed.add(view.name, estimated, levelled, angle)
+            del estimated, levelled
+        texture = bake_normals(
+            mesh,
+            stored,
+            size=options.size,
+            space=options.space,
+            margin=options.margin,
+            feather=FEATHER,
+            progress=part(reporter.progress, 0.72, 0.95),
+        )
+    reporter.progress(0.95, "writing the texture")
+    write_texture(options.output, texture, convention=options.convention, bits=options.bits)
+    table = agreed.views()
+    how = f"levelled at {level:g} of the mesh's size" if level else "not levelled"
+    facts = f"{options.space} space, {options.convention}, {texture.seen_fraction:.1%} of its surface seen"
+    summary = f"{len(views)} view(s) by {estimator.name}, {how}" + (f"; {known} kept from before" if known else "")
+    text = f"{options.output}: {options.size} x {options.size}, {facts}"
+    figures = {"views": table_rows(table), "seen": round(agreed.seen(), 4), "level": level, "model": estimator.name}
+    if options.report:
+        write_bake_report(options.report, Path(options.output).name, texture, table, [text, summary])
+    if options.json:
+        write_json(options.json, figures)
+    return {"output": options.output, **figures, "text": "\n".join([view_table(table), summary, text])}

@@ -1,0 +1,89 @@
+"""The report of a bake: what the views see of the surface and where they disagree, as one self-contained HTML page."""
+
+import html
+import os
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.evaluation.pictures import BACKGROUND, colour_scale, error_picture
+from mpsnet_core.evaluation.report import HEAD, data_url, report_path
+from mpsnet_core.evaluation.tables import text_table
+from mpsnet_core.files import written_whole
+from mpsnet_core.normals import encode
+from mpsnet_core.surface.agreement import ViewAgreement
+from mpsnet_core.surface.texture import Texture
+
+SEEN_BY, APART = "how many views see it:", "how far the views lie apart where several see it"
+PICTURE = 1024  # pixels on a side, at most
+SCALES = (1.0, 2.0, 5.0, 10.0, 20.0, 45.0, 90.0)  # degrees
+# Seen by none, by one view, by two, ...; the last colour stands for all above.
+COUNTS = ("#335ca8", "#8c2121", "#d66b21", "#edbf40", "#9ecc6b", "#4db399")
+
+_STYLE = """<style>.maps{display:flex;flex-wrap:wrap;gap:1.5em;align-items:flex-start}
+figure{margin:0;max-width:620px}figcaption{margin:.2em 0 .5em}p{max-width:60em;line-height:1.4}
+i{display:inline-block;width:.9em;height:.9em;margin:0 .4em 0 1em;vertical-align:-.1em}</style>
+"""
+
+
+def write_bake_report(
+    path: str | os.PathLike[str],
+    title: str,
+    texture: Texture,
+    views: Sequence[ViewAgreement],
+    notes: Sequence[str] = (),
+) -> None:
+    """Write the page: the texture, how many views see each texel, how far they lie apart, and a line for each view.
+
+    Raises InputError where no report can be put there.
+    """
+    path = report_path(path)
+    with written_whole(path) as unfinished, unfinished.open("w", encoding="utf-8") as page:
+        page.write(HEAD.format(title=html.escape(title)) + _STYLE)
+        page.writelines(f"<p>{html.escape(note)}</p>\n" for note in notes)
+        page.write("<div class='maps'>\n")
+        for words, picture in _maps(texture):
+            shown = f"<img alt='{html.escape(words)}' src='{data_url(picture)}'>"
+            key = _KEY if words == SEEN_BY else ""
+            page.write(f"<figure><figcaption>{html.escape(words)}{key}</figcaption>{shown}</figure>\n")
+        page.write(f"</div>\n<h2>The views</h2>\n<pre>{html.escape(view_table(views))}</pre>\n{_EXPLAINED}</html>\n")
+
+
+_COUNTED = ("none", *map(str, range(1, len(COUNTS) - 1)), f"{len(COUNTS) - 1} or more")
+_KEY = "".join(f"<i style='background:{colour}'></i>{words}" for colour, words in zip(COUNTS, _COUNTED, strict=True))
+_EXPLAINED = """<p><b>seen</b>: share of the surface that the view sees. <b>apart</b>: mean angle in degrees between the
+view's normals and the mean of the others, as they were estimated, and levelled. <b>levelling</b>: mean angle that the
+view was turned by. A view that stays apart from the others after levelling has a wrong camera, mask or light.</p>
+"""
+
+
+def view_table(views: Sequence[ViewAgreement]) -> str:
+    """A line for each view, as text."""
+
+    def angle(value: float) -> str:
+        return f"{value:.2f}" if np.isfinite(value) else "-"
+
+    lines = [[v.name, f"{v.seen:.1%}", angle(v.before), angle(v.after), angle(v.level)] for v in views]
+    return text_table(["view", "seen", "apart", "apart, levelled", "levelling"], lines, 1)
+
+
+def _maps(texture: Texture) -> list[tuple[str, NDArray[np.float32]]]:
+    """Words and a picture of at most `PICTURE` texels a side for each map."""
+    step = -(-len(texture.vectors) // PICTURE)
+    few = (slice(step // 2, None, step), slice(step // 2, None, step))
+    covered = texture.covered[few]
+
+    def on_surface(colours: NDArray[np.float32]) -> NDArray[np.float32]:
+        return np.where(covered[..., None], colours, np.float32(BACKGROUND))
+
+    maps = [(f"the texture, {texture.space} space", on_surface(encode(texture.vectors[few])))]
+    if texture.views is not None and texture.spread is not None:
+        palette = np.array([list(bytes.fromhex(colour[1:])) for colour in COUNTS], np.float32) / 255
+        maps.append((SEEN_BY, on_surface(palette[np.minimum(texture.views[few], len(palette) - 1)])))
+        shared, spread = texture.views[few] > 1, texture.spread[few].astype(np.float64)
+        high = float(np.percentile(spread[shared], 98)) if shared.any() else 0.0
+        highest = next(scale for scale in SCALES if scale >= min(high, SCALES[-1]))
+        picture = error_picture(spread, shared, highest)
+        maps.append((APART, np.concatenate([picture, colour_scale(highest, len(picture))], axis=1)))
+    return maps

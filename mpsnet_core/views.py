@@ -1,0 +1,311 @@
+"""Many views: from a posed photo each to normals on disk, one photo in memory at a time, ready to be baked."""
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core import __version__
+from mpsnet_core.camera import VIEWS_FORMAT, VIEWS_VERSION, Camera, camera_data, camera_from_data, read_camera
+from mpsnet_core.capture import Capture, depth_within
+from mpsnet_core.correction import Correction, corrected
+from mpsnet_core.errors import InputError
+from mpsnet_core.files import PHOTO_SUFFIXES, existing_file, read_json, write_json
+from mpsnet_core.images import Encoding, read_image, write_image
+from mpsnet_core.masks import find_mask
+from mpsnet_core.normals import NormalMap, read_normals, write_normals
+from mpsnet_core.rays import RayScene
+from mpsnet_core.rig import LightRig
+from mpsnet_core.surface.depth import depth_of_mesh
+from mpsnet_core.surface.level import Levelling, levelling, turned
+from mpsnet_core.surface.mesh import Mesh
+from mpsnet_core.surface.projection import View
+from mpsnet_core.surface.upsample import chosen_pixels, reduced_shape
+
+if TYPE_CHECKING:
+    from mpsnet_core.photogrammetry import Lens
+
+CAMERA_SUFFIX = ".camera.json"
+VIEW_FORMAT, VIEW_VERSION = "mpsnet-view", 1
+# A mask from the mesh is traced at no more than this many pixels on the longer side.
+MASK_PIXELS = 2048
+
+
+@dataclass(frozen=True)
+class ViewPhoto:
+    """A photo and the camera that took it.
+
+    name: what it is called in messages and files, like no other of its views. lens: what bends the camera's picture
+    into the photo, if anything.
+    """
+
+    name: str
+    photo: Path
+    camera: Camera
+    lens: "Lens | None" = None
+
+
+def posed_photos(cameras: str | os.PathLike[str], photos: str | os.PathLike[str] | None = None) -> list[ViewPhoto]:
+    """Photos with their cameras, sorted by name.
+
+    cameras: what a photogrammetry program wrote (:func:`mpsnet_core.photogrammetry.read_cameras`); a folder of our own
+        camera files, NAME.camera.json for the photo NAME.png; or a file of ours that names the photos as well
+        ("mpsnet-views", as the add-on writes it).
+    photos: their folder; None where `cameras` names the photos.
+
+    Raises InputError where a camera has no photo, or several photos fit it.
+    """
+    cameras = Path(cameras)
+    if photos is None:
+        found = _named_photos(cameras)
+    else:
+        photos = Path(photos)
+        if not photos.is_dir():
+            raise InputError(f"{photos} is not a folder; name the folder of the photos")
+        own = sorted(cameras.glob(f"*{CAMERA_SUFFIX}")) if cameras.is_dir() else []
+        found = [_own_photo(file, photos) for file in own] if own else _photogrammetry_photos(cameras, photos)
+    for what, names in (("called", [view.name for view in found]), ("in", [str(view.photo) for view in found])):
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice:
+            raise InputError(f"{cameras} has two cameras for photos {what} {twice}; rename one of the photos")
+    return found
+
+
+def _named_photos(file: Path) -> list[ViewPhoto]:
+    """The views of a file of ours: "views": [{"name", "photo": path, "camera": as in a camera file}]."""
+    if file.suffix.lower() != ".json":
+        raise InputError(f"{file} does not name its photos; give their folder with --photos")
+    views = read_json(file, VIEWS_FORMAT, VIEWS_VERSION, ("views",)).get("views")
+    if not isinstance(views, list) or not views:
+        raise InputError(f'{file} needs "views", a list of views; write it again')
+    found = []
+    for number, view in enumerate(views, 1):
+        if not isinstance(view, dict) or not isinstance(view.get("camera"), dict):
+            raise InputError(f'{file}: view {number} needs "name", "photo" and "camera"; write it again')
+        name, photo = view.get("name"), view.get("photo")
+        if not isinstance(name, str) or not isinstance(photo, str) or not name or "/" in name or "\\" in name:
+            raise InputError(f'{file}: view {number} needs a "name" without slashes and the path of a "photo"')
+        try:
+            found.append(ViewPhoto(name, existing_file(file.parent / photo, "photo"), camera_from_data(view["camera"])))
+        except InputError as error:
+            raise InputError(f"{file}: view {name}: {error}") from None
+    return sorted(found, key=lambda view: view.name)
+
+
+def _own_photo(camera: Path, folder: Path) -> ViewPhoto:
+    name = camera.name.removesuffix(CAMERA_SUFFIX)
+    return ViewPhoto(name, _one_image(folder, [name], f"camera {camera.name}"), read_camera(camera))
+
+
+def _photogrammetry_photos(cameras: Path, folder: Path) -> list[ViewPhoto]:
+    from mpsnet_core.photogrammetry import as_shown, find_photo, read_cameras
+
+    views = []
+    for posed in read_cameras(cameras):
+        photo = find_photo(posed, folder)
+        posed = as_shown(posed, photo)
+        # Photos in folders below this one may share their names.
+        name = "_".join(photo.relative_to(folder).with_suffix("").parts)
+        views.append(ViewPhoto(name, photo, posed.camera, posed.lens))
+    return views
+
+
+def _one_image(folder: Path, stems: Sequence[str], who: str) -> Path:
+    """The one image in `folder` with one of these stems. Raises InputError, for `who`, where there is none or more."""
+    found = [
+        file
+        for stem in stems
+        for suffix in PHOTO_SUFFIXES
+        for file in (folder / f"{stem}{suffix}", folder / f"{stem}{suffix.upper()}")
+        if file.is_file()
+    ]
+    found = list({file.resolve(): file for file in found}.values())  # some systems do not tell .PNG from .png
+    if not found:
+        raise InputError(f"{who} has no image {stems[0]} ({', '.join(PHOTO_SUFFIXES)}) in {folder}; put it there")
+    if len(found) > 1:
+        raise InputError(f"{who} may mean {found[0].name} or {found[1].name} in {folder}; keep one of them")
+    return found[0]
+
+
+@dataclass(frozen=True)
+class Photography:
+    """How the photos of all views are taken in.
+
+    rig_of: the lights in a camera's space. mask: "mesh" (where the camera sees the mesh), a folder of masks named as
+    the photos or with _mask behind, or what :func:`read_capture` takes. encoding, layer, correction: as there.
+    """
+
+    rig_of: Callable[[Camera], LightRig]
+    mask: str = "mesh"
+    encoding: Encoding = "auto"
+    layer: str | None = None
+    correction: Correction | None = None
+
+    def mask_of(self, view: ViewPhoto) -> str:
+        """What :func:`read_capture` shall take the view's mask from."""
+        folder = Path(self.mask)
+        if self.mask == "mesh":
+            return "none"
+        if not folder.is_dir():
+            return self.mask
+        stems = [view.photo.stem, f"{view.photo.stem}_mask", view.photo.name]
+        return os.fspath(_one_image(folder, stems, f"photo {view.photo.name}"))
+
+    def capture(self, view: ViewPhoto, scene: RayScene) -> Capture:
+        """The view's photo, without its lens. Raises InputError, which names the view, where it cannot be had."""
+        try:
+            return self._capture(view, scene)
+        except InputError as error:
+            raise InputError(f"view {view.name}: {error}") from None
+
+    def _capture(self, view: ViewPhoto, scene: RayScene) -> Capture:
+        image = read_image(view.photo, encoding=self.encoding, layer=self.layer)
+        if self.correction is not None:
+            image = corrected(image, self.correction)
+        mask = find_mask(image, self.mask_of(view), encoding=self.encoding, correction=self.correction)
+        pixels, clip, clipped = image.pixels, image.clip, image.clipped
+        if view.lens is not None and not view.lens.is_identity:
+            from mpsnet_core.photogrammetry import undistorted, undistorted_mask
+
+            pixels = undistorted(pixels, view.camera, view.lens)
+            mask = undistorted_mask(mask, view.camera, view.lens)
+            if clipped is not None or np.isfinite(clip):
+                # Pixels that a clipped one had a share in are wrong, though no longer at the channel's end.
+                whole = undistorted_mask(~image.saturated.any(axis=-1), view.camera, view.lens)
+                clip, clipped = np.inf, np.broadcast_to(~whole[..., None], pixels.shape)
+        if self.mask == "mesh":
+            if pixels.shape[:2] == (view.camera.height, view.camera.width):
+                mask = mask & mesh_mask(view.camera, scene)
+            if not mask.any():
+                raise InputError("its camera does not see the mesh; do the cameras and the mesh share one world?")
+        rig = self.rig_of(view.camera)
+        depth = depth_within(mask, depth_of_mesh(view.camera, scene), rig) if rig.near is not None else None
+        return Capture(pixels, mask, rig, view.camera, clip, depth, clipped)
+
+
+def mesh_mask(camera: Camera, scene: RayScene) -> NDArray[np.bool_]:
+    """(H, W) bool: the pixels in which the camera sees the mesh; of large images in blocks of a few pixels."""
+    small = reduced_shape(camera.height, camera.width, MASK_PIXELS)
+    rows, columns = chosen_pixels(*small, camera.height, camera.width)
+    pixels = np.stack(np.meshgrid(columns + 0.5, rows + 0.5), axis=-1).reshape(-1, 2)
+    origins, directions = camera.rays(pixels)
+    if camera.projection == "orthographic":
+        back = float(np.linalg.norm(camera.world_from_camera[:3, 3] - scene.middle)) + scene.size
+        origins = origins - back * directions
+    seen = np.isfinite(scene.distances(origins, directions)).reshape(small)
+    row, column = (
+        np.minimum(((np.arange(n) + 0.5) * count / n).astype(np.int64), count - 1)
+        for n, count in ((camera.height, small[0]), (camera.width, small[1]))
+    )
+    return seen[np.ix_(row, column)]
+
+
+@dataclass(frozen=True)
+class KeptView:
+    """One view's estimated normals and confidence on disk, and what they were made of."""
+
+    folder: Path
+    name: str
+
+    @property
+    def normals(self) -> Path:
+        return self.folder / f"{self.name}_normals.png"
+
+    @property
+    def confidence(self) -> Path:
+        return self.folder / f"{self.name}_confidence.png"
+
+    @property
+    def record(self) -> Path:
+        return self.folder / f"{self.name}_view.json"
+
+    def is_of(self, source: dict[str, Any]) -> bool:
+        """Whether both files are there and were made of the same as is told by `source`."""
+        try:
+            made_of = read_json(self.record, VIEW_FORMAT, VIEW_VERSION, ("of",)).get("of")
+        except InputError:
+            return False
+        return made_of == source and self.normals.is_file() and self.confidence.is_file()
+
+    def write(self, normals: NormalMap, source: dict[str, Any]) -> None:
+        """Write both files, and last the record that they are whole."""
+        self.record.unlink(missing_ok=True)
+        write_normals(self.normals, normals)
+        write_image(self.confidence, normals.confidence)
+        write_json(self.record, {"format": VIEW_FORMAT, "version": VIEW_VERSION, "of": source})
+
+    def read(self) -> NormalMap:
+        """The normals as they were estimated."""
+        return read_normals(self.normals, confidence=self.confidence)
+
+
+def source_of(view: ViewPhoto, photography: Photography, model: str) -> dict[str, Any]:
+    """What a view's normals depend on, as plain data: another photo, camera, rig, mask or model makes others."""
+    rig = photography.rig_of(view.camera)
+    mask = photography.mask_of(view)
+    lights = json.dumps([rig.directions.tolist(), rig.mixing.tolist(), repr(rig)])
+    return {
+        "photo": _stamp(view.photo),
+        "camera": camera_data(view.camera),
+        "lens": repr(view.lens),
+        "rig": hashlib.sha256(lights.encode()).hexdigest(),
+        "mask": [photography.mask, _stamp(Path(mask)) if Path(mask).is_file() else mask],
+        "encoding": [photography.encoding, photography.layer],
+        "correction": _content(photography.correction),
+        "model": [model, _stamp(Path(model)) if Path(model).is_file() else __version__],
+    }
+
+
+def _content(correction: Correction | None) -> str:
+    """Text that changes with a dark frame and a flat field; "" for none."""
+    digest = hashlib.sha256()
+    frames = () if correction is None else (correction.dark, correction.gain)
+    for frame in frames:
+        digest.update(b"none" if frame is None else np.ascontiguousarray(frame).tobytes())
+    return digest.hexdigest() if frames else ""
+
+
+def _stamp(file: Path) -> list[Any]:
+    """A file by name, length and time of its last change."""
+    about = existing_file(file, "image").stat()
+    return [file.name, about.st_size, about.st_mtime_ns]
+
+
+class KeptViews(Sequence[View]):
+    """Views whose normals lie on disk: read, and levelled against the mesh, each time one is asked for.
+
+    level: the levelling's scale as a share of the mesh's size, 0 for none.
+    """
+
+    def __init__(
+        self, kept: Sequence[KeptView], cameras: Sequence[Camera], mesh: Mesh, scene: RayScene, level: float
+    ) -> None:
+        self.kept, self.cameras, self.mesh, self.scene, self.level = kept, cameras, mesh, scene, level
+
+    def __len__(self) -> int:
+        return len(self.kept)
+
+    @overload
+    def __getitem__(self, number: int) -> View: ...
+    @overload
+    def __getitem__(self, number: slice) -> Sequence[View]: ...
+    def __getitem__(self, number: int | slice) -> View | Sequence[View]:
+        if isinstance(number, slice):
+            return KeptViews(self.kept[number], self.cameras[number], self.mesh, self.scene, self.level)
+        return self.both(number)[1]
+
+    def both(self, number: int) -> tuple[View, View, float]:
+        """A view as it was estimated, as it is levelled (the same where it is not), and the mean angle in degrees."""
+        camera = self.cameras[number]
+        normals = self.kept[number].read()
+        estimated = View(camera, normals)
+        if not self.level:
+            return estimated, estimated, 0.0
+        by: Levelling = levelling(normals, camera, self.mesh, self.scene, scale=self.level)
+        return estimated, View(camera, turned(normals, by)), by.mean_angle

@@ -1,0 +1,107 @@
+"""Many views: photos rendered from all around, their cameras of this scene or from COLMAP, one texture."""
+
+import math
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix, Vector
+
+from mpsnet_core.images import read_image
+from mpsnet_core.normals import angular_error, decode
+
+SIZE = 96
+
+
+def texel_normals(size: int) -> np.ndarray:
+    """(size, size, 3) the unit sphere's normal in each texel of Blender's UV sphere: its UVs are angles."""
+    u = (np.arange(size) + 0.5) / size
+    v = 1 - u
+    # Blender's UV sphere begins its UVs at -x and runs counter-clockwise seen from above.
+    turn, rise = 2 * np.pi * u + np.pi, np.pi * (v - 0.5)
+    turn, rise = np.meshgrid(turn, rise)
+    return np.stack([np.cos(rise) * np.cos(turn), np.cos(rise) * np.sin(turn), np.sin(rise)], axis=-1)
+
+
+@pytest.fixture
+def around(sphere, scene, tmp_path):
+    """Photos of the sphere from four sides under lights that go with the camera, behind a camera each."""
+    scene.mps.photo.width = scene.mps.photo.height = SIZE
+    scene.mps.photo.samples = 16
+    bpy.ops.mps.add_rig(projection="PERSPECTIVE", focal_length=60, slant=25)
+    target = scene.mps.rig.target
+    front = target.matrix_world.copy()
+    for number in range(4):
+        target.matrix_world = Matrix.Rotation(math.pi / 2 * number, 4, "Z") @ front
+        bpy.context.view_layer.update()
+        bpy.ops.mps.render_photo(output=str(tmp_path / f"side{number}.exr"))
+        camera = bpy.data.objects.new(f"Side {number}", scene.mps.rig.camera.data.copy())
+        camera.matrix_world = scene.mps.rig.camera.matrix_world
+        scene.collection.objects.link(camera)
+        behind = camera.data.background_images.new()
+        behind.image = bpy.data.images.load(str(tmp_path / f"side{number}.exr"))
+    scene.mps.bake.size, scene.mps.bake.space = 128, "OBJECT"
+    scene.mps.bake.output = str(tmp_path / "texture.png")
+    scene.mps.estimate.model = "LAMBERTIAN"
+    return sphere
+
+
+def error(path) -> float:
+    """Mean error of the texture in the band around the equator, which all sides see."""
+    baked = decode(read_image(path, encoding="linear").pixels)
+    band = slice(40, 88)
+    return float(angular_error(baked, texel_normals(128))[band].mean())
+
+
+def test_cameras_with_background_images_become_one_texture(around, scene, tmp_path):
+    bpy.ops.mps.bake_views(level=False)
+    assert error(tmp_path / "texture.png") < 1.5
+    assert scene.mps.bake.image is not None
+    page = (tmp_path / "texture_report.html").read_text()
+    assert all(f"Side_{number}" in page for number in range(4))
+    nodes = around.data.materials[0].node_tree.nodes
+    assert nodes["MPS Texture"].image == scene.mps.bake.image
+    # The sphere's own normals are the truth here, so levelling can only make it better.
+    bpy.ops.mps.bake_views(level=True, write_report=False)
+    assert error(tmp_path / "texture.png") < 1.0
+
+
+def test_lights_that_stand_still_are_those_of_the_scene(around, scene, tmp_path):
+    """One camera is the rig's own: in the world or with the camera, its lights are the same."""
+    for number in range(3):
+        bpy.data.objects.remove(bpy.data.objects[f"Side {number}"])
+    textures = []
+    for lights in ("CAMERA", "WORLD"):
+        bpy.ops.mps.bake_views(level=False, write_report=False, lights_in=lights)
+        textures.append(decode(read_image(tmp_path / "texture.png", encoding="linear").pixels))
+    assert angular_error(*textures).max() < 0.1
+
+
+@pytest.mark.parametrize("axes", ["AS_IS", "Y_UP"])
+def test_cameras_from_colmap_meet_the_mesh_as_it_was_imported(around, scene, tmp_path, axes):
+    """The same cameras as COLMAP would have them, in a world that is Blender's, or has y up."""
+    to_file = Matrix.Rotation(-math.pi / 2, 4, "X") if axes == "Y_UP" else Matrix.Identity(4)
+    (tmp_path / "colmap").mkdir()
+    cameras, images = [], []
+    for number in range(4):
+        obj = bpy.data.objects[f"Side {number}"]
+        pose = (to_file @ obj.matrix_world @ Matrix.Diagonal(Vector((1, -1, -1, 1)))).inverted()
+        turn, move = pose.to_quaternion(), pose.translation
+        focal = SIZE * obj.data.lens / obj.data.sensor_width
+        cameras.append(f"{number + 1} PINHOLE {SIZE} {SIZE} {focal} {focal} {SIZE / 2} {SIZE / 2}")
+        images += [" ".join(map(str, [number + 1, *turn, *move, number + 1, f"side{number}.exr"])), ""]
+        bpy.data.objects.remove(obj)
+    (tmp_path / "colmap" / "cameras.txt").write_text("\n".join(cameras) + "\n")
+    (tmp_path / "colmap" / "images.txt").write_text("\n".join(images) + "\n")
+    bpy.ops.mps.bake_views(cameras=str(tmp_path / "colmap"), photos=str(tmp_path), axes=axes, level=False, write_report=False)
+    assert error(tmp_path / "texture.png") < 1.5
+
+
+def test_what_is_missing_is_told(sphere, scene, tmp_path):
+    bpy.ops.mps.add_rig()
+    with pytest.raises(RuntimeError, match="no camera of this scene has a background image"):
+        bpy.ops.mps.bake_views()
+    with pytest.raises(RuntimeError, match="where are the photos of these cameras"):
+        bpy.ops.mps.bake_views(cameras=str(tmp_path))
+    with pytest.raises(RuntimeError, match="COLMAP"):
+        bpy.ops.mps.bake_views(cameras=str(tmp_path), photos=str(tmp_path))

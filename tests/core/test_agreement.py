@@ -1,0 +1,103 @@
+"""Who sees what and who departs from whom, where both are known: planes whose views say what they are told to."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from eight_views import turn
+from surface_shapes import camera_looking, sphere_mesh, sphere_view
+from synthetic import degrees_between
+from test_bake import SIX_SIDES, constant_view, plane
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.rays import RayScene
+from mpsnet_core.surface.agreement import agreement, table_rows
+from mpsnet_core.surface.bake import bake_normals
+from mpsnet_core.surface.coverage import view_table, write_bake_report
+
+AHEAD = camera_looking((0, 0, 1))
+
+
+def tilted(degrees: float) -> list[float]:
+    return [float(np.sin(np.radians(degrees))), 0.0, float(np.cos(np.radians(degrees)))]
+
+
+def test_the_texture_says_how_many_views_saw_it_and_how_far_apart_they_are() -> None:
+    """Two views 10 degrees apart are each 5 from their mean, and so is the angle of the mean cosine."""
+    views = [constant_view(AHEAD, tilted(10)), constant_view(AHEAD, tilted(0))]
+    texture = bake_normals(plane(), views, size=32, margin=0)
+    assert (texture.views == 2).all()
+    assert texture.spread == pytest.approx(5, abs=0.05)
+    three = bake_normals(plane(), [*views, constant_view(AHEAD, tilted(5))], size=32, margin=0)
+    cosines = np.cos(np.radians([5, 5, 0]))
+    assert (three.views == 3).all() and three.spread == pytest.approx(np.degrees(np.arccos(cosines.mean())), abs=0.05)
+    alone = bake_normals(plane(), views[:1], size=32, margin=0)
+    assert (alone.views == 1).all() and (alone.spread == 0).all()
+
+
+def test_views_that_agree_are_not_apart() -> None:
+    mesh = sphere_mesh(48, 24)
+    views = [sphere_view(camera_looking(side)) for side in SIX_SIDES]
+    texture = bake_normals(mesh, views, size=128, margin=0)
+    assert np.array_equal(texture.views > 0, texture.seen) and texture.views.max() >= 3
+    assert texture.spread.max() < 1.5 and texture.spread[texture.views > 1].mean() < 0.1  # the facets, at a glance
+
+
+def test_each_view_is_told_its_share_and_how_far_it_departs_from_the_others() -> None:
+    mesh = plane()
+    said = agreement(mesh, RayScene(mesh.world_vertices, mesh.triangles), 4000)
+    mask = np.zeros((256, 256), bool)
+    mask[:, :128] = True
+    whole = constant_view(AHEAD, tilted(0))
+    half = constant_view(AHEAD, tilted(12))
+    half = type(half)(AHEAD, type(half.normals)(half.normals.vectors, mask))
+    mended = constant_view(AHEAD, tilted(1))
+    mended = type(half)(AHEAD, type(half.normals)(mended.normals.vectors, mask))
+    said.add("whole", whole, whole, 0.0)
+    said.add("half", half, mended, 11.0)
+    one, other = said.views()
+    assert (one.seen, other.seen, said.seen()) == (pytest.approx(1), pytest.approx(0.5, abs=0.01), pytest.approx(1))
+    assert (one.before, one.after) == (pytest.approx(12, abs=0.01), pytest.approx(1, abs=0.01))
+    assert (other.before, other.after) == (pytest.approx(12, abs=0.01), pytest.approx(1, abs=0.01))
+    assert (one.level, other.level) == (0.0, 11.0)
+    assert table_rows([other])[0]["after_deg"] == pytest.approx(1, abs=0.01)
+
+
+def test_a_view_that_nobody_shares_departs_from_nobody() -> None:
+    mesh = sphere_mesh()
+    said = agreement(mesh, RayScene(mesh.world_vertices, mesh.triangles), 2000)
+    for side in ((1, 0, 0), (-1, 0, 0)):
+        view = sphere_view(camera_looking(side))
+        said.add(str(side[0]), view, view, 0.0)
+    for view in said.views():
+        assert np.isnan(view.before) and 0.35 < view.seen < 0.5
+    assert table_rows(said.views())[0]["before_deg"] is None and " - " in view_table(said.views())
+
+
+def test_points_are_spread_by_area_wherever_the_mesh_stands() -> None:
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = turn(np.array([1.0, 1, 0]), 30) * 2.5, (10, 20, 30)
+    mesh = sphere_mesh(48, 24, world_from_object=pose)
+    said = agreement(mesh, RayScene(mesh.world_vertices, mesh.triangles), 5000)
+    points = (said.points + said.scene.middle - pose[:3, 3]) @ pose[:3, :3] / 2.5**2
+    assert np.linalg.norm(points, axis=1) == pytest.approx(1, abs=0.01)
+    # Archimedes: on a sphere every slab of the same height has the same area.
+    assert np.histogram(points[:, 2], 8, (-1, 1))[0] / 5000 == pytest.approx(1 / 8, abs=0.012)
+    assert degrees_between(said.normals, points @ pose[:3, :3].T).max() < 5
+
+
+def test_the_report_is_one_page_that_holds_all(tmp_path: Path) -> None:
+    mesh = sphere_mesh()
+    scene = RayScene(mesh.world_vertices, mesh.triangles)
+    views = [sphere_view(camera_looking(side)) for side in SIX_SIDES[:3]]
+    said = agreement(mesh, scene, 500)
+    for number, view in enumerate(views):
+        said.add(f"photo <{number}>", view, view, 0.0)
+    texture = bake_normals(mesh, views, size=64)
+    write_bake_report(tmp_path / "report.html", "statue & co", texture, said.views(), ["a note"])
+    page = (tmp_path / "report.html").read_text()
+    assert "statue &amp; co" in page and "photo &lt;2&gt;" in page and "a note" in page
+    assert page.count("data:image/png;base64,") == 3 and not re.search(r"https?://", page)
+    with pytest.raises(InputError, match=r"reports are written as \.html"):
+        write_bake_report(tmp_path / "report.txt", "", texture, said.views())

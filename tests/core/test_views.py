@@ -1,0 +1,356 @@
+"""Many views into one texture: eight photos with noise and slightly wrong cameras, and the command from end to end."""
+
+import contextlib
+import io
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from eight_views import CORNERS, eight_views_baked, shot, sphere_texels, turn
+from surface_shapes import camera_looking, sphere_mesh, sphere_view
+from synthetic import degrees_between, listing, write_file
+
+from mpsnet_core.camera import read_camera, write_camera, write_views
+from mpsnet_core.cli import main
+from mpsnet_core.errors import InputError
+from mpsnet_core.images import read_image
+from mpsnet_core.normals import NormalMap, decode, write_normals
+from mpsnet_core.rig import near_rig, published_rig, write_rig
+from mpsnet_core.surface.mesh import write_mesh
+from mpsnet_core.views import posed_photos
+from mpsnet_core.world_lights import WorldLights, in_world, read_world_lights, write_world_lights
+
+
+def test_eight_wrong_views_become_one_texture_without_seams() -> None:
+    """A step at a border is a jump that the surroundings do not foresee; see :func:`eight_views.jumps`."""
+    outcomes = eight_views_baked(1024, 600)
+    for how, outcome in outcomes.items():
+        print(f"{how}: {outcome}")
+    levelled = outcomes["levelled"]
+    assert levelled.seen > 0.99 and len(levelled.at_borders) > 200
+    assert outcomes["as they are"].error > 4 and levelled.error < 3
+    assert levelled.spread < 0.7 * outcomes["as they are"].spread
+    assert levelled.at_borders.max() < 2
+
+
+class Table:
+    """A folder with what the command needs: a bumpy sphere's photos from four sides, cameras, rig, mesh."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        for name in ("photos", "cameras"):
+            (folder / name).mkdir()
+        rng = np.random.default_rng(1)
+        for number, corner in enumerate(CORNERS[::2]):
+            seen = shot(corner, 96, rng, noise=0.0, off=0.0)
+            write_file(folder / "photos" / f"side{number}.exr", seen.image, "float")
+            write_file(folder / f"mask{number}.png", seen.mask, "uint8")
+            write_camera(folder / "cameras" / f"side{number}.camera.json", seen.camera)
+        write_rig(folder / "rig.json", published_rig())
+        write_mesh(folder / "mesh.npz", sphere_mesh(48, 24))
+
+    def __truediv__(self, name: str) -> Path:
+        return self.folder / name
+
+    def run(self, *arguments: str | Path) -> str:
+        """`mpsnet views` with good values for what is not given; what it prints. InputError where it refuses."""
+        good: list[str | Path] = [
+            "--mesh",
+            self / "mesh.npz",
+            "--cameras",
+            self / "cameras",
+            "--rig",
+            self / "rig.json",
+        ]
+        good += ["--photos", self / "photos"]
+        return self._run(*good, *arguments)
+
+    def named(self, cameras: Path) -> str:
+        """`mpsnet views` with cameras that are to name their photos."""
+        return self._run("--mesh", self / "mesh.npz", "--cameras", cameras, "--rig", self / "rig.json")
+
+    def _run(self, *arguments: str | Path) -> str:
+        good: list[str | Path] = ["--model", "lambertian", "--size", "64", "--space", "object"]
+        words, complaint = io.StringIO(), io.StringIO()
+        with contextlib.redirect_stdout(words), contextlib.redirect_stderr(complaint):
+            code = main(["views", *map(str, [*good, "-o", self / "texture.png", *arguments])])
+        if code:
+            (line,) = complaint.getvalue().splitlines()
+            raise InputError(line)
+        return words.getvalue()
+
+    def texture(self) -> np.ndarray:
+        return decode(read_image(self / "texture.png", encoding="linear").pixels)
+
+
+@pytest.fixture
+def table(tmp_path: Path) -> Table:
+    return Table(tmp_path)
+
+
+def error_of(table: Table) -> float:
+    texels = sphere_texels(64)
+    baked = table.texture()[texels.row, texels.column]
+    low = texels.points[:, 2] < 0.3  # the four sides look from below
+    return float(degrees_between(baked, texels.truth)[low].mean())
+
+
+def test_the_command_bakes_what_the_photos_show(table: Table) -> None:
+    words = table.run("--report", table / "report.html", "--json", table / "figures.json", "--level", "0.05")
+    assert "side3" in words and "of its surface seen" in words
+    assert error_of(table) < 4  # of relief of 17 degrees
+    figures = json.loads((table / "figures.json").read_text())
+    assert [row["view"] for row in figures["views"]] == [f"side{number}" for number in range(4)]
+    assert all(0.2 < row["seen"] < 0.5 and row["level_deg"] > 0 for row in figures["views"])
+    assert 0.5 < figures["seen"] < 1 and figures["level"] == 0.05
+    assert "side0" in (table / "report.html").read_text()
+
+
+def test_levelling_can_be_left_out(table: Table) -> None:
+    assert "not levelled" in table.run("--level", "off", "--json", table / "figures.json")
+    assert {row["level_deg"] for row in json.loads((table / "figures.json").read_text())["views"]} == {0.0}
+
+
+def test_kept_normals_are_not_estimated_again(table: Table) -> None:
+    """Only those whose photo, camera, rig, mask or model changed; the texture is the same as without."""
+    table.run()
+    without = table.texture()
+    keep = ("--keep", table / "kept")
+    table.run(*keep)
+    assert np.array_equal(table.texture(), without)
+    made = {file: file.stat().st_mtime_ns for file in (table / "kept").iterdir()}
+    assert len(made) == 12 and listing(table / "kept")[0] == "side0_confidence.png"
+    assert "4 kept from before" in table.run(*keep, "--level", "off")
+
+    def again() -> set[str]:
+        return {file.name.split("_")[0] for file, when in made.items() if file.stat().st_mtime_ns != when}
+
+    assert not again()
+    os.utime(table / "photos" / "side1.exr", (1, 1))
+    write_camera(table / "cameras" / "side2.camera.json", camera_looking(CORNERS[4], "perspective", size=96))
+    (table / "kept" / "side3_view.json").write_text("{")
+    assert "1 kept from before" in table.run(*keep)
+    assert again() == {"side1", "side2", "side3"}
+    assert "kept from before" not in table.run(*keep, "--model", "lambertian-grey-world")
+
+
+@pytest.mark.parametrize("naming", ["{stem}.png", "{stem}_mask.png", "{stem}.exr.png"])
+def test_masks_may_come_from_a_folder(table: Table, naming: str) -> None:
+    (table / "masks").mkdir()
+    for number in range(4):
+        (table / f"mask{number}.png").rename(table / "masks" / naming.format(stem=f"side{number}"))
+    table.run("--mask", table / "masks")
+    assert error_of(table) < 4.5
+    (table / "masks" / naming.format(stem="side2")).unlink()
+    with pytest.raises(InputError, match=r"view side2: photo side2.exr has no image side2 .* in .*masks; put it there"):
+        table.run("--mask", table / "masks")
+
+
+def test_lights_may_stand_in_the_world(table: Table) -> None:
+    """One photo of each camera under lights that stand still: each camera sees them elsewhere in its own space."""
+    corner = CORNERS[0]
+    for number in range(1, 4):
+        (table / "cameras" / f"side{number}.camera.json").unlink()
+    camera = camera_looking(corner, "perspective", size=96, distance=5.0)
+    world = (published_rig().directions @ camera.rotation.T).tolist()
+    rig = {"format": "mpsnet-rig", "version": 1, "lights": [{"direction": direction} for direction in world]}
+    (table / "still.json").write_text(json.dumps(rig))
+    textures = []
+    for arguments in ([], ["--rig", table / "still.json", "--lights-in", "world"]):
+        table.run(*arguments)
+        textures.append(table.texture())
+    assert degrees_between(*textures).max() < 0.1
+    assert WorldLights(world).seen_by(camera).directions == pytest.approx(published_rig().directions)
+
+
+@pytest.mark.parametrize("lens", ["PINHOLE 96 96 {f} {f} 48 48", "SIMPLE_RADIAL 96 96 {f} 48 48 0.01"])
+def test_cameras_may_come_from_colmap(table: Table, lens: str) -> None:
+    """The same cameras by COLMAP's own definition (y down, z forward, world to camera) give the same texture.
+
+    The second lens moves what is at the sphere's edge by 0.02 pixels, which is nothing, but asks for all that it takes.
+    """
+    pytest.importorskip("mpsnet_core.photogrammetry")
+    table.run()
+    own = table.texture()
+    lines = []
+    (table / "colmap").mkdir()
+    for number, corner in enumerate(CORNERS[::2]):
+        camera = camera_looking(corner, "perspective", size=96, distance=5.0)
+        turned = (camera.rotation @ np.diag([1, -1, -1])).T
+        w = np.sqrt(max(1 + np.trace(turned), 1e-12)) / 2
+        x, y, z = np.array([turned[2, 1] - turned[1, 2], turned[0, 2] - turned[2, 0], turned[1, 0] - turned[0, 1]]) / (
+            4 * w
+        )
+        moved = -turned @ camera.world_from_camera[:3, 3]
+        pose = " ".join(map(str, [w, x, y, z, *moved]))
+        lines += [f"{number + 1} {pose} 1 side{number}.exr", ""]
+    focal = camera.focal[0]
+    (table / "colmap" / "images.txt").write_text("\n".join(lines) + "\n")
+    (table / "colmap" / "cameras.txt").write_text(f"1 {lens.format(f=focal)}\n")
+    (table / "colmap" / "points3D.txt").write_text("")
+    table.run("--cameras", table / "colmap")
+    assert degrees_between(table.texture(), own).mean() < (0.05 if lens.startswith("PINHOLE") else 0.5)
+
+
+def behind(table: Table) -> list[Any]:
+    lights = [{"direction": list(direction)} for direction in np.eye(3)]
+    (table / "still.json").write_text(json.dumps({"format": "mpsnet-rig", "version": 1, "lights": lights}))
+    return ["--rig", table / "still.json", "--lights-in", "world"]
+
+
+def angles(table: Table) -> list[Any]:
+    return ["--lights-in", "world"]
+
+
+def no_photo(table: Table) -> list[Any]:
+    (table / "photos" / "side1.exr").unlink()
+    return []
+
+
+def two_photos(table: Table) -> list[Any]:
+    write_file(table / "photos" / "side1.png", np.ones((96, 96, 3)), "uint8")
+    return []
+
+
+def small_photo(table: Table) -> list[Any]:
+    write_file(table / "photos" / "side1.exr", np.ones((40, 50, 3)), "float")
+    return []
+
+
+def elsewhere(table: Table) -> list[Any]:
+    camera = camera_looking((1, 0, 0), "perspective", size=96, target=(0, 90, 0))
+    write_camera(table / "cameras" / "side1.camera.json", camera)
+    return []
+
+
+def broken_photo(table: Table) -> list[Any]:
+    (table / "photos" / "side1.exr").write_bytes(b"v/1\x01" + bytes(90))
+    return []
+
+
+BAD: dict[str, tuple[Callable[[Table], list[Any]], str]] = {
+    "a light behind what a camera sees": (behind, r"view side\d: the \w+ light is behind the object"),
+    "angles for lights in the world": (angles, r"the first light stands in the world, where it needs \"direction\""),
+    "a camera without a photo": (no_photo, r"camera side1.camera.json has no image side1 .*put it there"),
+    "two photos for a camera": (two_photos, r"camera side1.camera.json may mean .* keep one of them"),
+    "a photo of another size": (small_photo, r"view side1: .*the camera is 96 x 96 but the photo is 50 x 40"),
+    "a camera that looks elsewhere": (elsewhere, r"view side1: .*do the cameras and the mesh share one world"),
+    "a damaged photo": (broken_photo, r"view side1: .*side1.exr cannot be read|view side1: .*side1.exr is damaged"),
+    "no folder of photos": (lambda t: ["--photos", t / "none"], r"none is not a folder"),
+    "a level that is none": (lambda t: ["--level", "much"], r"--level much is not known; give on, off, or a scale"),
+    "a level out of range": (lambda t: ["--level", "0.001"], r"--level 0.001 is not known"),
+    "a report that is no page": (lambda t: ["--report", t / "r.pdf"], r"reports are written as .html"),
+    "an output over the rig": (lambda t: ["--json", t / "rig.json"], r"would overwrite .*rig.json"),
+    "outputs over one another": (lambda t: ["--json", t / "texture.png"], r"would overwrite .*texture.png"),
+    "a file for the folder to keep": (lambda t: ["--keep", t / "rig.json"], r"rig.json is a file; name a folder"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_gets_one_sentence_and_leaves_nothing(table: Table, case: str) -> None:
+    break_it, said = BAD[case]
+    arguments = break_it(table)
+    before = listing(table.folder)
+    with pytest.raises(InputError, match=said):
+        table.run(*arguments)
+    assert listing(table.folder) == before
+
+
+def test_names_are_told_apart_by_their_cameras(table: Table) -> None:
+    names = [view.name for view in posed_photos(table / "cameras", table / "photos")]
+    assert names == ["side0", "side1", "side2", "side3"]
+
+
+def test_bake_levels_when_asked(table: Table) -> None:
+    """A tilted normal map, baked as it is and levelled."""
+    camera = camera_looking((1, 0.2, 0.3), size=96)
+    view = sphere_view(camera)
+    write_camera(table / "camera.json", camera)
+    tilted = NormalMap(view.normals.vectors @ turn(np.array([1.0, 0, 0]), 10).T, view.normals.mask)
+    write_normals(table / "tilted.png", tilted)
+    texels = sphere_texels(64)
+    errors = []
+    for level in ("off", "on"):
+        good = ["--mesh", table / "mesh.npz", "--view", f"{table / 'camera.json'}={table / 'tilted.png'}"]
+        good += ["--size", "64", "--space", "object", "--level", level, "-o", table / "texture.png"]
+        with contextlib.redirect_stdout(io.StringIO()):
+            assert main(["bake", *map(str, good)]) == 0
+        ahead = texels.points @ camera.rotation[:, 2] > 0.5
+        errors.append(degrees_between(table.texture()[texels.row, texels.column], texels.points)[ahead].mean())
+    assert errors[0] > 6 and errors[1] < 0.7
+
+
+def test_near_lights_in_the_world_are_where_each_camera_sees_them(tmp_path: Path) -> None:
+    camera = camera_looking((1, 2, 0.5), "perspective", size=96, distance=5.0)
+    places = np.array([[2.0, 3, 1], [3, 1, -1], [1, 3, -2]])
+    rig = {"format": "mpsnet-rig", "version": 1, "target": [0.1, 0, 0], "lobe": 1}
+    rig["lights"] = [{"position": place} for place in places.tolist()]
+    (tmp_path / "rig.json").write_text(json.dumps(rig))
+    lights = read_world_lights(tmp_path / "rig.json")
+    seen = lights.seen_by(camera)
+    assert seen.near is not None and seen.near.lobe == 1
+    from_camera = np.linalg.inv(camera.world_from_camera)
+    for place, found in zip([*places, [0.1, 0, 0]], [*seen.near.positions, seen.near.target], strict=True):
+        assert found == pytest.approx((from_camera @ [*place, 1])[:3])
+    write_world_lights(tmp_path / "again.json", in_world(seen, camera))
+    again = read_world_lights(tmp_path / "again.json").near
+    assert again is not None and again.positions == pytest.approx(places)
+
+
+def test_lights_near_the_object_are_lit_by_the_mesh_s_distance(table: Table) -> None:
+    """The photos' lights were far away: lights ten thousand sizes away are as good, those nearby are another rig."""
+    textures = []
+    table.run()
+    textures.append(table.texture())
+    for away in (1e4, 4.0):
+        write_rig(table / "near.json", near_rig(away * published_rig().directions - [0, 0, 5], [0, 0, -5]))
+        table.run("--rig", table / "near.json")
+        textures.append(table.texture())
+    assert degrees_between(textures[0], textures[1]).max() < 0.2
+    assert degrees_between(textures[0], textures[2]).max() > 2
+
+
+def test_a_file_of_ours_names_photos_and_cameras(table: Table) -> None:
+    table.run()
+    expected = table.texture()
+    file = table / "views.json"
+    cameras = [read_camera(table / "cameras" / f"side{number}.camera.json") for number in range(4)]
+    write_views(file, [(f"side{n}", f"photos/side{n}.exr", camera) for n, camera in enumerate(cameras)])
+    table.named(file)
+    assert np.array_equal(table.texture(), expected)
+    views = json.loads(file.read_text())["views"]
+
+    def write(**change: Any) -> None:
+        broken = [{**views[0], **change}, *views[1:]]
+        file.write_text(json.dumps({"format": "mpsnet-views", "version": 1, "views": broken}))
+
+    for change, said in (
+        ({"photo": "photos/none.exr"}, "view side0: photo .*none.exr does not exist"),
+        ({"name": "../side0"}, 'view 1 needs a "name" without slashes'),
+        ({"camera": {"width": 96}}, 'view side0: it lacks "projection"'),
+        ({"camera": 3}, 'view 1 needs "name", "photo" and "camera"'),
+        ({"name": "side1"}, "two cameras for photos called side1"),
+        ({"photo": "photos/side1.exr"}, "two cameras for photos in .*side1.exr"),
+    ):
+        write(**change)
+        with pytest.raises(InputError, match=said):
+            table.named(file)
+    with pytest.raises(InputError, match="does not name its photos; give their folder with --photos"):
+        table.named(table / "cameras")
+
+
+def test_dark_and_flat_frames_are_taken_off_every_view(table: Table) -> None:
+    table.run("--keep", table / "kept")
+    expected = table.texture()
+    fall = np.linspace(0.4, 1, 96, dtype=np.float32)[:, None, None]
+    for number in range(4):
+        photo = table / "photos" / f"side{number}.exr"
+        write_file(photo, read_image(photo).pixels * fall + 0.1, "float")
+    frames = ["--dark", write_file(table / "dark.exr", np.full((96, 96, 3), 0.1), "float")]
+    frames += ["--flat", write_file(table / "flat.exr", np.broadcast_to(fall + 0.1, (96, 96, 3)), "float")]
+    assert "kept from before" not in table.run(*frames, "--keep", table / "kept")
+    assert degrees_between(table.texture(), expected).max() < 0.5
