@@ -4,7 +4,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from mpsnet_core.camera import Camera
 
 # embree's distance for rays that hit nothing is above this.
 _NO_HIT = 1e30
@@ -46,6 +48,18 @@ class RayScene:
         # embreex reads numbers one by one, out of tuples in half the time that it takes out of an array's rows.
         corners = np.fromiter(zip(*triangles.T.tolist(), strict=True), object, len(triangles))
         self._mesh = TriangleMesh(self._scene, ((vertices - self.middle) / self.size).astype(np.float32), corners)
+
+    def rays_of(self, camera: Camera, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+        """Origins and unit directions, each (N, 3), of a camera's rays through image points (N, 2) in pixels.
+
+        And how far before the camera they begin: an orthographic one sees what is behind its plane as well, so its rays
+        begin outside the mesh.
+        """
+        origins, directions = camera.rays(points)
+        if camera.projection == "perspective":
+            return origins, directions, 0.0
+        back = float(np.linalg.norm(camera.world_from_camera[:3, 3] - self.middle)) + self.size
+        return origins - back * directions, directions, back
 
     def distances(self, origins: NDArray[np.floating], directions: NDArray[np.floating]) -> NDArray[np.float64]:
         """(N,) distance along each ray to the first hit, infinity where it hits nothing. Unit directions (N, 3)."""

@@ -194,10 +194,7 @@ def mesh_mask(camera: Camera, scene: RayScene) -> NDArray[np.bool_]:
     small = reduced_shape(camera.height, camera.width, MASK_PIXELS)
     rows, columns = chosen_pixels(*small, camera.height, camera.width)
     pixels = np.stack(np.meshgrid(columns + 0.5, rows + 0.5), axis=-1).reshape(-1, 2)
-    origins, directions = camera.rays(pixels)
-    if camera.projection == "orthographic":
-        back = float(np.linalg.norm(camera.world_from_camera[:3, 3] - scene.middle)) + scene.size
-        origins = origins - back * directions
+    origins, directions, _ = scene.rays_of(camera, pixels)
     seen = np.isfinite(scene.distances(origins, directions)).reshape(small)
     row, column = (
         np.minimum(((np.arange(n) + 0.5) * count / n).astype(np.int64), count - 1)

@@ -118,11 +118,7 @@ def _mesh_seen(
 
     NaN where the mesh is not seen, or from behind.
     """
-    origins, directions = camera.rays(pixels)
-    if camera.projection == "orthographic":
-        # It sees what is behind its plane as well, so its rays begin outside the mesh.
-        back = float(np.linalg.norm(camera.world_from_camera[:3, 3] - scene.middle)) + scene.size
-        origins = origins - back * directions
+    origins, directions, _ = scene.rays_of(camera, pixels)
     hits = scene.hits(origins, directions)
     weights = np.stack([1 - hits.u - hits.v, hits.u, hits.v], axis=1)[..., None]
     # Normals are carried by the inverse transpose; a row times a matrix transposes once more.

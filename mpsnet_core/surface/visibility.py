@@ -33,12 +33,8 @@ class Visibility:
         self.shape = height, width = reduced_shape(camera.height, camera.width, DEPTH_PIXELS)
         y, x = np.mgrid[:height, :width].reshape(2, -1) + 0.5
         points = np.stack([x * camera.width / width, y * camera.height / height], axis=1)
-        origins, directions = camera.rays(points)
-        # An orthographic camera sees what is behind its plane as well, so its rays begin outside the mesh.
-        back = 0.0
-        if camera.projection == "orthographic":
-            back = float(np.linalg.norm(camera.world_from_camera[:3, 3] - scene.middle)) + scene.size
-        distance = scene.distances(origins - back * directions, directions) - back
+        origins, directions, back = scene.rays_of(camera, points)
+        distance = scene.distances(origins, directions) - back
         # Distance along the ray to depth along the camera's axis.
         depth = (distance * (directions @ -camera.rotation[:, 2])).reshape(height, width)
         pixel = max(camera.height, camera.width) / (max(height, width) * camera.focal.min())

@@ -93,7 +93,9 @@ def test_cameras_from_colmap_meet_the_mesh_as_it_was_imported(around, scene, tmp
         bpy.data.objects.remove(obj)
     (tmp_path / "colmap" / "cameras.txt").write_text("\n".join(cameras) + "\n")
     (tmp_path / "colmap" / "images.txt").write_text("\n".join(images) + "\n")
-    bpy.ops.mps.bake_views(cameras=str(tmp_path / "colmap"), photos=str(tmp_path), axes=axes, level=False, write_report=False)
+    bpy.ops.mps.bake_views(
+        cameras=str(tmp_path / "colmap"), photos=str(tmp_path), axes=axes, level=False, write_report=False
+    )
     assert error(tmp_path / "texture.png") < 1.5
 
 

@@ -4,7 +4,7 @@ import contextlib
 import io
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.images import read_image
 from mpsnet_core.normals import NormalMap, decode, write_normals
 from mpsnet_core.rig import near_rig, published_rig, write_rig
+from mpsnet_core.surface.bake import View, bake_normals
 from mpsnet_core.surface.mesh import write_mesh
 from mpsnet_core.views import posed_photos
 from mpsnet_core.world_lights import WorldLights, in_world, read_world_lights, write_world_lights
@@ -35,6 +36,32 @@ def test_eight_wrong_views_become_one_texture_without_seams() -> None:
     assert outcomes["as they are"].error > 4 and levelled.error < 3
     assert levelled.spread < 0.7 * outcomes["as they are"].spread
     assert levelled.at_borders.max() < 2
+
+
+class Asked(Sequence[View]):
+    """Views that note how often each is asked for."""
+
+    def __init__(self, views: list[View]) -> None:
+        self.views, self.times = views, [0] * len(views)
+
+    def __len__(self) -> int:
+        return len(self.views)
+
+    def __getitem__(self, number: Any) -> Any:
+        self.times[number] += 1
+        return self.views[number]
+
+
+def test_views_that_memory_does_not_hold_at_once_give_the_same_texture(monkeypatch: pytest.MonkeyPatch) -> None:
+    mesh = sphere_mesh(layout="overlapping")
+    views = [sphere_view(camera_looking(corner, size=100)) for corner in CORNERS[:5]]
+    at_once, in_parts = Asked(views), Asked(views)
+    one = bake_normals(mesh, at_once, size=96)
+    monkeypatch.setattr("mpsnet_core.surface.bake.HELD_BYTES", 300_000)  # not two views
+    other = bake_normals(mesh, in_parts, size=96)
+    assert np.array_equal(one.vectors, other.vectors) and np.array_equal(one.views, other.views)
+    assert np.array_equal(one.spread, other.spread)
+    assert at_once.times == [1] * 5 and in_parts.times == [2] * 5
 
 
 class Table:
