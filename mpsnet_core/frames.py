@@ -96,8 +96,7 @@ def expand_images(inputs: Sequence[str | os.PathLike[str]]) -> list[Path]:
         elif path.is_file():
             found = [path]
         elif any(sign in path.name for sign in "#*?"):
-            pattern = re.sub("#", "[0-9]", glob.escape(path.name).replace("[*]", "*").replace("[?]", "?"))
-            found = _photos(path.parent.glob(pattern))
+            found = _photos(matching_files(path))
             if RESULT not in path.stem:  # as in a folder
                 found = [file for file in found if not _is_result(file)]
             if not found:
@@ -106,6 +105,22 @@ def expand_images(inputs: Sequence[str | os.PathLike[str]]) -> list[Path]:
             raise InputError(f"image {path} does not exist; check the path")
         photos += found
     return photos
+
+
+def matching_files(given: str | os.PathLike[str], what: str = "image") -> list[Path]:
+    """The files of a folder, or those that match a pattern, numbers in names by their size; see :func:`expand_images`.
+
+    what: they are called. Raises InputError where there are none.
+    """
+    path = Path(given)
+    if path.is_dir():
+        found = path.iterdir()
+    else:
+        found = path.parent.glob(re.sub("#", "[0-9]", glob.escape(path.name).replace("[*]", "*").replace("[?]", "?")))
+    files = sorted((file for file in found if file.is_file() and not file.name.startswith(".")), key=natural_order)
+    if not files:
+        raise InputError(f"no {what} matches {path}; check the pattern")
+    return files
 
 
 def output_files(photos: Sequence[Path], output: str | os.PathLike[str], suffix: str) -> list[Path]:

@@ -1,4 +1,4 @@
-"""Verbs that take photos and normals: estimate, superpose, bake, models."""
+"""Verbs that take photos: estimate, superpose; and models."""
 
 import argparse
 import json
@@ -7,7 +7,6 @@ from typing import Any
 
 from mpsnet_core.cli.arguments import Help, Verbs, add_place, add_reading, asked_correction, asked_place, read_files
 from mpsnet_core.cli.reporter import Reporter
-from mpsnet_core.cli.views import add_level, level_scale
 from mpsnet_core.errors import InputError
 
 
@@ -17,11 +16,6 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
     )
     superpose = verbs.add_parser("superpose", parents=[common], help="add up photos that show one light each")
     _add_superpose(superpose)
-    _add_bake(
-        verbs.add_parser(
-            "bake", parents=[common], formatter_class=Help, help="normal maps to a texture on a mesh's UVs"
-        )
-    )
     models = verbs.add_parser("models", parents=[common], help="list the models that can be asked for by name")
     models.add_argument("model", nargs="?", help="name or .onnx file of a network, to read its card")
     models.set_defaults(verb=_models)
@@ -147,95 +141,6 @@ def _superpose(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any
     write_image(options.output, np.concatenate(planes, axis=-1), bits=bits, color_space="lin_rec709_scene")
     reporter.progress(1.0, "done")
     return {"output": options.output, "text": f"{options.output}: {len(options.image)} photo(s) added up"}
-
-
-# --- bake -------------------------------------------------------------------------------------------------------------
-
-
-def _add_bake(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--mesh", required=True, help="mesh with UVs: .obj, .ply, .glb, or the add-on's .npz")
-    parser.add_argument(
-        "--view", required=True, action="append", metavar="CAMERA=NORMALS", help="camera file and its normal map"
-    )
-    parser.add_argument("--size", type=int, default=2048, help="side of the texture in texels")
-    parser.add_argument("--space", default="tangent", help="tangent (MikkTSpace) or object")
-    parser.add_argument("--convention", default="opengl", help="of the texture: opengl (green up) or directx")
-    parser.add_argument("--normals-convention", default="opengl", help="of the normal maps that are read")
-    parser.add_argument(
-        "--confidence", action="append", metavar="FILE", help="confidence map of a view, in the views' order"
-    )
-    add_level(parser, "off")
-    parser.add_argument("--margin", type=int, default=16, help="texels that the islands' borders are grown by")
-    parser.add_argument(
-        "--bits",
-        type=int,
-        help="bits a channel: 8 or 16 (PNG, TIFF), 16 or 32 (EXR); 16 for PNG and TIFF, 32 for EXR unless given",
-    )
-    parser.add_argument("-o", "--output", required=True, help="texture file: .png, .tif or .exr")
-    parser.set_defaults(verb=_bake)
-
-
-def _bake(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
-    from mpsnet_core.camera import read_camera
-    from mpsnet_core.files import writable_path
-    from mpsnet_core.frames import check_apart
-    from mpsnet_core.images import checked_bits
-    from mpsnet_core.normals import check_convention, read_normals
-    from mpsnet_core.progress import part
-    from mpsnet_core.rays import RayScene
-    from mpsnet_core.surface.bake import View, bake_normals
-    from mpsnet_core.surface.feather import FEATHER
-    from mpsnet_core.surface.level import levelled
-    from mpsnet_core.surface.mesh import read_mesh
-    from mpsnet_core.surface.texture import write_texture
-
-    check_convention(options.convention)
-    check_convention(options.normals_convention)
-    checked_bits(writable_path(options.output), options.bits)
-    level = level_scale(options.level)
-    pairs = []
-    for view in options.view:
-        camera, equals, normals = view.partition("=")
-        if not (camera and equals and normals):
-            raise InputError(f"--view {view} is not CAMERA=NORMALS; give a camera file, an equals sign, a normal map")
-        pairs.append((camera, normals))
-    confidences = options.confidence or [None] * len(pairs)
-    if len(confidences) != len(pairs):
-        raise InputError(f"there are {len(pairs)} views but {len(confidences)} confidence maps; give one for each view")
-    inputs = [options.mesh, *(file for pair in pairs for file in pair), *filter(None, confidences)]
-    check_apart(inputs, [options.output])
-    reporter.progress(0.0, "reading the mesh")
-    mesh = read_mesh(options.mesh)
-    scene = RayScene(mesh.world_vertices, mesh.triangles) if level else None
-    views = []
-    for (camera, normals), confidence in zip(pairs, confidences, strict=True):
-        reporter.progress(0.05, f"reading {Path(normals).name}")
-        try:
-            normal_map = read_normals(normals, convention=options.normals_convention, confidence=confidence)
-            view = View(read_camera(camera), normal_map)
-            if scene is not None:
-                view = View(view.camera, levelled(view.normals, view.camera, mesh, scene, scale=level))
-            views.append(view)
-        except InputError as error:
-            raise InputError(f"view {camera}={normals}: {error}") from None
-    texture = bake_normals(
-        mesh,
-        views,
-        size=options.size,
-        space=options.space,
-        margin=options.margin,
-        # Views that are levelled are meant to leave no seam.
-        feather=FEATHER if level else 0.0,
-        progress=part(reporter.progress, 0.1, 0.9),
-    )
-    reporter.progress(0.9, "writing the texture")
-    write_texture(options.output, texture, convention=options.convention, bits=options.bits)
-    facts = f"{options.space} space, {options.convention}, {texture.seen_fraction:.1%} of its surface seen"
-    return {
-        "output": options.output,
-        "seen": round(texture.seen_fraction, 4),
-        "text": f"{options.output}: {options.size} x {options.size}, {facts}",
-    }
 
 
 # --- models -----------------------------------------------------------------------------------------------------------

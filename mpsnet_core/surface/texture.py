@@ -39,7 +39,15 @@ class Texture:
 
 
 def write_texture(
-    path: str | os.PathLike[str], texture: Texture, *, convention: Convention = "opengl", bits: int | None = None
+    path: str | os.PathLike[str],
+    texture: Texture,
+    *,
+    convention: Convention = "opengl",
+    bits: int | None = None,
+    description: str | None = None,
 ) -> None:
-    """Write the texture as colours 0.5 + 0.5 n: PNG or TIFF (16 bits unless told) or EXR (float). Non-Color."""
-    write_image(path, encode(texture.vectors, convention), bits=bits)
+    """Write the texture as colours 0.5 + 0.5 n: PNG or TIFF (16 bits unless told) or EXR (float). Non-Color.
+
+    description: a line of text to be kept in the file, see :func:`mpsnet_core.images.write_image`.
+    """
+    write_image(path, encode(texture.vectors, convention), bits=bits, description=description)

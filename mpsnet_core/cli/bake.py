@@ -1,0 +1,263 @@
+"""The verb bake: normal maps to a texture on a mesh's UVs, or a sequence of them to a sequence of textures."""
+
+import argparse
+import hashlib
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mpsnet_core import __version__
+from mpsnet_core.cli.arguments import Help, Verbs
+from mpsnet_core.cli.reporter import Reporter
+from mpsnet_core.cli.views import add_level, level_scale
+from mpsnet_core.errors import InputError
+from mpsnet_core.progress import Progress, part
+
+if TYPE_CHECKING:
+    from mpsnet_core.surface.mesh import Mesh
+    from mpsnet_core.surface.texture import Texture
+
+log = logging.getLogger(__name__)
+
+# Options that change nothing in the texels, or stand for files that count by what they are at the time.
+NOT_IN_RECIPE = ("confidence", "mesh", "output", "progress", "verb", "view")
+
+
+def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
+    parser = verbs.add_parser(
+        "bake", parents=[common], formatter_class=Help, help="normal maps to a texture on a mesh's UVs"
+    )
+    parser.add_argument("--mesh", required=True, help="mesh with UVs: .obj, .ply, .glb, or the add-on's .npz")
+    parser.add_argument(
+        "--view",
+        required=True,
+        action="append",
+        metavar="CAMERA=NORMALS",
+        help="camera file and its normal map; normals/frame_####.png for a sequence",
+    )
+    parser.add_argument("--size", type=int, default=2048, help="side of the texture in texels")
+    parser.add_argument("--space", default="tangent", help="tangent (MikkTSpace) or object")
+    parser.add_argument("--convention", default="opengl", help="of the texture: opengl (green up) or directx")
+    parser.add_argument("--normals-convention", default="opengl", help="of the normal maps that are read")
+    parser.add_argument(
+        "--confidence", action="append", metavar="FILE", help="confidence map of a view, in the views' order"
+    )
+    add_level(parser, "off")
+    parser.add_argument("--margin", type=int, default=16, help="texels that the islands' borders are grown by")
+    parser.add_argument(
+        "--bits",
+        type=int,
+        help="bits a channel: 8 or 16 (PNG, TIFF), 16 or 32 (EXR); 16 for PNG and TIFF, 32 for EXR unless given",
+    )
+    parser.add_argument("--format", default="png", help="png, tif or exr, where the output is a folder")
+    parser.add_argument(
+        "-o", "--output", required=True, help="texture file: .png, .tif or .exr; a folder for a sequence"
+    )
+    parser.set_defaults(verb=_bake)
+
+
+@dataclass(frozen=True)
+class _Job:
+    """A texture to bake. views: camera file and normal map each. confidences: of each view, or None."""
+
+    output: Path
+    mesh: Path
+    views: tuple[tuple[Path, Path], ...]
+    confidences: tuple[str | None, ...]
+
+    @property
+    def files(self) -> list[Path]:
+        return [self.mesh, *(file for view in self.views for file in view), *map(Path, filter(None, self.confidences))]
+
+
+def _bake(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
+    from mpsnet_core.files import writable_path
+    from mpsnet_core.frames import check_apart
+    from mpsnet_core.images import checked_bits
+    from mpsnet_core.normals import check_convention
+    from mpsnet_core.surface.mesh import read_mesh
+    from mpsnet_core.surface.texture import write_texture
+
+    check_convention(options.convention)
+    check_convention(options.normals_convention)
+    level_scale(options.level)
+    views = []
+    for view in options.view:
+        camera, equals, normals = view.partition("=")
+        if not (camera and equals and normals):
+            raise InputError(f"--view {view} is not CAMERA=NORMALS; give a camera file, an equals sign, a normal map")
+        views.append((camera, normals))
+    confidences = options.confidence or [None] * len(views)
+    if len(confidences) != len(views):
+        raise InputError(f"there are {len(views)} views but {len(confidences)} confidence maps; give one for each view")
+    if any(_several(normals) for _, normals in views):
+        return _bake_frames(options, views, reporter)
+    checked_bits(writable_path(options.output), options.bits)
+    job = _Job(
+        Path(options.output),
+        Path(options.mesh),
+        tuple((Path(camera), Path(normals)) for camera, normals in views),
+        tuple(confidences),
+    )
+    check_apart(job.files, [job.output])
+    reporter.progress(0.0, "reading the mesh")
+    texture = _baked(job, read_mesh(job.mesh), options, part(reporter.progress, 0.05, 0.9))
+    reporter.progress(0.9, "writing the texture")
+    write_texture(job.output, texture, convention=options.convention, bits=options.bits)
+    return {
+        "output": options.output,
+        "seen": round(texture.seen_fraction, 4),
+        "text": f"{options.output}: {_facts(options, texture.seen_fraction)}",
+    }
+
+
+def _baked(job: _Job, mesh: "Mesh", options: argparse.Namespace, progress: Progress) -> "Texture":
+    from mpsnet_core.camera import read_camera
+    from mpsnet_core.normals import read_normals
+    from mpsnet_core.rays import RayScene
+    from mpsnet_core.surface.bake import View, bake_normals
+    from mpsnet_core.surface.feather import FEATHER
+    from mpsnet_core.surface.level import levelled
+
+    level = level_scale(options.level)
+    scene = RayScene(mesh.world_vertices, mesh.triangles) if level else None
+    views = []
+    for (camera, normals), confidence in zip(job.views, job.confidences, strict=True):
+        progress(0.0, f"reading {normals.name}")
+        try:
+            normal_map = read_normals(normals, convention=options.normals_convention, confidence=confidence)
+            view = View(read_camera(camera), normal_map)
+            if scene is not None:
+                view = View(view.camera, levelled(view.normals, view.camera, mesh, scene, scale=level))
+            views.append(view)
+        except InputError as error:
+            raise InputError(f"view {camera}={normals}: {error}") from None
+    return bake_normals(
+        mesh,
+        views,
+        size=options.size,
+        space=options.space,
+        margin=options.margin,
+        # Views that are levelled are meant to leave no seam.
+        feather=FEATHER if level else 0.0,
+        progress=part(progress, 0.1, 1.0),
+    )
+
+
+def _facts(options: argparse.Namespace, seen: float) -> str:
+    return (
+        f"{options.size} x {options.size}, {options.space} space, {options.convention}, {seen:.1%} of its surface seen"
+    )
+
+
+# --- sequences --------------------------------------------------------------------------------------------------------
+
+
+def _bake_frames(options: argparse.Namespace, views: Sequence[tuple[str, str]], reporter: Reporter) -> dict[str, Any]:
+    """A texture for each frame. What is there already, made of the same files and settings, is not made again."""
+    from mpsnet_core.files import made_folder, remove_abandoned
+    from mpsnet_core.frames import check_apart
+    from mpsnet_core.images import image_description
+    from mpsnet_core.surface.mesh import read_mesh
+    from mpsnet_core.surface.texture import write_texture
+
+    if options.confidence:
+        raise InputError("--confidence takes one normal map a view; leave it out for a sequence")
+    jobs = _jobs(options, views)
+    check_apart({file for job in jobs.values() for file in job.files}, [job.output for job in jobs.values()])
+    remove_abandoned(made_folder(options.output, "textures"))
+    made, seen, mesh, mesh_file = 0, 0.0, None, None
+    for number, job in enumerate(jobs.values()):
+        step = part(
+            reporter.progress, number / len(jobs), (number + 1) / len(jobs), f"{job.output.name}, {len(jobs)} in all"
+        )
+        step(0.0, "")
+        line = _line(job, options)
+        if image_description(job.output) == line:
+            continue
+        if mesh is None or job.mesh != mesh_file:
+            mesh, mesh_file = read_mesh(job.mesh), job.mesh
+        try:
+            texture = _baked(job, mesh, options, step)
+        except InputError as error:
+            done = f"; {made} textures were made, and the same command goes on from them" if made else ""
+            raise InputError(f"{error}{done}") from None
+        write_texture(job.output, texture, convention=options.convention, bits=options.bits, description=line)
+        made += 1
+        seen += texture.seen_fraction
+    reporter.progress(1.0, "done")
+    numbers = sorted(jobs)
+    first = jobs[numbers[0]].output
+    told = f"{made} made" + (f", {len(jobs) - made} there already" if made < len(jobs) else "")
+    return {
+        "folder": options.output,
+        "first_output": str(first),
+        "first": numbers[0],
+        "last": numbers[-1],
+        "count": len(jobs),
+        "made": made,
+        "there": len(jobs) - made,
+        "seen": round(seen / made, 4) if made else None,
+        "text": f"{first.parent}: textures of {len(jobs)} frames, {told}",
+    }
+
+
+def _jobs(options: argparse.Namespace, views: Sequence[tuple[str, str]]) -> dict[int, _Job]:
+    """The textures of a sequence by the numbers of its frames; what has no number is the same for all frames."""
+    from mpsnet_core.images import checked_bits
+
+    meshes = _by_number(options.mesh, "mesh")
+    pairs = [(_by_number(camera, "camera"), _by_number(normals, "normal map")) for camera, normals in views]
+    numbered = [files for pair in pairs for files in pair if isinstance(files, dict)]
+    numbers = sorted(set.intersection(*map(set, numbered)))
+    if isinstance(meshes, dict):
+        numbers = [number for number in numbers if number in meshes]
+    if not numbers:
+        raise InputError("no number is common to the frames of all views and meshes; check the patterns")
+    left_out = max(map(len, numbered)) - len(numbers)
+    if left_out:
+        log.warning("%d frame(s) are left out: not every view or mesh has their number", left_out)
+    target, digits = Path(options.output), max(4, len(str(numbers[-1])))
+    checked_bits(Path(f"texture.{options.format.lstrip('.')}"), options.bits)
+    return {
+        number: _Job(
+            target / f"{target.name}_{number:0{digits}d}.{options.format.lstrip('.')}",
+            _file_of(meshes, number),
+            tuple((_file_of(cameras, number), _file_of(normals, number)) for cameras, normals in pairs),
+            (None,) * len(pairs),
+        )
+        for number in numbers
+    }
+
+
+def _several(given: str) -> bool:
+    return Path(given).is_dir() or (bool(set("#*?") & set(Path(given).name)) and not Path(given).is_file())
+
+
+def _by_number(given: str, what: str) -> Path | dict[int, Path]:
+    """A file, or the files of a folder or a pattern by the numbers in their names."""
+    from mpsnet_core.frames import matching_files, numbering
+
+    if not _several(given):
+        return Path(given)
+    files = matching_files(given, what)
+    numbered = numbering(files)
+    if numbered is None:
+        raise InputError(f"the {what}s of {given} are no sequence: their names must differ in one number alone")
+    return dict(zip(numbered.numbers, files, strict=True))
+
+
+def _file_of(files: Path | dict[int, Path], number: int) -> Path:
+    return files[number] if isinstance(files, dict) else files
+
+
+def _line(job: _Job, options: argparse.Namespace) -> str:
+    """The line that a texture keeps: what made it of what."""
+    from mpsnet_core.sequence.source import identity
+
+    facts = [f"{name}: {value!r}" for name, value in sorted(vars(options).items()) if name not in NOT_IN_RECIPE]
+    facts += map(identity, job.files)
+    digest = hashlib.sha256("\n".join(facts).encode(errors="surrogateescape")).hexdigest()
+    return f"texture by mpsnet {__version__}, {digest[:32]}"
