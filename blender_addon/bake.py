@@ -15,7 +15,17 @@ from mpsnet_core.camera import write_camera
 from mpsnet_core.errors import InputError
 
 from .operators import RunsCore, idle
-from .outputs import image_file, load_image, output_path, remembered
+from .outputs import (
+    FORMATS,
+    frame_pattern,
+    image_file,
+    load_frames,
+    load_image,
+    output_frames,
+    output_path,
+    picture_size,
+    remembered,
+)
 from .properties import BakeSettings, take_given
 from .rig import rig_camera, scene_camera
 
@@ -26,6 +36,7 @@ _SHOWN_AND_RENDERED = (
     ("steps", "render_steps"),
     ("viewport_resolution", "resolution"),
 )
+TEXTURE_NODE = "MPS Texture"
 BITS = {".png": "16", ".tif": "16", ".tiff": "16", ".exr": "32"}
 
 
@@ -61,32 +72,69 @@ class MPS_OT_bake(RunsCore, BakeSettings, bpy.types.Operator):
         if target is None:
             raise InputError("there is no target to bake onto; choose a mesh object")
         refuse_linked(target)
-        output = output_path(self.output, f"{target.name}_normal", self.file_format)
-        context.view_layer.update()
-        camera, taken_with = folder / "camera.json", remembered(normals_image, "camera")
-        if taken_with is None:
-            write_camera(camera, scene_camera(rig_camera(scene), scene, tuple(normals_image.size)))
+        self._scene, self._target = scene.name, target.name
+        self._frames = range(0)
+        suffix = f".{FORMATS[self.file_format]}"
+        if normals_image.source == "SEQUENCE":
+            estimate = scene.mps.estimate
+            self._frames = range(estimate.first_frame, estimate.last_frame + 1)
+            normals = frame_pattern(normals)
+            self._output = output_frames(self.output, f"{target.name}_normal")
+            arguments = ["bake", "--format", suffix[1:]]
         else:
-            camera.write_text(taken_with, encoding="utf-8")
-        self._uv_map = write_mesh(folder / "mesh.npz", target, context.evaluated_depsgraph_get(), self.uv_map)
-        self._scene, self._target, self._output = scene.name, target.name, output
-        arguments = ["bake", "--mesh", str(folder / "mesh.npz"), "--output", str(output)]
-        arguments += ["--view", f"{camera}={normals}"]
-        arguments += ["--size", str(self.size), "--margin", str(self.margin), "--bits", BITS[output.suffix.lower()]]
+            self._output = output_path(self.output, f"{target.name}_normal", self.file_format)
+            suffix = self._output.suffix.lower()
+            arguments = ["bake"]
+        mesh, camera = self._write_place(context, folder, target, normals_image)
+        arguments += ["--mesh", mesh, "--view", f"{camera}={normals}", "--output", str(self._output)]
+        arguments += ["--size", str(self.size), "--margin", str(self.margin), "--bits", BITS[suffix]]
         arguments += ["--space", self.space.lower(), "--convention", self.convention.lower()]
-        return arguments, [output]
+        return arguments, [self._output / "frames" if self._frames else self._output]
+
+    def _write_place(self, context: Any, folder: Path, target: Any, normals_image: Any) -> tuple[str, str]:
+        """Write mesh and camera as they stand, or for each frame of a sequence where they shall move along."""
+        scene, taken_with = context.scene, remembered(normals_image, "camera")
+        if taken_with is not None:
+            (folder / "camera.json").write_text(taken_with, encoding="utf-8")
+
+        def write(mesh: str, camera: str) -> None:
+            context.view_layer.update()
+            self._uv_map = write_mesh(folder / mesh, target, context.evaluated_depsgraph_get(), self.uv_map)
+            if taken_with is None:
+                write_camera(folder / camera, scene_camera(rig_camera(scene), scene, picture_size(normals_image)))
+
+        if not (self._frames and self.animated):
+            write("mesh.npz", "camera.json")
+            return str(folder / "mesh.npz"), str(folder / "camera.json")
+        current = scene.frame_current
+        try:
+            for number in self._frames:
+                scene.frame_set(number)
+                write(f"mesh_{number:06d}.npz", f"camera_{number:06d}.json")
+        finally:
+            scene.frame_set(current)
+        camera = "camera.json" if taken_with is not None else "camera_######.json"
+        return str(folder / "mesh_######.npz"), str(folder / camera)
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         scene, target = bpy.data.scenes.get(self._scene), bpy.data.objects.get(self._target)
         if scene is None or target is None:
             raise InputError(f'"{self._target}" is gone or renamed; its texture is in {self._output}')
-        image = load_image(self._output, f"MPS {target.name}", is_data=True)
+        if self._frames:
+            image = load_frames(Path(result["first_output"]), f"MPS {target.name} Frames")
+        else:
+            image = load_image(self._output, f"MPS {target.name}", is_data=True)
         scene.mps.bake.image = image
-        for sentence in wear_texture(target, image, self._uv_map, self.space, self.convention):
+        for sentence in wear_texture(target, image, self._uv_map, self.space, self.convention, self._frames):
             self.report({"INFO"}, sentence)
         for note in result.get("notes", []):
             self.report({"INFO"}, note)
         turned = "; DirectX, so the material turns its green round for Blender" if self.convention == "DIRECTX" else ""
+        if self._frames:
+            self.report(
+                {"INFO"}, f"{result['count']} textures are in {self._output}, {result['made']} made now{turned}"
+            )
+            return
         self.report({"INFO"}, f"Texture written to {self._output}; {result['seen']:.0%} of the surface seen{turned}")
 
 
@@ -231,13 +279,22 @@ def _own_materials(target: Any) -> list[Any]:
     return list(dict.fromkeys(slot.material for slot in target.material_slots))
 
 
-def wear_texture(target: Any, image: Any, uv_map: str, space: str, convention: str) -> list[str]:
-    """Give all materials of an object the texture; gives a sentence for each node whose place it took."""
-    return [
-        f'The texture took the place of "{name}" in material "{material.name}"'
-        for material in _own_materials(target)
-        for name in wear(material, image, uv_map, space, convention)
-    ]
+def wear_texture(
+    target: Any, image: Any, uv_map: str, space: str, convention: str, frames: range = range(0)
+) -> list[str]:
+    """Give all materials of an object the texture; gives a sentence for each node whose place it took.
+
+    frames: of the timeline, where the texture is an image sequence whose files have their numbers.
+    """
+    sentences = []
+    for material in _own_materials(target):
+        for name in wear(material, image, uv_map, space, convention):
+            sentences.append(f'The texture took the place of "{name}" in material "{material.name}"')
+        if frames:
+            shown = material.node_tree.nodes[TEXTURE_NODE].image_user
+            shown.frame_start, shown.frame_offset, shown.frame_duration = frames[0], frames[0] - 1, len(frames)
+            shown.use_auto_refresh = True
+    return sentences
 
 
 def wear(material: Any, image: Any, uv_map: str, space: str, convention: str) -> list[str]:
@@ -261,7 +318,7 @@ def wear(material: Any, image: Any, uv_map: str, space: str, convention: str) ->
             found.location = (left - 200 * steps, top)
         return found
 
-    uv, texture = node("MPS UV", "ShaderNodeUVMap", 5), node("MPS Texture", "ShaderNodeTexImage", 4)
+    uv, texture = node("MPS UV", "ShaderNodeUVMap", 5), node(TEXTURE_NODE, "ShaderNodeTexImage", 4)
     normal = node("MPS Normal", "ShaderNodeNormalMap", 1)
     uv.uv_map = normal.uv_map = uv_map
     texture.image, normal.space = image, space

@@ -50,6 +50,9 @@ PLATFORMS = {
     "macos-arm64": Platform(list(mac_platforms((14, 0), "arm64")), "darwin", "Darwin", "posix", "arm64"),
 }
 
+# What the core reads with libraries of its own that a person in Blender cannot install: camera raw and videos.
+EXTRAS = ("raw", "video")
+
 # extensions.blender.org takes no larger file.
 MAX_ZIP_BYTES = 200 * 1000 * 1000
 
@@ -220,10 +223,12 @@ def build(pythons: Sequence[str], platforms: Sequence[str], output: Path, blende
         raise BuildError(
             f"blender_manifest.toml has version {manifest['version']}, pyproject.toml {project['version']}; match them"
         )
+    extras = project["optional-dependencies"]
+    requirements = [*project["dependencies"], *(line for extra in EXTRAS for line in extras[extra])]
     core = build_core_wheel(WORK / "core")
     chosen: dict[Target, list[Path]] = {}
     for target in (Target(python, platform) for platform in platforms for python in pythons):
-        pins = resolve(project["dependencies"], target)
+        pins = resolve(requirements, target)
         print(f"{target}: {', '.join(pins)}", flush=True)
         chosen[target] = download(pins, target)
     check_unambiguous(chosen)

@@ -21,6 +21,7 @@ from .outputs import (
     load_image,
     output_frames,
     output_path,
+    picture_size,
     remember,
     remembered,
 )
@@ -90,7 +91,7 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         if taken_with is not None:
             camera.write_text(taken_with, encoding="utf-8")
         elif scene.mps.rig.lights:
-            write_camera(camera, scene_camera(rig_camera(scene), scene, tuple(image.size)))
+            write_camera(camera, scene_camera(rig_camera(scene), scene, picture_size(image)))
         elif rig.near is not None:
             raise InputError(
                 "the rig's lights stand near the object, so the photo's camera counts; tell its lens, or add a rig, "

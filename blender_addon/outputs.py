@@ -73,6 +73,16 @@ def load_frames(first: Path, name: str) -> bpy.types.Image:
     return image
 
 
+def picture_size(image: bpy.types.Image) -> tuple[int, int]:
+    """Width and height in pixels; those of a sequence's own file where the frame of the moment has none."""
+    width, height = image.size
+    if not width:
+        frame = bpy.data.images.load(bpy.path.abspath(image.filepath), check_existing=False)
+        width, height = frame.size
+        bpy.data.images.remove(frame)
+    return width, height
+
+
 def render_path(path: Path) -> Path:
     """`path`, or InputError where Blender cannot render into it; asked before it renders."""
     if path.suffix.lower() != ".exr":

@@ -190,6 +190,9 @@ class MPS_PT_bake(_Step):
         column.prop(bake, "margin")
         column.prop(bake, "file_format")
         column.prop(bake, "output", text="File", placeholder="Automatic")
+        normals = context.scene.mps.estimate.image
+        if normals is not None and normals.source == "SEQUENCE":
+            column.prop(bake, "animated")
         self.progress_or(context, "bake", "TEXTURE")
         self.layout.template_ID(bake, "image", open="image.open")
         self.picture(bake.image)

@@ -406,6 +406,13 @@ class BakeSettings:
         default="OPENGL",
         options=GIVEN,
     )
+    animated: BoolProperty(
+        name="Follow the Animation",
+        description="For a sequence of normals: take the target and the camera anew in each frame of the timeline, "
+        "whose number is that of the normals. Off: as they stand now",
+        default=False,
+        options=GIVEN,
+    )
     margin: IntProperty(
         name="Margin",
         description="Pixels by which the texture is continued beyond the borders of the UV islands",

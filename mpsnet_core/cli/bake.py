@@ -258,6 +258,15 @@ def _line(job: _Job, options: argparse.Namespace) -> str:
     from mpsnet_core.sequence.source import identity
 
     facts = [f"{name}: {value!r}" for name, value in sorted(vars(options).items()) if name not in NOT_IN_RECIPE]
-    facts += map(identity, job.files)
+    # Meshes and cameras by what they hold: Blender writes them anew for every run.
+    facts += map(_content, [job.mesh, *(camera for camera, _ in job.views)])
+    facts += (identity(normals) for _, normals in job.views)
     digest = hashlib.sha256("\n".join(facts).encode(errors="surrogateescape")).hexdigest()
     return f"texture by mpsnet {__version__}, {digest[:32]}"
+
+
+def _content(file: Path) -> str:
+    from mpsnet_core.files import existing_file
+
+    with existing_file(file, "file").open("rb") as opened:
+        return hashlib.file_digest(opened, "sha256").hexdigest()

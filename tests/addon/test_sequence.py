@@ -1,5 +1,6 @@
 """Frames and videos become image sequences on Blender's timeline."""
 
+import itertools
 from pathlib import Path
 
 import bpy
@@ -111,3 +112,56 @@ def test_a_sequence_has_no_confidence_map(shots, scene, tmp_path):
     bpy.ops.mps.open_photo(filepath=str(shots / "shot_0008.exr"), sequence=True)
     with pytest.raises(RuntimeError, match="--confidence takes one photo at a time"):
         bpy.ops.mps.estimate(model="LAMBERTIAN", rig_file=str(tmp_path / "rig.json"), confidence=True)
+
+
+@pytest.fixture
+def moving(sphere, scene, tmp_path):
+    """The sphere in the middle of the shots, lit as if its normals leaned; it turns by a quarter a frame."""
+    leaning = published_rig().directions @ np.array([[0.9, 0, -0.44], [0, 1, 0], [0.44, 0, 0.9]])
+    (tmp_path / "shots").mkdir()
+    for number in NUMBERS:
+        write_image(tmp_path / "shots" / f"shot_{number:04d}.exr", ball(20, leaning))
+    bpy.ops.mps.add_rig(margin=0.2)
+    for number in NUMBERS:
+        sphere.rotation_euler.z = np.pi / 2 * (number - NUMBERS[0])
+        sphere.keyframe_insert("rotation_euler", frame=number)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    bpy.ops.mps.open_photo(filepath=str(tmp_path / "shots" / "shot_0008.exr"), sequence=True)
+    bpy.ops.mps.estimate(model="LAMBERTIAN")
+    scene.frame_set(NUMBERS[0])
+    return sphere
+
+
+def textures(folder: Path) -> list[np.ndarray]:
+    return [read_image(file, encoding="linear").pixels for file in sorted(folder.glob("*.png"))]
+
+
+def test_a_sequence_of_normals_becomes_a_texture_on_the_timeline(moving, scene, tmp_path):
+    bpy.ops.mps.bake(target=moving.name, size=64)
+    image = scene.mps.bake.image
+    assert image.source == "SEQUENCE"
+    node = moving.data.materials[0].node_tree.nodes["MPS Texture"]
+    assert node.image == image and node.image_user.use_auto_refresh
+    folder = tmp_path / f"{moving.name}_normal"
+    for number in NUMBERS:
+        node.image_user.frame_current = number
+        shown = Path(image.filepath_from_user(image_user=node.image_user))
+        assert shown == folder / f"{moving.name}_normal_{number:04d}.png"
+    first, *others = textures(folder)
+    assert len(others) == 3 and all(np.array_equal(first, other) for other in others)
+    # Run again, nothing is made again.
+    before = {file.name: file.stat().st_mtime_ns for file in folder.iterdir()}
+    bpy.ops.mps.bake()
+    assert before == {file.name: file.stat().st_mtime_ns for file in folder.iterdir()}
+
+
+def test_the_texture_may_follow_the_animation(moving, scene, tmp_path):
+    """The sphere turns before a camera that stands still: what is seen wanders over its UVs, a quarter a frame."""
+    bpy.ops.mps.bake(target=moving.name, size=64, animated=True)
+    assert scene.frame_current == NUMBERS[0]
+    folder = tmp_path / f"{moving.name}_normal"
+    seen = [np.abs(texture - [0.5, 0.5, 1.0]).max(axis=-1)[24:40] > 0.05 for texture in textures(folder)]
+    for before, after in itertools.pairwise(seen):
+        assert 0.3 < before.mean() < 0.6
+        moved = max((np.roll(before, shift, axis=1) == after).mean() for shift in (16, -16))
+        assert moved > 0.9 > 0.7 > (before == after).mean()
