@@ -15,10 +15,12 @@ from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import degrees_between, listing, write_file
 
 from mpsnet_core.camera import read_camera, write_camera, write_views
+from mpsnet_core.capture import read_capture
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
+from mpsnet_core.estimate import estimate_normals
 from mpsnet_core.images import read_image
-from mpsnet_core.normals import NormalMap, decode, write_normals
+from mpsnet_core.normals import NormalMap, decode, read_normals, write_normals
 from mpsnet_core.rig import near_rig, published_rig, write_rig
 from mpsnet_core.surface.bake import View, bake_normals
 from mpsnet_core.surface.mesh import write_mesh
@@ -194,15 +196,8 @@ def test_lights_may_stand_in_the_world(table: Table) -> None:
     assert WorldLights(world).seen_by(camera).directions == pytest.approx(published_rig().directions)
 
 
-@pytest.mark.parametrize("lens", ["PINHOLE 96 96 {f} {f} 48 48", "SIMPLE_RADIAL 96 96 {f} 48 48 0.01"])
-def test_cameras_may_come_from_colmap(table: Table, lens: str) -> None:
-    """The same cameras by COLMAP's own definition (y down, z forward, world to camera) give the same texture.
-
-    The second lens moves what is at the sphere's edge by 0.02 pixels, which is nothing, but asks for all that it takes.
-    """
-    pytest.importorskip("mpsnet_core.photogrammetry")
-    table.run()
-    own = table.texture()
+def colmap(table: Table, lens: str) -> None:
+    """The table's cameras by COLMAP's own definition: y down, z forward, world to camera."""
     lines = []
     (table / "colmap").mkdir()
     for number, corner in enumerate(CORNERS[::2]):
@@ -219,6 +214,18 @@ def test_cameras_may_come_from_colmap(table: Table, lens: str) -> None:
     (table / "colmap" / "images.txt").write_text("\n".join(lines) + "\n")
     (table / "colmap" / "cameras.txt").write_text(f"1 {lens.format(f=focal)}\n")
     (table / "colmap" / "points3D.txt").write_text("")
+
+
+@pytest.mark.parametrize("lens", ["PINHOLE 96 96 {f} {f} 48 48", "SIMPLE_RADIAL 96 96 {f} 48 48 0.01"])
+def test_cameras_may_come_from_colmap(table: Table, lens: str) -> None:
+    """The same cameras as COLMAP has them give the same texture.
+
+    The second lens moves what is at the sphere's edge by 0.02 pixels, which is nothing, but asks for all that it takes.
+    """
+    pytest.importorskip("mpsnet_core.photogrammetry")
+    table.run()
+    own = table.texture()
+    colmap(table, lens)
     table.run("--cameras", table / "colmap")
     assert degrees_between(table.texture(), own).mean() < (0.05 if lens.startswith("PINHOLE") else 0.5)
 
@@ -381,3 +388,21 @@ def test_dark_and_flat_frames_are_taken_off_every_view(table: Table) -> None:
     frames += ["--flat", write_file(table / "flat.exr", np.broadcast_to(fall + 0.1, (96, 96, 3)), "float")]
     assert "kept from before" not in table.run(*frames, "--keep", table / "kept")
     assert degrees_between(table.texture(), expected).max() < 0.5
+
+
+def test_cameras_of_photogrammetry_become_files_of_ours(table: Table) -> None:
+    """Estimated one by one from what the verb wrote, the views give what `mpsnet views` gives."""
+    colmap(table, "SIMPLE_RADIAL 96 96 {f} 48 48 0.01")
+    table.run("--cameras", table / "colmap", "--mask", "none", "--level", "off", "--keep", table / "kept")
+    with contextlib.redirect_stdout(io.StringIO()):
+        command = ["cameras", str(table / "colmap"), "--photos", str(table / "photos"), "-o", str(table / "ours")]
+        assert main(command) == 0
+    names = [f"side{number}{suffix}" for number in range(4) for suffix in (".camera.json", ".exr")]
+    assert listing(table / "ours") == names
+    for view in posed_photos(table / "ours", table / "ours"):
+        capture = read_capture(view.photo, published_rig(), camera=view.camera)
+        ours = estimate_normals(capture, "lambertian")
+        theirs = read_normals(table / "kept" / f"{view.name}_normals.png")
+        assert (ours.mask == theirs.mask).mean() > 0.999
+        lit = ours.mask & theirs.mask & (capture.image > 0.01).all(axis=-1)
+        assert degrees_between(ours.vectors, theirs.vectors)[lit].mean() < 0.1
