@@ -107,6 +107,12 @@ def expand_images(inputs: Sequence[str | os.PathLike[str]]) -> list[Path]:
     return photos
 
 
+def is_several(given: str | os.PathLike[str]) -> bool:
+    """Whether a folder or a pattern is meant, and not one file."""
+    path = Path(given)
+    return path.is_dir() or (bool(set("#*?") & set(path.name)) and not path.is_file())
+
+
 def matching_files(given: str | os.PathLike[str], what: str = "image") -> list[Path]:
     """The files of a folder, or those that match a pattern, numbers in names by their size; see :func:`expand_images`.
 

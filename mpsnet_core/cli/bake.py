@@ -74,7 +74,7 @@ class _Job:
 
 def _bake(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.files import writable_path
-    from mpsnet_core.frames import check_apart
+    from mpsnet_core.frames import check_apart, is_several
     from mpsnet_core.images import checked_bits
     from mpsnet_core.normals import check_convention
     from mpsnet_core.surface.mesh import read_mesh
@@ -92,7 +92,7 @@ def _bake(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     confidences = options.confidence or [None] * len(views)
     if len(confidences) != len(views):
         raise InputError(f"there are {len(views)} views but {len(confidences)} confidence maps; give one for each view")
-    if any(_several(normals) for _, normals in views):
+    if any(is_several(normals) for _, normals in views):
         return _bake_frames(options, views, reporter)
     checked_bits(writable_path(options.output), options.bits)
     job = _Job(
@@ -232,15 +232,11 @@ def _jobs(options: argparse.Namespace, views: Sequence[tuple[str, str]]) -> dict
     }
 
 
-def _several(given: str) -> bool:
-    return Path(given).is_dir() or (bool(set("#*?") & set(Path(given).name)) and not Path(given).is_file())
-
-
 def _by_number(given: str, what: str) -> Path | dict[int, Path]:
     """A file, or the files of a folder or a pattern by the numbers in their names."""
-    from mpsnet_core.frames import matching_files, numbering
+    from mpsnet_core.frames import is_several, matching_files, numbering
 
-    if not _several(given):
+    if not is_several(given):
         return Path(given)
     files = matching_files(given, what)
     numbered = numbering(files)
@@ -255,18 +251,11 @@ def _file_of(files: Path | dict[int, Path], number: int) -> Path:
 
 def _line(job: _Job, options: argparse.Namespace) -> str:
     """The line that a texture keeps: what made it of what."""
-    from mpsnet_core.sequence.source import identity
+    from mpsnet_core.made_from import content, identity
 
     facts = [f"{name}: {value!r}" for name, value in sorted(vars(options).items()) if name not in NOT_IN_RECIPE]
     # Meshes and cameras by what they hold: Blender writes them anew for every run.
-    facts += map(_content, [job.mesh, *(camera for camera, _ in job.views)])
+    facts += map(content, [job.mesh, *(camera for camera, _ in job.views)])
     facts += (identity(normals) for _, normals in job.views)
     digest = hashlib.sha256("\n".join(facts).encode(errors="surrogateescape")).hexdigest()
     return f"texture by mpsnet {__version__}, {digest[:32]}"
-
-
-def _content(file: Path) -> str:
-    from mpsnet_core.files import existing_file
-
-    with existing_file(file, "file").open("rb") as opened:
-        return hashlib.file_digest(opened, "sha256").hexdigest()

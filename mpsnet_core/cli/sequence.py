@@ -1,7 +1,6 @@
 """The verb estimate for more than one picture: several photos, numbered frames, a video."""
 
 import argparse
-import hashlib
 import logging
 import re
 from collections.abc import Iterable
@@ -15,10 +14,11 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.estimate import Estimator
 from mpsnet_core.estimate.shelf import DEFAULT_MODEL, DEFAULT_TILE, LAMBERTIAN, LAMBERTIAN_GREY_WORLD, find_network
 from mpsnet_core.frames import check_apart, numbering, output_files
+from mpsnet_core.made_from import content, identity
 from mpsnet_core.rig import LightRig
 from mpsnet_core.sequence.run import Outcome, estimate_sequence
 from mpsnet_core.sequence.smoothing import MAX_REACH
-from mpsnet_core.sequence.source import Frame, frame_masks, identity, photo_frames
+from mpsnet_core.sequence.source import Frame, frame_masks, photo_frames
 from mpsnet_core.sequence.video import is_video, read_video_header, video_frames, video_outputs
 
 log = logging.getLogger(__name__)
@@ -152,22 +152,11 @@ def _told(outcome: Outcome, options: argparse.Namespace) -> str:
 
 
 def _recipe(options: argparse.Namespace) -> str:
-    """Text that changes with every setting that the normals depend on; files count by what they hold."""
+    """Text that changes with every setting that the normals depend on."""
     model = options.model or DEFAULT_MODEL
-    lines = [model]
-    if model not in (LAMBERTIAN, LAMBERTIAN_GREY_WORLD):
-        lines.append(_content(str(find_network(model).path)))
-    for name, value in sorted(vars(options).items()):
-        if name not in NOT_IN_RECIPE:
-            values = value if isinstance(value, list) else [value]
-            lines.append(f"{name}: {', '.join(map(_content, values))}")
-    return "\n".join(lines)
-
-
-def _content(value: Any) -> str:
-    if isinstance(value, str) and Path(value).is_file():
-        with Path(value).open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    if isinstance(value, str) and Path(value).is_dir():  # of dark frames, say
-        return "; ".join(identity(file) for file in sorted(Path(value).iterdir()))
-    return repr(value)
+    facts = {name: repr(value) for name, value in vars(options).items() if name not in NOT_IN_RECIPE}
+    facts |= {name: identity(getattr(options, name)) for name in ("dark", "flat")}
+    # Files that are small and often written anew count by what they hold.
+    facts |= {name: content(getattr(options, name)) for name in ("rig", "camera", "mesh") if getattr(options, name)}
+    facts["model"] = model if model in (LAMBERTIAN, LAMBERTIAN_GREY_WORLD) else content(find_network(model).path)
+    return "\n".join(f"{name}: {fact}" for name, fact in sorted(facts.items()))

@@ -8,9 +8,9 @@ from functools import partial
 from pathlib import Path
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import existing_file
-from mpsnet_core.frames import expand_images, numbering
+from mpsnet_core.frames import expand_images, is_several, numbering
 from mpsnet_core.images import Encoding, Image, read_image
+from mpsnet_core.made_from import identity
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def frame_masks(mask: str | None) -> Masks:
 
     Raises InputError where a folder's or a pattern's files are not numbered.
     """
-    if mask is None or not (Path(mask).is_dir() or (set("#*?") & set(Path(mask).name) and not Path(mask).is_file())):
+    if mask is None or not is_several(mask):
         return Masks(mask)
     files = expand_images([mask])
     numbered = numbering(files)
@@ -99,16 +99,6 @@ def frame_masks(mask: str | None) -> Masks:
     if len(by_number) < len(files):
         raise InputError(f"the masks of {mask} are not numbered like frames; name them mask_0001.png and so on")
     return Masks(mask, by_number)
-
-
-def identity(file: str | os.PathLike[str] | None) -> str:
-    """Text that changes when a file does: its name, size and time. What is no file stands for itself."""
-    path = Path(str(file).removeprefix("background:"))
-    if file is None or not path.is_file():
-        return str(file)
-    path = existing_file(path, "file")
-    facts = path.stat()
-    return f"{path.name} {facts.st_size} {facts.st_mtime_ns}"
 
 
 def _last_number(file: Path) -> int | None:
