@@ -16,7 +16,7 @@ from mpsnet_core.files import IMAGE_SUFFIXES, VIDEO_SUFFIXES, existing_file
 from mpsnet_core.frames import RESULT
 from mpsnet_core.images import ENCODINGS, MAX_PIXELS, Encoding, Image, checked_bits, srgb_to_linear
 from mpsnet_core.made_from import identity
-from mpsnet_core.sequence.source import Frame, Masks, 
+from mpsnet_core.sequence.source import Frame, Masks
 
 log = logging.getLogger(__name__)
 
