@@ -75,7 +75,7 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         if self._moves:
             arguments += ["--smooth", str(self.smooth), "--format", FORMATS[self.file_format]]
         outputs = [output / "frames" if self._moves else output]
-        if self.confidence:
+        if self.confidence and not self._moves:
             outputs.append(output.with_name(f"{output.stem}_confidence{output.suffix}"))
             arguments += ["--confidence", str(outputs[1])]
         self._scene, self._output, self._camera = scene.name, output, remembered(image, "camera")
@@ -140,10 +140,8 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
         photo = image_file(scene.mps.photo.image, "photo", "render or open one first")
         mask = output_path("", f"{scene.name}_mask", "PNG")
         self._scene, self._overlay = scene.name, mask.with_name(f"{mask.stem}_shown.png")
-        arguments = ["mask", str(photo), "--output", str(mask), "--overlay", str(self._overlay), *reading(self)]
-        if "--mask" not in arguments:
-            arguments += ["--mask", "alpha"]
-        return arguments, [mask, self._overlay]
+        arguments = ["mask", str(photo), "--output", str(mask), "--overlay", str(self._overlay)]
+        return [*arguments, *reading(self, unmasked="alpha-or-all")], [mask, self._overlay]
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         scene = bpy.data.scenes.get(self._scene)
@@ -169,7 +167,7 @@ def model_name(settings: Any) -> str:
 def reading(settings: Any, unmasked: str = "") -> list[str]:
     """The core's options for how a photo is read: encoding, dark frame, flat field and mask.
 
-    unmasked: the mask in place of the photo's alpha or the whole photo.
+    unmasked: the mask unless one is chosen.
 
     Raises InputError where a file is asked for and none is named.
     """
@@ -177,9 +175,7 @@ def reading(settings: Any, unmasked: str = "") -> list[str]:
     for frame in ("dark", "flat"):
         if getattr(settings, frame):
             arguments += [f"--{frame}", bpy.path.abspath(getattr(settings, frame))]
-    mask = _mask(settings)
-    if unmasked and mask in ("", "none"):
-        mask = unmasked
+    mask = _mask(settings) or unmasked
     return [*arguments, *(["--mask", mask] if mask else [])]
 
 

@@ -56,11 +56,10 @@ def frame_pattern(file: Path) -> Path:
     runs = list(re.finditer("[0-9]+", file.stem))
     if not runs:
         raise InputError(f"{file.name} has no number in its name, so it is no frame of a sequence; open it as a photo")
-    start, end = runs[-1].span()
-    digits = file.stem[start:end]
-    # Without leading zeros the numbers may grow longer.
-    run = "#" * len(digits) if digits.startswith("0") or len(digits) > 2 else "*"
-    return file.with_name(f"{file.stem[:start]}{run}{file.stem[end:]}{file.suffix}")
+    head, tail = file.stem[: runs[-1].start()], f"{file.stem[runs[-1].end() :]}{file.suffix}"
+    like = re.compile(f"{re.escape(head)}([0-9]+){re.escape(tail)}")
+    lengths = {len(found[1]) for found in (like.fullmatch(other.name) for other in file.parent.iterdir()) if found}
+    return file.with_name(f"{head}{'#' * lengths.pop() if len(lengths) == 1 else '*'}{tail}")
 
 
 def load_frames(first: Path, name: str) -> bpy.types.Image:

@@ -475,7 +475,7 @@ class ViewsSettings:
         name="Detail Size",
         description="What is smaller than this fraction of the object's size is detail, and taken from the photos",
         default=0.03,
-        min=0.002,
+        min=0.01,
         max=0.5,
         options=GIVEN,
     )

@@ -93,8 +93,8 @@ class MPS_OT_open_photo(SaysWhy, bpy.types.Operator):
 
 
 def load_raw(path: Path) -> bpy.types.Image:
-    """A camera raw file as an image to look at, developed beside; what reads the photo goes on reading the raw file."""
-    shown = output_path("", path.stem, "EXR")
+    """A camera raw file as an image to look at; what reads the photo goes on reading the raw file."""
+    shown = Path(bpy.app.tempdir) / f"{path.stem}.exr"
     run(["superpose", str(path), "--output", str(shown)], [shown])
     image = load_photo(shown, path.stem)
     remember(image, "source", str(path))

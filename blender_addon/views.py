@@ -1,10 +1,12 @@
 """Many views: a photo for each camera, from photogrammetry or of this scene, baked into one texture."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
 from bpy.props import StringProperty
 from mathutils import Matrix
 
@@ -61,7 +63,7 @@ class MPS_OT_bake_views(RunsCore, ViewsSettings, bpy.types.Operator):
             folder / "mesh.npz", target, context.evaluated_depsgraph_get(), bake.uv_map, turn.inverted()
         )
         arguments = ["views", "--mesh", str(folder / "mesh.npz"), *self._cameras(scene, folder)]
-        arguments += ["--rig", self._rig(scene, folder), "--lights-in", self.lights_in.lower()]
+        arguments += ["--rig", self._rig(scene, folder, turn.inverted()), "--lights-in", self.lights_in.lower()]
         arguments += [*reading(estimate, unmasked="mesh"), "--model", model_name(estimate)]
         arguments += ["--level", f"{self.level_scale:g}" if self.level else "off"]
         arguments += ["--size", str(bake.size), "--margin", str(bake.margin), "--bits", BITS[output.suffix.lower()]]
@@ -99,13 +101,16 @@ class MPS_OT_bake_views(RunsCore, ViewsSettings, bpy.types.Operator):
         write_views(folder / "views.json", views)
         return ["--cameras", str(folder / "views.json")]
 
-    def _rig(self, scene: Any, folder: Path) -> str:
+    def _rig(self, scene: Any, folder: Path, turn: Matrix) -> str:
+        """The rig file that was measured, or the scene's lights. turn: from Blender's world to that of the cameras."""
         given = scene.mps.estimate.rig_file
         if given:
             return bpy.path.abspath(given)
         rig = light_rig(scene)
         if self.lights_in == "WORLD":
-            write_world_lights(folder / "rig.json", in_world(rig, scene_camera(rig_camera(scene), scene)))
+            camera = scene_camera(rig_camera(scene), scene)
+            camera = replace(camera, world_from_camera=np.array(turn) @ camera.world_from_camera)
+            write_world_lights(folder / "rig.json", in_world(rig, camera))
         else:
             write_rig(folder / "rig.json", rig)
         return str(folder / "rig.json")

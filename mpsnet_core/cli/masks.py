@@ -18,7 +18,7 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
         "--mask",
         default="auto",
         help="auto: before a dark or plain background; background:FILE, a photo of the scene without the object; "
-        "threshold:0.05, alpha, or a mask file to look at",
+        "threshold:0.05, alpha, or a mask file to look at; alpha-or-all is what `estimate` does unless told",
     )
     add_reading(parser)
     parser.add_argument("--overlay", metavar="FILE", help="also write the photo with the mask drawn over it")
@@ -45,7 +45,8 @@ def _mask(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     try:
         if correction is not None:
             image = corrected(image, correction)
-        mask = find_mask(image, options.mask, encoding=options.encoding, correction=correction)
+        choice = None if options.mask == "alpha-or-all" else options.mask
+        mask = find_mask(image, choice, encoding=options.encoding, correction=correction)
     except InputError as error:
         raise InputError(f"{options.image}: {error}") from None
     if mask.shape != image.pixels.shape[:2]:

@@ -8,6 +8,7 @@ import pytest
 
 from mpsnet_core.images import read_image, read_mask, write_image
 from mpsnet_core.normals import read_normals
+from mpsnet_core.rig import published_rig, write_rig
 
 
 @pytest.fixture
@@ -64,3 +65,30 @@ def test_dark_and_flat_frames_reach_the_estimate(photographed, scene, tmp_path):
     mask = ideal.alpha > 0.99
     assert np.abs(raw - expected)[mask].max() > 0.1
     assert np.abs(corrected - expected)[mask].max() < 1e-3
+
+
+def test_the_mask_of_a_photo_without_alpha_is_all_of_it_unless_told(on_grey, scene, tmp_path):
+    bpy.ops.mps.show_mask(mask="AUTO")
+    folder = Path(bpy.path.abspath(scene.mps.estimate.mask_image.filepath)).parent
+    assert read_mask(folder / f"{scene.name}_mask.png").all()
+
+
+def test_opening_camera_raw_overwrites_nothing_and_reads_the_raw_file(scene, tmp_path, monkeypatch):
+    pytest.importorskip("rawpy")
+    monkeypatch.syspath_prepend(Path(__file__).parents[1] / "core")
+    from dng import write_dng
+
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    write_image(tmp_path / "shot.exr", np.full((4, 4, 3), 0.25, np.float32))
+    before = (tmp_path / "shot.exr").read_bytes()
+    mosaic = np.full((48, 64), 2000, np.uint16)
+    mosaic[8:40, 8:56] = 30000
+    write_dng(tmp_path / "shot.dng", mosaic)
+    write_rig(tmp_path / "shot.rig.json", published_rig())
+    bpy.ops.mps.open_photo(filepath=str(tmp_path / "shot.dng"))
+    assert (tmp_path / "shot.exr").read_bytes() == before
+    assert tuple(scene.mps.photo.image.size) == (64, 48)
+    # Estimated from the raw file, with the rig beside it.
+    Path(bpy.path.abspath(scene.mps.photo.image.filepath)).unlink()
+    bpy.ops.mps.estimate(model="LAMBERTIAN", mask="THRESHOLD", threshold=0.5, output=str(tmp_path / "n.exr"))
+    assert 0.4 < read_normals(tmp_path / "n.exr").mask.mean() < 0.6

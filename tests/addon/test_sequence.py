@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
+from blender_addon.outputs import frame_pattern
 from mpsnet_core.images import read_image, write_image
 from mpsnet_core.normals import read_normals
 from mpsnet_core.rig import published_rig, write_rig
@@ -108,12 +109,6 @@ def test_a_photo_without_a_number_is_no_frame(shots, scene, tmp_path):
         bpy.ops.mps.open_photo(filepath=str(tmp_path / "photo.exr"), sequence=True)
 
 
-def test_a_sequence_has_no_confidence_map(shots, scene, tmp_path):
-    bpy.ops.mps.open_photo(filepath=str(shots / "shot_0008.exr"), sequence=True)
-    with pytest.raises(RuntimeError, match="--confidence takes one photo at a time"):
-        bpy.ops.mps.estimate(model="LAMBERTIAN", rig_file=str(tmp_path / "rig.json"), confidence=True)
-
-
 @pytest.fixture
 def moving(sphere, scene, tmp_path):
     """The sphere in the middle of the shots, lit as if its normals leaned; it turns by a quarter a frame."""
@@ -165,3 +160,24 @@ def test_the_texture_may_follow_the_animation(moving, scene, tmp_path):
         assert 0.3 < before.mean() < 0.6
         moved = max((np.roll(before, shift, axis=1) == after).mean() for shift in (16, -16))
         assert moved > 0.9 > 0.7 > (before == after).mean()
+
+
+@pytest.mark.parametrize(
+    ("names", "opened", "pattern"),
+    [
+        (["a_0008.png", "a_0009.png"], "a_0009.png", "a_####.png"),
+        (["a_8.png", "a_100.png", "a_1000.png"], "a_100.png", "a_*.png"),
+        (["a_100.png", "a_999.png", "b_1.png", "a_100_x.png"], "a_999.png", "a_###.png"),
+        (["take2_7_v3.png", "take2_7_v4.png"], "take2_7_v3.png", "take2_7_v#.png"),
+    ],
+)
+def test_all_frames_are_those_with_the_same_name_but_for_the_number(tmp_path, names, opened, pattern):
+    for name in names:
+        (tmp_path / name).touch()
+    assert frame_pattern(tmp_path / opened).name == pattern
+
+
+def test_a_confidence_map_is_left_out_where_there_are_frames(shots, scene, tmp_path):
+    bpy.ops.mps.open_photo(filepath=str(shots / "shot_0008.exr"), sequence=True)
+    bpy.ops.mps.estimate(model="LAMBERTIAN", rig_file=str(tmp_path / "rig.json"), confidence=True)
+    assert len(list((tmp_path / "Scene_normals").iterdir())) == 4
