@@ -75,7 +75,7 @@ def asked_place(options: argparse.Namespace) -> tuple[Any, Any]:
         raise InputError("--mesh needs --camera, which tells where the mesh was seen from; give it")
     camera = read_camera(options.camera) if options.camera else options.focal
     if options.mesh:
-        mesh = read_mesh(options.mesh)
+        mesh = read_mesh(options.mesh, shape_only=True)
         try:
             return camera, depth_of_mesh(camera, RayScene(mesh.world_vertices, mesh.triangles))
         except InputError as error:

@@ -90,12 +90,14 @@ class Mesh:
         return self.vertices @ self.world_from_object[:3, :3].T + self.world_from_object[:3, 3]
 
 
-def read_mesh(path: str | os.PathLike[str]) -> Mesh:
+def read_mesh(path: str | os.PathLike[str], *, shape_only: bool = False) -> Mesh:
     """Read a mesh with UVs: OBJ; PLY, GLB, glTF and more through trimesh; or the ``.npz`` that the add-on writes.
 
     Polygons become fans of triangles, and all of the file's objects and materials one mesh. Shading normals are the
     file's own, else smooth ones, across UV seams too.
     The file's axes are taken as they stand: cameras must be given in the same world.
+
+    shape_only: UVs are not needed, and if there are some they do not count.
 
     Raises InputError where the file is missing, broken, without faces or without UVs.
     """
@@ -104,7 +106,7 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
         raise InputError(f"mesh file {path} is larger than 4 GiB; reduce the mesh first")
     readers = {".npz": _read_npz, ".obj": _read_obj}
     try:
-        return readers.get(path.suffix.lower(), _read_with_trimesh)(path)
+        return readers.get(path.suffix.lower(), _read_with_trimesh)(path, shape_only)
     except InputError as error:
         raise InputError(f"mesh file {path}: {error}") from None
 
@@ -127,7 +129,7 @@ def write_mesh(path: str | os.PathLike[str], mesh: Mesh) -> None:
         )
 
 
-def _read_npz(path: Path) -> Mesh:
+def _read_npz(path: Path, shape_only: bool) -> Mesh:
     try:
         with zipfile.ZipFile(path) as archive:
             if sum(entry.file_size for entry in archive.infolist()) > MAX_MESH_BYTES:
@@ -147,13 +149,13 @@ def _read_npz(path: Path) -> Mesh:
         arrays["vertices"],
         arrays["triangles"],
         arrays["corner_normals"],
-        arrays["uvs"],
+        _no_uvs(len(np.atleast_1d(arrays["triangles"]))) if shape_only else arrays["uvs"],
         arrays.get("tangents"),
         arrays.get("world_from_object", np.eye(4)),
     )
 
 
-def _read_obj(path: Path) -> Mesh:
+def _read_obj(path: Path, shape_only: bool) -> Mesh:
     """OBJ by hand: trimesh splits vertices at seams and loses the UVs of files with quads or several materials."""
     values: dict[str, list[list[float]]] = {"v": [], "vt": [], "vn": []}
     width = {"v": 3, "vt": 2, "vn": 3}
@@ -178,12 +180,12 @@ def _read_obj(path: Path) -> Mesh:
     if not corners:
         raise InputError("it has no faces; choose a mesh with a surface")
     v, vt, vn = np.moveaxis(np.array(corners).reshape(-1, 3, 3), 2, 0)
-    if (vt < 0).any():
+    if (vt < 0).any() and not shape_only:
         raise _without_uvs("its faces have" if (vt < 0).all() else "some of its faces have")
     vertices = np.array(values["v"])
     normals = smooth_corner_normals(vertices, v)
     normals[vn >= 0] = np.array(values["vn"]).reshape(-1, 3)[vn[vn >= 0]]
-    return Mesh(vertices, v, normalised(normals), np.array(values["vt"])[vt])
+    return Mesh(vertices, v, normalised(normals), _no_uvs(len(v)) if shape_only else np.array(values["vt"])[vt])
 
 
 def _obj_corner(word: str, counts: list[int]) -> tuple[int, ...]:
@@ -198,7 +200,7 @@ def _obj_corner(word: str, counts: list[int]) -> tuple[int, ...]:
     return tuple(numbers)
 
 
-def _read_with_trimesh(path: Path) -> Mesh:
+def _read_with_trimesh(path: Path, shape_only: bool) -> Mesh:
     import trimesh  # takes a while to load
 
     if path.suffix.lower().lstrip(".") not in trimesh.available_formats():
@@ -207,7 +209,7 @@ def _read_with_trimesh(path: Path) -> Mesh:
         # process=False: merging vertices would lose UV seams and sharp edges.
         scene = trimesh.load_scene(path, process=False, maintain_order=True)
         placed = [scene.graph[node] for node in scene.graph.nodes_geometry]
-        parts = [_placed(scene.geometry[name], pose) for pose, name in placed]
+        parts = [_placed(scene.geometry[name], pose, shape_only) for pose, name in placed]
     except _UNREADABLE as error:
         raise InputError(f"it cannot be read ({type(error).__name__}: {error}); export it again") from None
     parts = [part for part in parts if len(part[1])]
@@ -221,14 +223,16 @@ def _read_with_trimesh(path: Path) -> Mesh:
     places, place = np.unique(vertices, axis=0, return_inverse=True)
     smooth = smooth_corner_normals(places, place.reshape(-1)[triangles])
     normals = np.where(np.isnan(normals)[triangles], smooth, normals[triangles])
-    return Mesh(vertices, triangles, normalised(normals), uvs[triangles])
+    return Mesh(vertices, triangles, normalised(normals), _no_uvs(len(triangles)) if shape_only else uvs[triangles])
 
 
-def _placed(part: Any, pose: NDArray[np.float64]) -> tuple[NDArray[Any], ...]:
+def _placed(part: Any, pose: NDArray[np.float64], shape_only: bool) -> tuple[NDArray[Any], ...]:
     """Vertices, triangles, normals (NaN where the file has none) and UVs of one of trimesh's meshes where it stands."""
     faces = np.asarray(getattr(part, "faces", np.empty((0, 3))), np.int32)
     vertices = np.asarray(part.vertices, np.float64)
     uvs = getattr(part.visual, "uv", None) if len(faces) else np.empty((len(vertices), 2))
+    if shape_only:
+        uvs = np.zeros((len(vertices), 2))
     if uvs is None or len(uvs) != len(vertices):
         # trimesh drops the UVs of glTF without a material.
         raise _without_uvs("it has no material (which glTF needs for UVs) or")
@@ -239,6 +243,11 @@ def _placed(part: Any, pose: NDArray[np.float64]) -> tuple[NDArray[Any], ...]:
     if np.linalg.det(pose[:3, :3]) < 0:
         faces = faces[:, ::-1]
     return vertices @ pose[:3, :3].T + pose[:3, 3], faces, normals, np.asarray(uvs)
+
+
+def _no_uvs(count: int) -> NDArray[np.float32]:
+    """(T, 3, 2) UVs that stand for none: each triangle has half of the texture."""
+    return np.broadcast_to(np.array([[0, 0], [1, 0], [0, 1]], np.float32), (count, 3, 2))
 
 
 def _without_uvs(who: str) -> InputError:

@@ -177,9 +177,11 @@ def bench(tmp_path: Path, close: Scene) -> Path:
     write_camera(tmp_path / "camera.json", close.camera)
     distance = 1.04 / np.sin(np.arctan(18 / 50))
     mesh = ball_mesh(np.array([0, 0, -distance]))
-    lines = [f"v {x} {y} {z}" for x, y, z in mesh.vertices] + ["vt 0 0", "vt 1 0", "vt 0 1"]
-    lines += [f"f {a + 1}/1 {b + 1}/2 {c + 1}/3" for a, b, c in mesh.triangles]
+    # For the depth alone no UVs are needed.
+    lines = [f"v {x} {y} {z}" for x, y, z in mesh.vertices]
+    lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in mesh.triangles]
     (tmp_path / "ball.obj").write_text("\n".join(lines))
+    trimesh.Trimesh(mesh.vertices, mesh.triangles, process=False).export(tmp_path / "ball.ply")
     return tmp_path
 
 
@@ -200,10 +202,11 @@ def estimate(bench: Path, *arguments: str) -> int:
     ("arguments", "degrees"),
     [
         (("--camera", "camera.json", "--mesh", "ball.obj"), 0.3),
+        (("--camera", "camera.json", "--mesh", "ball.ply"), 0.3),
         (("--camera", "camera.json"), 12),
         (("--focal", "50", "--distance", "2.4"), 6),
     ],
-    ids=["mesh", "target", "distance"],
+    ids=["mesh", "mesh by trimesh", "target", "distance"],
 )
 def test_the_command_line_takes_camera_and_distance(
     bench: Path, close: Scene, arguments: tuple[str, ...], degrees: float
