@@ -174,35 +174,35 @@ class CalibrateSettings:
         options=GIVEN,
     )
     circle_x: FloatProperty(
-        name="Ball X",
+        name="Ball X (px)",
         description="Middle of the ball, in pixels from the photo's left edge. Only counts with a radius below",
         default=0.0,
         options=GIVEN,
     )
     circle_y: FloatProperty(
-        name="Y", description="Middle of the ball, in pixels from the photo's top edge", default=0.0, options=GIVEN
+        name="Y (px)", description="Middle of the ball, in pixels from the photo's top edge", default=0.0, options=GIVEN
     )
     circle_radius: FloatProperty(
-        name="Radius",
+        name="Radius (px)",
         description="Radius of the ball's outline in pixels. 0: the ball is looked for",
         default=0.0,
         min=0.0,
         options=GIVEN,
     )
     second_x: FloatProperty(
-        name="Second Ball X",
+        name="Second X (px)",
         description="Middle of the ball at its second place, in pixels from the photo's left edge",
         default=0.0,
         options=GIVEN,
     )
     second_y: FloatProperty(
-        name="Y",
+        name="Y (px)",
         description="Middle of the ball at its second place, in pixels from the photo's top edge",
         default=0.0,
         options=GIVEN,
     )
     second_radius: FloatProperty(
-        name="Radius",
+        name="Radius (px)",
         description="Radius of the ball's outline at its second place, in pixels. Needed where the first one is given",
         default=0.0,
         min=0.0,
@@ -614,7 +614,8 @@ class MPS_PG_calibrate(CalibrateSettings, bpy.types.PropertyGroup):
     """Calibration: its photos, and what was found."""
 
     image: PointerProperty(name="Found", description="What was found, drawn over the photo", type=bpy.types.Image)
-    told: StringProperty()
+    told: StringProperty()  # a table: lines of cells with | between them
+    notes: StringProperty()  # one a line
 
 
 class MPS_PG_photo(PhotoSettings, bpy.types.PropertyGroup):
