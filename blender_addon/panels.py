@@ -243,8 +243,9 @@ class MPS_PT_views(_Step):
         column.prop(views, "level")
         if views.level:
             column.prop(views, "level_scale")
-        column.prop(views, "keep", placeholder="No")
+        column.prop(views, "keep", placeholder="Not kept")
         column.prop(views, "write_report")
+        _wrapped(self.layout.column(align=True), "Model as in 3 Estimate; target, size and file as in 4 Bake")
         self.progress_or(context, "bake_views", "CAMERA_STEREO")
         if views.report_file:
             self.layout.operator("wm.path_open", text="Open Report", icon="URL").filepath = views.report_file

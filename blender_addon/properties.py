@@ -439,7 +439,7 @@ class ViewsSettings:
         name="Photos", description="Folder of the photos of these cameras", subtype="DIR_PATH", options=GIVEN
     )
     axes: EnumProperty(
-        name="Mesh Was Imported",
+        name="Mesh Import",
         description="How the photogrammetry program's mesh came into Blender, so that mesh and cameras meet",
         items=[
             ("Y_UP", "Y Up", "Turned from Y up to Z up, as Blender's importers of OBJ and glTF do unless told"),
@@ -470,6 +470,7 @@ class ViewsSettings:
         default=0.03,
         min=0.002,
         max=0.5,
+        precision=3,
         options=GIVEN,
     )
     keep: StringProperty(
