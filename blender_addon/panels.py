@@ -181,7 +181,7 @@ class MPS_PT_mask(_Step):
         elif estimate.mask == "THRESHOLD":
             column.prop(estimate, "threshold", slider=True)
         self.progress_or(context, "show_mask", "MOD_MASK")
-        self.picture(estimate.mask_image)
+        self.picture(estimate.mask_image, scale=12)
 
 
 class MPS_PT_estimate(_Step):

@@ -16,6 +16,8 @@ from mpsnet_core.synthesis.job import MAX_COUNT
 
 # Without it Blender fills an operator's unset properties with those of its last run instead of the scene's settings.
 GIVEN = {"SKIP_SAVE"}
+# Blender paints a path beside the .blend file ("//photo.png") red, as if it were not understood, without the second.
+PATH = {*GIVEN, "PATH_SUPPORTS_BLEND_RELATIVE"}
 
 FILE_FORMATS = (
     ("PNG", "PNG", "16-bit PNG"),
@@ -142,14 +144,14 @@ class CalibrateSettings:
         name="Mirror Ball",
         description="Photo of a mirror ball where the object stands, under the red, green and blue light at once",
         subtype="FILE_PATH",
-        options=GIVEN,
+        options=PATH,
     )
     second_ball: StringProperty(
         name="Second Place",
         description="Photo of the same ball at another place. With two places the lights' positions are found, "
         "not only their directions. Needs the lens",
         subtype="FILE_PATH",
-        options=GIVEN,
+        options=PATH,
     )
     ball_radius: FloatProperty(
         name="Ball Radius",
@@ -163,7 +165,7 @@ class CalibrateSettings:
         name="Grey Ball",
         description="Photo of a matt grey ball under the red, green and blue light at once",
         subtype="FILE_PATH",
-        options=GIVEN,
+        options=PATH,
     )
     lens: FloatProperty(
         name="Lens (mm)",
@@ -219,7 +221,7 @@ class CalibrateSettings:
         name="Rig File",
         description="Rig file to write (.json). Empty: mpsnet_rig.json in the output folder",
         subtype="FILE_PATH",
-        options=GIVEN,
+        options=PATH,
     )
 
 
@@ -244,7 +246,7 @@ class PhotoSettings:
         name="Photo File",
         description="OpenEXR file to write. Empty: a name of its own in the output folder",
         subtype="FILE_PATH",
-        options=GIVEN,
+        options=PATH,
     )
 
 
@@ -270,13 +272,13 @@ class EstimateSettings:
         name="Mask File",
         description="Picture that is white where the object is and black elsewhere",
         subtype="FILE_PATH",
-        options=GIVEN,
+        options=PATH,
     )
     background: StringProperty(
         name="Background",
         description="Photo of the scene without the object, under the same lights",
         subtype="FILE_PATH",
-        options=GIVEN,
+        options=PATH,
     )
     threshold: FloatProperty(
         name="Mask Threshold",
@@ -297,21 +299,21 @@ class EstimateSettings:
         name="Dark Frame",
         description="Photo with the three lights off, taken off the photo. A folder or pattern of several is averaged",
         subtype="FILE_PATH",
-        options=GIVEN,
+        options=PATH,
     )
     flat: StringProperty(
         name="Flat Field",
         description="Photo of an even white card in the object's place, which evens out lens and lights. "
         "A folder or pattern of several is averaged. Not together with near lights",
         subtype="FILE_PATH",
-        options=GIVEN,
+        options=PATH,
     )
     rig_file: StringProperty(
         name="Rig File",
         description="Measured rig (.json or .lp) of a photo taken with a real camera. "
         "Empty: the one beside the photo when it was rendered or opened, else the rig in this scene",
         subtype="FILE_PATH",
-        options=GIVEN,
+        options=PATH,
     )
     lens: FloatProperty(
         name="Lens (mm)",
@@ -342,7 +344,7 @@ class EstimateSettings:
         options=GIVEN,
     )
     model_file: StringProperty(
-        name="Model File", description="Network in an .onnx file", subtype="FILE_PATH", options=GIVEN
+        name="Model File", description="Network in an .onnx file", subtype="FILE_PATH", options=PATH
     )
     confidence: BoolProperty(
         name="Confidence Map",
@@ -366,7 +368,7 @@ class EstimateSettings:
         name="Normal Map File",
         description="File to write; its ending decides the format. Empty: a name of its own in the output folder",
         subtype="FILE_PATH",
-        options=GIVEN,
+        options=PATH,
     )
 
 
@@ -421,7 +423,7 @@ class BakeSettings:
         name="Texture File",
         description="File to write; its ending decides the format. Empty: a name of its own in the output folder",
         subtype="FILE_PATH",
-        options=GIVEN,
+        options=PATH,
     )
 
 
@@ -433,10 +435,10 @@ class ViewsSettings:
         description="What a photogrammetry program wrote: a COLMAP folder, Metashape's .xml, Meshroom's .sfm. "
         "Empty: this scene's cameras, each with its photo as background image",
         subtype="FILE_PATH",
-        options=GIVEN,
+        options=PATH,
     )
     photos: StringProperty(
-        name="Photos", description="Folder of the photos of these cameras", subtype="DIR_PATH", options=GIVEN
+        name="Photos", description="Folder of the photos of these cameras", subtype="DIR_PATH", options=PATH
     )
     axes: EnumProperty(
         name="Mesh Import",
@@ -477,7 +479,7 @@ class ViewsSettings:
         name="Keep Normals",
         description="Folder for each view's normals; the next run goes on from them. Empty: they are not kept",
         subtype="DIR_PATH",
-        options=GIVEN,
+        options=PATH,
     )
     write_report: BoolProperty(
         name="Report",
@@ -519,7 +521,7 @@ class SamplesSettings:
         options={"ENUM_FLAG", *GIVEN},
     )
     meshes: StringProperty(
-        name="Mesh Folder", description="Folder with the mesh files to render", subtype="DIR_PATH", options=GIVEN
+        name="Mesh Folder", description="Folder with the mesh files to render", subtype="DIR_PATH", options=PATH
     )
     count: IntProperty(
         name="Count",
@@ -579,7 +581,7 @@ class SamplesSettings:
         description="Folder of the samples. One that holds some already is gone on with. "
         "Empty: a folder of its own in the output folder",
         subtype="DIR_PATH",
-        options=GIVEN,
+        options=PATH,
     )
     processes: IntProperty(
         name="Processes",
