@@ -268,12 +268,12 @@ def test_many_views_are_baked_and_reported(window, tmp_path):
     _, top, _, _ = window.state["sidebar"]
     window.open(top + TITLE)
     plain = window.state["nodes"]
-    x, y = window.find("mps.bake_views", below=120)
+    x, y = window.find("mps.bake_views", below=200)
 
     window.click(x, y)
     done = window.wait(lambda state: "MPS Cube" in state["images"] and not state["running"], 60, "texture")
     assert set(done["nodes"]) - set(plain) == {"MPS UV", "MPS Texture", "MPS Normal"}
-    assert texture.is_file() and "photo" in report.read_text(encoding="utf-8")
+    assert texture.is_file() and "Camera" in report.read_text(encoding="utf-8")
     x, y = window.find("wm.path_open", below=y + 3 * STEP - top)
     assert str(report) in window.under_mouse(x, y)
 
