@@ -194,12 +194,10 @@ class MPS_PT_estimate(_Step):
         if estimate.model == "FILE":
             column.prop(estimate, "model_file")
         column.prop(estimate, "file_format")
-        column.prop(estimate, "output", text="File", placeholder="Automatic")
         photo = context.scene.mps.photo.image
-        if photo is not None and photo.source in {"SEQUENCE", "MOVIE"}:
-            column.prop(estimate, "smooth")
-        else:
-            column.prop(estimate, "confidence")
+        moves = photo is not None and photo.source in {"SEQUENCE", "MOVIE"}
+        column.prop(estimate, "output", text="Folder" if moves else "File", placeholder="Automatic")
+        column.prop(estimate, "smooth" if moves else "confidence")
         self.progress_or(context, "estimate", "NORMALS_FACE")
         self.layout.template_ID(estimate, "image", open="image.open")
         self.picture(estimate.image)

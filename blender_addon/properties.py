@@ -105,7 +105,7 @@ class RigSettings:
         options=GIVEN,
     )
     focal_length: FloatProperty(
-        name="Focal Length (mm)",
+        name="Lens (mm)",
         description="Focal length in millimetres of the perspective camera, on a sensor 36 mm wide",
         default=85.0,
         min=10.0,
@@ -281,7 +281,7 @@ class EstimateSettings:
         options=PATH,
     )
     threshold: FloatProperty(
-        name="Mask Threshold",
+        name="Threshold",
         description="Pixels brighter than this fraction of the photo's brightest are the object",
         default=0.05,
         min=0.0,
@@ -353,7 +353,7 @@ class EstimateSettings:
         options=GIVEN,
     )
     smooth: IntProperty(
-        name="Smooth Over Time",
+        name="Smooth Frames",
         description="Frames of a sequence or video before and behind, with which each is averaged where they show "
         "the same",
         default=0,
