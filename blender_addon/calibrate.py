@@ -9,7 +9,7 @@ import bpy
 from mpsnet_core.errors import InputError
 
 from .operators import RunsCore, idle
-from .outputs import load_image, output_folder
+from .outputs import fine_preview, load_image, output_folder
 from .properties import CalibrateSettings, take_given
 
 _OVERLAY = "MPS Calibration"
@@ -43,18 +43,22 @@ class _Calibrates(RunsCore, CalibrateSettings):
             raise InputError(f"a rig file's name ends in .json, that of {path} does not; change it")
         return path
 
-    def _take(self, scene: Any, told: str) -> None:
-        settings = scene.mps.calibrate
-        settings.image = load_image(self._overlay, _OVERLAY, is_data=False)
-        settings.told = told
-        scene.mps.estimate.rig_file = str(self._rig)
-        self.report({"INFO"}, f"Rig written to {self._rig}; photos are estimated with it from now on")
-
-    def _scene(self) -> Any:
-        scene = bpy.data.scenes.get(self._scene_name)
+    def _take(self, table: Sequence[Sequence[str]], notes: Sequence[str]) -> None:
+        """Show the picture, the table of what was found (headings first) and the notes; estimate with the rig."""
+        scene = bpy.data.scenes.get(self._scene)
         if scene is None:
-            raise InputError(f'the scene "{self._scene_name}" is gone; the rig is in {self._rig}')
-        return scene
+            raise InputError(f'the scene "{self._scene}" is gone; the rig is in {self._rig}')
+        settings = scene.mps.calibrate
+        image = load_image(self._overlay, _OVERLAY, is_data=False)
+        if not bpy.app.background:
+            fine_preview(image)
+        settings.image = image
+        settings.told = "\n".join("|".join(row) for row in table)
+        settings.notes = "\n".join(notes)
+        scene.mps.estimate.rig_file = str(self._rig)
+        for note in notes:
+            self.report({"INFO"}, note)
+        self.report({"INFO"}, f"Rig written to {self._rig}; photos are estimated with it from now on")
 
 
 class MPS_OT_calibrate_lights(_Calibrates, bpy.types.Operator):
@@ -65,7 +69,7 @@ class MPS_OT_calibrate_lights(_Calibrates, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         take_given(self, CalibrateSettings, context.scene.mps.calibrate)
-        self._scene_name = context.scene.name
+        self._scene = context.scene.name
         photos = [_photo(self.ball, "the mirror ball")]
         if self.second_ball:
             photos.append(_photo(self.second_ball, "the mirror ball at its second place"))
@@ -75,14 +79,11 @@ class MPS_OT_calibrate_lights(_Calibrates, bpy.types.Operator):
         return arguments, outputs
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        lines = []
-        for light in result["lights"]:
-            lines.append(
-                f"{light['name'].title()}|{light['slant']:.1f}°|{light['tilt']:.1f}°|±{light['uncertainty']:.1f}°"
-            )
-        self._take(self._scene(), "\n".join(lines))
-        for note in result.get("notes", []):
-            self.report({"INFO"}, note)
+        lights = [
+            (light["name"].title(), f"{light['slant']:.1f}°", f"{light['tilt']:.1f}°", f"{light['uncertainty']:.1f}°")
+            for light in result["lights"]
+        ]
+        self._take([("", "Slant", "Tilt", "±"), *lights], result["notes"])
 
 
 class MPS_OT_calibrate_mixing(_Calibrates, bpy.types.Operator):
@@ -94,7 +95,7 @@ class MPS_OT_calibrate_mixing(_Calibrates, bpy.types.Operator):
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         scene = context.scene
         take_given(self, CalibrateSettings, scene.mps.calibrate)
-        self._scene_name = scene.name
+        self._scene = scene.name
         lights = scene.mps.estimate.rig_file
         if not lights:
             raise InputError("where are the lights? Find them first, or name a rig file in the step Photo")
@@ -103,14 +104,10 @@ class MPS_OT_calibrate_mixing(_Calibrates, bpy.types.Operator):
         return [*arguments, "--rig", bpy.path.abspath(lights)], outputs
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        rows = [
-            "|".join([name, *(f"{value:.3f}" for value in row)])
-            for name, row in zip("RGB", result["mixing"], strict=True)
-        ]
-        self._take(self._scene(), "\n".join(rows))
-        for note in result.get("notes", []):
-            self.report({"INFO"}, note)
-        self.report({"INFO"}, f"{result['residual']:.1%} of the brightness is unexplained")
+        rows = zip("RGB", result["mixing"], strict=True)
+        channels = [(channel, *(f"{value:.3f}" for value in row)) for channel, row in rows]
+        unexplained = f"{result['residual']:.1%} of the brightness is unexplained"
+        self._take([("Channel", "Red", "Green", "Blue"), *channels], [unexplained, *result["notes"]])
 
 
 def _photo(path: str, what: str) -> str:

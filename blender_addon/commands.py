@@ -101,6 +101,8 @@ def _written(verb: str) -> str:
         folder = samples_folder(bpy.context.scene)
         return f": {standing(folder)} in {folder}"
     scene = bpy.context.scene.mps
+    if verb in {"calibrate_lights", "calibrate_mixing"}:
+        return f": {scene.estimate.rig_file}"
     images = {
         "render_photo": scene.photo.image,
         "open_photo": scene.photo.image,
@@ -169,7 +171,8 @@ def _add_flag(parser: argparse.ArgumentParser, setting: Any) -> None:
         words = f"{words}: {', '.join(choices)} (the scene's own, all when new)"
         parser.add_argument(flag, type=_several(choices), metavar="NAME,NAME", help=words)
         return
-    default = f" (the scene's own, {setting.default} when new)" if setting.default != "" else ""
+    new = f"{setting.default:g}" if setting.type == "FLOAT" else setting.default
+    default = f" (the scene's own, {new} when new)" if new != "" else ""
     if setting.type == "ENUM":
         choices = [item.identifier for item in setting.enum_items]
         parser.add_argument(flag, type=str.upper, choices=choices, help=words + default)

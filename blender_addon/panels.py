@@ -29,7 +29,7 @@ class _Step(bpy.types.Panel):
             self.layout.operator(f"mps.{verb}", icon=icon)
             return
         row = self.layout.row(align=True)
-        row.progress(factor=job.progress, text=job.message[:1].upper() + job.message[1:])
+        row.progress(factor=job.progress, text=_sentence(job.message))
         row.operator("mps.cancel", text="", icon="X")
 
     def picture(self, image: Any, scale: float = 8) -> None:
@@ -90,38 +90,44 @@ class MPS_PT_calibrate(_Step):
         if calibrate.second_ball:
             column.prop(calibrate, "ball_radius")
         column.prop(calibrate, "lens")
-        circle = column.column(align=True)
-        circle.prop(calibrate, "circle_x")
-        circle.prop(calibrate, "circle_y")
-        circle.prop(calibrate, "circle_radius")
-        if calibrate.second_ball and calibrate.circle_radius:
-            circle = column.column(align=True)
-            circle.prop(calibrate, "second_x")
-            circle.prop(calibrate, "second_y")
-            circle.prop(calibrate, "second_radius")
         column.prop(calibrate, "encoding")
         column.prop(calibrate, "output", placeholder="Automatic")
         self.progress_or(context, "calibrate_lights", "LIGHT_SUN")
-        column = self.column()
-        column.prop(calibrate, "grey")
+        self.column().prop(calibrate, "grey")
         self.progress_or(context, "calibrate_mixing", "COLOR")
         if calibrate.told:
             self._found(calibrate)
 
     def _found(self, calibrate: Any) -> None:
         self.picture(calibrate.image, scale=12)
+        box = self.layout.box()
         rows = [line.split("|") for line in calibrate.told.splitlines()]
-        grid = self.layout.box().grid_flow(row_major=True, columns=len(rows[0]), even_columns=True)
+        grid = box.grid_flow(row_major=True, columns=len(rows[0]), even_columns=True)
         for row in rows:
             for text in row:
                 grid.label(text=text)
+        for note in calibrate.notes.splitlines():
+            _wrapped(box.column(align=True), _sentence(note))
+
+
+class MPS_PT_outline(_Step):
+    bl_label = "Outline by Hand"
+    bl_parent_id = "MPS_PT_calibrate"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        calibrate = context.scene.mps.calibrate
+        for place in ("circle", "second") if calibrate.second_ball else ("circle",):
+            column = self.column()
+            for what in ("x", "y", "radius"):
+                column.prop(calibrate, f"{place}_{what}")
 
 
 class MPS_PT_photo(_Step):
     bl_label = "2  Photo"
 
     def draw(self, context: Any) -> None:
-        photo, estimate = context.scene.mps.photo, context.scene.mps.estimate
+        photo = context.scene.mps.photo
         column = self.column()
         size = column.column(align=True)
         size.prop(photo, "width")
@@ -131,6 +137,41 @@ class MPS_PT_photo(_Step):
         self.layout.operator("mps.render_photo", icon="RENDER_STILL")
         self.layout.template_ID(photo, "image", open="mps.open_photo")
         self.picture(photo.image)
+
+
+class MPS_PT_real(_Step):
+    bl_label = "Real Photo"
+    bl_parent_id = "MPS_PT_photo"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        estimate = context.scene.mps.estimate
+        column = self.column()
+        column.prop(estimate, "rig_file", placeholder="Automatic")
+        column.prop(estimate, "lens")
+        column.prop(estimate, "encoding")
+        column.prop(estimate, "dark", placeholder="None")
+        column.prop(estimate, "flat", placeholder="None")
+
+
+class MPS_PT_near(_Step):
+    bl_label = "Near Lights"
+    bl_parent_id = "MPS_PT_photo"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        estimate = context.scene.mps.estimate
+        column = self.column()
+        column.prop(estimate, "surface", placeholder="None")
+        column.prop(estimate, "distance")
+
+
+class MPS_PT_mask(_Step):
+    bl_label = "Mask"
+    bl_parent_id = "MPS_PT_photo"
+
+    def draw(self, context: Any) -> None:
+        estimate = context.scene.mps.estimate
         column = self.column()
         column.prop(estimate, "mask")
         if estimate.mask == "FILE":
@@ -140,15 +181,7 @@ class MPS_PT_photo(_Step):
         elif estimate.mask == "THRESHOLD":
             column.prop(estimate, "threshold", slider=True)
         self.progress_or(context, "show_mask", "MOD_MASK")
-        self.picture(estimate.mask_image)
-        column = self.column()
-        column.prop(estimate, "encoding")
-        column.prop(estimate, "dark")
-        column.prop(estimate, "flat")
-        column.prop(estimate, "rig_file", placeholder="Automatic")
-        column.prop(estimate, "lens")
-        column.prop(estimate, "distance")
-        column.prop(estimate, "surface")
+        self.picture(estimate.mask_image, scale=12)
 
 
 class MPS_PT_estimate(_Step):
@@ -161,12 +194,10 @@ class MPS_PT_estimate(_Step):
         if estimate.model == "FILE":
             column.prop(estimate, "model_file")
         column.prop(estimate, "file_format")
-        column.prop(estimate, "output", text="File", placeholder="Automatic")
         photo = context.scene.mps.photo.image
-        if photo is not None and photo.source in {"SEQUENCE", "MOVIE"}:
-            column.prop(estimate, "smooth")
-        else:
-            column.prop(estimate, "confidence")
+        moves = photo is not None and photo.source in {"SEQUENCE", "MOVIE"}
+        column.prop(estimate, "output", text="Folder" if moves else "File", placeholder="Automatic")
+        column.prop(estimate, "smooth" if moves else "confidence")
         self.progress_or(context, "estimate", "NORMALS_FACE")
         self.layout.template_ID(estimate, "image", open="image.open")
         self.picture(estimate.image)
@@ -213,8 +244,9 @@ class MPS_PT_views(_Step):
         column.prop(views, "level")
         if views.level:
             column.prop(views, "level_scale")
-        column.prop(views, "keep", placeholder="No")
+        column.prop(views, "keep", placeholder="Not kept")
         column.prop(views, "write_report")
+        _wrapped(self.layout.column(align=True), "Model as in 3 Estimate; target, size and file as in 4 Bake")
         self.progress_or(context, "bake_views", "CAMERA_STEREO")
         if views.report_file:
             self.layout.operator("wm.path_open", text="Open Report", icon="URL").filepath = views.report_file
@@ -254,6 +286,10 @@ class MPS_PT_samples(_Step):
         self.picture(samples.image, scale=12)
 
 
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
 def _wrapped(layout: Any, sentence: str, width: int = 36) -> None:
     """A sentence over several labels: Blender cuts a label off where the panel ends."""
     line = ""
@@ -265,6 +301,18 @@ def _wrapped(layout: Any, sentence: str, width: int = 36) -> None:
     layout.label(text=line)
 
 
-CLASSES = (MPS_PT_rig, MPS_PT_calibrate, MPS_PT_photo, MPS_PT_estimate, MPS_PT_bake, MPS_PT_views, MPS_PT_samples)
+CLASSES = (
+    MPS_PT_rig,
+    MPS_PT_calibrate,
+    MPS_PT_outline,
+    MPS_PT_photo,
+    MPS_PT_real,
+    MPS_PT_near,
+    MPS_PT_mask,
+    MPS_PT_estimate,
+    MPS_PT_bake,
+    MPS_PT_views,
+    MPS_PT_samples,
+)
 
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

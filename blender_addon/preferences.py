@@ -28,6 +28,7 @@ class MPS_AddonPreferences(bpy.types.AddonPreferences):
         description="Where photos, normal maps and textures go. Empty: beside the saved .blend file, "
         "else Blender's temporary folder",
         subtype="DIR_PATH",
+        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
     )
 
     def draw(self, context: bpy.types.Context) -> None:

@@ -16,6 +16,8 @@ from mpsnet_core.synthesis.job import MAX_COUNT
 
 # Without it Blender fills an operator's unset properties with those of its last run instead of the scene's settings.
 GIVEN = {"SKIP_SAVE"}
+# Blender paints a path beside the .blend file ("//photo.png") red, as if it were not understood, without the second.
+PATH = {*GIVEN, "PATH_SUPPORTS_BLEND_RELATIVE"}
 
 FILE_FORMATS = (
     ("PNG", "PNG", "16-bit PNG"),
@@ -103,7 +105,7 @@ class RigSettings:
         options=GIVEN,
     )
     focal_length: FloatProperty(
-        name="Focal Length (mm)",
+        name="Lens (mm)",
         description="Focal length in millimetres of the perspective camera, on a sensor 36 mm wide",
         default=85.0,
         min=10.0,
@@ -142,14 +144,14 @@ class CalibrateSettings:
         name="Mirror Ball",
         description="Photo of a mirror ball where the object stands, under the red, green and blue light at once",
         subtype="FILE_PATH",
-        options=GIVEN,
+        options=PATH,
     )
     second_ball: StringProperty(
         name="Second Place",
         description="Photo of the same ball at another place. With two places the lights' positions are found, "
         "not only their directions. Needs the lens",
         subtype="FILE_PATH",
-        options=GIVEN,
+        options=PATH,
     )
     ball_radius: FloatProperty(
         name="Ball Radius",
@@ -163,7 +165,7 @@ class CalibrateSettings:
         name="Grey Ball",
         description="Photo of a matt grey ball under the red, green and blue light at once",
         subtype="FILE_PATH",
-        options=GIVEN,
+        options=PATH,
     )
     lens: FloatProperty(
         name="Lens (mm)",
@@ -174,35 +176,35 @@ class CalibrateSettings:
         options=GIVEN,
     )
     circle_x: FloatProperty(
-        name="Ball X",
+        name="Ball X (px)",
         description="Middle of the ball, in pixels from the photo's left edge. Only counts with a radius below",
         default=0.0,
         options=GIVEN,
     )
     circle_y: FloatProperty(
-        name="Y", description="Middle of the ball, in pixels from the photo's top edge", default=0.0, options=GIVEN
+        name="Y (px)", description="Middle of the ball, in pixels from the photo's top edge", default=0.0, options=GIVEN
     )
     circle_radius: FloatProperty(
-        name="Radius",
+        name="Radius (px)",
         description="Radius of the ball's outline in pixels. 0: the ball is looked for",
         default=0.0,
         min=0.0,
         options=GIVEN,
     )
     second_x: FloatProperty(
-        name="Second Ball X",
+        name="Second X (px)",
         description="Middle of the ball at its second place, in pixels from the photo's left edge",
         default=0.0,
         options=GIVEN,
     )
     second_y: FloatProperty(
-        name="Y",
+        name="Y (px)",
         description="Middle of the ball at its second place, in pixels from the photo's top edge",
         default=0.0,
         options=GIVEN,
     )
     second_radius: FloatProperty(
-        name="Radius",
+        name="Radius (px)",
         description="Radius of the ball's outline at its second place, in pixels. Needed where the first one is given",
         default=0.0,
         min=0.0,
@@ -219,7 +221,7 @@ class CalibrateSettings:
         name="Rig File",
         description="Rig file to write (.json). Empty: mpsnet_rig.json in the output folder",
         subtype="FILE_PATH",
-        options=GIVEN,
+        options=PATH,
     )
 
 
@@ -244,7 +246,7 @@ class PhotoSettings:
         name="Photo File",
         description="OpenEXR file to write. Empty: a name of its own in the output folder",
         subtype="FILE_PATH",
-        options=GIVEN,
+        options=PATH,
     )
 
 
@@ -270,16 +272,16 @@ class EstimateSettings:
         name="Mask File",
         description="Picture that is white where the object is and black elsewhere",
         subtype="FILE_PATH",
-        options=GIVEN,
+        options=PATH,
     )
     background: StringProperty(
         name="Background",
         description="Photo of the scene without the object, under the same lights",
         subtype="FILE_PATH",
-        options=GIVEN,
+        options=PATH,
     )
     threshold: FloatProperty(
-        name="Mask Threshold",
+        name="Threshold",
         description="Pixels brighter than this fraction of the photo's brightest are the object",
         default=0.05,
         min=0.0,
@@ -297,21 +299,21 @@ class EstimateSettings:
         name="Dark Frame",
         description="Photo with the three lights off, taken off the photo. A folder or pattern of several is averaged",
         subtype="FILE_PATH",
-        options=GIVEN,
+        options=PATH,
     )
     flat: StringProperty(
         name="Flat Field",
         description="Photo of an even white card in the object's place, which evens out lens and lights. "
         "A folder or pattern of several is averaged. Not together with near lights",
         subtype="FILE_PATH",
-        options=GIVEN,
+        options=PATH,
     )
     rig_file: StringProperty(
         name="Rig File",
         description="Measured rig (.json or .lp) of a photo taken with a real camera. "
         "Empty: the one beside the photo when it was rendered or opened, else the rig in this scene",
         subtype="FILE_PATH",
-        options=GIVEN,
+        options=PATH,
     )
     lens: FloatProperty(
         name="Lens (mm)",
@@ -342,7 +344,7 @@ class EstimateSettings:
         options=GIVEN,
     )
     model_file: StringProperty(
-        name="Model File", description="Network in an .onnx file", subtype="FILE_PATH", options=GIVEN
+        name="Model File", description="Network in an .onnx file", subtype="FILE_PATH", options=PATH
     )
     confidence: BoolProperty(
         name="Confidence Map",
@@ -351,7 +353,7 @@ class EstimateSettings:
         options=GIVEN,
     )
     smooth: IntProperty(
-        name="Smooth Over Time",
+        name="Smooth Frames",
         description="Frames of a sequence or video before and behind, with which each is averaged where they show "
         "the same",
         default=0,
@@ -366,7 +368,7 @@ class EstimateSettings:
         name="Normal Map File",
         description="File to write; its ending decides the format. Empty: a name of its own in the output folder",
         subtype="FILE_PATH",
-        options=GIVEN,
+        options=PATH,
     )
 
 
@@ -428,7 +430,7 @@ class BakeSettings:
         name="Texture File",
         description="File to write; its ending decides the format. Empty: a name of its own in the output folder",
         subtype="FILE_PATH",
-        options=GIVEN,
+        options=PATH,
     )
 
 
@@ -440,13 +442,13 @@ class ViewsSettings:
         description="What a photogrammetry program wrote: a COLMAP folder, Metashape's .xml, Meshroom's .sfm. "
         "Empty: this scene's cameras, each with its photo as background image",
         subtype="FILE_PATH",
-        options=GIVEN,
+        options=PATH,
     )
     photos: StringProperty(
-        name="Photos", description="Folder of the photos of these cameras", subtype="DIR_PATH", options=GIVEN
+        name="Photos", description="Folder of the photos of these cameras", subtype="DIR_PATH", options=PATH
     )
     axes: EnumProperty(
-        name="Mesh Was Imported",
+        name="Mesh Import",
         description="How the photogrammetry program's mesh came into Blender, so that mesh and cameras meet",
         items=[
             ("Y_UP", "Y Up", "Turned from Y up to Z up, as Blender's importers of OBJ and glTF do unless told"),
@@ -477,13 +479,14 @@ class ViewsSettings:
         default=0.03,
         min=0.01,
         max=0.5,
+        precision=3,
         options=GIVEN,
     )
     keep: StringProperty(
         name="Keep Normals",
         description="Folder for each view's normals; the next run goes on from them. Empty: they are not kept",
         subtype="DIR_PATH",
-        options=GIVEN,
+        options=PATH,
     )
     write_report: BoolProperty(
         name="Report",
@@ -525,7 +528,7 @@ class SamplesSettings:
         options={"ENUM_FLAG", *GIVEN},
     )
     meshes: StringProperty(
-        name="Mesh Folder", description="Folder with the mesh files to render", subtype="DIR_PATH", options=GIVEN
+        name="Mesh Folder", description="Folder with the mesh files to render", subtype="DIR_PATH", options=PATH
     )
     count: IntProperty(
         name="Count",
@@ -585,7 +588,7 @@ class SamplesSettings:
         description="Folder of the samples. One that holds some already is gone on with. "
         "Empty: a folder of its own in the output folder",
         subtype="DIR_PATH",
-        options=GIVEN,
+        options=PATH,
     )
     processes: IntProperty(
         name="Processes",
@@ -621,7 +624,8 @@ class MPS_PG_calibrate(CalibrateSettings, bpy.types.PropertyGroup):
     """Calibration: its photos, and what was found."""
 
     image: PointerProperty(name="Found", description="What was found, drawn over the photo", type=bpy.types.Image)
-    told: StringProperty()
+    told: StringProperty()  # a table: lines of cells with | between them
+    notes: StringProperty()  # one a line
 
 
 class MPS_PG_photo(PhotoSettings, bpy.types.PropertyGroup):

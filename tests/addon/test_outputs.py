@@ -103,3 +103,15 @@ def test_a_damaged_rig_file_beside_a_photo_is_one_sentence(photographed, tmp_pat
     (tmp_path / "photo.rig.json").write_text("{")
     with pytest.raises(RuntimeError, match=r"photo\.rig\.json is not valid JSON"):
         bpy.ops.mps.open_photo(filepath=str(tmp_path / "photo.exr"))
+
+
+def test_paths_beside_the_blend_file_are_understood(photographed, scene, tmp_path):
+    """Blender's file browser gives them, and paints those red that a setting does not say to understand."""
+    steps = [step for step in scene.mps.bl_rna.properties if step.type == "POINTER" and step.identifier != "rna_type"]
+    settings = [setting for step in steps for setting in step.fixed_type.properties]
+    paths = [setting for setting in settings if setting.subtype in {"FILE_PATH", "DIR_PATH"}]
+    assert len(paths) > 10
+    assert [path.identifier for path in paths if not path.is_path_supports_blend_relative] == []
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    bpy.ops.mps.estimate(rig_file="//photo.rig.json", output="//normals.exr")
+    assert (tmp_path / "normals.exr").is_file()

@@ -13,11 +13,16 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from mirror_ball import CROSSTALK, Scene, around, grey_photograph, lamps_around, photograph
+from synthetic import degrees_between, shaded_sphere
 
+from mpsnet_core.images import write_image
+from mpsnet_core.rig import published_rig, read_rig, write_rig
 from mpsnet_core.synthesis.job import sample_path, samples_there
 
 SCRIPT = Path(__file__).parent / "scripts" / "window.py"
 STEP = 8  # pixels; a button is about 20 high
+TITLE = 16  # from a panel's top to the middle of its title
 
 
 class Window:
@@ -69,6 +74,13 @@ class Window:
 
     def click(self, x: int, y: int) -> None:
         self.input("mousemove", x, y, "sleep", "0.2", "click", 1)
+
+    def open(self, y: int) -> None:
+        """Click on the title of a closed panel, and leave it time to unfold."""
+        left, _, width, _ = self.state["sidebar"]
+        self.input("mousemove", left + width // 2, y, "sleep", "1")
+        self.click(left + width // 2, y)
+        self.input("sleep", "2")
 
     def screenshot(self, path: Path) -> np.ndarray:
         """(H, W, 3) values 0 to 1 of the whole screen."""
@@ -157,9 +169,7 @@ def test_training_data_grows_in_its_section(window, tmp_path):
     window.ask("set", "samples", settings)
     window.ask("alone", "MPS_PT_samples")
     left, top, width, height = window.state["sidebar"]
-    window.input("mousemove", left + width // 2, top + 10, "sleep", "1")
-    window.click(left + width // 2, top + 16)  # on its title: it is closed at first
-    window.input("sleep", "2")
+    window.open(top + TITLE)
     x, y = window.find("mps.render_samples", below=300)
     window.input("mousemove", 500, 500, "sleep", "1")
     before = window.screenshot(tmp_path / "before.png")
@@ -188,3 +198,85 @@ def test_training_data_grows_in_its_section(window, tmp_path):
     assert {number: sample_path(folder, number).stat().st_mtime_ns for number in there} == kept
     window.input("mousemove", 500, 500, "sleep", "1")
     assert colourful(window.screenshot(tmp_path / "grown.png")) > 1.5 * colourful(shown)
+
+
+def test_real_lights_are_found_and_undone(window, tmp_path):
+    angles = [(30, 90), (35, 205), (25, 335)]
+    directions = np.array([around(*angle) for angle in angles])
+    scene = Scene([((0.0, 0.0, 0.0), 97.4)], lamps_around((0, 0, 0), 2e4, angles=angles), (300, 300))
+    write_image(tmp_path / "mirror.exr", photograph(scene))
+    write_image(tmp_path / "grey.exr", grey_photograph(scene, CROSSTALK, directions))
+    rig = tmp_path / "rig.json"
+    settings = {"ball": str(tmp_path / "mirror.exr"), "grey": str(tmp_path / "grey.exr"), "output": str(rig)}
+    window.ask("set", "calibrate", settings)
+    window.ask("alone", "MPS_PT_rig", "MPS_PT_calibrate")
+    _, top, _, _ = window.state["sidebar"]
+    _, above = window.find("mps.add_rig", below=240)
+    window.open(above + 38)  # the title is next below
+    lights = window.find("mps.calibrate_lights", below=above + 140 - top)
+
+    window.click(*lights)
+    window.wait(lambda state: state["rig_file"] and not state["running"], 60, "lights")
+    assert "MPS Calibration" in window.state["images"]
+    assert "Slant" in window.state["found"].splitlines()[0]
+    assert degrees_between(read_rig(rig).directions, directions).max() < 1
+
+    window.click(*window.find("mps.calibrate_mixing", below=lights[1] + 4 * STEP - top))
+    after = window.wait(lambda state: "Channel" in state["found"] and not state["running"], 60, "mixing")
+    np.testing.assert_allclose(read_rig(rig).mixing, CROSSTALK, atol=0.02)
+    assert after["rig_file"] == str(rig)
+
+    window.input("mousemove", 500, 500, "key", "ctrl+z")
+    window.wait(lambda state: "Slant" in state["found"], 60, "undo of the mixing")
+    window.input("key", "ctrl+z")
+    window.wait(lambda state: not state["rig_file"] and "MPS Calibration" not in state["images"], 60, "undo of both")
+    assert rig.is_file()
+
+
+def test_the_mask_is_shown_below_its_button(window, tmp_path):
+    sphere = shaded_sphere(128)
+    photo = np.full((256, 256, 3), 0.01, np.float32)
+    photo[64:192, 64:192][sphere.mask] = sphere.image[sphere.mask]
+    write_image(tmp_path / "photo.exr", photo)
+    window.ask("photo", str(tmp_path / "photo.exr"))
+    window.ask("set", "estimate", {"mask": "FIND"})
+    window.ask("alone", "MPS_PT_photo", "MPS_PT_mask")
+    left, top, width, height = window.state["sidebar"]
+    x, y = window.find("mps.show_mask", below=400)
+
+    def below():
+        window.input("mousemove", 500, 500, "sleep", "1")
+        return window.screenshot(tmp_path / "screen.png")[y + 4 * STEP : top + height, left : left + width - 40]
+
+    before = below()
+    window.click(x, y)
+    window.wait(lambda state: "MPS Mask" in state["images"] and not state["running"], 60, "mask")
+    assert (np.abs(below() - before).max(axis=-1) > 0.1).sum() > 5000
+
+    window.input("mousemove", 500, 500, "key", "ctrl+z")
+    window.wait(lambda state: "MPS Mask" not in state["images"], 60, "undo of the mask")
+
+
+def test_many_views_are_baked_and_reported(window, tmp_path):
+    write_image(tmp_path / "photo.exr", np.full((64, 64, 3), 0.5, np.float32))
+    write_rig(tmp_path / "rig.json", published_rig())
+    texture, report = tmp_path / "texture.png", tmp_path / "texture_report.html"
+    window.ask("behind", str(tmp_path / "photo.exr"))
+    window.ask("set", "estimate", {"model": "LAMBERTIAN", "rig_file": str(tmp_path / "rig.json")})
+    window.ask("set", "bake", {"size": 64, "output": str(texture)})
+    window.ask("alone", "MPS_PT_views")
+    _, top, _, _ = window.state["sidebar"]
+    window.open(top + TITLE)
+    plain = window.state["nodes"]
+    x, y = window.find("mps.bake_views", below=200)
+
+    window.click(x, y)
+    done = window.wait(lambda state: "MPS Cube" in state["images"] and not state["running"], 60, "texture")
+    assert set(done["nodes"]) - set(plain) == {"MPS UV", "MPS Texture", "MPS Normal"}
+    assert texture.is_file() and "Camera" in report.read_text(encoding="utf-8")
+    x, y = window.find("wm.path_open", below=y + 3 * STEP - top)
+    assert str(report) in window.under_mouse(x, y)
+
+    window.input("mousemove", 500, 500, "key", "ctrl+z")
+    window.wait(lambda state: state["nodes"] == plain, 60, "undo of the bake")
+    assert not window.under_mouse(x, y)

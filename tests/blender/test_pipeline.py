@@ -3,6 +3,12 @@
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from mirror_ball import CROSSTALK, Scene, around, grey_photograph, lamps_around, photograph
+from synthetic import degrees_between, shaded_sphere, write_file
+
+from mpsnet_core.camera import Camera, write_camera
+from mpsnet_core.images import write_image
+from mpsnet_core.rig import published_rig, read_rig, write_rig
 
 
 def read(path):
@@ -91,6 +97,53 @@ def test_command_line_does_the_same(blender, scene, by_script, tmp_path):
     # The same but for the render's noise.
     for name in ("normals.png", "texture.png"):
         assert np.abs(read(tmp_path / name) - read(by_script[0] / name)).mean() < 0.01
+
+
+def test_command_line_calibrates_and_shows_a_mask(blender, scene, tmp_path):
+    angles = [(30, 90), (35, 205), (25, 335)]
+    directions = np.array([around(*angle) for angle in angles])
+    balls = Scene([((0.0, 0.0, 0.0), 97.4)], lamps_around((0, 0, 0), 2e4, angles=angles), (300, 300))
+    write_image(tmp_path / "mirror.exr", photograph(balls))
+    write_image(tmp_path / "grey.exr", grey_photograph(balls, CROSSTALK, directions))
+    rig, saved = tmp_path / "rig.json", tmp_path / "saved.blend"
+    current = scene
+    for verb, *flags in [
+        ["calibrate-lights", f"--ball={tmp_path / 'mirror.exr'}", f"--output={rig}"],
+        ["calibrate-mixing", f"--grey={tmp_path / 'grey.exr'}", f"--output={rig}"],
+        ["open-photo", f"--filepath={tmp_path / 'grey.exr'}"],
+        ["show-mask", "--mask=FIND"],
+    ]:
+        done = blender.run("-b", current, "--command", "mpsnet", verb, *flags, "--save", saved)
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert f"{verb} done: {tmp_path}" in done.stdout
+        current = saved
+    found = read_rig(rig)
+    assert degrees_between(found.directions, directions).max() < 1
+    np.testing.assert_allclose(found.mixing, CROSSTALK, atol=0.02)
+    (mask,) = tmp_path.glob("*_mask.png")
+    assert (read(mask) > 0.5).mean() == pytest.approx(np.pi * 97.4**2 / 300**2, rel=0.02)
+
+
+def test_command_line_bakes_views(blender, scene, tmp_path):
+    """The sphere from the front, by an orthographic camera, from a photo whose frame it fills."""
+    pose = np.array([[1.0, 0, 0, 0], [0, 0, -1, -5], [0, 1, 0, 0], [0, 0, 0, 1]])
+    camera = Camera("orthographic", 96, 96, np.array([48.0, 48.0]), world_from_camera=pose)
+    write_file(tmp_path / "front.exr", shaded_sphere(96).image, "float")
+    write_camera(tmp_path / "front.camera.json", camera)
+    write_rig(tmp_path / "rig.json", published_rig())
+    settings = (
+        f"import bpy; mps = bpy.context.scene.mps; mps.estimate.rig_file = {str(tmp_path / 'rig.json')!r}; "
+        f"mps.estimate.model = 'LAMBERTIAN'; mps.bake.size = 128; mps.bake.output = {str(tmp_path / 'texture.exr')!r}"
+    )
+    flags = [f"--cameras={tmp_path}", f"--photos={tmp_path}", "--axes=AS_IS", "--no-level"]
+    command = ["--command", "mpsnet", "bake-views", "--target=Sphere", *flags]
+    done = blender.run("-b", scene, "--python-expr", settings, *command)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert f"bake-views done: {tmp_path / 'texture.exr'}" in done.stdout
+    assert "front" in (tmp_path / "texture_report.html").read_text(encoding="utf-8")
+    # As in the texture above: a smooth sphere has no normals of its own, where u = 0.25 faces the camera.
+    normals = 2 * read(tmp_path / "texture.exr")[48:80, 24:40, :3] - 1
+    assert degrees_between(normals, [0, 0, 1]).mean() < 3
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,8 @@ does what it is asked to.
 
 Arguments: the JSON file to write the state to, and the JSON file of the request: [number, verb, argument...] with
 "clear" (empty the clipboard), "invoke" (an operator with settings, as its button does), "set" (settings of a step),
-"alone" (take all other panels away) and "quit".
+"photo" (open one from a file), "behind" (put a photo behind the scene's camera), "alone" (take all other panels away)
+and "quit".
 """
 
 import contextlib
@@ -54,6 +55,8 @@ def state():
         "nodes": sorted(
             node.name for material in bpy.data.materials if material.node_tree for node in material.node_tree.nodes
         ),
+        "rig_file": bpy.context.scene.mps.estimate.rig_file,
+        "found": bpy.context.scene.mps.calibrate.told,
         "running": manager.mps.running,
         "progress": manager.mps.progress,
     }
@@ -70,6 +73,10 @@ def answer(verb, *arguments):
         step, settings = arguments
         for name, value in settings.items():
             setattr(getattr(bpy.context.scene.mps, step), name, set(value) if isinstance(value, list) else value)
+    elif verb == "photo":
+        bpy.ops.mps.open_photo(filepath=arguments[0])
+    elif verb == "behind":
+        bpy.context.scene.camera.data.background_images.new().image = bpy.data.images.load(arguments[0])
     elif verb == "invoke":
         operator, settings = arguments
         window, area = viewport()
@@ -78,9 +85,9 @@ def answer(verb, *arguments):
             getattr(bpy.ops.mps, operator)("INVOKE_DEFAULT", **settings)
 
 
-def alone(panel):
+def alone(*panels):
     for name in dir(bpy.types):
-        if name.startswith("MPS_PT_") and name != panel:
+        if name.startswith("MPS_PT_") and name not in panels:
             bpy.utils.unregister_class(getattr(bpy.types, name))
     viewport()[1].tag_redraw()
 
