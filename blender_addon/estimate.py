@@ -15,6 +15,7 @@ from .bake import named_object, write_mesh
 from .operators import RunsCore, idle
 from .outputs import (
     FORMATS,
+    fine_preview,
     frame_pattern,
     image_file,
     load_frames,
@@ -147,7 +148,8 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
         scene = bpy.data.scenes.get(self._scene)
         if scene is None:
             raise InputError(f'the scene "{self._scene}" is gone; its mask is in {result["output"]}')
-        scene.mps.estimate.mask_image = load_image(self._overlay, "MPS Mask", is_data=False)
+        scene.mps.estimate.mask_image = image = load_image(self._overlay, "MPS Mask", is_data=False)
+        fine_preview(image)
         for note in result.get("notes", []):
             self.report({"INFO"}, note)
         self.report(

@@ -5,6 +5,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
+from dng import write_dng
 
 from mpsnet_core.images import read_image, read_mask, write_image
 from mpsnet_core.normals import read_normals
@@ -73,11 +74,8 @@ def test_the_mask_of_a_photo_without_alpha_is_all_of_it_unless_told(on_grey, sce
     assert read_mask(folder / f"{scene.name}_mask.png").all()
 
 
-def test_opening_camera_raw_overwrites_nothing_and_reads_the_raw_file(scene, tmp_path, monkeypatch):
+def test_opening_camera_raw_overwrites_nothing_and_reads_the_raw_file(scene, tmp_path):
     pytest.importorskip("rawpy")
-    monkeypatch.syspath_prepend(Path(__file__).parents[1] / "core")
-    from dng import write_dng
-
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     write_image(tmp_path / "shot.exr", np.full((4, 4, 3), 0.25, np.float32))
     before = (tmp_path / "shot.exr").read_bytes()
