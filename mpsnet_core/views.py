@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core import __version__
 from mpsnet_core.camera import VIEWS_FORMAT, VIEWS_VERSION, Camera, camera_data, camera_from_data, read_camera
 from mpsnet_core.capture import Capture, depth_within
 from mpsnet_core.correction import Correction, corrected
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import PHOTO_SUFFIXES, existing_file, read_json, write_json
 from mpsnet_core.images import Encoding, read_image, write_image
+from mpsnet_core.made_from import identity
 from mpsnet_core.masks import find_mask
 from mpsnet_core.normals import NormalMap, read_normals, write_normals
 from mpsnet_core.rays import RayScene
@@ -242,36 +242,31 @@ class KeptView:
         return read_normals(self.normals, confidence=self.confidence)
 
 
-def source_of(view: ViewPhoto, photography: Photography, model: str) -> dict[str, Any]:
-    """What a view's normals depend on, as plain data: another photo, camera, rig, mask or model makes others."""
+def source_of(view: ViewPhoto, photography: Photography, shape: str, others: Sequence[str]) -> dict[str, Any]:
+    """What a view's normals depend on, as plain data: another photo, camera, rig or mask makes others.
+
+    shape: that of the mesh, as of :func:`shape_of`; it counts where the photo's mask or depth come from it.
+    others: what else all views are made by: model, dark frame and flat field.
+    """
     rig = photography.rig_of(view.camera)
-    mask = photography.mask_of(view)
     lights = json.dumps([rig.directions.tolist(), rig.mixing.tolist(), repr(rig)])
     return {
-        "photo": _stamp(view.photo),
+        "photo": identity(view.photo),
         "camera": camera_data(view.camera),
         "lens": repr(view.lens),
         "rig": hashlib.sha256(lights.encode()).hexdigest(),
-        "mask": [photography.mask, _stamp(Path(mask)) if Path(mask).is_file() else mask],
+        "mask": [photography.mask, identity(photography.mask_of(view))],
+        "mesh": shape if photography.mask == "mesh" or rig.near is not None else "",
         "encoding": [photography.encoding, photography.layer],
-        "correction": _content(photography.correction),
-        "model": [model, _stamp(Path(model)) if Path(model).is_file() else __version__],
+        "others": list(others),
     }
 
 
-def _content(correction: Correction | None) -> str:
-    """Text that changes with a dark frame and a flat field; "" for none."""
-    digest = hashlib.sha256()
-    frames = () if correction is None else (correction.dark, correction.gain)
-    for frame in frames:
-        digest.update(b"none" if frame is None else np.ascontiguousarray(frame).tobytes())
-    return digest.hexdigest() if frames else ""
-
-
-def _stamp(file: Path) -> list[Any]:
-    """A file by name, length and time of its last change."""
-    about = existing_file(file, "image").stat()
-    return [file.name, about.st_size, about.st_mtime_ns]
+def shape_of(mesh: Mesh) -> str:
+    """Text that changes with what a camera sees of a mesh: its triangles, where they stand in the world."""
+    digest = hashlib.sha256(np.ascontiguousarray(mesh.world_vertices).data)
+    digest.update(np.ascontiguousarray(mesh.triangles).data)
+    return digest.hexdigest()
 
 
 class KeptViews(Sequence[View]):

@@ -93,12 +93,14 @@ def level_scale(text: str) -> float:
 
 
 def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
+    from mpsnet_core import __version__
     from mpsnet_core.estimate import Estimator
     from mpsnet_core.estimate.shelf import DEFAULT_MODEL, DEFAULT_TILE
     from mpsnet_core.evaluation.report import report_path
     from mpsnet_core.files import made_folder, writable_path, write_json
     from mpsnet_core.frames import check_apart
     from mpsnet_core.images import checked_bits
+    from mpsnet_core.made_from import identity
     from mpsnet_core.normals import check_convention
     from mpsnet_core.progress import part
     from mpsnet_core.rays import RayScene
@@ -109,7 +111,7 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.surface.feather import FEATHER
     from mpsnet_core.surface.mesh import read_mesh
     from mpsnet_core.surface.texture import write_texture
-    from mpsnet_core.views import KeptView, KeptViews, Photography, posed_photos, source_of
+    from mpsnet_core.views import KeptView, KeptViews, Photography, posed_photos, shape_of, source_of
     from mpsnet_core.world_lights import read_world_lights
 
     # All that can be known beforehand is asked before the long work.
@@ -135,14 +137,16 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     model = options.model or DEFAULT_MODEL
     views = posed_photos(options.cameras, options.photos)
     check_apart([view.photo for view in views], outputs)
+    reporter.progress(0.0, "reading the mesh")
+    mesh = read_mesh(options.mesh)
+    shape = shape_of(mesh)
+    others = [__version__, model, *map(identity, (model, options.dark, options.flat)), str(options.flat_smooth)]
     sources = []
     for view in views:
         try:
-            sources.append(source_of(view, photography, model))
+            sources.append(source_of(view, photography, shape, others))
         except InputError as error:
             raise InputError(f"view {view.name}: {error}") from None
-    reporter.progress(0.0, "reading the mesh")
-    mesh = read_mesh(options.mesh)
     scene = RayScene(mesh.world_vertices, mesh.triangles)
     tile = DEFAULT_TILE if options.tile is None else options.tile
     estimator = Estimator(model, provider=options.provider, threads=options.threads, tile=tile)

@@ -5,6 +5,7 @@ import io
 import json
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -145,7 +146,7 @@ def test_levelling_can_be_left_out(table: Table) -> None:
 
 
 def test_kept_normals_are_not_estimated_again(table: Table) -> None:
-    """Only those whose photo, camera, rig, mask or model changed; the texture is the same as without."""
+    """Only those whose photo, camera, rig, mask, mesh or model changed; the texture is the same as without."""
     table.run()
     without = table.texture()
     keep = ("--keep", table / "kept")
@@ -165,6 +166,33 @@ def test_kept_normals_are_not_estimated_again(table: Table) -> None:
     assert "1 kept from before" in table.run(*keep)
     assert again() == {"side1", "side2", "side3"}
     assert "kept from before" not in table.run(*keep, "--model", "lambertian-grey-world")
+
+
+def test_normals_kept_of_another_mesh_are_estimated_again(table: Table) -> None:
+    """Where the mesh tells what is object or how far it is; else only the texture depends on it."""
+    write_rig(table / "near.json", near_rig(4 * published_rig().directions - [0, 0, 5], [0, 0, -5]))
+    smaller = table / "smaller.npz"
+    mesh = sphere_mesh(48, 24)
+    write_mesh(smaller, replace(mesh, vertices=mesh.vertices / 2))
+    for arguments, depends in (
+        ((), True),
+        (("--mask", "none"), False),
+        (("--mask", "none", "--rig", table / "near.json"), True),
+    ):
+        keep = ("--keep", table / "kept", *arguments)
+        table.run(*keep, "--mesh", smaller)
+        assert "4 kept from before" in table.run(*keep, "--mesh", smaller)
+        assert ("4 kept from before" in table.run(*keep)) != depends
+
+
+def test_normals_kept_of_another_background_or_dark_frame_are_estimated_again(table: Table) -> None:
+    for option, said in (("--mask", "background:{}"), ("--dark", "{}")):
+        frame = write_file(table / "frame.exr", np.full((96, 96, 3), 0.001), "float")
+        keep = ("--keep", table / "kept", option, said.format(frame))
+        table.run(*keep)
+        assert "4 kept from before" in table.run(*keep)
+        write_file(frame, np.full((96, 96, 3), 0.002), "half")
+        assert "kept from before" not in table.run(*keep)
 
 
 @pytest.mark.parametrize("naming", ["{stem}.png", "{stem}_mask.png", "{stem}.exr.png"])
