@@ -4,7 +4,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.camera import VIEWS_FORMAT, VIEWS_VERSION, Camera, camera_data, camera_from_data, read_camera
-from mpsnet_core.capture import Capture, depth_within
-from mpsnet_core.correction import Correction, corrected
+from mpsnet_core.capture import Capture, capture_of, note_doubts, taken_in
+from mpsnet_core.correction import Correction
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import PHOTO_SUFFIXES, existing_file, read_json, write_json
 from mpsnet_core.images import Encoding, read_image, write_image
 from mpsnet_core.made_from import identity
-from mpsnet_core.masks import find_mask
 from mpsnet_core.normals import NormalMap, read_normals, write_normals
 from mpsnet_core.rays import RayScene
 from mpsnet_core.rig import LightRig
@@ -160,33 +159,34 @@ class Photography:
     def capture(self, view: ViewPhoto, scene: RayScene) -> Capture:
         """The view's photo, without its lens. Raises InputError, which names the view, where it cannot be had."""
         try:
-            return self._capture(view, scene)
+            capture = self._capture(view, scene)
         except InputError as error:
             raise InputError(f"view {view.name}: {error}") from None
+        note_doubts(capture, f"view {view.name}")
+        return capture
 
     def _capture(self, view: ViewPhoto, scene: RayScene) -> Capture:
         image = read_image(view.photo, encoding=self.encoding, layer=self.layer)
-        if self.correction is not None:
-            image = corrected(image, self.correction)
-        mask = find_mask(image, self.mask_of(view), encoding=self.encoding, correction=self.correction)
-        pixels, clip, clipped = image.pixels, image.clip, image.clipped
+        image, mask = taken_in(image, self.mask_of(view), self.encoding, self.correction)
         if view.lens is not None and not view.lens.is_identity:
             from mpsnet_core.photogrammetry import undistorted, undistorted_mask
 
-            pixels = undistorted(pixels, view.camera, view.lens)
+            pixels = undistorted(image.pixels, view.camera, view.lens)
             mask = undistorted_mask(mask, view.camera, view.lens)
+            clip, clipped = image.clip, image.clipped
             if clipped is not None or np.isfinite(clip):
                 # Pixels that a clipped one had a share in are wrong, though no longer at the channel's end.
                 whole = undistorted_mask(~image.saturated.any(axis=-1), view.camera, view.lens)
                 clip, clipped = np.inf, np.broadcast_to(~whole[..., None], pixels.shape)
+            image = replace(image, pixels=pixels, alpha=None, clip=clip, clipped=clipped)
         if self.mask == "mesh":
-            if pixels.shape[:2] == (view.camera.height, view.camera.width):
+            if mask.shape == (view.camera.height, view.camera.width):
                 mask = mask & mesh_mask(view.camera, scene)
             if not mask.any():
                 raise InputError("its camera does not see the mesh; do the cameras and the mesh share one world?")
         rig = self.rig_of(view.camera)
-        depth = depth_within(mask, depth_of_mesh(view.camera, scene), rig) if rig.near is not None else None
-        return Capture(pixels, mask, rig, view.camera, clip, depth, clipped)
+        depth = depth_of_mesh(view.camera, scene) if rig.near is not None else None
+        return capture_of(image, mask, rig, view.camera, depth)
 
 
 def mesh_mask(camera: Camera, scene: RayScene) -> NDArray[np.bool_]:

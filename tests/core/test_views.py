@@ -4,6 +4,7 @@ import contextlib
 import io
 import json
 import os
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -193,6 +194,17 @@ def test_normals_kept_of_another_background_or_dark_frame_are_estimated_again(ta
         assert "4 kept from before" in table.run(*keep)
         write_file(frame, np.full((96, 96, 3), 0.002), "half")
         assert "kept from before" not in table.run(*keep)
+
+
+def test_doubts_about_a_photo_name_its_view(table: Table) -> None:
+    """A photo whose brightest third is at its end, among good ones."""
+    photo = table / "photos" / "side2.exr"
+    pixels = read_image(photo).pixels
+    photo.unlink()
+    write_file(photo.with_suffix(".png"), pixels / np.quantile(pixels[pixels > 0.05], 0.6), "uint8")
+    notes = json.loads(table.run("--progress", "json").splitlines()[-1])["result"]["notes"]
+    (saturated,) = [note for note in notes if "are saturated" in note]
+    assert re.fullmatch(r"view side2: \d\d% of the object's pixels are saturated, and wrong; expose shorter", saturated)
 
 
 @pytest.mark.parametrize("naming", ["{stem}.png", "{stem}_mask.png", "{stem}.exr.png"])
