@@ -5,6 +5,7 @@ import json
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
@@ -15,10 +16,11 @@ from mpsnet_core.camera import VIEWS_FORMAT, VIEWS_VERSION, Camera, camera_data,
 from mpsnet_core.capture import Capture, capture_of, note_doubts, taken_in
 from mpsnet_core.correction import Correction
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import PHOTO_SUFFIXES, existing_file, read_json, write_json
+from mpsnet_core.files import existing_file, read_json, write_json
 from mpsnet_core.images import Encoding, read_image, write_image
 from mpsnet_core.made_from import identity
 from mpsnet_core.normals import NormalMap, read_normals, write_normals
+from mpsnet_core.photo_folder import PhotoFolder
 from mpsnet_core.rays import RayScene
 from mpsnet_core.rig import LightRig
 from mpsnet_core.surface.depth import depth_of_mesh
@@ -41,13 +43,14 @@ class ViewPhoto:
     """A photo and the camera that took it.
 
     name: what it is called in messages and files, like no other of its views. lens: what bends the camera's picture
-    into the photo, if anything.
+    into the photo, if anything. folder: where the photo lies in the folder of all photos.
     """
 
     name: str
     photo: Path
     camera: Camera
     lens: "Lens | None" = None
+    folder: Path = Path()
 
 
 def posed_photos(cameras: str | os.PathLike[str], photos: str | os.PathLike[str] | None = None) -> list[ViewPhoto]:
@@ -64,11 +67,9 @@ def posed_photos(cameras: str | os.PathLike[str], photos: str | os.PathLike[str]
     if photos is None:
         found = _named_photos(cameras)
     else:
-        photos = Path(photos)
-        if not photos.is_dir():
-            raise InputError(f"{photos} is not a folder; name the folder of the photos")
+        folder = PhotoFolder(photos)
         own = sorted(cameras.glob(f"*{CAMERA_SUFFIX}")) if cameras.is_dir() else []
-        found = [_own_photo(file, photos) for file in own] if own else _photogrammetry_photos(cameras, photos)
+        found = [_own_photo(file, folder) for file in own] if own else _photogrammetry_photos(cameras, folder)
     for what, names in (("called", [view.name for view in found]), ("in", [str(view.photo) for view in found])):
         twice = next((name for name in names if names.count(name) > 1), None)
         if twice:
@@ -97,39 +98,25 @@ def _named_photos(file: Path) -> list[ViewPhoto]:
     return sorted(found, key=lambda view: view.name)
 
 
-def _own_photo(camera: Path, folder: Path) -> ViewPhoto:
+def _own_photo(camera: Path, photos: PhotoFolder) -> ViewPhoto:
     name = camera.name.removesuffix(CAMERA_SUFFIX)
-    return ViewPhoto(name, _one_image(folder, [name], f"camera {camera.name}"), read_camera(camera))
+    photo = photos.find([name], f"the photo of camera {camera.name}")
+    if photo is None:
+        raise InputError(f"camera {camera.name} has no photo {name} in {photos.path}; put it there")
+    return ViewPhoto(name, photo, read_camera(camera))
 
 
-def _photogrammetry_photos(cameras: Path, folder: Path) -> list[ViewPhoto]:
+def _photogrammetry_photos(cameras: Path, photos: PhotoFolder) -> list[ViewPhoto]:
     from mpsnet_core.photogrammetry import as_shown, find_photo, read_cameras
 
     views = []
     for posed in read_cameras(cameras):
-        photo = find_photo(posed, folder)
+        photo = find_photo(posed, photos)
         posed = as_shown(posed, photo)
         # Photos in folders below this one may share their names.
-        name = "_".join(photo.relative_to(folder).with_suffix("").parts)
-        views.append(ViewPhoto(name, photo, posed.camera, posed.lens))
+        place = photo.relative_to(photos.path)
+        views.append(ViewPhoto("_".join(place.with_suffix("").parts), photo, posed.camera, posed.lens, place.parent))
     return views
-
-
-def _one_image(folder: Path, stems: Sequence[str], who: str) -> Path:
-    """The one image in `folder` with one of these stems. Raises InputError, for `who`, where there is none or more."""
-    found = [
-        file
-        for stem in stems
-        for suffix in PHOTO_SUFFIXES
-        for file in (folder / f"{stem}{suffix}", folder / f"{stem}{suffix.upper()}")
-        if file.is_file()
-    ]
-    found = list({file.resolve(): file for file in found}.values())  # some systems do not tell .PNG from .png
-    if not found:
-        raise InputError(f"{who} has no image {stems[0]} ({', '.join(PHOTO_SUFFIXES)}) in {folder}; put it there")
-    if len(found) > 1:
-        raise InputError(f"{who} may mean {found[0].name} or {found[1].name} in {folder}; keep one of them")
-    return found[0]
 
 
 @dataclass(frozen=True)
@@ -146,15 +133,28 @@ class Photography:
     layer: str | None = None
     correction: Correction | None = None
 
+    @cached_property
+    def masks(self) -> PhotoFolder | None:
+        """The folder of masks, if they come from one."""
+        return PhotoFolder(self.mask, "masks") if self.mask != "mesh" and Path(self.mask).is_dir() else None
+
     def mask_of(self, view: ViewPhoto) -> str:
-        """What :func:`read_capture` shall take the view's mask from."""
-        folder = Path(self.mask)
+        """What :func:`read_capture` shall take the view's mask from.
+
+        In a folder of masks: what lies there as the photo does among the photos, else what is named as the view or the
+        photo. Raises InputError where that folder has none, or several fit.
+        """
         if self.mask == "mesh":
             return "none"
-        if not folder.is_dir():
+        if self.masks is None:
             return self.mask
-        stems = [view.photo.stem, f"{view.photo.stem}_mask", view.photo.name]
-        return os.fspath(_one_image(folder, stems, f"photo {view.photo.name}"))
+        photo, top = view.photo, self.masks.path
+        for within, stem in ((top / view.folder, photo.stem), (top, view.name), (top, photo.stem)):
+            stems = [stem, f"{stem}_mask", f"{stem}{photo.suffix}"]
+            mask = self.masks.find(stems, f"the mask of photo {photo.name}", within)
+            if mask:
+                return os.fspath(mask)
+        raise InputError(f"photo {photo.name} has no mask {photo.stem} in {top}; put it there")
 
     def capture(self, view: ViewPhoto, scene: RayScene) -> Capture:
         """The view's photo, without its lens. Raises InputError, which names the view, where it cannot be had."""
@@ -242,12 +242,30 @@ class KeptView:
         return read_normals(self.normals, confidence=self.confidence)
 
 
-def source_of(view: ViewPhoto, photography: Photography, shape: str, others: Sequence[str]) -> dict[str, Any]:
-    """What a view's normals depend on, as plain data: another photo, camera, rig or mask makes others.
+def sources_of(
+    views: Sequence[ViewPhoto], photography: Photography, mesh: Mesh, others: Sequence[str]
+) -> list[dict[str, Any]]:
+    """What each view's normals depend on, as plain data: another photo, camera, rig, mask or mesh makes others.
 
-    shape: that of the mesh, as of :func:`shape_of`; it counts where the photo's mask or depth come from it.
-    others: what else all views are made by: model, dark frame and flat field.
+    The mesh counts where masks or depth come from it. others: what else all views are made by: model, dark frame, flat
+    field.
+
+    Raises InputError, which names the view, where a mask is missing, two views would share one out of a folder, or a
+    light is behind the object.
     """
+    shape, whose, sources = _shape(mesh), dict[str, str](), []
+    for view in views:
+        try:
+            mask = photography.mask_of(view)
+            if photography.masks and whose.setdefault(mask, view.name) != view.name:
+                raise InputError(f"its mask would be that of view {whose[mask]}, {mask}; name one {view.name}")
+            sources.append(_source(view, photography, mask, shape, others))
+        except InputError as error:
+            raise InputError(f"view {view.name}: {error}") from None
+    return sources
+
+
+def _source(view: ViewPhoto, photography: Photography, mask: str, shape: str, others: Sequence[str]) -> dict[str, Any]:
     rig = photography.rig_of(view.camera)
     lights = json.dumps([rig.directions.tolist(), rig.mixing.tolist(), repr(rig)])
     return {
@@ -255,14 +273,14 @@ def source_of(view: ViewPhoto, photography: Photography, shape: str, others: Seq
         "camera": camera_data(view.camera),
         "lens": repr(view.lens),
         "rig": hashlib.sha256(lights.encode()).hexdigest(),
-        "mask": [photography.mask, identity(photography.mask_of(view))],
+        "mask": [photography.mask, identity(mask)],
         "mesh": shape if photography.mask == "mesh" or rig.near is not None else "",
         "encoding": [photography.encoding, photography.layer],
         "others": list(others),
     }
 
 
-def shape_of(mesh: Mesh) -> str:
+def _shape(mesh: Mesh) -> str:
     """Text that changes with what a camera sees of a mesh: its triangles, where they stand in the world."""
     digest = hashlib.sha256(np.ascontiguousarray(mesh.world_vertices).data)
     digest.update(np.ascontiguousarray(mesh.triangles).data)

@@ -111,7 +111,7 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.surface.feather import FEATHER
     from mpsnet_core.surface.mesh import read_mesh
     from mpsnet_core.surface.texture import write_texture
-    from mpsnet_core.views import KeptView, KeptViews, Photography, posed_photos, shape_of, source_of
+    from mpsnet_core.views import KeptView, KeptViews, Photography, posed_photos, sources_of
     from mpsnet_core.world_lights import read_world_lights
 
     # All that can be known beforehand is asked before the long work.
@@ -139,14 +139,8 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     check_apart([view.photo for view in views], outputs)
     reporter.progress(0.0, "reading the mesh")
     mesh = read_mesh(options.mesh)
-    shape = shape_of(mesh)
     others = [__version__, model, *map(identity, (model, options.dark, options.flat)), str(options.flat_smooth)]
-    sources = []
-    for view in views:
-        try:
-            sources.append(source_of(view, photography, shape, others))
-        except InputError as error:
-            raise InputError(f"view {view.name}: {error}") from None
+    sources = sources_of(views, photography, mesh, others)
     scene = RayScene(mesh.world_vertices, mesh.triangles)
     tile = DEFAULT_TILE if options.tile is None else options.tile
     estimator = Estimator(model, provider=options.provider, threads=options.threads, tile=tile)

@@ -26,7 +26,7 @@ from mpsnet_core.normals import NormalMap, decode, read_normals, write_normals
 from mpsnet_core.rig import near_rig, published_rig, write_rig
 from mpsnet_core.surface.bake import View, bake_normals
 from mpsnet_core.surface.mesh import write_mesh
-from mpsnet_core.views import posed_photos
+from mpsnet_core.views import Photography, ViewPhoto, posed_photos, sources_of
 from mpsnet_core.world_lights import WorldLights, in_world, read_world_lights, write_world_lights
 
 
@@ -215,8 +215,34 @@ def test_masks_may_come_from_a_folder(table: Table, naming: str) -> None:
     table.run("--mask", table / "masks")
     assert error_of(table) < 4.5
     (table / "masks" / naming.format(stem="side2")).unlink()
-    with pytest.raises(InputError, match=r"view side2: photo side2.exr has no image side2 .* in .*masks; put it there"):
+    with pytest.raises(InputError, match=r"view side2: photo side2.exr has no mask side2 in .*masks; put it there"):
         table.run("--mask", table / "masks")
+
+
+@pytest.mark.parametrize(
+    "naming", ["{}/IMG_1.png", "{}/IMG_1_mask.png", "{}_IMG_1.png", "{}_IMG_1_mask.png", "{}_IMG_1.cr3.png"]
+)
+def test_photos_of_the_same_name_have_masks_of_their_own(tmp_path: Path, naming: str) -> None:
+    camera = camera_looking((1, 0, 0), size=4)
+    views = []
+    for side in ("left", "right"):
+        mask = tmp_path / "masks" / naming.format(side)
+        mask.parent.mkdir(parents=True, exist_ok=True)
+        mask.touch()
+        for folder in ("photos", "masks"):
+            (tmp_path / folder / side).mkdir(parents=True, exist_ok=True)
+        (tmp_path / "photos" / side / "IMG_1.cr3").touch()
+        views.append(ViewPhoto(f"{side}_IMG_1", tmp_path / "photos" / side / "IMG_1.cr3", camera, folder=Path(side)))
+    (tmp_path / "masks" / "IMG_1.png").touch()  # of which nobody knows whose it is
+    photography = Photography(lambda camera: published_rig(), str(tmp_path / "masks"))
+    for view, side in zip(views, ("left", "right"), strict=True):
+        assert photography.mask_of(view) == str(tmp_path / "masks" / naming.format(side))
+        (tmp_path / "masks" / naming.format(side)).unlink()
+    photography = Photography(lambda camera: published_rig(), str(tmp_path / "masks"))
+    with pytest.raises(
+        InputError, match=r"view right_IMG_1: its mask would be that of view left_IMG_1, .*IMG_1.png; name one"
+    ):
+        sources_of(views, photography, sphere_mesh(), [])
 
 
 def test_lights_may_stand_in_the_world(table: Table) -> None:
@@ -262,7 +288,6 @@ def test_cameras_may_come_from_colmap(table: Table, lens: str) -> None:
 
     The second lens moves what is at the sphere's edge by 0.02 pixels, which is nothing, but asks for all that it takes.
     """
-    pytest.importorskip("mpsnet_core.photogrammetry")
     table.run()
     own = table.texture()
     colmap(table, lens)
@@ -309,8 +334,11 @@ def broken_photo(table: Table) -> list[Any]:
 BAD: dict[str, tuple[Callable[[Table], list[Any]], str]] = {
     "a light behind what a camera sees": (behind, r"view side\d: the \w+ light is behind the object"),
     "angles for lights in the world": (angles, r"the first light stands in the world, where it needs \"direction\""),
-    "a camera without a photo": (no_photo, r"camera side1.camera.json has no image side1 .*put it there"),
-    "two photos for a camera": (two_photos, r"camera side1.camera.json may mean .* keep one of them"),
+    "a camera without a photo": (no_photo, r"camera side1.camera.json has no photo side1 .*put it there"),
+    "two photos for a camera": (
+        two_photos,
+        r"the photo of camera side1.camera.json may be any of side1.exr, side1.png in",
+    ),
     "a photo of another size": (small_photo, r"view side1: .*the camera is 96 x 96 but the photo is 50 x 40"),
     "a camera that looks elsewhere": (elsewhere, r"view side1: .*do the cameras and the mesh share one world"),
     "a damaged photo": (broken_photo, r"view side1: .*side1.exr cannot be read|view side1: .*side1.exr is damaged"),
