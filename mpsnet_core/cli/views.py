@@ -151,7 +151,7 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="mpsnet-views-")))
         kept = [KeptView(folder, view.name) for view in views]
         stored = KeptViews(kept, [view.camera for view in views], mesh, scene, level)
-        agreed = agreement(mesh, scene)
+        agreed = agreement(mesh, scene, FEATHER)
         known = 0
         for number, (view, source) in enumerate(zip(views, sources, strict=True)):
             step = part(reporter.progress, 0.02 + 0.7 * number / len(views), 0.02 + 0.7 * (number + 1) / len(views))
@@ -180,7 +180,12 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     facts = f"{options.space} space, {options.convention}, {texture.seen_fraction:.1%} of its surface seen"
     summary = f"{len(views)} view(s) by {estimator.name}, {how}" + (f"; {known} kept from before" if known else "")
     text = f"{options.output}: {options.size} x {options.size}, {facts}"
-    figures = {"views": table_rows(table), "seen": round(agreed.seen(), 4), "level": level, "model": estimator.name}
+    figures = {
+        "views": table_rows(table),
+        "seen": round(texture.seen_fraction, 4),
+        "level": level,
+        "model": estimator.name,
+    }
     if options.report:
         write_bake_report(options.report, Path(options.output).name, texture, table, [text, summary])
     if options.json:

@@ -52,9 +52,9 @@ def write_bake_report(
 
 _COUNTED = ("none", *map(str, range(1, len(COUNTS) - 1)), f"{len(COUNTS) - 1} or more")
 _KEY = "".join(f"<i style='background:{colour}'></i>{words}" for colour, words in zip(COUNTS, _COUNTED, strict=True))
-_EXPLAINED = """<p><b>seen</b>: share of the surface that the view sees. <b>apart</b>: mean angle in degrees between the
-view's normals and the mean of the others, as they were estimated, and levelled. <b>levelling</b>: mean angle that the
-view was turned by. A view that stays apart from the others after levelling has a wrong camera, mask or light.</p>
+_EXPLAINED = """<p><b>area seen</b>: share of the surface's area that the view sees. <b>apart</b>: mean angle in degrees
+between the view's normals and the mean of the others, as they were estimated, and levelled. <b>levelling</b>: mean
+angle that the view was turned by. A view that stays apart from the others after levelling has a wrong camera, mask or light.</p>
 """
 
 
@@ -65,7 +65,7 @@ def view_table(views: Sequence[ViewAgreement]) -> str:
         return f"{value:.2f}" if np.isfinite(value) else "-"
 
     lines = [[v.name, f"{v.seen:.1%}", angle(v.before), angle(v.after), angle(v.level)] for v in views]
-    return text_table(["view", "seen", "apart", "apart, levelled", "levelling"], lines, 1)
+    return text_table(["view", "area seen", "apart", "apart, levelled", "levelling"], lines, 1)
 
 
 def _maps(texture: Texture) -> list[tuple[str, NDArray[np.float32]]]:

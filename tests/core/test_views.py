@@ -136,8 +136,9 @@ def test_the_command_bakes_what_the_photos_show(table: Table) -> None:
     assert error_of(table) < 4  # of relief of 17 degrees
     figures = json.loads((table / "figures.json").read_text())
     assert [row["view"] for row in figures["views"]] == [f"side{number}" for number in range(4)]
-    assert all(0.2 < row["seen"] < 0.5 and row["level_deg"] > 0 for row in figures["views"])
+    assert all(0.2 < row["seen_area"] < 0.5 and row["level_deg"] > 0 for row in figures["views"])
     assert 0.5 < figures["seen"] < 1 and figures["level"] == 0.05
+    assert f"{figures['seen']:.1%} of its surface seen" in words
     assert "side0" in (table / "report.html").read_text()
 
 
