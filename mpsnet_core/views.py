@@ -89,8 +89,8 @@ def _named_photos(file: Path) -> list[ViewPhoto]:
         if not isinstance(view, dict) or not isinstance(view.get("camera"), dict):
             raise InputError(f'{file}: view {number} needs "name", "photo" and "camera"; write it again')
         name, photo = view.get("name"), view.get("photo")
-        if not isinstance(name, str) or not isinstance(photo, str) or not name or "/" in name or "\\" in name:
-            raise InputError(f'{file}: view {number} needs a "name" without slashes and the path of a "photo"')
+        if not isinstance(name, str) or not isinstance(photo, str) or not name or set(name) & set("/\\:"):
+            raise InputError(f'{file}: view {number} needs a "name" without slashes or colons and a path, "photo"')
         try:
             found.append(ViewPhoto(name, existing_file(file.parent / photo, "photo"), camera_from_data(view["camera"])))
         except InputError as error:

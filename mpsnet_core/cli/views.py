@@ -30,7 +30,7 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
         metavar="FOLDER",
         help="the photos, one for each camera; only the add-on's file names them itself",
     )
-    parser.add_argument("--rig", required=True, help="rig file (.json, or .lp with three lights)")
+    parser.add_argument("--rig", required=True, help="rig file (.json; .lp with three lights that go with the camera)")
     parser.add_argument(
         "--lights-in",
         default="camera",

@@ -404,6 +404,39 @@ def test_near_lights_in_the_world_are_where_each_camera_sees_them(tmp_path: Path
     assert again is not None and again.positions == pytest.approx(places)
 
 
+DIRECTIONS = [{"direction": direction} for direction in published_rig().directions.tolist()]
+PLACES = [{"position": place} for place in (5 * published_rig().directions).tolist()]
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        ({"lights": DIRECTIONS, "target": [0, 0, 0]}, '"target" is for lights with a "position" each; leave it out'),
+        ({"lights": DIRECTIONS, "lobe": 3}, '"lobe" is for lights with a "position" each; leave it out'),
+        (
+            {"lights": [{**DIRECTIONS[0], "slant": 80}, *DIRECTIONS[1:]]},
+            'the first light .* "direction" .* nothing else',
+        ),
+        ({"lights": [*PLACES[:2], {**PLACES[2], "typo": 1}], "target": [0, 0, 0]}, "the third light .* nothing else"),
+        ({"lights": [*PLACES[:2], DIRECTIONS[2]], "target": [0, 0, 0]}, 'the third light .* "position"'),
+        ({"lights": [{"direction": [True, 0, 1]}, *DIRECTIONS[1:]]}, "the first light"),
+        ({"lights": PLACES}, 'lights with a position need a "target"'),
+        ({"lights": DIRECTIONS[:2]}, '"lights" must be a list of three lights'),
+    ],
+)
+def test_lights_in_the_world_are_refused_as_those_of_a_camera(tmp_path: Path, data: dict[str, Any], said: str) -> None:
+    (tmp_path / "rig.json").write_text(json.dumps({"format": "mpsnet-rig", "version": 1, **data}))
+    with pytest.raises(InputError, match=rf"rig file .*rig.json: .*{said}"):
+        read_world_lights(tmp_path / "rig.json")
+
+
+def test_an_lp_file_holds_no_lights_in_the_world(tmp_path: Path) -> None:
+    lines = [f"photo{number}.jpg 0.1 0.2 0.9{number}" for number in range(3)]
+    (tmp_path / "lights.LP").write_text("\n".join(["3", *lines]))
+    with pytest.raises(InputError, match=r"lights.LP: an .lp file's lights stand before the camera; .* rig .json"):
+        read_world_lights(tmp_path / "lights.LP")
+
+
 def test_lights_near_the_object_are_lit_by_the_mesh_s_distance(table: Table) -> None:
     """The photos' lights were far away: lights ten thousand sizes away are as good, those nearby are another rig."""
     textures = []
@@ -433,7 +466,8 @@ def test_a_file_of_ours_names_photos_and_cameras(table: Table) -> None:
 
     for change, said in (
         ({"photo": "photos/none.exr"}, "view side0: photo .*none.exr does not exist"),
-        ({"name": "../side0"}, 'view 1 needs a "name" without slashes'),
+        ({"name": "../side0"}, 'view 1 needs a "name" without slashes or colons'),
+        ({"name": "C:side0"}, 'view 1 needs a "name" without slashes or colons'),
         ({"camera": {"width": 96}}, 'view side0: it lacks "projection"'),
         ({"camera": 3}, 'view 1 needs "name", "photo" and "camera"'),
         ({"name": "side1"}, "two cameras for photos called side1"),
