@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.camera import VIEWS_FORMAT, VIEWS_VERSION, Camera, camera_data, camera_from_data, read_camera
+from mpsnet_core.camera import Camera, camera_data, read_camera
 from mpsnet_core.capture import Capture, capture_of, note_doubts, taken_in
 from mpsnet_core.correction import Correction
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import existing_file, read_json, write_json
+from mpsnet_core.files import read_json, write_json
 from mpsnet_core.images import Encoding, read_image, write_image
 from mpsnet_core.made_from import identity
 from mpsnet_core.normals import NormalMap, read_normals, write_normals
@@ -28,6 +28,7 @@ from mpsnet_core.surface.level import Levelling, levelling, turned
 from mpsnet_core.surface.mesh import Mesh
 from mpsnet_core.surface.projection import View
 from mpsnet_core.surface.upsample import chosen_pixels, reduced_shape
+from mpsnet_core.view_files import read_views
 
 if TYPE_CHECKING:
     from mpsnet_core.photogrammetry import Lens
@@ -65,7 +66,9 @@ def posed_photos(cameras: str | os.PathLike[str], photos: str | os.PathLike[str]
     """
     cameras = Path(cameras)
     if photos is None:
-        found = _named_photos(cameras)
+        if cameras.suffix.lower() != ".json":
+            raise InputError(f"{cameras} does not name its photos; give their folder with --photos")
+        found = [ViewPhoto(*view) for view in read_views(cameras)]
     else:
         folder = PhotoFolder(photos)
         own = sorted(cameras.glob(f"*{CAMERA_SUFFIX}")) if cameras.is_dir() else []
@@ -75,27 +78,6 @@ def posed_photos(cameras: str | os.PathLike[str], photos: str | os.PathLike[str]
         if twice:
             raise InputError(f"{cameras} has two cameras for photos {what} {twice}; rename one of the photos")
     return found
-
-
-def _named_photos(file: Path) -> list[ViewPhoto]:
-    """The views of a file of ours: "views": [{"name", "photo": path, "camera": as in a camera file}]."""
-    if file.suffix.lower() != ".json":
-        raise InputError(f"{file} does not name its photos; give their folder with --photos")
-    views = read_json(file, VIEWS_FORMAT, VIEWS_VERSION, ("views",)).get("views")
-    if not isinstance(views, list) or not views:
-        raise InputError(f'{file} needs "views", a list of views; write it again')
-    found = []
-    for number, view in enumerate(views, 1):
-        if not isinstance(view, dict) or not isinstance(view.get("camera"), dict):
-            raise InputError(f'{file}: view {number} needs "name", "photo" and "camera"; write it again')
-        name, photo = view.get("name"), view.get("photo")
-        if not isinstance(name, str) or not isinstance(photo, str) or not name or set(name) & set("/\\:"):
-            raise InputError(f'{file}: view {number} needs a "name" without slashes or colons and a path, "photo"')
-        try:
-            found.append(ViewPhoto(name, existing_file(file.parent / photo, "photo"), camera_from_data(view["camera"])))
-        except InputError as error:
-            raise InputError(f"{file}: view {name}: {error}") from None
-    return sorted(found, key=lambda view: view.name)
 
 
 def _own_photo(camera: Path, photos: PhotoFolder) -> ViewPhoto:

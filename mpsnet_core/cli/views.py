@@ -96,6 +96,7 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core import __version__
     from mpsnet_core.estimate import Estimator
     from mpsnet_core.estimate.shelf import DEFAULT_MODEL, DEFAULT_TILE
+    from mpsnet_core.evaluation.bake_report import view_table, write_bake_report
     from mpsnet_core.evaluation.report import report_path
     from mpsnet_core.files import made_folder, writable_path, write_json
     from mpsnet_core.frames import check_apart
@@ -107,7 +108,6 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.rig import read_rig
     from mpsnet_core.surface.agreement import agreement, table_rows
     from mpsnet_core.surface.bake import bake_normals
-    from mpsnet_core.surface.coverage import view_table, write_bake_report
     from mpsnet_core.surface.feather import FEATHER
     from mpsnet_core.surface.mesh import read_mesh
     from mpsnet_core.surface.texture import write_texture

@@ -25,8 +25,8 @@ _STEPS = np.array([0.7548776662466927, 0.5698402909980532])
 class ViewAgreement:
     """What one view contributes. Angles are in degrees, NaN where no other view sees what it sees.
 
-    seen: share of the surface's area. level: mean angle that levelling turns it by. before, after: mean angle between its
-    normals and the mean of the others, weighted as in the bake, with none and with all of the views levelled.
+    seen: share of the surface's area. level: mean angle that levelling turns it by. before, after: mean angle between
+    its normals and the mean of the others, weighted as in the bake, with none and with all of the views levelled.
     """
 
     name: str

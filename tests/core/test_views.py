@@ -16,7 +16,7 @@ from eight_views import CORNERS, eight_views_baked, shot, sphere_texels, turn
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import degrees_between, listing, write_file
 
-from mpsnet_core.camera import read_camera, write_camera, write_views
+from mpsnet_core.camera import read_camera, write_camera
 from mpsnet_core.capture import read_capture
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
@@ -26,6 +26,7 @@ from mpsnet_core.normals import NormalMap, decode, read_normals, write_normals
 from mpsnet_core.rig import near_rig, published_rig, write_rig
 from mpsnet_core.surface.bake import View, bake_normals
 from mpsnet_core.surface.mesh import write_mesh
+from mpsnet_core.view_files import write_views
 from mpsnet_core.views import Photography, ViewPhoto, posed_photos, sources_of
 from mpsnet_core.world_lights import WorldLights, in_world, read_world_lights, write_world_lights
 
