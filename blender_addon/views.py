@@ -10,9 +10,9 @@ import numpy as np
 from bpy.props import StringProperty
 from mathutils import Matrix
 
-from mpsnet_core.camera import write_views
 from mpsnet_core.errors import InputError
 from mpsnet_core.rig import write_rig
+from mpsnet_core.view_files import write_views
 from mpsnet_core.world_lights import in_world, write_world_lights
 
 from .bake import BITS, named_object, refuse_linked, wear_texture, write_mesh

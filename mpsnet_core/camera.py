@@ -1,7 +1,6 @@
 """Camera: orthographic or perspective, with its pose; camera files."""
 
 import os
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -14,8 +13,6 @@ from mpsnet_core.files import read_json, write_json
 CAMERA_FORMAT = "mpsnet-camera"
 CAMERA_VERSION = 1
 CAMERA_KEYS = ("projection", "width", "height", "focal", "centre", "world_from_camera")
-# Photos with their cameras in one file.
-VIEWS_FORMAT, VIEWS_VERSION = "mpsnet-views", 1
 MAX_SIDE = 1_000_000
 FULL_FRAME = 36.0  # mm, the longer side of what focal lengths are told for
 
@@ -162,9 +159,3 @@ def read_camera(path: str | os.PathLike[str]) -> Camera:
 def write_camera(path: str | os.PathLike[str], camera: Camera) -> None:
     """Write a JSON camera file, whole or not at all."""
     write_json(path, {"format": CAMERA_FORMAT, "version": CAMERA_VERSION, **camera_data(camera)})
-
-
-def write_views(path: str | os.PathLike[str], views: Iterable[tuple[str, str | os.PathLike[str], Camera]]) -> None:
-    """Write photos with their cameras, whole or not at all: a name, the photo's path and its camera each."""
-    listed = [{"name": name, "photo": os.fspath(photo), "camera": camera_data(camera)} for name, photo, camera in views]
-    write_json(path, {"format": VIEWS_FORMAT, "version": VIEWS_VERSION, "views": listed})

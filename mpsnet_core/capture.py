@@ -145,14 +145,31 @@ def capture_from(
 
     Raises InputError where the mask cannot be read, or image, mask, camera and depth do not fit each other.
     """
-    if correction is not None:
-        image = corrected(image, correction)
+    image, inside = taken_in(image, mask, encoding, correction)
     height, width, _ = image.pixels.shape
     if camera is not None and not isinstance(camera, Camera):
         camera = camera_of_lens(camera, width, height)
-    inside = find_mask(image, mask, encoding=encoding, correction=correction)
-    distances = depth_within(inside, depth, rig)
-    return Capture(image.pixels, inside, rig, camera, image.clip, distances, image.clipped)
+    return capture_of(image, inside, rig, camera, depth)
+
+
+def taken_in(
+    image: Image, mask: str | os.PathLike[str] | None, encoding: Encoding, correction: Correction | None
+) -> tuple[Image, NDArray[np.bool_]]:
+    """The image without what camera and lights add, and (H, W) its mask; all as of :func:`read_capture`."""
+    if correction is not None:
+        image = corrected(image, correction)
+    return image, find_mask(image, mask, encoding=encoding, correction=correction)
+
+
+def capture_of(
+    image: Image,
+    mask: NDArray[np.bool_],
+    rig: LightRig,
+    camera: Camera | None,
+    depth: NDArray[np.float32] | float | None,
+) -> Capture:
+    """What :func:`taken_in` gave as a capture. depth: as of :func:`read_capture`."""
+    return Capture(image.pixels, mask, rig, camera, image.clip, depth_within(mask, depth, rig), image.clipped)
 
 
 def depth_within(
@@ -187,8 +204,9 @@ def depth_within(
     return grown(filled, known, DEPTH_MARGIN)[..., 0]
 
 
-def note_doubts(capture: Capture) -> None:
-    """Tell of photos that normals can be estimated from, but hardly right ones."""
+def note_doubts(capture: Capture, name: str = "") -> None:
+    """Tell of photos that normals can be estimated from, but hardly right ones. name: which, if there are several."""
+    which = f"{name}: " if name else ""
     spread = brightest = spoilt = 0.0
     total = np.zeros(3)
     for rows in bands(len(capture.mask)):
@@ -201,13 +219,15 @@ def note_doubts(capture: Capture) -> None:
             total += inside.sum(axis=0, dtype=np.float64)
     pixels = int(capture.mask.sum())
     if spread <= 1e-3 * brightest:
-        log.info("the photo's three channels are the same: was it lit by red, green and blue light?")
+        log.info("%sthe photo's three channels are the same: was it lit by red, green and blue light?", which)
     if spoilt > 0.05 * pixels:
-        log.info("%.0f%% of the object's pixels are saturated, and wrong; expose shorter", 100 * spoilt / pixels)
+        share = 100 * spoilt / pixels
+        log.info("%s%.0f%% of the object's pixels are saturated, and wrong; expose shorter", which, share)
     means = total / pixels
     if np.array_equal(capture.rig.mixing, np.eye(3)) and means.min() > 0 and means.max() > 1.5 * means.min():
         log.info(
-            "one channel is %.1f times as bright as another: the object is coloured or the lights are unequal, which "
+            "%sone channel is %.1f times as bright as another: the object is coloured or the lights are unequal, which "
             "misleads the models lambertian and mpsnet unless the mixing is in the rig; multiscale allows for it",
+            which,
             means.max() / means.min(),
         )

@@ -4,22 +4,23 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core import __version__
-from mpsnet_core.camera import VIEWS_FORMAT, VIEWS_VERSION, Camera, camera_data, camera_from_data, read_camera
-from mpsnet_core.capture import Capture, depth_within
-from mpsnet_core.correction import Correction, corrected
+from mpsnet_core.camera import Camera, camera_data, read_camera
+from mpsnet_core.capture import Capture, capture_of, note_doubts, taken_in
+from mpsnet_core.correction import Correction
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import PHOTO_SUFFIXES, existing_file, read_json, write_json
+from mpsnet_core.files import read_json, write_json
 from mpsnet_core.images import Encoding, read_image, write_image
-from mpsnet_core.masks import find_mask
+from mpsnet_core.made_from import identity
 from mpsnet_core.normals import NormalMap, read_normals, write_normals
+from mpsnet_core.photo_folder import PhotoFolder
 from mpsnet_core.rays import RayScene
 from mpsnet_core.rig import LightRig
 from mpsnet_core.surface.depth import depth_of_mesh
@@ -27,6 +28,7 @@ from mpsnet_core.surface.level import Levelling, levelling, turned
 from mpsnet_core.surface.mesh import Mesh
 from mpsnet_core.surface.projection import View
 from mpsnet_core.surface.upsample import chosen_pixels, reduced_shape
+from mpsnet_core.view_files import read_views
 
 if TYPE_CHECKING:
     from mpsnet_core.photogrammetry import Lens
@@ -42,13 +44,14 @@ class ViewPhoto:
     """A photo and the camera that took it.
 
     name: what it is called in messages and files, like no other of its views. lens: what bends the camera's picture
-    into the photo, if anything.
+    into the photo, if anything. folder: where the photo lies in the folder of all photos.
     """
 
     name: str
     photo: Path
     camera: Camera
     lens: "Lens | None" = None
+    folder: Path = Path()
 
 
 def posed_photos(cameras: str | os.PathLike[str], photos: str | os.PathLike[str] | None = None) -> list[ViewPhoto]:
@@ -63,13 +66,13 @@ def posed_photos(cameras: str | os.PathLike[str], photos: str | os.PathLike[str]
     """
     cameras = Path(cameras)
     if photos is None:
-        found = _named_photos(cameras)
+        if cameras.suffix.lower() != ".json":
+            raise InputError(f"{cameras} does not name its photos; give their folder with --photos")
+        found = [ViewPhoto(*view) for view in read_views(cameras)]
     else:
-        photos = Path(photos)
-        if not photos.is_dir():
-            raise InputError(f"{photos} is not a folder; name the folder of the photos")
+        folder = PhotoFolder(photos)
         own = sorted(cameras.glob(f"*{CAMERA_SUFFIX}")) if cameras.is_dir() else []
-        found = [_own_photo(file, photos) for file in own] if own else _photogrammetry_photos(cameras, photos)
+        found = [_own_photo(file, folder) for file in own] if own else _photogrammetry_photos(cameras, folder)
     for what, names in (("called", [view.name for view in found]), ("in", [str(view.photo) for view in found])):
         twice = next((name for name in names if names.count(name) > 1), None)
         if twice:
@@ -77,60 +80,25 @@ def posed_photos(cameras: str | os.PathLike[str], photos: str | os.PathLike[str]
     return found
 
 
-def _named_photos(file: Path) -> list[ViewPhoto]:
-    """The views of a file of ours: "views": [{"name", "photo": path, "camera": as in a camera file}]."""
-    if file.suffix.lower() != ".json":
-        raise InputError(f"{file} does not name its photos; give their folder with --photos")
-    views = read_json(file, VIEWS_FORMAT, VIEWS_VERSION, ("views",)).get("views")
-    if not isinstance(views, list) or not views:
-        raise InputError(f'{file} needs "views", a list of views; write it again')
-    found = []
-    for number, view in enumerate(views, 1):
-        if not isinstance(view, dict) or not isinstance(view.get("camera"), dict):
-            raise InputError(f'{file}: view {number} needs "name", "photo" and "camera"; write it again')
-        name, photo = view.get("name"), view.get("photo")
-        if not isinstance(name, str) or not isinstance(photo, str) or not name or "/" in name or "\\" in name:
-            raise InputError(f'{file}: view {number} needs a "name" without slashes and the path of a "photo"')
-        try:
-            found.append(ViewPhoto(name, existing_file(file.parent / photo, "photo"), camera_from_data(view["camera"])))
-        except InputError as error:
-            raise InputError(f"{file}: view {name}: {error}") from None
-    return sorted(found, key=lambda view: view.name)
-
-
-def _own_photo(camera: Path, folder: Path) -> ViewPhoto:
+def _own_photo(camera: Path, photos: PhotoFolder) -> ViewPhoto:
     name = camera.name.removesuffix(CAMERA_SUFFIX)
-    return ViewPhoto(name, _one_image(folder, [name], f"camera {camera.name}"), read_camera(camera))
+    photo = photos.find([name], f"the photo of camera {camera.name}")
+    if photo is None:
+        raise InputError(f"camera {camera.name} has no photo {name} in {photos.path}; put it there")
+    return ViewPhoto(name, photo, read_camera(camera))
 
 
-def _photogrammetry_photos(cameras: Path, folder: Path) -> list[ViewPhoto]:
+def _photogrammetry_photos(cameras: Path, photos: PhotoFolder) -> list[ViewPhoto]:
     from mpsnet_core.photogrammetry import as_shown, find_photo, read_cameras
 
     views = []
     for posed in read_cameras(cameras):
-        photo = find_photo(posed, folder)
+        photo = find_photo(posed, photos)
         posed = as_shown(posed, photo)
         # Photos in folders below this one may share their names.
-        name = "_".join(photo.relative_to(folder).with_suffix("").parts)
-        views.append(ViewPhoto(name, photo, posed.camera, posed.lens))
+        place = photo.relative_to(photos.path)
+        views.append(ViewPhoto("_".join(place.with_suffix("").parts), photo, posed.camera, posed.lens, place.parent))
     return views
-
-
-def _one_image(folder: Path, stems: Sequence[str], who: str) -> Path:
-    """The one image in `folder` with one of these stems. Raises InputError, for `who`, where there is none or more."""
-    found = [
-        file
-        for stem in stems
-        for suffix in PHOTO_SUFFIXES
-        for file in (folder / f"{stem}{suffix}", folder / f"{stem}{suffix.upper()}")
-        if file.is_file()
-    ]
-    found = list({file.resolve(): file for file in found}.values())  # some systems do not tell .PNG from .png
-    if not found:
-        raise InputError(f"{who} has no image {stems[0]} ({', '.join(PHOTO_SUFFIXES)}) in {folder}; put it there")
-    if len(found) > 1:
-        raise InputError(f"{who} may mean {found[0].name} or {found[1].name} in {folder}; keep one of them")
-    return found[0]
 
 
 @dataclass(frozen=True)
@@ -147,46 +115,60 @@ class Photography:
     layer: str | None = None
     correction: Correction | None = None
 
+    @cached_property
+    def masks(self) -> PhotoFolder | None:
+        """The folder of masks, if they come from one."""
+        return PhotoFolder(self.mask, "masks") if self.mask != "mesh" and Path(self.mask).is_dir() else None
+
     def mask_of(self, view: ViewPhoto) -> str:
-        """What :func:`read_capture` shall take the view's mask from."""
-        folder = Path(self.mask)
+        """What :func:`read_capture` shall take the view's mask from.
+
+        In a folder of masks: what lies there as the photo does among the photos, else what is named as the view or the
+        photo. Raises InputError where that folder has none, or several fit.
+        """
         if self.mask == "mesh":
             return "none"
-        if not folder.is_dir():
+        if self.masks is None:
             return self.mask
-        stems = [view.photo.stem, f"{view.photo.stem}_mask", view.photo.name]
-        return os.fspath(_one_image(folder, stems, f"photo {view.photo.name}"))
+        photo, top = view.photo, self.masks.path
+        for within, stem in ((top / view.folder, photo.stem), (top, view.name), (top, photo.stem)):
+            stems = [stem, f"{stem}_mask", f"{stem}{photo.suffix}"]
+            mask = self.masks.find(stems, f"the mask of photo {photo.name}", within)
+            if mask:
+                return os.fspath(mask)
+        raise InputError(f"photo {photo.name} has no mask {photo.stem} in {top}; put it there")
 
     def capture(self, view: ViewPhoto, scene: RayScene) -> Capture:
         """The view's photo, without its lens. Raises InputError, which names the view, where it cannot be had."""
         try:
-            return self._capture(view, scene)
+            capture = self._capture(view, scene)
         except InputError as error:
             raise InputError(f"view {view.name}: {error}") from None
+        note_doubts(capture, f"view {view.name}")
+        return capture
 
     def _capture(self, view: ViewPhoto, scene: RayScene) -> Capture:
         image = read_image(view.photo, encoding=self.encoding, layer=self.layer)
-        if self.correction is not None:
-            image = corrected(image, self.correction)
-        mask = find_mask(image, self.mask_of(view), encoding=self.encoding, correction=self.correction)
-        pixels, clip, clipped = image.pixels, image.clip, image.clipped
+        image, mask = taken_in(image, self.mask_of(view), self.encoding, self.correction)
         if view.lens is not None and not view.lens.is_identity:
             from mpsnet_core.photogrammetry import undistorted, undistorted_mask
 
-            pixels = undistorted(pixels, view.camera, view.lens)
+            pixels = undistorted(image.pixels, view.camera, view.lens)
             mask = undistorted_mask(mask, view.camera, view.lens)
+            clip, clipped = image.clip, image.clipped
             if clipped is not None or np.isfinite(clip):
                 # Pixels that a clipped one had a share in are wrong, though no longer at the channel's end.
                 whole = undistorted_mask(~image.saturated.any(axis=-1), view.camera, view.lens)
                 clip, clipped = np.inf, np.broadcast_to(~whole[..., None], pixels.shape)
+            image = replace(image, pixels=pixels, alpha=None, clip=clip, clipped=clipped)
         if self.mask == "mesh":
-            if pixels.shape[:2] == (view.camera.height, view.camera.width):
+            if mask.shape == (view.camera.height, view.camera.width):
                 mask = mask & mesh_mask(view.camera, scene)
             if not mask.any():
                 raise InputError("its camera does not see the mesh; do the cameras and the mesh share one world?")
         rig = self.rig_of(view.camera)
-        depth = depth_within(mask, depth_of_mesh(view.camera, scene), rig) if rig.near is not None else None
-        return Capture(pixels, mask, rig, view.camera, clip, depth, clipped)
+        depth = depth_of_mesh(view.camera, scene) if rig.near is not None else None
+        return capture_of(image, mask, rig, view.camera, depth)
 
 
 def mesh_mask(camera: Camera, scene: RayScene) -> NDArray[np.bool_]:
@@ -242,36 +224,49 @@ class KeptView:
         return read_normals(self.normals, confidence=self.confidence)
 
 
-def source_of(view: ViewPhoto, photography: Photography, model: str) -> dict[str, Any]:
-    """What a view's normals depend on, as plain data: another photo, camera, rig, mask or model makes others."""
+def sources_of(
+    views: Sequence[ViewPhoto], photography: Photography, mesh: Mesh, others: Sequence[str]
+) -> list[dict[str, Any]]:
+    """What each view's normals depend on, as plain data: another photo, camera, rig, mask or mesh makes others.
+
+    The mesh counts where masks or depth come from it. others: what else all views are made by: model, dark frame, flat
+    field.
+
+    Raises InputError, which names the view, where a mask is missing, two views would share one out of a folder, or a
+    light is behind the object.
+    """
+    shape, whose, sources = _shape(mesh), dict[str, str](), []
+    for view in views:
+        try:
+            mask = photography.mask_of(view)
+            if photography.masks and whose.setdefault(mask, view.name) != view.name:
+                raise InputError(f"its mask would be that of view {whose[mask]}, {mask}; name one {view.name}")
+            sources.append(_source(view, photography, mask, shape, others))
+        except InputError as error:
+            raise InputError(f"view {view.name}: {error}") from None
+    return sources
+
+
+def _source(view: ViewPhoto, photography: Photography, mask: str, shape: str, others: Sequence[str]) -> dict[str, Any]:
     rig = photography.rig_of(view.camera)
-    mask = photography.mask_of(view)
     lights = json.dumps([rig.directions.tolist(), rig.mixing.tolist(), repr(rig)])
     return {
-        "photo": _stamp(view.photo),
+        "photo": identity(view.photo),
         "camera": camera_data(view.camera),
         "lens": repr(view.lens),
         "rig": hashlib.sha256(lights.encode()).hexdigest(),
-        "mask": [photography.mask, _stamp(Path(mask)) if Path(mask).is_file() else mask],
+        "mask": [photography.mask, identity(mask)],
+        "mesh": shape if photography.mask == "mesh" or rig.near is not None else "",
         "encoding": [photography.encoding, photography.layer],
-        "correction": _content(photography.correction),
-        "model": [model, _stamp(Path(model)) if Path(model).is_file() else __version__],
+        "others": list(others),
     }
 
 
-def _content(correction: Correction | None) -> str:
-    """Text that changes with a dark frame and a flat field; "" for none."""
-    digest = hashlib.sha256()
-    frames = () if correction is None else (correction.dark, correction.gain)
-    for frame in frames:
-        digest.update(b"none" if frame is None else np.ascontiguousarray(frame).tobytes())
-    return digest.hexdigest() if frames else ""
-
-
-def _stamp(file: Path) -> list[Any]:
-    """A file by name, length and time of its last change."""
-    about = existing_file(file, "image").stat()
-    return [file.name, about.st_size, about.st_mtime_ns]
+def _shape(mesh: Mesh) -> str:
+    """Text that changes with what a camera sees of a mesh: its triangles, where they stand in the world."""
+    digest = hashlib.sha256(np.ascontiguousarray(mesh.world_vertices).data)
+    digest.update(np.ascontiguousarray(mesh.triangles).data)
+    return digest.hexdigest()
 
 
 class KeptViews(Sequence[View]):

@@ -2,6 +2,7 @@
 
 import os
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -60,6 +61,10 @@ def read_world_lights(path: str | os.PathLike[str]) -> WorldLights:
 
     Raises InputError where the file is missing, malformed, or gives a light otherwise.
     """
+    if Path(path).suffix.lower() == ".lp":
+        raise InputError(
+            f"{path}: an .lp file's lights stand before the camera; for lights in the world give a rig .json"
+        )
     data = read_json(path, RIG_FORMAT, RIG_VERSION, ("lights", "mixing", "target", "lobe"))
     lights, mixing = data.get("lights"), data.get("mixing", np.eye(3))
     try:
@@ -68,6 +73,9 @@ def read_world_lights(path: str | os.PathLike[str]) -> WorldLights:
         key = "position" if any(isinstance(light, dict) and "position" in light for light in lights) else "direction"
         given = np.array([_three(light, key, name) for light, name in zip(lights, LIGHT_NAMES, strict=True)])
         if key == "direction":
+            for other in ("target", "lobe"):
+                if other in data:
+                    raise InputError(f'"{other}" is for lights with a "position" each; leave it out')
             return WorldLights(given, mixing)
         if "target" not in data:
             raise InputError('lights with a position need a "target" [x, y, z], the point that they are turned to')
@@ -89,7 +97,7 @@ def write_world_lights(path: str | os.PathLike[str], lights: WorldLights) -> Non
 
 
 def _three(light: Any, key: str, name: str) -> list[float]:
-    given = light.get(key) if isinstance(light, dict) else None
-    if not isinstance(given, list) or len(given) != 3 or not all(isinstance(x, int | float) for x in given):
-        raise InputError(f'the {name} light stands in the world, where it needs "{key}" [x, y, z], and no angles')
-    return [float(x) for x in given]
+    given = light.get(key) if isinstance(light, dict) and set(light) == {key} else None
+    if not isinstance(given, list) or [type(x) in (int, float) for x in given] != [True] * 3:
+        raise InputError(f'the {name} light stands in the world, where it needs "{key}" [x, y, z], and nothing else')
+    return given

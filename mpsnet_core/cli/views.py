@@ -30,7 +30,7 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
         metavar="FOLDER",
         help="the photos, one for each camera; only the add-on's file names them itself",
     )
-    parser.add_argument("--rig", required=True, help="rig file (.json, or .lp with three lights)")
+    parser.add_argument("--rig", required=True, help="rig file (.json; .lp with three lights that go with the camera)")
     parser.add_argument(
         "--lights-in",
         default="camera",
@@ -93,23 +93,25 @@ def level_scale(text: str) -> float:
 
 
 def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
+    from mpsnet_core import __version__
     from mpsnet_core.estimate import Estimator
     from mpsnet_core.estimate.shelf import DEFAULT_MODEL, DEFAULT_TILE
+    from mpsnet_core.evaluation.bake_report import view_table, write_bake_report
     from mpsnet_core.evaluation.report import report_path
     from mpsnet_core.files import made_folder, writable_path, write_json
     from mpsnet_core.frames import check_apart
     from mpsnet_core.images import checked_bits
+    from mpsnet_core.made_from import identity
     from mpsnet_core.normals import check_convention
     from mpsnet_core.progress import part
     from mpsnet_core.rays import RayScene
     from mpsnet_core.rig import read_rig
     from mpsnet_core.surface.agreement import agreement, table_rows
     from mpsnet_core.surface.bake import bake_normals
-    from mpsnet_core.surface.coverage import view_table, write_bake_report
     from mpsnet_core.surface.feather import FEATHER
     from mpsnet_core.surface.mesh import read_mesh
     from mpsnet_core.surface.texture import write_texture
-    from mpsnet_core.views import KeptView, KeptViews, Photography, posed_photos, source_of
+    from mpsnet_core.views import KeptView, KeptViews, Photography, posed_photos, sources_of
     from mpsnet_core.world_lights import read_world_lights
 
     # All that can be known beforehand is asked before the long work.
@@ -135,14 +137,10 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     model = options.model or DEFAULT_MODEL
     views = posed_photos(options.cameras, options.photos)
     check_apart([view.photo for view in views], outputs)
-    sources = []
-    for view in views:
-        try:
-            sources.append(source_of(view, photography, model))
-        except InputError as error:
-            raise InputError(f"view {view.name}: {error}") from None
     reporter.progress(0.0, "reading the mesh")
     mesh = read_mesh(options.mesh)
+    others = [__version__, model, *map(identity, (model, options.dark, options.flat)), str(options.flat_smooth)]
+    sources = sources_of(views, photography, mesh, others)
     scene = RayScene(mesh.world_vertices, mesh.triangles)
     tile = DEFAULT_TILE if options.tile is None else options.tile
     estimator = Estimator(model, provider=options.provider, threads=options.threads, tile=tile)
@@ -153,7 +151,7 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="mpsnet-views-")))
         kept = [KeptView(folder, view.name) for view in views]
         stored = KeptViews(kept, [view.camera for view in views], mesh, scene, level)
-        agreed = agreement(mesh, scene)
+        agreed = agreement(mesh, scene, FEATHER)
         known = 0
         for number, (view, source) in enumerate(zip(views, sources, strict=True)):
             step = part(reporter.progress, 0.02 + 0.7 * number / len(views), 0.02 + 0.7 * (number + 1) / len(views))
@@ -182,7 +180,12 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     facts = f"{options.space} space, {options.convention}, {texture.seen_fraction:.1%} of its surface seen"
     summary = f"{len(views)} view(s) by {estimator.name}, {how}" + (f"; {known} kept from before" if known else "")
     text = f"{options.output}: {options.size} x {options.size}, {facts}"
-    figures = {"views": table_rows(table), "seen": round(agreed.seen(), 4), "level": level, "model": estimator.name}
+    figures = {
+        "views": table_rows(table),
+        "seen": round(texture.seen_fraction, 4),
+        "level": level,
+        "model": estimator.name,
+    }
     if options.report:
         write_bake_report(options.report, Path(options.output).name, texture, table, [text, summary])
     if options.json:

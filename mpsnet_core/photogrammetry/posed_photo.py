@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.camera import Camera
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import IMAGE_SUFFIXES
+from mpsnet_core.files import PHOTO_SUFFIXES
 from mpsnet_core.images import read_orientation
+from mpsnet_core.photo_folder import PhotoFolder
 from mpsnet_core.photogrammetry.lens import Lens
 
 # Photogrammetry looks along +z with y down, we along -z with y up.
@@ -84,45 +85,27 @@ def photogrammetry_camera(
     return Camera("perspective", width, height, np.asarray(focal), np.asarray(centre), pose)
 
 
-def find_photo(posed: PosedPhoto, folder: str | os.PathLike[str]) -> Path:
-    """The file of a photo in `folder`: at its relative path, else by its name, else by its stem with any image suffix.
+def find_photo(posed: PosedPhoto, photos: PhotoFolder) -> Path:
+    """The file of a photo: at its relative path, else by its name, else by its stem with any photo's suffix.
 
-    Of a path that leads elsewhere as much is taken as leads to a file inside `folder`.
+    Of a path that leads elsewhere as much is taken as leads to a file inside the folder.
 
-    Raises InputError where the folder is not there, no file fits, or several do.
+    Raises InputError where no file fits, or several do.
     """
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise InputError(f"folder {folder} does not exist; name the folder of the photos")
     # Understands both kinds of slash; nothing in it may lead out of the folder.
     path = PureWindowsPath(posed.photo)
     parts = [part for part in path.parts if part not in (path.anchor, "..", ".")]
-    if parts:
-        places = [folder.joinpath(*parts[start:]) for start in range(len(parts))]
-        for place in places:
-            if _is_file(place):
-                return place
-        for place in places:
-            found = _same_stem(place)
-            if len(found) > 1:
-                names = ", ".join(file.name for file in found)
-                raise InputError(f"photo {posed.photo!r} may be any of {names} in {found[0].parent}; keep one of them")
-            if found:
-                return found[0]
-    raise InputError(f"photo {posed.photo!r} is not in folder {folder}; put it there, or leave its camera out")
-
-
-def _same_stem(place: Path) -> list[Path]:
-    """The images beside `place` that have its stem, or have its name for a stem (Metashape leaves suffixes out)."""
-    stems = {place.name.lower()} | ({place.stem.lower()} if place.suffix.lower() in IMAGE_SUFFIXES else set())
-    return sorted(file for file in _images(place.parent) if file.stem.lower() in stems)
-
-
-def _images(folder: Path) -> list[Path]:
-    try:
-        return [file for file in folder.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES and file.is_file()]
-    except (OSError, ValueError):
-        return []
+    places = [photos.path.joinpath(*parts[start:]) for start in range(len(parts))]
+    for place in places:
+        if _is_file(place):
+            return place
+    for place in places:
+        # Metashape leaves suffixes out, and so a name with a dot in it may be all stem.
+        stems = [place.name, *([place.stem] if place.suffix.lower() in PHOTO_SUFFIXES else [])]
+        found = photos.find(stems, f"photo {posed.photo!r}", place.parent)
+        if found:
+            return found
+    raise InputError(f"photo {posed.photo!r} is not in folder {photos.path}; put it there, or leave its camera out")
 
 
 def _is_file(path: Path) -> bool:

@@ -25,8 +25,8 @@ _STEPS = np.array([0.7548776662466927, 0.5698402909980532])
 class ViewAgreement:
     """What one view contributes. Angles are in degrees, NaN where no other view sees what it sees.
 
-    seen: share of the surface. level: mean angle that levelling turns it by. before, after: mean angle between its
-    normals and the mean of the others, weighted as in the bake, with none and with all of the views levelled.
+    seen: share of the surface's area. level: mean angle that levelling turns it by. before, after: mean angle between
+    its normals and the mean of the others, weighted as in the bake, with none and with all of the views levelled.
     """
 
     name: str
@@ -40,10 +40,11 @@ class ViewAgreement:
 class Agreement:
     """What the views say at points of the surface.
 
-    points: (N, 3) relative to the scene's middle. normals: (N, 3) unit, in the world.
+    points: (N, 3) relative to the scene's middle. normals: (N, 3) unit, in the world. feather: the bake's.
     """
 
     scene: RayScene
+    feather: float
     points: NDArray[np.float32]
     normals: NDArray[np.float32]
     _views: list[tuple[str, float]] = field(default_factory=list)
@@ -57,7 +58,7 @@ class Agreement:
 
     def _look(self, view: View) -> NDArray[np.float32]:
         look = np.zeros((len(self.points), 4), np.float32)
-        seen, samples = Projector(view, self.scene).look(self.points, self.normals)
+        seen, samples = Projector(view, self.scene, self.feather).look(self.points, self.normals)
         look[seen] = samples
         return look
 
@@ -69,13 +70,12 @@ class Agreement:
             for (name, level), looks, one, other in zip(self._views, self._looks, before, after, strict=True)
         ]
 
-    def seen(self) -> float:
-        """The share of the surface that any view sees."""
-        return float(np.any([looks[1][:, 3] > 0 for looks in self._looks], axis=0).mean())
 
+def agreement(mesh: Mesh, scene: RayScene, feather: float = 0.0, count: int = POINTS) -> Agreement:
+    """Nothing said yet, at `count` points that are spread over the mesh by area, the same ones every time.
 
-def agreement(mesh: Mesh, scene: RayScene, count: int = POINTS) -> Agreement:
-    """Nothing said yet, at `count` points that are spread over the mesh by area, the same ones every time."""
+    feather: as :func:`mpsnet_core.surface.bake.bake_normals` takes it.
+    """
     corners = mesh.world_vertices[mesh.triangles]
     outwards = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas = np.cumsum(np.linalg.norm(outwards, axis=1))
@@ -86,7 +86,7 @@ def agreement(mesh: Mesh, scene: RayScene, count: int = POINTS) -> Agreement:
     weights = np.stack([1 - u - v, u, v], axis=1)[..., None]
     points = (corners[triangle] * weights).sum(axis=1) - scene.middle
     normals = (mesh.corner_normals[triangle] * weights).sum(axis=1) @ np.linalg.inv(mesh.world_from_object[:3, :3])
-    return Agreement(scene, points.astype(np.float32), normalised(normals).astype(np.float32))
+    return Agreement(scene, feather, points.astype(np.float32), normalised(normals).astype(np.float32))
 
 
 def _departures(looks: Sequence[NDArray[np.float32]]) -> list[float]:
@@ -109,7 +109,7 @@ def table_rows(views: Sequence[ViewAgreement]) -> list[dict[str, Any]]:
     return [
         {
             "view": view.name,
-            "seen": round(view.seen, 4),
+            "seen_area": round(view.seen, 4),
             "level_deg": _rounded(view.level),
             "before_deg": _rounded(view.before),
             "after_deg": _rounded(view.after),

@@ -11,10 +11,10 @@ from synthetic import degrees_between
 from test_bake import SIX_SIDES, constant_view, plane
 
 from mpsnet_core.errors import InputError
+from mpsnet_core.evaluation.bake_report import view_table, write_bake_report
 from mpsnet_core.rays import RayScene
 from mpsnet_core.surface.agreement import agreement, table_rows
 from mpsnet_core.surface.bake import bake_normals
-from mpsnet_core.surface.coverage import view_table, write_bake_report
 
 AHEAD = camera_looking((0, 0, 1))
 
@@ -46,7 +46,7 @@ def test_views_that_agree_are_not_apart() -> None:
 
 def test_each_view_is_told_its_share_and_how_far_it_departs_from_the_others() -> None:
     mesh = plane()
-    said = agreement(mesh, RayScene(mesh.world_vertices, mesh.triangles), 4000)
+    said = agreement(mesh, RayScene(mesh.world_vertices, mesh.triangles), count=4000)
     mask = np.zeros((256, 256), bool)
     mask[:, :128] = True
     whole = constant_view(AHEAD, tilted(0))
@@ -57,16 +57,36 @@ def test_each_view_is_told_its_share_and_how_far_it_departs_from_the_others() ->
     said.add("whole", whole, whole, 0.0)
     said.add("half", half, mended, 11.0)
     one, other = said.views()
-    assert (one.seen, other.seen, said.seen()) == (pytest.approx(1), pytest.approx(0.5, abs=0.01), pytest.approx(1))
+    assert (one.seen, other.seen) == (pytest.approx(1), pytest.approx(0.5, abs=0.01))
     assert (one.before, one.after) == (pytest.approx(12, abs=0.01), pytest.approx(1, abs=0.01))
     assert (other.before, other.after) == (pytest.approx(12, abs=0.01), pytest.approx(1, abs=0.01))
     assert (one.level, other.level) == (0.0, 11.0)
     assert table_rows([other])[0]["after_deg"] == pytest.approx(1, abs=0.01)
 
 
+def test_views_count_as_in_the_bake_that_fades_them_out() -> None:
+    """A view that ends in the middle pulls the others' mean less towards itself the nearer to its end."""
+    mesh = plane()
+    scene = RayScene(mesh.world_vertices, mesh.triangles)
+    mask = np.zeros((256, 256), bool)
+    mask[:, :128] = True
+    ends = constant_view(AHEAD, tilted(20))
+    ends = type(ends)(AHEAD, type(ends.normals)(ends.normals.vectors, mask))
+    views = [constant_view(AHEAD, tilted(0)), ends, constant_view(AHEAD, tilted(0))]
+    departures = []
+    for feather in (0.0, 0.2):
+        said = agreement(mesh, scene, feather, 4000)
+        for number, view in enumerate(views):
+            said.add(str(number), view, view, 0.0)
+        departures.append(said.views()[0].after)
+    sharp, faded = departures
+    assert sharp == pytest.approx(5, abs=0.1)  # half the plane at 10 degrees, as two views are 20 apart; half at none
+    assert faded < 0.8 * sharp
+
+
 def test_a_view_that_nobody_shares_departs_from_nobody() -> None:
     mesh = sphere_mesh()
-    said = agreement(mesh, RayScene(mesh.world_vertices, mesh.triangles), 2000)
+    said = agreement(mesh, RayScene(mesh.world_vertices, mesh.triangles), count=2000)
     for side in ((1, 0, 0), (-1, 0, 0)):
         view = sphere_view(camera_looking(side))
         said.add(str(side[0]), view, view, 0.0)
@@ -79,7 +99,7 @@ def test_points_are_spread_by_area_wherever_the_mesh_stands() -> None:
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = turn(np.array([1.0, 1, 0]), 30) * 2.5, (10, 20, 30)
     mesh = sphere_mesh(48, 24, world_from_object=pose)
-    said = agreement(mesh, RayScene(mesh.world_vertices, mesh.triangles), 5000)
+    said = agreement(mesh, RayScene(mesh.world_vertices, mesh.triangles), count=5000)
     points = (said.points + said.scene.middle - pose[:3, 3]) @ pose[:3, :3] / 2.5**2
     assert np.linalg.norm(points, axis=1) == pytest.approx(1, abs=0.01)
     # Archimedes: on a sphere every slab of the same height has the same area.
@@ -91,13 +111,14 @@ def test_the_report_is_one_page_that_holds_all(tmp_path: Path) -> None:
     mesh = sphere_mesh()
     scene = RayScene(mesh.world_vertices, mesh.triangles)
     views = [sphere_view(camera_looking(side)) for side in SIX_SIDES[:3]]
-    said = agreement(mesh, scene, 500)
+    said = agreement(mesh, scene, count=500)
     for number, view in enumerate(views):
         said.add(f"photo <{number}>", view, view, 0.0)
     texture = bake_normals(mesh, views, size=64)
     write_bake_report(tmp_path / "report.html", "statue & co", texture, said.views(), ["a note"])
     page = (tmp_path / "report.html").read_text()
     assert "statue &amp; co" in page and "photo &lt;2&gt;" in page and "a note" in page
+    assert re.findall("<figcaption>([^<]*)<i ", page) == ["how many views see it:"]  # the one whose colours have a key
     assert page.count("data:image/png;base64,") == 3 and not re.search(r"https?://", page)
     with pytest.raises(InputError, match=r"reports are written as \.html"):
         write_bake_report(tmp_path / "report.txt", "", texture, said.views())

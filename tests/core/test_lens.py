@@ -11,6 +11,7 @@ from photogrammetry_scene import TURN, Array, refusal
 from mpsnet_core.camera import Camera
 from mpsnet_core.errors import InputError
 from mpsnet_core.images import read_image, read_orientation
+from mpsnet_core.photo_folder import PhotoFolder
 from mpsnet_core.photogrammetry import (
     Lens,
     PosedPhoto,
@@ -240,22 +241,41 @@ def named(name: str) -> PosedPhoto:
         ("B", "b.TIF"),
         ("DSC.0001", "DSC.0001.JPG"),
         ("DSC.0001.jpg", "DSC.0001.JPG"),
+        ("IMG_1", "IMG_1.CR3"),
+        ("IMG_1.JPG", "IMG_1.CR3"),
+        ("img_2.nef", "IMG_2.tif"),
     ],
 )
 def test_photos_are_found(tmp_path: Path, name: str, file: str) -> None:
     (tmp_path / "lit").mkdir()
-    for made in ("a.jpg", "lit/a.jpg", "b.TIF", "b.txt", "lit/c.exr", "DSC.0001.JPG", "b_normals.png"):
+    names = ("a.jpg", "lit/a.jpg", "b.TIF", "b.txt", "lit/c.exr", "DSC.0001.JPG", "b_normals.png")
+    for made in (*names, "IMG_1.CR3", "IMG_2.tif"):
         (tmp_path / made).touch()
-    assert find_photo(named(name), tmp_path) == tmp_path / file
+    assert find_photo(named(name), PhotoFolder(tmp_path)) == tmp_path / file
 
 
 def test_photos_that_are_missing_or_not_one_are_refused(tmp_path: Path) -> None:
     (tmp_path / "photos").mkdir()
     for made in ("outside.jpg", "photos/a.png", "photos/a.tif"):
         (tmp_path / made).touch()
-    folder = tmp_path / "photos"
+    folder = PhotoFolder(tmp_path / "photos")
     for name in ("b.jpg", "../outside.jpg", str(tmp_path / "outside.jpg"), "", "..", "/", "a\0.jpg", "b" * 5000):
         assert "is not in folder" in refusal(lambda name=name: find_photo(named(name), folder))
     assert "may be any of a.png, a.tif" in refusal(lambda: find_photo(named("a.jpg"), folder))
-    assert find_photo(named("a.png"), folder) == folder / "a.png"
-    assert "does not exist" in refusal(lambda: find_photo(named("a.png"), tmp_path / "nowhere"))
+    assert find_photo(named("a.png"), folder) == folder.path / "a.png"
+    assert "is not a folder" in refusal(lambda: PhotoFolder(tmp_path / "nowhere"))
+
+
+def test_case_counts_where_it_tells_photos_apart(tmp_path: Path) -> None:
+    for made in ("A.png", "a.tif"):
+        (tmp_path / made).touch()
+    folder = PhotoFolder(tmp_path)
+    assert [find_photo(named(name), folder).name for name in ("A.jpg", "a.jpg")] == ["A.png", "a.tif"]
+
+
+def test_a_folder_is_listed_once(tmp_path: Path) -> None:
+    folder = PhotoFolder(tmp_path)
+    (tmp_path / "a.png").touch()
+    assert find_photo(named("a"), folder) == tmp_path / "a.png"
+    (tmp_path / "b.png").touch()
+    assert "is not in folder" in refusal(lambda: find_photo(named("b"), folder))

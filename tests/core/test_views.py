@@ -4,7 +4,9 @@ import contextlib
 import io
 import json
 import os
+import re
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +16,7 @@ from eight_views import CORNERS, eight_views_baked, shot, sphere_texels, turn
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import degrees_between, listing, write_file
 
-from mpsnet_core.camera import read_camera, write_camera, write_views
+from mpsnet_core.camera import read_camera, write_camera
 from mpsnet_core.capture import read_capture
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
@@ -24,7 +26,8 @@ from mpsnet_core.normals import NormalMap, decode, read_normals, write_normals
 from mpsnet_core.rig import near_rig, published_rig, write_rig
 from mpsnet_core.surface.bake import View, bake_normals
 from mpsnet_core.surface.mesh import write_mesh
-from mpsnet_core.views import posed_photos
+from mpsnet_core.view_files import write_views
+from mpsnet_core.views import Photography, ViewPhoto, posed_photos, sources_of
 from mpsnet_core.world_lights import WorldLights, in_world, read_world_lights, write_world_lights
 
 
@@ -134,8 +137,9 @@ def test_the_command_bakes_what_the_photos_show(table: Table) -> None:
     assert error_of(table) < 4  # of relief of 17 degrees
     figures = json.loads((table / "figures.json").read_text())
     assert [row["view"] for row in figures["views"]] == [f"side{number}" for number in range(4)]
-    assert all(0.2 < row["seen"] < 0.5 and row["level_deg"] > 0 for row in figures["views"])
+    assert all(0.2 < row["seen_area"] < 0.5 and row["level_deg"] > 0 for row in figures["views"])
     assert 0.5 < figures["seen"] < 1 and figures["level"] == 0.05
+    assert f"{figures['seen']:.1%} of its surface seen" in words
     assert "side0" in (table / "report.html").read_text()
 
 
@@ -145,7 +149,7 @@ def test_levelling_can_be_left_out(table: Table) -> None:
 
 
 def test_kept_normals_are_not_estimated_again(table: Table) -> None:
-    """Only those whose photo, camera, rig, mask or model changed; the texture is the same as without."""
+    """Only those whose photo, camera, rig, mask, mesh or model changed; the texture is the same as without."""
     table.run()
     without = table.texture()
     keep = ("--keep", table / "kept")
@@ -167,6 +171,44 @@ def test_kept_normals_are_not_estimated_again(table: Table) -> None:
     assert "kept from before" not in table.run(*keep, "--model", "lambertian-grey-world")
 
 
+def test_normals_kept_of_another_mesh_are_estimated_again(table: Table) -> None:
+    """Where the mesh tells what is object or how far it is; else only the texture depends on it."""
+    write_rig(table / "near.json", near_rig(4 * published_rig().directions - [0, 0, 5], [0, 0, -5]))
+    smaller = table / "smaller.npz"
+    mesh = sphere_mesh(48, 24)
+    write_mesh(smaller, replace(mesh, vertices=mesh.vertices / 2))
+    for arguments, depends in (
+        ((), True),
+        (("--mask", "none"), False),
+        (("--mask", "none", "--rig", table / "near.json"), True),
+    ):
+        keep = ("--keep", table / "kept", *arguments)
+        table.run(*keep, "--mesh", smaller)
+        assert "4 kept from before" in table.run(*keep, "--mesh", smaller)
+        assert ("4 kept from before" in table.run(*keep)) != depends
+
+
+def test_normals_kept_of_another_background_or_dark_frame_are_estimated_again(table: Table) -> None:
+    for option, said in (("--mask", "background:{}"), ("--dark", "{}")):
+        frame = write_file(table / "frame.exr", np.full((96, 96, 3), 0.001), "float")
+        keep = ("--keep", table / "kept", option, said.format(frame))
+        table.run(*keep)
+        assert "4 kept from before" in table.run(*keep)
+        write_file(frame, np.full((96, 96, 3), 0.002), "half")
+        assert "kept from before" not in table.run(*keep)
+
+
+def test_doubts_about_a_photo_name_its_view(table: Table) -> None:
+    """A photo whose brightest third is at its end, among good ones."""
+    photo = table / "photos" / "side2.exr"
+    pixels = read_image(photo).pixels
+    photo.unlink()
+    write_file(photo.with_suffix(".png"), pixels / np.quantile(pixels[pixels > 0.05], 0.6), "uint8")
+    notes = json.loads(table.run("--progress", "json").splitlines()[-1])["result"]["notes"]
+    (saturated,) = [note for note in notes if "are saturated" in note]
+    assert re.fullmatch(r"view side2: \d\d% of the object's pixels are saturated, and wrong; expose shorter", saturated)
+
+
 @pytest.mark.parametrize("naming", ["{stem}.png", "{stem}_mask.png", "{stem}.exr.png"])
 def test_masks_may_come_from_a_folder(table: Table, naming: str) -> None:
     (table / "masks").mkdir()
@@ -175,8 +217,34 @@ def test_masks_may_come_from_a_folder(table: Table, naming: str) -> None:
     table.run("--mask", table / "masks")
     assert error_of(table) < 4.5
     (table / "masks" / naming.format(stem="side2")).unlink()
-    with pytest.raises(InputError, match=r"view side2: photo side2.exr has no image side2 .* in .*masks; put it there"):
+    with pytest.raises(InputError, match=r"view side2: photo side2.exr has no mask side2 in .*masks; put it there"):
         table.run("--mask", table / "masks")
+
+
+@pytest.mark.parametrize(
+    "naming", ["{}/IMG_1.png", "{}/IMG_1_mask.png", "{}_IMG_1.png", "{}_IMG_1_mask.png", "{}_IMG_1.cr3.png"]
+)
+def test_photos_of_the_same_name_have_masks_of_their_own(tmp_path: Path, naming: str) -> None:
+    camera = camera_looking((1, 0, 0), size=4)
+    views = []
+    for side in ("left", "right"):
+        mask = tmp_path / "masks" / naming.format(side)
+        mask.parent.mkdir(parents=True, exist_ok=True)
+        mask.touch()
+        for folder in ("photos", "masks"):
+            (tmp_path / folder / side).mkdir(parents=True, exist_ok=True)
+        (tmp_path / "photos" / side / "IMG_1.cr3").touch()
+        views.append(ViewPhoto(f"{side}_IMG_1", tmp_path / "photos" / side / "IMG_1.cr3", camera, folder=Path(side)))
+    (tmp_path / "masks" / "IMG_1.png").touch()  # of which nobody knows whose it is
+    photography = Photography(lambda camera: published_rig(), str(tmp_path / "masks"))
+    for view, side in zip(views, ("left", "right"), strict=True):
+        assert photography.mask_of(view) == str(tmp_path / "masks" / naming.format(side))
+        (tmp_path / "masks" / naming.format(side)).unlink()
+    photography = Photography(lambda camera: published_rig(), str(tmp_path / "masks"))
+    with pytest.raises(
+        InputError, match=r"view right_IMG_1: its mask would be that of view left_IMG_1, .*IMG_1.png; name one"
+    ):
+        sources_of(views, photography, sphere_mesh(), [])
 
 
 def test_lights_may_stand_in_the_world(table: Table) -> None:
@@ -222,7 +290,6 @@ def test_cameras_may_come_from_colmap(table: Table, lens: str) -> None:
 
     The second lens moves what is at the sphere's edge by 0.02 pixels, which is nothing, but asks for all that it takes.
     """
-    pytest.importorskip("mpsnet_core.photogrammetry")
     table.run()
     own = table.texture()
     colmap(table, lens)
@@ -269,8 +336,11 @@ def broken_photo(table: Table) -> list[Any]:
 BAD: dict[str, tuple[Callable[[Table], list[Any]], str]] = {
     "a light behind what a camera sees": (behind, r"view side\d: the \w+ light is behind the object"),
     "angles for lights in the world": (angles, r"the first light stands in the world, where it needs \"direction\""),
-    "a camera without a photo": (no_photo, r"camera side1.camera.json has no image side1 .*put it there"),
-    "two photos for a camera": (two_photos, r"camera side1.camera.json may mean .* keep one of them"),
+    "a camera without a photo": (no_photo, r"camera side1.camera.json has no photo side1 .*put it there"),
+    "two photos for a camera": (
+        two_photos,
+        r"the photo of camera side1.camera.json may be any of side1.exr, side1.png in",
+    ),
     "a photo of another size": (small_photo, r"view side1: .*the camera is 96 x 96 but the photo is 50 x 40"),
     "a camera that looks elsewhere": (elsewhere, r"view side1: .*do the cameras and the mesh share one world"),
     "a damaged photo": (broken_photo, r"view side1: .*side1.exr cannot be read|view side1: .*side1.exr is damaged"),
@@ -335,6 +405,39 @@ def test_near_lights_in_the_world_are_where_each_camera_sees_them(tmp_path: Path
     assert again is not None and again.positions == pytest.approx(places)
 
 
+DIRECTIONS = [{"direction": direction} for direction in published_rig().directions.tolist()]
+PLACES = [{"position": place} for place in (5 * published_rig().directions).tolist()]
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        ({"lights": DIRECTIONS, "target": [0, 0, 0]}, '"target" is for lights with a "position" each; leave it out'),
+        ({"lights": DIRECTIONS, "lobe": 3}, '"lobe" is for lights with a "position" each; leave it out'),
+        (
+            {"lights": [{**DIRECTIONS[0], "slant": 80}, *DIRECTIONS[1:]]},
+            'the first light .* "direction" .* nothing else',
+        ),
+        ({"lights": [*PLACES[:2], {**PLACES[2], "typo": 1}], "target": [0, 0, 0]}, "the third light .* nothing else"),
+        ({"lights": [*PLACES[:2], DIRECTIONS[2]], "target": [0, 0, 0]}, 'the third light .* "position"'),
+        ({"lights": [{"direction": [True, 0, 1]}, *DIRECTIONS[1:]]}, "the first light"),
+        ({"lights": PLACES}, 'lights with a position need a "target"'),
+        ({"lights": DIRECTIONS[:2]}, '"lights" must be a list of three lights'),
+    ],
+)
+def test_lights_in_the_world_are_refused_as_those_of_a_camera(tmp_path: Path, data: dict[str, Any], said: str) -> None:
+    (tmp_path / "rig.json").write_text(json.dumps({"format": "mpsnet-rig", "version": 1, **data}))
+    with pytest.raises(InputError, match=rf"rig file .*rig.json: .*{said}"):
+        read_world_lights(tmp_path / "rig.json")
+
+
+def test_an_lp_file_holds_no_lights_in_the_world(tmp_path: Path) -> None:
+    lines = [f"photo{number}.jpg 0.1 0.2 0.9{number}" for number in range(3)]
+    (tmp_path / "lights.LP").write_text("\n".join(["3", *lines]))
+    with pytest.raises(InputError, match=r"lights.LP: an .lp file's lights stand before the camera; .* rig .json"):
+        read_world_lights(tmp_path / "lights.LP")
+
+
 def test_lights_near_the_object_are_lit_by_the_mesh_s_distance(table: Table) -> None:
     """The photos' lights were far away: lights ten thousand sizes away are as good, those nearby are another rig."""
     textures = []
@@ -364,7 +467,8 @@ def test_a_file_of_ours_names_photos_and_cameras(table: Table) -> None:
 
     for change, said in (
         ({"photo": "photos/none.exr"}, "view side0: photo .*none.exr does not exist"),
-        ({"name": "../side0"}, 'view 1 needs a "name" without slashes'),
+        ({"name": "../side0"}, 'view 1 needs a "name" without slashes or colons'),
+        ({"name": "C:side0"}, 'view 1 needs a "name" without slashes or colons'),
         ({"camera": {"width": 96}}, 'view side0: it lacks "projection"'),
         ({"camera": 3}, 'view 1 needs "name", "photo" and "camera"'),
         ({"name": "side1"}, "two cameras for photos called side1"),

@@ -3,6 +3,7 @@
 import html
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,6 @@ from mpsnet_core.normals import encode
 from mpsnet_core.surface.agreement import ViewAgreement
 from mpsnet_core.surface.texture import Texture
 
-SEEN_BY, APART = "how many views see it:", "how far the views lie apart where several see it"
 PICTURE = 1024  # pixels on a side, at most
 SCALES = (1.0, 2.0, 5.0, 10.0, 20.0, 45.0, 90.0)  # degrees
 # Seen by none, by one view, by two, ...; the last colour stands for all above.
@@ -43,18 +43,18 @@ def write_bake_report(
         page.write(HEAD.format(title=html.escape(title)) + _STYLE)
         page.writelines(f"<p>{html.escape(note)}</p>\n" for note in notes)
         page.write("<div class='maps'>\n")
-        for words, picture in _maps(texture):
-            shown = f"<img alt='{html.escape(words)}' src='{data_url(picture)}'>"
-            key = _KEY if words == SEEN_BY else ""
-            page.write(f"<figure><figcaption>{html.escape(words)}{key}</figcaption>{shown}</figure>\n")
+        for shown in _maps(texture):
+            image = f"<img alt='{html.escape(shown.words)}' src='{data_url(shown.picture)}'>"
+            page.write(f"<figure><figcaption>{html.escape(shown.words)}{shown.key}</figcaption>{image}</figure>\n")
         page.write(f"</div>\n<h2>The views</h2>\n<pre>{html.escape(view_table(views))}</pre>\n{_EXPLAINED}</html>\n")
 
 
 _COUNTED = ("none", *map(str, range(1, len(COUNTS) - 1)), f"{len(COUNTS) - 1} or more")
 _KEY = "".join(f"<i style='background:{colour}'></i>{words}" for colour, words in zip(COUNTS, _COUNTED, strict=True))
-_EXPLAINED = """<p><b>seen</b>: share of the surface that the view sees. <b>apart</b>: mean angle in degrees between the
-view's normals and the mean of the others, as they were estimated, and levelled. <b>levelling</b>: mean angle that the
-view was turned by. A view that stays apart from the others after levelling has a wrong camera, mask or light.</p>
+_EXPLAINED = """<p><b>area seen</b>: share of the surface's area that the view sees. <b>apart</b>: mean angle in degrees
+between the view's normals and the mean of the others, as they were estimated, and levelled. <b>levelling</b>: mean
+angle that the view was turned by. A view that stays apart from the others after levelling has a wrong camera, mask or
+light.</p>
 """
 
 
@@ -65,11 +65,20 @@ def view_table(views: Sequence[ViewAgreement]) -> str:
         return f"{value:.2f}" if np.isfinite(value) else "-"
 
     lines = [[v.name, f"{v.seen:.1%}", angle(v.before), angle(v.after), angle(v.level)] for v in views]
-    return text_table(["view", "seen", "apart", "apart, levelled", "levelling"], lines, 1)
+    return text_table(["view", "area seen", "apart", "apart, levelled", "levelling"], lines, 1)
 
 
-def _maps(texture: Texture) -> list[tuple[str, NDArray[np.float32]]]:
-    """Words and a picture of at most `PICTURE` texels a side for each map."""
+@dataclass(frozen=True)
+class _Map:
+    """A picture of the texture, (H, W, 3) in 0 to 1. words: what it shows; key: what its colours mean, as HTML."""
+
+    words: str
+    picture: NDArray[np.float32]
+    key: str = ""
+
+
+def _maps(texture: Texture) -> list[_Map]:
+    """The maps there are, of at most `PICTURE` texels a side."""
     step = -(-len(texture.vectors) // PICTURE)
     few = (slice(step // 2, None, step), slice(step // 2, None, step))
     covered = texture.covered[few]
@@ -77,13 +86,15 @@ def _maps(texture: Texture) -> list[tuple[str, NDArray[np.float32]]]:
     def on_surface(colours: NDArray[np.float32]) -> NDArray[np.float32]:
         return np.where(covered[..., None], colours, np.float32(BACKGROUND))
 
-    maps = [(f"the texture, {texture.space} space", on_surface(encode(texture.vectors[few])))]
+    maps = [_Map(f"the texture, {texture.space} space", on_surface(encode(texture.vectors[few])))]
     if texture.views is not None and texture.spread is not None:
         palette = np.array([list(bytes.fromhex(colour[1:])) for colour in COUNTS], np.float32) / 255
-        maps.append((SEEN_BY, on_surface(palette[np.minimum(texture.views[few], len(palette) - 1)])))
+        counts = on_surface(palette[np.minimum(texture.views[few], len(palette) - 1)])
+        maps.append(_Map("how many views see it:", counts, _KEY))
         shared, spread = texture.views[few] > 1, texture.spread[few].astype(np.float64)
         high = float(np.percentile(spread[shared], 98)) if shared.any() else 0.0
         highest = next(scale for scale in SCALES if scale >= min(high, SCALES[-1]))
         picture = error_picture(spread, shared, highest)
-        maps.append((APART, np.concatenate([picture, colour_scale(highest, len(picture))], axis=1)))
+        scaled = np.concatenate([picture, colour_scale(highest, len(picture))], axis=1)
+        maps.append(_Map("how far the views lie apart where several see it", scaled))
     return maps
