@@ -313,6 +313,33 @@ def test_settings_and_files_that_matter_make_frames_again(tmp_path: Path, mpsnet
     assert made("--model", "lambertian-grey-world", "--encoding", "linear") == 2
 
 
+@pytest.mark.parametrize("given", ["dark_#.exr", ""], ids=["pattern", "folder"])
+def test_dark_frames_of_a_pattern_or_folder_make_frames_again_when_they_change(
+    tmp_path: Path, mpsnet: Mpsnet, rig: Path, given: str
+) -> None:
+    shots(tmp_path / "shots", [1, 2])
+    (tmp_path / "dark").mkdir()
+    command = ["estimate", tmp_path / "shots", "--rig", rig, "--model", "lambertian", "--progress", "json"]
+    command += ["--dark", tmp_path / "dark" / given, "-o", tmp_path / "out"]
+    for level, made in ((0.01, 2), (0.01, 0), (0.02, 2)):
+        if made:
+            for number in (1, 2):
+                file = write_file(tmp_path / "dark" / f"dark_{number}.exr", np.full((48, 48, 3), level), "float")
+                os.utime(file, ns=(0, round(level * 1e9)))
+        assert result(mpsnet(*command))["made"] == made
+
+
+@pytest.mark.parametrize("name", ["normals", "png"])
+def test_a_relative_output_that_is_not_there_yet_is_gone_on_from(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mpsnet: Mpsnet, rig: Path, name: str
+) -> None:
+    """Its name may also be the value of an option, which must not be taken for a file once the folder is there."""
+    monkeypatch.chdir(tmp_path)
+    shots(tmp_path / "shots", [1, 2])
+    command = ["estimate", "shots", "--rig", rig, "--model", "lambertian", "-o", name, "--progress", "json"]
+    assert [result(mpsnet(*command))["made"] for _ in range(2)] == [2, 0]
+
+
 def test_many_photos_tell_each_kind_of_doubt_once(tmp_path: Path, mpsnet: Mpsnet, rig: Path) -> None:
     (tmp_path / "shots").mkdir()
     for number in range(1, 9):
