@@ -256,8 +256,11 @@ def write_image(
 
 
 def image_description(path: str | os.PathLike[str]) -> str:
-    """The line of text that an image file keeps, "" where it has none or cannot be read as an image."""
-    source = oiio.ImageInput.open(os.fspath(path))
+    """The line of text that an image file keeps, "" where it has none or cannot be read as an image.
+
+    Raises InputError where the file's name is not valid UTF-8.
+    """
+    source = _input(path)
     if source is None:
         oiio.geterror()
         return ""
@@ -297,14 +300,19 @@ def checked_bits(path: Path, bits: int | None = None) -> int:
 def _open(path: Path) -> Any:
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
-    try:
-        source = oiio.ImageInput.open(str(path), config)
-    except (TypeError, UnicodeError):
-        raise InputError(f"{path!a} cannot be opened: its name is not valid UTF-8; rename it") from None
+    source = _input(path, config)
     if source is None:
         reason = " ".join(oiio.geterror().split())
         raise InputError(f"{path} cannot be read as an image ({reason}); is it PNG, JPEG, TIFF or EXR, and whole?")
     return source
+
+
+def _input(path: str | os.PathLike[str], *config: Any) -> Any:
+    """OpenImageIO's reader of a file, None where it is no image. Raises InputError where its name cannot be passed."""
+    try:
+        return oiio.ImageInput.open(os.fspath(path), *config)
+    except (TypeError, UnicodeError):
+        raise InputError(f"{os.fspath(path)!a} cannot be opened: its name is not valid UTF-8; rename it") from None
 
 
 def _layers(source: Any, path: Path) -> dict[str, _Layer]:

@@ -379,6 +379,19 @@ def test_what_a_sequence_cannot_be_asked(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="file names of any bytes")
+@pytest.mark.parametrize("several", [False, True], ids=["one photo", "a folder"])
+def test_names_that_are_not_utf8_get_one_sentence(tmp_path: Path, mpsnet: Mpsnet, rig: Path, several: bool) -> None:
+    [photo] = shots(tmp_path / "shots", [1])
+    odd = photo.rename(os.fsdecode(os.fsencode(photo.with_suffix("")) + b"\xff.png"))
+    if several:
+        shots(tmp_path / "shots", [1])
+    done = mpsnet("estimate", odd.parent if several else odd, "--rig", rig, "-o", tmp_path / "out")
+    assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
+    assert r"frame_0001\udcff" in done.stderr and "its name is not valid UTF-8; rename it" in done.stderr
+    assert "Path(" not in done.stderr
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 @pytest.mark.parametrize("smooth", ["0", "2"])
 def test_killed_again_and_again_it_leaves_no_gap_and_no_duplicate(tmp_path: Path, rig: Path, smooth: str) -> None:
