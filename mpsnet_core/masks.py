@@ -76,6 +76,14 @@ def find_mask(
     return read_mask(words)
 
 
+def mask_source(choice: str) -> str | None:
+    """The file, folder or pattern that a choice of mask names, None where it is a word: that a folder may be called so
+    too changes nothing."""
+    if choice in ("alpha", "auto", "none") or choice.startswith("threshold:"):
+        return None
+    return choice.removeprefix("background:")
+
+
 def threshold_mask(pixels: NDArray[np.float32], threshold: str | float) -> NDArray[np.bool_]:
     """(H, W) bool: where the brightest channel is above `threshold` (0 to 1) times its 99.9th percentile."""
     try:

@@ -1,6 +1,7 @@
 """How the command line takes its arguments."""
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from mpsnet_core.errors import InputError
@@ -83,8 +84,18 @@ def asked_place(options: argparse.Namespace) -> tuple[Any, Any]:
     return camera, options.distance
 
 
-def read_files(options: argparse.Namespace) -> list[str]:
-    """The files that options of :func:`add_reading` and :func:`add_place` name, which no result may overwrite."""
-    mask = (options.mask or "").removeprefix("background:")
+def read_files(options: argparse.Namespace) -> list[Path]:
+    """The files that options of :func:`add_reading` and :func:`add_place` mean, in folders and patterns one by one:
+    what no result may overwrite.
+
+    Raises InputError where a folder or a pattern means none.
+    """
+    from mpsnet_core.frames import expand_images, is_several
+    from mpsnet_core.masks import mask_source
+
+    mask = None if options.mask in (None, "mesh") else mask_source(options.mask)  # mesh is a word of views
     place = (getattr(options, "camera", None), getattr(options, "mesh", None))
-    return [file for file in (mask, options.dark, options.flat, *place) if file]
+    files: list[Path] = []
+    for given in filter(None, (mask, options.dark, options.flat, *place)):
+        files += expand_images([given]) if is_several(given) else [Path(given)]
+    return files

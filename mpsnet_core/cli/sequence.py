@@ -70,13 +70,17 @@ def _video(options: argparse.Namespace, path: Path, rig: LightRig, reporter: Rep
     if options.layer:
         raise InputError(f"{path} is a video, which has no layers; leave --layer out")
     outputs = video_outputs(path, options.output, f".{options.format.lstrip('.')}")
+    taken = [path, Path(options.rig), *read_files(options)]
+    # How many frames there are is not known; a result's name ends in its number, so these are all that can be meant.
+    numbers = {int(digits) for file in taken for digits in re.findall("[0-9]+", file.resolve().stem)}
+    check_apart(taken, map(outputs, numbers))
     video = read_video_header(path, encoding=options.encoding)
     frames = video_frames(
         video, outputs, masks=frame_masks(options.mask), reach=options.smooth, encoding=options.encoding
     )
     outcome, result = _run(options, frames, video.count, rig, reporter)
-    numbers = (1, outcome.made + outcome.there)
-    return {**result, **_sequence(outcome, options, outputs(1), numbers, True, video.frame_rate)}
+    first_and_last = (1, outcome.made + outcome.there)
+    return {**result, **_sequence(outcome, options, outputs(1), first_and_last, True, video.frame_rate)}
 
 
 def _run(

@@ -11,6 +11,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.frames import expand_images, is_several, numbering
 from mpsnet_core.images import Encoding, Image, read_image
 from mpsnet_core.made_from import identity
+from mpsnet_core.masks import mask_source
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class Masks:
     def made_from(self, number: int, reach: int) -> list[str]:
         """Text that changes when a mask of a frame or of those within `reach` of it does."""
         if not self.by_number:
-            return [identity(self.given)]
+            return [str(self.given), identity(mask_source(self.given) if self.given else None)]
         near = range(number - reach, number + reach + 1)
         return [identity(self.by_number[other]) for other in near if other in self.by_number]
 
@@ -90,7 +91,7 @@ def frame_masks(mask: str | None) -> Masks:
 
     Raises InputError where a folder's or a pattern's files are not numbered.
     """
-    if mask is None or not is_several(mask):
+    if mask is None or mask_source(mask) != mask or not is_several(mask):
         return Masks(mask)
     files = expand_images([mask])
     numbered = numbering(files)

@@ -329,14 +329,15 @@ def test_dark_frames_of_a_pattern_or_folder_make_frames_again_when_they_change(
         assert result(mpsnet(*command))["made"] == made
 
 
-@pytest.mark.parametrize("name", ["normals", "png"])
+@pytest.mark.parametrize("name", ["normals", "png", "alpha"])
 def test_a_relative_output_that_is_not_there_yet_is_gone_on_from(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mpsnet: Mpsnet, rig: Path, name: str
 ) -> None:
     """Its name may also be the value of an option, which must not be taken for a file once the folder is there."""
     monkeypatch.chdir(tmp_path)
     shots(tmp_path / "shots", [1, 2])
-    command = ["estimate", "shots", "--rig", rig, "--model", "lambertian", "-o", name, "--progress", "json"]
+    command = ["estimate", "shots", "--rig", rig, "--model", "lambertian", "--mask", "alpha"]
+    command += ["-o", name, "--progress", "json"]
     assert [result(mpsnet(*command))["made"] for _ in range(2)] == [2, 0]
 
 
@@ -377,6 +378,21 @@ def test_what_a_sequence_cannot_be_asked(
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1 and words in done.stderr, done.stderr
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("option", ["--mask", "--dark"])
+def test_results_over_the_files_of_a_pattern_are_refused(
+    tmp_path: Path, mpsnet: Mpsnet, rig: Path, option: str
+) -> None:
+    photos = shots(tmp_path / "shots", [1, 2])
+    (tmp_path / "more").mkdir()
+    for photo in photos:
+        write_file(tmp_path / "more" / f"{photo.stem}_normals.png", SPHERE.mask, "uint8")
+    before = contents(tmp_path / "more")
+    command = ["estimate", tmp_path / "shots", "--rig", rig, "--model", "lambertian", "-o", tmp_path / "more"]
+    done = mpsnet(*command, option, tmp_path / "more" / "frame_####_normals.png")
+    assert done.returncode == 2 and "the result would overwrite" in done.stderr
+    assert contents(tmp_path / "more") == before
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="file names of any bytes")
