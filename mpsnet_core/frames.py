@@ -44,12 +44,18 @@ class Numbering:
         return [f"{self.head.rstrip('_.- ')}{self.tail}_{digits}" for digits in self.digits]
 
     @property
+    def step(self) -> int:
+        """How far apart the numbers of two frames are that follow each other: the smallest distance of any two."""
+        return min(b - a for a, b in itertools.pairwise(sorted(self.numbers)))
+
+    @property
     def gaps(self) -> str:
         """The numbers that are missing between the first and the last, in words; "" where none is."""
-        numbers = sorted(self.numbers)
-        gaps = [
-            str(a + 1) if b - a == 2 else f"{a + 1} to {b - 1}" for a, b in itertools.pairwise(numbers) if b - a > 1
-        ]
+        step, gaps = self.step, []
+        for a, b in itertools.pairwise(sorted(self.numbers)):
+            first, last = a + step, a + (b - a - 1) // step * step
+            if first <= last:
+                gaps.append(str(first) if first == last else f"{first} to {last}")
         return ", ".join(gaps[:NAMED_GAPS] + ["and more"] * (len(gaps) > NAMED_GAPS))
 
 

@@ -55,7 +55,8 @@ def _photos(options: argparse.Namespace, photos: list[Path], rig: LightRig, repo
     frames = photo_frames(
         photos, outputs, masks=masks, reach=options.smooth, encoding=options.encoding, layer=options.layer
     )
-    outcome, result = _run(options, frames, len(photos), rig, reporter)
+    step = numbered.step if numbered else 1
+    outcome, result = _run(options, frames, len(photos), rig, reporter, step)
     if numbered is None:
         listed = [str(output) for output in outputs]
         return {**result, "outputs": listed, "text": f"{options.output}: {_told(outcome, options)}"}
@@ -84,7 +85,7 @@ def _video(options: argparse.Namespace, path: Path, rig: LightRig, reporter: Rep
 
 
 def _run(
-    options: argparse.Namespace, frames: Iterable[Frame], count: int, rig: LightRig, reporter: Reporter
+    options: argparse.Namespace, frames: Iterable[Frame], count: int, rig: LightRig, reporter: Reporter, step: int = 1
 ) -> tuple[Outcome, dict[str, Any]]:
     correction, (camera, depth) = asked_correction(options), asked_place(options)
 
@@ -115,6 +116,7 @@ def _run(
         estimator,
         recipe=_recipe(options),
         smooth=options.smooth,
+        step=step,
         convention=options.convention,
         count=count,
         progress=reporter.progress,

@@ -298,6 +298,27 @@ def test_missing_frames_are_named_and_the_others_made(tmp_path: Path, mpsnet: Mp
     assert (again["made"], again["there"]) == (0, 6)
 
 
+def test_numbers_that_rise_by_ten_are_smoothed_as_if_by_one(tmp_path: Path, mpsnet: Mpsnet, rig: Path) -> None:
+    numbers = [1, 2, 3, 5, 6]
+    for step in (1, 10):
+        shots(tmp_path / f"by{step}", numbers)
+    for photo in sorted((tmp_path / "by10").iterdir(), reverse=True):
+        photo.rename(photo.with_stem(f"frame_{10 * int(photo.stem[-4:]):04d}"))
+    command = ["estimate", "--rig", rig, "--model", "lambertian", "--smooth", "2", "--progress", "json"]
+    for step in (1, 10):
+        told = result(mpsnet(*command, tmp_path / f"by{step}", "-o", tmp_path / f"out{step}"))
+        assert f"frame(s) {4 * step} missing; the others are estimated" in told["notes"]
+    for number in numbers:
+        found, same = (
+            read_normals(tmp_path / f"out{step}" / f"frame_{step * number:04d}_normals.png") for step in (1, 10)
+        )
+        np.testing.assert_array_equal(same.vectors, found.vectors)
+    (tmp_path / "by10" / "frame_0030.png").unlink()
+    (tmp_path / "out10" / "frame_0030_normals.png").unlink()
+    again = result(mpsnet(*command, tmp_path / "by10", "-o", tmp_path / "out10"))
+    assert (again["made"], again["there"]) == (3, 1)  # 60 alone was not made of 30
+
+
 def test_settings_and_files_that_matter_make_frames_again(tmp_path: Path, mpsnet: Mpsnet, rig: Path) -> None:
     shots(tmp_path / "shots", [1, 2])
     command = ["estimate", tmp_path / "shots", "--rig", rig, "-o", tmp_path / "out", "--progress", "json"]
