@@ -22,7 +22,7 @@ NAMED_GAPS = 5
 
 @dataclass(frozen=True)
 class Numbering:
-    """The numbers of files whose names differ in one run of digits alone: the frames of a sequence.
+    """The numbers of files whose names differ in one run of digits alone, or of one file by its last: of a sequence.
 
     head, tail: the names without suffix, before and behind the digits. digits: of each file, as written.
     """
@@ -46,7 +46,7 @@ class Numbering:
     @property
     def step(self) -> int:
         """How far apart the numbers of two frames are that follow each other: the smallest distance of any two."""
-        return min(b - a for a, b in itertools.pairwise(sorted(self.numbers)))
+        return min((b - a for a, b in itertools.pairwise(sorted(self.numbers))), default=1)
 
     @property
     def gaps(self) -> str:
@@ -62,10 +62,12 @@ class Numbering:
 def numbering(files: Sequence[Path]) -> Numbering | None:
     """The numbers of `files`, or None where they are no sequence: names that differ in more, or a number twice."""
     names = [re.split("([0-9]+)", file.stem) for file in files]
-    if len({len(name) for name in names}) != 1 or len(files) < 2:
+    if len({len(name) for name in names}) != 1:
         return None
     columns = list(zip(*names, strict=True))
     differing = [place for place, column in enumerate(columns) if len(set(column)) > 1]
+    if len(files) == 1 and len(columns) > 1:
+        differing = [len(columns) - 2]
     if len(differing) != 1 or differing[0] % 2 == 0:  # text stands at even places, digits between
         return None
     place = differing[0]

@@ -63,7 +63,7 @@ def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
     from mpsnet_core.estimate import Estimator
     from mpsnet_core.estimate.shelf import DEFAULT_MODEL, DEFAULT_TILE
     from mpsnet_core.files import writable_path
-    from mpsnet_core.frames import check_apart, expand_images, output_files
+    from mpsnet_core.frames import check_apart, expand_images, is_several, output_files
     from mpsnet_core.images import checked_bits, write_image
     from mpsnet_core.normals import check_convention, write_normals
     from mpsnet_core.progress import part
@@ -73,7 +73,9 @@ def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
     check_convention(options.convention)
     rig = read_rig(options.rig)
     photos = expand_images(options.image)
-    if len(photos) > 1 or is_video(photos[0]):
+    # A folder or a pattern is a sequence, be there one frame in it so far; but only one photo's confidence is written.
+    sequence = any(map(is_several, options.image)) and not options.confidence
+    if sequence or len(photos) > 1 or is_video(photos[0]):
         from mpsnet_core.cli.sequence import estimate_frames
 
         return estimate_frames(options, photos, rig, reporter)

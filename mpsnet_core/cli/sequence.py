@@ -57,7 +57,7 @@ def _photos(options: argparse.Namespace, photos: list[Path], rig: LightRig, repo
     )
     step = numbered.step if numbered else 1
     outcome, result = _run(options, frames, len(photos), rig, reporter, step)
-    if numbered is None:
+    if numbered is None or outputs == [Path(options.output)]:
         listed = [str(output) for output in outputs]
         return {**result, "outputs": listed, "text": f"{options.output}: {_told(outcome, options)}"}
     if numbered.gaps:

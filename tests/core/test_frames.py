@@ -78,7 +78,8 @@ def test_frames_without_zeros_before_their_numbers_are_in_order(tmp_path: Path) 
         (["a_1.png", "b_2.png"], None),
         (["a_1.png", "a_01.png"], None),
         (["a_1.png", "a_.png"], None),
-        (["a_1.png"], None),
+        (["shot2_07.png"], (7,)),  # of a sequence whose other frames are not there yet
+        (["a.png"], None),
     ],
 )
 def test_names_that_differ_in_one_number_are_a_sequence(names: list[str], numbers: tuple[int, ...] | None) -> None:

@@ -416,6 +416,33 @@ def test_results_over_the_files_of_a_pattern_are_refused(
     assert contents(tmp_path / "more") == before
 
 
+@pytest.mark.parametrize("given", ["", "frame_####.png"], ids=["folder", "pattern"])
+def test_one_frame_of_a_folder_or_pattern_is_a_sequence(tmp_path: Path, mpsnet: Mpsnet, rig: Path, given: str) -> None:
+    shots(tmp_path / "shots", [7])
+    (tmp_path / "masks").mkdir()
+    half = SPHERE.mask & (np.arange(48) > 20)
+    for number, mask in ((7, half), (8, SPHERE.mask)):
+        write_file(tmp_path / "masks" / f"m{number}.png", mask, "uint8")
+    command = ["estimate", tmp_path / "shots" / given, "--rig", rig, "--model", "lambertian", "--progress", "json"]
+    command += ["--mask", tmp_path / "masks", "--smooth", "1", "-o"]
+    for made in (1, 0):
+        told = result(mpsnet(*command, tmp_path / "out"))
+        assert (told["made"], told["first"], told["count"]) == (made, 7, 1)
+        assert told["first_output"] == str(tmp_path / "out" / "frame_0007_normals.png")
+    np.testing.assert_array_equal(read_normals(Path(told["first_output"])).mask, half)
+    told = result(mpsnet(*command, tmp_path / "normals.exr"))  # a file, too, as of one photo
+    assert (told["made"], told["outputs"]) == (1, [str(tmp_path / "normals.exr")])
+    np.testing.assert_array_equal(read_normals(tmp_path / "normals.exr").mask, half)
+
+
+def test_the_confidence_of_the_one_photo_in_a_folder_is_written(tmp_path: Path, mpsnet: Mpsnet, rig: Path) -> None:
+    shots(tmp_path / "shots", [7])
+    command = ["estimate", tmp_path / "shots", "--rig", rig, "--model", "lambertian", "--progress", "json"]
+    told = result(mpsnet(*command, "--confidence", tmp_path / "sure.png", "-o", tmp_path / "out"))
+    assert told["outputs"] == [str(tmp_path / "out" / "frame_0007_normals.png")]
+    assert (tmp_path / "sure.png").is_file()
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="file names of any bytes")
 @pytest.mark.parametrize("several", [False, True], ids=["one photo", "a folder"])
 def test_names_that_are_not_utf8_get_one_sentence(tmp_path: Path, mpsnet: Mpsnet, rig: Path, several: bool) -> None:
