@@ -123,7 +123,7 @@ def read_capture(
     image = read_image(path, encoding=encoding, layer=layer)
     try:
         capture = capture_from(
-            image, rig, mask=mask, encoding=encoding, camera=camera, depth=depth, correction=correction
+            image, rig, mask=mask, encoding=encoding, layer=layer, camera=camera, depth=depth, correction=correction
         )
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
@@ -137,6 +137,7 @@ def capture_from(
     *,
     mask: str | os.PathLike[str] | None = None,
     encoding: Encoding = "auto",
+    layer: str | None = None,
     camera: Camera | float | None = None,
     depth: NDArray[np.float32] | float | None = None,
     correction: Correction | None = None,
@@ -150,7 +151,7 @@ def capture_from(
     height, width, _ = image.pixels.shape
     if camera is not None and not isinstance(camera, Camera):
         camera = camera_of_lens(camera, width, height)
-    inside = find_mask(image, mask, encoding=encoding, correction=correction)
+    inside = find_mask(image, mask, encoding=encoding, layer=layer, correction=correction)
     distances = depth_within(inside, depth, rig)
     return Capture(image.pixels, inside, rig, camera, image.clip, distances, image.clipped)
 

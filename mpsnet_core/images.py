@@ -95,6 +95,13 @@ def image_layers(path: str | os.PathLike[str]) -> list[str]:
         source.close()
 
 
+def layer_in(path: str | os.PathLike[str], layer: str | None) -> str | None:
+    """The layer to read of a file that goes with a photo whose `layer` is taken: the same, where there is a choice."""
+    if layer is None or Path(path).suffix.lower() in RAW_SUFFIXES:
+        return None
+    return layer if len(image_layers(path)) > 1 else None
+
+
 def read_image(path: str | os.PathLike[str], *, encoding: Encoding = "auto", layer: str | None = None) -> Image:
     """Read a colour image; camera raw files too, where rawpy is installed (:mod:`mpsnet_core.raw`).
 

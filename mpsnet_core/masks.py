@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mpsnet_core.bands import bands
 from mpsnet_core.correction import Correction, corrected
 from mpsnet_core.errors import InputError
-from mpsnet_core.images import Encoding, Image, read_image, read_mask
+from mpsnet_core.images import Encoding, Image, layer_in, read_image, read_mask
 from mpsnet_core.regions import filled, grown, labelled, shrunk, without_specks
 
 log = logging.getLogger(__name__)
@@ -40,6 +40,7 @@ def find_mask(
     choice: str | os.PathLike[str] | None,
     *,
     encoding: Encoding = "auto",
+    layer: str | None = None,
     correction: Correction | None = None,
 ) -> NDArray[np.bool_]:
     """The object's pixels in a photo, (H, W) bool.
@@ -47,7 +48,8 @@ def find_mask(
     choice: a mask file; "alpha"; "none", the whole photo; "threshold:T", see :func:`threshold_mask`; "auto", see
         :func:`auto_mask`; "background:FILE", a photo of the same scene without the object, see
         :func:`background_mask`. None: alpha where the photo has it, else the whole photo.
-    encoding, correction: how the photo was read and corrected; the background's photo is too.
+    encoding, layer, correction: how the photo was read and corrected; the background's photo is too, but for the layer
+        where it has one alone.
 
     What there is to doubt about a mask is noted. Raises InputError where a file is missing or broken, or nothing
     stands out from the background.
@@ -69,7 +71,7 @@ def find_mask(
     if kind == "background":
         if not given:
             raise InputError("a mask by background names a photo of the scene without the object: background:FILE")
-        background = read_image(given, encoding=encoding)
+        background = read_image(given, encoding=encoding, layer=layer_in(given, layer))
         if correction is not None:
             background = corrected(background, correction)
         return background_mask(image.pixels, background.pixels)

@@ -58,7 +58,9 @@ def asked_correction(options: argparse.Namespace) -> "Correction | None":
 
     if options.dark is None and options.flat is None:
         return None
-    return read_correction(options.dark, options.flat, encoding=options.encoding, smooth=options.flat_smooth)
+    return read_correction(
+        options.dark, options.flat, encoding=options.encoding, layer=options.layer, smooth=options.flat_smooth
+    )
 
 
 def asked_place(options: argparse.Namespace) -> tuple[Any, Any]:

@@ -45,7 +45,7 @@ def _mask(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     try:
         if correction is not None:
             image = corrected(image, correction)
-        mask = find_mask(image, options.mask, encoding=options.encoding, correction=correction)
+        mask = find_mask(image, options.mask, encoding=options.encoding, layer=options.layer, correction=correction)
     except InputError as error:
         raise InputError(f"{options.image}: {error}") from None
     if mask.shape != image.pixels.shape[:2]:

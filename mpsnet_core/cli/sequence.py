@@ -97,6 +97,7 @@ def _run(
                 rig,
                 mask=frame.mask,
                 encoding=options.encoding,
+                layer=options.layer,
                 camera=camera,
                 depth=depth,
                 correction=correction,

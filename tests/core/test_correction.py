@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import Mpsnet
-from synthetic import Sphere, degrees_between, shaded_sphere, write_file
+from synthetic import Sphere, degrees_between, named, shaded_sphere, write_file, write_parts
 
 from mpsnet_core.capture import read_capture
 from mpsnet_core.correction import Correction, corrected, read_correction
@@ -170,6 +170,11 @@ def refused(correct: Callable[[], Any]) -> str:
 class TestBadInput:
     def read(self, **given: Any) -> Correction:
         return read_correction(**given, encoding="linear")
+
+    def test_a_layer_that_is_not_there(self, shots: Shots) -> None:
+        path = shots.folder / "dark.exr"
+        write_parts(path, [(None, {**named("A.", "RGB", fall_off()), **named("B.", "RGB", fall_off())})])
+        assert "dark.exr has no layer 'C'" in refused(lambda: read_correction(path, layer="C"))
 
     def test_missing(self, tmp_path: Path) -> None:
         assert "no.tif does not exist" in refused(lambda: self.read(dark=tmp_path / "no.tif"))

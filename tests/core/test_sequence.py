@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import Mpsnet
-from synthetic import degrees_between, listing, shaded_sphere, write_file
+from synthetic import degrees_between, listing, named, shaded_sphere, write_file, write_parts
 
 from mpsnet_core.capture import Capture, capture_from
 from mpsnet_core.errors import Cancelled, InputError
@@ -414,6 +414,30 @@ def test_results_over_the_files_of_a_pattern_are_refused(
     done = mpsnet(*command, option, tmp_path / "more" / "frame_####_normals.png")
     assert done.returncode == 2 and "the result would overwrite" in done.stderr
     assert contents(tmp_path / "more") == before
+
+
+@pytest.mark.parametrize("option", ["--dark", "--flat", "--mask"])
+@pytest.mark.parametrize("several", [False, True], ids=["one photo", "frames"])
+def test_a_layer_is_taken_of_every_photo(tmp_path: Path, mpsnet: Mpsnet, rig: Path, option: str, several: bool) -> None:
+    """Of the dark frame, flat field and background too, where they have more than one; B would spoil the normals."""
+    (tmp_path / "shots").mkdir()
+    wide = ((16, 16), (16, 16), (0, 0))
+    photo, normals, lit = np.pad(SPHERE.image, wide), np.pad(SPHERE.normals, wide), np.pad(SPHERE.lit, 16)
+    ones, given = np.ones(photo.shape), f"{'background:' * (option == '--mask')}{tmp_path / 'with.exr'}"
+    background = {"--dark": 0.05 * ones, "--flat": 0.5 * ones, "--mask": 0 * ones}[option]
+    spoilt = ones * np.linspace(0.1, 1, 80)[:, None, None]
+    for name, values in (("with", background), ("shots/frame_1", photo + background * (option == "--dark"))):
+        layers = {**named("A.", "RGB", values), **named("B.", "RGB", spoilt)}
+        write_parts(tmp_path / f"{name}.exr", [(None, layers)])
+    photos = tmp_path / "shots" if several else tmp_path / "shots" / "frame_1.exr"
+    command = ["estimate", photos, "--rig", rig, "--model", "lambertian", "--layer", "A", option, given]
+    told = result(mpsnet(*command, "-o", tmp_path / "normals.exr", "--progress", "json"))
+    assert told["outputs"] == [str(tmp_path / "normals.exr")]
+    found = read_normals(tmp_path / "normals.exr")
+    assert np.median(degrees_between(found.vectors, normals)[lit]) < 0.1
+    write_file(tmp_path / "with.exr", background, "float")
+    result(mpsnet(*command, "-o", tmp_path / "again.exr", "--progress", "json"))
+    np.testing.assert_array_equal(read_normals(tmp_path / "again.exr").vectors, found.vectors)
 
 
 @pytest.mark.parametrize("given", ["", "frame_####.png"], ids=["folder", "pattern"])
