@@ -146,6 +146,7 @@ def capture_from(
 
     Raises InputError where the mask cannot be read, or image, mask, camera and depth do not fit each other.
     """
+    check_fall_off(rig, correction)
     if correction is not None:
         image = corrected(image, correction)
     height, width, _ = image.pixels.shape
@@ -154,6 +155,15 @@ def capture_from(
     inside = find_mask(image, mask, encoding=encoding, layer=layer, correction=correction)
     distances = depth_within(inside, depth, rig)
     return Capture(image.pixels, inside, rig, camera, image.clip, distances, image.clipped)
+
+
+def check_fall_off(rig: LightRig, correction: Correction | None) -> None:
+    """Raises InputError where near lights' fall-off would be taken out twice: by the rig, and by a flat field."""
+    if rig.near is not None and correction is not None and correction.gain is not None:
+        raise InputError(
+            "the rig's lights stand near the object, and their fall-off is in the flat field too; leave the flat field "
+            "out, or give the lights as directions"
+        )
 
 
 def depth_within(

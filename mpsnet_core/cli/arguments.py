@@ -36,7 +36,10 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--dark", help="photo(s) with the three lights off, to take off: a file, or a folder or pattern to average"
     )
-    parser.add_argument("--flat", help="photo(s) of an even white card in the object's place, to divide by: as --dark")
+    parser.add_argument(
+        "--flat",
+        help="photo(s) of an even white card in the object's place, to divide by: as --dark; not with near lights",
+    )
     parser.add_argument(
         "--flat-smooth", type=int, default=0, metavar="PIXELS", help="leave out the card's grain, finer than so many"
     )
@@ -53,9 +56,14 @@ def add_place(parser: argparse.ArgumentParser) -> None:
 
 
 def asked_correction(options: argparse.Namespace) -> "Correction | None":
-    """Dark frame and flat field as :func:`add_reading` takes them, None where neither is given."""
+    """Dark frame and flat field as :func:`add_reading` takes them, None where neither is given.
+
+    Raises InputError as `read_correction` does, and where the flat field to smooth is lacking.
+    """
     from mpsnet_core.correction import read_correction
 
+    if options.flat_smooth and options.flat is None:
+        raise InputError("--flat-smooth smooths the flat field; give --flat, or leave it out")
     if options.dark is None and options.flat is None:
         return None
     return read_correction(
