@@ -12,7 +12,7 @@ from mpsnet_core.camera import Camera, camera_of_lens
 from mpsnet_core.correction import Correction, corrected
 from mpsnet_core.errors import InputError
 from mpsnet_core.images import Encoding, Image, read_image, saturated
-from mpsnet_core.masks import find_mask
+from mpsnet_core.masks import Notes, find_mask
 from mpsnet_core.rig import LightRig
 from mpsnet_core.surface.raster import grown
 
@@ -141,8 +141,11 @@ def capture_from(
     camera: Camera | float | None = None,
     depth: NDArray[np.float32] | float | None = None,
     correction: Correction | None = None,
+    notes: Notes = "all",
 ) -> Capture:
     """An image that has been read, a video's frame for instance, as a capture; all else as of :func:`read_capture`.
+
+    notes: what to tell of a mask that is found, see :func:`mpsnet_core.masks.find_mask`.
 
     Raises InputError where the mask cannot be read, or image, mask, camera and depth do not fit each other.
     """
@@ -152,7 +155,7 @@ def capture_from(
     height, width, _ = image.pixels.shape
     if camera is not None and not isinstance(camera, Camera):
         camera = camera_of_lens(camera, width, height)
-    inside = find_mask(image, mask, encoding=encoding, layer=layer, correction=correction)
+    inside = find_mask(image, mask, encoding=encoding, layer=layer, correction=correction, notes=notes)
     distances = depth_within(inside, depth, rig)
     return Capture(image.pixels, inside, rig, camera, image.clip, distances, image.clipped)
 

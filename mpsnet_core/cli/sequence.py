@@ -15,6 +15,7 @@ from mpsnet_core.estimate import Estimator
 from mpsnet_core.estimate.shelf import DEFAULT_MODEL, DEFAULT_TILE, LAMBERTIAN, LAMBERTIAN_GREY_WORLD, find_network
 from mpsnet_core.frames import check_apart, numbering, output_files
 from mpsnet_core.made_from import content, identity
+from mpsnet_core.masks import Notes
 from mpsnet_core.rig import LightRig
 from mpsnet_core.sequence.run import Outcome, estimate_sequence
 from mpsnet_core.sequence.smoothing import MAX_REACH
@@ -89,10 +90,13 @@ def _run(
 ) -> tuple[Outcome, dict[str, Any]]:
     correction, (camera, depth) = asked_correction(options), asked_place(options)
 
+    notes: Notes = "doubts"
+
     def take(frame: Frame) -> Capture:
+        nonlocal notes
         image = frame.read()
         try:
-            return capture_from(
+            capture = capture_from(
                 image,
                 rig,
                 mask=frame.mask,
@@ -101,9 +105,12 @@ def _run(
                 camera=camera,
                 depth=depth,
                 correction=correction,
+                notes=notes,
             )
         except InputError as error:
             raise InputError(f"{frame.name}: {error}") from None
+        notes = "none"  # the other frames are much like the first
+        return capture
 
     estimator = Estimator(
         options.model or DEFAULT_MODEL,

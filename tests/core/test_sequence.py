@@ -416,6 +416,28 @@ def test_results_over_the_files_of_a_pattern_are_refused(
     assert contents(tmp_path / "more") == before
 
 
+def test_masks_that_are_found_are_doubted_once(tmp_path: Path, mpsnet: Mpsnet, rig: Path) -> None:
+    """Of the first frame: each has another share, and meets another part of the border."""
+    (tmp_path / "shots").mkdir()
+    for number in range(1, 7):
+        scene = np.zeros((96, 96, 3))
+        top = 16 + 6 * number
+        scene[top : top + 48, 24:72] = SPHERE.image[: 96 - top]
+        write_file(tmp_path / "shots" / f"frame_{number}.exr", scene, "float")
+    command = ["estimate", "--rig", rig, "--model", "lambertian", "--mask", "auto", "--progress", "json"]
+    frames = ["frame_6.exr", "frame_1.exr", "frame_2.exr", "frame_3.exr", "frame_4.exr", "frame_5.exr"]
+    told = result(mpsnet(*command, *(tmp_path / "shots" / name for name in frames), "-o", tmp_path / "out"))
+    assert not [note for note in told["notes"] if "mask" in note], told["notes"]  # of frame 1, which is far from it
+    alone = result(mpsnet(*command, tmp_path / "shots" / "frame_6.exr", "-o", tmp_path / "6.png"))
+    [share] = [note for note in alone["notes"] if "the mask covers" in note]
+    [doubt] = [note for note in alone["notes"] if "the mask meets" in note]
+    for name in ("frame_1.exr", "frame_2.exr", "frame_3.exr"):
+        (tmp_path / "shots" / name).unlink()
+    (tmp_path / "shots" / "frame_6.exr").rename(tmp_path / "shots" / "frame_2.exr")
+    told = result(mpsnet(*command, tmp_path / "shots", "-o", tmp_path / "out2"))
+    assert [note for note in told["notes"] if "mask" in note] == [doubt] and share not in told["notes"]
+
+
 @pytest.mark.parametrize("option", ["--dark", "--flat", "--mask"])
 @pytest.mark.parametrize("several", [False, True], ids=["one photo", "frames"])
 def test_a_layer_is_taken_of_every_photo(tmp_path: Path, mpsnet: Mpsnet, rig: Path, option: str, several: bool) -> None:
