@@ -8,6 +8,7 @@ from mpsnet_core.errors import InputError
 
 if TYPE_CHECKING:
     from mpsnet_core.correction import Correction
+    from mpsnet_core.estimate import Estimator
 
 
 class Help(argparse.ArgumentDefaultsHelpFormatter):
@@ -53,6 +54,29 @@ def add_place(parser: argparse.ArgumentParser) -> None:
         "--mesh", help="the object's mesh in the camera's world: how far each pixel is from near lights"
     )
     parser.add_argument("--distance", type=float, help="in its place one distance of the object from the camera")
+
+
+def add_network(parser: argparse.ArgumentParser) -> None:
+    """Which model estimates the normals, and how networks run."""
+    parser.add_argument("--model", help="a name of `mpsnet models` or an .onnx file; multiscale unless given")
+    parser.add_argument(
+        "--provider", default="cpu", choices=("cpu", "cuda", "directml", "coreml"), help="what runs networks"
+    )
+    parser.add_argument("--threads", type=int, default=0, help="CPU threads for networks, 0 for all")
+    parser.add_argument("--tile", type=int, help="tile side in pixels for networks (default: 448)")
+
+
+def asked_estimator(options: argparse.Namespace) -> "Estimator":
+    """The estimator that options of :func:`add_network` ask for."""
+    from mpsnet_core.estimate import Estimator
+    from mpsnet_core.estimate.shelf import DEFAULT_MODEL, DEFAULT_TILE
+
+    return Estimator(
+        options.model or DEFAULT_MODEL,
+        provider=options.provider,
+        threads=options.threads,
+        tile=DEFAULT_TILE if options.tile is None else options.tile,
+    )
 
 
 def asked_correction(options: argparse.Namespace) -> "Correction | None":

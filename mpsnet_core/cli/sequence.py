@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from mpsnet_core.capture import Capture, capture_from
-from mpsnet_core.cli.arguments import asked_correction, asked_place, read_files
+from mpsnet_core.cli.arguments import asked_correction, asked_estimator, asked_place, read_files
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.errors import InputError
-from mpsnet_core.estimate import Estimator
-from mpsnet_core.estimate.shelf import DEFAULT_MODEL, DEFAULT_TILE, LAMBERTIAN, LAMBERTIAN_GREY_WORLD, find_network
+from mpsnet_core.estimate.shelf import DEFAULT_MODEL, LAMBERTIAN, LAMBERTIAN_GREY_WORLD, find_network
 from mpsnet_core.frames import check_apart, numbering, output_files
 from mpsnet_core.made_from import content, identity
 from mpsnet_core.masks import Notes
@@ -112,16 +111,10 @@ def _run(
         notes = "none"  # the other frames are much like the first
         return capture
 
-    estimator = Estimator(
-        options.model or DEFAULT_MODEL,
-        provider=options.provider,
-        threads=options.threads,
-        tile=DEFAULT_TILE if options.tile is None else options.tile,
-    )
     outcome = estimate_sequence(
         frames,
         take,
-        estimator,
+        asked_estimator(options),
         recipe=_recipe(options),
         smooth=options.smooth,
         step=step,
