@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import IMAGE_SUFFIXES, PHOTO_SUFFIXES, RAW_SUFFIXES, writable_path
+from mpsnet_core.files import IMAGE_SUFFIXES, PHOTO_SUFFIXES, RAW_SUFFIXES, makeable_folder, writable_path
 from mpsnet_core.images import checked_bits
 
 # What a photo's name is given to name its normals.
@@ -147,11 +147,7 @@ def output_files(photos: Sequence[Path], output: str | os.PathLike[str], suffix:
         checked_bits(target)
         check_apart(photos, [target])
         return [writable_path(target)]
-    if not target.is_dir():
-        if target.is_file() or target.suffix.lower() in PHOTO_SUFFIXES:
-            raise InputError(f"{target} is one file, but there are {len(photos)} photos; give a folder")
-        if not target.parent.is_dir():
-            raise InputError(f"cannot make folder {target}: {target.parent} does not exist; create it first")
+    results_folder(target, f"there are {len(photos)} photos")
     checked_bits(Path(f"normals{suffix}"))
     numbered = numbering(photos)
     stems = numbered.stems if numbered else [photo.stem for photo in photos]
@@ -161,6 +157,17 @@ def output_files(photos: Sequence[Path], output: str | os.PathLike[str], suffix:
         raise InputError(f"two photos would both be written to {twice}; rename one or estimate them apart")
     check_apart(photos, files)
     return files
+
+
+def results_folder(output: str | os.PathLike[str], given: str) -> Path:
+    """The folder for the normals of several pictures, which is made with the first of them.
+
+    given: what asks for a folder, for people. Raises InputError where `output` names a file, or cannot be made.
+    """
+    target = Path(output)
+    if not target.is_dir() and (target.exists() or target.suffix.lower() in PHOTO_SUFFIXES):
+        raise InputError(f"{target} is one file, but {given}; give a folder")
+    return makeable_folder(target, "normals")
 
 
 def check_apart(taken: Iterable[str | os.PathLike[str]], outputs: Iterable[str | os.PathLike[str]]) -> None:

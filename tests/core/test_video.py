@@ -317,6 +317,7 @@ def test_a_videos_results_over_its_masks_are_refused(
         (["--confidence", "c.png"], "--confidence takes one photo at a time"),
         (["--format", "gif"], "gif is not an image format of ours"),
         (["-o", "out.png"], "out.png is one file, but .*turn.mkv is a video; give a folder"),
+        (["-o", "out.dng"], "out.dng is one file, but .*turn.mkv is a video; give a folder"),
         (["-o", "no/where"], "no does not exist; create it first"),
     ],
 )
