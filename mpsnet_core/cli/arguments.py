@@ -128,8 +128,7 @@ def read_files(options: argparse.Namespace) -> list[Path]:
     from mpsnet_core.masks import mask_source
 
     mask = None if options.mask in (None, "mesh") else mask_source(options.mask)  # mesh is a word of views
-    place = (getattr(options, "camera", None), getattr(options, "mesh", None))
-    files: list[Path] = []
-    for given in filter(None, (mask, options.dark, options.flat, *place)):
+    files = [Path(given) for given in (getattr(options, "camera", None), getattr(options, "mesh", None)) if given]
+    for given in filter(None, (mask, options.dark, options.flat)):
         files += expand_images([given]) if is_several(given) else [Path(given)]
     return files
