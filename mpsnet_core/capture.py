@@ -12,14 +12,16 @@ from mpsnet_core.camera import Camera, camera_of_lens
 from mpsnet_core.correction import Correction, corrected
 from mpsnet_core.errors import InputError
 from mpsnet_core.images import Encoding, Image, read_image, saturated
-from mpsnet_core.masks import find_mask
-from mpsnet_core.rig import LightRig
+from mpsnet_core.masks import Notes, find_mask
+from mpsnet_core.rig import LightRig, NearLights
 from mpsnet_core.surface.raster import grown
 
 log = logging.getLogger(__name__)
 
 # A mesh that covers less of the mask than this hardly belongs to the photo.
 LEAST_KNOWN = 0.8
+# An object that is this many times nearer or farther than the lights' target is hardly in the rig's unit.
+MOST_OFF = 2.0
 # Pixels by which a mesh's depth is continued where the mask is larger than the mesh.
 DEPTH_MARGIN = 32
 
@@ -123,7 +125,7 @@ def read_capture(
     image = read_image(path, encoding=encoding, layer=layer)
     try:
         capture = capture_from(
-            image, rig, mask=mask, encoding=encoding, camera=camera, depth=depth, correction=correction
+            image, rig, mask=mask, encoding=encoding, layer=layer, camera=camera, depth=depth, correction=correction
         )
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
@@ -137,15 +139,19 @@ def capture_from(
     *,
     mask: str | os.PathLike[str] | None = None,
     encoding: Encoding = "auto",
+    layer: str | None = None,
     camera: Camera | float | None = None,
     depth: NDArray[np.float32] | float | None = None,
     correction: Correction | None = None,
+    notes: Notes = "all",
 ) -> Capture:
     """An image that has been read, a video's frame for instance, as a capture; all else as of :func:`read_capture`.
 
+    notes: what to tell of a mask that is found, see :func:`mpsnet_core.masks.find_mask`.
+
     Raises InputError where the mask cannot be read, or image, mask, camera and depth do not fit each other.
     """
-    image, inside = taken_in(image, mask, encoding, correction)
+    image, inside = taken_in(image, rig, mask, encoding=encoding, layer=layer, correction=correction, notes=notes)
     height, width, _ = image.pixels.shape
     if camera is not None and not isinstance(camera, Camera):
         camera = camera_of_lens(camera, width, height)
@@ -153,12 +159,20 @@ def capture_from(
 
 
 def taken_in(
-    image: Image, mask: str | os.PathLike[str] | None, encoding: Encoding, correction: Correction | None
+    image: Image,
+    rig: LightRig,
+    mask: str | os.PathLike[str] | None,
+    *,
+    encoding: Encoding = "auto",
+    layer: str | None = None,
+    correction: Correction | None = None,
+    notes: Notes = "all",
 ) -> tuple[Image, NDArray[np.bool_]]:
-    """The image without what camera and lights add, and (H, W) its mask; all as of :func:`read_capture`."""
+    """The image without what camera and lights add, and (H, W) its mask; all as of :func:`capture_from`."""
+    check_fall_off(rig, correction)
     if correction is not None:
         image = corrected(image, correction)
-    return image, find_mask(image, mask, encoding=encoding, correction=correction)
+    return image, find_mask(image, mask, encoding=encoding, layer=layer, correction=correction, notes=notes)
 
 
 def capture_of(
@@ -170,6 +184,15 @@ def capture_of(
 ) -> Capture:
     """What :func:`taken_in` gave as a capture. depth: as of :func:`read_capture`."""
     return Capture(image.pixels, mask, rig, camera, image.clip, depth_within(mask, depth, rig), image.clipped)
+
+
+def check_fall_off(rig: LightRig, correction: Correction | None) -> None:
+    """Raises InputError where near lights' fall-off would be taken out twice: by the rig, and by a flat field."""
+    if rig.near is not None and correction is not None and correction.gain is not None:
+        raise InputError(
+            "the rig's lights stand near the object, and their fall-off is in the flat field too; leave the flat field "
+            "out, or give the lights as directions"
+        )
 
 
 def depth_within(
@@ -187,6 +210,9 @@ def depth_within(
         depth = -float(rig.near.target[2])
         log.info("the object is taken as flat, %.4g in front of the camera as the lights' target is", depth)
     if not isinstance(depth, np.ndarray):
+        if not (np.isfinite(depth) and depth > 0):
+            raise InputError(f"the object's distance is a number above 0, not {depth:g}")
+        _note_unit(depth, rig.near)
         return np.full(mask.shape, depth, np.float32)
     if depth.shape != mask.shape:
         raise InputError(f"the camera is {_size(depth)} but the photo is {_size(mask)}; they must be the same size")
@@ -199,9 +225,21 @@ def depth_within(
             "the mesh covers %.0f%% of the mask: do camera, mesh and mask belong to this photo?",
             100 * inside / mask.sum(),
         )
+    _note_unit(float(np.median(depth[known & mask])), rig.near)
     # Beside the mesh, its nearest pixel's depth, and far from it the mean.
     filled = np.where(known, depth, depth[known & mask].mean())[..., None]
     return grown(filled, known, DEPTH_MARGIN)[..., 0]
+
+
+def _note_unit(distance: float, near: NearLights) -> None:
+    """Tell of an object that is far from what the lights are turned to: most likely in another unit."""
+    expected = -float(near.target[2])
+    if not expected / MOST_OFF < distance < expected * MOST_OFF:
+        log.info(
+            "the object is %.3g away, but the lights' target %.3g: are camera, mesh and rig in one unit?",
+            distance,
+            expected,
+        )
 
 
 def note_doubts(capture: Capture, name: str = "") -> None:

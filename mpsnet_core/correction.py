@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mpsnet_core.bands import bands
 from mpsnet_core.errors import InputError
 from mpsnet_core.frames import expand_images
-from mpsnet_core.images import Encoding, Image, read_image
+from mpsnet_core.images import Encoding, Image, layer_in, read_image
 
 log = logging.getLogger(__name__)
 
@@ -42,14 +42,15 @@ def read_correction(
     flat: str | os.PathLike[str] | None = None,
     *,
     encoding: Encoding = "auto",
+    layer: str | None = None,
     smooth: int = 0,
 ) -> Correction:
     """Read dark frames and flat fields; each a file, or a folder or pattern of frames, of which the mean is taken.
 
     dark: photos without the three lights, else as the photo: same exposure and sensitivity, lens covered or the room
         as it was. flat: photos of an evenly white, matt card in the object's place, under the same lights and lens.
-    encoding: as in :func:`mpsnet_core.images.read_image`. smooth: the flat field without detail finer than so many
-        pixels, for a card whose grain shows; 0 as it is.
+    encoding: as in :func:`mpsnet_core.images.read_image`. layer: of the files that have several. smooth: the flat field
+        without detail finer than so many pixels, for a card whose grain shows; 0 as it is.
 
     The dark frame is taken off the flat field too, and the flat field is what then remains, each channel divided by
     its mean in the middle third of the picture: so unequal lights stay unequal, and the middle keeps its brightness.
@@ -61,11 +62,11 @@ def read_correction(
         raise InputError(f"a flat field can be smoothed over 0 pixels or more, not {smooth}")
     level = gain = unusable = exposure_time = None
     if dark is not None:
-        level, unusable, exposure_time = _mean_frame(dark, encoding)
+        level, unusable, exposure_time = _mean_frame(dark, encoding, layer)
         if unusable.mean() > BAD_SHARE:
             raise InputError(f"{dark} is no dark frame: it is overexposed; switch the three lights off, or expose less")
     if flat is not None:
-        field, clipped, _ = _mean_frame(flat, encoding)
+        field, clipped, _ = _mean_frame(flat, encoding, layer)
         if clipped.mean() > BAD_SHARE:
             raise InputError(f"{clipped.mean():.1%} of the flat field {flat} is overexposed; expose it shorter")
         if level is not None:
@@ -112,14 +113,14 @@ def _note_exposure(image: Image, correction: Correction) -> None:
 
 
 def _mean_frame(
-    given: str | os.PathLike[str], encoding: Encoding
+    given: str | os.PathLike[str], encoding: Encoding, layer: str | None
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_], float | None]:
     """(H, W, 3) the mean of all frames, (H, W, 3) where any is at its end, and the first one's exposure time."""
     first, *others = expand_images([given])
-    image = read_image(first, encoding=encoding)
+    image = read_image(first, encoding=encoding, layer=layer_in(first, layer))
     total, clipped, exposure_time = image.pixels, image.saturated, image.exposure_time
     for other in others:
-        image = read_image(other, encoding=encoding)
+        image = read_image(other, encoding=encoding, layer=layer_in(other, layer))
         _same_size(str(other), image.pixels, str(first), total)
         total = total + image.pixels
         clipped = clipped | image.saturated

@@ -60,13 +60,19 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
     return path
 
 
-def made_folder(path: str | os.PathLike[str], what: str) -> Path:
-    """`path` as a folder, made where it is missing; `what` is to be put there. InputError where it cannot be."""
+def makeable_folder(path: str | os.PathLike[str], what: str) -> Path:
+    """`path` as a Path, or InputError where it is no folder for `what` and none can be made; asked before long work."""
     path = Path(path)
     if path.exists() and not path.is_dir():
         raise InputError(f"{path} is a file; name a folder for the {what}")
     if not path.parent.is_dir():
         raise InputError(f"cannot make folder {path}: {path.parent} does not exist; create it first")
+    return path
+
+
+def made_folder(path: str | os.PathLike[str], what: str) -> Path:
+    """`path` as a folder, made where it is missing; `what` is to be put there. InputError where it cannot be."""
+    path = makeable_folder(path, what)
     try:
         path.mkdir(exist_ok=True)
     except OSError as error:

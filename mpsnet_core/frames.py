@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import IMAGE_SUFFIXES, PHOTO_SUFFIXES, RAW_SUFFIXES, writable_path
+from mpsnet_core.files import IMAGE_SUFFIXES, PHOTO_SUFFIXES, RAW_SUFFIXES, makeable_folder, writable_path
 from mpsnet_core.images import checked_bits
 
 # What a photo's name is given to name its normals.
@@ -22,7 +22,7 @@ NAMED_GAPS = 5
 
 @dataclass(frozen=True)
 class Numbering:
-    """The numbers of files whose names differ in one run of digits alone: the frames of a sequence.
+    """The numbers of files whose names differ in one run of digits alone, or of one file by its last: of a sequence.
 
     head, tail: the names without suffix, before and behind the digits. digits: of each file, as written.
     """
@@ -44,22 +44,30 @@ class Numbering:
         return [f"{self.head.rstrip('_.- ')}{self.tail}_{digits}" for digits in self.digits]
 
     @property
+    def step(self) -> int:
+        """How far apart the numbers of two frames are that follow each other: the smallest distance of any two."""
+        return min((b - a for a, b in itertools.pairwise(sorted(self.numbers))), default=1)
+
+    @property
     def gaps(self) -> str:
         """The numbers that are missing between the first and the last, in words; "" where none is."""
-        numbers = sorted(self.numbers)
-        gaps = [
-            str(a + 1) if b - a == 2 else f"{a + 1} to {b - 1}" for a, b in itertools.pairwise(numbers) if b - a > 1
-        ]
+        step, gaps = self.step, []
+        for a, b in itertools.pairwise(sorted(self.numbers)):
+            first, last = a + step, a + (b - a - 1) // step * step
+            if first <= last:
+                gaps.append(str(first) if first == last else f"{first} to {last}")
         return ", ".join(gaps[:NAMED_GAPS] + ["and more"] * (len(gaps) > NAMED_GAPS))
 
 
 def numbering(files: Sequence[Path]) -> Numbering | None:
     """The numbers of `files`, or None where they are no sequence: names that differ in more, or a number twice."""
     names = [re.split("([0-9]+)", file.stem) for file in files]
-    if len({len(name) for name in names}) != 1 or len(files) < 2:
+    if len({len(name) for name in names}) != 1:
         return None
     columns = list(zip(*names, strict=True))
     differing = [place for place, column in enumerate(columns) if len(set(column)) > 1]
+    if len(files) == 1 and len(columns) > 1:
+        differing = [len(columns) - 2]
     if len(differing) != 1 or differing[0] % 2 == 0:  # text stands at even places, digits between
         return None
     place = differing[0]
@@ -139,11 +147,7 @@ def output_files(photos: Sequence[Path], output: str | os.PathLike[str], suffix:
         checked_bits(target)
         check_apart(photos, [target])
         return [writable_path(target)]
-    if not target.is_dir():
-        if target.is_file() or target.suffix.lower() in PHOTO_SUFFIXES:
-            raise InputError(f"{target} is one file, but there are {len(photos)} photos; give a folder")
-        if not target.parent.is_dir():
-            raise InputError(f"cannot make folder {target}: {target.parent} does not exist; create it first")
+    results_folder(target, f"there are {len(photos)} photos")
     checked_bits(Path(f"normals{suffix}"))
     numbered = numbering(photos)
     stems = numbered.stems if numbered else [photo.stem for photo in photos]
@@ -153,6 +157,17 @@ def output_files(photos: Sequence[Path], output: str | os.PathLike[str], suffix:
         raise InputError(f"two photos would both be written to {twice}; rename one or estimate them apart")
     check_apart(photos, files)
     return files
+
+
+def results_folder(output: str | os.PathLike[str], given: str) -> Path:
+    """The folder for the normals of several pictures, which is made with the first of them.
+
+    given: what asks for a folder, for people. Raises InputError where `output` names a file, or cannot be made.
+    """
+    target = Path(output)
+    if not target.is_dir() and (target.exists() or target.suffix.lower() in PHOTO_SUFFIXES):
+        raise InputError(f"{target} is one file, but {given}; give a folder")
+    return makeable_folder(target, "normals")
 
 
 def check_apart(taken: Iterable[str | os.PathLike[str]], outputs: Iterable[str | os.PathLike[str]]) -> None:

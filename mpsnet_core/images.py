@@ -95,6 +95,13 @@ def image_layers(path: str | os.PathLike[str]) -> list[str]:
         source.close()
 
 
+def layer_in(path: str | os.PathLike[str], layer: str | None) -> str | None:
+    """The layer to read of a file that goes with a photo whose `layer` is taken: the same, where there is a choice."""
+    if layer is None or Path(path).suffix.lower() in RAW_SUFFIXES:
+        return None
+    return layer if len(image_layers(path)) > 1 else None
+
+
 def read_image(path: str | os.PathLike[str], *, encoding: Encoding = "auto", layer: str | None = None) -> Image:
     """Read a colour image; camera raw files too, where rawpy is installed (:mod:`mpsnet_core.raw`).
 
@@ -256,8 +263,11 @@ def write_image(
 
 
 def image_description(path: str | os.PathLike[str]) -> str:
-    """The line of text that an image file keeps, "" where it has none or cannot be read as an image."""
-    source = oiio.ImageInput.open(os.fspath(path))
+    """The line of text that an image file keeps, "" where it has none or cannot be read as an image.
+
+    Raises InputError where the file's name is not valid UTF-8.
+    """
+    source = _input(path)
     if source is None:
         oiio.geterror()
         return ""
@@ -297,14 +307,19 @@ def checked_bits(path: Path, bits: int | None = None) -> int:
 def _open(path: Path) -> Any:
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
-    try:
-        source = oiio.ImageInput.open(str(path), config)
-    except (TypeError, UnicodeError):
-        raise InputError(f"{path!a} cannot be opened: its name is not valid UTF-8; rename it") from None
+    source = _input(path, config)
     if source is None:
         reason = " ".join(oiio.geterror().split())
         raise InputError(f"{path} cannot be read as an image ({reason}); is it PNG, JPEG, TIFF or EXR, and whole?")
     return source
+
+
+def _input(path: str | os.PathLike[str], *config: Any) -> Any:
+    """OpenImageIO's reader of a file, None where it is no image. Raises InputError where its name cannot be passed."""
+    try:
+        return oiio.ImageInput.open(os.fspath(path), *config)
+    except (TypeError, UnicodeError):
+        raise InputError(f"{os.fspath(path)!a} cannot be opened: its name is not valid UTF-8; rename it") from None
 
 
 def _layers(source: Any, path: Path) -> dict[str, _Layer]:

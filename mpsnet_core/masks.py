@@ -3,7 +3,7 @@
 import logging
 import os
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from mpsnet_core.bands import bands
 from mpsnet_core.correction import Correction, corrected
 from mpsnet_core.errors import InputError
-from mpsnet_core.images import Encoding, Image, read_image, read_mask
+from mpsnet_core.images import Encoding, Image, layer_in, read_image, read_mask
 from mpsnet_core.regions import filled, grown, labelled, shrunk, without_specks
 
 log = logging.getLogger(__name__)
+
+Notes = Literal["all", "doubts", "none"]
 
 # Object and background are told apart in a picture of at most this side; the outline is then drawn at full size,
 # within so many of that picture's pixels.
@@ -40,16 +42,21 @@ def find_mask(
     choice: str | os.PathLike[str] | None,
     *,
     encoding: Encoding = "auto",
+    layer: str | None = None,
     correction: Correction | None = None,
+    notes: Notes = "all",
 ) -> NDArray[np.bool_]:
     """The object's pixels in a photo, (H, W) bool.
 
     choice: a mask file; "alpha"; "none", the whole photo; "threshold:T", see :func:`threshold_mask`; "auto", see
         :func:`auto_mask`; "background:FILE", a photo of the same scene without the object, see
         :func:`background_mask`. None: alpha where the photo has it, else the whole photo.
-    encoding, correction: how the photo was read and corrected; the background's photo is too.
+    encoding, layer, correction: how the photo was read and corrected; the background's photo is too, but for the layer
+        where it has one alone.
 
-    What there is to doubt about a mask is noted. Raises InputError where a file is missing or broken, or nothing
+    notes: what to tell of a mask that is found: "all", its size and "doubts", or "none".
+
+    Raises InputError where a file is missing or broken, or nothing
     stands out from the background.
     """
     words = "" if choice is None else os.fspath(choice)
@@ -63,17 +70,25 @@ def find_mask(
             raise InputError("the photo has no alpha channel to take the mask from; give a mask file or a threshold")
         return image.alpha > 0.5
     if words == "auto":
-        return auto_mask(image.pixels)
+        return auto_mask(image.pixels, notes)
     if kind == "threshold":
         return threshold_mask(image.pixels, given)
     if kind == "background":
         if not given:
             raise InputError("a mask by background names a photo of the scene without the object: background:FILE")
-        background = read_image(given, encoding=encoding)
+        background = read_image(given, encoding=encoding, layer=layer_in(given, layer))
         if correction is not None:
             background = corrected(background, correction)
-        return background_mask(image.pixels, background.pixels)
+        return background_mask(image.pixels, background.pixels, notes)
     return read_mask(words)
+
+
+def mask_source(choice: str) -> str | None:
+    """The file, folder or pattern that a choice of mask names, None where it is a word: that a folder may be called so
+    too changes nothing."""
+    if choice in ("alpha", "auto", "none") or choice.startswith("threshold:"):
+        return None
+    return choice.removeprefix("background:")
 
 
 def threshold_mask(pixels: NDArray[np.float32], threshold: str | float) -> NDArray[np.bool_]:
@@ -88,7 +103,7 @@ def threshold_mask(pixels: NDArray[np.float32], threshold: str | float) -> NDArr
     return brightest > level * np.percentile(brightest, 99.9)
 
 
-def auto_mask(pixels: NDArray[np.float32]) -> NDArray[np.bool_]:
+def auto_mask(pixels: NDArray[np.float32], notes: Notes = "all") -> NDArray[np.bool_]:
     """(H, W) the object before a dark or plain background, which takes up most of the picture's border.
 
     pixels: (H, W, 3) linear. The background is a smooth surface (a quadratic in x and y for each channel) through the
@@ -108,10 +123,12 @@ def auto_mask(pixels: NDArray[np.float32]) -> NDArray[np.bool_]:
         lines, columns = np.arange(rows.start, rows.stop) // factor, np.arange(pixels.shape[1]) // factor
         return _contrast(_on_screen(pixels[rows], white), behind[lines][:, columns])
 
-    return _outlined(_standing_out(photo, behind), contrast, factor, pixels.shape[:2])
+    return _outlined(_standing_out(photo, behind, notes), contrast, factor, pixels.shape[:2])
 
 
-def background_mask(pixels: NDArray[np.float32], background: NDArray[np.float32]) -> NDArray[np.bool_]:
+def background_mask(
+    pixels: NDArray[np.float32], background: NDArray[np.float32], notes: Notes = "all"
+) -> NDArray[np.bool_]:
     """(H, W) where the photo differs from one of the same scene without the object.
 
     pixels, background: (H, W, 3) linear, under the same lights. The exposure may differ: the ratio is taken from the
@@ -131,7 +148,7 @@ def background_mask(pixels: NDArray[np.float32], background: NDArray[np.float32]
     def contrast(rows: slice) -> NDArray[np.float32]:
         return _contrast(_on_screen(pixels[rows], white), _on_screen(background[rows], scale))
 
-    return _outlined(_standing_out(photo, behind), contrast, factor, pixels.shape[:2])
+    return _outlined(_standing_out(photo, behind, notes), contrast, factor, pixels.shape[:2])
 
 
 # --- what stands out --------------------------------------------------------------------------------------------------
@@ -144,7 +161,7 @@ class _Found(NamedTuple):
     threshold: float
 
 
-def _standing_out(photo: NDArray[np.float32], behind: NDArray[np.float32]) -> _Found:
+def _standing_out(photo: NDArray[np.float32], behind: NDArray[np.float32], notes: Notes) -> _Found:
     """The object where a photo differs from what is behind it, both (H, W, 3) on the screen's scale."""
     contrast = _contrast(photo, behind)
     at_border = contrast[_border(contrast.shape)]
@@ -155,7 +172,11 @@ def _standing_out(photo: NDArray[np.float32], behind: NDArray[np.float32]) -> _F
     mask = _mended(contrast > threshold, contrast, threshold, dark=float(np.median(behind)) < DARK)
     if not mask.any() or (clearness < CLEAR and mask.mean() < NOISE_SHARE):
         raise InputError("no object stands out from the background; give a mask file, or a photo of the background")
-    _note_doubts(mask, clearness)
+    if notes == "all":
+        share = 100 * mask.mean()
+        log.info("the mask covers %.1f%% of the photo; it is clear by %.2f, where 1 is wholly", share, clearness)
+    if notes != "none":
+        _note_doubts(mask, clearness)
     return _Found(mask, threshold)
 
 
@@ -179,7 +200,6 @@ def _mended(
 
 def _note_doubts(mask: NDArray[np.bool_], clearness: float) -> None:
     share, touching = mask.mean(), mask[_border(mask.shape, 1)].mean()
-    log.info("the mask covers %.1f%% of the photo; it is clear by %.2f, where 1 is wholly", 100 * share, clearness)
     if clearness < CLEAR:
         log.warning("object and background hardly differ in places: look at the mask before you use it")
     if touching > 0.01:

@@ -149,7 +149,10 @@ class Photography:
 
     def _capture(self, view: ViewPhoto, scene: RayScene) -> Capture:
         image = read_image(view.photo, encoding=self.encoding, layer=self.layer)
-        image, mask = taken_in(image, self.mask_of(view), self.encoding, self.correction)
+        rig = self.rig_of(view.camera)
+        image, mask = taken_in(
+            image, rig, self.mask_of(view), encoding=self.encoding, layer=self.layer, correction=self.correction
+        )
         if view.lens is not None and not view.lens.is_identity:
             from mpsnet_core.photogrammetry import undistorted, undistorted_mask
 
@@ -166,7 +169,6 @@ class Photography:
                 mask = mask & mesh_mask(view.camera, scene)
             if not mask.any():
                 raise InputError("its camera does not see the mesh; do the cameras and the mesh share one world?")
-        rig = self.rig_of(view.camera)
         depth = depth_of_mesh(view.camera, scene) if rig.near is not None else None
         return capture_of(image, mask, rig, view.camera, depth)
 

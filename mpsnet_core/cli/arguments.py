@@ -1,12 +1,14 @@
 """How the command line takes its arguments."""
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from mpsnet_core.errors import InputError
 
 if TYPE_CHECKING:
     from mpsnet_core.correction import Correction
+    from mpsnet_core.estimate import Estimator
 
 
 class Help(argparse.ArgumentDefaultsHelpFormatter):
@@ -35,7 +37,10 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--dark", help="photo(s) with the three lights off, to take off: a file, or a folder or pattern to average"
     )
-    parser.add_argument("--flat", help="photo(s) of an even white card in the object's place, to divide by: as --dark")
+    parser.add_argument(
+        "--flat",
+        help="photo(s) of an even white card in the object's place, to divide by: as --dark; not with near lights",
+    )
     parser.add_argument(
         "--flat-smooth", type=int, default=0, metavar="PIXELS", help="leave out the card's grain, finer than so many"
     )
@@ -51,13 +56,43 @@ def add_place(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--distance", type=float, help="in its place one distance of the object from the camera")
 
 
+def add_network(parser: argparse.ArgumentParser) -> None:
+    """Which model estimates the normals, and how networks run."""
+    parser.add_argument("--model", help="a name of `mpsnet models` or an .onnx file; multiscale unless given")
+    parser.add_argument(
+        "--provider", default="cpu", choices=("cpu", "cuda", "directml", "coreml"), help="what runs networks"
+    )
+    parser.add_argument("--threads", type=int, default=0, help="CPU threads for networks, 0 for all")
+    parser.add_argument("--tile", type=int, help="tile side in pixels for networks (default: 448)")
+
+
+def asked_estimator(options: argparse.Namespace) -> "Estimator":
+    """The estimator that options of :func:`add_network` ask for."""
+    from mpsnet_core.estimate import Estimator
+    from mpsnet_core.estimate.shelf import DEFAULT_MODEL, DEFAULT_TILE
+
+    return Estimator(
+        options.model or DEFAULT_MODEL,
+        provider=options.provider,
+        threads=options.threads,
+        tile=DEFAULT_TILE if options.tile is None else options.tile,
+    )
+
+
 def asked_correction(options: argparse.Namespace) -> "Correction | None":
-    """Dark frame and flat field as :func:`add_reading` takes them, None where neither is given."""
+    """Dark frame and flat field as :func:`add_reading` takes them, None where neither is given.
+
+    Raises InputError as `read_correction` does, and where the flat field to smooth is lacking.
+    """
     from mpsnet_core.correction import read_correction
 
+    if options.flat_smooth and options.flat is None:
+        raise InputError("--flat-smooth smooths the flat field; give --flat, or leave it out")
     if options.dark is None and options.flat is None:
         return None
-    return read_correction(options.dark, options.flat, encoding=options.encoding, smooth=options.flat_smooth)
+    return read_correction(
+        options.dark, options.flat, encoding=options.encoding, layer=options.layer, smooth=options.flat_smooth
+    )
 
 
 def asked_place(options: argparse.Namespace) -> tuple[Any, Any]:
@@ -83,8 +118,17 @@ def asked_place(options: argparse.Namespace) -> tuple[Any, Any]:
     return camera, options.distance
 
 
-def read_files(options: argparse.Namespace) -> list[str]:
-    """The files that options of :func:`add_reading` and :func:`add_place` name, which no result may overwrite."""
-    mask = (options.mask or "").removeprefix("background:")
-    place = (getattr(options, "camera", None), getattr(options, "mesh", None))
-    return [file for file in (mask, options.dark, options.flat, *place) if file]
+def read_files(options: argparse.Namespace) -> list[Path]:
+    """The files that options of :func:`add_reading` and :func:`add_place` mean, in folders and patterns one by one:
+    what no result may overwrite.
+
+    Raises InputError where a folder or a pattern means none.
+    """
+    from mpsnet_core.frames import expand_images, is_several
+    from mpsnet_core.masks import mask_source
+
+    mask = None if options.mask in (None, "mesh") else mask_source(options.mask)  # mesh is a word of views
+    files = [Path(given) for given in (getattr(options, "camera", None), getattr(options, "mesh", None)) if given]
+    for given in filter(None, (mask, options.dark, options.flat)):
+        files += expand_images([given]) if is_several(given) else [Path(given)]
+    return files

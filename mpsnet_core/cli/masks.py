@@ -46,7 +46,7 @@ def _mask(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         if correction is not None:
             image = corrected(image, correction)
         choice = None if options.mask == "alpha-or-all" else options.mask
-        mask = find_mask(image, choice, encoding=options.encoding, correction=correction)
+        mask = find_mask(image, choice, encoding=options.encoding, layer=options.layer, correction=correction)
     except InputError as error:
         raise InputError(f"{options.image}: {error}") from None
     if mask.shape != image.pixels.shape[:2]:

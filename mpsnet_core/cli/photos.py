@@ -5,7 +5,17 @@ import json
 from pathlib import Path
 from typing import Any
 
-from mpsnet_core.cli.arguments import Help, Verbs, add_place, add_reading, asked_correction, asked_place, read_files
+from mpsnet_core.cli.arguments import (
+    Help,
+    Verbs,
+    add_network,
+    add_place,
+    add_reading,
+    asked_correction,
+    asked_estimator,
+    asked_place,
+    read_files,
+)
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.errors import InputError
 
@@ -35,17 +45,12 @@ def _add_estimate(parser: argparse.ArgumentParser) -> None:
         "frames also a folder or pattern of masks by their numbers; without it alpha, where the photo has it, else the "
         "whole photo; `mpsnet mask` shows what comes of it",
     )
-    parser.add_argument("--model", help="a name of `mpsnet models` or an .onnx file; multiscale unless given")
+    add_network(parser)
     add_place(parser)
     add_reading(parser)
     parser.add_argument("--convention", default="opengl", help="opengl (green up) or directx (green down)")
     parser.add_argument("--confidence", metavar="FILE", help="also write the confidence map (one photo only)")
     parser.add_argument("--format", default="png", help="png, tif or exr, where the output is a folder")
-    parser.add_argument(
-        "--provider", default="cpu", choices=("cpu", "cuda", "directml", "coreml"), help="what runs networks"
-    )
-    parser.add_argument("--threads", type=int, default=0, help="CPU threads for networks, 0 for all")
-    parser.add_argument("--tile", type=int, help="tile side in pixels for networks (default: 448)")
     parser.add_argument(
         "--smooth", type=int, default=0, metavar="N", help="frames before and behind that each is averaged with"
     )
@@ -60,10 +65,8 @@ def _add_estimate(parser: argparse.ArgumentParser) -> None:
 
 def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.capture import read_capture
-    from mpsnet_core.estimate import Estimator
-    from mpsnet_core.estimate.shelf import DEFAULT_MODEL, DEFAULT_TILE
     from mpsnet_core.files import writable_path
-    from mpsnet_core.frames import check_apart, expand_images, output_files
+    from mpsnet_core.frames import check_apart, expand_images, is_several, output_files
     from mpsnet_core.images import checked_bits, write_image
     from mpsnet_core.normals import check_convention, write_normals
     from mpsnet_core.progress import part
@@ -73,7 +76,9 @@ def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
     check_convention(options.convention)
     rig = read_rig(options.rig)
     photos = expand_images(options.image)
-    if len(photos) > 1 or is_video(photos[0]):
+    # A folder or a pattern is a sequence, be there one frame in it so far; but only one photo's confidence is written.
+    sequence = any(map(is_several, options.image)) and not options.confidence
+    if sequence or len(photos) > 1 or is_video(photos[0]):
         from mpsnet_core.cli.sequence import estimate_frames
 
         return estimate_frames(options, photos, rig, reporter)
@@ -86,12 +91,7 @@ def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
         checked_bits(writable_path(options.confidence))
         check_apart([*inputs, output], [options.confidence])
     correction, (camera, depth) = asked_correction(options), asked_place(options)
-    estimator = Estimator(
-        options.model or DEFAULT_MODEL,
-        provider=options.provider,
-        threads=options.threads,
-        tile=DEFAULT_TILE if options.tile is None else options.tile,
-    )
+    estimator = asked_estimator(options)
     reporter.progress(0.0, f"reading {photo.name}")
     capture = read_capture(
         photo,

@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from mpsnet_core.capture import Capture, capture_from
-from mpsnet_core.cli.arguments import asked_correction, asked_place, read_files
+from mpsnet_core.cli.arguments import asked_correction, asked_estimator, asked_place, read_files
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.errors import InputError
-from mpsnet_core.estimate import Estimator
-from mpsnet_core.estimate.shelf import DEFAULT_MODEL, DEFAULT_TILE, LAMBERTIAN, LAMBERTIAN_GREY_WORLD, find_network
+from mpsnet_core.estimate.shelf import DEFAULT_MODEL, LAMBERTIAN, LAMBERTIAN_GREY_WORLD, find_network
 from mpsnet_core.frames import check_apart, numbering, output_files
 from mpsnet_core.made_from import content, identity
+from mpsnet_core.masks import Notes
 from mpsnet_core.rig import LightRig
 from mpsnet_core.sequence.run import Outcome, estimate_sequence
 from mpsnet_core.sequence.smoothing import MAX_REACH
@@ -55,8 +55,9 @@ def _photos(options: argparse.Namespace, photos: list[Path], rig: LightRig, repo
     frames = photo_frames(
         photos, outputs, masks=masks, reach=options.smooth, encoding=options.encoding, layer=options.layer
     )
-    outcome, result = _run(options, frames, len(photos), rig, reporter)
-    if numbered is None:
+    step = numbered.step if numbered else 1
+    outcome, result = _run(options, frames, len(photos), rig, reporter, step)
+    if numbered is None or outputs == [Path(options.output)]:
         listed = [str(output) for output in outputs]
         return {**result, "outputs": listed, "text": f"{options.output}: {_told(outcome, options)}"}
     if numbered.gaps:
@@ -70,47 +71,53 @@ def _video(options: argparse.Namespace, path: Path, rig: LightRig, reporter: Rep
     if options.layer:
         raise InputError(f"{path} is a video, which has no layers; leave --layer out")
     outputs = video_outputs(path, options.output, f".{options.format.lstrip('.')}")
+    taken = [path, Path(options.rig), *read_files(options)]
+    # How many frames there are is not known; a result's name ends in its number, so these are all that can be meant.
+    numbers = {int(digits) for file in taken for digits in re.findall("[0-9]+", file.resolve().stem)}
+    check_apart(taken, map(outputs, numbers))
     video = read_video_header(path, encoding=options.encoding)
     frames = video_frames(
         video, outputs, masks=frame_masks(options.mask), reach=options.smooth, encoding=options.encoding
     )
     outcome, result = _run(options, frames, video.count, rig, reporter)
-    numbers = (1, outcome.made + outcome.there)
-    return {**result, **_sequence(outcome, options, outputs(1), numbers, True, video.frame_rate)}
+    first_and_last = (1, outcome.made + outcome.there)
+    return {**result, **_sequence(outcome, options, outputs(1), first_and_last, True, video.frame_rate)}
 
 
 def _run(
-    options: argparse.Namespace, frames: Iterable[Frame], count: int, rig: LightRig, reporter: Reporter
+    options: argparse.Namespace, frames: Iterable[Frame], count: int, rig: LightRig, reporter: Reporter, step: int = 1
 ) -> tuple[Outcome, dict[str, Any]]:
     correction, (camera, depth) = asked_correction(options), asked_place(options)
 
+    notes: Notes = "doubts"
+
     def take(frame: Frame) -> Capture:
+        nonlocal notes
         image = frame.read()
         try:
-            return capture_from(
+            capture = capture_from(
                 image,
                 rig,
                 mask=frame.mask,
                 encoding=options.encoding,
+                layer=options.layer,
                 camera=camera,
                 depth=depth,
                 correction=correction,
+                notes=notes,
             )
         except InputError as error:
             raise InputError(f"{frame.name}: {error}") from None
+        notes = "none"  # the other frames are much like the first
+        return capture
 
-    estimator = Estimator(
-        options.model or DEFAULT_MODEL,
-        provider=options.provider,
-        threads=options.threads,
-        tile=DEFAULT_TILE if options.tile is None else options.tile,
-    )
     outcome = estimate_sequence(
         frames,
         take,
-        estimator,
+        asked_estimator(options),
         recipe=_recipe(options),
         smooth=options.smooth,
+        step=step,
         convention=options.convention,
         count=count,
         progress=reporter.progress,

@@ -42,6 +42,7 @@ def estimate_sequence(
     *,
     recipe: str,
     smooth: int = 0,
+    step: int = 1,
     convention: Convention = "opengl",
     count: int = 0,
     progress: Progress = silent,
@@ -52,7 +53,8 @@ def estimate_sequence(
     take: reads a frame as a capture; called in a thread of its own, for one frame after the other.
     recipe: text that changes with every other setting that the normals depend on. Each output keeps a line that tells
         recipe and `Frame.made_from`; one that says the same as what would be written counts as there.
-    smooth: how many frames before and behind count for a frame's normals, see `smoothing`.
+    smooth: how many frames before and behind count for a frame's normals, `step` by which their numbers rise at least;
+        see `smoothing`.
     count: how many frames there are about, for `progress`; 0 where that is not known.
 
     However it ends, what it wrote is whole, and the same call goes on from there. Memory does not grow with the number
@@ -65,25 +67,25 @@ def estimate_sequence(
     pending: dict[int, Frame] = {}
 
     def captured() -> Generator[tuple[_Step, Capture | None], None, None]:
-        for step in _plan(_cleared(frames), recipe, smooth):
-            yield step, take(step.frame) if step.needed else None
+        for todo in _plan(_cleared(frames), recipe, smooth * step):
+            yield todo, take(todo.frame) if todo.needed else None
 
     def estimated(captures: Iterable[tuple[_Step, Capture | None]]) -> Iterator[Shot]:
         noted = False
-        for number, (step, capture) in enumerate(captures):
+        for number, (todo, capture) in enumerate(captures):
             total = max(count, number + 1)
             tell = part(progress, number / total, (number + 1) / total)
-            tell(0.0, f"{step.frame.name} of {total}" if count else step.frame.name)
-            outcome.there += not step.stale
+            tell(0.0, f"{todo.frame.name} of {total}" if count else todo.frame.name)
+            outcome.there += not todo.stale
             if capture is None:
                 continue
             if not noted:  # of the first frame: the others are much like it
                 note_doubts(capture)
                 noted = True
-            normals = estimator(capture, part(tell, 0.0, 0.9, step.frame.name))
-            if step.stale:
-                pending[step.frame.number] = step.frame
-            yield Shot(step.frame.number, capture.image, normals, step.stale)
+            normals = estimator(capture, part(tell, 0.0, 0.9, todo.frame.name))
+            if todo.stale:
+                pending[todo.frame.number] = todo.frame
+            yield Shot(todo.frame.number, capture.image, normals, todo.stale)
 
     def write(frame: Frame, normals: NormalMap) -> None:
         frame.output.parent.mkdir(exist_ok=True)
@@ -93,7 +95,7 @@ def estimate_sequence(
 
     try:
         with closing(_ahead(captured())) as captures, _Behind() as writer:
-            for number, normals in smoothed(estimated(captures), smooth):
+            for number, normals in smoothed(estimated(captures), smooth, step):
                 writer.run(write, pending.pop(number), normals)
     except InputError as error:
         if not outcome.made:
@@ -129,19 +131,19 @@ def _cleared(frames: Iterable[Frame]) -> Iterator[Frame]:
         yield frame
 
 
-def _plan(frames: Iterable[Frame], recipe: str, reach: int) -> Iterator[_Step]:
-    """What is to be done with each frame, told `reach` frames late: a later output may need it."""
+def _plan(frames: Iterable[Frame], recipe: str, span: int) -> Iterator[_Step]:
+    """What is to be done with each frame, told `span` numbers late: a later output may need it."""
     waiting: deque[_Step] = deque()
     last_stale: int | None = None
     for frame in frames:
-        while waiting and waiting[0].frame.number < frame.number - reach:
+        while waiting and waiting[0].frame.number < frame.number - span:
             yield waiting.popleft()
         stale = image_description(frame.output) != _stamp(frame, recipe)
         if stale:
             last_stale = frame.number
             for step in waiting:
                 step.needed = True
-        needed = last_stale is not None and frame.number - last_stale <= reach
+        needed = last_stale is not None and frame.number - last_stale <= span
         waiting.append(_Step(frame, stale, needed))
     yield from waiting
 

@@ -47,42 +47,44 @@ class Shot:
     wanted: bool = True
 
 
-def smoothed(shots: Iterable[Shot], reach: int) -> Iterator[tuple[int, NormalMap]]:
+def smoothed(shots: Iterable[Shot], reach: int, step: int = 1) -> Iterator[tuple[int, NormalMap]]:
     """Number and smoothed normals of every shot that is wanted, in order, at most `reach` shots late.
 
-    shots: by rising number. reach: how many numbers before and behind a frame count for it; at the ends, and where
-    numbers are missing, there are fewer. 0 gives the normals as they are.
+    shots: by rising number. reach: how many frames before and behind a frame count for it; at the ends, and where
+    frames are missing, there are fewer. 0 gives the normals as they are. step: how far apart the numbers of two frames
+    are that follow each other, at least.
 
     Raises InputError where `reach` is out of range or two photos within it are of different size.
     """
     if not 0 <= reach <= MAX_REACH:
         raise InputError(f"smoothing over {reach} frames each way cannot be; choose 0 to {MAX_REACH}")
+    span = reach * step
     held: deque[Shot] = deque()
     waiting: deque[Shot] = deque()
     alike: dict[tuple[int, int], NDArray[np.float32]] = {}
     for shot in shots:
-        while waiting and waiting[0].number + reach < shot.number:
-            yield from _answer(waiting.popleft(), held, alike, reach)
-        while held and held[0].number < shot.number - 2 * reach:
+        while waiting and waiting[0].number + span < shot.number:
+            yield from _answer(waiting.popleft(), held, alike, span)
+        while held and held[0].number < shot.number - 2 * span:
             gone = held.popleft().number
             alike = {pair: likeness for pair, likeness in alike.items() if gone not in pair}
         for earlier in held:
-            if shot.number - earlier.number <= reach and (shot.wanted or earlier.wanted):
+            if shot.number - earlier.number <= span and (shot.wanted or earlier.wanted):
                 alike[earlier.number, shot.number] = _likeness(earlier, shot)
         held.append(shot)
         waiting.append(shot)
-        while waiting and waiting[0].number + reach <= shot.number:
-            yield from _answer(waiting.popleft(), held, alike, reach)
+        while waiting and waiting[0].number + span <= shot.number:
+            yield from _answer(waiting.popleft(), held, alike, span)
     for shot in waiting:
-        yield from _answer(shot, held, alike, reach)
+        yield from _answer(shot, held, alike, span)
 
 
 def _answer(
-    shot: Shot, held: Iterable[Shot], alike: dict[tuple[int, int], NDArray[np.float32]], reach: int
+    shot: Shot, held: Iterable[Shot], alike: dict[tuple[int, int], NDArray[np.float32]], span: int
 ) -> Iterator[tuple[int, NormalMap]]:
     if not shot.wanted:
         return
-    near = [other for other in held if abs(other.number - shot.number) <= reach]
+    near = [other for other in held if abs(other.number - shot.number) <= span]
     if len(near) == 1:
         yield shot.number, shot.normals
         return

@@ -11,6 +11,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.frames import expand_images, is_several, numbering
 from mpsnet_core.images import Encoding, Image, read_image
 from mpsnet_core.made_from import identity
+from mpsnet_core.masks import mask_source
 
 
 @dataclass(frozen=True)
@@ -28,11 +29,11 @@ class Masks:
             raise InputError(f"{self.given} has no mask for frame {number}; add it, or give one mask for all")
         return self.by_number[number]
 
-    def made_from(self, number: int, reach: int) -> list[str]:
-        """Text that changes when a mask of a frame or of those within `reach` of it does."""
+    def made_from(self, number: int, span: int) -> list[str]:
+        """Text that changes when a mask of a frame or of those within `span` numbers of it does."""
         if not self.by_number:
-            return [identity(self.given)]
-        near = range(number - reach, number + reach + 1)
+            return [str(self.given), identity(mask_source(self.given) if self.given else None)]
+        near = range(number - span, number + span + 1)
         return [identity(self.by_number[other]) for other in near if other in self.by_number]
 
 
@@ -64,21 +65,23 @@ def photo_frames(
 ) -> Iterator[Frame]:
     """The frames that lie in files of their own: in the order of their numbers, as given where they have none.
 
-    reach: of how many frames before and behind it a frame's normals are made, too. encoding, layer: as in `read_image`.
+    outputs: where each photo's normals go. masks: of the frames, by their numbers or one for all. reach: of how many
+        frames before and behind it a frame's normals are made, too. encoding, layer: as in `read_image`.
 
     Raises InputError where a photo or a mask is missing.
     """
     numbered = numbering(photos)
     numbers = numbered.numbers if numbered else range(1, len(photos) + 1)
+    span = reach * (numbered.step if numbered else 1)
     order = sorted(range(len(photos)), key=numbers.__getitem__)
     for place, index in enumerate(order):
         near = order[max(place - reach, 0) : place + reach + 1]
-        made_from = [identity(photos[other]) for other in near if abs(numbers[other] - numbers[index]) <= reach]
+        made_from = [identity(photos[other]) for other in near if abs(numbers[other] - numbers[index]) <= span]
         yield Frame(
             numbers[index],
             photos[index].name,
             outputs[index],
-            "\n".join([*made_from, *masks.made_from(numbers[index], reach)]),
+            "\n".join([*made_from, *masks.made_from(numbers[index], span)]),
             partial(read_image, photos[index], encoding=encoding, layer=layer),
             masks.of(numbers[index]),
         )
@@ -90,7 +93,7 @@ def frame_masks(mask: str | None) -> Masks:
 
     Raises InputError where a folder's or a pattern's files are not numbered.
     """
-    if mask is None or not is_several(mask):
+    if mask is None or mask_source(mask) != mask or not is_several(mask):
         return Masks(mask)
     files = expand_images([mask])
     numbered = numbering(files)

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import IMAGE_SUFFIXES, VIDEO_SUFFIXES, existing_file
-from mpsnet_core.frames import RESULT
+from mpsnet_core.files import VIDEO_SUFFIXES, existing_file
+from mpsnet_core.frames import RESULT, results_folder
 from mpsnet_core.images import ENCODINGS, MAX_PIXELS, Encoding, Image, checked_bits, srgb_to_linear
 from mpsnet_core.made_from import identity
 from mpsnet_core.sequence.source import Frame, Masks
@@ -84,11 +84,7 @@ def video_outputs(video: Path, folder: str | os.PathLike[str], suffix: str) -> C
 
     Raises InputError where `folder` cannot be one.
     """
-    target = Path(folder)
-    if target.is_file() or (not target.is_dir() and target.suffix.lower() in IMAGE_SUFFIXES):
-        raise InputError(f"{target} is one file, but {video} is a video; give a folder")
-    if not target.is_dir() and not target.parent.is_dir():
-        raise InputError(f"cannot make folder {target}: {target.parent} does not exist; create it first")
+    target = results_folder(folder, f"{video} is a video")
     checked_bits(Path(f"normals{suffix}"))
     return lambda number: target / f"{video.stem}_{number:06d}{RESULT}{suffix}"
 

@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import Mpsnet
-from synthetic import Sphere, degrees_between, shaded_sphere, write_file
+from synthetic import Sphere, degrees_between, named, shaded_sphere, write_file, write_parts
 
 from mpsnet_core.capture import read_capture
 from mpsnet_core.correction import Correction, corrected, read_correction
 from mpsnet_core.errors import InputError
 from mpsnet_core.images import read_image
 from mpsnet_core.normals import read_normals
+from mpsnet_core.rig import near_rig, write_rig
 
 SIDE = 64
 
@@ -171,6 +172,11 @@ class TestBadInput:
     def read(self, **given: Any) -> Correction:
         return read_correction(**given, encoding="linear")
 
+    def test_a_layer_that_is_not_there(self, shots: Shots) -> None:
+        path = shots.folder / "dark.exr"
+        write_parts(path, [(None, {**named("A.", "RGB", fall_off()), **named("B.", "RGB", fall_off())})])
+        assert "dark.exr has no layer 'C'" in refused(lambda: read_correction(path, layer="C"))
+
     def test_missing(self, tmp_path: Path) -> None:
         assert "no.tif does not exist" in refused(lambda: self.read(dark=tmp_path / "no.tif"))
 
@@ -229,6 +235,25 @@ class TestBadInput:
 
     def test_a_negative_smoothing(self, shots: Shots) -> None:
         assert "0 pixels or more, not -1" in refused(lambda: self.read(flat=shots.flat, smooth=-1))
+
+    @pytest.mark.parametrize("several", [False, True], ids=["one photo", "frames"])
+    def test_near_lights_whose_fall_off_is_told_twice(
+        self, shots: Shots, mpsnet: Mpsnet, rig_file: Path, several: bool
+    ) -> None:
+        write_rig(rig_file, near_rig([[0, 3, -1], [3, 0, -1], [-3, -3, -1]], [0, 0, -5]))
+        photos = [shots.photo, shots.write("photo2.tif", 0.5)][: 1 + several]
+        command = ["estimate", *photos, "--rig", rig_file, "--focal", "50", "--model", "lambertian"]
+        command += ["--encoding", "linear", "--dark", shots.dark, "-o", shots.folder / "out"]
+        done = mpsnet(*command, "--flat", shots.flat)
+        assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
+        assert "leave the flat field out, or give the lights as directions" in done.stderr
+        assert mpsnet(*command).returncode == 0
+
+    def test_smoothing_without_a_flat_field(self, shots: Shots, mpsnet: Mpsnet, rig_file: Path) -> None:
+        for more in ([], ["--dark", shots.dark]):
+            done = mpsnet("estimate", shots.photo, "--rig", rig_file, *more, "--flat-smooth", "5", "-o", shots.folder)
+            assert done.returncode == 2
+            assert done.stderr == "mpsnet: --flat-smooth smooths the flat field; give --flat, or leave it out\n"
 
     def test_a_result_over_the_dark_frame(self, shots: Shots, mpsnet: Mpsnet, rig_file: Path) -> None:
         before = shots.dark.read_bytes()

@@ -78,7 +78,8 @@ def test_frames_without_zeros_before_their_numbers_are_in_order(tmp_path: Path) 
         (["a_1.png", "b_2.png"], None),
         (["a_1.png", "a_01.png"], None),
         (["a_1.png", "a_.png"], None),
-        (["a_1.png"], None),
+        (["shot2_07.png"], (7,)),  # of a sequence whose other frames are not there yet
+        (["a.png"], None),
     ],
 )
 def test_names_that_differ_in_one_number_are_a_sequence(names: list[str], numbers: tuple[int, ...] | None) -> None:
@@ -88,7 +89,15 @@ def test_names_that_differ_in_one_number_are_a_sequence(names: list[str], number
 
 @pytest.mark.parametrize(
     ("numbers", "words"),
-    [([1, 2, 3], ""), ([6, 8], "7"), ([8, 1, 2], "3 to 7"), ([1, 3, 5, 7, 9, 11, 13], "2, 4, 6, 8, 10, and more")],
+    [
+        ([1, 2, 3], ""),
+        ([6, 8, 9], "7"),
+        ([8, 1, 2], "3 to 7"),
+        ([1, 2, 4, 6, 8, 10, 12, 14], "3, 5, 7, 9, 11, and more"),
+        ([20, 10, 40, 30], ""),
+        ([10, 20, 40, 50, 90], "30, 60 to 80"),
+        ([10, 20, 35, 51], "30, 45"),
+    ],
 )
 def test_missing_numbers_are_named(numbers: list[int], words: str) -> None:
     found = numbering([Path(f"frame_{number:04d}.png") for number in numbers])

@@ -224,7 +224,7 @@ def test_the_command_line_takes_camera_and_distance(
         (("--focal", "0"), "a focal length is a number of millimetres above 0"),
         (("--focal", "50", "--mesh", "ball.obj"), "--mesh needs --camera"),
         (("--camera", "camera.json", "--mesh", "ball.obj", "--distance", "3"), "both tell how far"),
-        (("--camera", "camera.json", "--distance", "-3"), "the object's depth is not above 0"),
+        (("--camera", "camera.json", "--distance", "-3"), "the object's distance is a number above 0, not -3"),
         (("--camera", "away.json", "--mesh", "ball.obj"), "away.json: the camera does not see the mesh"),
         (("--camera", "small.json", "--mesh", "ball.obj"), "the camera is 80 x 80 but the photo is 160 x 160"),
     ],
@@ -284,3 +284,9 @@ def test_a_mesh_elsewhere_in_the_picture_is_refused(bench: Path, close: Scene) -
     depth[0, 0] = 3
     with pytest.raises(InputError, match="sees nothing of the mesh inside the mask"):
         read_capture(bench / "photo.exr", close.rig, mask=str(bench / "mask.png"), camera=close.camera, depth=depth)
+
+
+@pytest.mark.parametrize(("distance", "told"), [("3.1", False), ("3100", True), ("0.4", True)])
+def test_another_unit_is_told(bench: Path, capsys: pytest.CaptureFixture[str], distance: str, told: bool) -> None:
+    assert estimate(bench, "--focal", "50", "--distance", distance) == 0
+    assert ("in one unit?" in capsys.readouterr().err) == told

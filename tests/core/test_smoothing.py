@@ -159,6 +159,14 @@ def test_missing_numbers_are_gaps_in_time_and_unwanted_frames_only_help() -> Non
         np.testing.assert_array_equal(wanted[number].vectors, near[number].vectors)
 
 
+def test_numbers_may_rise_by_more_than_one() -> None:
+    shots = [s for s in scene([relief()] * 9) if s.number != 4]
+    apart = [Shot(10 * s.number, s.photo, s.normals) for s in shots]
+    for (number, normals), (tenfold, same) in zip(smoothed(shots, 2), smoothed(apart, 2, 10), strict=True):
+        assert tenfold == 10 * number
+        np.testing.assert_array_equal(same.vectors, normals.vectors)
+
+
 def test_no_reach_leaves_normals_as_they_are() -> None:
     shots = scene([relief()] * 3)
     assert [(number, normals is shots[number].normals) for number, normals in smoothed(shots, 0)] == [

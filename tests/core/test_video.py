@@ -295,6 +295,20 @@ def test_two_videos_are_refused(tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, 
     assert done.stderr == f"mpsnet: {path} is a video; give it alone, and each video on its own\n"
 
 
+def test_a_videos_results_over_its_masks_are_refused(
+    tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, sphere: Sphere
+) -> None:
+    path = clip(tmp_path / "turn.mkv", spheres(sphere, 1), "ffv1", "gbrp16le")
+    (tmp_path / "out").mkdir()
+    mask = write_file(tmp_path / "out" / "turn_000001_normals.png", sphere.mask, "uint8")
+    before = mask.read_bytes()
+    for given in (mask, mask.with_name("turn_######_normals.png")):
+        done = mpsnet("estimate", path, "--rig", rig_file, "--model", "lambertian", "--mask", given, "-o", mask.parent)
+        assert done.returncode == 2
+        assert done.stderr.startswith(f"mpsnet: the result would overwrite {mask}, a file that it needs")
+        assert mask.read_bytes() == before
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -303,6 +317,7 @@ def test_two_videos_are_refused(tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, 
         (["--confidence", "c.png"], "--confidence takes one photo at a time"),
         (["--format", "gif"], "gif is not an image format of ours"),
         (["-o", "out.png"], "out.png is one file, but .*turn.mkv is a video; give a folder"),
+        (["-o", "out.dng"], "out.dng is one file, but .*turn.mkv is a video; give a folder"),
         (["-o", "no/where"], "no does not exist; create it first"),
     ],
 )
