@@ -108,6 +108,12 @@ def _running(pid: int) -> bool:
     return True
 
 
+def files_within(path: str | os.PathLike[str]) -> list[Path]:
+    """The file itself, or the files in a folder and in those that it holds."""
+    path = Path(path)
+    return [file for file in path.rglob("*") if file.is_file()] if path.is_dir() else [path]
+
+
 def existing_file(path: str | os.PathLike[str], what: str) -> Path:
     """`path` as a Path, or InputError where there is no such file or it cannot be opened."""
     path = Path(path)

@@ -259,7 +259,7 @@ def write_image(
         )
         if not (target.close() and done and _has_its_end(unfinished)):
             reason = target.geterror() or oiio.geterror() or "the file was cut short"
-            raise InputError(f"cannot write {path} ({' '.join(reason.split())}); is the disk full?")
+            raise InputError(f"cannot write {path} ({' '.join(reason.split())[:80]}); make room on the disk")
 
 
 def image_description(path: str | os.PathLike[str]) -> str:

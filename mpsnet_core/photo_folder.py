@@ -5,7 +5,7 @@ from collections.abc import Collection
 from pathlib import Path
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import PHOTO_SUFFIXES
+from mpsnet_core.files import PHOTO_SUFFIXES, RAW_SUFFIXES
 
 
 class PhotoFolder:
@@ -20,16 +20,24 @@ class PhotoFolder:
             raise InputError(f"{path} is not a folder; name the folder of the {what}")
         self._listed: dict[Path, dict[str, list[Path]]] = {}
 
-    def find(self, stems: Collection[str], who: str, within: Path | None = None) -> Path | None:
+    def find(
+        self, stems: Collection[str], who: str, within: Path | None = None, *, raw_only: bool = False
+    ) -> Path | None:
         """The one image in the folder `within` (this one unless given) that has one of these names without suffix.
 
-        Upper and lower case count where they tell images apart. Raises InputError, for `who`, where several fit.
+        Where a camera wrote a photo both as raw and otherwise, the raw file is meant. Upper and lower case count where
+        they tell images apart. raw_only: nothing but a raw file will do.
+
+        Raises InputError, for `who`, where several fit.
         """
         folder = self.path if within is None else within
         if folder not in self._listed:
             self._listed[folder] = _by_stem(folder)
         alike = [file for stem in {stem.lower() for stem in stems} for file in self._listed[folder].get(stem, [])]
         found = sorted([file for file in alike if file.stem in stems] or alike)
+        raw = [file for file in found if file.suffix.lower() in RAW_SUFFIXES]
+        if len(raw) == 1 or raw_only:
+            return raw[0] if len(raw) == 1 else None
         if len(found) > 1:
             names = ", ".join(file.name for file in found)
             raise InputError(f"{who} may be any of {names} in {folder}; keep one of them")

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import logging
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -33,6 +34,10 @@ from mpsnet_core.view_files import read_views
 if TYPE_CHECKING:
     from mpsnet_core.photogrammetry import Lens
 
+log = logging.getLogger(__name__)
+
+# So many photos that are missing are named.
+NAMED_PHOTOS = 3
 CAMERA_SUFFIX = ".camera.json"
 VIEW_FORMAT, VIEW_VERSION = "mpsnet-view", 1
 # A mask from the mesh is traced at no more than this many pixels on the longer side.
@@ -91,13 +96,21 @@ def _own_photo(camera: Path, photos: PhotoFolder) -> ViewPhoto:
 def _photogrammetry_photos(cameras: Path, photos: PhotoFolder) -> list[ViewPhoto]:
     from mpsnet_core.photogrammetry import as_shown, find_photo, read_cameras
 
-    views = []
+    views, missing = [], []
     for posed in read_cameras(cameras):
         photo = find_photo(posed, photos)
+        if photo is None:
+            missing.append(posed.photo)
+            continue
         posed = as_shown(posed, photo)
         # Photos in folders below this one may share their names.
         place = photo.relative_to(photos.path)
         views.append(ViewPhoto("_".join(place.with_suffix("").parts), photo, posed.camera, posed.lens, place.parent))
+    if not views:
+        raise InputError(f"none of the {len(missing)} photos of {cameras}, such as {missing[0]}, is in {photos.path}")
+    if missing:
+        named = ", ".join(missing[:NAMED_PHOTOS]) + (", ..." if len(missing) > NAMED_PHOTOS else "")
+        log.warning("%d camera(s) have no photo in %s and are left out: %s", len(missing), photos.path, named)
     return views
 
 

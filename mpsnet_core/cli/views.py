@@ -2,17 +2,35 @@
 
 import argparse
 import contextlib
+import logging
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mpsnet_core.cli.arguments import Help, Verbs, add_reading, asked_correction, read_files
+import numpy as np
+
+from mpsnet_core.cli.arguments import (
+    Help,
+    Verbs,
+    add_network,
+    add_reading,
+    asked_correction,
+    asked_estimator,
+    read_files,
+)
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.errors import InputError
 
 if TYPE_CHECKING:
     from mpsnet_core.camera import Camera
     from mpsnet_core.rig import LightRig
+    from mpsnet_core.surface.agreement import ViewAgreement
+
+log = logging.getLogger(__name__)
+
+# Degrees. Estimates of one surface differ by less, whatever the network.
+MOST_APART = 20.0
 
 
 def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
@@ -44,7 +62,6 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
         help="mesh (where the camera sees it), a folder of masks named as the photos, or as in estimate",
     )
     add_reading(parser)
-    parser.add_argument("--model", help="a name of `mpsnet models` or an .onnx file; multiscale unless given")
     add_level(parser, "on")
     parser.add_argument("--size", type=int, default=2048, help="side of the texture in texels")
     parser.add_argument("--space", default="tangent", help="tangent (MikkTSpace) or object")
@@ -58,11 +75,7 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
         "--report", metavar="FILE", help="write an HTML page: coverage, disagreement, a line for each view"
     )
     parser.add_argument("--json", metavar="FILE", help="write the same figures as JSON")
-    parser.add_argument(
-        "--provider", default="cpu", choices=("cpu", "cuda", "directml", "coreml"), help="what runs networks"
-    )
-    parser.add_argument("--threads", type=int, default=0, help="CPU threads for networks, 0 for all")
-    parser.add_argument("--tile", type=int, help="tile side in pixels for networks (default: 448)")
+    add_network(parser)
     parser.add_argument("-o", "--output", required=True, help="texture file: .png, .tif or .exr")
     parser.set_defaults(verb=_views)
 
@@ -94,11 +107,10 @@ def level_scale(text: str) -> float:
 
 def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core import __version__
-    from mpsnet_core.estimate import Estimator
-    from mpsnet_core.estimate.shelf import DEFAULT_MODEL, DEFAULT_TILE
+    from mpsnet_core.estimate.shelf import DEFAULT_MODEL
     from mpsnet_core.evaluation.bake_report import view_table, write_bake_report
     from mpsnet_core.evaluation.report import report_path
-    from mpsnet_core.files import made_folder, writable_path, write_json
+    from mpsnet_core.files import files_within, made_folder, remove_abandoned, writable_path, write_json
     from mpsnet_core.frames import check_apart
     from mpsnet_core.images import checked_bits
     from mpsnet_core.made_from import identity
@@ -107,7 +119,7 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.rays import RayScene
     from mpsnet_core.rig import read_rig
     from mpsnet_core.surface.agreement import agreement, table_rows
-    from mpsnet_core.surface.bake import bake_normals
+    from mpsnet_core.surface.bake import bake_normals, check_texture
     from mpsnet_core.surface.feather import FEATHER
     from mpsnet_core.surface.mesh import read_mesh
     from mpsnet_core.surface.texture import write_texture
@@ -117,6 +129,7 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     # All that can be known beforehand is asked before the long work.
     check_convention(options.convention)
     checked_bits(writable_path(options.output), options.bits)
+    check_texture(options.size, options.space, options.margin)
     level = level_scale(options.level)
     if options.report:
         report_path(options.report)
@@ -124,7 +137,8 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         writable_path(options.json)
     outputs = [file for file in (options.output, options.report, options.json) if file]
     for number, file in enumerate(outputs):
-        check_apart([options.mesh, options.cameras, options.rig, *read_files(options), *outputs[:number]], [file])
+        inputs = [options.mesh, *files_within(options.cameras), options.rig, *read_files(options), *outputs[:number]]
+        check_apart(inputs, [file])
     if options.lights_in == "world":
         rig_of = read_world_lights(options.rig).seen_by
     else:
@@ -142,11 +156,11 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     others = [__version__, model, *map(identity, (model, options.dark, options.flat)), str(options.flat_smooth)]
     sources = sources_of(views, photography, mesh, others)
     scene = RayScene(mesh.world_vertices, mesh.triangles)
-    tile = DEFAULT_TILE if options.tile is None else options.tile
-    estimator = Estimator(model, provider=options.provider, threads=options.threads, tile=tile)
+    estimator = asked_estimator(options)
     with contextlib.ExitStack() as stack:
         if options.keep:
             folder = made_folder(options.keep, "normals of the views")
+            remove_abandoned(folder)
         else:
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="mpsnet-views-")))
         kept = [KeptView(folder, view.name) for view in views]
@@ -176,6 +190,7 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     reporter.progress(0.95, "writing the texture")
     write_texture(options.output, texture, convention=options.convention, bits=options.bits)
     table = agreed.views()
+    _note_doubts(table)
     how = f"levelled at {level:g} of the mesh's size" if level else "not levelled"
     facts = f"{options.space} space, {options.convention}, {texture.seen_fraction:.1%} of its surface seen"
     summary = f"{len(views)} view(s) by {estimator.name}, {how}" + (f"; {known} kept from before" if known else "")
@@ -191,3 +206,16 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     if options.json:
         write_json(options.json, figures)
     return {"output": options.output, **figures, "text": "\n".join([view_table(table), summary, text])}
+
+
+def _note_doubts(table: "Sequence[ViewAgreement]") -> None:
+    """Tell of views that depart from the others, or from the mesh, by more than estimates do."""
+    for view in table:
+        if max(np.nan_to_num(view.before), view.level) > MOST_APART:
+            log.warning(
+                "view %s is %.0f° apart from the others and was levelled by %.0f°: do rig, --lights-in, camera and "
+                "mesh belong together?",
+                view.name,
+                np.nan_to_num(view.before),
+                view.level,
+            )

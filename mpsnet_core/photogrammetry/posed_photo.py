@@ -85,12 +85,13 @@ def photogrammetry_camera(
     return Camera("perspective", width, height, np.asarray(focal), np.asarray(centre), pose)
 
 
-def find_photo(posed: PosedPhoto, photos: PhotoFolder) -> Path:
+def find_photo(posed: PosedPhoto, photos: PhotoFolder) -> Path | None:
     """The file of a photo: at its relative path, else by its name, else by its stem with any photo's suffix.
 
-    Of a path that leads elsewhere as much is taken as leads to a file inside the folder.
+    Where there is a raw file of that stem beside it, that is meant. Of a path that leads elsewhere as much is taken as
+    leads to a file inside the folder. None where no file fits.
 
-    Raises InputError where no file fits, or several do.
+    Raises InputError where several do.
     """
     # Understands both kinds of slash; nothing in it may lead out of the folder.
     path = PureWindowsPath(posed.photo)
@@ -98,14 +99,14 @@ def find_photo(posed: PosedPhoto, photos: PhotoFolder) -> Path:
     places = [photos.path.joinpath(*parts[start:]) for start in range(len(parts))]
     for place in places:
         if _is_file(place):
-            return place
+            return photos.find([place.stem], f"photo {posed.photo!r}", place.parent, raw_only=True) or place
     for place in places:
         # Metashape leaves suffixes out, and so a name with a dot in it may be all stem.
         stems = [place.name, *([place.stem] if place.suffix.lower() in PHOTO_SUFFIXES else [])]
         found = photos.find(stems, f"photo {posed.photo!r}", place.parent)
         if found:
             return found
-    raise InputError(f"photo {posed.photo!r} is not in folder {photos.path}; put it there, or leave its camera out")
+    return None
 
 
 def _is_file(path: Path) -> bool:

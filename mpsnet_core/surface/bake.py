@@ -54,12 +54,7 @@ def bake_normals(
     """
     if not len(views):
         raise InputError("there is no view to bake; give at least one camera with its normal map")
-    if not 1 <= size <= MAX_SIZE:
-        raise InputError(f"a texture of {size} texels cannot be baked; choose a size from 1 to {MAX_SIZE}")
-    if not 0 <= margin <= size:
-        raise InputError(f"a margin of {margin} texels does not fit a texture of {size}; choose 0 to {size}")
-    if space not in SPACES:
-        raise InputError(f"space {space!r} is not known; choose {' or '.join(SPACES)}")
+    check_texture(size, space, margin)
     if not 0 <= feather <= 1:
         raise InputError(f"a feather of {feather:g} times the mesh's size cannot be baked; choose 0 to 1")
 
@@ -122,6 +117,16 @@ def bake_normals(
     )
     progress(1.0, "baked")
     return texture
+
+
+def check_texture(size: int, space: str, margin: int) -> None:
+    """Raises InputError where :func:`bake_normals` would bake no texture of that size, space and margin."""
+    if not 1 <= size <= MAX_SIZE:
+        raise InputError(f"a texture of {size} texels cannot be baked; choose a size from 1 to {MAX_SIZE}")
+    if not 0 <= margin <= size:
+        raise InputError(f"a margin of {margin} texels does not fit a texture of {size}; choose 0 to {size}")
+    if space not in SPACES:
+        raise InputError(f"space {space!r} is not known; choose {' or '.join(SPACES)}")
 
 
 class _Projectors:

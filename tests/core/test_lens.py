@@ -260,7 +260,7 @@ def test_photos_that_are_missing_or_not_one_are_refused(tmp_path: Path) -> None:
         (tmp_path / made).touch()
     folder = PhotoFolder(tmp_path / "photos")
     for name in ("b.jpg", "../outside.jpg", str(tmp_path / "outside.jpg"), "", "..", "/", "a\0.jpg", "b" * 5000):
-        assert "is not in folder" in refusal(lambda name=name: find_photo(named(name), folder))
+        assert find_photo(named(name), folder) is None
     assert "may be any of a.png, a.tif" in refusal(lambda: find_photo(named("a.jpg"), folder))
     assert find_photo(named("a.png"), folder) == folder.path / "a.png"
     assert "is not a folder" in refusal(lambda: PhotoFolder(tmp_path / "nowhere"))
@@ -278,4 +278,4 @@ def test_a_folder_is_listed_once(tmp_path: Path) -> None:
     (tmp_path / "a.png").touch()
     assert find_photo(named("a"), folder) == tmp_path / "a.png"
     (tmp_path / "b.png").touch()
-    assert "is not in folder" in refusal(lambda: find_photo(named("b"), folder))
+    assert find_photo(named("b"), folder) is None

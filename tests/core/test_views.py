@@ -5,6 +5,7 @@ import io
 import json
 import os
 import re
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -23,7 +24,9 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.estimate import estimate_normals
 from mpsnet_core.images import read_image
 from mpsnet_core.normals import NormalMap, decode, read_normals, write_normals
-from mpsnet_core.rig import near_rig, published_rig, write_rig
+from mpsnet_core.photo_folder import PhotoFolder
+from mpsnet_core.photogrammetry import Lens, PosedPhoto, find_photo
+from mpsnet_core.rig import LightRig, near_rig, published_rig, write_rig
 from mpsnet_core.surface.bake import View, bake_normals
 from mpsnet_core.surface.mesh import write_mesh
 from mpsnet_core.view_files import write_views
@@ -105,6 +108,12 @@ class Table:
         """`mpsnet views` with cameras that are to name their photos."""
         return self._run("--mesh", self / "mesh.npz", "--cameras", cameras, "--rig", self / "rig.json")
 
+    def notes(self, *arguments: str | Path) -> str:
+        """What :meth:`run` tells beside its result."""
+        with contextlib.redirect_stderr(io.StringIO()) as told:
+            self.run(*arguments)
+        return told.getvalue()
+
     def _run(self, *arguments: str | Path) -> str:
         good: list[str | Path] = ["--model", "lambertian", "--size", "64", "--space", "object"]
         words, complaint = io.StringIO(), io.StringIO()
@@ -113,6 +122,7 @@ class Table:
         if code:
             (line,) = complaint.getvalue().splitlines()
             raise InputError(line)
+        sys.stderr.write(complaint.getvalue())
         return words.getvalue()
 
     def texture(self) -> np.ndarray:
@@ -510,3 +520,44 @@ def test_cameras_of_photogrammetry_become_files_of_ours(table: Table) -> None:
         assert (ours.mask == theirs.mask).mean() > 0.999
         lit = ours.mask & theirs.mask & (capture.image > 0.01).all(axis=-1)
         assert degrees_between(ours.vectors, theirs.vectors)[lit].mean() < 0.1
+
+
+def test_cameras_whose_photo_is_missing_are_left_out(table: Table) -> None:
+    colmap(table, "PINHOLE 96 96 {f} {f} 48 48")
+    (table / "photos" / "side2.exr").unlink()
+    table.run("--cameras", table / "colmap", "--json", table / "figures.json")
+    views = json.loads((table / "figures.json").read_text())["views"]
+    assert [row["view"] for row in views] == ["side0", "side1", "side3"]
+    for number in (0, 1, 3):
+        (table / "photos" / f"side{number}.exr").unlink()
+    with pytest.raises(InputError, match=r"none of the 4 photos of .*colmap, such as side0.exr, is in .*photos"):
+        table.run("--cameras", table / "colmap")
+
+
+def test_a_raw_file_is_meant_where_there_is_a_jpeg_beside_it(tmp_path: Path) -> None:
+    for name in ("a.jpg", "a.dng", "b.jpg", "c.JPG", "c.CR3"):
+        (tmp_path / name).touch()
+    folder = PhotoFolder(tmp_path)
+    assert [folder.find([stem], "it").name for stem in "abc"] == ["a.dng", "b.jpg", "c.CR3"]
+    camera = camera_looking((1, 0, 0), "perspective", size=96)
+    found = [find_photo(PosedPhoto(name, camera, Lens()), folder) for name in ("a.jpg", "b.jpg", "c")]
+    assert [file.name for file in found if file] == ["a.dng", "b.jpg", "c.CR3"]
+
+
+def test_what_cannot_be_baked_is_told_before_anything_is_estimated(table: Table) -> None:
+    for arguments, said in (
+        (("--size", "0"), "a texture of 0 texels cannot be baked"),
+        (("--margin", "9999"), "a margin of 9999 texels does not fit"),
+        (("--json", table / "cameras" / "side1.camera.json"), "would overwrite .*side1.camera.json"),
+    ):
+        with pytest.raises(InputError, match=said):
+            table.run(*arguments, "--keep", table / "kept")
+    assert not (table / "kept").exists()
+
+
+def test_views_that_do_not_belong_together_are_told(table: Table) -> None:
+    """The lights that went with the camera, each in the place of another."""
+    lights = published_rig().directions
+    write_rig(table / "wrong.json", LightRig(lights[[1, 2, 0]]))
+    assert "belong together" in table.notes("--rig", table / "wrong.json")
+    assert "belong together" not in table.notes()
