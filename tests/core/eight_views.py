@@ -69,8 +69,9 @@ def shot(
     shadows: bool = True,
 ) -> Shot:
     """The sphere seen from a corner of the cube. off: degrees that the believed camera is turned about the sphere's
-    middle and, as many hundredths of a radius for each degree, moved. reach: half the picture's width, in radii. shadows: whether a light behind the surface gives nothing; else it
-    takes light away, which no lamp does, but from such a photo the normals follow everywhere."""
+    middle and, as many hundredths of a radius for each degree, moved. reach: half the picture's width, in radii.
+    shadows: whether a light behind the surface gives nothing; else it takes light away, which no lamp does, but from
+    such a photo the normals follow everywhere."""
     camera = camera_looking(corner, "perspective", size=size, distance=5.0, reach=reach)
     row, column = np.mgrid[:size, :size].reshape(2, -1) + 0.5
     middle = camera.world_from_camera[:3, 3]
