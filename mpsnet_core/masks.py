@@ -12,7 +12,7 @@ from mpsnet_core.bands import bands
 from mpsnet_core.correction import Correction, corrected
 from mpsnet_core.errors import InputError
 from mpsnet_core.images import Encoding, Image, read_image, read_mask
-from mpsnet_core.regions import filled, grown, labelled, shrunk, without_specks
+from mpsnet_core.regions import filled, grown, labelled, shrunk, without_holes, without_specks
 
 log = logging.getLogger(__name__)
 
@@ -166,14 +166,13 @@ def _mended(
     mask = without_specks(mask, PART * labelled(mask)[1][1:].max(initial=0))
     gap = max(1, round(GAP * max(mask.shape)))
     mask = shrunk(grown(mask, gap), gap)
-    labels, sizes = labelled(~mask, diagonal=True)
-    unlike = np.bincount(labels.ravel(), contrast.ravel(), len(sizes)) / np.maximum(sizes, 1)
-    area = sizes[0]
-    hole = (sizes <= SPECK * area) | ((sizes <= SHADOW * area) & (dark | (unlike > threshold / 2)))
-    for border in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
-        hole[border] = False
-    hole[0] = True  # the mask itself
-    mask = hole[labels]
+
+    def by_shadow(labels: NDArray[np.int32], sizes: NDArray[np.int64]) -> NDArray[np.bool_]:
+        unlike = np.bincount(labels.ravel(), contrast.ravel(), len(sizes)) / np.maximum(sizes, 1)
+        area = sizes[0]
+        return (sizes <= SPECK * area) | ((sizes <= SHADOW * area) & (dark | (unlike > threshold / 2)))
+
+    mask = without_holes(mask, by_shadow)
     return without_specks(mask, PART * labelled(mask)[1][1:].max(initial=0))
 
 
