@@ -61,12 +61,15 @@ class Asked(Sequence[View]):
         return self.views[number]
 
 
-def test_views_that_memory_does_not_hold_at_once_give_the_same_texture(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("held", [300_000, 1_000_000])  # not one view, and not three with their depth images
+def test_views_that_memory_does_not_hold_at_once_give_the_same_texture(
+    monkeypatch: pytest.MonkeyPatch, held: int
+) -> None:
     mesh = sphere_mesh(layout="overlapping")
     views = [sphere_view(camera_looking(corner, size=100)) for corner in CORNERS[:5]]
     at_once, in_parts = Asked(views), Asked(views)
     one = bake_normals(mesh, at_once, size=96)
-    monkeypatch.setattr("mpsnet_core.surface.bake.HELD_BYTES", 300_000)  # not two views
+    monkeypatch.setattr("mpsnet_core.surface.bake.HELD_BYTES", held)
     other = bake_normals(mesh, in_parts, size=96)
     assert np.array_equal(one.vectors, other.vectors) and np.array_equal(one.views, other.views)
     assert np.array_equal(one.spread, other.spread)
