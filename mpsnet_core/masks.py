@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.bands import bands
+from mpsnet_core.block_means import block_means
+from mpsnet_core.calibrate.robust import DEVIATIONS
 from mpsnet_core.correction import Correction, corrected
 from mpsnet_core.errors import InputError
 from mpsnet_core.images import Encoding, Image, read_image, read_mask
@@ -99,7 +101,7 @@ def auto_mask(pixels: NDArray[np.float32]) -> NDArray[np.bool_]:
     Raises InputError where nothing stands out.
     """
     factor = _factor(pixels)
-    small = _reduced(pixels, factor)
+    small = block_means(pixels, factor)
     white = _white(small)
     photo = _on_screen(small, white)
     behind = _smooth_background(photo)
@@ -123,7 +125,7 @@ def background_mask(pixels: NDArray[np.float32], background: NDArray[np.float32]
         sizes = [f"{array.shape[1]} x {array.shape[0]}" for array in (background, pixels)]
         raise InputError(f"the background is {sizes[0]} but the photo is {sizes[1]}; take both with the same camera")
     factor = _factor(pixels)
-    small, empty = _reduced(pixels, factor), _reduced(background, factor)
+    small, empty = block_means(pixels, factor), block_means(background, factor)
     white = _white(small)
     scale = white / _exposure_ratio(small, empty)
     photo, behind = _on_screen(small, white), _on_screen(empty, scale)
@@ -221,7 +223,7 @@ def _smooth_background(photo: NDArray[np.float32]) -> NDArray[np.float32]:
         fitted = np.full_like(values, np.median(values))
         for _ in range(6):
             off = np.abs(values - fitted)
-            agree = off <= 4 * max(1.4826 * float(np.median(off)), LEAST_CONTRAST / 8)
+            agree = off <= 4 * max(DEVIATIONS * float(np.median(off)), LEAST_CONTRAST / 8)
             factors = np.linalg.lstsq(terms[agree], values[agree], rcond=None)[0]
             fitted = terms @ factors
         behind[..., channel] = np.clip(powers @ factors, values[agree].min(), values[agree].max())
@@ -266,18 +268,6 @@ def _outlined(
 
 def _factor(pixels: NDArray[np.float32]) -> int:
     return -(-max(pixels.shape[:2]) // WORKING_SIDE)
-
-
-def _reduced(pixels: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
-    """(H, W, 3) means of factor x factor pixels; what is not finite counts as black."""
-    height, width, channels = pixels.shape
-    starts = np.arange(0, width, factor)
-    counts = np.diff([*starts, width])[:, None]
-    small = np.empty((-(-height // factor), len(starts), channels), np.float32)
-    for row in range(len(small)):
-        rows = np.nan_to_num(pixels[row * factor : (row + 1) * factor], posinf=0, neginf=0)
-        small[row] = np.add.reduceat(rows.mean(axis=0), starts, axis=0) / counts
-    return small
 
 
 def _white(small: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.block_means import block_means
 from mpsnet_core.calibrate.ball import Ball, Circle, fit_ball
 from mpsnet_core.camera import Camera
 from mpsnet_core.errors import InputError
@@ -45,7 +46,7 @@ def find_balls(
     what edge is nearest, by :func:`fit_ball`. Raises InputError where not as many are found.
     """
     step = max(1, int(np.ceil(max(image.shape[:2]) / SEARCHED_SIDE)))
-    small = _reduced(image, step)
+    small = block_means(image, step)
     bright = _bright(small) if mirror else np.zeros(small.shape[:2], bool)
     found: list[tuple[float, Ball]] = []
     for circle in _circles(small, bright):
@@ -95,12 +96,6 @@ def _score(ball: Ball) -> float:
 
 def _apart(a: Circle, b: Circle) -> bool:
     return float(np.hypot(a.x - b.x, a.y - b.y)) > 0.9 * (a.radius + b.radius)
-
-
-def _reduced(image: NDArray[np.float32], step: int) -> NDArray[np.float32]:
-    height, width = image.shape[0] // step, image.shape[1] // step
-    blocks = image[: height * step, : width * step].reshape(height, step, width, step, 3)
-    return blocks.mean(axis=(1, 3))
 
 
 def _smooth(picture: NDArray[np.float32]) -> NDArray[np.float32]:

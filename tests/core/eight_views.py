@@ -261,11 +261,12 @@ def wrong_views(pixels: int, *, reach: float = 0.7, shadows: bool = False) -> li
     for number, corner in enumerate(sorted(CORNERS, key=np.prod)):
         close = reach if number > 3 else 1.1
         seen = shot(corner, pixels, rng, noise=0.01, off=0.2, reach=close, shadows=shadows)
-        estimate = unit(seen.image @ np.linalg.inv(published_rig().directions).T)
-        confidence = np.ones(seen.mask.shape)
         if shadows:
             found = estimate_normals(Capture(seen.image, seen.mask, published_rig()), "lambertian")
             estimate, confidence = found.vectors, found.confidence
+        else:  # which estimate_normals does not take: brightness below 0
+            estimate = unit(seen.image @ np.linalg.inv(published_rig().directions).T)
+            confidence = np.ones(seen.mask.shape)
         normals = NormalMap(smoothly_wrong(estimate, seen.points, rng, 7.0), seen.mask, confidence)
         views.append(View(seen.camera, normals))
     return views
