@@ -21,10 +21,11 @@ from pathlib import Path
 import numpy as np
 
 from mpsnet_core import Capture, InputError, LightRig, NormalMap, angular_error, estimate_normals, read_image, read_mask
-from mpsnet_core.calibrate.lights import angles, find_lights
+from mpsnet_core.calibrate.lights import find_lights
 from mpsnet_core.calibrate.photos import BallPhotos, read_sightings
 from mpsnet_core.evaluation.pictures import cropped, normals_picture, photo_picture, sheet
 from mpsnet_core.images import write_image
+from mpsnet_core.rig import angles_of
 
 OUTPUT = Path(__file__).resolve().parent / "output"
 OBJECTS = ("owl", "cat")
@@ -66,7 +67,8 @@ def light_directions(folder: Path) -> np.ndarray:
     found = find_lights(read_sightings(photos))
     circle = found.sightings[0].ball.circle
     print(f"the ball is at {circle.x:.1f},{circle.y:.1f} with radius {circle.radius:.1f} pixels")
-    for number, (slant, tilt, unsure) in enumerate(zip(*angles(found.directions), found.uncertainties, strict=True)):
+    slants, tilts = angles_of(found.directions)
+    for number, (slant, tilt, unsure) in enumerate(zip(slants, tilts, found.uncertainties, strict=True)):
         print(f"light {number:2d}: slant {slant:5.1f}°, tilt {tilt:5.1f}°, ± {unsure:.1f}°")
     return found.directions
 

@@ -1,40 +1,22 @@
 """Connected components: what hangs together, of anything that has numbers and neighbours."""
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 
-def connected(count: int, a: NDArray[np.int64], b: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(count,) the least number in each one's connected component, given the edges a - b."""
-    label = np.arange(count)
-    while True:
-        least = np.minimum(label[a], label[b])
-        if (label[a] == least).all() and (label[b] == least).all():
-            return label
-        np.minimum.at(label, a, least)
-        np.minimum.at(label, b, least)
-        label = label[label]
+def connected(count: int, one: NDArray[np.int64], other: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(count,) the least number in each one's connected component, given the pairs (one, other) that hang together.
 
-
-def spots(mask: NDArray[np.bool_]) -> tuple[NDArray[np.int64], int]:
-    """(H, W) the number of the spot (0 and up) that each True pixel of `mask` belongs to, -1 elsewhere; and how many.
-
-    Pixels hang together by their sides and corners.
+    Union-find, all pairs at a time.
     """
-    number = np.full(mask.shape, -1, np.int64)
-    number[mask] = np.arange(mask.sum())
-    pairs: list[Any] = []
-    for here, there in (
-        (number[:, :-1], number[:, 1:]),
-        (number[:-1], number[1:]),
-        (number[:-1, :-1], number[1:, 1:]),
-        (number[:-1, 1:], number[1:, :-1]),
-    ):
-        both = (here >= 0) & (there >= 0)
-        pairs.append(np.stack([here[both], there[both]]))
-    a, b = np.concatenate(pairs, axis=1)
-    names, label = np.unique(connected(int(mask.sum()), a, b), return_inverse=True)
-    number[mask] = label.reshape(-1)
-    return number, len(names)
+    root = np.arange(count)
+    while True:
+        a, b = root[one], root[other]
+        apart = a != b
+        if not apart.any():
+            return root
+        one, other = one[apart], other[apart]
+        a, b = a[apart], b[apart]
+        np.minimum.at(root, np.maximum(a, b), np.minimum(a, b))
+        while not np.array_equal(root, root[root]):
+            root = root[root]

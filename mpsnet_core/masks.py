@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.bands import bands
+from mpsnet_core.block_means import block_means
+from mpsnet_core.calibrate.robust import DEVIATIONS
 from mpsnet_core.correction import Correction, corrected
 from mpsnet_core.errors import InputError
 from mpsnet_core.images import Encoding, Image, layer_in, read_image, read_mask
-from mpsnet_core.regions import filled, grown, labelled, shrunk, without_specks
+from mpsnet_core.regions import filled, grown, labelled, shrunk, without_holes, without_specks
 
 log = logging.getLogger(__name__)
 
@@ -114,7 +116,7 @@ def auto_mask(pixels: NDArray[np.float32], notes: Notes = "all") -> NDArray[np.b
     Raises InputError where nothing stands out.
     """
     factor = _factor(pixels)
-    small = _reduced(pixels, factor)
+    small = block_means(pixels, factor)
     white = _white(small)
     photo = _on_screen(small, white)
     behind = _smooth_background(photo)
@@ -140,7 +142,7 @@ def background_mask(
         sizes = [f"{array.shape[1]} x {array.shape[0]}" for array in (background, pixels)]
         raise InputError(f"the background is {sizes[0]} but the photo is {sizes[1]}; take both with the same camera")
     factor = _factor(pixels)
-    small, empty = _reduced(pixels, factor), _reduced(background, factor)
+    small, empty = block_means(pixels, factor), block_means(background, factor)
     white = _white(small)
     scale = white / _exposure_ratio(small, empty)
     photo, behind = _on_screen(small, white), _on_screen(empty, scale)
@@ -187,14 +189,13 @@ def _mended(
     mask = without_specks(mask, PART * labelled(mask)[1][1:].max(initial=0))
     gap = max(1, round(GAP * max(mask.shape)))
     mask = shrunk(grown(mask, gap), gap)
-    labels, sizes = labelled(~mask, diagonal=True)
-    unlike = np.bincount(labels.ravel(), contrast.ravel(), len(sizes)) / np.maximum(sizes, 1)
-    area = sizes[0]
-    hole = (sizes <= SPECK * area) | ((sizes <= SHADOW * area) & (dark | (unlike > threshold / 2)))
-    for border in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
-        hole[border] = False
-    hole[0] = True  # the mask itself
-    mask = hole[labels]
+
+    def by_shadow(labels: NDArray[np.int32], sizes: NDArray[np.int64]) -> NDArray[np.bool_]:
+        unlike = np.bincount(labels.ravel(), contrast.ravel(), len(sizes)) / np.maximum(sizes, 1)
+        area = sizes[0]
+        return (sizes <= SPECK * area) | ((sizes <= SHADOW * area) & (dark | (unlike > threshold / 2)))
+
+    mask = without_holes(mask, by_shadow)
     return without_specks(mask, PART * labelled(mask)[1][1:].max(initial=0))
 
 
@@ -242,7 +243,7 @@ def _smooth_background(photo: NDArray[np.float32]) -> NDArray[np.float32]:
         fitted = np.full_like(values, np.median(values))
         for _ in range(6):
             off = np.abs(values - fitted)
-            agree = off <= 4 * max(1.4826 * float(np.median(off)), LEAST_CONTRAST / 8)
+            agree = off <= 4 * max(DEVIATIONS * float(np.median(off)), LEAST_CONTRAST / 8)
             factors = np.linalg.lstsq(terms[agree], values[agree], rcond=None)[0]
             fitted = terms @ factors
         behind[..., channel] = np.clip(powers @ factors, values[agree].min(), values[agree].max())
@@ -287,18 +288,6 @@ def _outlined(
 
 def _factor(pixels: NDArray[np.float32]) -> int:
     return -(-max(pixels.shape[:2]) // WORKING_SIDE)
-
-
-def _reduced(pixels: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
-    """(H, W, 3) means of factor x factor pixels; what is not finite counts as black."""
-    height, width, channels = pixels.shape
-    starts = np.arange(0, width, factor)
-    counts = np.diff([*starts, width])[:, None]
-    small = np.empty((-(-height // factor), len(starts), channels), np.float32)
-    for row in range(len(small)):
-        rows = np.nan_to_num(pixels[row * factor : (row + 1) * factor], posinf=0, neginf=0)
-        small[row] = np.add.reduceat(rows.mean(axis=0), starts, axis=0) / counts
-    return small
 
 
 def _white(small: NDArray[np.float32]) -> NDArray[np.float32]:

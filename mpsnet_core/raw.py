@@ -14,6 +14,7 @@ from mpsnet_core.bands import bands
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import existing_file
 from mpsnet_core.images import MAX_PIXELS, SATURATED_SHARE, Image, libraries_silent
+from mpsnet_core.regions import grown
 
 NOTE = "taken as camera raw: linear, without white balance"
 
@@ -110,18 +111,7 @@ def _clipped(raw: Any) -> NDArray[np.bool_]:
     at_end = sites >= ends.astype(sites.dtype)[colours]
     for colour in range(4):  # 3 is a second green
         clipped[..., colour % 3 if colour < 3 else 1] |= at_end & (colours == colour)
-    return _grown(clipped)
-
-
-def _grown(marks: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(H, W, C) the marks and their eight neighbours."""
-    for axis in (0, 1):
-        given = np.moveaxis(marks, axis, 0)
-        grown = given.copy()
-        grown[1:] |= given[:-1]
-        grown[:-1] |= given[1:]
-        marks = np.moveaxis(grown, 0, axis)
-    return marks
+    return grown(clipped, 1)
 
 
 def _upright(values: NDArray[Any], flip: int) -> NDArray[Any]:

@@ -155,19 +155,24 @@ class LightRig:
     @property
     def slants(self) -> NDArray[np.float64]:
         """(3,) angles from +z in degrees."""
-        flat = np.hypot(self.directions[:, 0], self.directions[:, 1])
-        return np.degrees(np.arctan2(flat, self.directions[:, 2]))
+        return angles_of(self.directions)[0]
 
     @property
     def tilts(self) -> NDArray[np.float64]:
         """(3,) angles from +x towards +y in degrees, 0 to 360."""
-        return np.degrees(np.arctan2(self.directions[:, 1], self.directions[:, 0])) % 360.0
+        return angles_of(self.directions)[1]
 
 
 def direction_from_angles(slant: ArrayLike, tilt: ArrayLike) -> NDArray[np.float64]:
     """Unit vector(s), shape (..., 3), of light(s) at `slant` from +z and `tilt` from +x towards +y, in degrees."""
     slant, tilt = np.radians(np.asarray(slant, float)), np.radians(np.asarray(tilt, float))
     return np.stack([np.sin(slant) * np.cos(tilt), np.sin(slant) * np.sin(tilt), np.cos(slant)], axis=-1)
+
+
+def angles_of(directions: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Slants and tilts (0 to 360) in degrees, each (...), of directions (..., 3)."""
+    x, y, z = np.moveaxis(np.asarray(directions, np.float64), -1, 0)
+    return np.degrees(np.arctan2(np.hypot(x, y), z)), np.degrees(np.arctan2(y, x)) % 360.0
 
 
 def published_rig(slant: float = 30.0, first_tilt: float = 90.0) -> LightRig:

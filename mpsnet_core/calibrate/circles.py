@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.block_means import block_means
 from mpsnet_core.calibrate.ball import Ball, Circle, fit_ball
 from mpsnet_core.camera import Camera
 from mpsnet_core.errors import InputError
+from mpsnet_core.regions import box_sums, grown
 
 # Longer side of the picture that circles are looked for in.
 SEARCHED_SIDE = 400
@@ -44,7 +46,7 @@ def find_balls(
     what edge is nearest, by :func:`fit_ball`. Raises InputError where not as many are found.
     """
     step = max(1, int(np.ceil(max(image.shape[:2]) / SEARCHED_SIDE)))
-    small = _reduced(image, step)
+    small = block_means(image, step)
     bright = _bright(small) if mirror else np.zeros(small.shape[:2], bool)
     found: list[tuple[float, Ball]] = []
     for circle in _circles(small, bright):
@@ -96,12 +98,6 @@ def _apart(a: Circle, b: Circle) -> bool:
     return float(np.hypot(a.x - b.x, a.y - b.y)) > 0.9 * (a.radius + b.radius)
 
 
-def _reduced(image: NDArray[np.float32], step: int) -> NDArray[np.float32]:
-    height, width = image.shape[0] // step, image.shape[1] // step
-    blocks = image[: height * step, : width * step].reshape(height, step, width, step, 3)
-    return blocks.mean(axis=(1, 3))
-
-
 def _smooth(picture: NDArray[np.float32]) -> NDArray[np.float32]:
     """Under the binomial filter 1 4 6 4 1, twice as wide as a pixel."""
     for axis in (0, 1):
@@ -125,7 +121,7 @@ def _circles(image: NDArray[np.float32], bright: NDArray[np.bool_]) -> list[Circ
     height, width = picture.shape
     slope_y, slope_x = np.gradient(picture)
     steep = np.hypot(slope_x, slope_y)
-    edge = _ridge(steep, slope_x, slope_y) & ~_grown(bright, 4)
+    edge = _ridge(steep, slope_x, slope_y) & ~grown(bright, 4)
     edge &= steep > max(2.0 * float(np.median(steep)), 0.02 * float(np.percentile(steep, 99.5)))
     y, x = np.nonzero(edge)
     if len(x) == 0:
@@ -140,7 +136,7 @@ def _circles(image: NDArray[np.float32], bright: NDArray[np.bool_]) -> list[Circ
             column, row = (x + side * across[0]).astype(int) // 2, (y + side * across[1]).astype(int) // 2
             within = (column >= 0) & (column < votes.shape[1]) & (row >= 0) & (row < votes.shape[0])
             np.add.at(votes, (row[within], column[within]), 1)
-        votes = _box(votes, 1 + int(size) // 40)
+        votes = box_sums(votes, 1 + int(size) // 40)
         for _ in range(2):  # a second ball of the same size stands elsewhere
             row, column = (int(place) for place in np.unravel_index(votes.argmax(), votes.shape))
             found.append((votes[row, column] / np.sqrt(size), Circle(2 * column + 1, 2 * row + 1, float(size))))
@@ -174,20 +170,6 @@ def _ridge(steep: NDArray[np.float32], slope_x: NDArray[np.float32], slope_y: ND
         behind = around[1 - row : 1 - row + height, 1 - column : 1 - column + width]
         top |= (eighth == number) & (steep >= ahead) & (steep > behind)
     return top
-
-
-def _grown(mask: NDArray[np.bool_], pixels: int) -> NDArray[np.bool_]:
-    """The mask grown by so many pixels to every side."""
-    return _box(mask.astype(np.float64), pixels) > 0.5 / (2 * pixels + 1) ** 2
-
-
-def _box(values: NDArray[np.float64], reach: int) -> NDArray[np.float64]:
-    """Sums over squares of 2 reach + 1 pixels."""
-    for axis in (0, 1):
-        total = np.cumsum(np.pad(values, [(reach + 1, reach) if a == axis else (0, 0) for a in (0, 1)]), axis=axis)
-        width = 2 * reach + 1
-        values = total[width:] - total[:-width] if axis == 0 else total[:, width:] - total[:, :-width]
-    return values
 
 
 class _Edges:

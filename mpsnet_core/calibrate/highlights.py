@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.calibrate.ball import Ball, surface
-from mpsnet_core.connected import spots
 from mpsnet_core.errors import InputError
 from mpsnet_core.images import Image
+from mpsnet_core.regions import labelled
 
 # Of the ball's radius: nearer to its rim a mirror shows what lies behind it, squeezed, and the rim is blurred.
 USED_RADIUS = 0.96
@@ -223,7 +223,8 @@ def _highlight(window: _Window, weight: NDArray[np.float64], others: NDArray[np.
     weight: (H, W) its brightness, 1 at its brightest. others: (H, W) the same of the other lights; a spot that is as
     bright in those is white, and so a window rather than a light.
     """
-    number, count = spots(weight > CANDIDATE)
+    labels, sizes = labelled(weight > CANDIDATE, diagonal=True)
+    number, count = labels - 1, len(sizes) - 1
     held = number >= 0
     light = np.bincount(number[held], np.clip(weight - others, 0, None)[held], count)
     # One bright pixel alone is the sensor's own.

@@ -72,12 +72,6 @@ class LightsFound:
     gaps: NDArray[np.float64] | None = None
 
 
-def angles(directions: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Slants and tilts (0 to 360), in degrees, of directions (..., 3)."""
-    x, y, z = np.moveaxis(np.asarray(directions, np.float64), -1, 0)
-    return np.degrees(np.arctan2(np.hypot(x, y), z)), np.degrees(np.arctan2(y, x)) % 360.0
-
-
 def find_lights(sightings: Sequence[Sighting]) -> LightsFound:
     """The lights that mirror balls show.
 

@@ -65,10 +65,6 @@ def mixing_from_ball(photo: Image, ball: Ball, rig: LightRig) -> MixingFound:
 
     Raises InputError where too few pixels are usable or no matrix follows from them.
     """
-    if rig.near is not None and ball.camera.projection == "orthographic":
-        raise InputError(
-            "the rig's lights have positions, which only a perspective camera sees; give the camera or its focal length"
-        )
     points, colours = _ball_pixels(photo, ball)
     weight: NDArray[np.float64] = np.ones(colours.shape)
     scale = np.inf
@@ -179,6 +175,10 @@ def _ball_pixels(photo: Image, ball: Ball) -> tuple[NDArray[np.float64], NDArray
 
 def _shading(ball: Ball, rig: LightRig, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """(P, 4) how much of each light a white matt surface sends back at points of the ball, and 1 for ambient light."""
+    if rig.near is not None and ball.camera.projection == "orthographic":
+        raise InputError(
+            "the rig's lights have positions, which only a perspective camera sees; give the camera or its focal length"
+        )
     place, normal, _ = surface(ball, points)
     lights = rig.directions if rig.near is None else rig.near.light_at(place)
     shading = np.einsum("...ki,...i->...k", lights, normal)

@@ -8,8 +8,9 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from mpsnet_core.calibrate.ball import Ball, Circle
-from mpsnet_core.calibrate.lights import Sighting, angles
+from mpsnet_core.calibrate.lights import Sighting
 from mpsnet_core.images import linear_to_srgb
+from mpsnet_core.rig import angles_of
 
 Colour = tuple[float, float, float]
 Side = Literal["left", "middle", "right"]
@@ -46,7 +47,7 @@ def lights_picture(
         tip = (circle.x + circle.radius * direction[0], circle.y - circle.radius * direction[1])
         canvas.arrow((circle.x, circle.y), tip, colour)
         canvas.ring(Circle(spot.x, spot.y, spot.radius + 2.0), colour)
-        slant, tilt = angles(direction)
+        slant, tilt = angles_of(direction)
         canvas.label(
             f"{name}: slant {slant:.1f}°, tilt {tilt:.1f}°",
             tip,

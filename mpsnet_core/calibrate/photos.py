@@ -1,6 +1,6 @@
 """From photo files to balls and highlights, one photo in memory at a time."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -47,17 +47,19 @@ class BallPhotos:
         return image if self.correction is None else corrected(image, self.correction)
 
 
-def mean_photo(photos: BallPhotos) -> NDArray[np.float32]:
-    """(H, W, 3) linear, the mean: what is dark in one photo is lit in another. Raises InputError where sizes differ."""
-    total = photos.read(photos.files[0]).pixels
-    for file in photos.files[1:]:
-        pixels = photos.read(file).pixels
-        if pixels.shape != total.shape:
+def mean_photo(photos: BallPhotos, images: Iterable[Image] | None = None) -> NDArray[np.float32]:
+    """(H, W, 3) linear, the mean: what is dark in one photo is lit in another. Raises InputError where sizes differ.
+
+    images: the photos, where they are read already.
+    """
+    total: NDArray[np.float32] = np.zeros((), np.float32)
+    for file, image in zip(photos.files, images or map(photos.read, photos.files), strict=True):
+        if total.ndim and image.pixels.shape != total.shape:
             raise InputError(
-                f"{file} is {pixels.shape[1]} x {pixels.shape[0]} but {photos.files[0]} is {total.shape[1]} x "
-                f"{total.shape[0]}; they must be the same size"
+                f"{file} is {image.pixels.shape[1]} x {image.pixels.shape[0]} but {photos.files[0]} is "
+                f"{total.shape[1]} x {total.shape[0]}; they must be the same size"
             )
-        total = total + pixels
+        total = total + image.pixels
     return np.nan_to_num(total / np.float32(len(photos.files)), posinf=0.0, neginf=0.0)
 
 

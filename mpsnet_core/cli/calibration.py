@@ -1,7 +1,6 @@
 """The verb calibrate: where the lights are, and how their colours mix, by photos of balls and cards."""
 
 import argparse
-import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +15,8 @@ if TYPE_CHECKING:
     from mpsnet_core.calibrate.lights import LightsFound
     from mpsnet_core.calibrate.mixing import MixingFound
     from mpsnet_core.calibrate.photos import BallPhotos
+    from mpsnet_core.images import Image
+    from mpsnet_core.rig import LightRig
 
 COLOURS = ("red", "green", "blue")
 
@@ -179,12 +180,12 @@ def _by_place(files: Sequence[Path], places: int, options: argparse.Namespace) -
 
 
 def _lights_data(found: "LightsFound", names: Sequence[str]) -> dict[str, Any]:
-    from mpsnet_core.calibrate.lights import angles
+    from mpsnet_core.rig import angles_of
 
     lights = []
     lines = []
     for k, name in enumerate(names):
-        slant, tilt = (float(angle) for angle in angles(found.directions[k]))
+        slant, tilt = (float(angle) for angle in angles_of(found.directions[k]))
         light = {
             "name": name,
             "direction": found.directions[k].tolist(),
@@ -254,14 +255,14 @@ def _mixing(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         raise InputError(f"there are {len(files)} photo(s): {wanted} under each light alone, in the rig's order")
     photos = _photos(options, files, _circles(options), mirror=False)
     reporter.progress(0.0, "reading the photos")
-    image = mean_photo(photos)
+    read = [photos.read(file) for file in files]
+    image = mean_photo(photos, read)
     picture = None
     if options.card:
-        found = _card(photos, options, rig)
+        found = _card(photos, read, options, rig)
     else:
         ball = seen_balls(photos, image)[0]
         reporter.progress(0.4, "solving for the mixing")
-        read = [photos.read(file) for file in files]
         one = len(files) == 1
         found = mixing_from_ball(read[0], ball, rig) if one else mixing_from_ball_by_light(read, ball, rig)
         assert found.ball is not None
@@ -273,7 +274,7 @@ def _mixing(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     return _told(options, _mixing_data(found))
 
 
-def _card(photos: "BallPhotos", options: argparse.Namespace, rig: Any) -> "MixingFound":
+def _card(photos: "BallPhotos", read: Sequence["Image"], options: argparse.Namespace, rig: "LightRig") -> "MixingFound":
     import numpy as np
 
     from mpsnet_core.calibrate.mixing import mixing_from_card
@@ -281,7 +282,6 @@ def _card(photos: "BallPhotos", options: argparse.Namespace, rig: Any) -> "Mixin
 
     if options.overlay:
         raise InputError("--overlay shows a ball; leave it out with --card")
-    read = [photos.read(file) for file in photos.files]
     height, width = read[0].pixels.shape[:2]
     if photos.mask is not None:
         mask = read_mask(photos.mask)
@@ -392,11 +392,10 @@ def _ball_line(ball: "Ball") -> str:
 
 def _told(options: argparse.Namespace, data: dict[str, Any]) -> dict[str, Any]:
     """The result, with where it was written; also as a JSON file where that is asked for."""
-    from mpsnet_core.files import written_whole
+    from mpsnet_core.files import write_json
 
     text = data.pop("text")
     result = {"output": options.output, "overlay": options.overlay, **data}
     if options.json:
-        with written_whole(options.json) as unfinished:
-            unfinished.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+        write_json(options.json, result)
     return {**result, "text": f"{options.output}:\n{text}"}

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.normals import NormalMap
+from mpsnet_core.regions import box_sums
 
 # Twice as many frames and one are held in memory; a second of film is far more than a thing stands still.
 MAX_REACH = 12
@@ -108,8 +109,8 @@ def _likeness(a: Shot, b: Shot) -> NDArray[np.float32]:
         first, second = a.photo[..., channel], b.photo[..., channel]
         difference = np.where(both, second - first, np.float32(0))
         squares += np.square(difference / _noise(difference, (first + second) / 2, both))
-    count = _patch_sums(both.astype(np.float32))
-    mean_square = _patch_sums(squares) / np.maximum(3 * count, 1)
+    count = box_sums(both.astype(np.float32), PATCH // 2)
+    mean_square = box_sums(squares, PATCH // 2) / np.maximum(3 * count, 1)
     return np.where(both, np.exp(-np.maximum(mean_square - SURE, 0)), 0).astype(np.float32)
 
 
@@ -135,14 +136,3 @@ def _noise(
     levels = [float(level[members].mean()) for members in classes]
     strengths = [float(np.median(rest[members])) for members in classes]
     return np.maximum(np.interp(brightness, levels, strengths).astype(np.float32), least)
-
-
-def _patch_sums(values: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(H, W) the sum over the PATCH x PATCH pixels around each pixel; beyond the edges there is nothing."""
-    for axis in (0, 1):
-        padding = [(0, 0), (0, 0)]
-        padding[axis] = (PATCH // 2 + 1, PATCH // 2)
-        sums = np.cumsum(np.pad(values, padding), axis=axis, dtype=np.float64)
-        upper, lower = np.split(sums, [PATCH], axis=axis)[1], np.split(sums, [-PATCH], axis=axis)[0]
-        values = np.maximum(upper - lower, 0).astype(np.float32)
-    return values

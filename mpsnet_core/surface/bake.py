@@ -144,12 +144,18 @@ class _Projectors:
         held = 0
         for number in range(len(self.views)):
             batch.append(Projector(self.views[number], self.scene, self.feather))
-            held += batch[-1].samples.nbytes
+            held += _held_bytes(batch[-1])
             if number + 1 == len(self.views) == len(batch):
                 self.all = batch
             if held >= HELD_BYTES or number + 1 == len(self.views):
                 yield batch
                 batch, held = [], 0
+
+
+def _held_bytes(projector: Projector) -> int:
+    """What its images take up: the normals and the depth image."""
+    arrays = [*vars(projector).values(), *vars(projector.visibility).values()]
+    return sum(array.nbytes for array in arrays if isinstance(array, np.ndarray))
 
 
 @dataclass(frozen=True)

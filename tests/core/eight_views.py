@@ -66,9 +66,12 @@ def shot(
     noise: float,
     off: float,
     reach: float = 1.1,
+    shadows: bool = True,
 ) -> Shot:
     """The sphere seen from a corner of the cube. off: degrees that the believed camera is turned about the sphere's
-    middle and, as many hundredths of a radius for each degree, moved. reach: half the picture's width, in radii."""
+    middle and, as many hundredths of a radius for each degree, moved. reach: half the picture's width, in radii.
+    shadows: whether a light behind the surface gives nothing; else it takes light away, which no lamp does, but from
+    such a photo the normals follow everywhere."""
     camera = camera_looking(corner, "perspective", size=size, distance=5.0, reach=reach)
     row, column = np.mgrid[:size, :size].reshape(2, -1) + 0.5
     middle = camera.world_from_camera[:3, 3]
@@ -79,8 +82,8 @@ def shot(
     points = np.nan_to_num(points)
     points[~mask] = (0, 0, 1)
     normals = bumpy_normals(points) @ camera.rotation
-    image = np.maximum(normals @ published_rig().directions.T, 0) * 0.7
-    image = np.maximum(image + noise * rng.normal(size=image.shape), 0)
+    image = 0.7 * np.maximum(normals @ published_rig().directions.T, 0 if shadows else -1)
+    image = np.maximum(image + noise * rng.normal(size=image.shape), 0 if shadows else -1)
     pose = camera.world_from_camera.copy()
     wrong = turn(rng.normal(size=3), off)
     pose[:3, :3] = wrong @ pose[:3, :3]
@@ -142,15 +145,28 @@ def sphere_texels(size: int, columns: int = 48, rows: int = 24) -> SphereTexels:
 
 
 def borders(texels: SphereTexels, cameras: list[Camera], views: np.ndarray) -> np.ndarray:
-    """(S, S) a number for each seen texel that changes where the leading view does, or the number of views; else -1.
+    """(S, S) a number for each texel that changes where the leading view does, or the number of views.
 
-    On a sphere the leading view is the one that looks most squarely, known without the bake.
+    0 where none sees the texel, -1 off the mesh. On a sphere the leading view is the one that looks most squarely,
+    known without the bake.
     """
     facing = np.stack([(towards_camera(camera, texels.points) * texels.points).sum(axis=1) for camera in cameras])
     label = np.full((texels.size, texels.size), -1)
     count = views[texels.row, texels.column].astype(int)
-    label[texels.row, texels.column] = np.where(count > 0, facing.argmax(axis=0) * 64 + count, -1)
+    label[texels.row, texels.column] = np.where(count > 0, facing.argmax(axis=0) * 64 + count, 0)
     return label
+
+
+def near_ends(texels: SphereTexels, label: np.ndarray, width: float = 0.15) -> np.ndarray:
+    """(S, S) where a texel that no view sees is within about `width` radii: in the same or the next cell of a grid."""
+    cell = tuple(np.floor((texels.points + 1) / width).astype(int).T + 1)
+    unseen = np.zeros((int(2 / width) + 4,) * 3, bool)
+    unseen[tuple(axis[label[texels.row, texels.column] == 0] for axis in cell)] = True
+    for axis in range(3):
+        unseen = unseen | np.roll(unseen, 1, axis) | np.roll(unseen, -1, axis)
+    near = np.zeros(label.shape, bool)
+    near[texels.row, texels.column] = unseen[cell]
+    return near
 
 
 REACH = 1 / 256  # the part of the texture that a side's mean is taken over
@@ -158,8 +174,9 @@ PIECE = 8  # pieces of border are so many times as long and wide at most
 FEWEST = 2  # and at least this long
 
 
-def jumps(error: np.ndarray, label: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Degrees by which the error (S, S, 3) jumps at each piece of border between labels, and at pieces without border.
+def jumps(error: np.ndarray, label: np.ndarray, near: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Degrees by which the error (S, S, 3) jumps at each piece of border between views, of border where all views end
+    or nearly do, and at pieces without border, far from those ends.
 
     On each side of a texel's edge the mean errors of the square next to it and of the one beyond are carried on
     linearly to the edge; the jump is the difference there, the mean along the piece. A smooth change is none, and noise
@@ -169,11 +186,13 @@ def jumps(error: np.ndarray, label: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     sums = np.zeros((len(label) + 1, len(label) + 1, 4))
     sums[1:, 1:, :3] = error.cumsum(0).cumsum(1)
     sums[1:, 1:, 3] = (label >= 0).cumsum(0).cumsum(1)
-    at_borders, elsewhere = [], []
+    at_borders, at_ends, elsewhere = [], [], []
     for axis in (0, 1):
         low, high = (label[:-1], label[1:]) if axis == 0 else (label[:, :-1], label[:, 1:])
-        seen = (low >= 0) & (high >= 0)
-        for found, into in ((seen & (low != high), at_borders), (seen & (low == high), elsewhere)):
+        ending = (near[:-1] | near[1:]) if axis == 0 else (near[:, :-1] | near[:, 1:])
+        border = (low >= 0) & (high >= 0) & (low != high)
+        plain = (low > 0) & (low == high)
+        for found, into in ((border & ~ending, at_borders), (border & ending, at_ends), (plain & ~ending, elsewhere)):
             row, column = np.nonzero(found)
             margin = 2 * reach + 2
             within = (np.minimum(row, column) > margin) & (np.maximum(row, column) < len(label) - margin)
@@ -187,7 +206,7 @@ def jumps(error: np.ndarray, label: np.ndarray) -> tuple[np.ndarray, np.ndarray]
             _, number, count = np.unique(piece[whole], return_inverse=True, return_counts=True)
             total = np.stack([np.bincount(number, jump[whole][:, k]) for k in range(3)], axis=1)
             into.append(np.degrees(np.linalg.norm(total / count[:, None], axis=1))[count >= FEWEST * reach])
-    return np.concatenate(at_borders), np.concatenate(elsewhere)
+    return np.concatenate(at_borders), np.concatenate(at_ends), np.concatenate(elsewhere)
 
 
 def _patch(
@@ -204,44 +223,68 @@ def _patch(
 
 @dataclass(frozen=True)
 class Outcome:
-    """Angles in degrees of a baked texture: its mean error, and its steps (:func:`jumps`)."""
+    """Angles in degrees of a baked texture: its mean error where it is seen, and its steps (:func:`jumps`)."""
 
     seen: float
     error: float
-    at_borders: np.ndarray
-    elsewhere: np.ndarray
     spread: float
+    at_borders: np.ndarray
+    at_ends: np.ndarray
+    elsewhere: np.ndarray
 
     def __str__(self) -> str:
+        steps = [
+            f"{where}: {len(found)} pieces, mean {found.mean():.2f}°, at most {found.max():.2f}°"
+            for where, found in (
+                ("between views", self.at_borders),
+                ("where all end", self.at_ends),
+                ("elsewhere", self.elsewhere),
+            )
+            if len(found)
+        ]
         return (
-            f"{self.seen:.1%} seen, mean error {self.error:.2f}°, views {self.spread:.2f}° apart; steps along "
-            f"{len(self.at_borders)} pieces of border {self.at_borders.mean():.2f}°, at most "
-            f"{self.at_borders.max():.2f}°; elsewhere {self.elsewhere.mean():.2f}°, at most {self.elsewhere.max():.2f}°"
+            f"{self.seen:.1%} seen, mean error {self.error:.2f}°, views {self.spread:.2f}° apart; steps "
+            + "; ".join(steps)
         )
 
 
-def eight_views_baked(size: int, pixels: int, *, reach: float = 1.1, feather: float = FEATHER) -> dict[str, Outcome]:
-    """What becomes of eight photos with noise of 0.01, estimates that err smoothly by 7° and cameras that are wrong by
-    0.2° and 0.002 radii, without and with levelling. reach: half the width of every second picture, in radii."""
+def wrong_views(pixels: int, *, reach: float = 0.7, shadows: bool = False) -> list[View]:
+    """Eight views from photos with noise of 0.01, estimates that err smoothly by 7° and cameras that are wrong by 0.2°
+    and 0.002 radii. The first four show the whole sphere, the others, between them, half of their `reach` either way:
+    below 1 they end within it, and the others go on there.
+
+    The estimate is Lambert's. shadows: see :func:`shot`; where a light does not reach, that estimate errs by itself,
+    with steps that no border has a part in.
+    """
     rng = np.random.default_rng(5)
+    views = []
+    for number, corner in enumerate(sorted(CORNERS, key=np.prod)):
+        close = reach if number > 3 else 1.1
+        seen = shot(corner, pixels, rng, noise=0.01, off=0.2, reach=close, shadows=shadows)
+        if shadows:
+            found = estimate_normals(Capture(seen.image, seen.mask, published_rig()), "lambertian")
+            estimate, confidence = found.vectors, found.confidence
+        else:  # which estimate_normals does not take: brightness below 0
+            estimate = unit(seen.image @ np.linalg.inv(published_rig().directions).T)
+            confidence = np.ones(seen.mask.shape)
+        normals = NormalMap(smoothly_wrong(estimate, seen.points, rng, 7.0), seen.mask, confidence)
+        views.append(View(seen.camera, normals))
+    return views
+
+
+def all_levelled(views: list[View]) -> list[View]:
     mesh = sphere_mesh(48, 24)
-    views: dict[str, list[View]] = {"as they are": [], "levelled": []}
-    for number, corner in enumerate(CORNERS):
-        seen = shot(corner, pixels, rng, noise=0.01, off=0.2, reach=reach if number % 2 else 1.1)
-        estimate = estimate_normals(Capture(seen.image, seen.mask, published_rig()), "lambertian")
-        wrong = smoothly_wrong(estimate.vectors, seen.points, rng, 7.0)
-        normals = NormalMap(wrong, seen.mask, estimate.confidence)
-        views["as they are"].append(View(seen.camera, normals))
-        views["levelled"].append(View(seen.camera, levelled(normals, seen.camera, mesh)))
-    texels = sphere_texels(size)
+    return [View(view.camera, levelled(view.normals, view.camera, mesh)) for view in views]
+
+
+def outcome(views: list[View], texels: SphereTexels, feather: float = FEATHER) -> Outcome:
+    """What becomes of the views in one texture."""
+    texture = bake_normals(sphere_mesh(48, 24), views, size=texels.size, space="object", margin=0, feather=feather)
     place = (texels.row, texels.column)
-    outcomes = {}
-    for how, chosen in views.items():
-        texture = bake_normals(mesh, chosen, size=size, space="object", margin=0, feather=feather)
-        error = np.zeros_like(texture.vectors)
-        error[place] = texture.vectors[place] - texels.truth
-        label = borders(texels, [view.camera for view in chosen], texture.views)
-        angles = degrees_between(texture.vectors[place], texels.truth)[texture.seen[place]]
-        spread = float(texture.spread[texture.views > 1].mean())
-        outcomes[how] = Outcome(texture.seen_fraction, float(angles.mean()), *jumps(error, label), spread)
-    return outcomes
+    error = np.zeros_like(texture.vectors)
+    error[place] = texture.vectors[place] - texels.truth
+    label = borders(texels, [view.camera for view in views], texture.views)
+    angles = degrees_between(texture.vectors[place], texels.truth)[texture.seen[place]]
+    spread = float(texture.spread[texture.views > 1].mean())
+    steps = jumps(error, label, near_ends(texels, label))
+    return Outcome(texture.seen_fraction, float(angles.mean()), spread, *steps)

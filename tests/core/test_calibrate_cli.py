@@ -15,6 +15,7 @@ from conftest import Mpsnet
 from mirror_ball import CROSSTALK, Scene, around, grey_photograph, lamps_around, photograph
 from synthetic import degrees_between, listing, write_file
 
+from mpsnet_core.calibrate.photos import BallPhotos
 from mpsnet_core.camera import Camera, write_camera
 from mpsnet_core.cli import main
 from mpsnet_core.rig import LightRig, read_rig, write_rig
@@ -157,6 +158,20 @@ def test_the_rooms_light_is_taken_off(photos: Path, tmp_path: Path) -> None:
     assert np.abs(read_rig(tmp_path / "rig.json").mixing - CROSSTALK).max() < 0.01
 
 
+@pytest.mark.parametrize("where", [["--card", "--circle", "130,105,9"], ["--circle", CIRCLE]], ids=["card", "ball"])
+def test_a_photo_of_one_light_is_read_once(
+    photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: list[str]
+) -> None:
+    """Camera raw takes seconds to develop."""
+    read: list[Path] = []
+    once = BallPhotos.read
+    monkeypatch.setattr(BallPhotos, "read", lambda self, file: (read.append(file), once(self, file))[1])
+    files = [photos / f"grey{light}.exr" for light in range(3)]
+    given = [*map(str, files), "--rig", str(photos / "rig.json"), *where, "-o", str(tmp_path / "mixed.json")]
+    assert main(["calibrate", "mixing", *given]) == 0
+    assert read == files
+
+
 @pytest.mark.parametrize("card", [False, True])
 def test_the_mixing_by_a_photo_for_each_light(photos: Path, tmp_path: Path, card: bool) -> None:
     files = [str(photos / f"grey{light}.exr") for light in range(3)]
@@ -222,6 +237,10 @@ MIXING_CASES: dict[str, tuple[list[str], str]] = {
     "a card anywhere": ([*GREY, "--card"], "where is the card"),
     "a card's mask of another size": ([*GREY, "--card", "--mask", "small.png"], "small.png … 240 x 200"),
     "a card's overlay": ([*GREY, "--card", "--mask", "mask.png", "--overlay", "o.png"], "leave it out with --card"),
+    "a card in photos of different sizes": (
+        ["grey0.exr", "grey1.exr", "other.exr", "--card", "--mask", "mask.png"],
+        "they must be the same size",
+    ),
     "a card in the dark": (["black.exr"] * 3 + ["--card", "--mask", "mask.png"], "black … lights on"),
     "a card that faces away": (
         [*GREY, "--card", "--mask", "mask.png", "--normal", "0,-1,0"],

@@ -91,6 +91,8 @@ def test_lights_that_stand_near() -> None:
     assert np.abs(found.mixing - MIXING).max() < 0.01
     with pytest.raises(InputError, match=r"only a perspective camera sees"):
         mixing_from_ball(taken(image), drawn(), near_rig(places, middle))
+    with pytest.raises(InputError, match=r"only a perspective camera sees"):
+        mixing_from_ball_by_light([taken(image)] * 3, drawn(), near_rig(places, middle))
 
 
 def bumps(size: int = 160) -> np.ndarray:

@@ -78,7 +78,6 @@ def test_beside_an_edge_the_camera_that_is_slightly_wrong_bakes_the_other_view()
         texture = bake_normals(mesh, views, size=200, space="object", margin=0, feather=feather)
         assert texture.seen[texels].any()
         errors.append(degrees_between(texture.vectors, [0, 0, 1.0])[beside].mean())
-    print(errors)
     assert errors[1] < 0.6 * errors[0]
 
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from mpsnet_core.regions import filled, grown, labelled, shrunk, without_specks
+from mpsnet_core.regions import box_sums, filled, grown, labelled, shrunk, without_specks
 
 
 def random_masks() -> Iterator[np.ndarray]:
@@ -70,3 +70,17 @@ def test_growing_and_shrinking_by_a_square() -> None:
             for row, column in np.argwhere(~mask):
                 far &= (abs(y - row) > pixels) | (abs(x - column) > pixels)
             np.testing.assert_array_equal(shrunk(mask, pixels), far)
+
+
+@pytest.mark.parametrize("reach", [0, 1, 3, 20])
+def test_box_sums_against_windows_one_by_one(reach: int) -> None:
+    values = np.random.default_rng(reach).random((9, 13))
+    sums = box_sums(values, reach)
+    for y, x in np.ndindex(values.shape):
+        window = values[max(y - reach, 0) : y + reach + 1, max(x - reach, 0) : x + reach + 1]
+        assert sums[y, x] == pytest.approx(window.sum())
+
+
+def test_each_channel_grows_by_itself() -> None:
+    marks = np.random.default_rng(2).random((15, 12, 3)) < 0.1
+    assert np.array_equal(grown(marks, 1), np.stack([grown(marks[..., k], 1) for k in range(3)], axis=-1))
