@@ -27,7 +27,7 @@ class _Calibrates(RunsCore, CalibrateSettings):
     def _arguments(self, what: str, photos: Sequence[str], rig: Path) -> tuple[list[str], list[Path]]:
         self._rig, self._overlay = rig, rig.with_name(f"{rig.stem}_{what}.png")
         arguments = ["calibrate", what, *photos, "--overlay", str(self._overlay), "--output", str(rig)]
-        arguments += ["--encoding", self.encoding.lower()]
+        arguments += ["--encoding", self.encoding.lower(), "--radius", f"{self.ball_radius:g}"]
         if self.lens:
             arguments += ["--focal", f"{self.lens:g}"]
         circles = [(self.circle_x, self.circle_y, self.circle_radius)]
@@ -73,10 +73,7 @@ class MPS_OT_calibrate_lights(_Calibrates, bpy.types.Operator):
         photos = [_photo(self.ball, "the mirror ball")]
         if self.second_ball:
             photos.append(_photo(self.second_ball, "the mirror ball at its second place"))
-        arguments, outputs = self._arguments("lights", photos, self._rig_path("mpsnet_rig"))
-        if self.second_ball:
-            arguments += ["--radius", f"{self.ball_radius:g}"]
-        return arguments, outputs
+        return self._arguments("lights", photos, self._rig_path("mpsnet_rig"))
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         lights = [

@@ -87,9 +87,8 @@ class MPS_PT_calibrate(_Step):
         column = self.column()
         column.prop(calibrate, "ball")
         column.prop(calibrate, "second_ball", placeholder="For positions")
-        if calibrate.second_ball:
-            column.prop(calibrate, "ball_radius")
         column.prop(calibrate, "lens")
+        column.prop(calibrate, "ball_radius")
         column.prop(calibrate, "encoding")
         column.prop(calibrate, "output", placeholder="Automatic")
         self.progress_or(context, "calibrate_lights", "LIGHT_SUN")

@@ -155,7 +155,8 @@ class CalibrateSettings:
     )
     ball_radius: FloatProperty(
         name="Ball Radius",
-        description="Radius of the ball, in the unit that positions are wanted in: that of the mesh",
+        description="Radius of the ball, in the unit that positions are wanted in: that of the mesh. "
+        "It counts where lights have positions, for the grey ball too",
         default=1.0,
         min=1e-6,
         max=1e6,

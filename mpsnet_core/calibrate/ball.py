@@ -48,6 +48,7 @@ class Ball:
     residual: how far the outline's points lie from the fit, in pixels (rms of those that were trusted).
     seen: share of the outline that was found, 0 to 1.
     covariance: (3, 3) of the errors of the outline's middle x, y and radius, in pixels squared.
+    by_hand: whether somebody drew the outline, of which residual and seen then tell nothing.
     """
 
     centre: NDArray[np.float64]
@@ -56,6 +57,7 @@ class Ball:
     residual: float
     seen: float
     covariance: NDArray[np.float64]
+    by_hand: bool = False
 
     @property
     def outline(self) -> NDArray[np.float64]:
@@ -143,7 +145,7 @@ def fit_ball(points: ArrayLike, camera: Camera, radius: float = 1.0) -> Ball:
 def ball_from_circle(circle: Circle, camera: Camera, radius: float = 1.0) -> Ball:
     """The ball whose outline somebody drew as a circle. Raises InputError where no ball fits."""
     ball = fit_ball(circle.points(), camera, radius)
-    return replace(ball, covariance=HAND_UNCERTAINTY**2 * np.diag([0.5, 0.5, 0.5]))
+    return replace(ball, covariance=HAND_UNCERTAINTY**2 * np.diag([0.5, 0.5, 0.5]), by_hand=True)
 
 
 def ball_from_mask(mask: NDArray[np.bool_], camera: Camera, radius: float = 1.0) -> Ball:

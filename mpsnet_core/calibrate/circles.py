@@ -13,6 +13,7 @@ from mpsnet_core.regions import box_sums, grown
 
 # Longer side of the picture that circles are looked for in.
 SEARCHED_SIDE = 400
+LEAST_SIDE = 16
 # A ball's radius, as a share of the photo's shorter side.
 SMALLEST, LARGEST = 0.04, 0.75
 CANDIDATES = 12
@@ -45,6 +46,8 @@ def find_balls(
     transform methods for circle finding", 1990); of the circles with most of an outline, the largest are fitted to
     what edge is nearest, by :func:`fit_ball`. Raises InputError where not as many are found.
     """
+    if min(image.shape[:2]) < LEAST_SIDE:
+        raise InputError(f"a photo of {image.shape[1]} x {image.shape[0]} pixels is too small to show a ball")
     step = max(1, int(np.ceil(max(image.shape[:2]) / SEARCHED_SIDE)))
     small = block_means(image, step)
     bright = _bright(small) if mirror else np.zeros(small.shape[:2], bool)

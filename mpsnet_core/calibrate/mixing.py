@@ -234,7 +234,8 @@ def _checked(found: MixingFound) -> MixingFound:
     if not np.isfinite(mixing).all() or mixing.max() <= 0 or (mixing < -NEGATIVE).any():
         raise InputError(
             "no mixing matrix explains the photo (one light would take light away); does the rig belong to this photo, "
-            "with its lights in the order red, green, blue, and is the ball matt and grey?"
+            "with its lights in the order red, green, blue, and is the ball matt and grey, before dark surroundings? "
+            "Pale ones throw light back at it"
         )
     if found.residual > POOR:
         log.warning(

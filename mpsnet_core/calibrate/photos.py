@@ -69,6 +69,8 @@ def seen_balls(photos: BallPhotos, image: NDArray[np.float32]) -> list[Ball]:
     camera = _camera(photos, width, height)
     if photos.circles:
         for circle in photos.circles:
+            if circle.radius > max(width, height):
+                raise InputError(f"a circle of {circle.radius:g} pixels is larger than the photo, {width} x {height}")
             if not (0 <= circle.x <= width and 0 <= circle.y <= height):
                 told = f"the circle {circle.x:g},{circle.y:g},{circle.radius:g}"
                 raise InputError(

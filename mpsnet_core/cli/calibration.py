@@ -1,6 +1,9 @@
 """The verb calibrate: where the lights are, and how their colours mix, by photos of balls and cards."""
 
 import argparse
+import contextlib
+import logging
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +20,8 @@ if TYPE_CHECKING:
     from mpsnet_core.calibrate.photos import BallPhotos
     from mpsnet_core.images import Image
     from mpsnet_core.rig import LightRig
+
+log = logging.getLogger(__name__)
 
 COLOURS = ("red", "green", "blue")
 
@@ -41,10 +46,15 @@ def _add_shared(parser: argparse.ArgumentParser) -> None:
         help="the ball's outline by hand: its middle from the photo's top left corner and its radius, in pixels; "
         "repeatable, in the balls' order; it is looked for unless given",
     )
-    parser.add_argument("--mask", help="mask file of the ball (of the card, with --card)")
+    parser.add_argument("--mask", help="mask file of what the photo is of")
     camera = parser.add_mutually_exclusive_group()
     camera.add_argument("--camera", metavar="FILE", help="camera file; without it the camera is taken as far away")
     camera.add_argument("--focal", type=float, metavar="MM", help="in its place the lens, in mm on a 36 mm sensor")
+    parser.add_argument(
+        "--radius",
+        type=float,
+        help="of the ball, in the unit of the lights' positions, best the mesh's; without it they count in radii",
+    )
     add_reading(parser)
     parser.add_argument("--overlay", metavar="PNG", help="write a picture of what was found, drawn over the photo")
     parser.add_argument("--json", metavar="FILE", help="write what was found as JSON")
@@ -73,9 +83,6 @@ def _add_lights(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--balls", type=int, default=1, help="how many mirror balls each photo shows")
     parser.add_argument(
-        "--radius", type=float, default=1.0, help="of the ball, in the unit that the lights' positions are wanted in"
-    )
-    parser.add_argument(
         "--lights",
         metavar="R,G,B",
         help="with --per-light: which of the lights, counted from 1, are the rig's red, green and blue one",
@@ -88,7 +95,6 @@ def _add_lights(parser: argparse.ArgumentParser) -> None:
 
 
 def _lights(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
-    import numpy as np
 
     from mpsnet_core.calibrate.lights import find_lights, write_lp
     from mpsnet_core.calibrate.overlay import lights_picture
@@ -103,8 +109,6 @@ def _lights(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     for name in ("places", "balls"):
         if getattr(options, name) < 1:
             raise InputError(f"--{name} is a number from 1 up, not {getattr(options, name)}")
-    if not 0 < options.radius < np.inf:
-        raise InputError(f"--radius is the ball's radius, a number above 0, not {options.radius:g}")
     if not options.per_light and (options.places > 1 or options.lights):
         raise InputError("--places and --lights are for photos of one light each; add --per-light, or leave them out")
     if len(files) % options.places:
@@ -133,11 +137,13 @@ def _lights(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     near = found.positions is not None and not options.distant
     if is_lp:
         write_lp(options.output, found.directions, [files[k].stem for k in chosen] if options.per_light else names)
-    elif near:
-        assert found.positions is not None
-        write_rig(options.output, near_rig(found.positions, found.target))
     else:
-        write_rig(options.output, LightRig(found.directions))
+        _note_replaced(Path(options.output))
+        if near:
+            assert found.positions is not None
+            write_rig(options.output, near_rig(found.positions, found.target))
+        else:
+            write_rig(options.output, LightRig(found.directions))
     reporter.progress(0.9, "drawing what was found")
     if options.overlay:
         tiles = [
@@ -149,6 +155,17 @@ def _lights(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         write_image(options.overlay, picture, bits=8, color_space="sRGB")
     reporter.progress(1.0, "done")
     return _told(options, _lights_data(found, names))
+
+
+def _note_replaced(file: Path) -> None:
+    """Tell of a mixing that goes with the rig file that is written over: it was that of other lights."""
+    import numpy as np
+
+    from mpsnet_core.rig import read_rig
+
+    with contextlib.suppress(InputError):
+        if file.is_file() and not np.array_equal(read_rig(file).mixing, np.eye(3)):
+            log.info("the mixing that %s held is gone with its lights; find it again", file.name)
 
 
 def _chosen(text: str, count: int) -> list[int]:
@@ -167,7 +184,7 @@ def _by_place(files: Sequence[Path], places: int, options: argparse.Namespace) -
         raise InputError(f"there are {len(circles)} circles for {places} places of the ball; give as many for each")
     if options.mask and (places > 1 or options.balls > 1):
         raise InputError("--mask shows one ball at one place; give circles instead")
-    photos = _photos(options, files, circles, balls=options.balls, radius=options.radius)
+    photos = _photos(options, files, circles, balls=options.balls)
     share, each = len(files) // places, len(circles) // places
     return [
         replace(
@@ -248,6 +265,10 @@ def _mixing(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
 
     files = _inputs(options.photo, options)
     rig = read_rig(options.rig)
+    if Path(options.output).suffix.lower() != ".json":
+        raise InputError(f"{options.output}: a rig with its mixing is a .json file; name one")
+    if rig.near is not None and not options.card and options.radius is None:
+        raise InputError("the rig's lights stand near the ball, so its size counts; give --radius, in the rig's unit")
     if options.normal and not options.card:
         raise InputError("--normal is a card's; add --card, or leave it out")
     if len(files) not in ((3,) if options.card else (1, 3)):
@@ -325,11 +346,15 @@ def _inputs(given: Sequence[str], options: argparse.Namespace) -> list[Path]:
     from mpsnet_core.frames import check_apart, expand_images
     from mpsnet_core.images import checked_bits
 
+    if options.radius is not None and not 0 < options.radius < math.inf:
+        raise InputError(f"--radius is the ball's radius, a number above 0, not {options.radius:g}")
     files = expand_images(given)
     outputs = [file for file in (options.output, options.overlay, options.json) if file]
     for number, output in enumerate(outputs):
         writable_path(output)
-        check_apart([*files, *read_files(options), *filter(None, [options.camera]), *outputs[:number]], [output])
+        # The rig may be read whole and then written anew; nothing else may take its place.
+        rig = [options.rig] if number and "rig" in options else []
+        check_apart([*files, *read_files(options), *rig, *outputs[:number]], [output])
     if options.overlay:
         checked_bits(Path(options.overlay), 8)
     return files
@@ -346,6 +371,7 @@ def _photos(
         circles,
         Path(options.mask) if options.mask else None,
         camera=read_camera(options.camera) if options.camera else options.focal,
+        radius=1.0 if options.radius is None else options.radius,
         encoding=options.encoding,
         layer=options.layer,
         correction=asked_correction(options),
@@ -374,6 +400,7 @@ def _numbers(text: str, option: str) -> list[float]:
 def _ball_data(ball: "Ball") -> dict[str, Any]:
     circle = ball.circle
     return {
+        "by_hand": ball.by_hand,
         "circle": [circle.x, circle.y, circle.radius],
         "residual": ball.residual,
         "seen": ball.seen,
@@ -384,6 +411,8 @@ def _ball_data(ball: "Ball") -> dict[str, Any]:
 
 def _ball_line(ball: "Ball") -> str:
     x, y, radius = ball.circle.x, ball.circle.y, ball.circle.radius
+    if ball.by_hand:
+        return f"  ball: {x:.1f},{y:.1f},{radius:.1f} pixels, given by hand"
     return (
         f"  ball: {x:.1f},{y:.1f},{radius:.1f} pixels, {ball.seen:.0%} of its outline seen, fits to "
         f"{ball.residual:.2f} pixels"

@@ -18,7 +18,7 @@ from synthetic import degrees_between, listing, write_file
 from mpsnet_core.calibrate.photos import BallPhotos
 from mpsnet_core.camera import Camera, write_camera
 from mpsnet_core.cli import main
-from mpsnet_core.rig import LightRig, read_rig, write_rig
+from mpsnet_core.rig import LightRig, near_rig, read_rig, write_rig
 
 ANGLES = [(30, 90), (35, 205), (25, 335)]
 FACING = np.array([around(*angle) for angle in ANGLES])
@@ -291,3 +291,73 @@ def test_bad_input_gets_one_sentence(
     options, words = case
     sentence = said(verb, options)
     assert re.search(".*".join(re.escape(part.strip()) for part in words.split("…")), sentence), sentence
+
+
+def test_near_lights_and_the_ball_that_they_light_have_one_unit(photos: Path, tmp_path: Path) -> None:
+    """A grey ball of radius 0.12 before a lens, a tenth of whose distance its lamps are away, traced by hand."""
+    middle, radius, focal, size = np.array([0.02, -0.01, -0.9]), 0.12, 500.0, 300
+    places = middle + 0.5 * FACING
+    x, y = np.meshgrid(np.arange(size) + 0.5 - size / 2, size / 2 - 0.5 - np.arange(size))
+    rays = np.stack([x, y, np.full_like(x, -focal)], axis=-1)
+    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+    along = rays @ middle
+    root = along**2 - middle @ middle + radius**2
+    points = rays * (along - np.sqrt(np.maximum(root, 0)))[..., None]
+    normals = (points - middle) / radius
+    shares = []
+    for place in places:
+        towards = place - points
+        distance = np.linalg.norm(towards, axis=-1)
+        shares.append(np.maximum((normals * towards).sum(axis=-1) / distance, 0) * (0.5 / distance) ** 2)
+    light = np.where(root[..., None] > 0, np.stack(shares, axis=-1) @ CROSSTALK.T, 0)
+    grey = write_file(tmp_path / "near.exr", light, "float")
+    write_camera(tmp_path / "camera.json", Camera("perspective", size, size, np.array([focal, focal])))
+    write_rig(tmp_path / "near.json", near_rig(places, middle))
+    command = ["calibrate", "mixing", grey, "--rig", tmp_path / "near.json", "--camera", tmp_path / "camera.json"]
+    assert main([*map(str, command), "--radius", "0.12", "-o", str(tmp_path / "mixed.json")]) == 0
+    mixed = read_rig(tmp_path / "mixed.json")
+    assert mixed.near is not None
+    np.testing.assert_allclose(mixed.mixing, CROSSTALK, atol=0.01)
+    with contextlib.redirect_stderr(io.StringIO()) as told:
+        assert main([*map(str, command), "-o", str(tmp_path / "again.json")]) == 2
+    assert "its size counts; give --radius" in told.getvalue()
+
+
+def test_a_circle_by_hand_is_said_to_be_one(mpsnet: Mpsnet, photos: Path, tmp_path: Path) -> None:
+    done = mpsnet("calibrate", "lights", photos / "ball.exr", "--circle", CIRCLE, "-o", tmp_path / "rig.json")
+    assert "given by hand" in done.stdout and "of its outline seen" not in done.stdout
+
+
+def test_a_mixing_that_is_written_over_is_told(photos: Path, tmp_path: Path) -> None:
+    rig = tmp_path / "rig.json"
+    write_rig(rig, LightRig(FACING, CROSSTALK))
+    for told in (True, False):
+        with contextlib.redirect_stderr(io.StringIO()) as said:
+            assert main(["calibrate", "lights", str(photos / "ball.exr"), "-o", str(rig)]) == 0
+        assert ("the mixing that rig.json held is gone" in said.getvalue()) == told
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("lights", "ball.exr", "--circle", "130,105,1000"), "a circle of 1000 pixels is larger than the photo"),
+        (("lights", "tiny.png"), "a photo of 1 x 1 pixels is too small to show a ball"),
+        (("lights", "ball.exr", "--radius", "-1"), "--radius is the ball's radius, a number above 0"),
+        (("mixing", "grey.exr", "--rig", "rig.json", "--json", "rig.json"), "would overwrite .*rig.json"),
+        (("mixing", "grey.exr", "--rig", "rig.json", "-o", "rig.lp"), "a rig with its mixing is a .json file"),
+    ],
+)
+def test_more_bad_input(photos: Path, tmp_path: Path, arguments: tuple[str, ...], sentence: str) -> None:
+    write_file(tmp_path / "tiny.png", np.ones((1, 1, 3)), "uint8")
+    write_rig(tmp_path / "rig.json", LightRig(FACING))
+    before = (tmp_path / "rig.json").read_bytes()
+    words = []
+    for word in arguments:
+        folder = photos if word.endswith(".exr") else tmp_path
+        words.append(str(folder / word) if word.endswith((".exr", ".png", ".json", ".lp")) else word)
+    output = [] if "-o" in arguments else ["-o", str(tmp_path / "out.json")]
+    with contextlib.redirect_stderr(io.StringIO()) as told:
+        assert main(["calibrate", *words, *output]) == 2
+    (line,) = told.getvalue().splitlines()
+    assert re.search(sentence, line), line
+    assert (tmp_path / "rig.json").read_bytes() == before
