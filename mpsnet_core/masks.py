@@ -3,6 +3,7 @@
 import logging
 import os
 from collections.abc import Callable
+from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -82,6 +83,10 @@ def find_mask(
         if correction is not None:
             background = corrected(background, correction)
         return background_mask(image.pixels, background.pixels, notes)
+    if not Path(words).exists():
+        raise InputError(
+            f"mask {words} does not exist, and is none of alpha, auto, none, threshold:T and background:FILE; check it"
+        )
     return read_mask(words)
 
 

@@ -40,6 +40,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if argv is None else argv)
     reporter = Reporter("json" if _wants_json(arguments) else "none")
     try:
+        if "" in arguments:
+            raise InputError("an argument is empty; is a shell variable that it comes from not set?")
         options = _parser().parse_args(arguments)
         reporter = Reporter(options.progress)
         result = options.verb(options, reporter)

@@ -65,7 +65,7 @@ def view_table(views: Sequence[ViewAgreement]) -> str:
         return f"{value:.2f}" if np.isfinite(value) else "-"
 
     lines = [[v.name, f"{v.seen:.1%}", angle(v.before), angle(v.after), angle(v.level)] for v in views]
-    return text_table(["view", "area seen", "apart", "apart, levelled", "levelling"], lines, 1)
+    return text_table(["view", "area seen", "apart (°)", "apart, levelled (°)", "levelling (°)"], lines, 1)
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,12 @@ def _maps(texture: Texture) -> list[_Map]:
     def on_surface(colours: NDArray[np.float32]) -> NDArray[np.float32]:
         return np.where(covered[..., None], colours, np.float32(BACKGROUND))
 
-    maps = [_Map(f"the texture, {texture.space} space", on_surface(encode(texture.vectors[few])))]
+    maps = [
+        _Map(
+            f"the texture, {texture.space} space; what no view sees has the mesh's own normals",
+            on_surface(encode(texture.vectors[few])),
+        )
+    ]
     if texture.views is not None and texture.spread is not None:
         palette = np.array([list(bytes.fromhex(colour[1:])) for colour in COUNTS], np.float32) / 255
         counts = on_surface(palette[np.minimum(texture.views[few], len(palette) - 1)])
@@ -96,5 +101,5 @@ def _maps(texture: Texture) -> list[_Map]:
         highest = next(scale for scale in SCALES if scale >= min(high, SCALES[-1]))
         picture = error_picture(spread, shared, highest)
         scaled = np.concatenate([picture, colour_scale(highest, len(picture))], axis=1)
-        maps.append(_Map("how far the views lie apart where several see it", scaled))
+        maps.append(_Map("how far the views, as they were baked, lie apart where several see it (°)", scaled))
     return maps

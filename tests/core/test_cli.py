@@ -197,3 +197,9 @@ class TestCancelling:
         out = ["--json", tmp_path / "rows.json", "-o", tmp_path / "report.html"]
         self.cancel(self.start("evaluate", "diligent", data, *many, *out), signal.SIGTERM, after=3)
         assert listing(tmp_path) == ["pmsData"]
+
+
+def test_an_empty_argument_is_not_this_folder(mpsnet: Mpsnet, rig_file: Path, tmp_path: Path) -> None:
+    done = mpsnet("estimate", "", "--rig", rig_file, "-o", tmp_path / "out")
+    assert done.returncode == 2
+    assert done.stderr == "mpsnet: an argument is empty; is a shell variable that it comes from not set?\n"
