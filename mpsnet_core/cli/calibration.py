@@ -129,7 +129,12 @@ def _lights(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     sightings, pictured = [], []
     for number, photos in enumerate(_by_place(files, places, options)):
         step = part(reporter.progress, 0.9 * number / places, 0.9 * (number + 1) / places)
-        for sighting in read_sightings(photos, step):
+        try:
+            seen = read_sightings(photos, step)
+        except InputError as error:
+            shown = f"; {options.overlay} shows the ball that was found" if _ball_drawn(photos, options.overlay) else ""
+            raise InputError(f"{error}{shown}") from None
+        for sighting in seen:
             kept = tuple(sighting.highlights[light] for light in chosen)
             sightings.append(replace(sighting, highlights=kept))
             pictured.append(photos)
@@ -155,6 +160,23 @@ def _lights(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         write_image(options.overlay, picture, bits=8, color_space="sRGB")
     reporter.progress(1.0, "done")
     return _told(options, _lights_data(found, names))
+
+
+def _ball_drawn(photos: "BallPhotos", overlay: str | None) -> bool:
+    """Draw at least the first ball, where its highlights were not found: most often it is none."""
+    from mpsnet_core.calibrate.overlay import ball_picture
+    from mpsnet_core.calibrate.photos import mean_photo, seen_balls
+    from mpsnet_core.images import write_image
+
+    if not overlay:
+        return False
+    try:
+        image = mean_photo(photos)
+        ball = seen_balls(photos, image)[0]
+    except InputError:  # there is no ball to draw
+        return False
+    write_image(overlay, ball_picture(image, ball, "no lights found"), bits=8, color_space="sRGB")
+    return True
 
 
 def _note_replaced(file: Path) -> None:

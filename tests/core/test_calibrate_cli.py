@@ -361,3 +361,14 @@ def test_more_bad_input(photos: Path, tmp_path: Path, arguments: tuple[str, ...]
     (line,) = told.getvalue().splitlines()
     assert re.search(sentence, line), line
     assert (tmp_path / "rig.json").read_bytes() == before
+
+
+def test_a_ball_without_highlights_is_shown_all_the_same(photos: Path, tmp_path: Path) -> None:
+    overlay = tmp_path / "overlay.png"
+    command = ["calibrate", "lights", str(photos / "flat.exr"), "--circle", CIRCLE, "--overlay", str(overlay)]
+    with contextlib.redirect_stderr(io.StringIO()) as told:
+        assert main([*command, "-o", str(tmp_path / "rig.json")]) == 2
+    (line,) = told.getvalue().splitlines()
+    assert line.endswith("overlay.png shows the ball that was found")
+    assert picture(overlay).shape[2] == 3
+    assert not (tmp_path / "rig.json").exists()
