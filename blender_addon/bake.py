@@ -40,18 +40,33 @@ TEXTURE_NODE = "MPS Texture"
 BITS = {".png": "16", ".tif": "16", ".tiff": "16", ".exr": "32"}
 
 
-class MPS_OT_bake(RunsCore, BakeSettings, bpy.types.Operator):
-    """Bake the estimated normals into a texture on the target's UV map and give its material a Normal Map node"""
-
-    bl_idname = "mps.bake"
-    bl_label = "Bake Texture"
-    bl_options = {"UNDO"}
+class BakesOnto:
+    """What the operators share that bake: the object that gets the texture."""
 
     target: StringProperty(
         name="Target",
         description="Name of the mesh object that gets the texture. Empty: the panel's target, else the active object",
         options={"SKIP_SAVE"},
     )
+
+    def onto(self, context: Any) -> Any:
+        """The object to bake onto. Raises InputError where there is none, or it is another file's."""
+        settings = context.scene.mps.bake
+        if self.target:
+            settings.target = named_object(context.scene, self.target)
+        target = settings.target or context.view_layer.objects.active  # `--command` has no context.object
+        if target is None:
+            raise InputError("there is no target to bake onto; choose a mesh object")
+        _refuse_linked(target)
+        return target
+
+
+class MPS_OT_bake(RunsCore, BakesOnto, BakeSettings, bpy.types.Operator):
+    """Bake the estimated normals into a texture on the target's UV map and give its material a Normal Map node"""
+
+    bl_idname = "mps.bake"
+    bl_label = "Bake Texture"
+    bl_options = {"UNDO"}
 
     @classmethod
     def poll(cls, context: Any) -> bool:
@@ -62,16 +77,10 @@ class MPS_OT_bake(RunsCore, BakeSettings, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         scene = context.scene
-        settings = scene.mps.bake
-        take_given(self, BakeSettings, settings)
+        take_given(self, BakeSettings, scene.mps.bake)
         normals_image = scene.mps.estimate.image
         normals = image_file(normals_image, "normal map", "estimate the normals first")
-        if self.target:
-            settings.target = named_object(scene, self.target)
-        target = settings.target or context.view_layer.objects.active  # `--command` has no context.object
-        if target is None:
-            raise InputError("there is no target to bake onto; choose a mesh object")
-        refuse_linked(target)
+        target = self.onto(context)
         self._scene, self._target = scene.name, target.name
         self._frames = range(0)
         suffix = f".{FORMATS[self.file_format]}"
@@ -146,7 +155,7 @@ def named_object(scene: Any, name: str) -> Any:
     return target
 
 
-def refuse_linked(target: Any) -> None:
+def _refuse_linked(target: Any) -> None:
     """What another file holds cannot be given a material. A linked material can: a copy of it is worn."""
     for datablock, what in ((target, "object"), (target.data, "mesh")):
         if datablock is not None and datablock.library is not None:

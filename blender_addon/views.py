@@ -7,7 +7,6 @@ from typing import Any
 
 import bpy
 import numpy as np
-from bpy.props import StringProperty
 from mathutils import Matrix
 
 from mpsnet_core.errors import InputError
@@ -15,7 +14,7 @@ from mpsnet_core.rig import write_rig
 from mpsnet_core.view_files import write_views
 from mpsnet_core.world_lights import in_world, write_world_lights
 
-from .bake import BITS, named_object, refuse_linked, wear_texture, write_mesh
+from .bake import BITS, BakesOnto, wear_texture, write_mesh
 from .estimate import model_name, reading
 from .operators import RunsCore, idle
 from .outputs import image_file, load_image, output_path
@@ -27,7 +26,7 @@ from .rig import light_rig, rig_camera, scene_camera
 _BLENDER_FROM_Y_UP = Matrix(((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1)))
 
 
-class MPS_OT_bake_views(RunsCore, ViewsSettings, bpy.types.Operator):
+class MPS_OT_bake_views(RunsCore, BakesOnto, ViewsSettings, bpy.types.Operator):
     """Estimate a photo for each camera, bring all into line with the mesh and bake them into one texture.
 
     Size, space, convention, margin, format and file are those of the step Bake, the model is that of Estimate"""
@@ -35,12 +34,6 @@ class MPS_OT_bake_views(RunsCore, ViewsSettings, bpy.types.Operator):
     bl_idname = "mps.bake_views"
     bl_label = "Bake Views"
     bl_options = {"UNDO"}
-
-    target: StringProperty(
-        name="Target",
-        description="Name of the mesh object that gets the texture. Empty: the panel's target, else the active object",
-        options={"SKIP_SAVE"},
-    )
 
     @classmethod
     def poll(cls, context: Any) -> bool:
@@ -50,12 +43,7 @@ class MPS_OT_bake_views(RunsCore, ViewsSettings, bpy.types.Operator):
         scene = context.scene
         take_given(self, ViewsSettings, scene.mps.views)
         bake, estimate = scene.mps.bake, scene.mps.estimate
-        if self.target:
-            bake.target = named_object(scene, self.target)
-        target = bake.target or context.view_layer.objects.active
-        if target is None:
-            raise InputError("there is no target to bake onto; choose a mesh object in the step Bake")
-        refuse_linked(target)
+        target = self.onto(context)
         output = output_path(bake.output, f"{target.name}_normal", bake.file_format)
         context.view_layer.update()
         turn = _BLENDER_FROM_Y_UP if self.cameras and self.axes == "Y_UP" else Matrix.Identity(4)

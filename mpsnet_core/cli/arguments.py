@@ -30,6 +30,44 @@ class Parser(argparse.ArgumentParser):
 Verbs = argparse._SubParsersAction
 
 
+def add_texture(parser: argparse.ArgumentParser) -> None:
+    """What texture is baked: its size, space, convention, margin and bits."""
+    parser.add_argument("--size", type=int, default=2048, help="side of the texture in texels")
+    parser.add_argument("--space", default="tangent", help="tangent (MikkTSpace) or object")
+    parser.add_argument("--convention", default="opengl", help="of the texture: opengl (green up) or directx")
+    parser.add_argument("--margin", type=int, default=16, help="texels that the islands' borders are grown by")
+    parser.add_argument(
+        "--bits",
+        type=int,
+        help="bits a channel: 8 or 16 (PNG, TIFF), 16 or 32 (EXR); 16 for PNG and TIFF, 32 for EXR unless given",
+    )
+
+
+def add_level(parser: argparse.ArgumentParser, default: str) -> None:
+    """The option --level, read by :func:`level_scale`."""
+    parser.add_argument(
+        "--level",
+        default=default,
+        metavar="on|off|SCALE",
+        help="take from the mesh what is larger than SCALE (a share of its size; on: 0.03), and detail from the photos",
+    )
+
+
+def level_scale(text: str) -> float:
+    """The levelling's scale that --level means, 0 for none. Raises InputError where it means none of them."""
+    from mpsnet_core.surface.level import LEVEL_SCALE, MAX_SCALE, MIN_SCALE
+
+    if text in ("on", "off"):
+        return LEVEL_SCALE if text == "on" else 0.0
+    try:
+        scale = float(text)
+    except ValueError:
+        scale = 0.0
+    if not MIN_SCALE <= scale <= MAX_SCALE:
+        raise InputError(f"--level {text} is not known; give on, off, or a scale from {MIN_SCALE:g} to {MAX_SCALE:g}")
+    return scale
+
+
 def add_reading(parser: argparse.ArgumentParser) -> None:
     """How a photo is read: its encoding and layer, dark frame and flat field."""
     parser.add_argument("--encoding", default="auto", help="auto, linear or srgb: how the photo's values are meant")

@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mpsnet_core import __version__
-from mpsnet_core.cli.arguments import Help, Verbs
+from mpsnet_core.cli.arguments import Help, Verbs, add_level, add_texture, level_scale
 from mpsnet_core.cli.reporter import Reporter
-from mpsnet_core.cli.views import add_level, level_scale
 from mpsnet_core.errors import InputError
 from mpsnet_core.progress import Progress, part
 
@@ -37,20 +36,12 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
         metavar="CAMERA=NORMALS",
         help="camera file and its normal map; normals/frame_####.png for a sequence",
     )
-    parser.add_argument("--size", type=int, default=2048, help="side of the texture in texels")
-    parser.add_argument("--space", default="tangent", help="tangent (MikkTSpace) or object")
-    parser.add_argument("--convention", default="opengl", help="of the texture: opengl (green up) or directx")
+    add_texture(parser)
     parser.add_argument("--normals-convention", default="opengl", help="of the normal maps that are read")
     parser.add_argument(
         "--confidence", action="append", metavar="FILE", help="confidence map of a view, in the views' order"
     )
     add_level(parser, "off")
-    parser.add_argument("--margin", type=int, default=16, help="texels that the islands' borders are grown by")
-    parser.add_argument(
-        "--bits",
-        type=int,
-        help="bits a channel: 8 or 16 (PNG, TIFF), 16 or 32 (EXR); 16 for PNG and TIFF, 32 for EXR unless given",
-    )
     parser.add_argument("--format", default="png", help="png, tif or exr, where the output is a folder")
     parser.add_argument(
         "-o", "--output", required=True, help="texture file: .png, .tif or .exr; a folder for a sequence"

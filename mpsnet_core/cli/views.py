@@ -13,14 +13,16 @@ import numpy as np
 from mpsnet_core.cli.arguments import (
     Help,
     Verbs,
+    add_level,
     add_network,
     add_reading,
+    add_texture,
     asked_correction,
     asked_estimator,
+    level_scale,
     read_files,
 )
 from mpsnet_core.cli.reporter import Reporter
-from mpsnet_core.errors import InputError
 
 if TYPE_CHECKING:
     from mpsnet_core.camera import Camera
@@ -63,11 +65,7 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
     )
     add_reading(parser)
     add_level(parser, "on")
-    parser.add_argument("--size", type=int, default=2048, help="side of the texture in texels")
-    parser.add_argument("--space", default="tangent", help="tangent (MikkTSpace) or object")
-    parser.add_argument("--convention", default="opengl", help="of the texture: opengl (green up) or directx")
-    parser.add_argument("--margin", type=int, default=16, help="texels that the islands' borders are grown by")
-    parser.add_argument("--bits", type=int, help="bits a channel, as in bake")
+    add_texture(parser)
     parser.add_argument(
         "--keep", metavar="FOLDER", help="keep each view's normals there; the next run goes on from them"
     )
@@ -78,31 +76,6 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
     add_network(parser)
     parser.add_argument("-o", "--output", required=True, help="texture file: .png, .tif or .exr")
     parser.set_defaults(verb=_views)
-
-
-def add_level(parser: argparse.ArgumentParser, default: str) -> None:
-    """The option --level, read by :func:`level_scale`."""
-    parser.add_argument(
-        "--level",
-        default=default,
-        metavar="on|off|SCALE",
-        help="take from the mesh what is larger than SCALE (a share of its size; on: 0.03), and detail from the photos",
-    )
-
-
-def level_scale(text: str) -> float:
-    """The levelling's scale that --level means, 0 for none. Raises InputError where it means none of them."""
-    from mpsnet_core.surface.level import LEVEL_SCALE, MAX_SCALE, MIN_SCALE
-
-    if text in ("on", "off"):
-        return LEVEL_SCALE if text == "on" else 0.0
-    try:
-        scale = float(text)
-    except ValueError:
-        scale = 0.0
-    if not MIN_SCALE <= scale <= MAX_SCALE:
-        raise InputError(f"--level {text} is not known; give on, off, or a scale from {MIN_SCALE:g} to {MAX_SCALE:g}")
-    return scale
 
 
 def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:

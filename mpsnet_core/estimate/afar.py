@@ -10,6 +10,7 @@ shine is treated as if it were matt. Measured against alternatives that need the
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +45,7 @@ def seen_from_afar(capture: Capture) -> Capture:
 
 def turn_back(normals: NDArray[np.float32], camera: Camera | None) -> None:
     """Bring normals (H, W, 3) that were estimated from afar into camera space, where they stand."""
-    if camera is None or not _is_perspective(camera):
+    if not _is_perspective(camera):
         return
     for rows in bands(len(normals), ROWS):
         normals[rows] = _turned(normals[rows], -_turn_to_z(camera, rows))
@@ -54,7 +55,7 @@ def _relit(capture: Capture, *, turned: bool) -> Capture:
     image = np.zeros_like(capture.image)
     for rows, lights in _lights(capture):
         normals = pseudo_normals(capture.rig.unmixed(capture.image[rows]), lights)
-        if turned and capture.camera is not None and _is_perspective(capture.camera):
+        if turned and _is_perspective(capture.camera):
             normals = _turned(normals, _turn_to_z(capture.camera, rows))
         lit = normals @ capture.rig.directions.T
         image[rows] = np.where(capture.mask[rows, :, None], np.maximum(lit, 0) if turned else lit, 0)
@@ -88,7 +89,7 @@ def pseudo_normals(light: NDArray[np.floating], lights: NDArray[np.float64]) -> 
     return result
 
 
-def _is_perspective(camera: Camera | None) -> bool:
+def _is_perspective(camera: Camera | None) -> TypeGuard[Camera]:
     return camera is not None and camera.projection == "perspective"
 
 

@@ -1,6 +1,6 @@
 """What filling in a camera's mosaic costs: normals from raw files by LibRaw's methods, relief and paint apart.
 
-python tests/benchmarks/demosaicing.py [--blur 0.8]
+PYTHONPATH=tests/core python tests/benchmarks/demosaicing.py [--blur 0.8]
 
 A matt ball under three lights of one colour each is seen through a Bayer mosaic with a sensor's noise: once with
 ripples in its normals every 9 pixels, once smooth with painted squares of 20 pixels that reflect a third of the rest.
@@ -9,15 +9,11 @@ lights reach. --blur is the lens's, the deviation of a Gaussian in pixels. Needs
 """
 
 import argparse
-import sys
 import tempfile
 from pathlib import Path
 
 import numpy as np
 import rawpy
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "core"))
-
 from dng import mosaic, write_dng
 from synthetic import degrees_between, shaded_sphere
 
