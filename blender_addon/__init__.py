@@ -17,15 +17,15 @@ from . import (
     operators,
     panels,
     preferences,
-    properties,
     render,
     rig,
+    settings,
     training_data,
     views,
 )
 
 _MODULES = (
-    properties,
+    settings,
     preferences,
     operators,
     rig,
