@@ -17,10 +17,12 @@ from . import (
     operators,
     panels,
     preferences,
+    relight,
     render,
     rig,
     settings,
     training_data,
+    try_it,
     views,
 )
 
@@ -35,6 +37,8 @@ _MODULES = (
     bake,
     views,
     training_data,
+    relight,
+    try_it,
     panels,
     commands,
 )

@@ -7,6 +7,7 @@ from .bake import MPS_PG_bake
 from .calibrate import MPS_PG_calibrate
 from .estimate import MPS_PG_estimate
 from .photo import MPS_PG_photo
+from .relight import MPS_PG_relight
 from .rig import MPS_PG_light, MPS_PG_rig
 from .samples import MPS_PG_samples
 from .views import MPS_PG_views
@@ -22,6 +23,7 @@ class MPS_PG_scene(bpy.types.PropertyGroup):
     bake: PointerProperty(type=MPS_PG_bake)
     views: PointerProperty(type=MPS_PG_views)
     samples: PointerProperty(type=MPS_PG_samples)
+    relight: PointerProperty(type=MPS_PG_relight)
 
 
 class MPS_PG_job(bpy.types.PropertyGroup):
@@ -42,6 +44,7 @@ CLASSES = (
     MPS_PG_bake,
     MPS_PG_views,
     MPS_PG_samples,
+    MPS_PG_relight,
     MPS_PG_scene,
     MPS_PG_job,
 )
