@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from mpsnet_core.camera import write_camera
 from mpsnet_core.errors import InputError
 
-from .operators import RunsCore, idle
+from .made_from import Ingredients, chosen, rounded, stamp
+from .operators import RunsCore, same
 from .outputs import (
     FORMATS,
     frame_pattern,
@@ -70,11 +71,16 @@ class MPS_OT_bake(RunsCore, BakesOnto, BakeSettings, bpy.types.Operator):
     bl_options = {"UNDO"}
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
-        if context.scene.mps.estimate.image is None:
-            cls.poll_message_set("Estimate the normals first")
-            return False
-        return idle(cls, context)
+    def lacks(cls, context: Any) -> str:
+        return "" if context.scene.mps.estimate.image else "Estimate the normals first"
+
+    @classmethod
+    def made_from(cls, context: Any) -> Ingredients:
+        settings = context.scene.mps.bake
+        ingredients = {"Normals": stamp(context.scene.mps.estimate.image), **chosen(BakeSettings, settings)}
+        if settings.target is not None:
+            ingredients["Target's place"] = rounded(settings.target.matrix_world, 4)
+        return ingredients
 
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         scene = context.scene
@@ -82,7 +88,7 @@ class MPS_OT_bake(RunsCore, BakesOnto, BakeSettings, bpy.types.Operator):
         normals_image = scene.mps.estimate.image
         normals = image_file(normals_image, "normal map", "estimate the normals first")
         target = self.onto(context)
-        self._scene, self._target = scene.name, target.name
+        self._target_uid = target.session_uid
         self._frames = range(0)
         suffix = f".{FORMATS[self.file_format]}"
         if normals_image.source == "SEQUENCE":
@@ -127,18 +133,17 @@ class MPS_OT_bake(RunsCore, BakesOnto, BakeSettings, bpy.types.Operator):
         return str(folder / "mesh_######.npz"), str(folder / camera)
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        scene, target = bpy.data.scenes.get(self._scene), bpy.data.objects.get(self._target)
-        if scene is None or target is None:
-            raise InputError(f'"{self._target}" is gone or renamed; its texture is in {self._output}')
+        scene, target = self.scene(f"its texture is in {self._output}"), same(bpy.data.objects, self._target_uid)
+        if target is None:
+            raise InputError(f"the target is gone; its texture is in {self._output}")
         if self._frames:
             image = load_frames(Path(result["first_output"]), f"MPS {target.name} Frames")
         else:
             image = load_image(self._output, f"MPS {target.name}", is_data=True)
+        self.made(image)
         scene.mps.bake.image = image
         for sentence in wear_texture(target, image, self._uv_map, self.space, self.convention, self._frames):
             self.report({"INFO"}, sentence)
-        for note in result.get("notes", []):
-            self.report({"INFO"}, note)
         turned = "; DirectX, so the material turns its green round for Blender" if self.convention == "DIRECTX" else ""
         if self._frames:
             self.report(

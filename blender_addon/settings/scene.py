@@ -1,12 +1,13 @@
 """Where the settings live: in the scene, and what runs at the moment in the window manager."""
 
 import bpy
-from bpy.props import BoolProperty, FloatProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, CollectionProperty, FloatProperty, PointerProperty, StringProperty
 
 from .bake import MPS_PG_bake
 from .calibrate import MPS_PG_calibrate
 from .estimate import MPS_PG_estimate
 from .photo import MPS_PG_photo
+from .record import MPS_PG_record
 from .rig import MPS_PG_light, MPS_PG_rig
 from .samples import MPS_PG_samples
 from .views import MPS_PG_views
@@ -22,15 +23,19 @@ class MPS_PG_scene(bpy.types.PropertyGroup):
     bake: PointerProperty(type=MPS_PG_bake)
     views: PointerProperty(type=MPS_PG_views)
     samples: PointerProperty(type=MPS_PG_samples)
+    records: CollectionProperty(
+        name="Records", description="How the last run of each operator ended", type=MPS_PG_record
+    )
 
 
 class MPS_PG_job(bpy.types.PropertyGroup):
     """The child process that runs at the moment: ``window_manager.mps``. Neither saved nor undone."""
 
-    running: StringProperty()
-    progress: FloatProperty(min=0.0, max=1.0)
-    message: StringProperty()
-    cancel: BoolProperty()
+    running: StringProperty(name="Running", description="Operator whose work runs. Empty: none")
+    progress: FloatProperty(name="Progress", description="How much is done, as a fraction", min=0.0, max=1.0)
+    message: StringProperty(name="Message", description="What is being done")
+    left: StringProperty(name="Time Left", description="How long it will still take, in words. Empty: not known yet")
+    cancel: BoolProperty(name="Cancel", description="Whether the work shall stop")
 
 
 CLASSES = (
@@ -42,6 +47,7 @@ CLASSES = (
     MPS_PG_bake,
     MPS_PG_views,
     MPS_PG_samples,
+    MPS_PG_record,
     MPS_PG_scene,
     MPS_PG_job,
 )
