@@ -8,7 +8,6 @@ import json
 from collections.abc import Collection
 from datetime import datetime
 from pathlib import Path
-from typing import Any
 
 import bpy
 import numpy as np

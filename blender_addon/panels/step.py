@@ -1,9 +1,9 @@
 """A step of the sidebar: a panel whose header tells how the step stands, and whose body says what to do.
 
 A step is a subclass with ``verbs``, its operators' names without "mps."; ``result``, the image or True that stands for
-its being done; and ``draw``, which shows settings, ``run_button`` for each verb, and ``picture`` of the result. Where
-more can be missing than its operators' ``lacks`` tells, it has a ``lacks`` of its own. Errors, notes, progress, time
-left and what a result was made of come from the operators (``SaysWhy``, ``RunsCore`` and their ``made_from``).
+its being done; and ``draw``, which shows settings, ``progress_or`` (the button) for each verb, and ``picture`` of the
+result. Where more can be missing than its operators' ``lacks`` tells, it has a ``lacks`` of its own. Errors, notes,
+progress, time left and what a result was made of come from the operators (``SaysWhy``, ``RunsCore``, ``made_from``).
 """
 
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from typing import Any
 import bpy
 
 from ..made_from import changed_since, made_by, made_when
-from ..operators import verb_of
+from ..operators import SaysWhy, verb_of
 from ..settings.record import error_of, notes_of
 from .text import fitted, wrapped
 
@@ -52,6 +52,7 @@ class Step(bpy.types.Panel):
     bl_category = "MPS"
 
     verbs: tuple[str, ...] = ()
+    optional = False  # what need not be done says nothing until it is
 
     @classmethod
     def result(cls, context: Any) -> Any:
@@ -84,6 +85,8 @@ class Step(bpy.types.Panel):
         if not self.verbs:
             return
         kind = self.state(context).kind
+        if self.optional and kind in {Kind.TO_DO, Kind.READY}:
+            return
         row = self.layout.row()
         row.alert = kind is Kind.FAILED
         # A greyed-out word is one that need not be read.
@@ -96,8 +99,8 @@ class Step(bpy.types.Panel):
         column.use_property_decorate = False
         return column
 
-    def run_button(self, context: Any, verb: str, icon: str, text: str = "") -> None:
-        """The button of an operator, with what is missing above it and what went wrong below.
+    def progress_or(self, context: Any, verb: str, icon: str, text: str = "") -> None:
+        """The button of an operator of the step, with what is missing above it and what went wrong below.
 
         While its work runs: how far it is, how long it will still take, and a way to stop it.
         """
@@ -106,8 +109,7 @@ class Step(bpy.types.Panel):
             self._running(job)
             return
         scene = context.scene
-        first = verb == self.verbs[0]
-        lacking = self.lacks(context) if first and not self.result(context) else _operator(verb).lacks(context)
+        lacking = self.lacks(context) if self.verbs[:1] == (verb,) else _operator(verb).lacks(context)
         if lacking:
             wrapped(self.layout, lacking, icon="INFO")
         row = self.layout.row()
@@ -139,11 +141,11 @@ class Step(bpy.types.Panel):
         row.operator("mps.dismiss", text="", icon="X", emboss=False).verb = verb
         wrapped(box, sentence(error))
 
-    def picture(self, context: Any, image: Any, scale: float = 8) -> None:
+    def picture(self, image: Any, scale: float = 8) -> None:
         """An image that a step made: how it looks, whether it is out of date, when it was made and where it is."""
         if image is None:
             return
-        if changed := _changed(context, image):
+        if changed := _changed(bpy.context, image):
             wrapped(self.layout, f"Out of date. Changed since: {', '.join(changed)}", icon="FILE_REFRESH")
         self.layout.template_icon(icon_value=image.preview_ensure().icon_id, scale=scale)
         path = Path(bpy.path.abspath(image.filepath, library=image.library))
@@ -160,7 +162,9 @@ def _operator(verb: str) -> Any:
 def _changed(context: Any, image: Any) -> list[str]:
     """What an image was made of that has changed since."""
     operator = getattr(bpy.types, f"MPS_OT_{made_by(image)}", None)
-    return changed_since(image, operator.made_from(context)) if operator is not None else []
+    if operator is None or not issubclass(operator, SaysWhy):
+        return []
+    return changed_since(image, operator.made_from(context))
 
 
 def sentence(text: str) -> str:
