@@ -103,7 +103,7 @@ class SaysWhy(bpy.types.Operator):
 
 
 def same(datablocks: Any, session_uid: int) -> Any:
-    """The datablock that had this number when this file was opened, whatever it is called now; None where it is gone."""
+    """The datablock with this number, whatever it is called by now; None where it is gone."""
     return next((one for one in datablocks if one.session_uid == session_uid), None)
 
 
