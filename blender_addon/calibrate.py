@@ -94,9 +94,8 @@ class MPS_OT_calibrate_mixing(_Calibrates, bpy.types.Operator):
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         rows = zip("RGB", result["mixing"], strict=True)
         channels = [(channel, *(f"{value:.3f}" for value in row)) for channel, row in rows]
-        self._take(
-            [("Channel", "Red", "Green", "Blue"), *channels, ("Unexplained", f"{result['residual']:.1%}", "", "")]
-        )
+        unexplained = ("Unexplained", f"{result['residual']:.1%}", "", "")
+        self._take([("Channel", "Red", "Green", "Blue"), *channels, unexplained])
 
 
 def _photo(path: str, what: str) -> str:

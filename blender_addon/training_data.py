@@ -106,6 +106,9 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         self.look()
+        sheet = self.scene(f"its samples are in {self._sheet.parent}").mps.samples.image
+        if sheet is not None:
+            self.made(sheet)
         self.report({"INFO"}, f"{standing(self._sheet.parent)}: {self._sheet.parent}")
 
 

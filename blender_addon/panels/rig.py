@@ -81,11 +81,9 @@ class MPS_PT_calibrate(Step):
 
     @classmethod
     def lacks(cls, context: Any) -> str:
-        return (
-            ""
-            if context.scene.mps.calibrate.ball
-            else "Choose a photo of a mirror ball that stands in the object's place"
-        )
+        if context.scene.mps.calibrate.ball:
+            return ""
+        return "Choose a photo of a mirror ball that stands in the object's place"
 
     def draw(self, context: Any) -> None:
         calibrate = context.scene.mps.calibrate

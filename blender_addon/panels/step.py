@@ -91,7 +91,7 @@ class Step(bpy.types.Panel):
         row.alert = kind is Kind.FAILED
         # A greyed-out word is one that need not be read.
         row.active = kind is not Kind.TO_DO
-        row.label(text=kind.word, icon=kind.icon)  # type: ignore[arg-type]
+        row.label(text=kind.word, icon=kind.icon)
 
     def column(self, *, heading: str = "") -> Any:
         column = self.layout.column(heading=heading)
@@ -115,9 +115,9 @@ class Step(bpy.types.Panel):
         row = self.layout.row()
         row.scale_y = 1.3
         if text:
-            row.operator(f"mps.{verb}", icon=icon, text=text)  # type: ignore[arg-type]
+            row.operator(f"mps.{verb}", icon=icon, text=text)
         else:
-            row.operator(f"mps.{verb}", icon=icon)  # type: ignore[arg-type]
+            row.operator(f"mps.{verb}", icon=icon)
         self.failure(scene, verb)
         for note in notes_of(scene, verb):
             wrapped(self.layout, sentence(note), icon="INFO")

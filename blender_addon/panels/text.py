@@ -21,7 +21,7 @@ def wrapped(layout: Any, sentence: str, icon: str = "NONE") -> None:
         if icon == "NONE":
             column.label(text=line)
         else:
-            column.label(text=line, icon="BLANK1" if number else icon)  # type: ignore[arg-type]
+            column.label(text=line, icon="BLANK1" if number else icon)
 
 
 def fitted(text: str, take: float = 0.0) -> str:
