@@ -28,6 +28,7 @@ from .outputs import (
     remembered,
 )
 from .rig import rig_camera, scene_camera
+from .rigs import all_rigs
 from .settings.bake import BakeSettings
 from .settings.declared import take_given
 
@@ -77,7 +78,9 @@ class MPS_OT_bake(RunsCore, BakesOnto, BakeSettings, bpy.types.Operator):
     @classmethod
     def made_from(cls, context: Any) -> Ingredients:
         settings = context.scene.mps.bake
-        ingredients = {"Normals": stamp(context.scene.mps.estimate.image), **chosen(BakeSettings, settings)}
+        every = all_rigs(context.scene) if settings.all_rigs else [context.scene.mps]
+        stamps = ", ".join(stamp(one.estimate.image) for one in every)
+        ingredients = {"Normals": stamps, **chosen(BakeSettings, settings)}
         if settings.target is not None:
             ingredients["Target's place"] = rounded(settings.target.matrix_world, 4)
         return ingredients
@@ -103,6 +106,8 @@ class MPS_OT_bake(RunsCore, BakesOnto, BakeSettings, bpy.types.Operator):
             arguments = ["bake"]
         mesh, camera = self._write_place(context, folder, target, normals_image)
         arguments += ["--mesh", mesh, "--view", f"{camera}={normals}", "--output", str(self._output)]
+        if self.all_rigs:
+            arguments += self._other_views(scene, folder)
         arguments += ["--size", str(self.size), "--margin", str(self.margin), "--bits", BITS[suffix]]
         arguments += ["--space", self.space.lower(), "--convention", self.convention.lower()]
         return arguments, [self._output / "frames" if self._frames else self._output]
@@ -131,6 +136,27 @@ class MPS_OT_bake(RunsCore, BakesOnto, BakeSettings, bpy.types.Operator):
             scene.frame_set(current)
         camera = "camera.json" if taken_with is not None else "camera_######.json"
         return str(folder / "mesh_######.npz"), str(folder / camera)
+
+    def _other_views(self, scene: Any, folder: Path) -> list[str]:
+        """The normals and cameras of the scene's rigs that are not chosen; those without normals are left out."""
+        if self._frames:
+            raise InputError("sequences are baked for one rig at a time; switch All Rigs off")
+        arguments = []
+        for number, one in enumerate(all_rigs(scene)):
+            image = one.estimate.image
+            if one == scene.mps or image is None:
+                continue
+            if image.source == "SEQUENCE":
+                raise InputError("one of the rigs has a sequence, which is baked on its own; switch All Rigs off")
+            camera, taken_with = folder / f"camera_{number}.json", remembered(image, "camera")
+            if taken_with is not None:
+                camera.write_text(taken_with, encoding="utf-8")
+            elif one.rig.camera is not None:
+                write_camera(camera, scene_camera(one.rig.camera, scene, picture_size(image)))
+            else:
+                raise InputError(f'the camera of the normals "{image.name}" is gone; estimate them again')
+            arguments += ["--view", f"{camera}={image_file(image, 'normal map', 'estimate the normals again')}"]
+        return arguments
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         scene, target = self.scene(f"its texture is in {self._output}"), same(bpy.data.objects, self._target_uid)

@@ -29,6 +29,7 @@ from .outputs import (
 )
 from .preferences import preference
 from .rig import light_rig, rig_camera, scene_camera
+from .rigs import result_name
 from .settings.declared import take_given
 from .settings.estimate import MODELS, EstimateSettings
 
@@ -67,9 +68,9 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         self._moves = image.source in {"SEQUENCE", "MOVIE"}
         if self._moves:
             photo = frame_pattern(photo) if image.source == "SEQUENCE" else photo
-            output = output_frames(self.output, f"{scene.name}_normals")
+            output = output_frames(self.output, result_name(scene, "normals"))
         else:
-            output = output_path(self.output, f"{scene.name}_normals", self.file_format)
+            output = output_path(self.output, result_name(scene, "normals"), self.file_format)
         rig = Path(bpy.path.abspath(self.rig_file)) if self.rig_file else folder / "rig.json"
         if not self.rig_file:
             taken_with = remembered(image, "rig")
@@ -152,7 +153,7 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
         scene = context.scene
         take_given(self, EstimateSettings, scene.mps.estimate)
         photo = image_file(scene.mps.photo.image, "photo", "render or open one first")
-        mask = output_path("", f"{scene.name}_mask", "PNG")
+        mask = output_path("", result_name(scene, "mask"), "PNG")
         self._overlay = mask.with_name(f"{mask.stem}_shown.png")
         arguments = ["mask", str(photo), "--output", str(mask), "--overlay", str(self._overlay)]
         return [*arguments, *reading(self, unmasked="alpha-or-all")], [mask, self._overlay]

@@ -28,6 +28,7 @@ from .outputs import (
     render_path,
 )
 from .rig import drawn_rig, light_rig, rig_camera, rig_parts, scene_camera, view_layer
+from .rigs import result_name
 from .settings.declared import take_given
 from .settings.photo import PhotoSettings
 
@@ -55,7 +56,7 @@ class MPS_OT_render_photo(SaysWhy, PhotoSettings, bpy.types.Operator):
     def act(self, context: Any) -> None:
         scene = context.scene
         take_given(self, PhotoSettings, scene.mps.photo)
-        path = output_path(self.output, f"{scene.name}_photo", "EXR")
+        path = output_path(self.output, result_name(scene, "photo"), "EXR")
         render_photo(scene, path)
         self._made_from = self.made_from(context)
         scene.mps.photo.image = image = load_photo(path, "MPS Photo")
@@ -142,7 +143,7 @@ class MPS_OT_render_truth(SaysWhy, bpy.types.Operator):
         return "" if context.scene.mps.rig.lights else "Add a rig first"
 
     def act(self, context: Any) -> None:
-        path = output_path(self.output, f"{context.scene.name}_true_normals", "EXR")
+        path = output_path(self.output, result_name(context.scene, "true_normals"), "EXR")
         render_normals(context.scene, path)
         self.report({"INFO"}, f"True normals written to {path}")
 

@@ -38,6 +38,8 @@ class MPS_PT_bake(Step):
         normals = context.scene.mps.estimate.image
         if normals is not None and normals.source == "SEQUENCE":
             column.prop(bake, "animated")
+        if context.scene.mps.rigs:
+            column.prop(bake, "all_rigs")
         self.progress_or(context, "bake", "TEXTURE")
         self.layout.template_ID(bake, "image", open="image.open")
         self.picture(bake.image)

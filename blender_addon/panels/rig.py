@@ -34,6 +34,7 @@ class MPS_PT_rig(Step):
 
     def draw(self, context: Any) -> None:
         rig = context.scene.mps.rig
+        self._rigs(context.scene.mps)
         column = self.column()
         column.prop(rig, "light_type")
         column.prop(rig, "slant")
@@ -50,7 +51,25 @@ class MPS_PT_rig(Step):
         self.progress_or(context, "add_rig", "LIGHT", text="Replace Rig" if rig.lights else "Add Rig")
         if rig.lights:
             self._standing(context.scene)
-            self.layout.operator("mps.remove_rig", icon="TRASH")
+            self.column().prop(rig, "camera", text="Taken By")
+            row = self.layout.row(align=True)
+            row.operator("mps.remove_rig", icon="TRASH")
+            row.operator("mps.new_rig", icon="ADD")
+
+    def _rigs(self, mps: Any) -> None:
+        """The list of several rigs; one alone needs none."""
+        if not mps.rigs:
+            return
+        column = self.layout.column(align=True)
+        for number, one in enumerate(mps.rigs):
+            row = column.row(align=True)
+            chosen = number == mps.chosen_rig
+            icon = "RADIOBUT_ON" if chosen else "RADIOBUT_OFF"
+            row.operator("mps.choose_rig", text="" if chosen else one.name, icon=icon, depress=chosen).index = number
+            if chosen:
+                row.prop(one, "name", text="")
+                row.operator("mps.drop_rig", text="", icon="REMOVE")
+                row.operator("mps.new_rig", text="", icon="ADD")
 
     def _standing(self, scene: Any) -> None:
         box = self.layout.box().column(align=True)

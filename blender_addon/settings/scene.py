@@ -1,7 +1,7 @@
 """Where the settings live: in the scene, and what runs at the moment in the window manager."""
 
 import bpy
-from bpy.props import BoolProperty, CollectionProperty, FloatProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, CollectionProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from .bake import MPS_PG_bake
 from .calibrate import MPS_PG_calibrate
@@ -9,6 +9,7 @@ from .estimate import MPS_PG_estimate
 from .photo import MPS_PG_photo
 from .record import MPS_PG_record
 from .rig import MPS_PG_light, MPS_PG_rig
+from .rigs import MPS_PG_one_of_rigs
 from .samples import MPS_PG_samples
 from .views import MPS_PG_views
 
@@ -23,6 +24,12 @@ class MPS_PG_scene(bpy.types.PropertyGroup):
     bake: PointerProperty(type=MPS_PG_bake)
     views: PointerProperty(type=MPS_PG_views)
     samples: PointerProperty(type=MPS_PG_samples)
+    rigs: CollectionProperty(name="Rigs", description="The scene's rigs, where it has several", type=MPS_PG_one_of_rigs)
+    chosen_rig: IntProperty(
+        name="Chosen Rig",
+        description="Number in the list, from 0, of the rig that the panel shows. Change it with mps.choose_rig",
+        min=0,
+    )
     records: CollectionProperty(
         name="Records", description="How the last run of each operator ended", type=MPS_PG_record
     )
@@ -48,6 +55,7 @@ CLASSES = (
     MPS_PG_views,
     MPS_PG_samples,
     MPS_PG_record,
+    MPS_PG_one_of_rigs,
     MPS_PG_scene,
     MPS_PG_job,
 )
