@@ -15,17 +15,19 @@ class Pace:
     """
 
     _begun: tuple[float, float] | None = None
+    _last: float = 0.0
 
     def left(self, now: float, done: float) -> float | None:
         """Seconds left at the time `now` with the fraction `done` (0 to 1), None where that cannot be known yet.
 
         Ask at every progress: the first one above 0 is where the pace is measured from. While nothing moves on the
-        time left grows.
+        time left grows; where `done` falls back, another part of the work begins, and its pace is measured anew.
         """
         if done <= 0:
             return None
-        if self._begun is None or done < self._begun[1]:
+        if self._begun is None or done < self._last:
             self._begun = now, done
+        self._last = done
         since, share = now - self._begun[0], done - self._begun[1]
         if share < _LEAST_SHARE or since < _LEAST_SECONDS:
             return None

@@ -7,4 +7,6 @@ from . import bake, estimate, photo, rig, samples, views
 # In the order of the sidebar.
 _STEPS = (rig, photo, estimate, bake, views, samples)
 
-register, unregister = bpy.utils.register_classes_factory([cls for step in _STEPS for cls in step.CLASSES])
+CLASSES = [cls for step in _STEPS for cls in step.CLASSES]
+
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -8,7 +8,7 @@ import bpy
 
 # What stands left and right of a label besides its text, in Blender's unit of widgets (20 pixels at scale 1): the
 # panel's and a box's margins, the label's own, and the tabs at the region's edge.
-_BESIDE = 4.0
+_BESIDE = 3.2
 _ICON = 1.1
 _LEAST = 4.0
 _WIDGET = 20.0
