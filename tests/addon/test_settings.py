@@ -5,6 +5,9 @@ import subprocess
 import sys
 
 import bpy
+import pytest
+
+from mpsnet_core.errors import InputError
 
 # Run by a process of its own: what it finds in the file is what was saved, not what this process still knows.
 READS = """
@@ -101,3 +104,23 @@ def test_each_step_goes_on_after_everything_was_renamed(sphere, scene, tmp_path)
     assert texture in [node.image for node in sphere.active_material.node_tree.nodes if node.type == "TEX_IMAGE"]
     bpy.ops.mps.remove_rig()
     assert list(bpy.data.objects) == [sphere]
+
+
+@pytest.mark.parametrize("verb", ["estimate", "bake_views"])
+def test_what_runs_networks_honours_the_preferences(photographed, scene, tmp_path, monkeypatch, verb):
+    """pip's bpy has no preferences of add-ons, so what they would say is put in their place."""
+    chosen = {"threads": 3, "provider": "CUDA"}
+    for module in ("estimate", "views"):
+        monkeypatch.setattr(f"blender_addon.{module}.preference", chosen.get)
+    given = []
+
+    def run(arguments, *_):
+        given.extend(arguments)
+        raise InputError("far enough")
+
+    monkeypatch.setattr("blender_addon.operators.run", run)
+    scene.mps.rig.camera.data.background_images.new().image = scene.mps.photo.image
+    with pytest.raises(RuntimeError, match="far enough"):
+        getattr(bpy.ops.mps, verb)()
+    assert given[given.index("--threads") + 1] == "3"
+    assert given[given.index("--provider") + 1] == "cuda"
