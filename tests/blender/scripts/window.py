@@ -64,6 +64,8 @@ def state():
         ),
         "rig_file": bpy.context.scene.mps.estimate.rig_file,
         "found": bpy.context.scene.mps.calibrate.told,
+        "rig": [light.object.session_uid for light in bpy.context.scene.mps.rig.lights],
+        "errors": {record.name: record.error for record in bpy.context.scene.mps.records},
         "running": manager.mps.running,
         "progress": manager.mps.progress,
         "left": manager.mps.left,
