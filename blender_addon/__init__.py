@@ -17,11 +17,13 @@ from . import (
     operators,
     panels,
     preferences,
+    relight,
     render,
     rig,
     rigs,
     settings,
     training_data,
+    try_it,
     views,
 )
 
@@ -37,6 +39,8 @@ _MODULES = (
     bake,
     views,
     training_data,
+    relight,
+    try_it,
     panels,
     commands,
 )

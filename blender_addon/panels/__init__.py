@@ -2,10 +2,10 @@
 
 import bpy
 
-from . import bake, estimate, photo, rig, samples, views
+from . import bake, estimate, photo, rig, samples, start, views
 
 # In the order of the sidebar.
-_STEPS = (rig, photo, estimate, bake, views, samples)
+_STEPS = (start, rig, photo, estimate, bake, views, samples)
 
 CLASSES = [cls for step in _STEPS for cls in step.CLASSES]
 

@@ -43,6 +43,8 @@ class MPS_PT_bake(Step):
         self.progress_or(context, "bake", "TEXTURE")
         self.layout.template_ID(bake, "image", open="image.open")
         self.picture(bake.image)
+        lit = context.scene.mps.relight.lamp is not None
+        self.layout.operator("mps.relight", icon="LIGHT_SUN", depress=lit)
 
 
 CLASSES = (MPS_PT_bake,)

@@ -8,6 +8,7 @@ from .calibrate import MPS_PG_calibrate
 from .estimate import MPS_PG_estimate
 from .photo import MPS_PG_photo
 from .record import MPS_PG_record
+from .relight import MPS_PG_relight
 from .rig import MPS_PG_light, MPS_PG_rig
 from .rigs import MPS_PG_one_of_rigs
 from .samples import MPS_PG_samples
@@ -33,6 +34,7 @@ class MPS_PG_scene(bpy.types.PropertyGroup):
     records: CollectionProperty(
         name="Records", description="How the last run of each operator ended", type=MPS_PG_record
     )
+    relight: PointerProperty(type=MPS_PG_relight)
 
 
 class MPS_PG_job(bpy.types.PropertyGroup):
@@ -56,6 +58,7 @@ CLASSES = (
     MPS_PG_samples,
     MPS_PG_record,
     MPS_PG_one_of_rigs,
+    MPS_PG_relight,
     MPS_PG_scene,
     MPS_PG_job,
 )
