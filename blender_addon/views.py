@@ -85,7 +85,7 @@ class MPS_OT_bake_views(RunsCore, BakesOnto, ViewsSettings, bpy.types.Operator):
             return ["--cameras", bpy.path.abspath(self.cameras), "--photos", bpy.path.abspath(self.photos)]
         views = []
         for obj in scene.objects:
-            image = _background(obj)
+            image = background(obj)
             if image is None:
                 continue
             photo = image_file(image, f"background image of {obj.name}", "choose another")
@@ -128,7 +128,7 @@ class MPS_OT_bake_views(RunsCore, BakesOnto, ViewsSettings, bpy.types.Operator):
         self.report({"INFO"}, f"{count} views baked into {self._output}; {result['seen']:.0%} of the surface seen")
 
 
-def _background(obj: Any) -> Any:
+def background(obj: Any) -> Any:
     """The photo behind a camera, None for what has none."""
     if obj.type != "CAMERA":
         return None
