@@ -1,7 +1,7 @@
 """Every state of every step of the panel, photographed in a real window at two scales and in a light theme.
 
 The pictures are left in the folder that MPSNET_SCREENSHOTS names, to look at; what can be measured is asserted: that a
-panel is drawn at all, that its text can be told from what is behind it, and that no text runs into the right border.
+panel is drawn at all, that its text can be told from what is behind it, and that no line of text is cut off.
 """
 
 import os
@@ -24,8 +24,19 @@ EMISSION = """
 shader = bpy.data.objects["Cube"].active_material.node_tree.nodes["Principled BSDF"]
 shader.inputs["Emission Strength"].default_value = {}
 """
-TAB = 24  # pixels at scale 1 at the sidebar's right edge, where its tabs are
-BORDER = 3  # pixels at scale 1 before the tabs that no text may touch
+# Lines that end with an ellipsis, on a panel and in a box; and one in the middle of which Blender puts it itself.
+PROBE = """
+LETTERS = ("ab", "iab", "tab", "jab")
+class MPS_PT_probe(bpy.types.Panel):
+    bl_space_type, bl_region_type, bl_category, bl_label = "VIEW_3D", "UI", "MPS", "Probe"
+    long = 0
+    def draw(self, context):
+        for layout in (self.layout, self.layout.box()):
+            for letters in LETTERS:
+                layout.label(text="clipped, as it has more words than fit" * self.long + letters + "\u2026")
+bpy.utils.register_class(MPS_PT_probe)
+"""
+INK = 0.2  # what text differs by from what is behind it, at least
 
 STEPS = {
     "rig": ("MPS_PT_rig",),
@@ -45,6 +56,7 @@ class Album:
     window: Window
     folder: Path
     look: str
+    ellipsis: "Ellipsis"
     faults: list[str] = field(default_factory=list)
 
     def photograph(self, state: str, *steps: str) -> None:
@@ -65,7 +77,11 @@ class Album:
         screen = self.window.screenshot(self.folder / "screen.png")
         picture = np.ascontiguousarray(screen[top : top + height, left : left + width])
         save(self.folder / name, picture)
-        self.faults += [f"{name}: {fault}" for fault in faults(picture, 2 if self.look == "2x" else 1)]
+        shown = drawn(picture).mean()
+        if shown < 0.05:
+            self.faults.append(f"{name}: {shown:.1%} of its rows show anything, so it is empty or without contrast")
+        for row, column in self.ellipsis.found(picture.mean(axis=-1)):
+            self.faults.append(f"{name}: text that does not fit is cut off near row {row}, column {column}")
         return picture
 
 
@@ -81,19 +97,70 @@ def drawn(picture: np.ndarray) -> np.ndarray:
     return np.abs(np.diff(grey, axis=1)).max(axis=1) > 0.25
 
 
-def faults(picture: np.ndarray, scale: int) -> list[str]:
-    """What is wrong with a picture of the sidebar: (H, W, 3), 0 to 1."""
-    grey = picture.mean(axis=-1)
-    panel = grey[:, : -TAB * scale]
-    found = []
-    share = drawn(picture).mean()
-    if share < 0.05:
-        found.append(f"only {share:.1%} of its rows show anything: it is empty or without contrast")
-    border = panel[:, -BORDER * scale :]
-    touched = np.ptp(border, axis=1) > 0.3
-    if touched.any():
-        found.append(f"something touches the right border in row {int(np.argmax(touched))}")
-    return found
+@dataclass(frozen=True)
+class Ellipsis:
+    """How "…" looks on a panel's and on a box's background: Blender puts it where it leaves out what does not fit."""
+
+    templates: np.ndarray  # (N, height, width), values 0 to 1
+
+    @classmethod
+    def photographed(cls, window: Window, scale: int) -> "Ellipsis":
+        """As labels of a panel of our own end with it, at all the places between two pixels that it can have."""
+        window.ask("alone")
+        window.ask("run", PROBE)
+        window.input("mousemove", 20, 980, "sleep", "1")
+        left, top, width, height = window.state["sidebar"]
+        screen = window.screenshot(window.file.with_name("probe.png")).mean(axis=-1)[top : top + height]
+        grey = screen[30 * scale :, left + 14 * scale : left + width * 3 // 5]  # below the title, within the box
+        band, templates = np.abs(grey[:, 1:] - grey[:, :-1]).max(axis=1) > INK, []
+        starts = np.flatnonzero(np.diff(np.r_[0, band.astype(int)]) == 1)
+        ends = np.flatnonzero(np.diff(np.r_[band.astype(int), 0]) == -1)
+        for start, end in zip(starts, ends, strict=True):
+            columns = np.flatnonzero(np.ptp(grey[start : end + 1], axis=0) > INK)
+            if not 6 * scale < end - start < 20 * scale:
+                continue  # the edge of a box, not a line of text
+            if len(templates) == 8:
+                break
+            bottom = max(np.flatnonzero(np.ptp(grey[start : end + 1, columns[-1] - 2 : columns[-1] + 1], axis=1) > 0.1))
+            last = start + bottom + 2
+            templates.append(grey[last - 9 * scale : last, columns[-1] + 2 - 10 * scale : columns[-1] + 2])
+        window.ask("run", "bpy.utils.unregister_class(bpy.types.MPS_PT_probe)")
+        return cls(np.stack(templates))
+
+    def found(self, grey: np.ndarray) -> list[tuple[int, int]]:
+        """(row, column) of each place of a picture (H, W) where it stands."""
+        count, height, width = self.templates.shape
+        patterns, grounds = self.templates.reshape(count, -1), np.median(self.templates, axis=(1, 2))
+        patterns = patterns - patterns.mean(axis=1, keepdims=True)
+        patterns /= np.linalg.norm(patterns, axis=1, keepdims=True)
+        places = []
+        for row in range(len(grey) - height):
+            strip = np.lib.stride_tricks.sliding_window_view(grey[row : row + height], (height, width))[0]
+            windows = strip.reshape(len(strip), -1)
+            on_ground = (np.abs(np.median(windows, axis=1)[:, None] - grounds) < 0.015).any(axis=1)
+            candidates = np.flatnonzero(on_ground & (np.ptp(windows, axis=1) > INK))
+            if not len(candidates):
+                continue
+            chosen = windows[candidates] - windows[candidates].mean(axis=1, keepdims=True)
+            likeness = (chosen / np.linalg.norm(chosen, axis=1, keepdims=True)) @ patterns.T
+            places += [(row, int(column)) for column in candidates[likeness.max(axis=1) > 0.95]]
+        return places
+
+
+@pytest.mark.parametrize("look", LOOKS)
+def test_text_that_is_cut_off_is_seen(unfolded, look):
+    """The measure below can fail: it finds what Blender cuts off, and nothing where all fits."""
+    if LOOKS[look]:
+        unfolded.ask("run", LOOKS[look])
+        unfolded.input("sleep", "1")
+    ellipsis = Ellipsis.photographed(unfolded, 2 if look == "2x" else 1)
+    for probe, expected in ((PROBE.replace("long = 0", "long = 1"), True), (PROBE.replace("…", ""), False)):
+        unfolded.ask("run", probe)
+        unfolded.input("mousemove", 20, 980, "sleep", "1")
+        left, top, width, height = unfolded.state["sidebar"]
+        screen = unfolded.screenshot(unfolded.file.with_name("cut.png")).mean(axis=-1)
+        assert bool(ellipsis.found(screen[top : top + height, left : left + width])) == expected
+        unfolded.ask("run", "bpy.utils.unregister_class(bpy.types.MPS_PT_probe)")
 
 
 @pytest.mark.parametrize("look", LOOKS)
@@ -101,10 +168,11 @@ def test_every_state_of_every_step(unfolded, tmp_path, look):
     window = unfolded
     folder = Path(os.environ.get("MPSNET_SCREENSHOTS") or tmp_path)
     folder.mkdir(parents=True, exist_ok=True)
-    album = Album(window, folder, look)
     if LOOKS[look]:
         window.ask("run", LOOKS[look])
         window.input("sleep", "1")
+    ellipsis = Ellipsis.photographed(window, 2 if look == "2x" else 1)
+    album = Album(window, folder, look, ellipsis)
 
     def run(code: str) -> None:
         window.ask("run", code)
