@@ -25,6 +25,7 @@ MAX_SIZE = 16384
 TEXELS_AT_ONCE = 1 << 16
 # Views beyond about this much memory are not held at once, but asked for again in each pass.
 HELD_BYTES = 1 << 30
+MAX_STRENGTH = 2.0
 # The weight of the mesh's own normal where views fade out: that of a view at 80 degrees.
 FADE = 1e-3
 
@@ -37,6 +38,7 @@ def bake_normals(
     space: Space = "tangent",
     margin: int = 16,
     feather: float = 0.0,
+    strength: float = 1.0,
     progress: Progress = silent,
 ) -> Texture:
     """Bake the views' normals onto the mesh's UVs.
@@ -48,6 +50,7 @@ def bake_normals(
     size: the texture's side in texels. margin: texels that the islands' borders are grown by. space: "tangent" is
     MikkTSpace, "object" the mesh's own axes. feather: a share of the mesh's size; over this distance each view fades
     out towards its borders (:mod:`mpsnet_core.surface.feather`), into the others or into the mesh's own normals.
+    strength: what the slopes against the mesh's own normals are multiplied by; 0 leaves nothing of the views.
 
     Raises InputError where there is no view, a number is out of range or no texel is seen; Cancelled where `progress`
     does.
@@ -57,6 +60,7 @@ def bake_normals(
     check_texture(size, space, margin)
     if not 0 <= feather <= 1:
         raise InputError(f"a feather of {feather:g} times the mesh's size cannot be baked; choose 0 to 1")
+    check_strength(strength)
 
     progress(0.0, "laying out the UVs")
     scene = RayScene(mesh.world_vertices, mesh.triangles)
@@ -92,7 +96,7 @@ def bake_normals(
                         looked.add(*projector.look(point, normal))
                     if last:
                         fallback = normal * np.float32(FADE * (feather > 0))
-                        vectors[texels[chunk]] = surface.encoded(chunk, looked.sums[:, :3] + fallback, space)
+                        vectors[texels[chunk]] = surface.encoded(chunk, looked.sums[:, :3] + fallback, space, strength)
                         spread[texels[chunk]] = looked.spread()
 
                 for _ in pool.map(work, starts):
@@ -127,6 +131,12 @@ def check_texture(size: int, space: str, margin: int) -> None:
         raise InputError(f"a margin of {margin} texels does not fit a texture of {size}; choose 0 to {size}")
     if space not in SPACES:
         raise InputError(f"space {space!r} is not known; choose {' or '.join(SPACES)}")
+
+
+def check_strength(strength: float) -> None:
+    """Raises InputError where :func:`bake_normals` would bake no detail of that strength."""
+    if not 0 <= strength <= MAX_STRENGTH:
+        raise InputError(f"a strength of {strength:g} cannot be baked; choose 0 to {MAX_STRENGTH:g}")
 
 
 class _Projectors:
@@ -280,10 +290,14 @@ class _Surface:
         position, normal = self.at(chunk, self.position, self.normal)
         return position, normalised(normal @ self.world_from_object_normals.T)
 
-    def encoded(self, chunk: slice, vectors: NDArray[np.float32], space: Space) -> NDArray[np.float32]:
+    def encoded(self, chunk: slice, vectors: NDArray[np.float32], space: Space, strength: float) -> NDArray[np.float32]:
         """(M, 3) unit normals in `space` from vectors (M, 3) in world space; the surface's own where those are zero."""
         normal, tangent = self.at(chunk, self.normal, self.tangent)
         baked = np.where(vectors.any(axis=1)[:, None], vectors @ self.object_from_world_normals.T, normal)
+        if strength != 1:
+            own = normalised(normal)
+            along = np.einsum("ni,ni->n", baked, own)[:, None] * own
+            baked = along + np.float32(strength) * (baked - along)
         if space == "tangent":
             baked = _to_tangent_space(baked, normal, tangent, self.sign[self.triangle[chunk]])
         return normalised(baked)
