@@ -11,15 +11,13 @@ from typing import TYPE_CHECKING, Any
 from mpsnet_core import __version__
 from mpsnet_core.cli.arguments import Help, Verbs, add_level, add_texture, level_scale
 from mpsnet_core.cli.reporter import Reporter
-from mpsnet_core.cli.textures import add_detail, add_preset, asked_present_map, settle
+from mpsnet_core.cli.textures import add_detail, add_preset, asked_present, note_shown, settle
 from mpsnet_core.errors import InputError
 from mpsnet_core.progress import Progress, part
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from mpsnet_core.surface.mesh import Mesh
+    from mpsnet_core.surface.shown import Present
     from mpsnet_core.surface.texture import Texture
 
 log = logging.getLogger(__name__)
@@ -108,7 +106,7 @@ def _bake(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         options.onto,
     )
     check_apart(job.files, [job.output])
-    present = asked_present_map(options)
+    present = asked_present(options)
     reporter.progress(0.0, "reading the mesh")
     texture = _baked(job, read_mesh(job.mesh), present, options, part(reporter.progress, 0.05, 0.9))
     reporter.progress(0.9, "writing the texture")
@@ -123,7 +121,7 @@ def _bake(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
 def _baked(
     job: _Job,
     mesh: "Mesh",
-    present: "NDArray[np.float32] | None",
+    present: "Present | None",
     options: argparse.Namespace,
     progress: Progress,
 ) -> "Texture":
@@ -134,20 +132,26 @@ def _baked(
     from mpsnet_core.surface.feather import FEATHER
     from mpsnet_core.surface.level import levelled
     from mpsnet_core.surface.onto import laid_onto
+    from mpsnet_core.surface.shown import without_present
 
     level = level_scale(options.level)
-    scene = RayScene(mesh.world_vertices, mesh.triangles) if level else None
-    views = []
+    scene = RayScene(mesh.world_vertices, mesh.triangles) if level or present is not None else None
+    views, shares = [], list[float]()
     for (camera, normals), confidence in zip(job.views, job.confidences, strict=True):
         progress(0.0, f"reading {normals.name}")
         try:
             normal_map = read_normals(normals, convention=options.normals_convention, confidence=confidence)
             view = View(read_camera(camera), normal_map)
-            if scene is not None:
+            if present is not None and scene is not None:
+                normal_map, share = without_present(view.normals, view.camera, mesh, scene, present)
+                view = View(view.camera, normal_map)
+                shares.append(share)
+            if level and scene is not None:
                 view = View(view.camera, levelled(view.normals, view.camera, mesh, scene, scale=level))
             views.append(view)
         except InputError as error:
             raise InputError(f"view {camera}={normals}: {error}") from None
+    note_shown(shares)
     texture = bake_normals(
         mesh,
         views,
@@ -159,7 +163,7 @@ def _baked(
         strength=options.strength,
         progress=part(progress, 0.1, 1.0),
     )
-    return texture if present is None else laid_onto(texture, present)
+    return texture if present is None else laid_onto(texture, present.vectors)
 
 
 def _facts(options: argparse.Namespace, seen: float) -> str:
@@ -184,7 +188,7 @@ def _bake_frames(options: argparse.Namespace, views: Sequence[tuple[str, str]], 
     jobs = _jobs(options, views)
     check_apart({file for job in jobs.values() for file in job.files}, [job.output for job in jobs.values()])
     remove_abandoned(made_folder(options.output, "textures"))
-    present = asked_present_map(options)
+    present = asked_present(options)
     made, seen, mesh, mesh_file = 0, 0.0, None, None
     for number, job in enumerate(jobs.values()):
         step = part(

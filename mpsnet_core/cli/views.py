@@ -23,7 +23,7 @@ from mpsnet_core.cli.arguments import (
     read_files,
 )
 from mpsnet_core.cli.reporter import Reporter
-from mpsnet_core.cli.textures import add_detail, add_preset, asked_present_map, settle
+from mpsnet_core.cli.textures import add_detail, add_preset, asked_present, note_shown, settle
 
 if TYPE_CHECKING:
     from mpsnet_core.camera import Camera
@@ -129,7 +129,7 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
 
     photography = Photography(rig_of, options.mask, options.encoding, options.layer, asked_correction(options))
     model = options.model or DEFAULT_MODEL
-    present = asked_present_map(options)
+    present = asked_present(options)
     views = posed_photos(options.cameras, options.photos)
     check_apart([view.photo for view in views], outputs)
     reporter.progress(0.0, "reading the mesh")
@@ -145,7 +145,7 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         else:
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="mpsnet-views-")))
         kept = [KeptView(folder, view.name) for view in views]
-        stored = KeptViews(kept, [view.camera for view in views], mesh, scene, level)
+        stored = KeptViews(kept, [view.camera for view in views], mesh, scene, level, present)
         agreed = agreement(mesh, scene, FEATHER)
         known = 0
         for number, (view, source) in enumerate(zip(views, sources, strict=True)):
@@ -159,6 +159,7 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
             estimated, levelled, angle = stored.both(number)
             agreed.add(view.name, estimated, levelled, angle)
             del estimated, levelled
+        note_shown(stored.shares)
         texture = bake_normals(
             mesh,
             stored,
@@ -170,7 +171,7 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
             progress=part(reporter.progress, 0.72, 0.95),
         )
     if present is not None:
-        texture = laid_onto(texture, present)
+        texture = laid_onto(texture, present.vectors)
     reporter.progress(0.95, "writing the texture")
     write_texture(options.output, texture, convention=options.convention, bits=options.bits)
     table = agreed.views()
