@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.camera import write_camera
 from mpsnet_core.errors import InputError
+from mpsnet_core.surface.presets import PRESETS
 
 from .operators import RunsCore, idle
 from .outputs import (
@@ -26,6 +27,7 @@ from .outputs import (
     picture_size,
     remembered,
 )
+from .present_map import GREEN_NODE, TEXTURE_NODE, base_to_keep, keep_base, present_map
 from .rig import rig_camera, scene_camera
 from .settings.bake import BakeSettings
 from .settings.declared import take_given
@@ -37,7 +39,6 @@ _SHOWN_AND_RENDERED = (
     ("steps", "render_steps"),
     ("viewport_resolution", "resolution"),
 )
-TEXTURE_NODE = "MPS Texture"
 BITS = {".png": "16", ".tif": "16", ".tiff": "16", ".exr": "32"}
 
 
@@ -50,7 +51,7 @@ class BakesOnto:
         options={"SKIP_SAVE"},
     )
 
-    def onto(self, context: Any) -> Any:
+    def baked_object(self, context: Any) -> Any:
         """The object to bake onto. Raises InputError where there is none, or it is another file's."""
         settings = context.scene.mps.bake
         if self.target:
@@ -60,6 +61,20 @@ class BakesOnto:
             raise InputError("there is no target to bake onto; choose a mesh object")
         _refuse_linked(target)
         return target
+
+    def detail(self, settings: Any, target: Any, uv_map: str) -> list[str]:
+        """The core's arguments for the photo's detail and the normal map that it goes on top of."""
+        arguments = ["--strength", f"{settings.strength:g}"]
+        self._base = base_to_keep(target, uv_map)
+        if not settings.onto:
+            return arguments
+        if settings.onto_file:
+            file, convention = bpy.path.abspath(settings.onto_file), settings.onto_convention
+        else:
+            base = present_map(target, uv_map)
+            file, convention = str(base.file), base.convention
+        arguments += ["--onto", file, "--onto-convention", convention.lower()]
+        return [*arguments, "--onto-shown", settings.onto_shown.lower()]
 
 
 class MPS_OT_bake(RunsCore, BakesOnto, BakeSettings, bpy.types.Operator):
@@ -81,7 +96,7 @@ class MPS_OT_bake(RunsCore, BakesOnto, BakeSettings, bpy.types.Operator):
         take_given(self, BakeSettings, scene.mps.bake)
         normals_image = scene.mps.estimate.image
         normals = image_file(normals_image, "normal map", "estimate the normals first")
-        target = self.onto(context)
+        target = self.baked_object(context)
         self._scene, self._target = scene.name, target.name
         self._frames = range(0)
         suffix = f".{FORMATS[self.file_format]}"
@@ -89,16 +104,18 @@ class MPS_OT_bake(RunsCore, BakesOnto, BakeSettings, bpy.types.Operator):
             estimate = scene.mps.estimate
             self._frames = range(estimate.first_frame, estimate.last_frame + 1)
             normals = frame_pattern(normals)
-            self._output = output_frames(self.output, f"{target.name}_normal")
+            self._output = output_frames(self.output, texture_name(self, target))
             arguments = ["bake", "--format", suffix[1:]]
         else:
-            self._output = output_path(self.output, f"{target.name}_normal", self.file_format)
+            self._output = output_path(self.output, texture_name(self, target), self.file_format)
             suffix = self._output.suffix.lower()
             arguments = ["bake"]
         mesh, camera = self._write_place(context, folder, target, normals_image)
         arguments += ["--mesh", mesh, "--view", f"{camera}={normals}", "--output", str(self._output)]
-        arguments += ["--size", str(self.size), "--margin", str(self.margin), "--bits", BITS[suffix]]
+        arguments += ["--size", str(self.size), "--margin", str(self.margin), "--bits", bits(self, suffix)]
         arguments += ["--space", self.space.lower(), "--convention", self.convention.lower()]
+        arguments += ["--level", f"{self.level_scale:g}" if self.level else "off"]
+        arguments += self.detail(self, target, self._uv_map)
         return arguments, [self._output / "frames" if self._frames else self._output]
 
     def _write_place(self, context: Any, folder: Path, target: Any, normals_image: Any) -> tuple[str, str]:
@@ -135,6 +152,7 @@ class MPS_OT_bake(RunsCore, BakesOnto, BakeSettings, bpy.types.Operator):
         else:
             image = load_image(self._output, f"MPS {target.name}", is_data=True)
         scene.mps.bake.image = image
+        keep_base(image, self._base)
         for sentence in wear_texture(target, image, self._uv_map, self.space, self.convention, self._frames):
             self.report({"INFO"}, sentence)
         for note in result.get("notes", []):
@@ -146,6 +164,17 @@ class MPS_OT_bake(RunsCore, BakesOnto, BakeSettings, bpy.types.Operator):
             )
             return
         self.report({"INFO"}, f"Texture written to {self._output}; {result['seen']:.0%} of the surface seen{turned}")
+
+
+def texture_name(settings: Any, target: Any) -> str:
+    """What a texture is called that is given no name: as the preset wants it."""
+    preset = PRESETS["blender" if settings.preset == "CUSTOM" else settings.preset.lower()]
+    return preset.stem(target.name)
+
+
+def bits(settings: Any, suffix: str) -> str:
+    """Bits a channel for a file with that ending."""
+    return BITS[suffix] if settings.bits == "AUTO" else settings.bits
 
 
 def named_object(scene: Any, name: str) -> Any:
@@ -336,13 +365,13 @@ def wear(material: Any, image: Any, uv_map: str, space: str, convention: str) ->
     colour = texture.outputs["Color"]
     if convention == "DIRECTX":
         # Blender 4.5's Normal Map node knows OpenGL only; a node that turns green round works in every version.
-        turn = node("MPS Green", "ShaderNodeVectorMath", 2)
+        turn = node(GREEN_NODE, "ShaderNodeVectorMath", 2)
         turn.operation = "MULTIPLY_ADD"
         turn.inputs[1].default_value, turn.inputs[2].default_value = (1, -1, 1), (0, 1, 0)
         links.new(colour, turn.inputs[0])
         colour = turn.outputs["Vector"]
-    elif "MPS Green" in nodes:
-        nodes.remove(nodes["MPS Green"])
+    elif GREEN_NODE in nodes:
+        nodes.remove(nodes[GREEN_NODE])
     links.new(colour, normal.inputs["Color"])
     before = [link.from_node for shader in shaders for link in shader.inputs["Normal"].links]
     for shader in shaders:

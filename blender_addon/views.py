@@ -14,11 +14,12 @@ from mpsnet_core.rig import write_rig
 from mpsnet_core.view_files import write_views
 from mpsnet_core.world_lights import in_world, write_world_lights
 
-from .bake import BITS, BakesOnto, wear_texture, write_mesh
+from .bake import BakesOnto, bits, texture_name, wear_texture, write_mesh
 from .estimate import model_name, reading
 from .operators import RunsCore, idle
 from .outputs import image_file, load_image, output_path
 from .preferences import preference
+from .present_map import keep_base
 from .rig import light_rig, rig_camera, scene_camera
 from .settings.declared import take_given
 from .settings.views import ViewsSettings
@@ -30,7 +31,8 @@ _BLENDER_FROM_Y_UP = Matrix(((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0
 class MPS_OT_bake_views(RunsCore, BakesOnto, ViewsSettings, bpy.types.Operator):
     """Estimate a photo for each camera, bring all into line with the mesh and bake them into one texture.
 
-    Size, space, convention, margin, format and file are those of the step Bake, the model is that of Estimate"""
+    Size, space, convention, margin, format, file, strength and what it goes on top of are those of the step Bake, the
+    model is that of Estimate"""
 
     bl_idname = "mps.bake_views"
     bl_label = "Bake Views"
@@ -44,8 +46,8 @@ class MPS_OT_bake_views(RunsCore, BakesOnto, ViewsSettings, bpy.types.Operator):
         scene = context.scene
         take_given(self, ViewsSettings, scene.mps.views)
         bake, estimate = scene.mps.bake, scene.mps.estimate
-        target = self.onto(context)
-        output = output_path(bake.output, f"{target.name}_normal", bake.file_format)
+        target = self.baked_object(context)
+        output = output_path(bake.output, texture_name(bake, target), bake.file_format)
         context.view_layer.update()
         turn = _BLENDER_FROM_Y_UP if self.cameras and self.axes == "Y_UP" else Matrix.Identity(4)
         self._uv_map = write_mesh(
@@ -55,8 +57,16 @@ class MPS_OT_bake_views(RunsCore, BakesOnto, ViewsSettings, bpy.types.Operator):
         arguments += ["--rig", self._rig(scene, folder, turn.inverted()), "--lights-in", self.lights_in.lower()]
         arguments += [*reading(estimate, unmasked="mesh"), "--model", model_name(estimate)]
         arguments += ["--level", f"{self.level_scale:g}" if self.level else "off"]
-        arguments += ["--size", str(bake.size), "--margin", str(bake.margin), "--bits", BITS[output.suffix.lower()]]
+        arguments += [
+            "--size",
+            str(bake.size),
+            "--margin",
+            str(bake.margin),
+            "--bits",
+            bits(bake, output.suffix.lower()),
+        ]
         arguments += ["--space", bake.space.lower(), "--convention", bake.convention.lower()]
+        arguments += self.detail(bake, target, self._uv_map)
         arguments += ["--provider", preference("provider").lower(), "--threads", str(preference("threads"))]
         outputs = [output]
         if self.keep:
@@ -112,6 +122,7 @@ class MPS_OT_bake_views(RunsCore, BakesOnto, ViewsSettings, bpy.types.Operator):
         image = load_image(self._output, f"MPS {target.name}", is_data=True)
         scene.mps.bake.image = image
         bake = scene.mps.bake
+        keep_base(image, self._base)
         for sentence in wear_texture(target, image, self._uv_map, bake.space, bake.convention):
             self.report({"INFO"}, sentence)
         for note in result.get("notes", []):
