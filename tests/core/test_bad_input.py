@@ -885,7 +885,9 @@ MESHES: list[Case] = [
     ),
     (
         "UVs outside",
-        lambda b: Mesh(**{**SQUARE, "uvs": SQUARE["uvs"] + 1}),
+        lambda b: bake_normals(
+            Mesh(**{**SQUARE, "uvs": SQUARE["uvs"] + 1}), [View(read_camera(b.camera()), read_normals(b.normals()))]
+        ),
         "UVs lie outside the texture (0 to 1); move",
     ),
     (
