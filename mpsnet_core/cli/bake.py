@@ -11,17 +11,21 @@ from typing import TYPE_CHECKING, Any
 from mpsnet_core import __version__
 from mpsnet_core.cli.arguments import Help, Verbs, add_level, add_texture, level_scale
 from mpsnet_core.cli.reporter import Reporter
+from mpsnet_core.cli.textures import add_detail, add_preset, asked_present_map, settle
 from mpsnet_core.errors import InputError
 from mpsnet_core.progress import Progress, part
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from mpsnet_core.surface.mesh import Mesh
     from mpsnet_core.surface.texture import Texture
 
 log = logging.getLogger(__name__)
 
 # Options that change nothing in the texels, or stand for files that count by what they are at the time.
-NOT_IN_RECIPE = ("confidence", "mesh", "output", "progress", "verb", "view")
+NOT_IN_RECIPE = ("confidence", "mesh", "onto", "output", "preset", "progress", "verb", "view")
 
 
 def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
@@ -37,30 +41,38 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
         help="camera file and its normal map; normals/frame_####.png for a sequence",
     )
     add_texture(parser)
+    add_preset(parser)
     parser.add_argument("--normals-convention", default="opengl", help="of the normal maps that are read")
     parser.add_argument(
         "--confidence", action="append", metavar="FILE", help="confidence map of a view, in the views' order"
     )
-    add_level(parser, "off")
-    parser.add_argument("--format", default="png", help="png, tif or exr, where the output is a folder")
+    add_level(parser, None)
+    add_detail(parser)
+    parser.add_argument("--format", help="png (unless given), tif or exr, where the output is a folder")
     parser.add_argument(
-        "-o", "--output", required=True, help="texture file: .png, .tif or .exr; a folder for a sequence"
+        "-o",
+        "--output",
+        required=True,
+        help="texture file: .png, .tif or .exr; a folder for a sequence, or with --preset",
     )
     parser.set_defaults(verb=_bake)
 
 
 @dataclass(frozen=True)
 class _Job:
-    """A texture to bake. views: camera file and normal map each. confidences: of each view, or None."""
+    """A texture to bake. views: camera file and normal map each. confidences: of each view, or None.
+    onto: the present map."""
 
     output: Path
     mesh: Path
     views: tuple[tuple[Path, Path], ...]
     confidences: tuple[str | None, ...]
+    onto: str | None
 
     @property
     def files(self) -> list[Path]:
-        return [self.mesh, *(file for view in self.views for file in view), *map(Path, filter(None, self.confidences))]
+        others = map(Path, filter(None, (*self.confidences, self.onto)))
+        return [self.mesh, *(file for view in self.views for file in view), *others]
 
 
 def _bake(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
@@ -71,19 +83,21 @@ def _bake(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.surface.mesh import read_mesh
     from mpsnet_core.surface.texture import write_texture
 
-    check_convention(options.convention)
-    check_convention(options.normals_convention)
-    level_scale(options.level)
     views = []
     for view in options.view:
         camera, equals, normals = view.partition("=")
         if not (camera and equals and normals):
             raise InputError(f"--view {view} is not CAMERA=NORMALS; give a camera file, an equals sign, a normal map")
         views.append((camera, normals))
+    sequence = any(is_several(normals) for _, normals in views)
+    settle(options, sequence=sequence)
+    check_convention(options.convention)
+    check_convention(options.normals_convention)
+    level_scale(options.level)
     confidences = options.confidence or [None] * len(views)
     if len(confidences) != len(views):
         raise InputError(f"there are {len(views)} views but {len(confidences)} confidence maps; give one for each view")
-    if any(is_several(normals) for _, normals in views):
+    if sequence:
         return _bake_frames(options, views, reporter)
     checked_bits(writable_path(options.output), options.bits)
     job = _Job(
@@ -91,10 +105,12 @@ def _bake(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         Path(options.mesh),
         tuple((Path(camera), Path(normals)) for camera, normals in views),
         tuple(confidences),
+        options.onto,
     )
     check_apart(job.files, [job.output])
+    present = asked_present_map(options)
     reporter.progress(0.0, "reading the mesh")
-    texture = _baked(job, read_mesh(job.mesh), options, part(reporter.progress, 0.05, 0.9))
+    texture = _baked(job, read_mesh(job.mesh), present, options, part(reporter.progress, 0.05, 0.9))
     reporter.progress(0.9, "writing the texture")
     write_texture(job.output, texture, convention=options.convention, bits=options.bits)
     return {
@@ -104,13 +120,20 @@ def _bake(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     }
 
 
-def _baked(job: _Job, mesh: "Mesh", options: argparse.Namespace, progress: Progress) -> "Texture":
+def _baked(
+    job: _Job,
+    mesh: "Mesh",
+    present: "NDArray[np.float32] | None",
+    options: argparse.Namespace,
+    progress: Progress,
+) -> "Texture":
     from mpsnet_core.camera import read_camera
     from mpsnet_core.normals import read_normals
     from mpsnet_core.rays import RayScene
     from mpsnet_core.surface.bake import View, bake_normals
     from mpsnet_core.surface.feather import FEATHER
     from mpsnet_core.surface.level import levelled
+    from mpsnet_core.surface.onto import laid_onto
 
     level = level_scale(options.level)
     scene = RayScene(mesh.world_vertices, mesh.triangles) if level else None
@@ -125,7 +148,7 @@ def _baked(job: _Job, mesh: "Mesh", options: argparse.Namespace, progress: Progr
             views.append(view)
         except InputError as error:
             raise InputError(f"view {camera}={normals}: {error}") from None
-    return bake_normals(
+    texture = bake_normals(
         mesh,
         views,
         size=options.size,
@@ -133,8 +156,10 @@ def _baked(job: _Job, mesh: "Mesh", options: argparse.Namespace, progress: Progr
         margin=options.margin,
         # Views that are levelled are meant to leave no seam.
         feather=FEATHER if level else 0.0,
+        strength=options.strength,
         progress=part(progress, 0.1, 1.0),
     )
+    return texture if present is None else laid_onto(texture, present)
 
 
 def _facts(options: argparse.Namespace, seen: float) -> str:
@@ -159,6 +184,7 @@ def _bake_frames(options: argparse.Namespace, views: Sequence[tuple[str, str]], 
     jobs = _jobs(options, views)
     check_apart({file for job in jobs.values() for file in job.files}, [job.output for job in jobs.values()])
     remove_abandoned(made_folder(options.output, "textures"))
+    present = asked_present_map(options)
     made, seen, mesh, mesh_file = 0, 0.0, None, None
     for number, job in enumerate(jobs.values()):
         step = part(
@@ -171,7 +197,7 @@ def _bake_frames(options: argparse.Namespace, views: Sequence[tuple[str, str]], 
         if mesh is None or job.mesh != mesh_file:
             mesh, mesh_file = read_mesh(job.mesh), job.mesh
         try:
-            texture = _baked(job, mesh, options, step)
+            texture = _baked(job, mesh, present, options, step)
         except InputError as error:
             done = f"; {made} textures were made, and the same command goes on from them" if made else ""
             raise InputError(f"{error}{done}") from None
@@ -218,6 +244,7 @@ def _jobs(options: argparse.Namespace, views: Sequence[tuple[str, str]]) -> dict
             _file_of(meshes, number),
             tuple((_file_of(cameras, number), _file_of(normals, number)) for cameras, normals in pairs),
             (None,) * len(pairs),
+            options.onto,
         )
         for number in numbers
     }
@@ -247,6 +274,6 @@ def _line(job: _Job, options: argparse.Namespace) -> str:
     facts = [f"{name}: {value!r}" for name, value in sorted(vars(options).items()) if name not in NOT_IN_RECIPE]
     # Meshes and cameras by what they hold: Blender writes them anew for every run.
     facts += map(content, [job.mesh, *(camera for camera, _ in job.views)])
-    facts += (identity(normals) for _, normals in job.views)
+    facts += map(identity, [*(normals for _, normals in job.views), job.onto])
     digest = hashlib.sha256("\n".join(facts).encode(errors="surrogateescape")).hexdigest()
     return f"texture by mpsnet {__version__}, {digest[:32]}"

@@ -23,6 +23,7 @@ from mpsnet_core.cli.arguments import (
     read_files,
 )
 from mpsnet_core.cli.reporter import Reporter
+from mpsnet_core.cli.textures import add_detail, add_preset, asked_present_map, settle
 
 if TYPE_CHECKING:
     from mpsnet_core.camera import Camera
@@ -65,7 +66,9 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
     )
     add_reading(parser)
     add_level(parser, "on")
+    add_detail(parser)
     add_texture(parser)
+    add_preset(parser)
     parser.add_argument(
         "--keep", metavar="FOLDER", help="keep each view's normals there; the next run goes on from them"
     )
@@ -74,7 +77,9 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--json", metavar="FILE", help="write the same figures as JSON")
     add_network(parser)
-    parser.add_argument("-o", "--output", required=True, help="texture file: .png, .tif or .exr")
+    parser.add_argument(
+        "-o", "--output", required=True, help="texture file: .png, .tif or .exr; a folder with --preset"
+    )
     parser.set_defaults(verb=_views)
 
 
@@ -95,11 +100,13 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.surface.bake import bake_normals, check_texture
     from mpsnet_core.surface.feather import FEATHER
     from mpsnet_core.surface.mesh import read_mesh
+    from mpsnet_core.surface.onto import laid_onto
     from mpsnet_core.surface.texture import write_texture
     from mpsnet_core.views import KeptView, KeptViews, Photography, posed_photos, sources_of
     from mpsnet_core.world_lights import read_world_lights
 
     # All that can be known beforehand is asked before the long work.
+    settle(options)
     check_convention(options.convention)
     checked_bits(writable_path(options.output), options.bits)
     check_texture(options.size, options.space, options.margin)
@@ -122,6 +129,7 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
 
     photography = Photography(rig_of, options.mask, options.encoding, options.layer, asked_correction(options))
     model = options.model or DEFAULT_MODEL
+    present = asked_present_map(options)
     views = posed_photos(options.cameras, options.photos)
     check_apart([view.photo for view in views], outputs)
     reporter.progress(0.0, "reading the mesh")
@@ -158,8 +166,11 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
             space=options.space,
             margin=options.margin,
             feather=FEATHER,
+            strength=options.strength,
             progress=part(reporter.progress, 0.72, 0.95),
         )
+    if present is not None:
+        texture = laid_onto(texture, present)
     reporter.progress(0.95, "writing the texture")
     write_texture(options.output, texture, convention=options.convention, bits=options.bits)
     table = agreed.views()

@@ -28,6 +28,7 @@ from mpsnet_core.surface.under_texels import Place, UnderTexels
 log = logging.getLogger(__name__)
 
 MAX_SIZE = 16384
+MAX_STRENGTH = 2.0
 # Points a texel, along each side.
 SAMPLES = (1, 2, 4)
 # Points worked on at once: small enough to stay in a core's cache.
@@ -46,6 +47,7 @@ def bake_normals(
     padding: Padding = "nearest",
     samples: int = 1,
     feather: float = 0.0,
+    strength: float = 1.0,
     progress: Progress = silent,
 ) -> Texture:
     """Bake the views' normals onto the mesh's UVs, those from 0 to 1.
@@ -58,7 +60,8 @@ def bake_normals(
     that the islands' borders are grown by where the padding is "nearest"; :mod:`mpsnet_core.surface.padding` has the
     others. samples: 1, 2 or 4; a texel is the mean of samples x samples points in it, those that lie on the surface.
     feather: a share of the mesh's size; over this distance each view fades out towards its borders
-    (:mod:`mpsnet_core.surface.feather`), into the others or into the mesh's own normals.
+    (:mod:`mpsnet_core.surface.feather`), into the others or into the mesh's own normals. strength: what the slopes
+    against the mesh's own normals are multiplied by; 0 leaves nothing of the views.
 
     Raises InputError where there is no view, a number is out of range or no texel is seen; Cancelled where `progress`
     does.
@@ -73,6 +76,7 @@ def bake_normals(
         padding=padding,
         samples=samples,
         feather=feather,
+        strength=strength,
         progress=progress,
     )
     return texture
@@ -89,6 +93,7 @@ def bake_sheets(
     padding: Padding = "nearest",
     samples: int = 1,
     feather: float = 0.0,
+    strength: float = 1.0,
     progress: Progress = silent,
 ) -> Iterator[tuple[Sheet, Texture]]:
     """Bake the views' normals onto the UVs of several meshes, which hide one another, a texture for each sheet.
@@ -105,13 +110,14 @@ def bake_sheets(
     check_texture(size, space, margin, padding, samples)
     if not 0 <= feather <= 1:
         raise InputError(f"a feather of {feather:g} times the mesh's size cannot be baked; choose 0 to 1")
+    check_strength(strength)
     progress(0.0, "laying out the UVs")
     whole = joined(meshes)
     scene = RayScene(whole.world_vertices, whole.triangles)
     del whole
     projectors = Projectors(views, scene, feather)
     seen = seen_triangles(meshes, projectors, scene, part(progress, 0.0, 0.1))
-    bake = _Bake(meshes, projectors, seen, scene.middle, size, space, samples)
+    bake = _Bake(meshes, projectors, seen, scene.middle, size, space, samples, strength)
     # Before anything is known to be seen, textures that are not seen wait: it may be that none is.
     any_seen, any_covered, waiting = any(one.any() for one in seen), False, list[Sheet]()
     for number, sheet in enumerate(chosen):
@@ -152,6 +158,12 @@ def check_texture(size: int, space: str, margin: int, padding: str = "nearest", 
         raise InputError(f"{samples} x {samples} samples a texel cannot be baked; choose 1, 2 or 4")
 
 
+def check_strength(strength: float) -> None:
+    """Raises InputError where :func:`bake_normals` would bake no detail of that strength."""
+    if not 0 <= strength <= MAX_STRENGTH:
+        raise InputError(f"a strength of {strength:g} cannot be baked; choose 0 to {MAX_STRENGTH:g}")
+
+
 def _finished(texture: Texture, padding: Padding, margin: int) -> Texture:
     return replace(texture, vectors=padded(texture.vectors, texture.covered, padding, margin))
 
@@ -167,6 +179,7 @@ class _Bake:
     size: int
     space: Space
     samples: int
+    strength: float
 
     def texture(self, sheet: Sheet, progress: Progress) -> Texture | None:
         """The sheet's texture, without padding; None where no texel lies on it."""
@@ -232,7 +245,7 @@ class _Bake:
                             looked.add(*projector.look(point, normal))
                         if last:
                             vectors[texels] = patch.surface.encoded(
-                                place, looked.sums[:, :3] + normal * fade, self.space
+                                place, looked.sums[:, :3] + normal * fade, self.space, self.strength
                             )
                             spread[texels] = looked.spread()
 

@@ -79,10 +79,19 @@ class UnderTexels:
         position, normal = self.at(place, self.position, self.normal)
         return position, normalised(normal @ self.world_from_object_normals.T)
 
-    def encoded(self, place: Place, vectors: NDArray[np.float32], space: Space) -> NDArray[np.float32]:
-        """(N, 3) unit normals in `space` from vectors (N, 3) in world space; the surface's own where those are zero."""
+    def encoded(
+        self, place: Place, vectors: NDArray[np.float32], space: Space, strength: float
+    ) -> NDArray[np.float32]:
+        """(N, 3) unit normals in `space` from vectors (N, 3) in world space; the surface's own where those are zero.
+
+        strength: what the slopes against the surface's own normals are multiplied by.
+        """
         normal, tangent = self.at(place, self.normal, self.tangent)
         baked = np.where(vectors.any(axis=1)[:, None], vectors @ self.object_from_world_normals.T, normal)
+        if strength != 1:
+            own = normalised(normal)
+            along = np.einsum("ni,ni->n", baked, own)[:, None] * own
+            baked = along + np.float32(strength) * (baked - along)
         if space == "tangent":
             baked = _to_tangent_space(baked, normal, tangent, self.sign[place.triangle])
         return normalised(baked)
