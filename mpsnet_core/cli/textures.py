@@ -59,7 +59,7 @@ def settle(options: argparse.Namespace, *, sequence: bool = False) -> None:
             options.convention = preset.convention
         if not sequence:
             suffix = f".{ending.lstrip('.')}" if ending else None
-            target = preset_output(preset, options.output, Path(options.mesh).stem, suffix)
+            target = preset_output(preset, options.output, Path(options.mesh[0]).stem, suffix)
             if options.output.endswith(("/", "\\")):
                 made_folder(target.parent, "texture")
             options.output = str(target)
@@ -73,13 +73,13 @@ def settle(options: argparse.Namespace, *, sequence: bool = False) -> None:
         options.format = ending or "png"
 
 
-def asked_present_map(options: argparse.Namespace) -> "NDArray[np.float32] | None":
-    """The normal map that --onto means, None where it is not given. Raises InputError where it cannot be read."""
+def asked_present_map(options: argparse.Namespace, file: Path | None) -> "NDArray[np.float32] | None":
+    """The normal map of --onto, None where there is none. Raises InputError where it cannot be read."""
     from mpsnet_core.surface.onto import read_present_map
 
-    if options.onto is None:
+    if file is None:
         return None
     try:
-        return read_present_map(options.onto, convention=options.onto_convention)
+        return read_present_map(file, convention=options.onto_convention)
     except InputError as error:
         raise InputError(f"--onto: {error}") from None

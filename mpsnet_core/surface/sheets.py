@@ -27,9 +27,9 @@ ROUNDING = 1e-5
 NAMELESS = {"material": "no_material", "object": "object"}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sheet:
-    """What shares one texture.
+    """What shares one texture. No two are equal.
 
     parts: for each mesh, (K,) the numbers of its triangles that do, or None for all of them.
     tile: the UDIM tile's number, None for the unit square from 0 to 1. material, object: the names of what is baked

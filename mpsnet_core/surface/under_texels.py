@@ -79,9 +79,7 @@ class UnderTexels:
         position, normal = self.at(place, self.position, self.normal)
         return position, normalised(normal @ self.world_from_object_normals.T)
 
-    def encoded(
-        self, place: Place, vectors: NDArray[np.float32], space: Space, strength: float
-    ) -> NDArray[np.float32]:
+    def encoded(self, place: Place, vectors: NDArray[np.float32], space: Space, strength: float) -> NDArray[np.float32]:
         """(N, 3) unit normals in `space` from vectors (N, 3) in world space; the surface's own where those are zero.
 
         strength: what the slopes against the surface's own normals are multiplied by.
