@@ -12,13 +12,14 @@ from mpsnet_core import __version__
 from mpsnet_core.cli.arguments import Help, Verbs, add_level, add_meshes, add_texture, level_scale, texture_settings
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.cli.sheets import planned, textures_in_words, told_textures, write_textures
-from mpsnet_core.cli.textures import add_detail, add_preset, asked_present_map, settle
+from mpsnet_core.cli.textures import add_detail, add_preset, asked_present, note_shown, settle
 from mpsnet_core.errors import InputError
 from mpsnet_core.progress import Progress, part
 
 if TYPE_CHECKING:
     from mpsnet_core.surface.mesh import Mesh
     from mpsnet_core.surface.sheets import Sheet
+    from mpsnet_core.surface.shown import Present
     from mpsnet_core.surface.texture import Texture
 
 log = logging.getLogger(__name__)
@@ -108,13 +109,18 @@ def _bake(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     )
     reporter.progress(0.0, "reading the mesh")
     plan = planned(options, job.files)
-    baked = _baked(job, plan.meshes, plan.sheets, options, part(reporter.progress, 0.05, 1.0))
+    baked = _baked(job, plan.meshes, plan.sheets, plan.present, options, part(reporter.progress, 0.05, 1.0))
     made = [one for one, _ in write_textures(plan, baked, options)]
     return {"output": options.output, **told_textures(made), "text": textures_in_words(made, _facts(options))}
 
 
 def _baked(
-    job: _Job, meshes: "Sequence[Mesh]", sheets: "Sequence[Sheet]", options: argparse.Namespace, progress: Progress
+    job: _Job,
+    meshes: "Sequence[Mesh]",
+    sheets: "Sequence[Sheet]",
+    present: "Present | None",
+    options: argparse.Namespace,
+    progress: Progress,
 ) -> "Iterator[tuple[Sheet, Texture]]":
     from mpsnet_core.camera import read_camera
     from mpsnet_core.normals import read_normals
@@ -123,21 +129,27 @@ def _baked(
     from mpsnet_core.surface.feather import FEATHER
     from mpsnet_core.surface.joined import joined
     from mpsnet_core.surface.level import levelled
+    from mpsnet_core.surface.shown import without_present
 
     level = level_scale(options.level)
     whole = joined(meshes)
-    scene = RayScene(whole.world_vertices, whole.triangles) if level else None
-    views = []
+    scene = RayScene(whole.world_vertices, whole.triangles) if level or present is not None else None
+    views, shares = [], list[float]()
     for (camera, normals), confidence in zip(job.views, job.confidences, strict=True):
         progress(0.0, f"reading {normals.name}")
         try:
             normal_map = read_normals(normals, convention=options.normals_convention, confidence=confidence)
             view = View(read_camera(camera), normal_map)
-            if scene is not None:
+            if present is not None and scene is not None:
+                normal_map, share = without_present(view.normals, view.camera, whole, scene, present)
+                view = View(view.camera, normal_map)
+                shares.append(share)
+            if level and scene is not None:
                 view = View(view.camera, levelled(view.normals, view.camera, whole, scene, scale=level))
             views.append(view)
         except InputError as error:
             raise InputError(f"view {camera}={normals}: {error}") from None
+    note_shown(shares)
     del whole, scene
     return bake_sheets(
         meshes,
@@ -179,7 +191,7 @@ def _bake_frames(options: argparse.Namespace, views: Sequence[tuple[str, str]], 
     jobs = _jobs(options, views)
     check_apart({file for job in jobs.values() for file in job.files}, [job.output for job in jobs.values()])
     remove_abandoned(made_folder(options.output, "textures"))
-    present = asked_present_map(options, Path(options.onto) if options.onto else None)
+    present = asked_present(options)
     made, seen, mesh, mesh_file = 0, 0.0, None, None
     for number, job in enumerate(jobs.values()):
         step = part(
@@ -192,9 +204,9 @@ def _bake_frames(options: argparse.Namespace, views: Sequence[tuple[str, str]], 
         if mesh is None or job.meshes[0] != mesh_file:
             mesh, mesh_file = read_mesh(job.meshes[0]), job.meshes[0]
         try:
-            ((_, texture),) = _baked(job, [mesh], sheets([mesh]), options, step)
+            ((_, texture),) = _baked(job, [mesh], sheets([mesh]), present, options, step)
             if present is not None:
-                texture = laid_onto(texture, present)
+                texture = laid_onto(texture, present.vectors)
         except InputError as error:
             done = f"; {made} textures were made, and the same command goes on from them" if made else ""
             raise InputError(f"{error}{done}") from None

@@ -14,6 +14,7 @@ from mpsnet_core.errors import InputError
 if TYPE_CHECKING:
     from mpsnet_core.surface.mesh import Mesh
     from mpsnet_core.surface.sheets import Sheet
+    from mpsnet_core.surface.shown import Present
     from mpsnet_core.surface.texture import Texture
 
 log = logging.getLogger(__name__)
@@ -24,12 +25,12 @@ LISTED = 12
 
 @dataclass(frozen=True)
 class Plan:
-    """Textures to be made of meshes: a sheet, a file, and the present map that it goes onto, or None, for each."""
+    """Textures to be made of meshes: a sheet and a file for each. present: the map that goes beneath the only one."""
 
     meshes: "Sequence[Mesh]"
     sheets: "Sequence[Sheet]"
     files: Sequence[Path]
-    onto: Sequence[Path | None]
+    present: "Present | None"
 
 
 @dataclass(frozen=True)
@@ -43,11 +44,14 @@ class Made:
 
 
 def planned(options: argparse.Namespace, taken: Sequence[Path]) -> Plan:
-    """The textures that --mesh, --output and --onto ask for; the meshes are read. taken: what no texture may overwrite.
+    """The textures that --mesh, --output and --onto ask for; meshes and present map are read.
 
-    Raises InputError where a mesh cannot be read, a texture has no place, or a present map is missing.
+    taken: what no texture may overwrite.
+
+    Raises InputError where a mesh or the present map cannot be read, or a texture has no place.
     """
-    from mpsnet_core.files import existing_file, writable_path
+    from mpsnet_core.cli.textures import asked_present
+    from mpsnet_core.files import writable_path
     from mpsnet_core.frames import check_apart
     from mpsnet_core.surface.mesh import read_mesh
     from mpsnet_core.surface.sheets import sheets
@@ -61,13 +65,10 @@ def planned(options: argparse.Namespace, taken: Sequence[Path]) -> Plan:
         raise InputError(f"{' and '.join(options.mesh)}: there are no materials; leave <MATERIAL> out of --output")
     chosen = sheets(meshes, tiles="tile" in by, materials="material" in by, objects="object" in by)
     files = texture_files(options.output, chosen)
-    onto: list[Path | None] = [None] * len(chosen)
-    if options.onto:
-        if len(chosen) > 1 and not split_by(options.onto):
-            raise InputError(f"--onto names one map for {len(chosen)} textures; give it the tokens of --output")
-        onto = [existing_file(file, "present map") for file in texture_files(options.onto, chosen)]
-    check_apart([*taken, *(file for file in onto if file)], map(writable_path, files))
-    return Plan(meshes, chosen, files, onto)
+    if options.onto and by:
+        raise InputError("--onto goes beneath one texture; leave <UDIM>, <MATERIAL> and <OBJECT> out of --output")
+    check_apart(taken, map(writable_path, files))
+    return Plan(meshes, chosen, files, asked_present(options))
 
 
 def _named(mesh: "Mesh", name: str) -> "Mesh":
@@ -84,7 +85,6 @@ def write_textures(
 
     Raises InputError where one cannot be baked or written; it tells how many are there already.
     """
-    from mpsnet_core.cli.textures import asked_present_map
     from mpsnet_core.surface.onto import laid_onto
     from mpsnet_core.surface.texture import write_texture
 
@@ -92,13 +92,12 @@ def write_textures(
     try:
         for sheet, texture in baked:
             place = plan.sheets.index(sheet)
-            present = asked_present_map(options, plan.onto[place])
-            if present is not None:
-                texture = laid_onto(texture, present)
+            if plan.present is not None:
+                texture = laid_onto(texture, plan.present.vectors)
             write_texture(plan.files[place], texture, convention=options.convention, bits=options.bits)
             made += 1
             yield Made(plan.files[place], sheet, int(texture.seen.sum()), int(texture.covered.sum())), texture
-            del texture, present
+            del texture
     except InputError as error:
         told = f"; {made} of {len(plan.sheets)} textures were written before" if made else ""
         raise InputError(f"{error}{told}") from None

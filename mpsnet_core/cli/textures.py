@@ -1,15 +1,18 @@
 """Options of the verbs that bake: presets, and detail on top of what the object has."""
 
 import argparse
+import logging
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mpsnet_core.errors import InputError
 from mpsnet_core.files import made_folder
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+    from mpsnet_core.surface.shown import Present
+
+
+log = logging.getLogger(__name__)
 
 
 def add_preset(parser: argparse.ArgumentParser) -> None:
@@ -31,6 +34,12 @@ def add_detail(parser: argparse.ArgumentParser) -> None:
         "--onto", metavar="MAP", help="the object's present normal map (tangent space, same UVs), to add detail to"
     )
     parser.add_argument("--onto-convention", default="opengl", help="of the present map: opengl (green up) or directx")
+    parser.add_argument(
+        "--onto-shown",
+        default="auto",
+        metavar="auto|yes|no",
+        help="whether the photos show the present map's relief as well, which is then not added again",
+    )
 
 
 def settle(options: argparse.Namespace, *, sequence: bool = False) -> None:
@@ -44,9 +53,11 @@ def settle(options: argparse.Namespace, *, sequence: bool = False) -> None:
     from mpsnet_core.surface.bake import check_strength
     from mpsnet_core.surface.onto import check_onto
     from mpsnet_core.surface.presets import preset_named, preset_output
+    from mpsnet_core.surface.shown import check_shown
 
     check_strength(options.strength)
     check_convention(options.onto_convention)
+    check_shown(options.onto_shown)
     if options.onto:
         check_onto(options.space)
     if options.level is None:
@@ -73,13 +84,19 @@ def settle(options: argparse.Namespace, *, sequence: bool = False) -> None:
         options.format = ending or "png"
 
 
-def asked_present_map(options: argparse.Namespace, file: Path | None) -> "NDArray[np.float32] | None":
-    """The normal map of --onto, None where there is none. Raises InputError where it cannot be read."""
+def asked_present(options: argparse.Namespace) -> "Present | None":
+    """The normal map that --onto means, None where it is not given. Raises InputError where it cannot be read."""
     from mpsnet_core.surface.onto import read_present_map
+    from mpsnet_core.surface.shown import Present
 
-    if file is None:
+    if options.onto is None:
         return None
-    try:
-        return read_present_map(file, convention=options.onto_convention)
-    except InputError as error:
-        raise InputError(f"--onto: {error}") from None
+    return Present(read_present_map(options.onto, convention=options.onto_convention), options.onto_shown)
+
+
+def note_shown(shares: Sequence[float]) -> None:
+    """Tell of views that show the present map's relief. shares: of it that was taken out of each view."""
+    taken = [share for share in shares if share]
+    if taken:
+        share, views = sum(taken) / len(taken), f"{len(taken)} of {len(shares)} view(s)"
+        log.info("%s show %.0f%% of the present map's relief, which is not added to it again", views, 100 * share)

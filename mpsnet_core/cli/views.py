@@ -26,7 +26,7 @@ from mpsnet_core.cli.arguments import (
 )
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.cli.sheets import planned, seen_share, textures_in_words, told_textures, write_textures
-from mpsnet_core.cli.textures import add_detail, add_preset, settle
+from mpsnet_core.cli.textures import add_detail, add_preset, note_shown, settle
 
 if TYPE_CHECKING:
     from mpsnet_core.camera import Camera
@@ -150,7 +150,7 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         else:
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="mpsnet-views-")))
         kept = [KeptView(folder, view.name) for view in views]
-        stored = KeptViews(kept, [view.camera for view in views], mesh, scene, level)
+        stored = KeptViews(kept, [view.camera for view in views], mesh, scene, level, plan.present)
         agreed = agreement(mesh, scene, FEATHER)
         known = 0
         for number, (view, source) in enumerate(zip(views, sources, strict=True)):
@@ -164,6 +164,7 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
             estimated, levelled, angle = stored.both(number)
             agreed.add(view.name, estimated, levelled, angle)
             del estimated, levelled
+        note_shown(stored.shares)
         baked = bake_sheets(
             plan.meshes,
             stored,

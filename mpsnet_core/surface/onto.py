@@ -58,7 +58,7 @@ def laid_onto(texture: Texture, present: NDArray[np.float32]) -> Texture:
     check_onto(texture.space)
     height, width = texture.vectors.shape[:2]
     if present.shape[:2] != (height, width):
-        present = _resampled(present, height, width)
+        present = resampled(present, height, width)
     vectors = np.empty_like(texture.vectors)
     for rows in bands(height):
         vectors[rows] = reoriented(texture.vectors[rows], normalised(present[rows]))
@@ -84,7 +84,7 @@ def reoriented(detail: NDArray[np.float32], base: NDArray[np.float32]) -> NDArra
     return result
 
 
-def _resampled(vectors: NDArray[np.float32], height: int, width: int) -> NDArray[np.float32]:
+def resampled(vectors: NDArray[np.float32], height: int, width: int) -> NDArray[np.float32]:
     """Linear between pixels where there are more than before, means of pixels where there are fewer."""
     region = oiio.ROI(0, width, 0, height, 0, 1, 0, 3)
     result = oiio.ImageBufAlgo.resize(oiio.ImageBuf(np.ascontiguousarray(vectors)), filtername="triangle", roi=region)
