@@ -98,9 +98,11 @@ def write_textures(
             made += 1
             yield Made(plan.files[place], sheet, int(texture.seen.sum()), int(texture.covered.sum())), texture
             del texture
-    except InputError as error:
-        told = f"; {made} of {len(plan.sheets)} textures were written before" if made else ""
-        raise InputError(f"{error}{told}") from None
+    except (InputError, OSError) as error:
+        if not made:
+            raise
+        why = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) else str(error)
+        raise InputError(f"{why}; {made} of {len(plan.sheets)} textures were written before") from None
 
 
 def told_textures(made: Sequence[Made]) -> dict[str, Any]:
