@@ -25,19 +25,24 @@ LISTED = 12
 
 @dataclass(frozen=True)
 class Plan:
-    """Textures to be made of meshes: a sheet and a file for each. present: the map that goes beneath the only one."""
+    """Textures to be made of meshes: a sheet and a file for each.
+
+    patterns: the files with <UDIM> in place of the tile's number. present: the map that goes beneath the only texture.
+    """
 
     meshes: "Sequence[Mesh]"
     sheets: "Sequence[Sheet]"
     files: Sequence[Path]
+    patterns: Sequence[Path]
     present: "Present | None"
 
 
 @dataclass(frozen=True)
 class Made:
-    """A texture that was written. seen, covered: texels that a view saw, and all of them."""
+    """A texture that was written. pattern: see :class:`Plan`. seen, covered: how many texels a view saw, and all."""
 
     file: Path
+    pattern: Path
     sheet: "Sheet"
     seen: int
     covered: int
@@ -55,7 +60,7 @@ def planned(options: argparse.Namespace, taken: Sequence[Path]) -> Plan:
     from mpsnet_core.frames import check_apart
     from mpsnet_core.surface.mesh import read_mesh
     from mpsnet_core.surface.sheets import sheets
-    from mpsnet_core.surface.texture_names import split_by, texture_files
+    from mpsnet_core.surface.texture_names import split_by, texture_files, tile_patterns
 
     by = split_by(options.output)
     meshes = [read_mesh(file) for file in options.mesh]
@@ -68,7 +73,7 @@ def planned(options: argparse.Namespace, taken: Sequence[Path]) -> Plan:
     if options.onto and by:
         raise InputError("--onto goes beneath one texture; leave <UDIM>, <MATERIAL> and <OBJECT> out of --output")
     check_apart(taken, map(writable_path, files))
-    return Plan(meshes, chosen, files, asked_present(options))
+    return Plan(meshes, chosen, files, tile_patterns(options.output, chosen), asked_present(options))
 
 
 def _named(mesh: "Mesh", name: str) -> "Mesh":
@@ -96,7 +101,8 @@ def write_textures(
                 texture = laid_onto(texture, plan.present.vectors)
             write_texture(plan.files[place], texture, convention=options.convention, bits=options.bits)
             made += 1
-            yield Made(plan.files[place], sheet, int(texture.seen.sum()), int(texture.covered.sum())), texture
+            seen, covered = int(texture.seen.sum()), int(texture.covered.sum())
+            yield Made(plan.files[place], plan.patterns[place], sheet, seen, covered), texture
             del texture
     except (InputError, OSError) as error:
         if not made:
@@ -106,11 +112,16 @@ def write_textures(
 
 
 def told_textures(made: Sequence[Made]) -> dict[str, Any]:
-    """What became of the textures as plain data: each one's file, what it shows and the share of it that was seen."""
+    """What became of the textures as plain data: each one's file, what it is of, and the share of it that was seen.
+
+    tiles: the file's name for all tiles, with <UDIM> in it.
+    """
     outputs = []
     for one in made:
         shows = {what: getattr(one.sheet, what) for what in ("tile", "material", "object")}
         known = {what: value for what, value in shows.items() if value is not None}
+        if one.sheet.tile is not None:
+            known["tiles"] = str(one.pattern)
         outputs.append({"output": str(one.file), **known, "seen": round(one.seen / one.covered, 4)})
     return {"outputs": outputs, "seen": round(seen_share(made), 4)}
 

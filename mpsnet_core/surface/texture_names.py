@@ -38,24 +38,34 @@ def texture_files(pattern: str | os.PathLike[str], sheets: Sequence[Sheet]) -> l
 
     Raises InputError where the pattern has other tokens than the sheets are parted by, or two sheets get one file.
     """
-    path = Path(pattern)
-    parted = split_by(pattern)
-    names = {what: _file_names([getattr(sheet, what) for sheet in sheets]) for what in ("material", "object")}
-    files = []
-    for sheet in sheets:
-        name = path.name
-        for token, what in TOKENS.items():
-            value = getattr(sheet, what)
-            if what in parted and value is None:
-                raise InputError(f"{pattern} has {token}, by which the textures are not parted; leave it out")
-            name = name.replace(token, str(value) if what == "tile" else names[what].get(value, ""))
-        files.append(path.with_name(name))
+    files = _named(pattern, sheets, [str(sheet.tile) for sheet in sheets])
     folded = [file.name.casefold() for file in files]
     for file, name in zip(files, folded, strict=True):
         if folded.count(name) > 1:
             raise InputError(
                 f"several textures would be called {file}; put {', '.join(TOKENS)} into the name as needed, apart"
             )
+    return files
+
+
+def tile_patterns(pattern: str | os.PathLike[str], sheets: Sequence[Sheet]) -> list[Path]:
+    """The same with <UDIM> left as it is: the name that programs know all tiles of a texture by."""
+    return _named(pattern, sheets, ["<UDIM>"] * len(sheets))
+
+
+def _named(pattern: str | os.PathLike[str], sheets: Sequence[Sheet], tiles: Sequence[str]) -> list[Path]:
+    path = Path(pattern)
+    parted = split_by(pattern)
+    names = {what: _file_names([getattr(sheet, what) for sheet in sheets]) for what in ("material", "object")}
+    files = []
+    for sheet, tile in zip(sheets, tiles, strict=True):
+        name = path.name
+        for token, what in TOKENS.items():
+            value = getattr(sheet, what)
+            if what in parted and value is None:
+                raise InputError(f"{pattern} has {token}, by which the textures are not parted; leave it out")
+            name = name.replace(token, tile if what == "tile" else names[what].get(value, ""))
+        files.append(path.with_name(name))
     return files
 
 
