@@ -166,10 +166,10 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         normals = image_file(normals_image, "normal map", "estimate the normals first")
         self._frames = range(0)
         if normals_image.source == "SEQUENCE":
+            target = self._onto_for_frames(context)
             estimate = scene.mps.estimate
             self._frames = range(estimate.first_frame, estimate.last_frame + 1)
             normals = frame_pattern(normals)
-            target = self._onto_for_frames(context)
             self._output = output_frames(self.output, f"{target.name}_normal")
             suffix = f".{FORMATS[self.file_format]}"
             mesh, camera = self._write_place(context, folder, target, normals_image)

@@ -191,12 +191,9 @@ def load_tiles(pattern: Path, numbers: Sequence[int], name: str) -> bpy.types.Im
         image.unpack(method="REMOVE")
     image.source = "TILED"
     image.filepath = str(pattern)
-    there = {tile.number: tile for tile in image.tiles}
-    for number in set(numbers) - set(there):
-        image.tiles.new(tile_number=number)
-    for number in set(there) - set(numbers):  # Blender takes all files that fit the pattern, those of earlier bakes too
-        image.tiles.remove(there[number])
     image.reload()
+    for tile in [tile for tile in image.tiles if tile.number not in numbers]:
+        image.tiles.remove(tile)  # Blender takes all files that fit the pattern, those of earlier bakes too
     image.name = name
     if image.preview:
         image.preview.reload()
