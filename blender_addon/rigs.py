@@ -131,8 +131,12 @@ def all_rigs(scene: Any) -> Iterator[Any]:
 
 def result_name(scene: Any, what: str) -> str:
     """Name of a file that the chosen rig's step makes: those of several rigs do not write over each other."""
-    rigs = scene.mps.rigs
-    return f"{scene.name}_{rigs[scene.mps.chosen_rig].name}_{what}" if rigs else f"{scene.name}_{what}"
+    names = [one.name for one in scene.mps.rigs]
+    if not names:
+        return f"{scene.name}_{what}"
+    chosen = scene.mps.chosen_rig
+    name = names[chosen] if names.count(names[chosen]) == 1 else f"{names[chosen]}_{chosen + 1}"
+    return f"{scene.name}_{name}_{what}"
 
 
 def _put_away(scene: Any) -> None:

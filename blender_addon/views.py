@@ -82,7 +82,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
             return ["--cameras", bpy.path.abspath(self.cameras), "--photos", bpy.path.abspath(self.photos)]
         views = []
         for obj in scene.objects:
-            image = _background(obj)
+            image = background(obj)
             if image is None:
                 continue
             photo = image_file(image, f"background image of {obj.name}", "choose another")
@@ -117,7 +117,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
         self.report({"INFO"}, f"{len(result['views'])} views baked. {self.written(result)}")
 
 
-def _background(obj: Any) -> Any:
+def background(obj: Any) -> Any:
     """The photo behind a camera, None for what has none."""
     if obj.type != "CAMERA":
         return None

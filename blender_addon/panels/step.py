@@ -136,8 +136,9 @@ class Step(bpy.types.Panel):
             return
         box = self.layout.box()
         row = box.row()
-        row.alert = True
-        row.label(text="Failed", icon="ERROR")
+        told = row.row()
+        told.alert = True
+        told.label(text="Failed", icon="ERROR")
         row.operator("mps.dismiss", text="", icon="X", emboss=False).verb = verb
         wrapped(box, sentence(error))
 

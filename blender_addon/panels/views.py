@@ -3,6 +3,7 @@
 from typing import Any
 
 from ..made_from import made_by
+from ..views import background
 from .step import Step
 from .text import wrapped
 
@@ -17,6 +18,12 @@ class MPS_PT_views(Step):
     def result(cls, context: Any) -> Any:
         texture = context.scene.mps.bake.image
         return texture if texture is not None and made_by(texture) == "bake_views" else None
+
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        if context.scene.mps.views.cameras or any(background(obj) for obj in context.scene.objects):
+            return ""
+        return "Give each camera its photo as background image, or choose what a photogrammetry program wrote"
 
     def draw(self, context: Any) -> None:
         views = context.scene.mps.views

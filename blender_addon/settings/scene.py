@@ -25,7 +25,6 @@ class MPS_PG_scene(bpy.types.PropertyGroup):
     bake: PointerProperty(type=MPS_PG_bake)
     views: PointerProperty(type=MPS_PG_views)
     samples: PointerProperty(type=MPS_PG_samples)
-    relight: PointerProperty(type=MPS_PG_relight)
     rigs: CollectionProperty(name="Rigs", description="The scene's rigs, where it has several", type=MPS_PG_one_of_rigs)
     chosen_rig: IntProperty(
         name="Chosen Rig",
@@ -35,6 +34,7 @@ class MPS_PG_scene(bpy.types.PropertyGroup):
     records: CollectionProperty(
         name="Records", description="How the last run of each operator ended", type=MPS_PG_record
     )
+    relight: PointerProperty(type=MPS_PG_relight)
 
 
 class MPS_PG_job(bpy.types.PropertyGroup):
@@ -56,9 +56,9 @@ CLASSES = (
     MPS_PG_bake,
     MPS_PG_views,
     MPS_PG_samples,
-    MPS_PG_relight,
     MPS_PG_record,
     MPS_PG_one_of_rigs,
+    MPS_PG_relight,
     MPS_PG_scene,
     MPS_PG_job,
 )

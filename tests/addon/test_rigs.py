@@ -9,6 +9,7 @@ import pytest
 from blender_addon.panels.photo import MPS_PT_photo
 from blender_addon.panels.step import Kind
 from blender_addon.rig import light_rig
+from blender_addon.rigs import result_name
 from mpsnet_core.images import read_image
 
 
@@ -125,3 +126,14 @@ def test_another_camera_takes_the_photo_and_stays_when_the_rig_goes(sphere, scen
     assert covered.any(axis=0).sum() == pytest.approx(64 * 2 / 4, abs=2)  # a sphere of 2 in a view of 4
     bpy.ops.mps.remove_rig()
     assert mine.name in bpy.data.objects and own not in set(bpy.data.objects)
+
+
+def test_rigs_that_are_called_the_same_have_files_of_their_own(sphere, scene):
+    bpy.ops.mps.new_rig()
+    names = set()
+    for one in scene.mps.rigs:
+        one.name = "Front"
+    for number in (0, 1):
+        bpy.ops.mps.choose_rig(index=number)
+        names.add(result_name(scene, "photo"))
+    assert len(names) == 2

@@ -1,6 +1,7 @@
 """The panel in a real window: drawn, and clicked through as a person would."""
 
 import numpy as np
+import pytest
 from live import STEP, TITLE
 from mirror_ball import CROSSTALK, Scene, around, grey_photograph, lamps_around, photograph
 from synthetic import degrees_between, shaded_sphere
@@ -179,3 +180,37 @@ def test_many_views_are_baked_and_reported(window, tmp_path):
     window.input("mousemove", 500, 500, "key", "ctrl+z")
     window.wait(lambda state: state["nodes"] == plain, 60, "undo of the bake")
     assert not window.under_mouse(x, y)
+
+
+def test_a_result_finds_its_scene_and_target_whatever_they_are_called_by_then(window, tmp_path):
+    window.ask("invoke", "add_rig", {})
+    window.ask("invoke", "render_photo", {"width": 64, "height": 64, "samples": 4})
+    window.wait(lambda state: "MPS Photo" in state["images"], 120, "photo")
+    window.ask("invoke", "estimate", {"model": "LAMBERTIAN"})
+    window.wait(lambda state: "MPS Normals" in state["images"] and not state["running"], 120, "normals")
+    texture = tmp_path / "texture.png"
+    window.ask("invoke", "bake", {"size": 2048, "output": str(texture)})
+    assert window.state["running"]
+    renamed = "for one in (*bpy.data.scenes, *bpy.data.objects, *bpy.data.images): one.name = f'renamed {one.name}'"
+    window.ask("run", renamed)
+    window.wait(lambda state: not state["running"], 120, "texture")
+    assert "MPS renamed Cube" in window.state["images"] and texture.is_file()
+    assert "MPS Texture" in window.state["nodes"]
+
+
+@pytest.mark.parametrize("words", ["add rig", "bake texture", "render photo"])
+def test_operators_are_found_by_search(window, words):
+    """F3, the words, Enter: what cannot run yet is not in the list, so the scene gets what each needs first."""
+    window.ask("invoke", "add_rig", {})
+    before = window.wait(lambda state: "MPS Red" in state["objects"], 60, "rig")
+    if words == "bake texture":
+        window.ask("run", "bpy.context.scene.mps.estimate.image = bpy.data.images.new('No File', 4, 4)")
+    window.ask("run", "bpy.context.scene.mps.photo.width = bpy.context.scene.mps.photo.height = 32")
+    window.input("mousemove", 500, 500, "sleep", "0.3", "key", "F3", "sleep", "1", "type", "--delay", 60, words)
+    window.input("sleep", "1", "key", "Return")
+    if words == "add rig":
+        window.wait(lambda state: state["rig"] != before["rig"], 60, "another rig")
+    elif words == "render photo":
+        window.wait(lambda state: "MPS Photo" in state["images"], 60, "photo")
+    else:
+        window.wait(lambda state: "has no file on disk" in state["errors"].get("bake", ""), 60, "error of the bake")

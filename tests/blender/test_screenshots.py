@@ -20,6 +20,10 @@ LOOKS = {
     "light": "import os; bpy.ops.script.execute_preset(menu_idname='USERPREF_MT_interface_theme_presets', filepath="
     "next(path for path in [os.path.join(bpy.utils.preset_paths('interface_theme')[0], 'Blender_Light.xml')]))",
 }
+EMISSION = """
+shader = bpy.data.objects["Cube"].active_material.node_tree.nodes["Principled BSDF"]
+shader.inputs["Emission Strength"].default_value = {}
+"""
 TAB = 24  # pixels at scale 1 at the sidebar's right edge, where its tabs are
 BORDER = 3  # pixels at scale 1 before the tabs that no text may touch
 
@@ -46,13 +50,23 @@ class Album:
     def photograph(self, state: str, *steps: str) -> None:
         for step in steps or STEPS:
             self.window.ask("alone", *STEPS[step])
-            self.window.input("mousemove", 500, 500, "sleep", SETTLE)
-            left, top, width, height = self.window.state["sidebar"]
-            path = self.folder / f"{self.look}_{state}_{step}.png"
-            screen = self.window.screenshot(self.folder / "screen.png")
-            picture = np.ascontiguousarray(screen[top : top + height, left : left + width])
-            save(path, picture)
-            self.faults += [f"{path.name}: {fault}" for fault in faults(picture, 2 if self.look == "2x" else 1)]
+            # A message of Blender's goes once the mouse has left it.
+            self.window.input("mousemove", 300, 300, "sleep", "0.2", "mousemove", 20, 980, "sleep", SETTLE)
+            picture = self._look(f"{self.look}_{state}_{step}.png")
+            left, top, _, height = self.window.state["sidebar"]
+            if self.look == "2x" and drawn(picture)[-60:].any():  # there is more below
+                over = ("mousemove", left + 100, top + height // 2)
+                self.window.input(*over, "click", "--repeat", 30, 5, "mousemove", 20, 980, "sleep", SETTLE)
+                self._look(f"{self.look}_{state}_{step}_below.png")
+                self.window.input(*over, "click", "--repeat", 30, 4)
+
+    def _look(self, name: str) -> np.ndarray:
+        left, top, width, height = self.window.state["sidebar"]
+        screen = self.window.screenshot(self.folder / "screen.png")
+        picture = np.ascontiguousarray(screen[top : top + height, left : left + width])
+        save(self.folder / name, picture)
+        self.faults += [f"{name}: {fault}" for fault in faults(picture, 2 if self.look == "2x" else 1)]
+        return picture
 
 
 def save(path: Path, picture: np.ndarray) -> None:
@@ -61,15 +75,20 @@ def save(path: Path, picture: np.ndarray) -> None:
     assert image.write(str(path)), image.geterror()
 
 
+def drawn(picture: np.ndarray) -> np.ndarray:
+    """(H,) whether a row of pixels shows text: has an edge of some contrast, left of the tabs."""
+    grey = picture.mean(axis=-1)[:, : picture.shape[1] * 9 // 10]
+    return np.abs(np.diff(grey, axis=1)).max(axis=1) > 0.25
+
+
 def faults(picture: np.ndarray, scale: int) -> list[str]:
     """What is wrong with a picture of the sidebar: (H, W, 3), 0 to 1."""
     grey = picture.mean(axis=-1)
     panel = grey[:, : -TAB * scale]
     found = []
-    steps = np.abs(np.diff(panel, axis=1)).max(axis=1)  # of each row of pixels, the sharpest edge in it
-    drawn = steps > 0.25
-    if drawn.mean() < 0.05:
-        found.append(f"only {drawn.mean():.1%} of its rows show anything: it is empty or without contrast")
+    share = drawn(picture).mean()
+    if share < 0.05:
+        found.append(f"only {share:.1%} of its rows show anything: it is empty or without contrast")
     border = panel[:, -BORDER * scale :]
     touched = np.ptp(border, axis=1) > 0.3
     if touched.any():
@@ -106,10 +125,10 @@ def test_every_state_of_every_step(unfolded, tmp_path, look):
     work("add_rig", light_type="AREA", projection="PERSPECTIVE")
     album.photograph("done", "rig")
     album.photograph("ready", "photo")
-    run("bpy.data.materials[0].node_tree.nodes['Principled BSDF'].inputs['Emission Strength'].default_value = 1")
+    run(EMISSION.format(1))
     work("render_photo", width=1024, height=1024, samples=4, output=str(tmp_path / "photo.exr"))
     album.photograph("failed", "photo")
-    run("bpy.data.materials[0].node_tree.nodes['Principled BSDF'].inputs['Emission Strength'].default_value = 0")
+    run(EMISSION.format(0))
     work("render_photo")
     work("show_mask", mask="FIND")
     album.photograph("done", "photo")

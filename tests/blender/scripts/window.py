@@ -19,6 +19,7 @@ state_file, request_file, *unfolded = map(Path, sys.argv[sys.argv.index("--") + 
 answered, ticks = 0, 0
 
 bpy.context.preferences.view.show_splash = False
+bpy.context.preferences.use_preferences_save = False  # the next window has them as they come
 # In the order of their registration, which is that of the sidebar.
 EVERY_PANEL = sys.modules[bpy.types.MPS_PT_rig.__module__.rpartition(".")[0]].CLASSES
 if unfolded:
@@ -63,6 +64,8 @@ def state():
         ),
         "rig_file": bpy.context.scene.mps.estimate.rig_file,
         "found": bpy.context.scene.mps.calibrate.told,
+        "rig": [light.object.session_uid for light in bpy.context.scene.mps.rig.lights],
+        "errors": {record.name: record.error for record in bpy.context.scene.mps.records},
         "running": manager.mps.running,
         "progress": manager.mps.progress,
         "left": manager.mps.left,
