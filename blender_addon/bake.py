@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.camera import write_camera
 from mpsnet_core.errors import InputError
+from mpsnet_core.surface.presets import PRESETS
 
 from .made_from import Ingredients, chosen, rounded, stamp
 from .operators import RunsCore, same
@@ -26,6 +27,7 @@ from .outputs import (
     picture_size,
     remembered,
 )
+from .present_map import GREEN_NODE, TEXTURE_NODE, base_to_keep, keep_base, present_map
 from .rig import rig_camera, scene_camera
 from .rigs import all_rigs
 from .settings.bake import BakeSettings
@@ -50,7 +52,6 @@ _SHOWN_AND_RENDERED = (
     ("steps", "render_steps"),
     ("viewport_resolution", "resolution"),
 )
-TEXTURE_NODE = "MPS Texture"
 BITS = {".png": "16", ".tif": "16", ".tiff": "16", ".exr": "32"}
 
 
@@ -63,7 +64,7 @@ class BakesOnto(RunsCore):
         options={"SKIP_SAVE"},
     )
 
-    def onto(self, context: Any) -> Any:
+    def baked_object(self, context: Any) -> Any:
         """The object to bake onto. Raises InputError where there is none, or it is another file's."""
         settings = context.scene.mps.bake
         if self.target:
@@ -78,7 +79,7 @@ class BakesOnto(RunsCore):
         """The objects to bake onto. Raises InputError where there is none, or one cannot wear a texture."""
         settings = context.scene.mps.bake
         if settings.objects == "ACTIVE":
-            return [self.onto(context)]
+            return [self.baked_object(context)]
         selected = sorted(context.view_layer.objects.selected, key=lambda obj: obj.name)
         targets = [obj for obj in selected if obj.type == "MESH"]
         if not targets:
@@ -87,6 +88,22 @@ class BakesOnto(RunsCore):
             _refuse_linked(target)
         refuse_shared(targets, settings.split)
         return targets
+
+    def detail(self, settings: Any, targets: Sequence[Any]) -> list[str]:
+        """The core's arguments for the photo's detail and the normal map that it goes on top of."""
+        arguments = ["--strength", f"{settings.strength:g}"]
+        self._bases = [base_to_keep(target, one.uv_map) for target, one in zip(targets, self._onto, strict=True)]
+        if not settings.onto:
+            return arguments
+        if len(targets) > 1:
+            raise InputError("detail goes on top of the present map of one object at a time; set Objects to Target")
+        if settings.onto_file:
+            file, convention = bpy.path.abspath(settings.onto_file), settings.onto_convention
+        else:
+            base = present_map(targets[0], self._onto[0].uv_map)
+            file, convention = str(base.file), base.convention
+        arguments += ["--onto", file, "--onto-convention", convention.lower()]
+        return [*arguments, "--onto-shown", settings.onto_shown.lower()]
 
     def write_meshes(self, context: Any, folder: Path, targets: Sequence[Any], turn: Matrix | None = None) -> list[str]:
         """Write the objects' mesh files and remember what they are; the core's arguments for them."""
@@ -104,25 +121,32 @@ class BakesOnto(RunsCore):
         bake = context.scene.mps.bake
         active = context.view_layer.objects.active
         name = (active if active in targets else targets[0]).name
-        if not bake.output and bake.split != "ONE":
-            path = output_path("", "normal", bake.file_format)
-            path = path.with_name(f"{SPLITS[bake.split]}_{path.name}")
-        else:
-            path = output_path(bake.output, f"{name}_normal", bake.file_format)
+        # The token's signs cannot stand in a file's name until the core takes them out again.
+        path = output_path(bake.output, texture_name(bake, "splits" if SPLITS[bake.split] else name), bake.file_format)
+        if SPLITS[bake.split] and not bake.output:
+            path = path.with_name(path.name.replace("splits", SPLITS[bake.split]))
         return with_tokens(path, bake.split, bake.tiles)
 
     def wear_result(self, scene: Any, result: dict[str, Any]) -> None:
         """Load the core's textures and put them on the objects that they are for."""
-        there = [(one, same(bpy.data.objects, one.uid)) for one in self._onto]
-        if not any(target for _, target in there):
+        there = [
+            (one, same(bpy.data.objects, one.uid), base) for one, base in zip(self._onto, self._bases, strict=True)
+        ]
+        if not any(target for _, target, _ in there):
             raise InputError(f"the target is gone; its texture is in {self._output}")
         images = loaded(result["outputs"], self._onto[0].name)
         for image in images.values():
             self.made(image)
         scene.mps.bake.image = next(iter(images.values()))
-        worn = [worn_by(one, target, images) for one, target in there if target]
+        worn = []
+        for one, target, base in there:
+            found = worn_by(one, target, images) if target else None
+            if found:
+                worn.append(found)
+                for image in found.images:
+                    keep_base(image, base)
         bake = scene.mps.bake
-        for sentence in wear_textures([one for one in worn if one], bake.space, bake.convention):
+        for sentence in wear_textures(worn, bake.space, bake.convention):
             self.report({"INFO"}, sentence)
 
     def written(self, result: dict[str, Any]) -> str:
@@ -170,8 +194,9 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
             estimate = scene.mps.estimate
             self._frames = range(estimate.first_frame, estimate.last_frame + 1)
             normals = frame_pattern(normals)
-            self._output = output_frames(self.output, f"{target.name}_normal")
+            self._output = output_frames(self.output, texture_name(self, target.name))
             suffix = f".{FORMATS[self.file_format]}"
+            targets = [target]
             mesh, camera = self._write_place(context, folder, target, normals_image)
             arguments = ["bake", "--format", suffix[1:], "--mesh", mesh]
         else:
@@ -184,8 +209,10 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         arguments += ["--view", f"{camera}={normals}", "--output", str(self._output)]
         if self.all_rigs:
             arguments += self._other_views(scene, folder)
-        arguments += [*sampling(self), "--bits", BITS[suffix]]
+        arguments += [*sampling(self), "--bits", bits(self, suffix)]
         arguments += ["--space", self.space.lower(), "--convention", self.convention.lower()]
+        arguments += ["--level", f"{self.level_scale:g}" if self.level else "off"]
+        arguments += self.detail(self, targets)
         return arguments, [self._output / "frames" if self._frames else self._output]
 
     def _onto_for_frames(self, context: Any) -> Any:
@@ -194,7 +221,7 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
                 "a sequence is baked onto the target alone and into one texture a frame; set Objects to Target, "
                 "Textures to One for All, and switch UDIM Tiles off"
             )
-        return self.onto(context)
+        return self.baked_object(context)
 
     def _write_camera(self, scene: Any, path: Path, normals_image: Any) -> None:
         """Write the camera that the normals were taken with, or that of the rig as it stands."""
@@ -261,9 +288,21 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         image = load_frames(Path(result["first_output"]), f"MPS {target.name} Frames")
         self.made(image)
         scene.mps.bake.image = image
+        keep_base(image, self._bases[0])
         for sentence in wear_textures([Worn(target, (image,), onto.uv_map)], self.space, self.convention, self._frames):
             self.report({"INFO"}, sentence)
         self.report({"INFO"}, f"{result['count']} textures are in {self._output}, {result['made']} made now{turned}")
+
+
+def texture_name(settings: Any, name: str) -> str:
+    """What a texture for an object of that name is called that is given none: as the preset wants it."""
+    preset = PRESETS["blender" if settings.preset == "CUSTOM" else settings.preset.lower()]
+    return preset.stem(name)
+
+
+def bits(settings: Any, suffix: str) -> str:
+    """Bits a channel for a file with that ending."""
+    return BITS[suffix] if settings.bits == "AUTO" else settings.bits
 
 
 def named_object(scene: Any, name: str) -> Any:
@@ -437,13 +476,13 @@ def wear(material: Any, image: Any, uv_map: str, space: str, convention: str) ->
     colour = texture.outputs["Color"]
     if convention == "DIRECTX":
         # Blender 4.5's Normal Map node knows OpenGL only; a node that turns green round works in every version.
-        turn = node("MPS Green", "ShaderNodeVectorMath", 2)
+        turn = node(GREEN_NODE, "ShaderNodeVectorMath", 2)
         turn.operation = "MULTIPLY_ADD"
         turn.inputs[1].default_value, turn.inputs[2].default_value = (1, -1, 1), (0, 1, 0)
         links.new(colour, turn.inputs[0])
         colour = turn.outputs["Vector"]
-    elif "MPS Green" in nodes:
-        nodes.remove(nodes["MPS Green"])
+    elif GREEN_NODE in nodes:
+        nodes.remove(nodes[GREEN_NODE])
     links.new(colour, normal.inputs["Color"])
     before = [link.from_node for shader in shaders for link in shader.inputs["Normal"].links]
     for shader in shaders:

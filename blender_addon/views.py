@@ -14,7 +14,7 @@ from mpsnet_core.rig import write_rig
 from mpsnet_core.view_files import write_views
 from mpsnet_core.world_lights import in_world, write_world_lights
 
-from .bake import BITS, BakesOnto, sampling
+from .bake import BakesOnto, bits, sampling
 from .estimate import model_name, reading
 from .made_from import Ingredients, chosen
 from .outputs import image_file
@@ -33,7 +33,8 @@ _BLENDER_FROM_Y_UP = Matrix(((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0
 class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
     """Estimate a photo for each camera, bring all into line with the mesh and bake them into one texture.
 
-    Size, space, convention, margin, format and file are those of the step Bake, the model is that of Estimate"""
+    Size, space, convention, margin, format, file, strength and what it goes on top of are those of the step Bake, the
+    model is that of Estimate"""
 
     bl_idname = "mps.bake_views"
     bl_label = "Bake Views"
@@ -61,8 +62,9 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
         arguments += ["--rig", self._rig(scene, folder, turn.inverted()), "--lights-in", self.lights_in.lower()]
         arguments += [*reading(estimate, unmasked="mesh"), "--model", model_name(estimate)]
         arguments += ["--level", f"{self.level_scale:g}" if self.level else "off"]
-        arguments += [*sampling(bake), "--bits", BITS[output.suffix.lower()]]
+        arguments += [*sampling(bake), "--bits", bits(bake, output.suffix.lower())]
         arguments += ["--space", bake.space.lower(), "--convention", bake.convention.lower()]
+        arguments += self.detail(bake, targets)
         arguments += ["--provider", preference("provider").lower(), "--threads", str(preference("threads"))]
         outputs = [output]
         if self.keep:

@@ -35,6 +35,7 @@ class MPS_PT_bake(Step):
             column.prop(bake, "uv_map")
         column.prop(bake, "split")
         column.prop(bake, "tiles")
+        column.prop(bake, "preset")
         column.prop(bake, "size")
         column.prop(bake, "space")
         column.prop(bake, "convention")
@@ -43,6 +44,7 @@ class MPS_PT_bake(Step):
         if bake.padding == "NEAREST":
             column.prop(bake, "margin")
         column.prop(bake, "file_format")
+        column.prop(bake, "bits")
         column.prop(bake, "output", text="File", placeholder="Automatic")
         normals = context.scene.mps.estimate.image
         if normals is not None and normals.source == "SEQUENCE":
@@ -56,4 +58,23 @@ class MPS_PT_bake(Step):
         self.layout.operator("mps.relight", icon="LIGHT_SUN", depress=lit)
 
 
-CLASSES = (MPS_PT_bake,)
+class MPS_PT_detail(Step):
+    bl_label = "Detail"
+    bl_parent_id = "MPS_PT_bake"
+
+    def draw(self, context: Any) -> None:
+        bake = context.scene.mps.bake
+        column = self.column()
+        column.prop(bake, "strength", slider=True)
+        column.prop(bake, "level")
+        if bake.level:
+            column.prop(bake, "level_scale")
+        column.prop(bake, "onto")
+        if bake.onto:
+            column.prop(bake, "onto_file", placeholder="The material's")
+            if bake.onto_file:
+                column.prop(bake, "onto_convention")
+            column.prop(bake, "onto_shown")
+
+
+CLASSES = (MPS_PT_bake, MPS_PT_detail)
