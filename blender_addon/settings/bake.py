@@ -59,6 +59,34 @@ class BakeSettings:
         description="UV map of the target to bake onto. Empty: the one that is active for rendering",
         options=GIVEN,
     )
+    objects: EnumProperty(
+        name="Objects",
+        description="Which objects are baked onto, in one go: they hide one another from the cameras",
+        items=[
+            ("ACTIVE", "Target", "The target alone"),
+            ("SELECTED", "Selected", "All selected mesh objects"),
+        ],
+        default="ACTIVE",
+        options=GIVEN,
+    )
+    split: EnumProperty(
+        name="Textures",
+        description="What has a texture of its own",
+        items=[
+            ("ONE", "One for All", "All that is baked shares one texture; the UVs of several objects must not overlap"),
+            ("MATERIAL", "By Material", "One for each material; its name goes into the file's name"),
+            ("OBJECT", "By Object", "One for each object; its name goes into the file's name"),
+        ],
+        default="ONE",
+        options=GIVEN,
+    )
+    tiles: BoolProperty(
+        name="UDIM Tiles",
+        description="A texture for each unit square that the UVs lie in, numbered 1001, 1002 and so on. Size is that "
+        "of each",
+        default=False,
+        options=GIVEN,
+    )
     size: IntProperty(
         name="Size",
         description="Width and height of the texture in pixels",
@@ -89,6 +117,35 @@ class BakeSettings:
         description="For a sequence of normals: take the target and the camera anew in each frame of the timeline, "
         "whose number is that of the normals. Off: as they stand now",
         default=False,
+        options=GIVEN,
+    )
+    all_rigs: BoolProperty(
+        name="All Rigs",
+        description="Bake the normals of all rigs of this scene together, each as its own camera saw them. "
+        "Off: those of the chosen rig alone",
+        default=False,
+        options=GIVEN,
+    )
+    samples: EnumProperty(
+        name="Samples",
+        description="Points of the surface that each pixel is the mean of: more take longer and lessen jagged edges",
+        items=[
+            ("1", "1", "One in the pixel's middle"),
+            ("2", "2 x 2", "Four a pixel: about four times as long"),
+            ("4", "4 x 4", "Sixteen a pixel: about sixteen times as long"),
+        ],
+        default="1",
+        options=GIVEN,
+    )
+    padding: EnumProperty(
+        name="Padding",
+        description="What lies beyond the borders of the UV islands, where a texture that is made smaller reaches",
+        items=[
+            ("NEAREST", "Nearest", "The islands are continued by the margin"),
+            ("PUSH_PULL", "Push-Pull", "The whole texture is filled, smoothly"),
+            ("NONE", "None", "Nothing: flat normals"),
+        ],
+        default="NEAREST",
         options=GIVEN,
     )
     margin: IntProperty(

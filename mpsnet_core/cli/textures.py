@@ -70,7 +70,7 @@ def settle(options: argparse.Namespace, *, sequence: bool = False) -> None:
             options.convention = preset.convention
         if not sequence:
             suffix = f".{ending.lstrip('.')}" if ending else None
-            target = preset_output(preset, options.output, Path(options.mesh).stem, suffix)
+            target = preset_output(preset, options.output, Path(options.mesh[0]).stem, suffix)
             if options.output.endswith(("/", "\\")):
                 made_folder(target.parent, "texture")
             options.output = str(target)

@@ -75,7 +75,7 @@ def test_views_that_memory_does_not_hold_at_once_give_the_same_texture(
     views = [sphere_view(camera_looking(corner, size=100)) for corner in CORNERS[:5]]
     at_once, in_parts = Asked(views), Asked(views)
     one = bake_normals(mesh, at_once, size=96)
-    monkeypatch.setattr("mpsnet_core.surface.bake.HELD_BYTES", held)
+    monkeypatch.setattr("mpsnet_core.surface.looks.HELD_BYTES", held)
     other = bake_normals(mesh, in_parts, size=96)
     assert np.array_equal(one.vectors, other.vectors) and np.array_equal(one.views, other.views)
     assert np.array_equal(one.spread, other.spread)
@@ -103,15 +103,10 @@ class Table:
 
     def run(self, *arguments: str | Path) -> str:
         """`mpsnet views` with good values for what is not given; what it prints. InputError where it refuses."""
-        good: list[str | Path] = [
-            "--mesh",
-            self / "mesh.npz",
-            "--cameras",
-            self / "cameras",
-            "--rig",
-            self / "rig.json",
-        ]
+        good: list[str | Path] = ["--cameras", self / "cameras", "--rig", self / "rig.json"]
         good += ["--photos", self / "photos"]
+        if "--mesh" not in arguments:
+            good += ["--mesh", self / "mesh.npz"]
         return self._run(*good, *arguments)
 
     def named(self, cameras: Path) -> str:
@@ -497,7 +492,7 @@ def test_a_file_of_ours_names_photos_and_cameras(table: Table) -> None:
         write(**change)
         with pytest.raises(InputError, match=said):
             table.named(file)
-    with pytest.raises(InputError, match="does not name its photos; give their folder with --photos"):
+    with pytest.raises(InputError, match="does not name its photos; give the folder of the photos"):
         table.named(table / "cameras")
 
 
