@@ -97,6 +97,10 @@ class BakesOnto(RunsCore):
             return arguments
         if len(targets) > 1:
             raise InputError("detail goes on top of the present map of one object at a time; set Objects to Target")
+        if settings.split != "ONE" or settings.tiles:
+            raise InputError(
+                "detail goes on top of one texture at a time; set Textures to One for All, and switch UDIM Tiles off"
+            )
         if settings.onto_file:
             file, convention = bpy.path.abspath(settings.onto_file), settings.onto_convention
         else:

@@ -194,3 +194,14 @@ def test_strength_and_detail_only_reach_the_core(
     flat = np.array([0, 0, 1.0])
     detail = vectors_in(tmp_path / "detail.png")
     assert degrees_between(detail, flat).mean() < 0.5 * degrees_between(plain, flat).mean()
+
+
+@pytest.mark.parametrize(
+    ("asked", "sentence"),
+    [({"split": "OBJECT"}, "one texture at a time"), ({"tiles": True}, "switch UDIM Tiles off")],
+)
+def test_several_textures_go_on_top_of_nothing(
+    worn: "bpy.types.Node", tmp_path: Path, asked: dict, sentence: str
+) -> None:
+    with pytest.raises(RuntimeError, match=sentence):
+        bpy.ops.mps.bake(size=32, onto=True, output=str(tmp_path / "texture.png"), **asked)
