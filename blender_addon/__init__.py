@@ -17,15 +17,17 @@ from . import (
     operators,
     panels,
     preferences,
-    properties,
+    relight,
     render,
     rig,
+    settings,
     training_data,
+    try_it,
     views,
 )
 
 _MODULES = (
-    properties,
+    settings,
     preferences,
     operators,
     rig,
@@ -35,6 +37,8 @@ _MODULES = (
     bake,
     views,
     training_data,
+    relight,
+    try_it,
     panels,
     commands,
 )

@@ -26,8 +26,9 @@ from .outputs import (
     picture_size,
     remembered,
 )
-from .properties import BakeSettings, take_given
 from .rig import rig_camera, scene_camera
+from .settings.bake import BakeSettings
+from .settings.declared import take_given
 
 # What a modifier shows in the viewport, and what in a render.
 _SHOWN_AND_RENDERED = (

@@ -10,7 +10,8 @@ from mpsnet_core.errors import InputError
 
 from .operators import RunsCore, idle
 from .outputs import fine_preview, load_image, output_folder
-from .properties import CalibrateSettings, take_given
+from .settings.calibrate import CalibrateSettings
+from .settings.declared import take_given
 
 _OVERLAY = "MPS Calibration"
 

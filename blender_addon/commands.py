@@ -17,6 +17,7 @@ from .training_data import samples_folder, standing
 
 COMMAND = "mpsnet"
 VERBS = (
+    "try_it",
     "add_rig",
     "calibrate_lights",
     "calibrate_mixing",
@@ -109,6 +110,7 @@ def _written(verb: str) -> str:
         "show_mask": scene.estimate.mask_image,
         "estimate": scene.estimate.image,
         "bake": scene.bake.image,
+        "try_it": scene.bake.image,
         "bake_views": scene.bake.image,
     }
     image = images.get(verb)

@@ -27,8 +27,9 @@ from .outputs import (
     remembered,
 )
 from .preferences import preference
-from .properties import MODELS, EstimateSettings, take_given
 from .rig import light_rig, rig_camera, scene_camera
+from .settings.declared import take_given
+from .settings.estimate import MODELS, EstimateSettings
 
 
 class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):

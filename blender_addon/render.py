@@ -26,8 +26,9 @@ from .outputs import (
     remember,
     render_path,
 )
-from .properties import PhotoSettings, take_given
 from .rig import light_rig, rig_parts, scene_camera, view_layer
+from .settings.declared import take_given
+from .settings.photo import PhotoSettings
 
 _NORMAL_SAMPLES = 16
 

@@ -14,7 +14,8 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.rig import LightRig, direction_from_angles, near_rig
 
 from .operators import SaysWhy
-from .properties import RigSettings, take_given
+from .settings.declared import take_given
+from .settings.rig import RigSettings
 
 COLOURS = {"Red": (1.0, 0.0, 0.0), "Green": (0.0, 1.0, 0.0), "Blue": (0.0, 0.0, 1.0)}
 COLLECTION = "MPS Rig"

@@ -14,7 +14,8 @@ from mpsnet_core.synthesis.job import CONTACT_SHEET, JOB_FILE, SHAPES, SampleJob
 
 from .operators import RunsCore, idle
 from .outputs import fine_preview, lasting, load_image, output_folder
-from .properties import SamplesSettings, take_given
+from .settings.declared import take_given
+from .settings.samples import SamplesSettings
 
 SCENE_FILE = "scene.blend"
 

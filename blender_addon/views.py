@@ -19,8 +19,9 @@ from .estimate import model_name, reading
 from .operators import RunsCore, idle
 from .outputs import image_file, load_image, output_path
 from .preferences import preference
-from .properties import ViewsSettings, take_given
 from .rig import light_rig, rig_camera, scene_camera
+from .settings.declared import take_given
+from .settings.views import ViewsSettings
 
 # What Blender's importers of OBJ and glTF do to a file whose y axis is up.
 _BLENDER_FROM_Y_UP = Matrix(((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1)))

@@ -1,0 +1,27 @@
+"""Step 3: the estimate."""
+
+from typing import Any
+
+from .step import Step
+
+
+class MPS_PT_estimate(Step):
+    bl_label = "3  Estimate"
+
+    def draw(self, context: Any) -> None:
+        estimate = context.scene.mps.estimate
+        column = self.column()
+        column.prop(estimate, "model")
+        if estimate.model == "FILE":
+            column.prop(estimate, "model_file")
+        column.prop(estimate, "file_format")
+        photo = context.scene.mps.photo.image
+        moves = photo is not None and photo.source in {"SEQUENCE", "MOVIE"}
+        column.prop(estimate, "output", text="Folder" if moves else "File", placeholder="Automatic")
+        column.prop(estimate, "smooth" if moves else "confidence")
+        self.progress_or(context, "estimate", "NORMALS_FACE")
+        self.layout.template_ID(estimate, "image", open="image.open")
+        self.picture(estimate.image)
+
+
+CLASSES = (MPS_PT_estimate,)

@@ -1,0 +1,74 @@
+"""Step 2: the photo, how it was taken, and its mask."""
+
+from typing import Any
+
+from .step import Step
+
+
+class MPS_PT_photo(Step):
+    bl_label = "2  Photo"
+
+    def draw(self, context: Any) -> None:
+        photo = context.scene.mps.photo
+        column = self.column()
+        size = column.column(align=True)
+        size.prop(photo, "width")
+        size.prop(photo, "height")
+        column.prop(photo, "samples")
+        column.prop(photo, "output", text="File", placeholder="Automatic")
+        self.layout.operator("mps.render_photo", icon="RENDER_STILL")
+        self.layout.template_ID(photo, "image", open="mps.open_photo")
+        self.picture(photo.image)
+
+
+class MPS_PT_real(Step):
+    bl_label = "Real Photo"
+    bl_parent_id = "MPS_PT_photo"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        estimate = context.scene.mps.estimate
+        column = self.column()
+        column.prop(estimate, "rig_file", placeholder="Automatic")
+        column.prop(estimate, "lens")
+        column.prop(estimate, "encoding")
+        column.prop(estimate, "dark", placeholder="None")
+        column.prop(estimate, "flat", placeholder="None")
+
+
+class MPS_PT_near(Step):
+    bl_label = "Near Lights"
+    bl_parent_id = "MPS_PT_photo"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        estimate = context.scene.mps.estimate
+        column = self.column()
+        column.prop(estimate, "surface", placeholder="None")
+        column.prop(estimate, "distance")
+
+
+class MPS_PT_mask(Step):
+    bl_label = "Mask"
+    bl_parent_id = "MPS_PT_photo"
+
+    def draw(self, context: Any) -> None:
+        estimate = context.scene.mps.estimate
+        column = self.column()
+        column.prop(estimate, "mask")
+        if estimate.mask == "FILE":
+            column.prop(estimate, "mask_file")
+        elif estimate.mask == "BACKGROUND":
+            column.prop(estimate, "background")
+        elif estimate.mask == "THRESHOLD":
+            column.prop(estimate, "threshold", slider=True)
+        self.progress_or(context, "show_mask", "MOD_MASK")
+        self.picture(estimate.mask_image, scale=12)
+
+
+CLASSES = (
+    MPS_PT_photo,
+    MPS_PT_real,
+    MPS_PT_near,
+    MPS_PT_mask,
+)

@@ -1,0 +1,100 @@
+"""Step 1: the rig, and the calibration of real lights."""
+
+from typing import Any
+
+from mpsnet_core.errors import InputError
+
+from ..rig import COLOURS, drawn_rig
+from .step import Step, sentence, wrapped
+
+
+class MPS_PT_rig(Step):
+    bl_label = "1  Rig"
+
+    def draw(self, context: Any) -> None:
+        rig = context.scene.mps.rig
+        column = self.column()
+        column.prop(rig, "light_type")
+        column.prop(rig, "slant")
+        column.prop(rig, "tilt")
+        column.prop(rig, "distance")
+        column.prop(rig, "light_size")
+        column.prop(rig, "strength")
+        column = self.column()
+        column.prop(rig, "projection")
+        if rig.projection == "PERSPECTIVE":
+            column.prop(rig, "focal_length")
+        column.prop(rig, "view")
+        column.prop(rig, "margin")
+        row = self.layout.row(align=True)
+        row.operator("mps.add_rig", text="Replace Rig" if rig.lights else "Add Rig", icon="LIGHT")
+        if rig.lights:
+            row.operator("mps.remove_rig", text="", icon="TRASH")
+            self._standing(context.scene)
+
+    def _standing(self, scene: Any) -> None:
+        box = self.layout.box().column(align=True)
+        try:
+            lights = drawn_rig(scene)
+        except InputError as error:
+            wrapped(box, str(error))
+            return
+        grid = box.grid_flow(row_major=True, columns=3, even_columns=True)
+        for heading in ("", "Slant", "Tilt"):
+            grid.label(text=heading)
+        for colour, slant, tilt in zip(COLOURS, lights.slants, lights.tilts, strict=True):
+            grid.label(text=colour)
+            grid.label(text=f"{slant:.1f}°")
+            grid.label(text=f"{tilt:.1f}°")
+
+
+class MPS_PT_calibrate(Step):
+    bl_label = "Calibrate Real Lights"
+    bl_parent_id = "MPS_PT_rig"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        calibrate = context.scene.mps.calibrate
+        column = self.column()
+        column.prop(calibrate, "ball")
+        column.prop(calibrate, "second_ball", placeholder="For positions")
+        column.prop(calibrate, "lens")
+        column.prop(calibrate, "ball_radius")
+        column.prop(calibrate, "encoding")
+        column.prop(calibrate, "output", placeholder="Automatic")
+        self.progress_or(context, "calibrate_lights", "LIGHT_SUN")
+        self.column().prop(calibrate, "grey")
+        self.progress_or(context, "calibrate_mixing", "COLOR")
+        if calibrate.told:
+            self._found(calibrate)
+
+    def _found(self, calibrate: Any) -> None:
+        self.picture(calibrate.image, scale=12)
+        box = self.layout.box()
+        rows = [line.split("|") for line in calibrate.told.splitlines()]
+        grid = box.grid_flow(row_major=True, columns=len(rows[0]), even_columns=True)
+        for row in rows:
+            for text in row:
+                grid.label(text=text)
+        for note in calibrate.notes.splitlines():
+            wrapped(box.column(align=True), sentence(note))
+
+
+class MPS_PT_outline(Step):
+    bl_label = "Outline by Hand"
+    bl_parent_id = "MPS_PT_calibrate"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        calibrate = context.scene.mps.calibrate
+        for place in ("circle", "second") if calibrate.second_ball else ("circle",):
+            column = self.column()
+            for what in ("x", "y", "radius"):
+                column.prop(calibrate, f"{place}_{what}")
+
+
+CLASSES = (
+    MPS_PT_rig,
+    MPS_PT_calibrate,
+    MPS_PT_outline,
+)

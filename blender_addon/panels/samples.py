@@ -1,0 +1,44 @@
+"""Training data."""
+
+from typing import Any
+
+from ..outputs import lasting
+from ..training_data import samples_folder, standing
+from .step import Step
+
+
+class MPS_PT_samples(Step):
+    bl_label = "Training Data"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        samples = context.scene.mps.samples
+        column = self.column()
+        column.prop(samples, "source")
+        if samples.source == "GENERATED":
+            column.prop(samples, "kinds")
+        elif samples.source == "MESHES":
+            column.prop(samples, "meshes")
+        column = self.column()
+        column.prop(samples, "count")
+        column.prop(samples, "seed")
+        column.prop(samples, "size")
+        if samples.source != "SCENE":
+            column.prop(samples, "views")
+        column = self.column()
+        column.prop(samples, "samples")
+        column.prop(samples, "bounces")
+        column.prop(samples, "denoise")
+        column = self.column()
+        target = samples_folder(context.scene)
+        column.prop(samples, "output", placeholder="Automatic" if lasting(target) else "Name one")
+        column.prop(samples, "processes")
+        column.prop(samples, "cluster", placeholder="This machine")
+        self.progress_or(context, "render_samples", "RENDER_ANIMATION")
+        found = standing(target)
+        if found and not context.window_manager.mps.running:
+            self.layout.label(text=f"{found} in this folder")
+        self.picture(samples.image, scale=12)
+
+
+CLASSES = (MPS_PT_samples,)

@@ -1,0 +1,37 @@
+"""The photo's settings."""
+
+import bpy
+from bpy.props import IntProperty, PointerProperty, StringProperty
+
+from .declared import GIVEN, PATH
+
+
+class PhotoSettings:
+    """How the one photo is rendered."""
+
+    width: IntProperty(
+        name="Width", description="Width of the photo in pixels", default=1024, min=8, max=16384, options=GIVEN
+    )
+    height: IntProperty(
+        name="Height", description="Height of the photo in pixels", default=1024, min=8, max=16384, options=GIVEN
+    )
+    samples: IntProperty(
+        name="Samples",
+        description="Cycles samples a pixel for each of the three lights: more take longer and give less noise",
+        default=32,
+        min=1,
+        max=65536,
+        options=GIVEN,
+    )
+    output: StringProperty(
+        name="Photo File",
+        description="OpenEXR file to write. Empty: a name of its own in the output folder",
+        subtype="FILE_PATH",
+        options=PATH,
+    )
+
+
+class MPS_PG_photo(PhotoSettings, bpy.types.PropertyGroup):
+    """The one photo: how it is rendered, and the image once it is there."""
+
+    image: PointerProperty(name="Photo", description="The photo under red, green and blue light", type=bpy.types.Image)

@@ -1,0 +1,118 @@
+"""The rig's settings."""
+
+import bpy
+from bpy.props import CollectionProperty, EnumProperty, FloatProperty, PointerProperty
+
+from .declared import GIVEN
+
+
+class RigSettings:
+    """Where the three lights and the camera stand around the object."""
+
+    light_type: EnumProperty(
+        name="Lights",
+        description="What kind of lights the rig has",
+        items=[
+            ("SUN", "Sun", "Parallel light: as bright and from the same direction everywhere on the object"),
+            ("AREA", "Area", "Discs at a distance: brighter and from a steeper direction where the object is nearer"),
+        ],
+        default="SUN",
+        options=GIVEN,
+    )
+    slant: FloatProperty(
+        name="Slant (°)",
+        description="Angle in degrees between each light and the line from the object to the camera",
+        default=30.0,
+        min=1.0,
+        max=89.0,
+        options=GIVEN,
+    )
+    tilt: FloatProperty(
+        name="Tilt (°)",
+        description="Direction in degrees of the red light as the camera sees it: 0 is right, 90 is up. "
+        "Green and blue follow at 120 and 240 degrees more",
+        default=90.0,
+        min=-360.0,
+        max=360.0,
+        options=GIVEN,
+    )
+    distance: FloatProperty(
+        name="Distance",
+        description="How far the lights and an orthographic camera stand from the object, in radii of the object",
+        default=5.0,
+        min=1.5,
+        max=1000.0,
+        options=GIVEN,
+    )
+    light_size: FloatProperty(
+        name="Light Size (°)",
+        description="How large each light looks from the object, in degrees. Larger lights give softer shadows",
+        default=0.5,
+        min=0.0,
+        max=90.0,
+        options=GIVEN,
+    )
+    strength: FloatProperty(
+        name="Strength",
+        description="Brightness of a white matte surface that faces the light, where 1 is full white",
+        default=1.0,
+        min=0.001,
+        max=1000.0,
+        options=GIVEN,
+    )
+    projection: EnumProperty(
+        name="Camera",
+        description="How the camera projects",
+        items=[
+            ("ORTHOGRAPHIC", "Orthographic", "No perspective: every pixel looks in the same direction"),
+            ("PERSPECTIVE", "Perspective", "As a lens sees it"),
+        ],
+        default="ORTHOGRAPHIC",
+        options=GIVEN,
+    )
+    focal_length: FloatProperty(
+        name="Lens (mm)",
+        description="Focal length in millimetres of the perspective camera, on a sensor 36 mm wide",
+        default=85.0,
+        min=10.0,
+        max=1000.0,
+        options=GIVEN,
+    )
+    view: EnumProperty(
+        name="View",
+        description="The side of the object that the camera sees",
+        items=[
+            ("FRONT", "Front", "Along +Y, as Blender's front view"),
+            ("BACK", "Back", "Along -Y"),
+            ("LEFT", "Left", "Along +X, as Blender's left view"),
+            ("RIGHT", "Right", "Along -X"),
+            ("TOP", "Top", "From above"),
+            ("BOTTOM", "Bottom", "From below"),
+            ("VIEWPORT", "Viewport", "As the 3D viewport looks at it now"),
+        ],
+        default="FRONT",
+        options=GIVEN,
+    )
+    margin: FloatProperty(
+        name="Margin",
+        description="Free space around the object in the picture, as a fraction of the object's size",
+        default=0.1,
+        min=0.0,
+        max=5.0,
+        options=GIVEN,
+    )
+
+
+class MPS_PG_light(bpy.types.PropertyGroup):
+    """One of the rig's lights; a pointer, so that it survives renaming."""
+
+    object: PointerProperty(type=bpy.types.Object)
+
+
+class MPS_PG_rig(RigSettings, bpy.types.PropertyGroup):
+    """The rig: its settings and the objects it is made of."""
+
+    lights: CollectionProperty(type=MPS_PG_light)
+    camera: PointerProperty(type=bpy.types.Object)
+    target: PointerProperty(type=bpy.types.Object)
+    collection: PointerProperty(type=bpy.types.Collection)

@@ -1,0 +1,155 @@
+"""Try It: the four steps on a scene of its own, with no file needed."""
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy.props import IntProperty
+from mathutils import Quaternion, Vector
+
+from mpsnet_core.errors import Cancelled
+
+from .demo import make_demo
+from .operators import TICK_SECONDS, SaysWhy, idle
+
+# Seen from a little above and from the right, as far away as shows all of the object.
+_LOOK = Quaternion((0.79, 0.56, 0.15, 0.22)).normalized()
+_AWAY = 5.5
+
+
+class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
+    """See the steps at work in a new scene: an object, its photo under three coloured lights, the normals that the
+    photo tells, and a low-poly copy that wears them. Takes seconds to half a minute and changes nothing of yours"""
+
+    bl_idname = "mps.try_it"
+    bl_label = "Try It"
+    bl_options = {"UNDO"}
+
+    pixels: IntProperty(
+        name="Photo Size", description="Width and height of the demo's photo in pixels", default=512, min=32, max=4096
+    )
+    samples: IntProperty(
+        name="Samples", description="Cycles samples a pixel for each of the three lights", default=16, min=1, max=4096
+    )
+    size: IntProperty(
+        name="Texture Size",
+        description="Width and height of the demo's texture in pixels",
+        default=1024,
+        min=16,
+        max=8192,
+    )
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return idle(cls, context)
+
+    def act(self, context: Any) -> None:
+        self._build(context)
+        self._photograph(context)
+        self._estimate(context, "EXEC_DEFAULT")
+        self._bake(context, "EXEC_DEFAULT")
+        self._present(context)
+
+    def invoke(self, context: Any, event: bpy.types.Event) -> set[Any]:
+        if bpy.app.background:
+            return self.execute(context)
+        manager = context.window_manager
+        manager.mps.running, manager.mps.progress, manager.mps.message = self.bl_idname, 0.0, "making an object"
+        self._left = [self._build, self._photograph, self._estimate, self._bake, self._present]
+        self._scene, self._ticks = "", 0
+        self._timer = manager.event_timer_add(TICK_SECONDS, window=context.window)
+        manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: Any, event: bpy.types.Event) -> set[Any]:
+        running = context.window_manager.mps.running
+        if running == self.bl_idname and event.type == "ESC" and event.value == "PRESS":
+            return self._end(context, "CANCELLED")
+        if event.type != "TIMER" or running not in {"", self.bl_idname}:
+            return {"PASS_THROUGH"}
+        context.area.tag_redraw()
+        self._ticks += 1
+        if running and self._ticks % 3:  # until the window has shown what is about to happen
+            return {"PASS_THROUGH"}
+        if not self.done(lambda: self._left.pop(0)(context)):
+            return self._end(context, "CANCELLED")
+        return {"PASS_THROUGH"} if self._left else self._end(context, "FINISHED")
+
+    def cancel(self, context: Any) -> None:
+        self._end(context, "CANCELLED")
+
+    def _end(self, context: Any, how: str) -> set[Any]:
+        context.window_manager.event_timer_remove(self._timer)
+        if context.window_manager.mps.running == self.bl_idname:
+            context.window_manager.mps.running = ""
+        return {how}
+
+    def _build(self, context: Any) -> None:
+        scene, detailed, low = make_demo()
+        self._scene, self._low = scene.name, low.name
+        context.window.scene = scene
+        scene.mps.photo.width = scene.mps.photo.height = self.pixels
+        detailed.select_set(True)
+        bpy.ops.mps.add_rig()
+        scene.mps.bake.target = low
+        for view in _viewports(context):
+            view.view_location, view.view_distance, view.view_rotation = Vector(), _AWAY, _LOOK
+            view.view_perspective = "PERSP"
+        context.window_manager.mps.message = "rendering its photo; the window waits"
+
+    def _photograph(self, context: Any) -> None:
+        bpy.ops.mps.render_photo(samples=self.samples, output=self._file("photo.exr"))
+        self._forget_files(context)
+        context.window_manager.mps.running = ""
+
+    def _estimate(self, context: Any, how: str = "INVOKE_DEFAULT") -> None:
+        bpy.ops.mps.estimate(how, output=self._file("normals.png"))
+
+    def _bake(self, context: Any, how: str = "INVOKE_DEFAULT") -> None:
+        if self._demo(context).mps.estimate.image is None:
+            raise Cancelled
+        bpy.ops.mps.bake(how, size=self.size, output=self._file("texture.png"))
+
+    def _present(self, context: Any) -> None:
+        scene = self._demo(context)
+        if scene.mps.bake.image is None:
+            raise Cancelled
+        self._forget_files(context)
+        detailed, low = (scene.objects[self._low.replace("Low Poly", name)] for name in ("Detailed", "Low Poly"))
+        for obj, shown in ((detailed, False), (low, True)):
+            obj.hide_render = not shown
+            obj.hide_set(not shown)
+            obj.select_set(shown)
+        context.view_layer.objects.active = low
+        if not bpy.app.background:
+            bpy.ops.mps.relight()
+        self.report({"INFO"}, "The low-poly copy wears the photo's normals; the detailed object is hidden")
+
+    def _demo(self, context: Any) -> Any:
+        """The demo's scene, as long as the window shows it."""
+        if context.scene.name != self._scene:
+            raise Cancelled
+        return context.scene
+
+    def _file(self, name: str) -> str:
+        """In Blender's temporary folder; images from there are packed into the .blend file."""
+        return str(Path(bpy.app.tempdir) / f"{bpy.path.clean_name(self._scene)}_{name}")
+
+    def _forget_files(self, context: Any) -> None:
+        """What is done next in the demo's scene goes where it goes in any scene."""
+        settings = context.scene.mps
+        settings.photo.output = settings.estimate.output = settings.bake.output = ""
+
+
+def _viewports(context: Any) -> list[Any]:
+    """The views of the window's 3D viewports."""
+    areas = context.window.screen.areas if context.window else ()
+    return [area.spaces.active.region_3d for area in areas if area.type == "VIEW_3D"]
+
+
+def register() -> None:
+    bpy.utils.register_class(MPS_OT_try_it)
+
+
+def unregister() -> None:
+    bpy.utils.unregister_class(MPS_OT_try_it)

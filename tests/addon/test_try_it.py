@@ -1,0 +1,111 @@
+"""Try It and Relight: what a newcomer presses first."""
+
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from mpsnet_core.images import read_data
+from mpsnet_core.normals import angular_error
+
+
+@pytest.fixture(scope="module")
+def tried(tmp_path_factory) -> Path:
+    """A file saved after Try It, made in a process of its own."""
+    path = tmp_path_factory.mktemp("demo") / "tried.blend"
+    script = f"""
+import bpy, blender_addon
+blender_addon.register()
+bpy.ops.mps.try_it(pixels=256, samples=8, size=256)
+bpy.ops.wm.save_as_mainfile(filepath={str(path)!r})
+"""
+    subprocess.run([sys.executable, "-c", script], check=True, stdout=subprocess.DEVNULL, timeout=300)
+    return path
+
+
+@pytest.fixture
+def demo(scene, tried):
+    """The demo's scene, from the saved file: what was in a temporary folder travels in it."""
+    bpy.ops.wm.open_mainfile(filepath=str(tried))
+    return bpy.context.scene
+
+
+def pixels(image) -> np.ndarray:
+    flat = np.empty(4 * image.size[0] * image.size[1], np.float32)
+    image.pixels.foreach_get(flat)
+    return flat.reshape(image.size[1], image.size[0], 4)
+
+
+def test_the_demo_needs_no_file_and_leaves_the_other_scene_alone(demo):
+    assert demo.name == "MPS Demo" and bpy.data.scenes["Scene"].mps.rig.lights.keys() == []
+    images = [demo.mps.photo.image, demo.mps.estimate.image, demo.mps.bake.image]
+    assert all(image.packed_file for image in images)
+    assert not any((demo.mps.photo.output, demo.mps.estimate.output, demo.mps.bake.output))
+    low = bpy.context.view_layer.objects.active
+    assert low.name == "MPS Demo Low Poly" and low.visible_get() and not low.hide_render
+    assert not bpy.data.objects["MPS Demo Detailed"].visible_get()
+    assert np.ptp(pixels(images[2])[..., :2]) > 0.5  # relief, not a flat blue
+
+
+def test_the_demo_shows_what_the_normals_are_worth(demo, tmp_path):
+    """The estimate, against the normals that Blender renders of the same view."""
+    truth, shown = tmp_path / "truth.exr", bpy.data.objects["MPS Demo Detailed"]
+    shown.hide_render, bpy.data.objects["MPS Demo Low Poly"].hide_render = False, True
+    shown.hide_set(False)
+    bpy.ops.mps.render_truth(output=str(truth))
+    world, _ = read_data(truth, layer="Normal")
+    _, alpha = read_data(truth, layer="Combined")
+    turn = np.array(demo.mps.rig.camera.matrix_world.normalized().to_3x3(), np.float32)
+    estimate = pixels(demo.mps.estimate.image)[::-1]
+    inside = (alpha > 0.99) & (estimate[..., 3] > 0.99)
+    assert angular_error(estimate[inside][:, :3] * 2 - 1, world[inside] @ turn).mean() < 12
+
+
+def test_a_second_demo_stands_beside_the_first(scene):
+    for _ in range(2):
+        bpy.ops.mps.try_it(pixels=32, samples=1, size=16)
+    assert {"MPS Demo", "MPS Demo.001"} < set(bpy.data.scenes.keys())
+    assert all(bpy.data.scenes[name].mps.bake.image for name in ("MPS Demo", "MPS Demo.001"))
+
+
+def test_relight_takes_the_rigs_place_and_gives_it_back(sphere):
+    bpy.ops.mps.add_rig(view="RIGHT")
+    settings, before = bpy.context.scene.mps, set(bpy.data.objects)
+    lights = [light.object for light in settings.rig.lights]
+    sphere.select_set(True)
+    bpy.ops.mps.relight()
+    lamp = settings.relight.lamp
+    assert lamp.data.type == "SUN" and tuple(lamp.data.color) == (1, 1, 1)
+    bpy.context.view_layer.update()
+    # From the side that the rig's camera sees the sphere from, and aslant.
+    towards = lamp.matrix_world.to_3x3().col[2]
+    assert math.degrees(towards.angle((1, 0, 0))) == pytest.approx(55, abs=0.1)
+    assert all(light.hide_get() for light in lights)
+    bpy.ops.mps.render_photo(width=16, height=16, samples=1)  # the lamp is for the viewport alone
+    bpy.ops.mps.relight()
+    assert settings.relight.lamp is None and set(bpy.data.objects) == before
+    assert not any(light.hide_get() for light in lights)
+    assert not [light for light in bpy.data.lights if light.name.startswith("MPS White")]
+
+
+def test_relight_survives_the_file_and_its_lamps_deletion(sphere, tmp_path):
+    bpy.ops.mps.add_rig()
+    sphere.select_set(True)
+    bpy.ops.mps.relight()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "lit.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "lit.blend"))
+    settings = bpy.context.scene.mps
+    bpy.data.objects.remove(settings.relight.lamp)
+    bpy.ops.mps.relight()  # begins anew, in place of what is left of the old one
+    assert settings.relight.lamp is not None
+    bpy.ops.mps.relight()
+    assert not [obj for obj in bpy.data.objects if obj.name.startswith(("MPS White", "MPS Relight"))]
+
+
+def test_relight_of_nothing(scene):
+    with pytest.raises(RuntimeError, match="no selected object has a surface"):
+        bpy.ops.mps.relight()
