@@ -73,7 +73,7 @@ class _Alike:
 
 
 def _alike(seen: NDArray[np.float32], most: float) -> _Alike:
-    """``1 - Σ|f(x) - f(x + s)|² / Σ(|f(x)|² + |f(x + s)|²)`` over where both are in the picture; steps along columns."""
+    """``1 - Σ|f(x) - f(x + s)|² / Σ(|f(x)|² + |f(x + s)|²)`` where both are in the picture; steps along columns."""
     height, width, channels = seen.shape
     last = max(1, min(int(most), width - 1))
     least, across = max(1, int(LEAST * last)), max(1, min(int(TURN * last), height // 4))
