@@ -1,19 +1,20 @@
 """Try It: the four steps on a scene of its own, with no file needed."""
 
+import math
 from pathlib import Path
 from typing import Any
 
 import bpy
 from bpy.props import IntProperty
-from mathutils import Quaternion, Vector
+from mathutils import Euler, Vector
 
 from mpsnet_core.errors import Cancelled
 
 from .demo import make_demo
 from .operators import TICK_SECONDS, SaysWhy, idle
 
-# Seen from a little above and from the right, as far away as shows all of the object.
-_LOOK = Quaternion((0.79, 0.56, 0.15, 0.22)).normalized()
+# From the front, a little to the right and above, as far away as shows all of the object.
+_LOOK = Euler((math.radians(80), 0, math.radians(20))).to_quaternion()
 _AWAY = 5.5
 
 
