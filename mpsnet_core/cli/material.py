@@ -61,10 +61,11 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
 
 
 def _material(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
-    from mpsnet_core.capture import read_capture
+    from mpsnet_core.capture import capture_from, note_doubts
     from mpsnet_core.files import makeable_folder
     from mpsnet_core.frames import check_apart
-    from mpsnet_core.material.material import check_material, cropped, flat_material
+    from mpsnet_core.images import read_image
+    from mpsnet_core.material.material import check_material, filled_part, flat_material
     from mpsnet_core.material.material_files import material_files, write_material
     from mpsnet_core.normals import check_convention
     from mpsnet_core.progress import part
@@ -83,22 +84,21 @@ def _material(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
     rig, correction, (camera, depth) = read_rig(options.rig), asked_correction(options), asked_place(options)
     estimator = asked_estimator(options, MODEL)
     reporter.progress(0.0, f"reading {photo.name}")
-    capture = read_capture(
-        photo,
-        rig,
-        mask="none",
-        encoding=options.encoding,
-        layer=options.layer,
-        camera=camera,
-        depth=depth,
-        correction=correction,
-    )
-    pixel_mm = length / (pixels or capture.mask.shape[1])
-    if crop is not None:
-        try:
-            capture = cropped(capture, *crop)
-        except InputError as error:
-            raise InputError(f"{photo}: {error}") from None
+    image = read_image(photo, encoding=options.encoding, layer=options.layer)
+    try:
+        capture = capture_from(
+            image,
+            rig,
+            mask="none" if image.alpha is None else "alpha",
+            camera=camera,
+            depth=depth,
+            correction=correction,
+        )
+        pixel_mm = length / (pixels or capture.mask.shape[1])
+        capture = filled_part(capture, crop)
+    except InputError as error:
+        raise InputError(f"{photo}: {error}") from None
+    note_doubts(capture)
     normals = estimator(capture, part(reporter.progress, 0.05, 0.5))
     material = flat_material(
         capture,

@@ -85,18 +85,12 @@ def flat_material(
     in slopes, so that normals stay unit vectors. The height comes of the normals that are joined already, and so
     repeats by itself.
 
-    Raises InputError where a size, share or bend is not one, or the photo is too small.
+    Raises InputError where a size, share or bend is not one, or the photo is too small or not filled.
     """
     check_material(size, overlap, bend)
-    rows, columns = capture.mask.shape
-    if min(rows, columns) < LEAST_SIDE:
-        raise InputError(
-            f"the part of the photo to use is {columns} x {rows} pixels; a tile needs {LEAST_SIDE} or more a side"
-        )
     if not pixel_mm > 0:
         raise InputError(f"a pixel measures some millimetres above 0, not {pixel_mm:g}")
-    if not normals.mask.all():
-        raise InputError("a flat material fills the photo, but its normals have a mask; crop the photo instead")
+    capture = filled_part(capture)
     progress(0.0, "laying the material flat")
     slopes, tilt = flattened(normals.vectors, bend)
     progress(0.15, "estimating the albedo")
@@ -137,18 +131,26 @@ def check_material(size: int | None, overlap: float, bend: int) -> None:
         raise InputError(f"a bend of {bend} half waves cannot be taken out; choose 0 to {MOST_BEND}")
 
 
-def cropped(capture: Capture, left: int, top: int, width: int, height: int) -> Capture:
-    """The capture of a part of the photo, in pixels from its upper left corner.
+def filled_part(capture: Capture, crop: tuple[int, int, int, int] | None = None) -> Capture:
+    """The capture of a part of the photo, which the material has to fill.
 
-    Raises InputError where the part is empty or not within the photo.
+    crop: left, top, width and height in pixels, from the photo's upper left corner; all of it unless given.
+
+    Raises InputError where the part is not within the photo, its mask is not all of it, or it is too small.
     """
     rows, columns = capture.mask.shape
+    left, top, width, height = crop or (0, 0, columns, rows)
     if min(left, top) < 0 or min(width, height) < 1 or left + width > columns or top + height > rows:
         raise InputError(
             f"the crop {left},{top},{width},{height} (left, top, width, height) is not within the photo, which is "
             f"{columns} x {rows}"
         )
+    if min(width, height) < LEAST_SIDE:
+        raise InputError(f"{width} x {height} pixels are too few for a material; take {LEAST_SIDE} or more each way")
     part = slice(top, top + height), slice(left, left + width)
+    missing = 1 - float(capture.mask[part].mean())
+    if missing:
+        raise InputError(f"a flat material fills the photo, but {missing:.1%} of it is transparent; crop it")
     camera = capture.camera
     if camera is not None:
         camera = replace(camera, width=width, height=height, centre=camera.centre - (left, top))

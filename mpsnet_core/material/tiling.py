@@ -16,8 +16,9 @@ LEAST = 0.4
 TURN, SKEW = 0.1, 0.03
 # How alike the photo and itself, a step further, have to be for a weave. What does not repeat comes to 0.1 at most.
 ALIKE = 0.25
-# Of steps that are nearly as good as the best the longest is taken: the fewer repeats are seen.
+# Steps that are nearly as good as the best are as welcome; of very many, as a fine weave has, the longest.
 NEARLY = 0.9
+MOST_PEAKS = 1000
 
 
 @dataclass(frozen=True)
@@ -44,20 +45,18 @@ def find_tiling(features: NDArray[np.float32], overlap: float) -> Tiling:
     """The tiling of a material that the photo's features (H, W, C), of mean 0, show.
 
     A step of a weave is a whole number of its threads' periods: a place where the autocorrelation of the features
-    peaks. Looked for among the steps that leave an overlap of so many tiles at the photo's edge.
+    peaks. Of the pairs of steps that are about square and leave an overlap of so many tiles in the photo, that with the
+    largest tile is taken: the fewer repeats are seen.
     """
     height, width = features.shape[:2]
     factor = -(-max(height, width) // LONGEST)
     small = block_means(features, factor) if factor > 1 else features
     frame = np.array([width, height]) / (1 + overlap)
-    found: list[tuple[NDArray[np.float64], float] | None] = [None, None]
-    maps = [_alike(seen, frame[axis] / factor) for axis, seen in enumerate((small, small.swapaxes(0, 1)))]
-    for axis in np.argsort([-fit.values.max() for fit in maps]):
-        found[axis] = _step(maps[axis], frame / factor, int(axis), found[1 - axis])
-        if found[axis] is not None:
-            step, alike = found[axis]
-            found[axis] = _refined(features, step * factor, factor), alike
-    return _filled(found, frame)
+    across = _peaks(_alike(small, frame[0] / factor))
+    down = _peaks(_alike(small.swapaxes(0, 1), frame[1] / factor))
+    found = _chosen(across, _Peaks(down.steps[:, ::-1], down.alike), frame / factor)
+    exact = [None if one is None else (_refined(features, one[0] * factor, factor), one[1]) for one in found]
+    return _filled(exact, frame)
 
 
 @dataclass(frozen=True)
@@ -98,37 +97,63 @@ def _box(table: NDArray[np.float64], aside: NDArray[np.int64], along: NDArray[np
     return table[bottom, right] - table[top, right] - table[bottom, left] + table[top, left]
 
 
-def _step(
-    alike: _Alike, frame: NDArray[np.float64], axis: int, other: tuple[NDArray[np.float64], float] | None
-) -> tuple[NDArray[np.float64], float] | None:
-    """The step (columns, rows) along an axis and how alike it is; None where nothing repeats.
+@dataclass(frozen=True)
+class _Peaks:
+    """Steps (N, 2) after which a picture is most alike to itself, the longest first, and how alike (N,)."""
 
-    frame: (2,) room for the tile alone. other: what was found along the other axis, to which this one is about square.
-    """
-    aside = np.arange(-alike.across, alike.across + 1)[:, None].astype(float)
-    along = np.arange(alike.values.shape[1]) + float(alike.least)
-    if other is None:
-        room = along + np.abs(aside) / along * frame[1 - axis] <= frame[axis]
-    else:
-        step = np.abs(other[0])
-        square = -other[0][axis] / other[0][1 - axis]
-        room = (np.abs(aside / along - square) <= SKEW) & (along + step[axis] <= frame[axis])
-        room &= np.abs(aside) + step[1 - axis] <= frame[1 - axis]
-    values = np.where(room, alike.values, -1.0)
-    best = values.max()
-    if best < ALIKE:
-        return None
-    inner = values[1:-1, 1:-1]
-    around = np.max([values[1 + i : values.shape[0] - 1 + i, 1 + j : values.shape[1] - 1 + j]
-                     for i in (-1, 0, 1) for j in (-1, 0, 1)], axis=0)  # fmt: skip
-    rows, columns = np.nonzero((inner == around) & (inner >= NEARLY * best))
-    if not len(rows):
-        return None
-    longest = np.argmax(columns)
-    row, column = rows[longest] + 1, columns[longest] + 1
-    place = np.array([alike.least + column + _peak(alike.values[row, column - 1 : column + 2]),
-                      row - alike.across + _peak(alike.values[row - 1 : row + 2, column])])  # fmt: skip
-    return (place if axis == 0 else place[::-1]), float(values[row, column])
+    steps: NDArray[np.float64]
+    alike: NDArray[np.float64]
+
+
+# A step (columns, rows) and how alike the picture is after it.
+_Found = tuple[NDArray[np.float64], float]
+
+
+def _peaks(alike: _Alike) -> _Peaks:
+    """The peaks that are nearly as high as the highest; none where that is no higher than by chance."""
+    values = alike.values
+    aside, along = np.arange(-alike.across, alike.across + 1)[:, None], np.arange(values.shape[1]) + alike.least
+    peaks = np.zeros(values.shape, bool)
+    around = [_part(values, i, j) for i in (0, 1, 2) for j in (0, 1, 2)]
+    peaks[1:-1, 1:-1] = values[1:-1, 1:-1] == np.max(around, axis=0)
+    heights = np.where(peaks & (np.abs(aside) <= TURN * along), values, -1.0)
+    best = heights.max()
+    rows, columns = np.nonzero(heights >= max(NEARLY * best, ALIKE))
+    order = np.argsort(-columns, kind="stable")[:MOST_PEAKS]
+    places = [
+        (
+            alike.least + column + _peak(values[row, column - 1 : column + 2]),
+            row - alike.across + _peak(values[row - 1 : row + 2, column]),
+        )
+        for row, column in zip(rows[order], columns[order], strict=True)
+    ]
+    return _Peaks(np.reshape(places, (-1, 2)), heights[rows[order], columns[order]])
+
+
+def _chosen(across: _Peaks, down: _Peaks, frame: NDArray[np.float64]) -> list[_Found | None]:
+    """The step across and the step down; None for one that repeats nothing. frame: (2,) room for the tile alone."""
+    pairs = [across.steps[:, None], down.steps[None]]
+    skew = np.abs(pairs[0][..., 1] / pairs[0][..., 0] + pairs[1][..., 0] / pairs[1][..., 1])
+    room = (np.abs(pairs[0]) + np.abs(pairs[1]) <= frame).all(axis=-1)
+    area = pairs[0][..., 0] * pairs[1][..., 1] - pairs[0][..., 1] * pairs[1][..., 0]
+    area = np.where(room & (skew <= SKEW), area, 0)
+    if area.max(initial=0) > 0:
+        i, j = np.unravel_index(np.argmax(area), area.shape)
+        return [(across.steps[i], float(across.alike[i])), (down.steps[j], float(down.alike[j]))]
+    found: list[_Found | None] = [None, None]
+    # The one that is more alike to itself, or none.
+    axis = int(across.alike.max(initial=0) < down.alike.max(initial=0))
+    peaks = (across, down)[axis]
+    slope = np.abs(peaks.steps[:, 1 - axis] / peaks.steps[:, axis])
+    fitting = np.flatnonzero(peaks.steps[:, axis] + slope * frame[1 - axis] <= frame[axis])
+    if len(fitting):
+        found[axis] = peaks.steps[fitting[0]], float(peaks.alike[fitting[0]])
+    return found
+
+
+def _part(values: NDArray[np.float64], top: int, left: int) -> NDArray[np.float64]:
+    """All but two rows and columns."""
+    return values[top : top + len(values) - 2, left : left + values.shape[1] - 2]
 
 
 def _peak(three: NDArray[np.float64]) -> float:
@@ -159,19 +184,19 @@ def _refined(features: NDArray[np.float32], step: NDArray[np.float64], factor: i
     return np.asarray(exact[::-1], np.float64)
 
 
-def _filled(found: list[tuple[NDArray[np.float64], float] | None], frame: NDArray[np.float64]) -> Tiling:
+def _filled(found: list[_Found | None], frame: NDArray[np.float64]) -> Tiling:
     """The tiling with what does not repeat as large as the photo allows, and square to what does."""
-    (right, down), alike = found, [None if one is None else one[1] for one in found]
-    if right is None and down is None:
-        room = np.floor(frame)
-        steps = np.array([room[0], 0.0]), np.array([0.0, room[1]])
-    elif down is None:
+    right, down = found
+    if right is not None and down is not None:
+        steps = right[0], down[0]
+    elif right is not None:
         steps = right[0], _across(np.array([-right[0][1], right[0][0]]), right[0], frame, 1)
-    elif right is None:
+    elif down is not None:
         steps = _across(np.array([down[0][1], -down[0][0]]), down[0], frame, 0), down[0]
     else:
-        steps = right[0], down[0]
-    return Tiling(*steps, (alike[0], alike[1]))
+        room = np.floor(frame)
+        steps = np.array([room[0], 0.0]), np.array([0.0, room[1]])
+    return Tiling(*steps, (right and right[1], down and down[1]))
 
 
 def _across(

@@ -45,21 +45,21 @@ def woven(
     x, y, points = _places(shape, pixel_mm)
     angle = np.radians(turn)
     across, along = x * np.cos(angle) + y * np.sin(angle), y * np.cos(angle) - x * np.sin(angle)
-    drift = [0.12 * thread_mm * gradient_noise(points / (9 * thread_mm), seed + k).reshape(shape) for k in (0, 1)]
-    u, v = across / thread_mm + drift[0] / thread_mm, along / thread_mm + drift[1] / thread_mm
-    fibre = 0.1 * fractal_noise(points / (0.3 * thread_mm), seed + 2, 3).reshape(shape)
-    waves = np.cos(np.pi * (np.floor(u) + v - 0.5)), -np.cos(np.pi * (np.floor(v) + u - 0.5))
-    threads = [np.sin(np.pi * (side - np.floor(side))) + 0.8 * wave for side, wave in zip((u, v), waves, strict=True)]
-    upright = threads[0] > threads[1]
-    top = np.logaddexp(8 * threads[0], 8 * threads[1]) / 8  # the higher one, without a step between them
-    strands: list[Array] = [
-        1
-        + 0.16
-        * gradient_noise(_scaled(points, a / thread_mm, b / thread_mm), seed + 5).reshape(shape).astype(np.float64)
-        for a, b in ((1.0, 0.15), (0.15, 1.0))
+    u, v = (
+        side / thread_mm + 0.12 * _noise(points / (9 * thread_mm), seed + k, shape)
+        for k, side in enumerate((across, along))
+    )
+    fibre = 0.1 * fractal_noise(points / (0.3 * thread_mm), seed + 2, 3).reshape(shape).astype(np.float64)
+    upright = np.sin(np.pi * (u % 1)) + 0.8 * np.cos(np.pi * (np.floor(u) + v - 0.5))
+    lying = np.sin(np.pi * (v % 1)) - 0.8 * np.cos(np.pi * (np.floor(v) + u - 0.5))
+    top = np.logaddexp(8 * upright, 8 * lying) / 8  # the higher one, without a step between them
+    strands = [
+        1 + 0.16 * _noise(points * (a, b, 1) / thread_mm, seed + 5, shape) for a, b in ((1.0, 0.15), (0.15, 1.0))
     ]
-    shade = np.where(upright, *strands) * (1 + 0.8 * fibre)
-    albedo = np.where(upright[..., None], *np.asarray(colours, np.float64)) * shade[..., None]
+    above = upright > lying
+    colour_above, colour_below = np.asarray(colours, np.float64)
+    shade = np.where(above, strands[0], strands[1]) * (1 + 0.8 * fibre)
+    albedo = np.where(above[..., None], colour_above, colour_below) * shade[..., None]
     height = 0.16 * thread_mm * (top + fibre)
     return Swatch(height.astype(np.float32), np.clip(albedo, 0.01, 0.95).astype(np.float32), pixel_mm)
 
@@ -74,10 +74,9 @@ def leather(
 ) -> Swatch:
     """Leather: pebbles of about `grain_mm`, parted by creases, with pores and stains; it repeats nowhere."""
     _, _, points = _places(shape, pixel_mm)
-    bent = points + 0.25 * grain_mm * np.stack(
-        [gradient_noise(points / grain_mm, seed + 7 + k) for k in (0, 1, 2)], axis=1
-    )
-    border = voronoi(_scaled(bent, 1 / grain_mm, 0.8 / grain_mm), seed)[2].reshape(shape).astype(np.float64)
+    waver = [gradient_noise(points / grain_mm, seed + 7 + k) for k in range(3)]
+    bent = points + 0.25 * grain_mm * np.stack(waver, axis=1)
+    border = voronoi(bent * (1, 0.8, 1) / grain_mm, seed)[2].reshape(shape).astype(np.float64)
     dome = 1 - np.exp(-border / 0.09)
     rough = 0.08 * fractal_noise(points / (0.25 * grain_mm), seed + 1, 3).reshape(shape)
     uneven = 0.25 * fractal_noise(points / (2.5 * grain_mm), seed + 2, 2).reshape(shape)
@@ -109,5 +108,5 @@ def _places(shape: tuple[int, int], pixel_mm: float) -> tuple[Array, Array, Arra
     return x, y, np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
 
 
-def _scaled(points: Array, across: float, along: float) -> Array:
-    return points * (across, along, 1.0)
+def _noise(points: Array, seed: int, shape: tuple[int, int]) -> Array:
+    return gradient_noise(points, seed).reshape(shape).astype(np.float64)
