@@ -42,7 +42,9 @@ def trend(values: NDArray[np.float32], degree: int) -> NDArray[np.float32]:
     powers = [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
     rows, columns = (_legendre(_middles(side, factor) / side, degree) for side in (height, width))
     basis = np.stack([np.outer(rows[:, i], columns[:, j]).ravel() for i, j in powers], axis=1)
-    fitted = np.linalg.lstsq(basis, small.reshape(-1, channels).astype(np.float64), rcond=None)[0]
+    # Blocks count by their pixels: the last are smaller.
+    weight = np.sqrt(np.outer(_sizes(height, factor), _sizes(width, factor))).reshape(-1, 1)
+    fitted = np.linalg.lstsq(weight * basis, weight * small.reshape(-1, channels), rcond=None)[0]
     weights = np.zeros((degree + 1, degree + 1, channels))
     for (i, j), weight in zip(powers, fitted, strict=True):
         weights[i, j] = weight
@@ -55,8 +57,12 @@ def trend(values: NDArray[np.float32], degree: int) -> NDArray[np.float32]:
 
 def _middles(side: int, factor: int) -> NDArray[np.float64]:
     """Where the blocks' middles lie along a side, in pixels."""
-    starts = np.arange(0, side, factor)
-    return (starts + np.minimum(starts + factor, side)) / 2
+    return np.arange(0, side, factor) + _sizes(side, factor) / 2
+
+
+def _sizes(side: int, factor: int) -> NDArray[np.int64]:
+    """How many pixels of a side each block has."""
+    return np.minimum(factor, side - np.arange(0, side, factor))
 
 
 def _legendre(places: NDArray[np.float64], degree: int) -> NDArray[np.float64]:

@@ -12,7 +12,7 @@ from mpsnet_core.heights.curvature import curvature
 from mpsnet_core.heights.height_map import HeightMap
 from mpsnet_core.material.albedo import estimated_albedo
 from mpsnet_core.material.flatten import evened, flattened
-from mpsnet_core.material.relief import periodic_height
+from mpsnet_core.material.relief import periodic_height, without_slow_waves
 from mpsnet_core.material.sampled import sampled
 from mpsnet_core.material.seam import Seam, measured_seam, wrapped
 from mpsnet_core.material.slopes import normals_of
@@ -77,8 +77,9 @@ def flat_material(
     capture: the photo. normals: estimated from it, (H, W) as the photo, its mask the whole of it. pixel_mm: what a
         pixel measures on the material.
     size: pixels of a side of the square pictures; unless given they have the photo's pixels. overlap: the share of
-        the tile over which its borders are joined. bend: half waves across the photo up to which a bend of the
-        material and an unevenness of its brightness are taken out; 0: its tilt alone. grey: an albedo without colour.
+        the tile over which its borders are joined. bend: half waves, across the photo and then across the tile, up to
+        which bends of the material and uneven brightness are taken out; 0: its tilt alone. grey: an albedo without
+        colour.
 
     A tile of a weave is a whole number of its periods; of what does not repeat it is as large as the photo allows.
     Both borders are joined along the line where they differ least, in all pictures alike (Efros and Freeman 2001),
@@ -91,6 +92,9 @@ def flat_material(
     if not pixel_mm > 0:
         raise InputError(f"a pixel measures some millimetres above 0, not {pixel_mm:g}")
     capture = filled_part(capture)
+    if normals.mask.shape != capture.mask.shape:
+        sizes = [f"{mask.shape[1]} x {mask.shape[0]}" for mask in (normals.mask, capture.mask)]
+        raise InputError(f"the normals are {sizes[0]} but the photo is {sizes[1]}; they must be the same size")
     progress(0.0, "laying the material flat")
     slopes, tilt = flattened(normals.vectors, bend)
     progress(0.15, "estimating the albedo")
@@ -103,6 +107,7 @@ def flat_material(
     progress(0.5, "joining the borders")
     patch = sampled(features, tiling, tile, joined)
     pictures, cut = wrapped(patch, joined)
+    pictures = without_slow_waves(pictures, bend)
     slopes = pictures[..., :2] - pictures[..., :2].mean(axis=(0, 1))
     width_mm, height_mm = (float(np.linalg.norm(step)) * pixel_mm for step in (tiling.right, tiling.down))
     pitch = width_mm / tile[1], height_mm / tile[0]

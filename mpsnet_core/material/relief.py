@@ -23,6 +23,23 @@ def periodic_height(slopes: NDArray[np.float32], pitch: tuple[float, float]) -> 
     return np.fft.irfft2(spectrum, (height, width)).astype(np.float32)
 
 
+def without_slow_waves(values: NDArray[np.float32], half_waves: int) -> NDArray[np.float32]:
+    """Repeated pictures (H, W, C) without the waves that go up and down no more than so many times within a tile.
+
+    Half a wave is one such time; waves that run aslant count by their root of squares. The mean stays. Of slopes these
+    are the waves that make the highest heights, and errors of a degree or less are enough for them.
+    """
+    height, width = values.shape[:2]
+    across, down = np.fft.rfftfreq(width, 1 / width), np.fft.fftfreq(height, 1 / height)[:, None]
+    slow = np.hypot(across, down) <= half_waves / 2
+    slow[0, 0] = False
+    kept = np.empty_like(values)
+    for channel in range(values.shape[2]):
+        spectrum = np.fft.rfft2(values[..., channel])
+        kept[..., channel] = np.fft.irfft2(np.where(slow, 0, spectrum), (height, width))
+    return kept
+
+
 def _waves(height: int, width: int, pitch: tuple[float, float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Wave numbers (radians a unit) along columns (1, W/2 + 1) and rows (H, 1); 0 for the shortest wave of an even
     side, whose slope at the pixels is 0."""

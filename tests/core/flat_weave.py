@@ -1,6 +1,7 @@
 """A flat weave whose height, normals and period are known by formula, and its photo by the image formation."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -50,15 +51,9 @@ class Weave:
     def normal_map(self) -> NormalMap:
         return NormalMap(self.normals, np.ones(self.shape, bool))
 
-    def capture(self, albedo: np.ndarray | float = 0.6, rig: LightRig | None = None, **changes: object) -> Capture:
-        return photo_of(self.normals, albedo, rig, **changes)
-
-
-def photo_of(
-    normals: np.ndarray, albedo: np.ndarray | float, rig: LightRig | None = None, **changes: object
-) -> Capture:
-    """The photo ``c = M (albedo * max(n·l, 0))`` of normals (H, W, 3); all of it is the object."""
-    rig = rig or published_rig()
-    light = np.maximum(np.einsum("hwi,ki->hwk", normals, rig.directions), 0) * albedo
-    photo = np.einsum("hwk,ik->hwi", light, rig.mixing)
-    return Capture(photo.astype(np.float32), np.ones(normals.shape[:2], bool), rig, **changes)
+    def capture(self, albedo: np.ndarray | float = 0.6, rig: LightRig | None = None, **changes: Any) -> Capture:
+        """The photo ``c = M (albedo * max(n·l, 0))``; all of it is the object."""
+        rig = rig or published_rig()
+        light = np.maximum(np.einsum("hwi,ki->hwk", self.normals, rig.directions), 0) * albedo
+        photo = np.einsum("hwk,ik->hwi", light, rig.mixing)
+        return Capture(photo.astype(np.float32), np.ones(self.shape, bool), rig, **changes)

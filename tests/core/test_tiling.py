@@ -70,7 +70,7 @@ def lines(height, width):
     for start in range(height):
         for steps in product((-1, 0, 1), repeat=width - 1):
             line = start + np.concatenate([[0], np.cumsum(steps)]).astype(int)
-            if 0 <= line.min() and line.max() < height:
+            if line.min() >= 0 and line.max() < height:
                 yield line
 
 
