@@ -6,6 +6,7 @@ from bpy.props import BoolProperty, FloatProperty, PointerProperty, StringProper
 from .bake import MPS_PG_bake
 from .calibrate import MPS_PG_calibrate
 from .estimate import MPS_PG_estimate
+from .material import MPS_PG_material
 from .photo import MPS_PG_photo
 from .relight import MPS_PG_relight
 from .rig import MPS_PG_light, MPS_PG_rig
@@ -22,6 +23,7 @@ class MPS_PG_scene(bpy.types.PropertyGroup):
     estimate: PointerProperty(type=MPS_PG_estimate)
     bake: PointerProperty(type=MPS_PG_bake)
     views: PointerProperty(type=MPS_PG_views)
+    material: PointerProperty(type=MPS_PG_material)
     samples: PointerProperty(type=MPS_PG_samples)
     relight: PointerProperty(type=MPS_PG_relight)
 
@@ -43,6 +45,7 @@ CLASSES = (
     MPS_PG_estimate,
     MPS_PG_bake,
     MPS_PG_views,
+    MPS_PG_material,
     MPS_PG_samples,
     MPS_PG_relight,
     MPS_PG_scene,

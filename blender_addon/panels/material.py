@@ -1,0 +1,34 @@
+"""Flat materials."""
+
+from typing import Any
+
+from .step import Step, wrapped
+
+
+class MPS_PT_material(Step):
+    bl_label = "Flat Material"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        material = context.scene.mps.material
+        column = self.column()
+        column.prop(material, "width")
+        crop = column.column(align=True)
+        for side in ("left", "right", "top", "bottom"):
+            crop.prop(material, f"crop_{side}")
+        column.prop(material, "model")
+        column.prop(material, "size")
+        column.prop(material, "overlap")
+        column.prop(material, "bend")
+        column.prop(material, "grey")
+        column.prop(material, "relief")
+        column.prop(material, "repeats")
+        column.prop(material, "output", placeholder="Automatic")
+        wrapped(self.layout.column(align=True), "Photo, rig and lens as in 2 Photo")
+        self.progress_or(context, "make_material", "MATERIAL")
+        if material.told:
+            wrapped(self.layout.column(align=True), material.told)
+        self.picture(material.image, scale=12)
+
+
+CLASSES = (MPS_PT_material,)

@@ -1,0 +1,98 @@
+"""Flat materials from photos: cloth and leather, made up here, become textures that repeat without a seam.
+
+Needs no file and no Blender. Leaves what `mpsnet material` writes in examples/output/material, and a contact sheet in
+examples/output/material.png: for each material the photo, its normals and height, three by three tiles under a new
+light, and what the same pixels look like when they are repeated as they are.
+
+    python examples/material.py
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from mpsnet_core import Capture, NormalMap, angular_error, estimate_normals, published_rig, write_image, write_rig
+from mpsnet_core.evaluation.pictures import photo_picture, sheet
+from mpsnet_core.heights.relight import relit
+from mpsnet_core.material.material import Material, flat_material
+from mpsnet_core.material.material_files import PREVIEW_LIGHT, repeated_picture, write_material
+from mpsnet_core.material.seam import measured_seam
+from mpsnet_core.normals import encode
+from mpsnet_core.synthesis.swatches import Swatch, leather, photographed, woven
+
+OUTPUT = Path(__file__).resolve().parent / "output"
+PIXEL_MM = 0.1
+SHAPE = 760, 920
+# Not square to the camera, as photos are.
+TILT = 0.06, -0.04
+MODEL = "lambertian-grey-world"
+
+
+def main() -> None:
+    OUTPUT.mkdir(exist_ok=True)
+    folder = OUTPUT / "material"
+    folder.mkdir(exist_ok=True)
+    rig = published_rig()
+    write_rig(folder / "rig.json", rig)
+    swatches = {
+        "cloth": woven(SHAPE, PIXEL_MM, seed=3, thread_mm=2.3, turn=1.5),
+        "leather": leather(SHAPE, PIXEL_MM, seed=6, grain_mm=3.5),
+    }
+    tiles = []
+    for name, swatch in swatches.items():
+        photo = photographed(swatch, rig, tilt=TILT, noise=0.004)
+        write_image(folder / f"{name}.exr", photo)
+        capture = Capture(photo, np.ones(SHAPE, bool), rig)
+        normals = estimate_normals(capture, MODEL)
+        material = flat_material(capture, normals, PIXEL_MM)
+        write_material(folder, name, material)
+        tell(name, swatch, normals, material)
+        tiles += pictures(name, photo, normals, material)
+    write_image(OUTPUT / "material.png", sheet(tiles, columns=5), bits=8, color_space="sRGB")
+    print(f"contact sheet: {OUTPUT / 'material.png'}")
+
+
+def tell(name: str, swatch: Swatch, normals: NormalMap, material: Material) -> None:
+    """How right and how seamless it is, in words."""
+    rows, columns = material.height.shape
+    error = float(angular_error(normals.vectors, swatch.normals).mean())
+    spread = float(material.height.std()), float(swatch.height.std())
+    print(f"{name}: tile {material.width_mm:.1f} x {material.height_mm:.1f} mm ({columns} x {rows}), ", end="")
+    print(f"normals wrong by {error:.1f}° (tilt of the photo included), heights' spread {spread[0]:.3f} mm ", end="")
+    print(f"(truth {spread[1]:.3f}), albedo {means(material.albedo)} (truth {means(swatch.albedo)})")
+    plain = measured_seam(normals.vectors[:rows, :columns], np.zeros((rows, columns), bool))
+    for what, seam in (("joined", material.seam), ("cut out plainly", plain)):
+        print(f"  step across the border, {what}: {seam.border[0]:.2f} of those within, worst {seam.border[1]:.2f}")
+
+
+def means(albedo: np.ndarray) -> str:
+    return " ".join(f"{value:.2f}" for value in albedo.mean(axis=(0, 1)))
+
+
+def pictures(name: str, photo: np.ndarray, normals: NormalMap, material: Material) -> list[tuple[str, np.ndarray]]:
+    """Titled tiles: photo, normals, height, and both ways to repeat them."""
+    low, high = material.height.min(), material.height.max()
+    height = np.repeat(((material.height - low) / (high - low))[..., None], 3, axis=-1)
+    return [
+        (f"{name}: the one photo", photo_picture(photo)),
+        ("seamless normals", encode(material.normals)),
+        (f"height, {high - low:.2f} mm from black to white", height),
+        ("3 x 3 tiles, relit", repeated_picture(material)),
+        ("the photo's own pixels, 3 x 3, relit", plainly_repeated(photo, normals, material.height.shape)),
+    ]
+
+
+def plainly_repeated(photo: np.ndarray, normals: NormalMap, shape: tuple[int, ...]) -> np.ndarray:
+    """What the material is there to mend: a piece of the photo and its normals, laid side by side as it is."""
+    rows, columns = shape
+    part = NormalMap(normals.vectors[:rows, :columns], np.ones(shape, bool))
+    shading = np.maximum(normals.vectors @ published_rig().directions.T, 0.1)
+    albedo = (photo / shading)[:rows, :columns]
+    shown = relit(part, PREVIEW_LIGHT, albedo=0.9 * albedo / np.percentile(albedo, 99))[..., :3]
+    small = 512 / max(shape)
+    picked = (np.arange(round(side * small)) / small for side in shape)
+    return np.tile(shown[np.ix_(*(places.astype(int) for places in picked))], (3, 3, 1))
+
+
+if __name__ == "__main__":
+    main()
