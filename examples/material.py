@@ -2,7 +2,7 @@
 
 Needs no file and no Blender. Leaves what `mpsnet material` writes in examples/output/material, and a contact sheet in
 examples/output/material.png: for each material the photo, its normals and height, three by three tiles under a new
-light, and what the same pixels look like when they are repeated as they are.
+light, and from nearby where four tiles meet, beside the photo's own pixels laid side by side as they are.
 
     python examples/material.py
 """
@@ -35,8 +35,8 @@ def main() -> None:
     rig = published_rig()
     write_rig(folder / "rig.json", rig)
     swatches = {
-        "cloth": woven(SHAPE, PIXEL_MM, seed=3, thread_mm=2.3, turn=1.5),
-        "leather": leather(SHAPE, PIXEL_MM, seed=6, grain_mm=3.5),
+        "cloth": woven(SHAPE, PIXEL_MM, seed=3, thread_mm=3.4, turn=1.5),
+        "leather": leather(SHAPE, PIXEL_MM, seed=6, grain_mm=5.0),
     }
     tiles = []
     for name, swatch in swatches.items():
@@ -48,7 +48,7 @@ def main() -> None:
         write_material(folder, name, material)
         tell(name, swatch, normals, material)
         tiles += pictures(name, photo, normals, material)
-    write_image(OUTPUT / "material.png", sheet(tiles, columns=5), bits=8, color_space="sRGB")
+    write_image(OUTPUT / "material.png", sheet(tiles, columns=6), bits=8, color_space="sRGB")
     print(f"contact sheet: {OUTPUT / 'material.png'}")
 
 
@@ -70,28 +70,29 @@ def means(albedo: np.ndarray) -> str:
 
 
 def pictures(name: str, photo: np.ndarray, normals: NormalMap, material: Material) -> list[tuple[str, np.ndarray]]:
-    """Titled tiles: photo, normals, height, and both ways to repeat them."""
+    """Titled tiles: photo, normals, height, the material repeated, and two ways to repeat it from nearby."""
     low, high = material.height.min(), material.height.max()
     height = np.repeat(((material.height - low) / (high - low))[..., None], 3, axis=-1)
+    rows, columns = material.height.shape
+    plain = normals.vectors[:rows, :columns]
+    plain_albedo = photo / np.maximum(normals.vectors @ published_rig().directions.T, 0.1)
     return [
         (f"{name}: the one photo", photo_picture(photo)),
         ("seamless normals", encode(material.normals)),
         (f"height, {high - low:.2f} mm from black to white", height),
-        ("3 x 3 tiles, relit", repeated_picture(material)),
-        ("the photo's own pixels, 3 x 3, relit", plainly_repeated(photo, normals, material.height.shape)),
+        ("3 x 3 tiles under a new light", repeated_picture(material)),
+        ("where four tiles meet", corner(material.normals, material.albedo)),
+        ("the photo's own pixels, side by side", corner(plain, plain_albedo[:rows, :columns])),
     ]
 
 
-def plainly_repeated(photo: np.ndarray, normals: NormalMap, shape: tuple[int, ...]) -> np.ndarray:
-    """What the material is there to mend: a piece of the photo and its normals, laid side by side as it is."""
-    rows, columns = shape
-    part = NormalMap(normals.vectors[:rows, :columns], np.ones(shape, bool))
-    shading = np.maximum(normals.vectors @ published_rig().directions.T, 0.1)
-    albedo = (photo / shading)[:rows, :columns]
-    shown = relit(part, PREVIEW_LIGHT, albedo=0.9 * albedo / np.percentile(albedo, 99))[..., :3]
-    small = 512 / max(shape)
-    picked = (np.arange(round(side * small)) / small for side in shape)
-    return np.tile(shown[np.ix_(*(places.astype(int) for places in picked))], (3, 3, 1))
+def corner(vectors: np.ndarray, albedo: np.ndarray) -> np.ndarray:
+    """The middle of a picture of two by two tiles, relit: their corner, and half a tile around it."""
+    rows, columns = vectors.shape[0] // 2, vectors.shape[1] // 2
+    vectors, albedo = (np.roll(values, (rows, columns), axis=(0, 1)) for values in (vectors, albedo))
+    near = slice(rows // 2, rows + rows // 2), slice(columns // 2, columns + columns // 2)
+    bright = 0.9 * albedo / np.percentile(albedo, 99)
+    return relit(NormalMap(vectors, np.ones(vectors.shape[:2], bool)), PREVIEW_LIGHT, albedo=bright)[near][..., :3]
 
 
 if __name__ == "__main__":
