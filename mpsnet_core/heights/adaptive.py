@@ -6,18 +6,17 @@ there. How wrong it is not to split there is known for each middle beforehand, a
 finer within: so the triangles of any tolerance fit together.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.progress import Progress, silent
 
-# Values and mask of some pixels.
-_Places = tuple[NDArray[np.float32], NDArray[np.bool_]]
-
 # The largest triangles are halves of squares of so many pixels.
 LARGEST = 256
 # An outline that is a pixel off counts as much as a surface that is so many pixels off.
-OUTLINE_WEIGHT = 0.25
+OUTLINE_WEIGHT = 0.5
 # The number of triangles is met to this share, or as far as so many tolerances come.
 NEAR_ENOUGH, ROUNDS = 0.97, 20
 
@@ -75,11 +74,11 @@ def _along_rows(
     errors: NDArray[np.float32], values: NDArray[np.float32], mask: NDArray[np.bool_], outline: np.float32, step: int
 ) -> None:
     """Fill in the errors of the middles of sides along rows, from `step` pixels before to `step` behind."""
-    rows = slice(0, None, 2 * step)
-    before, middle, behind = slice(0, -step, 2 * step), slice(step, None, 2 * step), slice(2 * step, None, 2 * step)
-    own = _off(*((values[rows, place], mask[rows, place]) for place in (middle, before, behind)), outline)
+    rows, middle = slice(0, None, 2 * step), slice(step, None, 2 * step)
+    threes = (middle, slice(0, -step, 2 * step), slice(2 * step, None, 2 * step))
+    own = _off([values[rows, place] for place in threes], [mask[rows, place] for place in threes], outline)
     if step > 1:
-        # Finer within: the middles of the four squares of `step` pixels that share this side's middle.
+        # Finer within: the middles of the four squares of `step` pixels around this one.
         squares = errors[step // 2 :: step, step // 2 :: step]
         beside = np.pad(np.maximum(squares[:, ::2], squares[:, 1::2]), ((1, 1), (0, 0)))
         own = np.maximum(own, np.maximum(beside[::2], beside[1::2]))
@@ -92,22 +91,28 @@ def _across_squares(
     """Fill in the errors of the middles of diagonals, of squares of 2 `step` pixels; the diagonals take turns."""
     first, middle, last = slice(0, -step, 2 * step), slice(step, None, 2 * step), slice(2 * step, None, 2 * step)
     falling = np.indices(errors[middle, middle].shape).sum(axis=0) % 2 == 0
-    one, other = (
-        tuple(np.where(falling, field[row, column], field[row, opposite]) for field in (values, mask))
-        for row, column, opposite in ((first, first, last), (last, last, first))
-    )
-    own = _off((values[middle, middle], mask[middle, middle]), one, other, outline)
+
+    def threes(field: NDArray[Any]) -> list[NDArray[Any]]:
+        one = np.where(falling, field[first, first], field[first, last])
+        other = np.where(falling, field[last, last], field[last, first])
+        return [field[middle, middle], one, other]
+
+    own = _off(threes(values), threes(mask), outline)
     level, upright = errors[:: 2 * step, middle], errors[middle, :: 2 * step]
     for sides in (level[:-1], level[1:], upright[:, :-1], upright[:, 1:]):
         own = np.maximum(own, sides)
     errors[middle, middle] = own
 
 
-def _off(middle: _Places, one: _Places, other: _Places, outline: np.float32) -> NDArray[np.float32]:
-    """How far middles are off the line between their ends; `outline` where the mask's edge runs between the three."""
-    inside = middle[1].astype(np.int8) + one[1] + other[1]
-    off = np.abs(middle[0] - (one[0] + other[0]) / 2)
-    return np.where(inside == 3, off, np.where(inside == 0, np.float32(0), outline))
+def _off(values: list[NDArray[Any]], inside: list[NDArray[Any]], outline: np.float32) -> NDArray[np.float32]:
+    """How far middles are off the line between their ends; `outline` where the mask's edge runs between the three.
+
+    values, inside: of the middles, of one end and of the other.
+    """
+    middle, one, other = values
+    off = np.abs(middle - (one + other) / 2)
+    count = sum(part.astype(np.int8) for part in inside)
+    return np.where(count == 3, off, np.where(count == 0, np.float32(0), outline))
 
 
 def _leaves(errors: NDArray[np.float32], mask: NDArray[np.bool_], tolerance: float, side: int) -> NDArray[np.int64]:

@@ -47,8 +47,7 @@ def curvature(
     perspective = camera.projection == "perspective"
     if perspective and (depth is None or np.shape(depth) != (height, width)):
         raise InputError("the curvature under a perspective camera needs the depth of every pixel")
-    if radius < 0:
-        raise InputError(f"a radius of {radius} pixels is none; give 0 or more")
+    check_curvature(radius)
     sharp = np.zeros((height, width), np.float32)
     for rows in bands(height):
         progress(0.5 * rows.start / height, "curvature")
@@ -60,9 +59,17 @@ def curvature(
     for number, reach in enumerate(radii):
         progress(0.5 + 0.5 * number / len(radii), "curvature")
         total = box_sums(sharp, reach)
-        total /= np.maximum(box_sums(normals.mask, reach), 1)
+        total /= np.maximum(box_sums(normals.mask.astype(np.float32), reach), 1)
         summed += (reach / sum(radii) * total).astype(np.float32)
     return np.where(normals.mask, summed, np.float32(0))
+
+
+def check_curvature(radius: int, limit: float | None = None) -> None:
+    """Raises InputError where curvature cannot be averaged over the radius, or not be shown up to the limit."""
+    if radius < 0:
+        raise InputError(f"a radius of {radius} pixels is none; give 0 or more")
+    if limit is not None and not 0 < limit < np.inf:
+        raise InputError(f"a curvature's range must be a number above 0, not {limit:g}")
 
 
 def curvature_range(values: NDArray[np.floating], mask: NDArray[np.bool_]) -> float:
@@ -73,12 +80,7 @@ def curvature_range(values: NDArray[np.floating], mask: NDArray[np.bool_]) -> fl
 
 
 def curvature_picture(values: NDArray[np.floating], limit: float) -> NDArray[np.float32]:
-    """(H, W) 0 to 1 for artists: flat is 0.5, convex by `limit` (1 / unit) or more white, concave by as much black.
-
-    Raises InputError where the limit is not above 0.
-    """
-    if not 0 < limit < np.inf:
-        raise InputError(f"a curvature's range must be a number above 0, not {limit:g}")
+    """(H, W) 0 to 1 for artists: flat is 0.5, convex by `limit` (1 / unit) or more white, concave by as much black."""
     return np.clip(0.5 + 0.5 / limit * values, 0, 1).astype(np.float32)
 
 

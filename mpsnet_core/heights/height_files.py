@@ -1,6 +1,6 @@
 """Height maps as files: float heights in the unit itself, or 16 bits from black to white with their scale stated.
 
-Beside ``NAME.exr`` or ``NAME.png`` stand ``NAME.json``, what the values mean, and ``NAME_mask.png``, where the object is.
+Beside ``NAME.png`` stand ``NAME.json``, what its values mean, and ``NAME_mask.png``, where the object is.
 The picture itself has one channel and no alpha: that is what displacement takes, and programs that multiply colours by
 alpha on reading (Blender does) would tear the surface down to black along its outline. The heights go on beyond the
 outline instead.

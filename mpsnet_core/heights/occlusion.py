@@ -40,8 +40,7 @@ def ambient_occlusion(
             f"the normal map is {normals.mask.shape[1]} x {normals.mask.shape[0]} but the heights are "
             f"{mask.shape[1]} x {mask.shape[0]}; they must be the same size"
         )
-    if reach is not None and reach < 1:
-        raise InputError(f"ambient occlusion over {reach} pixels is none; give 1 or more")
+    check_reach(reach)
     lines = _lines(FINENESS)
     raised, farthest = np.where(mask, parallel_heights(heights), -np.inf), _extent(mask)
     seen, open_sky = np.zeros((2, *mask.shape), np.float32)
@@ -53,6 +52,12 @@ def ambient_occlusion(
             seen[rows] += weight * share
             open_sky[rows] += weight * whole
     return np.where(mask, np.clip(seen / np.maximum(open_sky, 1e-6), 0, 1), np.float32(1))
+
+
+def check_reach(reach: int | None) -> None:
+    """Raises InputError where ambient occlusion cannot look so few pixels far."""
+    if reach is not None and reach < 1:
+        raise InputError(f"ambient occlusion over {reach} pixels is none; give 1 or more")
 
 
 def _extent(mask: NDArray[np.bool_]) -> int:

@@ -3,7 +3,6 @@
 Outside the mask links count nothing, so the outline needs no care of its own, whatever its shape.
 """
 
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -65,7 +65,7 @@ def turntable_tilts(count: int, first: float) -> list[float]:
 
 
 def turntable_sheet(normals: NormalMap, slant: float, tilts: Sequence[float], **shown: Any) -> NDArray[np.float32]:
-    """(H, W, 3) sRGB values: a small picture for each light, titled with its tilt; `shown` as :func:`relit` takes it."""
+    """(H, W, 3) sRGB values: a small picture for each light, titled with its tilt; `shown` goes to :func:`relit`."""
     columns = int(np.ceil(np.sqrt(len(tilts))))
     tiles = []
     for tilt in tilts:

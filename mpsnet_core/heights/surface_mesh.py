@@ -57,10 +57,7 @@ def surface_mesh(
             f"the normal map is {normals.mask.shape[1]} x {normals.mask.shape[0]} but the heights are "
             f"{heights.mask.shape[1]} x {heights.mask.shape[0]}; they must be the same size"
         )
-    if not 1 <= faces <= MAX_FACES:
-        raise InputError(f"a mesh of {faces} faces cannot be made; choose 1 to {MAX_FACES}")
-    if open_from is not None and not 0 < open_from <= 90:
-        raise InputError(f"steps are left open from an angle between 0 and 90 degrees on, not {open_from:g}")
+    check_surface_mesh(faces, open_from)
     corners = adaptive_triangles(parallel_heights(heights), heights.mask, pixel_size(heights), faces, progress)
     pixels, triangles = np.unique(corners, return_inverse=True)
     triangles = triangles.reshape(-1, 3)
@@ -84,6 +81,14 @@ def surface_mesh(
         (normals.vectors[rows[used], columns[used]] @ camera.rotation.T).astype(np.float32),
         ((np.stack([columns[used], size[1] - 1 - rows[used]], axis=-1) + 0.5) / size).astype(np.float32),
     )
+
+
+def check_surface_mesh(faces: int, open_from: float | None = None) -> None:
+    """Raises InputError where :func:`surface_mesh` would make none with these options."""
+    if not 1 <= faces <= MAX_FACES:
+        raise InputError(f"a mesh of {faces} faces cannot be made; choose 1 to {MAX_FACES}")
+    if open_from is not None and not 0 < open_from <= 90:
+        raise InputError(f"steps are left open from an angle between 0 and 90 degrees on, not {open_from:g}")
 
 
 def writable_mesh(path: str | os.PathLike[str]) -> Path:
@@ -117,7 +122,7 @@ def write_surface_mesh(path: str | os.PathLike[str], mesh: SurfaceMesh, *, up: U
 
 
 def _write_obj(path: Path, vertices: NDArray[np.floating], normals: NDArray[np.floating], mesh: SurfaceMesh) -> None:
-    """By hand: trimesh writes all numbers with 8 decimals, too few for small units, and names a material without a file."""
+    """By hand: trimesh writes 8 decimals, too few for small units, and names a material file that is not there."""
     corners = np.repeat(mesh.triangles + 1, 3, axis=1)
     blocks = (("v %.9g %.9g %.9g", vertices), ("vt %.7g %.7g", mesh.uvs), ("vn %.5g %.5g %.5g", normals))
     with path.open("w", encoding="ascii") as file:
@@ -138,7 +143,7 @@ def _write_with_trimesh(
         visual=trimesh.visual.TextureVisuals(uv=mesh.uvs, material=material),
         process=False,
     )
-    kind = path.suffix.lower().lstrip(".")
-    path.write_bytes(
-        made.export(file_type=kind, **{"ply": {"vertex_normal": True}, "glb": {"include_normals": True}}[kind])
-    )
+    if path.suffix.lower() == ".ply":
+        path.write_bytes(trimesh.exchange.ply.export_ply(made, vertex_normal=True))
+    else:
+        path.write_bytes(trimesh.exchange.gltf.export_glb(trimesh.Scene(made), include_normals=True))
