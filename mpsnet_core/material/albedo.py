@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.bands import bands
 from mpsnet_core.capture import Capture
 from mpsnet_core.estimate.afar import under_distant_lights
 from mpsnet_core.estimate.lambertian import usable_channels
@@ -22,17 +23,29 @@ def estimated_albedo(capture: Capture, normals: NDArray[np.float32], *, grey: bo
     rests on the model that told normal and colour apart. Equation 2 cannot: to it all is grey but the mean.
     """
     distant = under_distant_lights(capture)
-    light = distant.rig.unmixed(distant.image)
-    cosines = normals @ capture.rig.directions.T.astype(np.float32)
-    trust = np.clip((cosines - GRAZING) / (FULL - GRAZING), 0, 1) * usable_channels(capture)
-    albedo = np.maximum(light, 0) / np.maximum(cosines, np.float32(GRAZING))
-    weight = trust.sum(axis=(0, 1), dtype=np.float64)
+    usable = usable_channels(capture)
+    total, weight = np.zeros(3), np.zeros(3)
+    for rows in bands(len(normals)):
+        albedo, trust = _single(distant, normals, usable, rows)
+        total += (albedo * trust).sum(axis=(0, 1), dtype=np.float64)
+        weight += trust.sum(axis=(0, 1), dtype=np.float64)
     # A channel that no pixel tells anything of is taken as black.
-    whole = (albedo * trust).sum(axis=(0, 1), dtype=np.float64) / np.maximum(weight, 1e-9)
-    whole = np.maximum(whole, 1e-6).astype(np.float32)
-    known = trust.sum(axis=-1)
-    brightness = (albedo / whole * trust).sum(axis=-1) / np.maximum(known, 1e-6)
-    brightness = np.where(known > 0, brightness, np.float32(1))[..., None]
-    if grey:
-        return np.repeat(brightness * whole.mean(), 3, axis=-1)
-    return (trust * albedo + (1 - trust) * brightness * whole).astype(np.float32)
+    whole = np.maximum(total / np.maximum(weight, 1e-9), 1e-6).astype(np.float32)
+    found = np.empty_like(normals)
+    for rows in bands(len(normals)):
+        albedo, trust = _single(distant, normals, usable, rows)
+        known = trust.sum(axis=-1, keepdims=True)
+        brightness = (albedo / whole * trust).sum(axis=-1, keepdims=True) / np.maximum(known, 1e-6)
+        brightness = np.where(known > 0, brightness, np.float32(1))
+        found[rows] = brightness * whole.mean() if grey else trust * albedo + (1 - trust) * brightness * whole
+    return found
+
+
+def _single(
+    distant: Capture, normals: NDArray[np.float32], usable: NDArray[np.bool_], rows: slice
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Of some rows, what each channel says of its albedo, and from 0 to 1 how far that can be trusted."""
+    light = distant.rig.unmixed(distant.image[rows])
+    cosines = normals[rows] @ distant.rig.directions.T.astype(np.float32)
+    trust = np.clip((cosines - GRAZING) / (FULL - GRAZING), 0, 1) * usable[rows]
+    return np.maximum(light, 0) / np.maximum(cosines, np.float32(GRAZING)), trust.astype(np.float32)

@@ -9,6 +9,8 @@ from mpsnet_core.normals import normalised
 
 # A smooth surface is as well fitted to this many block means a side as to every pixel.
 FITTED = 128
+# Of the picture's edge, where its middle counts 1.
+LEAST_WEIGHT = 0.03
 
 
 def flattened(normals: NDArray[np.float32], bend: int) -> tuple[NDArray[np.float32], float]:
@@ -17,7 +19,8 @@ def flattened(normals: NDArray[np.float32], bend: int) -> tuple[NDArray[np.float
     normals: (H, W, 3) unit vectors in camera space. The mean normal is turned to +z, then what is left of slow bend
     is taken off the slopes, :func:`trend` with up to `bend` half waves from one side of the picture to the other.
     """
-    mean = normalised(normals.sum(axis=(0, 1), dtype=np.float64))
+    rows, columns = (_window(side, 1) for side in normals.shape[:2])
+    mean = normalised(np.einsum("hwc,h,w->c", normals, rows, columns, optimize=True))
     turned = normals @ _turn_to_z(mean).T.astype(np.float32)
     slopes = slopes_of(turned)
     return slopes - trend(slopes, bend), float(np.degrees(np.arctan2(np.hypot(*mean[:2]), mean[2])))
@@ -31,7 +34,7 @@ def evened(albedo: NDArray[np.float32], bend: int) -> NDArray[np.float32]:
 
 
 def trend(values: NDArray[np.float32], degree: int) -> NDArray[np.float32]:
-    """(H, W, C) the polynomial of total `degree` that fits values (H, W, C) best, by least squares.
+    """(H, W, C) the polynomial of total `degree` that fits values (H, W, C) best, by weighted least squares.
 
     A polynomial of degree n crosses zero at most n times on its way across the picture: it follows n half waves.
     Legendre's, which stay well conditioned.
@@ -42,8 +45,7 @@ def trend(values: NDArray[np.float32], degree: int) -> NDArray[np.float32]:
     powers = [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
     rows, columns = (_legendre(_middles(side, factor) / side, degree) for side in (height, width))
     basis = np.stack([np.outer(rows[:, i], columns[:, j]).ravel() for i, j in powers], axis=1)
-    # Blocks count by their pixels: the last are smaller.
-    weight = np.sqrt(np.outer(_sizes(height, factor), _sizes(width, factor))).reshape(-1, 1)
+    weight = np.sqrt(np.outer(_window(height, factor), _window(width, factor))).reshape(-1, 1)
     fitted = np.linalg.lstsq(weight * basis, weight * small.reshape(-1, channels), rcond=None)[0]
     weights = np.zeros((degree + 1, degree + 1, channels))
     for (i, j), weight in zip(powers, fitted, strict=True):
@@ -60,8 +62,16 @@ def _middles(side: int, factor: int) -> NDArray[np.float64]:
     return np.arange(0, side, factor) + _sizes(side, factor) / 2
 
 
+def _window(side: int, factor: int) -> NDArray[np.float64]:
+    """How much each block along a side counts: by its pixels, and less towards the ends.
+
+    There a weave is cut off within a period, and what is left of it would pass for a bend.
+    """
+    return _sizes(side, factor) * (LEAST_WEIGHT + np.sin(np.pi * _middles(side, factor) / side) ** 2)
+
+
 def _sizes(side: int, factor: int) -> NDArray[np.int64]:
-    """How many pixels of a side each block has."""
+    """How many pixels of a side each block has; the last may be smaller."""
     return np.minimum(factor, side - np.arange(0, side, factor))
 
 

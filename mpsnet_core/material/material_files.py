@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from mpsnet_core.files import made_folder, write_json
@@ -14,6 +13,7 @@ from mpsnet_core.heights.curvature import curvature_picture, curvature_range
 from mpsnet_core.heights.relight import relit
 from mpsnet_core.images import linear_to_srgb, write_image
 from mpsnet_core.material.material import Material
+from mpsnet_core.material.sampled import resampled
 from mpsnet_core.normals import Convention, NormalMap, encode
 
 MATERIAL_FORMAT = "mpsnet-material"
@@ -71,23 +71,9 @@ def repeated_picture(material: Material, repeats: int = REPEATS) -> NDArray[np.f
     tile = relit(normals, PREVIEW_LIGHT, albedo=material.albedo * np.float32(0.9 / bright))
     side = PREVIEW_SIDE / repeats / max(material.width_mm, material.height_mm)
     width, height = (max(1, round(side * length)) for length in (material.width_mm, material.height_mm))
-    # Resized with its neighbours around it: a filter that ends at the tile's border would draw it.
-    around = [min(side, 64) for side in material.height.shape]
-    source = np.pad(tile[..., :3], [(around[0],) * 2, (around[1],) * 2, (0, 0)], mode="wrap")
-    buffer = oiio.ImageBuf(np.ascontiguousarray(source))
     rows, columns = material.height.shape
-    scale = np.diag([width / columns, height / rows, 1.0])
-    scale[2, :2] = -around[1] * scale[0, 0], -around[0] * scale[1, 1]
-    small = oiio.ImageBufAlgo.warp(
-        buffer,
-        tuple(scale.ravel().tolist()),
-        "lanczos3",
-        0.0,
-        False,
-        "clamp",
-        oiio.ROI(0, width, 0, height, 0, 1, 0, 3),
-    )
-    return np.clip(np.tile(np.asarray(small.get_pixels(oiio.FLOAT), np.float32), (repeats, repeats, 1)), 0, 1)
+    small = resampled(tile[..., :3], np.diag([columns / width, rows / height, 1.0]), (height, width), repeated=True)
+    return np.clip(np.tile(small, (repeats, repeats, 1)), 0, 1)
 
 
 def _told(material: Material, low: float, high: float, bend: float) -> dict[str, Any]:

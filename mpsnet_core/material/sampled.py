@@ -24,11 +24,23 @@ def sampled(
         return features[top : top + rows, left : left + columns].copy()
     places = np.zeros((3, 3))  # a row vector of the tile's pixels times this is one of the photo's
     places[:2, :2], places[2, :2], places[2, 2] = steps / [[size[1]], [size[0]]], start, 1
-    photo_to_tile = tuple(np.linalg.inv(places).ravel().tolist())
-    whole = oiio.ROI(0, columns, 0, rows, 0, 1, 0, features.shape[2])
-    source = oiio.ImageBuf(np.ascontiguousarray(features))
-    patch = oiio.ImageBufAlgo.warp(source, photo_to_tile, "catmull-rom", 0.0, False, "clamp", whole)
-    taken = np.asarray(patch.get_pixels(oiio.FLOAT), np.float32)
+    taken = resampled(features, places, (rows, columns))
     along = steps / np.linalg.norm(steps, axis=1, keepdims=True)
     taken[..., :2] = taken[..., :2] @ along.T.astype(np.float32)
     return taken
+
+
+def resampled(
+    values: NDArray[np.float32], places: NDArray[np.float64], shape: tuple[int, int], *, repeated: bool = False
+) -> NDArray[np.float32]:
+    """Values (H, W, C) at other places, of `shape`, filtered where they lie farther apart than pixels do.
+
+    places: (3, 3), by which a row vector (column, row, 1) is multiplied to give the place in `values`. repeated: beyond
+        their border values go on at the other side.
+    """
+    values_to_places = tuple(np.linalg.inv(places).ravel().tolist())
+    whole = oiio.ROI(0, shape[1], 0, shape[0], 0, 1, 0, values.shape[2])
+    source = oiio.ImageBuf(np.ascontiguousarray(values))
+    beyond = "periodic" if repeated else "clamp"
+    found = oiio.ImageBufAlgo.warp(source, values_to_places, "catmull-rom", 0.0, False, beyond, whole)
+    return np.asarray(found.get_pixels(oiio.FLOAT), np.float32)
