@@ -109,6 +109,8 @@ def _lay(mesh: Any, size: tuple[float, float], repeats: int) -> None:
     mesh.from_pydata([(-across, -down, 0), (across, -down, 0), (across, down, 0), (-across, down, 0)], [], [range(4)])
     layer = mesh.uv_layers.new(name="UVMap")
     layer.uv.foreach_set("vector", [0, 0, repeats, 0, repeats, repeats, 0, repeats])
+    # On flat faces Cycles would add the bump to the displacement that is there already.
+    mesh.polygons.foreach_set("use_smooth", [True])
     mesh.update()
 
 

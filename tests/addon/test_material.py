@@ -128,6 +128,7 @@ def test_it_renders_as_its_pictures_say(opened, scene, relief):
     inner = (slice(4, -4), slice(4, -4))
     assert np.corrcoef(shown[inner].ravel(), expected[inner].ravel())[0, 1] > 0.93
     assert shown[inner].mean() == pytest.approx(expected[inner].mean(), rel=0.1)
+    assert shown[inner].std() == pytest.approx(expected[inner].std(), rel=0.15)
 
 
 def test_the_width_of_a_rendered_photo_is_known(scene, tmp_path):
