@@ -95,7 +95,7 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         fine_preview(preview)
         settings.told = (
             f"{told['width_mm']:.4g} x {told['height_mm']:.4g} mm, {result['relief_mm']:.3g} mm deep. "
-            f"Step across the border: {result['seam']:.2f} of those within"
+            f"Seam {result['seam']:.2f}, where 1 is none"
         )
         for note in result.get("notes", []):
             self.report({"INFO"}, note)

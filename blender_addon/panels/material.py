@@ -13,9 +13,6 @@ class MPS_PT_material(Step):
         material = context.scene.mps.material
         column = self.column()
         column.prop(material, "width")
-        crop = column.column(align=True)
-        for side in ("left", "right", "top", "bottom"):
-            crop.prop(material, f"crop_{side}")
         column.prop(material, "model")
         column.prop(material, "size")
         column.prop(material, "overlap")
@@ -31,4 +28,16 @@ class MPS_PT_material(Step):
         self.picture(material.image, scale=12)
 
 
-CLASSES = (MPS_PT_material,)
+class MPS_PT_material_crop(Step):
+    bl_label = "Crop"
+    bl_parent_id = "MPS_PT_material"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        material = context.scene.mps.material
+        column = self.column().column(align=True)
+        for side in ("left", "right", "top", "bottom"):
+            column.prop(material, f"crop_{side}")
+
+
+CLASSES = (MPS_PT_material, MPS_PT_material_crop)

@@ -22,7 +22,7 @@ class MaterialSettings:
         options=GIVEN,
     )
     crop_left: IntProperty(
-        name="Crop Left", description="Pixels to leave out at the photo's left edge", default=0, min=0, options=GIVEN
+        name="Left", description="Pixels to leave out at the photo's left edge", default=0, min=0, options=GIVEN
     )
     crop_right: IntProperty(
         name="Right", description="Pixels to leave out at the photo's right edge", default=0, min=0, options=GIVEN

@@ -123,14 +123,12 @@ def _material(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
         "relief_mm": high - low,
         "seam": material.seam.border[0],
         "text": f"{folder}: {name}, a tile of {size} ({columns} x {rows}), {high - low:.3g} mm deep; "
-        f"{_repeats(material.tiling.alike)}; steps across its border {material.seam.border[0]:.2f} of those within",
+        f"{_repeats(material.tiling.alike)}; seam {material.seam.border[0]:.2f}, where 1 is none",
     }
 
 
 def _repeats(alike: tuple[float | None, float | None]) -> str:
-    told = [
-        f"{share:.0%} alike {way}" for share, way in zip(alike, ("across", "down"), strict=True) if share is not None
-    ]
+    told = [f"{share:.0%} alike {way}" for share, way in zip(alike, ("across", "down"), strict=True) if share]
     return f"it repeats in the photo, {' and '.join(told)}" if told else "nothing in the photo repeats"
 
 
