@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from mpsnet_core import Capture, NormalMap, angular_error, estimate_normals, published_rig, write_image, write_rig
+from mpsnet_core.estimate.shelf import DEFAULT_MODEL
 from mpsnet_core.evaluation.pictures import photo_picture, sheet
 from mpsnet_core.heights.relight import relit
 from mpsnet_core.material.material import Material, flat_material
@@ -46,23 +47,26 @@ def main() -> None:
         normals = estimate_normals(capture, MODEL)
         material = flat_material(capture, normals, PIXEL_MM)
         write_material(folder, name, material)
-        tell(name, swatch, normals, material)
+        tell(name, swatch, capture, normals, material)
         tiles += pictures(name, photo, normals, material)
     write_image(OUTPUT / "material.png", sheet(tiles, columns=6), bits=8, color_space="sRGB")
     print(f"contact sheet: {OUTPUT / 'material.png'}")
 
 
-def tell(name: str, swatch: Swatch, normals: NormalMap, material: Material) -> None:
+def tell(name: str, swatch: Swatch, capture: Capture, normals: NormalMap, material: Material) -> None:
     """How right and how seamless it is, in words."""
     rows, columns = material.height.shape
-    error = float(angular_error(normals.vectors, swatch.normals).mean())
-    spread = float(material.height.std()), float(swatch.height.std())
-    print(f"{name}: tile {material.width_mm:.1f} x {material.height_mm:.1f} mm ({columns} x {rows}), ", end="")
-    print(f"normals wrong by {error:.1f}° (tilt of the photo included), heights' spread {spread[0]:.3f} mm ", end="")
-    print(f"(truth {spread[1]:.3f}), albedo {means(material.albedo)} (truth {means(swatch.albedo)})")
+    network = estimate_normals(capture, DEFAULT_MODEL)
+    errors = [float(angular_error(found.vectors, swatch.normals).mean()) for found in (normals, network)]
+    spread = [float(heights.std()) for heights in (material.height, swatch.height)]
+    print(f"{name}: a tile of {material.width_mm:.1f} x {material.height_mm:.1f} mm ({columns} x {rows})")
+    print(f"  normals wrong by {errors[0]:.1f}°, {DEFAULT_MODEL}'s by {errors[1]:.1f}° (with the photo's tilt)")
+    print(f"  spread of the heights {spread[0]:.3f} mm, truth {spread[1]:.3f} mm")
+    print(f"  mean albedo {means(material.albedo)}, truth {means(swatch.albedo)}")
     plain = measured_seam(normals.vectors[:rows, :columns], np.zeros((rows, columns), bool))
     for what, seam in (("joined", material.seam), ("cut out plainly", plain)):
-        print(f"  step across the border, {what}: {seam.border[0]:.2f} of those within, worst {seam.border[1]:.2f}")
+        mean, worst = seam.border
+        print(f"  step across the border, {what}: {mean:.2f} of those within, 95th percentile {worst:.2f}")
 
 
 def means(albedo: np.ndarray) -> str:

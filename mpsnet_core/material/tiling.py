@@ -14,8 +14,8 @@ REFINED = 512
 LEAST = 0.4
 # A weave may lie turned by this slope at most, and its threads may be out of square by this.
 TURN, SKEW = 0.1, 0.03
-# How alike the photo and itself, a step further, have to be for a weave. What does not repeat comes to 0.1 or 0.2; where it
-# comes to more by chance, it is joined the better for it.
+# How alike the photo and itself, a step further, have to be for a weave. What does not repeat comes to 0.1 or 0.2;
+# where it comes to more by chance, it is joined the better for it.
 ALIKE = 0.25
 # Steps that are nearly as good as the best are as welcome; of very many, as a fine weave has, the longest.
 NEARLY = 0.9
