@@ -123,9 +123,9 @@ def add_place(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--distance", type=float, help="in its place one distance of the object from the camera")
 
 
-def add_network(parser: argparse.ArgumentParser) -> None:
-    """Which model estimates the normals, and how networks run."""
-    parser.add_argument("--model", help="a name of `mpsnet models` or an .onnx file; multiscale unless given")
+def add_network(parser: argparse.ArgumentParser, model: str = "multiscale") -> None:
+    """Which model estimates the normals, and how networks run. model: what is said to be taken unless told."""
+    parser.add_argument("--model", help=f"a name of `mpsnet models` or an .onnx file; {model} unless given")
     parser.add_argument(
         "--provider", default="cpu", choices=("cpu", "cuda", "directml", "coreml"), help="what runs networks"
     )
@@ -133,13 +133,13 @@ def add_network(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--tile", type=int, help="tile side in pixels for networks (default: 448)")
 
 
-def asked_estimator(options: argparse.Namespace) -> "Estimator":
-    """The estimator that options of :func:`add_network` ask for."""
+def asked_estimator(options: argparse.Namespace, model: str | None = None) -> "Estimator":
+    """The estimator that options of :func:`add_network` ask for. model: where they name none; the default model."""
     from mpsnet_core.estimate import Estimator
     from mpsnet_core.estimate.shelf import DEFAULT_MODEL, DEFAULT_TILE
 
     return Estimator(
-        options.model or DEFAULT_MODEL,
+        options.model or model or DEFAULT_MODEL,
         provider=options.provider,
         threads=options.threads,
         tile=DEFAULT_TILE if options.tile is None else options.tile,
