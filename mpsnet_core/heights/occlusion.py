@@ -43,10 +43,11 @@ def ambient_occlusion(
     check_reach(reach)
     lines = _lines(FINENESS)
     raised, farthest = np.where(mask, parallel_heights(heights), -np.inf), _extent(mask)
+    spacing = mean_depth(heights) / camera.focal
     seen, open_sky = np.zeros((2, *mask.shape), np.float32)
     for number, (line, weight) in enumerate(lines):
         progress(number / len(lines), "ambient occlusion")
-        ahead, behind = (_horizon(raised, camera.focal, end, min(reach or farthest, farthest)) for end in (line, -line))
+        ahead, behind = (_horizon(raised, spacing, end, min(reach or farthest, farthest)) for end in (line, -line))
         for rows in bands(len(mask)):
             share, whole = _slice(heights, normals.vectors[rows], line / camera.focal, ahead[rows], behind[rows], rows)
             seen[rows] += weight * share
@@ -80,7 +81,7 @@ def _lines(fineness: int) -> list[tuple[NDArray[np.int64], float]]:
 
 
 def _horizon(
-    raised: NDArray[np.float32], focal: NDArray[np.float64], line: NDArray[np.int64], reach: int
+    raised: NDArray[np.float32], spacing: NDArray[np.float64], line: NDArray[np.int64], reach: int
 ) -> NDArray[np.float32]:
     """(H, W) the highest slope along a line, up to `reach` pixels away; minus infinity where there is nothing.
 
@@ -109,7 +110,7 @@ def _horizon(
         rise /= place[ahead] + np.float32(times)
         np.maximum(slopes[own], rise, out=slopes[own])
         times += stretch
-    slopes /= np.float32(hypot(*(line / focal)))
+    slopes /= np.float32(hypot(*(line * spacing)))
     return slopes
 
 
