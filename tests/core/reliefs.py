@@ -55,10 +55,8 @@ def plane(camera: Camera, slope: tuple[float, float], distance: float) -> Relief
     ones = np.ones((camera.height, camera.width))
     x, y, _ = np.moveaxis(camera.points(ones), -1, 0)
     p, q = slope
-    if camera.projection == "orthographic":
-        z = p * x + q * y - distance
-    else:
-        z = -distance / (1 + p * x + q * y)  # z = p (-z x) + q (-z y) - distance
+    # On the ray (x, y, -1) t: -t = (p x + q y) t - distance.
+    z = p * x + q * y - distance if camera.projection == "orthographic" else -distance / (1 + p * x + q * y)
     normals = np.broadcast_to([-p, -q, 1.0], (*ones.shape, 3))
     return Relief(HeightMap(z, ones > 0, camera), NormalMap(normals, ones > 0))
 
@@ -75,7 +73,7 @@ def bumps(camera: Camera, depth: float = 0.0, size: float = 1.0) -> Relief:
     if camera.projection == "orthographic":
         normals = np.stack([-dx, -dy, ones], axis=-1)
         return Relief(HeightMap(z - depth, ones > 0, camera), NormalMap(normals, ones > 0))
-    # Along each ray, t = depth (1 - z): the cross product of the surface's two tangents (x, y and t are per unit depth).
+    # Along each ray, t = depth (1 - z): the cross product of the surface's tangents over x and y at depth 1.
     t = depth * (1 - z)
     across = np.stack([t - depth * dx * x, -depth * dx * y, depth * dx], axis=-1)
     upwards = np.stack([-depth * dy * x, t - depth * dy * y, depth * dy], axis=-1)
