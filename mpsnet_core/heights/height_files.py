@@ -1,9 +1,8 @@
 """Height maps as files: float heights in the unit itself, or 16 bits from black to white with their scale stated.
 
 Beside ``NAME.png`` stand ``NAME.json``, what its values mean, and ``NAME_mask.png``, where the object is.
-The picture itself has one channel and no alpha: that is what displacement takes, and programs that multiply colours by
-alpha on reading (Blender does) would tear the surface down to black along its outline. The heights go on beyond the
-outline instead.
+The picture itself has one channel and no alpha: that is what displacement takes, and in EXR colours are multiplied by
+alpha, which would tear the surface down to 0 along its outline. Instead the heights go on beyond the outline.
 """
 
 import json
@@ -28,6 +27,8 @@ HEIGHT_VERSION = 1
 HEIGHT_KEYS = ("unit", "lowest", "highest", "black", "white", "pixels_per_unit", "displace", "mask", "camera")
 # Half floats and bytes are too coarse: a surface of 256 steps shows each of them.
 HEIGHT_BITS = (16, 32)
+# Heights in files from outside; float32 holds all below it.
+MOST = 1e38
 
 
 @dataclass(frozen=True)
@@ -159,7 +160,7 @@ def _read_mask_beside(file: Path, name: Any, shape: tuple[int, ...]) -> NDArray[
 
 def _number(data: dict[str, Any], key: str) -> float:
     value = data.get(key)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < np.finfo(np.float32).max:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < MOST:
         raise InputError(f'its "{key}" must be a finite number')
     return float(value)
 

@@ -39,22 +39,28 @@ def relit(
     light = np.asarray(direction, np.float64)
     if light.shape != (3,) or not np.isfinite(light).all() or not light.any():
         raise InputError("a light's direction is three finite numbers that are not all 0")
-    shape = normals.mask.shape
     for what, values in (("ambient occlusion", occlusion), ("albedo", albedo)):
-        if values is not None and values.shape[:2] != shape:
-            raise InputError(
-                f"the {what} is {values.shape[1]} x {values.shape[0]} but the normal map is {shape[1]} x {shape[0]}; "
-                "they must be the same size"
-            )
+        if values is not None:
+            check_shown(normals, what, values)
     light = (light / np.linalg.norm(light)).astype(np.float32)
-    picture = np.empty((*shape, 4), np.float32)
-    for rows in bands(shape[0]):
+    picture = np.empty((*normals.mask.shape, 4), np.float32)
+    for rows in bands(len(picture)):
         shading = (1 - AMBIENT) * np.maximum(normals.vectors[rows] @ light, 0)
         shading += AMBIENT if occlusion is None else AMBIENT * occlusion[rows]
         radiance = shading[..., None] * (np.float32(0.8) if albedo is None else albedo[rows])
         picture[rows, :, :3] = np.where(normals.mask[rows, :, None], linear_to_srgb(radiance), 0)
     picture[..., 3] = normals.mask
     return picture
+
+
+def check_shown(normals: NormalMap, what: str, values: NDArray[np.floating]) -> None:
+    """Raises InputError where `what`, (H, W, ...), is of another size than the normals that it goes with."""
+    shape = normals.mask.shape
+    if values.shape[:2] != shape:
+        raise InputError(
+            f"the {what} is {values.shape[1]} x {values.shape[0]} but the normal map is {shape[1]} x {shape[0]}; "
+            "they must be the same size"
+        )
 
 
 def turntable_tilts(count: int, first: float) -> list[float]:
