@@ -42,16 +42,14 @@ def chosen_sides(wanted: Gradients, depth: NDArray[np.float32]) -> tuple[Links, 
     weights = Links(np.zeros((height, width - 1), np.float32), np.zeros((height - 1, width), np.float32))
     pulls = Links(np.zeros_like(weights.right), np.zeros_like(weights.down))
     for rows in bands(height):
-        lines = (depth[rows].T, wanted.facing[rows].T, wanted.right[rows].T, wanted.mask[rows].T)
-        weight, pull = _along(*lines)
+        weight, pull = _along(depth[rows].T, wanted.facing[rows].T, wanted.right[rows].T, wanted.mask[rows].T)
         weights.right[rows], pulls.right[rows] = weight.T, pull.T
         # A link's two pixels ask what the change is on their other side: a row more, above and below.
-        top, end = max(rows.start - 1, 0), min(rows.stop + 2, height)
-        weight, pull = _along(*(values[top:end] for values in (depth, wanted.facing, wanted.down, wanted.mask)))
-        last = min(rows.stop, height - 1)
-        weights.down[rows.start : last], pulls.down[rows.start : last] = (
-            found[rows.start - top : last - top] for found in (weight, pull)
-        )
+        top = max(rows.start - 1, 0)
+        near = slice(top, rows.stop + 2)
+        weight, pull = _along(depth[near], wanted.facing[near], wanted.down[near], wanted.mask[near])
+        links = slice(rows.start, min(rows.stop, height - 1))
+        weights.down[links], pulls.down[links] = (found[rows.start - top : links.stop - top] for found in (weight, pull))
     return weights, pulls
 
 

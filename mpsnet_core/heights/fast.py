@@ -17,27 +17,27 @@ def fast(wanted: Gradients, progress: Progress = silent) -> NDArray[np.float32]:
     """(H, W) depth, in the unit of :class:`Gradients`, by Poisson's equation: one link's change is what the pixels at
     both its ends ask for, each counting by the square of its `facing`.
 
-    What does not fit together is kept where it is, and is not smeared over the whole: links around loops that do not
-    close count less (the curl; Agrawal, Raskar and Chellappa, "What is the range of surface reconstructions from a
-    gradient field?", 2006, choose their weights by it as well).
+    What does not fit together stays where it is, and is not smeared over the whole: links around loops that do not
+    close count less (the curl, by which Agrawal, Raskar and Chellappa, "What is the range of surface reconstructions
+    from a gradient field?", 2006, choose weights as well).
     """
-    weights, pulls = least_squares(wanted)
+    return solved(*equations(wanted), np.zeros_like(wanted.facing), progress=progress)
+
+
+def equations(wanted: Gradients) -> tuple[Links, Links]:
+    """Each link's weight, and its wanted change times that."""
+    facing = wanted.facing
+    weights = _between(facing * facing, facing * facing, wanted.mask)
+    pulls = _between(facing * wanted.right, facing * wanted.down, wanted.mask)
     trust = _trust(weights, pulls)
     for links in (weights, pulls):
         np.multiply(links.right, trust.right, out=links.right)
         np.multiply(links.down, trust.down, out=links.down)
-    del trust
-    return solved(weights, pulls, np.zeros_like(wanted.facing), progress=progress)
-
-
-def least_squares(wanted: Gradients) -> tuple[Links, Links]:
-    """Each link's weight, and its wanted change times that: half the sum of both its pixels' equations, squared."""
-    facing = wanted.facing
-    weights = _between(facing * facing, facing * facing, wanted.mask)
-    return weights, _between(facing * wanted.right, facing * wanted.down, wanted.mask)
+    return weights, pulls
 
 
 def _between(right: NDArray[np.float32], down: NDArray[np.float32], mask: NDArray[np.bool_]) -> Links:
+    """The mean of both pixels' numbers, for every link between two pixels of the mask."""
     half = np.float32(0.5)
     across = (right[:, 1:] + right[:, :-1]) * half
     along = (down[1:] + down[:-1]) * half
