@@ -56,4 +56,4 @@ def gradients(normals: NormalMap, camera: Camera) -> Gradients:
         found[0, rows][inside] = np.maximum(facing, LEAST_FACING)[inside]
         found[1, rows][inside] = (n_x * np.float32(scale / camera.focal[0]))[inside]
         found[2, rows][inside] = (n_y * np.float32(-scale / camera.focal[1]))[inside]
-    return Gradients(*found, normals.mask)
+    return Gradients(found[0], found[1], found[2], normals.mask)
