@@ -49,7 +49,9 @@ def chosen_sides(wanted: Gradients, depth: NDArray[np.float32]) -> tuple[Links, 
         near = slice(top, rows.stop + 2)
         weight, pull = _along(depth[near], wanted.facing[near], wanted.down[near], wanted.mask[near])
         links = slice(rows.start, min(rows.stop, height - 1))
-        weights.down[links], pulls.down[links] = (found[rows.start - top : links.stop - top] for found in (weight, pull))
+        weights.down[links], pulls.down[links] = (
+            found[rows.start - top : links.stop - top] for found in (weight, pull)
+        )
     return weights, pulls
 
 

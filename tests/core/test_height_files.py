@@ -90,6 +90,21 @@ def test_a_whole_picture_needs_no_mask_and_a_flat_one_no_range(tmp_path: Path) -
     assert read_height(tmp_path / "h.png").values == pytest.approx(2.5)
 
 
+def test_a_picture_that_another_program_wrote_again_is_read(tmp_path: Path) -> None:
+    write_height(tmp_path / "h.png", BALL.heights)
+    write_file(tmp_path / "h.png", 1 - stored(tmp_path / "h.png"), "uint16")
+    turned = BALL.heights.values[BALL.mask].min() + BALL.heights.values[BALL.mask].max() - BALL.heights.values
+    assert read_height(tmp_path / "h.png").values[BALL.mask] == pytest.approx(turned[BALL.mask], abs=1e-4)
+
+
+def test_writing_leaves_the_heights_as_they_are(tmp_path: Path) -> None:
+    whole = plane(orthographic(8, 9), (0.1, 0.2), 3).heights
+    before = whole.values.copy()
+    for name in ("h.png", "h.exr"):
+        write_height(tmp_path / name, whole)
+        assert (whole.values == before).all()
+
+
 def test_a_foreign_json_file_is_kept(tmp_path: Path) -> None:
     write_camera(tmp_path / "h.json", BALL.camera)
     with pytest.raises(InputError, match=r"h\.json, where its scale belongs, is another file; choose another name"):
@@ -136,6 +151,7 @@ def changed(folder: Path, **changes: object) -> None:
         (lambda f: changed(f, white="1"), '"white" must be a finite number'),
         (lambda f: changed(f, white=10**400), '"white" must be a finite number'),
         (lambda f: changed(f, black=None), '"black" must be a finite number'),
+        (lambda f: changed(f, white=2.5), "not those that the picture itself keeps; write both again"),
         (lambda f: changed(f, camera=None), 'lacks "camera"'),
         (lambda f: changed(f, camera=[1]), 'lacks "camera"'),
         (lambda f: changed(f, camera={"projection": "flat"}), 'lacks "width"'),
