@@ -125,7 +125,7 @@ def _asked_surface(options: argparse.Namespace, normals: "NormalMap", progress: 
     from mpsnet_core.heights.height_map import pixel_camera
     from mpsnet_core.heights.integrate import integrate
     from mpsnet_core.heights.occlusion import ambient_occlusion
-    from mpsnet_core.heights.relight import check_shown
+    from mpsnet_core.heights.sizes import check_size
     from mpsnet_core.images import read_image
 
     given = _asked_camera(options, normals)
@@ -134,7 +134,7 @@ def _asked_surface(options: argparse.Namespace, normals: "NormalMap", progress: 
         raise InputError(f"--distance {options.distance:g} is none; the distance must be a number above 0")
     albedo = read_image(options.albedo).pixels if options.relit and options.albedo else None
     if albedo is not None:
-        check_shown(normals, "albedo", albedo)
+        check_size("albedo", albedo.shape, normals)
     heights = occlusion = None
     bent = options.curvature and camera.projection == "perspective"
     if options.height or options.mesh or options.occlusion or bent:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from mpsnet_core.bands import bands
 from mpsnet_core.errors import InputError
 from mpsnet_core.evaluation.pictures import BACKGROUND, sheet
+from mpsnet_core.heights.sizes import check_size
 from mpsnet_core.images import linear_to_srgb
 from mpsnet_core.normals import NormalMap
 from mpsnet_core.rig import direction_from_angles
@@ -41,7 +42,7 @@ def relit(
         raise InputError("a light's direction is three finite numbers that are not all 0")
     for what, values in (("ambient occlusion", occlusion), ("albedo", albedo)):
         if values is not None:
-            check_shown(normals, what, values)
+            check_size(what, values.shape, normals)
     light = (light / np.linalg.norm(light)).astype(np.float32)
     picture = np.empty((*normals.mask.shape, 4), np.float32)
     for rows in bands(len(picture)):
@@ -51,16 +52,6 @@ def relit(
         picture[rows, :, :3] = np.where(normals.mask[rows, :, None], linear_to_srgb(radiance), 0)
     picture[..., 3] = normals.mask
     return picture
-
-
-def check_shown(normals: NormalMap, what: str, values: NDArray[np.floating]) -> None:
-    """Raises InputError where `what`, (H, W, ...), is of another size than the normals that it goes with."""
-    shape = normals.mask.shape
-    if values.shape[:2] != shape:
-        raise InputError(
-            f"the {what} is {values.shape[1]} x {values.shape[0]} but the normal map is {shape[1]} x {shape[0]}; "
-            "they must be the same size"
-        )
 
 
 def turntable_tilts(count: int, first: float) -> list[float]:

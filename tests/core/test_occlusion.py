@@ -101,5 +101,5 @@ def test_what_does_not_fit_is_said() -> None:
     surface = ball(FAR, (0, 0, -4), 1)
     with pytest.raises(InputError, match="over 0 pixels is none"):
         of(surface, reach=0)
-    with pytest.raises(InputError, match="200 x 180 but the heights are 10 x 10"):
+    with pytest.raises(InputError, match="the height map is 10 x 10 but the normal map is 200 x 180"):
         ambient_occlusion(plane(orthographic(10, 10), (0, 0), 1).heights, surface.normals)

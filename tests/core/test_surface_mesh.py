@@ -173,7 +173,7 @@ def test_what_cannot_be_made(tmp_path: Path) -> None:
         ),
         (
             lambda: surface_mesh(surface.heights, NormalMap(np.ones((3, 4, 3)), np.ones((3, 4), bool))),
-            "the normal map is 4 x 3 but the heights are 40 x 40",
+            "the height map is 40 x 40 but the normal map is 4 x 3",
         ),
         (lambda: write_surface_mesh(tmp_path / "m.stl", mesh), ".stl is not a mesh format of ours"),
         (lambda: write_surface_mesh(tmp_path / "m", mesh), "no suffix is not a mesh format of ours"),
