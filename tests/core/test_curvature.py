@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from reliefs import Relief, ball, bumps, orthographic, plane
+from reliefs import Relief, ball, bowl, bumps, orthographic, plane
 
 from mpsnet_core import Camera, InputError, NormalMap
 from mpsnet_core.heights.curvature import curvature, curvature_picture, curvature_range
@@ -33,7 +33,7 @@ def test_a_ball_bends_by_two_over_its_radius_at_every_slant(surface: Relief, rad
 
 def test_a_bowl_bends_the_other_way() -> None:
     for camera in (FAR, NEAR):
-        surface = ball(camera, (0.1, -0.1, -5), 1.5, inside=True)
+        surface = bowl(camera, (0.1, -0.1, -5), 1.5)
         assert np.median(of(surface, radius=4)[surface.mask]) == pytest.approx(-2 / 1.5, rel=2e-3)
 
 
