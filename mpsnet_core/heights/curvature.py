@@ -51,6 +51,7 @@ def curvature(
         sharp[rows] = _divergence(normals, camera, depth if perspective else None, rows)
     if radius == 0:
         return sharp
+    radius = min(radius, max(height, width))
     radii = [radius, *(2**power for power in range(radius.bit_length()) if 2**power < radius)]
     summed = np.zeros((height, width), np.float32)
     for number, reach in enumerate(radii):
