@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from mpsnet_core.camera import write_camera
 from mpsnet_core.errors import InputError
 
-from .operators import RunsCore, idle
+from .made_from import Ingredients, chosen, rounded, stamp
+from .operators import RunsCore, same
 from .outputs import (
     FORMATS,
     frame_pattern,
@@ -27,6 +28,7 @@ from .outputs import (
     remembered,
 )
 from .rig import rig_camera, scene_camera
+from .rigs import all_rigs
 from .settings.bake import BakeSettings
 from .settings.declared import take_given
 
@@ -70,11 +72,18 @@ class MPS_OT_bake(RunsCore, BakesOnto, BakeSettings, bpy.types.Operator):
     bl_options = {"UNDO"}
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
-        if context.scene.mps.estimate.image is None:
-            cls.poll_message_set("Estimate the normals first")
-            return False
-        return idle(cls, context)
+    def lacks(cls, context: Any) -> str:
+        return "" if context.scene.mps.estimate.image else "Estimate the normals first"
+
+    @classmethod
+    def made_from(cls, context: Any) -> Ingredients:
+        settings = context.scene.mps.bake
+        every = all_rigs(context.scene) if settings.all_rigs else [context.scene.mps]
+        stamps = ", ".join(stamp(one.estimate.image) for one in every)
+        ingredients = {"Normals": stamps, **chosen(BakeSettings, settings)}
+        if settings.target is not None:
+            ingredients["Target's place"] = rounded(settings.target.matrix_world, 4)
+        return ingredients
 
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         scene = context.scene
@@ -82,7 +91,7 @@ class MPS_OT_bake(RunsCore, BakesOnto, BakeSettings, bpy.types.Operator):
         normals_image = scene.mps.estimate.image
         normals = image_file(normals_image, "normal map", "estimate the normals first")
         target = self.onto(context)
-        self._scene, self._target = scene.name, target.name
+        self._target_uid = target.session_uid
         self._frames = range(0)
         suffix = f".{FORMATS[self.file_format]}"
         if normals_image.source == "SEQUENCE":
@@ -97,6 +106,8 @@ class MPS_OT_bake(RunsCore, BakesOnto, BakeSettings, bpy.types.Operator):
             arguments = ["bake"]
         mesh, camera = self._write_place(context, folder, target, normals_image)
         arguments += ["--mesh", mesh, "--view", f"{camera}={normals}", "--output", str(self._output)]
+        if self.all_rigs:
+            arguments += self._other_views(scene, folder)
         arguments += ["--size", str(self.size), "--margin", str(self.margin), "--bits", BITS[suffix]]
         arguments += ["--space", self.space.lower(), "--convention", self.convention.lower()]
         return arguments, [self._output / "frames" if self._frames else self._output]
@@ -126,19 +137,39 @@ class MPS_OT_bake(RunsCore, BakesOnto, BakeSettings, bpy.types.Operator):
         camera = "camera.json" if taken_with is not None else "camera_######.json"
         return str(folder / "mesh_######.npz"), str(folder / camera)
 
+    def _other_views(self, scene: Any, folder: Path) -> list[str]:
+        """The normals and cameras of the scene's rigs that are not chosen; those without normals are left out."""
+        if self._frames:
+            raise InputError("sequences are baked for one rig at a time; switch All Rigs off")
+        arguments = []
+        for number, one in enumerate(all_rigs(scene)):
+            image = one.estimate.image
+            if one == scene.mps or image is None:
+                continue
+            if image.source == "SEQUENCE":
+                raise InputError("one of the rigs has a sequence, which is baked on its own; switch All Rigs off")
+            camera, taken_with = folder / f"camera_{number}.json", remembered(image, "camera")
+            if taken_with is not None:
+                camera.write_text(taken_with, encoding="utf-8")
+            elif one.rig.camera is not None:
+                write_camera(camera, scene_camera(one.rig.camera, scene, picture_size(image)))
+            else:
+                raise InputError(f'the camera of the normals "{image.name}" is gone; estimate them again')
+            arguments += ["--view", f"{camera}={image_file(image, 'normal map', 'estimate the normals again')}"]
+        return arguments
+
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        scene, target = bpy.data.scenes.get(self._scene), bpy.data.objects.get(self._target)
-        if scene is None or target is None:
-            raise InputError(f'"{self._target}" is gone or renamed; its texture is in {self._output}')
+        scene, target = self.scene(f"its texture is in {self._output}"), same(bpy.data.objects, self._target_uid)
+        if target is None:
+            raise InputError(f"the target is gone; its texture is in {self._output}")
         if self._frames:
             image = load_frames(Path(result["first_output"]), f"MPS {target.name} Frames")
         else:
             image = load_image(self._output, f"MPS {target.name}", is_data=True)
+        self.made(image)
         scene.mps.bake.image = image
         for sentence in wear_texture(target, image, self._uv_map, self.space, self.convention, self._frames):
             self.report({"INFO"}, sentence)
-        for note in result.get("notes", []):
-            self.report({"INFO"}, note)
         turned = "; DirectX, so the material turns its green round for Blender" if self.convention == "DIRECTX" else ""
         if self._frames:
             self.report(

@@ -11,7 +11,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.files import made_folder, writable_path
 from mpsnet_core.rig import read_rig
 
-from .preferences import preference
+from .preferences import output_folder
 
 FORMATS = {"PNG": "png", "TIFF": "tif", "EXR": "exr"}
 _ENDINGS = {".png", ".tif", ".tiff", ".exr"}
@@ -134,14 +134,6 @@ def remember(image: bpy.types.Image, what: str, text: str | None) -> None:
 def remembered(image: bpy.types.Image, what: str) -> str | None:
     """The text that :func:`remember` kept, or None."""
     return image.get(f"mpsnet_{what}")
-
-
-def output_folder() -> Path:
-    """The preferences' folder, else that of the saved .blend file, else Blender's temporary one."""
-    chosen = preference("output_folder")
-    if chosen:
-        return Path(bpy.path.abspath(chosen))
-    return Path(bpy.data.filepath).parent if bpy.data.filepath else Path(bpy.app.tempdir)
 
 
 def load_image(path: Path, name: str, *, is_data: bool) -> bpy.types.Image:

@@ -16,11 +16,14 @@ from mpsnet_core.world_lights import in_world, write_world_lights
 
 from .bake import BITS, BakesOnto, wear_texture, write_mesh
 from .estimate import model_name, reading
-from .operators import RunsCore, idle
+from .made_from import Ingredients, chosen
+from .operators import RunsCore, same
 from .outputs import image_file, load_image, output_path
 from .preferences import preference
 from .rig import light_rig, rig_camera, scene_camera
+from .settings.bake import BakeSettings
 from .settings.declared import take_given
+from .settings.estimate import EstimateSettings
 from .settings.views import ViewsSettings
 
 # What Blender's importers of OBJ and glTF do to a file whose y axis is up.
@@ -37,8 +40,14 @@ class MPS_OT_bake_views(RunsCore, BakesOnto, ViewsSettings, bpy.types.Operator):
     bl_options = {"UNDO"}
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
-        return idle(cls, context)
+    def made_from(cls, context: Any) -> Ingredients:
+        scene = context.scene.mps
+        shared = ("model", "model_file", "rig_file", "mask", "encoding", "dark", "flat")
+        return {
+            **chosen(ViewsSettings, scene.views, without=("keep", "write_report")),
+            **chosen(EstimateSettings, scene.estimate, only=shared),
+            **chosen(BakeSettings, scene.bake),
+        }
 
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         scene = context.scene
@@ -66,7 +75,7 @@ class MPS_OT_bake_views(RunsCore, BakesOnto, ViewsSettings, bpy.types.Operator):
             outputs.append(output.with_name(f"{output.stem}_report.html"))
             self._report = str(outputs[1])
             arguments += ["--report", self._report]
-        self._scene, self._target, self._output = scene.name, target.name, output
+        self._target_uid, self._output = target.session_uid, output
         return [*arguments, "--output", str(output)], outputs
 
     def _cameras(self, scene: Any, folder: Path) -> list[str]:
@@ -76,7 +85,7 @@ class MPS_OT_bake_views(RunsCore, BakesOnto, ViewsSettings, bpy.types.Operator):
             return ["--cameras", bpy.path.abspath(self.cameras), "--photos", bpy.path.abspath(self.photos)]
         views = []
         for obj in scene.objects:
-            image = _background(obj)
+            image = background(obj)
             if image is None:
                 continue
             photo = image_file(image, f"background image of {obj.name}", "choose another")
@@ -105,22 +114,21 @@ class MPS_OT_bake_views(RunsCore, BakesOnto, ViewsSettings, bpy.types.Operator):
         return str(folder / "rig.json")
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        scene, target = bpy.data.scenes.get(self._scene), bpy.data.objects.get(self._target)
-        if scene is None or target is None:
-            raise InputError(f'"{self._target}" is gone or renamed; its texture is in {self._output}')
+        scene, target = self.scene(f"its texture is in {self._output}"), same(bpy.data.objects, self._target_uid)
+        if target is None:
+            raise InputError(f"the target is gone; its texture is in {self._output}")
         scene.mps.views.report_file = self._report
         image = load_image(self._output, f"MPS {target.name}", is_data=True)
+        self.made(image)
         scene.mps.bake.image = image
         bake = scene.mps.bake
         for sentence in wear_texture(target, image, self._uv_map, bake.space, bake.convention):
             self.report({"INFO"}, sentence)
-        for note in result.get("notes", []):
-            self.report({"INFO"}, note)
         count = len(result["views"])
         self.report({"INFO"}, f"{count} views baked into {self._output}; {result['seen']:.0%} of the surface seen")
 
 
-def _background(obj: Any) -> Any:
+def background(obj: Any) -> Any:
     """The photo behind a camera, None for what has none."""
     if obj.type != "CAMERA":
         return None

@@ -72,7 +72,7 @@ def posed_photos(cameras: str | os.PathLike[str], photos: str | os.PathLike[str]
     cameras = Path(cameras)
     if photos is None:
         if cameras.suffix.lower() != ".json":
-            raise InputError(f"{cameras} does not name its photos; give their folder with --photos")
+            raise InputError(f"{cameras} does not name its photos; give the folder of the photos")
         found = [ViewPhoto(*view) for view in read_views(cameras)]
     else:
         folder = PhotoFolder(photos)

@@ -7,4 +7,6 @@ from . import bake, estimate, material, photo, rig, samples, start, views
 # In the order of the sidebar.
 _STEPS = (start, rig, photo, estimate, bake, views, material, samples)
 
-register, unregister = bpy.utils.register_classes_factory([cls for step in _STEPS for cls in step.CLASSES])
+CLASSES = [cls for step in _STEPS for cls in step.CLASSES]
+
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -7,6 +7,18 @@ from .step import Step
 
 class MPS_PT_bake(Step):
     bl_label = "4  Bake"
+    verbs = ("bake",)
+
+    @classmethod
+    def result(cls, context: Any) -> Any:
+        return context.scene.mps.bake.image
+
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        chosen = context.scene.mps.bake.target or context.view_layer.objects.active
+        if super().lacks(context) or (chosen is not None and chosen.type == "MESH"):
+            return super().lacks(context)
+        return "Choose the target, the mesh object that gets the texture"
 
     def draw(self, context: Any) -> None:
         bake = context.scene.mps.bake
@@ -26,6 +38,8 @@ class MPS_PT_bake(Step):
         normals = context.scene.mps.estimate.image
         if normals is not None and normals.source == "SEQUENCE":
             column.prop(bake, "animated")
+        if context.scene.mps.rigs:
+            column.prop(bake, "all_rigs")
         self.progress_or(context, "bake", "TEXTURE")
         self.layout.template_ID(bake, "image", open="image.open")
         self.picture(bake.image)

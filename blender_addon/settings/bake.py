@@ -49,6 +49,13 @@ class BakeSettings:
         default=False,
         options=GIVEN,
     )
+    all_rigs: BoolProperty(
+        name="All Rigs",
+        description="Bake the normals of all rigs of this scene together, each as its own camera saw them. "
+        "Off: those of the chosen rig alone",
+        default=False,
+        options=GIVEN,
+    )
     margin: IntProperty(
         name="Margin",
         description="Pixels by which the texture is continued beyond the borders of the UV islands",

@@ -186,8 +186,8 @@ def _note_doubts(table: "Sequence[ViewAgreement]") -> None:
     for view in table:
         if max(np.nan_to_num(view.before), view.level) > MOST_APART:
             log.warning(
-                "view %s is %.0f° apart from the others and was levelled by %.0f°: do rig, --lights-in, camera and "
-                "mesh belong together?",
+                "view %s is %.0f° apart from the others and was levelled by %.0f°: do rig, camera and mesh belong "
+                "together, and did the lights go with what was said?",
                 view.name,
                 np.nan_to_num(view.before),
                 view.level,

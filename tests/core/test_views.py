@@ -497,7 +497,7 @@ def test_a_file_of_ours_names_photos_and_cameras(table: Table) -> None:
         write(**change)
         with pytest.raises(InputError, match=said):
             table.named(file)
-    with pytest.raises(InputError, match="does not name its photos; give their folder with --photos"):
+    with pytest.raises(InputError, match="does not name its photos; give the folder of the photos"):
         table.named(table / "cameras")
 
 
