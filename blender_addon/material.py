@@ -12,10 +12,12 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.files import makeable_folder
 
 from .estimate import MPS_OT_estimate, lit_and_seen, model_name, unmasked_reading
+from .made_from import Ingredients, chosen, stamp
 from .operators import RunsCore
 from .outputs import fine_preview, image_file, load_image, output_folder, picture_size, remembered
 from .preferences import preference
 from .settings.declared import take_given
+from .settings.estimate import EstimateSettings
 from .settings.material import MaterialSettings
 
 # What Blender has to know of each picture: whether its colours are numbers.
@@ -33,7 +35,16 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
     bl_label = "Make Flat Material"
     bl_options = {"UNDO"}
 
-    poll = MPS_OT_estimate.poll
+    lacks = MPS_OT_estimate.lacks
+
+    @classmethod
+    def made_from(cls, context: Any) -> Ingredients:
+        scene = context.scene.mps
+        return {
+            "Photo": stamp(scene.photo.image),
+            **chosen(MaterialSettings, scene.material, without=("output",)),
+            **chosen(EstimateSettings, scene.estimate, only=("encoding", "dark", "flat", "rig_file", "lens")),
+        }
 
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         scene = context.scene
@@ -53,7 +64,7 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         if (across, down) != (width, height):
             arguments.append(f"--crop={self.crop_left},{self.crop_top},{across},{down}")
         arguments += ["--bend", str(self.bend), *(["--size", str(self.size)] if self.size else [])]
-        self._scene, self._output = scene.name, output
+        self._output = output
         return [*arguments, *(["--grey"] if self.grey else []), "--output", str(output)], [output / "pictures"]
 
     def _width(self, scene: Any, image: Any, folder: Path) -> float:
@@ -69,9 +80,7 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         return float(width * scene.unit_settings.scale_length)
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        scene = bpy.data.scenes.get(self._scene)
-        if scene is None:
-            raise InputError(f'the scene "{self._scene}" is gone; its material is in {self._output}')
+        scene = self.scene(f"its material is in {self._output}")
         settings = scene.mps.material
         files = {what: Path(file) for what, file in result["files"].items()}
         name = files["material"].stem.removesuffix("_material")
@@ -93,12 +102,11 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         _subdivide(plane, self.relief == "DISPLACEMENT")
         settings.image = preview = load_image(files["preview"], f"{name} preview", is_data=False)
         fine_preview(preview)
+        self.made(preview)
         settings.told = (
             f"{told['width_mm']:.4g} x {told['height_mm']:.4g} mm, {result['relief_mm']:.3g} mm deep. "
             f"Seam {result['seam']:.2f}, where 1 is none"
         )
-        for note in result.get("notes", []):
-            self.report({"INFO"}, note)
         self.report({"INFO"}, f"Material written to {self._output}: {settings.told}")
 
 

@@ -2,12 +2,19 @@
 
 from typing import Any
 
-from .step import Step, wrapped
+from .step import Step
+from .text import wrapped
 
 
 class MPS_PT_material(Step):
     bl_label = "Flat Material"
+    verbs = ("make_material",)
+    optional = True
     bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def result(cls, context: Any) -> Any:
+        return context.scene.mps.material.image
 
     def draw(self, context: Any) -> None:
         material = context.scene.mps.material
@@ -21,10 +28,10 @@ class MPS_PT_material(Step):
         column.prop(material, "relief")
         column.prop(material, "repeats")
         column.prop(material, "output", placeholder="Automatic")
-        wrapped(self.layout.column(align=True), "Photo, rig and lens as in 2 Photo")
+        wrapped(self.layout, "Photo, rig and lens as in 2 Photo")
         self.progress_or(context, "make_material", "MATERIAL")
         if material.told:
-            wrapped(self.layout.column(align=True), material.told)
+            wrapped(self.layout, material.told)
         self.picture(material.image, scale=12)
 
 
