@@ -12,11 +12,12 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.files import makeable_folder
 
 from .estimate import MPS_OT_estimate, lit_and_seen, model_name, unmasked_reading
-from .made_from import Ingredients, chosen, file_stamp, stamp
+from .made_from import Ingredients, chosen, stamp
 from .operators import RunsCore
 from .outputs import fine_preview, image_file, load_image, output_folder, picture_size, remembered
 from .preferences import preference
 from .settings.declared import take_given
+from .settings.estimate import EstimateSettings
 from .settings.material import MaterialSettings
 
 # What Blender has to know of each picture: whether its colours are numbers.
@@ -41,8 +42,11 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
     @classmethod
     def made_from(cls, context: Any) -> Ingredients:
         scene = context.scene.mps
-        shaping = chosen(MaterialSettings, scene.material, without=("output", "relief", "repeats"))
-        return {"Photo": stamp(scene.photo.image), **shaping, "Rig File": file_stamp(scene.estimate.rig_file)}
+        return {
+            "Photo": stamp(scene.photo.image),
+            **chosen(MaterialSettings, scene.material, without=("output",)),
+            **chosen(EstimateSettings, scene.estimate, only=("encoding", "dark", "flat", "rig_file", "lens")),
+        }
 
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         scene = context.scene
@@ -99,8 +103,8 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         wear_pictures(plane.data.materials[0], images, black, white, self.relief)
         _subdivide(plane, self.relief == "DISPLACEMENT")
         settings.image = preview = load_image(files["preview"], f"{name} preview", is_data=False)
-        self.made(preview)
         fine_preview(preview)
+        self.made(preview)
         settings.told = (
             f"{told['width_mm']:.4g} x {told['height_mm']:.4g} mm, {result['relief_mm']:.3g} mm deep. "
             f"Seam {result['seam']:.2f}, where 1 is none"

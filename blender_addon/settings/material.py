@@ -50,7 +50,7 @@ class MaterialSettings:
     )
     overlap: FloatProperty(
         name="Overlap",
-        description="Share of the tile over which its borders are joined. More hides the seam better and leaves a "
+        description="Fraction of the tile over which its borders are joined. More hides the seam better and leaves a "
         "smaller tile",
         default=0.2,
         min=0.05,
@@ -108,4 +108,4 @@ class MPS_PG_material(MaterialSettings, bpy.types.PropertyGroup):
 
     plane: PointerProperty(name="Plane", description="The plane that shows the material", type=bpy.types.Object)
     image: PointerProperty(name="Preview", description="The material, repeated", type=bpy.types.Image)
-    told: StringProperty()
+    told: StringProperty(name="Made", description="Size, depth and seam of the material that was made")
