@@ -1,6 +1,5 @@
 """DiLiGenT's true normals, integrated and derived again, where the data are at hand."""
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +12,9 @@ from mpsnet_core.heights.integrate import integrate
 from mpsnet_core.images import read_mask
 from mpsnet_core.normals import NormalMap
 
-ROOT = Path(os.environ.get("MPSNET_TEST_DATA", "")) / "diligent"
-
 
 def derived(points: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Normals (H, W, 3) by differences between the neighbours on either side, or the one that there is; where (H, W)."""
+    """Normals (H, W, 3) by differences between the neighbours on either side, or the only one; where there are any."""
     tangents, known = [], mask.copy()
     for axis in (0, 1):
         ahead, there = np.roll(points, -1, axis), mask & np.roll(mask, -1, axis)
@@ -29,11 +26,10 @@ def derived(points: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 @pytest.mark.parametrize("lens", [False, True], ids=["orthographic", "perspective"])
 @pytest.mark.parametrize("name", ["ball", "cat"])
-def test_true_normals_come_back(name: str, lens: bool) -> None:
+def test_true_normals_come_back(diligent: Path, name: str, lens: bool) -> None:
     """The data set's camera is known to have a focal length of about 3770 pixels; the difference is small."""
-    folder = object_folder(ROOT, name)
-    if folder is None:
-        pytest.skip("MPSNET_TEST_DATA does not lead to DiLiGenT")
+    folder = object_folder(diligent, name)
+    assert folder is not None
     normals = NormalMap(read_truth(folder), read_mask(folder / "mask.png"))
     height, width = normals.mask.shape
     camera = Camera("perspective", width, height, [3772.0, 3759.0]) if lens else None
