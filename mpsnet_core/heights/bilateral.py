@@ -16,10 +16,10 @@ SHARPNESS = np.float32(2)
 LEAST = np.float32(1e-5)
 # The longest side of a picture that is begun without a smaller one.
 SMALL = 256
-# Passes on the full picture, and on each smaller one; iterations of the solver in each.
-PASSES, SMALLER_PASSES, ITERATIONS = 8, 15, 6
-# The share of the work that is done before the passes on the full picture.
-STARTED = 0.4
+# Passes, on the picture and on each smaller one; iterations of the solver in each.
+PASSES, ITERATIONS = 12, 6
+# The share of a picture's work that is done before its own passes.
+STARTED = 0.25
 
 
 def bilateral(wanted: Gradients, progress: Progress = silent) -> NDArray[np.float32]:
@@ -33,18 +33,14 @@ def bilateral(wanted: Gradients, progress: Progress = silent) -> NDArray[np.floa
     what :func:`fast` gives, which knows where loops do not close, and each turn makes a few multigrid iterations from
     where the one before ended.
     """
-    return _found(wanted, PASSES, progress)
-
-
-def _found(wanted: Gradients, passes: int, progress: Progress) -> NDArray[np.float32]:
     before = part(progress, 0.0, STARTED, "finding depth's edges")
     if max(wanted.mask.shape) <= SMALL:
         depth = fast(wanted, before)
     else:
         smaller = _halved(wanted)
-        depth = _doubled(_found(smaller, SMALLER_PASSES, before), smaller, wanted.mask)
-    for number in range(passes):
-        done, all_done = (STARTED + (1 - STARTED) * count / passes for count in (number, number + 1))
+        depth = _doubled(bilateral(smaller, before), smaller, wanted.mask)
+    for number in range(PASSES):
+        done, all_done = (STARTED + (1 - STARTED) * count / PASSES for count in (number, number + 1))
         told = part(progress, done, all_done, "finding depth's edges")
         weights, pulls = chosen_sides(wanted, depth)
         depth = solved(weights, pulls, depth, most=ITERATIONS, progress=told)

@@ -1,6 +1,6 @@
 """How long integration takes, beside a sparse direct solver on the same equations, and how wrong the heights are.
 
-    python tests/benchmarks/integration.py [--size 1024] [--rounds 3] [--large]
+    PYTHONPATH=tests/core python tests/benchmarks/integration.py [--size 1024] [--rounds 3] [--large]
 
 Shapes whose heights are known, and the same with noise: one smooth, and two spheres, of which one stands before the
 other on one side and grows out of it on the other. Times are of the clock and of the processor, which tells more where
@@ -16,6 +16,7 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
+from height_shapes import square_camera, two_spheres
 
 from mpsnet_core.bands import bands
 from mpsnet_core.heights.bilateral import PASSES, chosen_sides
@@ -56,20 +57,6 @@ def noisy(normals: NormalMap, degrees: float) -> NormalMap:
     """Every pixel's normal turned at random, by so many degrees (rms)."""
     noise = np.random.default_rng(0).normal(0, np.radians(degrees) / np.sqrt(2), normals.vectors.shape)
     return NormalMap(normals.vectors + noise, normals.mask)
-
-
-def two_spheres(size: int) -> tuple[NormalMap, np.ndarray]:
-    """Two spheres, of which one comes out of the other and stands before it, and their heights in pixels."""
-    x, y = places(size)
-    highest, vectors = np.full(x.shape, -np.inf), np.zeros((*x.shape, 3))
-    for centre, radius in (((-0.25, -0.1, 0.0), 0.6), ((0.3, 0.15, 0.45), 0.5)):
-        away = radius**2 - (x - centre[0]) ** 2 - (y - centre[1]) ** 2
-        height = np.where(away > 0, centre[2] + np.sqrt(np.maximum(away, 0)), -np.inf)
-        above = height > highest
-        highest[above] = height[above]
-        vectors[above] = np.stack([x - centre[0], y - centre[1], height - centre[2]], axis=-1)[above]
-    mask = np.isfinite(highest)
-    return NormalMap(vectors, mask), np.where(mask, highest, 0) * size / 2
 
 
 def places(size: int) -> tuple[np.ndarray, np.ndarray]:
@@ -113,11 +100,11 @@ def error(heights: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> str:
 
 
 def small(size: int, rounds: int) -> None:
-    smooth, spheres = bumpy(size), two_spheres(size)
+    smooth, spheres = bumpy(size), two_spheres(square_camera(size))
     compare("one smooth surface", *smooth, rounds)
     compare("the same with 5° of noise", noisy(smooth[0], 5), smooth[1], rounds)
-    compare("two spheres", *spheres, rounds)
-    compare("the same with 5° of noise", noisy(spheres[0], 5), spheres[1], rounds)
+    compare("two spheres", spheres.normals, spheres.heights * size / 2, rounds)
+    compare("the same with 5° of noise", noisy(spheres.normals, 5), spheres.heights * size / 2, rounds)
 
 
 def compare(name: str, normals: NormalMap, truth: np.ndarray, rounds: int) -> None:

@@ -87,3 +87,29 @@ def off(values: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> np.ndarray:
     """(N,) how far heights inside the mask are from the truth, but for the constant that brings them closest."""
     away = (values - truth)[mask]
     return np.abs(away - np.median(away))
+
+
+def torus(size: int, degrees: float, wide: float = 0.68, thick: float = 0.28) -> Surface:
+    """A ring leaned back by so many degrees, so that what is near hides some of what is far; by rays and Newton steps.
+
+    The ring's middle line has radius `wide` and is in the plane of x and y before it leans; `thick` is its own radius.
+    """
+    camera = square_camera(size)
+    x, y = places(camera)
+    angle = np.radians(degrees)
+    turn = np.array([[1, 0, 0], [0, np.cos(angle), -np.sin(angle)], [0, np.sin(angle), np.cos(angle)]])
+    way = -turn[2]
+
+    def beyond(place: np.ndarray) -> np.ndarray:
+        """How far places (..., 3), in the ring's own frame, are outside it."""
+        return np.hypot(np.hypot(place[..., 0], place[..., 1]) - wide, place[..., 2]) - thick
+
+    place = np.stack([x, y, np.full_like(x, 1.5)], axis=-1) @ turn
+    for _ in range(400):  # steps that cannot pass through it
+        place = place + np.where(np.abs(beyond(place)) < 4, beyond(place), 0)[..., None] * way
+    met = np.abs(beyond(place)) < 1e-6
+    radius = np.hypot(place[..., 0], place[..., 1])[..., None]
+    out = place - np.concatenate([place[..., :2] / radius * wide, np.zeros_like(radius)], axis=-1)
+    vectors = out @ turn.T
+    seen = met & (vectors[..., 2] > 0)
+    return Surface(NormalMap(vectors, seen), np.where(seen, (place @ turn.T)[..., 2], 0), camera)
