@@ -28,6 +28,7 @@ VERBS = (
     "estimate",
     "bake",
     "bake_views",
+    "make_material",
     "render_samples",
 )
 EXIT_BAD_INPUT = 2
@@ -112,6 +113,7 @@ def _written(verb: str) -> str:
         "bake": scene.bake.image,
         "try_it": scene.bake.image,
         "bake_views": scene.bake.image,
+        "make_material": scene.material.image,
     }
     image = images.get(verb)
     return f": {bpy.path.abspath(image.filepath)}" if image else ""

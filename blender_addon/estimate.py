@@ -71,17 +71,11 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
             output = output_frames(self.output, result_name(scene, "normals"))
         else:
             output = output_path(self.output, result_name(scene, "normals"), self.file_format)
-        rig = Path(bpy.path.abspath(self.rig_file)) if self.rig_file else folder / "rig.json"
-        if not self.rig_file:
-            taken_with = remembered(image, "rig")
-            if taken_with is None:
-                write_rig(rig, light_rig(scene))
-            else:
-                rig.write_text(taken_with, encoding="utf-8")
-        arguments = ["estimate", str(photo), "--rig", str(rig), "--output", str(output)]
+        if self.surface:
+            scene.mps.estimate.surface = named_object(scene, self.surface)
+        arguments = ["estimate", str(photo), "--output", str(output), *lit_and_seen(context, image, folder)]
         arguments += [*reading(self), "--model", model_name(self)]
         arguments += ["--provider", preference("provider").lower(), "--threads", str(preference("threads"))]
-        arguments += self._place(context, image, read_rig(rig), folder)
         if self._moves:
             arguments += ["--smooth", str(self.smooth), "--format", FORMATS[self.file_format]]
         outputs = [output / "frames" if self._moves else output]
@@ -90,33 +84,6 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
             arguments += ["--confidence", str(outputs[1])]
         self._output, self._camera = output, remembered(image, "camera")
         return arguments, outputs
-
-    def _place(self, context: Any, image: Any, rig: LightRig, folder: Path) -> list[str]:
-        """The camera that took the photo, and for near lights how far the object is from it."""
-        scene = context.scene
-        distance = ["--distance", f"{self.distance:g}"] if self.distance and rig.near is not None else []
-        if self.lens:
-            return ["--focal", f"{self.lens:g}", *distance]
-        camera, taken_with = folder / "camera.json", remembered(image, "camera")
-        if taken_with is not None:
-            camera.write_text(taken_with, encoding="utf-8")
-        elif scene.mps.rig.lights:
-            write_camera(camera, scene_camera(rig_camera(scene), scene, picture_size(image)))
-        elif rig.near is not None:
-            raise InputError(
-                "the rig's lights stand near the object, so the photo's camera counts; tell its lens, or add a rig, "
-                "whose camera is taken"
-            )
-        else:
-            return []
-        if self.surface:
-            scene.mps.estimate.surface = named_object(scene, self.surface)
-        surface = scene.mps.estimate.surface
-        if rig.near is None or distance or surface is None:
-            return ["--camera", str(camera), *distance]
-        context.view_layer.update()
-        write_mesh(folder / "surface.npz", surface, context.evaluated_depsgraph_get(), None)
-        return ["--camera", str(camera), "--mesh", str(folder / "surface.npz")]
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         scene = self.scene(f"its normals are in {self._output}")
@@ -168,6 +135,46 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
         )
 
 
+def lit_and_seen(context: Any, image: Any, folder: Path) -> list[str]:
+    """The core's options for the rig and the camera that the photo was taken with, by the scene's settings."""
+    scene = context.scene
+    settings = scene.mps.estimate
+    rig = Path(bpy.path.abspath(settings.rig_file)) if settings.rig_file else folder / "rig.json"
+    if not settings.rig_file:
+        taken_with = remembered(image, "rig")
+        if taken_with is None:
+            write_rig(rig, light_rig(scene))
+        else:
+            rig.write_text(taken_with, encoding="utf-8")
+    return ["--rig", str(rig), *_place(context, image, read_rig(rig), folder)]
+
+
+def _place(context: Any, image: Any, rig: LightRig, folder: Path) -> list[str]:
+    """The camera that took the photo, and for near lights how far the object is from it."""
+    scene = context.scene
+    settings = scene.mps.estimate
+    distance = ["--distance", f"{settings.distance:g}"] if settings.distance and rig.near is not None else []
+    if settings.lens:
+        return ["--focal", f"{settings.lens:g}", *distance]
+    camera, taken_with = folder / "camera.json", remembered(image, "camera")
+    if taken_with is not None:
+        camera.write_text(taken_with, encoding="utf-8")
+    elif scene.mps.rig.lights:
+        write_camera(camera, scene_camera(rig_camera(scene), scene, picture_size(image)))
+    elif rig.near is not None:
+        raise InputError(
+            "the rig's lights stand near the object, so the photo's camera counts; tell its lens, or add a rig, "
+            "whose camera is taken"
+        )
+    else:
+        return []
+    if rig.near is None or distance or settings.surface is None:
+        return ["--camera", str(camera), *distance]
+    context.view_layer.update()
+    write_mesh(folder / "surface.npz", settings.surface, context.evaluated_depsgraph_get(), None)
+    return ["--camera", str(camera), "--mesh", str(folder / "surface.npz")]
+
+
 def model_name(settings: Any) -> str:
     """The model as the core knows it. Raises InputError where it is a file and none is named."""
     if settings.model != "FILE":
@@ -184,12 +191,17 @@ def reading(settings: Any, unmasked: str = "") -> list[str]:
 
     Raises InputError where a file is asked for and none is named.
     """
+    mask = _mask(settings) or unmasked
+    return [*unmasked_reading(settings), *(["--mask", mask] if mask else [])]
+
+
+def unmasked_reading(settings: Any) -> list[str]:
+    """The same but for the mask."""
     arguments = ["--encoding", settings.encoding.lower()]
     for frame in ("dark", "flat"):
         if getattr(settings, frame):
             arguments += [f"--{frame}", bpy.path.abspath(getattr(settings, frame))]
-    mask = _mask(settings) or unmasked
-    return [*arguments, *(["--mask", mask] if mask else [])]
+    return arguments
 
 
 def _mask(settings: Any) -> str:

@@ -151,10 +151,7 @@ class RunsCore(SaysWhy):
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        if context.window_manager.mps.running:
-            cls.poll_message_set("Wait for the running work, or cancel it")
-            return False
-        return super().poll(context)
+        return idle(cls, context) and super().poll(context)
 
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         """Write what the core reads into `folder`; give its arguments and the files it will write."""

@@ -10,6 +10,7 @@ from typing import Any
 import bpy
 from bpy.props import IntProperty
 
+from .operators import idle
 from .rig import remove_rig
 from .settings.estimate import EstimateSettings
 from .settings.photo import PhotoSettings
@@ -26,10 +27,7 @@ class _OnRigs(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        if context.window_manager.mps.running:
-            cls.poll_message_set("Wait for the running work, or cancel it")
-            return False
-        return True
+        return idle(cls, context)
 
 
 class MPS_OT_new_rig(_OnRigs):

@@ -6,6 +6,7 @@ from bpy.props import BoolProperty, CollectionProperty, FloatProperty, IntProper
 from .bake import MPS_PG_bake
 from .calibrate import MPS_PG_calibrate
 from .estimate import MPS_PG_estimate
+from .material import MPS_PG_material
 from .photo import MPS_PG_photo
 from .record import MPS_PG_record
 from .relight import MPS_PG_relight
@@ -24,6 +25,7 @@ class MPS_PG_scene(bpy.types.PropertyGroup):
     estimate: PointerProperty(type=MPS_PG_estimate)
     bake: PointerProperty(type=MPS_PG_bake)
     views: PointerProperty(type=MPS_PG_views)
+    material: PointerProperty(type=MPS_PG_material)
     samples: PointerProperty(type=MPS_PG_samples)
     rigs: CollectionProperty(name="Rigs", description="The scene's rigs, where it has several", type=MPS_PG_one_of_rigs)
     chosen_rig: IntProperty(
@@ -55,6 +57,7 @@ CLASSES = (
     MPS_PG_estimate,
     MPS_PG_bake,
     MPS_PG_views,
+    MPS_PG_material,
     MPS_PG_samples,
     MPS_PG_record,
     MPS_PG_one_of_rigs,
