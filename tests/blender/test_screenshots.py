@@ -106,8 +106,8 @@ class Ellipsis:
     @classmethod
     def photographed(cls, window: Window, scale: int) -> "Ellipsis":
         """As labels of a panel of our own end with it, at all the places between two pixels that it can have."""
-        window.ask("alone")
         window.ask("run", PROBE)
+        window.ask("alone")  # not before it: without any panel the sidebar loses its tab
         window.input("mousemove", 20, 980, "sleep", "1")
         left, top, width, height = window.state["sidebar"]
         screen = window.screenshot(window.file.with_name("probe.png")).mean(axis=-1)[top : top + height]
@@ -124,6 +124,7 @@ class Ellipsis:
             bottom = max(np.flatnonzero(np.ptp(grey[start : end + 1, columns[-1] - 2 : columns[-1] + 1], axis=1) > 0.1))
             last = start + bottom + 2
             templates.append(grey[last - 9 * scale : last, columns[-1] + 2 - 10 * scale : columns[-1] + 2])
+        window.ask("alone", *STEPS["rig"])
         window.ask("run", "bpy.utils.unregister_class(bpy.types.MPS_PT_probe)")
         return cls(np.stack(templates))
 
@@ -156,10 +157,12 @@ def test_text_that_is_cut_off_is_seen(unfolded, look):
     ellipsis = Ellipsis.photographed(unfolded, 2 if look == "2x" else 1)
     for probe, expected in ((PROBE.replace("long = 0", "long = 1"), True), (PROBE.replace("…", ""), False)):
         unfolded.ask("run", probe)
+        unfolded.ask("alone")
         unfolded.input("mousemove", 20, 980, "sleep", "1")
         left, top, width, height = unfolded.state["sidebar"]
         screen = unfolded.screenshot(unfolded.file.with_name("cut.png")).mean(axis=-1)
         assert bool(ellipsis.found(screen[top : top + height, left : left + width])) == expected
+        unfolded.ask("alone", *STEPS["rig"])
         unfolded.ask("run", "bpy.utils.unregister_class(bpy.types.MPS_PT_probe)")
 
 
