@@ -44,6 +44,7 @@ _MODULES = (
     relight,
     try_it,
     panels,
+    menu,
     commands,
 )
 
