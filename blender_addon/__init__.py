@@ -15,6 +15,7 @@ from . import (
     commands,
     estimate,
     material,
+    menu,
     operators,
     panels,
     preferences,

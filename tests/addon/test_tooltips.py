@@ -20,6 +20,7 @@ UNITS = (
     "times",
     "number",
     "where 1 is",
+    "1 as it is",
     "seed",
 )
 # What makes no sense without the panel around it.
