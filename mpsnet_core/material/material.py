@@ -95,18 +95,16 @@ def flat_material(
     if normals.mask.shape != capture.mask.shape:
         sizes = [f"{mask.shape[1]} x {mask.shape[0]}" for mask in (normals.mask, capture.mask)]
         raise InputError(f"the normals are {sizes[0]} but the photo is {sizes[1]}; they must be the same size")
-    progress(0.0, "laying the material flat")
-    slopes, tilt = flattened(normals.vectors, bend)
-    progress(0.15, "estimating the albedo")
-    albedo = evened(estimated_albedo(capture, normals_of(slopes), grey=grey), bend)
-    features = np.concatenate([slopes, np.log(albedo)], axis=-1)
+    features, tilt = _laid_flat(capture, normals, bend, grey, progress)
     progress(0.3, "looking for what repeats")
     tiling = find_tiling(_compared(features), overlap)
     tile = _tile_size(tiling, size)
     joined = max(8, round(overlap * tile[0])), max(8, round(overlap * tile[1]))
     progress(0.5, "joining the borders")
     patch = sampled(features, tiling, tile, joined)
+    del features  # of a large photo, as large as all that is still to come
     pictures, cut = wrapped(patch, joined)
+    del patch
     pictures = without_slow_waves(pictures, bend)
     slopes = pictures[..., :2] - pictures[..., :2].mean(axis=(0, 1))
     width_mm, height_mm = (float(np.linalg.norm(step)) * pixel_mm for step in (tiling.right, tiling.down))
@@ -167,6 +165,17 @@ def filled_part(capture: Capture, crop: tuple[int, int, int, int] | None = None)
         depth=None if capture.depth is None else capture.depth[part],
         clipped=None if capture.clipped is None else capture.clipped[part],
     )
+
+
+def _laid_flat(
+    capture: Capture, normals: NormalMap, bend: int, grey: bool, progress: Progress
+) -> tuple[NDArray[np.float32], float]:
+    """(H, W, 5) slopes along columns and rows and the albedo's logarithm, and the tilt that was taken out."""
+    progress(0.0, "laying the material flat")
+    slopes, tilt = flattened(normals.vectors, bend)
+    progress(0.15, "estimating the albedo")
+    albedo = evened(estimated_albedo(capture, normals_of(slopes), grey=grey), bend)
+    return np.concatenate([slopes, np.log(albedo)], axis=-1), tilt
 
 
 def _compared(features: NDArray[np.float32]) -> NDArray[np.float32]:
