@@ -15,6 +15,7 @@ from . import (
     commands,
     estimate,
     material,
+    menu,
     operators,
     panels,
     preferences,
@@ -44,6 +45,7 @@ _MODULES = (
     relight,
     try_it,
     panels,
+    menu,
     commands,
 )
 

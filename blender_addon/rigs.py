@@ -46,6 +46,7 @@ class MPS_OT_choose_rig(_OnRigs):
 
     bl_idname = "mps.choose_rig"
     bl_label = "Choose Rig"
+    bl_options = {"REGISTER", "UNDO", "INTERNAL"}
 
     index: IntProperty(
         name="Number",

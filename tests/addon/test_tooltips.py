@@ -2,6 +2,8 @@
 
 import bpy
 
+from blender_addon.menu import verbs
+
 # What a number can be of, in the words of its name or its tooltip.
 UNITS = (
     "(°)",
@@ -18,10 +20,11 @@ UNITS = (
     "times",
     "number",
     "where 1 is",
+    "1 as it is",
     "seed",
 )
 # What makes no sense without the panel around it.
-PANEL_ONLY = {"mps.cancel", "mps.dismiss"}
+PANEL_ONLY = {"mps.cancel", "mps.dismiss", "mps.choose_rig"}
 
 
 def operators():
@@ -63,6 +66,7 @@ def test_every_operator_has_a_label_and_a_tooltip_and_is_found_by_search():
         assert not rna.description.endswith("."), name
         cls = getattr(bpy.types, operator.idname())
         assert ("INTERNAL" in cls.bl_options) == (name in PANEL_ONLY), name
+        assert (name.removeprefix("mps.") in verbs()) == (name not in PANEL_ONLY), name
 
 
 def test_every_panel_has_a_label_and_names_operators_that_are_there():
