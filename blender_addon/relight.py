@@ -19,7 +19,7 @@ _SHADING = {
     "type": "MATERIAL",
     "use_scene_lights": True,
     "use_scene_world": False,
-    "studiolight_intensity": 0.15,
+    "studiolight_intensity": 0.08,
     "studiolight_background_alpha": 0.0,
 }
 

@@ -1,19 +1,22 @@
 """Try It: the four steps on a scene of its own, with no file needed."""
 
+import math
 from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import IntProperty
-from mathutils import Quaternion, Vector
+from bpy.props import IntProperty, StringProperty
+from mathutils import Euler, Vector
 
 from mpsnet_core.errors import Cancelled
+from mpsnet_core.files import made_folder
 
 from .demo import make_demo
 from .operators import TICK_SECONDS, SaysWhy, idle
+from .settings.declared import PATH
 
-# Seen from a little above and from the right, as far away as shows all of the object.
-_LOOK = Quaternion((0.79, 0.56, 0.15, 0.22)).normalized()
+# From the front, a little to the right and above, as far away as shows all of the object.
+_LOOK = Euler((math.radians(80), 0, math.radians(20))).to_quaternion()
 _AWAY = 5.5
 
 
@@ -37,6 +40,12 @@ class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
         default=1024,
         min=16,
         max=8192,
+    )
+    output: StringProperty(
+        name="Folder",
+        description="Folder for the demo's photo, normal map and texture. Empty: only the .blend file keeps them",
+        subtype="DIR_PATH",
+        options=PATH,
     )
 
     @classmethod
@@ -132,8 +141,9 @@ class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
         return context.scene
 
     def _file(self, name: str) -> str:
-        """In Blender's temporary folder; images from there are packed into the .blend file."""
-        return str(Path(bpy.app.tempdir) / f"{bpy.path.clean_name(self._scene)}_{name}")
+        """Images from Blender's temporary folder are packed into the .blend file."""
+        folder = made_folder(bpy.path.abspath(self.output), "files") if self.output else Path(bpy.app.tempdir)
+        return str(folder / f"{bpy.path.clean_name(self._scene)}_{name}")
 
     def _forget_files(self, context: Any) -> None:
         """What is done next in the demo's scene goes where it goes in any scene."""

@@ -1,8 +1,8 @@
 """From one photo to a baked normal texture, from start to end, with no file needed.
 
-Builds a detailed monkey and its low-poly copy with UVs, puts three coloured lights and a camera around it, renders
-the one photo, estimates the normals, bakes them onto the low-poly's UVs, relights the result and compares it with
-the truth. Leaves a contact sheet in examples/output/quickstart.png.
+Presses "Try It": a detailed monkey and its low-poly copy with UVs, three coloured lights and a camera, the one photo,
+its normals, and their bake onto the low-poly's UVs. Then relights the result and compares it with the truth. Leaves a
+contact sheet in examples/output/quickstart.png.
 
     python examples/quickstart.py                      (with bpy from PyPI)
     blender -b --python examples/quickstart.py         (with the extension installed)
@@ -42,32 +42,25 @@ def main() -> None:
             raise SystemExit("this Blender has no MPS-Net extension; install it first, see README") from None
         blender_addon.register()
 
-    step("building a detailed monkey and its low-poly copy")
-    detailed, low = build_monkeys()
-    low.hide_render = True
+    step("a detailed monkey, its one photo, the normals by the default network, and its low-poly copy wearing them")
+    bpy.ops.mps.try_it(pixels=PIXELS, samples=32, size=1024, output=str(OUTPUT))
+    scene = bpy.context.scene
+    detailed, low = (scene.objects[f"MPS Demo {name}"] for name in ("Detailed", "Low Poly"))
+    photo, normals, texture = (file_of(step.image) for step in (scene.mps.photo, scene.mps.estimate, scene.mps.bake))
 
-    step("adding the rig and rendering the one photo")
-    select(detailed)
-    bpy.ops.mps.add_rig(slant=30.0, light_type="SUN", projection="ORTHOGRAPHIC")
-    photo = OUTPUT / "photo.exr"
-    bpy.ops.mps.render_photo(width=PIXELS, height=PIXELS, samples=32, output=str(photo))
-    truth = render_truth(OUTPUT / "truth.exr")
-
-    step("estimating the normals, by equation 2 alone and by the default network")
-    baseline, normals = OUTPUT / "baseline.png", OUTPUT / "normals.png"
+    step("the true normals, and those by equation 2 alone")
+    baseline = OUTPUT / "baseline.png"
     bpy.ops.mps.estimate(model="LAMBERTIAN", output=str(baseline))
-    bpy.ops.mps.estimate(model="MULTISCALE", output=str(normals))
-
-    step("baking them onto the low-poly's UVs")
-    texture = OUTPUT / "texture.png"
+    detailed.hide_render, low.hide_render = False, True
+    truth = render_truth(OUTPUT / "truth.exr")
     low.hide_render = False
-    select(low)
-    plain = relit(low, OUTPUT / "relit_plain.png")
-    bpy.ops.mps.bake(size=1024, output=str(texture))
 
     step("relighting")
     textured = relit(low, OUTPUT / "relit_textured.png")
     original = relit(detailed, OUTPUT / "relit_original.png")
+    tree = low.material_slots[0].material.node_tree
+    tree.nodes.remove(tree.nodes["MPS Normal"])
+    plain = relit(low, OUTPUT / "relit_plain.png")
 
     estimate = read_normals(normals)
     error = angular_error(estimate.vectors, truth.vectors)
@@ -139,50 +132,8 @@ def step(what: str) -> None:
     print(f"-- {what}", flush=True)
 
 
-def build_monkeys() -> tuple[bpy.types.Object, bpy.types.Object]:
-    """A monkey with scales, and its smooth low-poly copy; both share Blender's own UV layout."""
-    low = add_monkey("Low", levels=1)
-    detailed = add_monkey("Detailed", levels=5)
-    displace(detailed, "VORONOI", 0.05, noise_scale=0.16, weight_1=-1.0, weight_2=1.0)
-    displace(detailed, "CLOUDS", 0.008, noise_scale=0.05)
-    material = bpy.data.materials.new("Matt")
-    if not material.node_tree:
-        material.use_nodes = True
-    shader = material.node_tree.nodes["Principled BSDF"]
-    shader.inputs["Base Color"].default_value = (0.8, 0.8, 0.8, 1)
-    shader.inputs["Roughness"].default_value = 1.0
-    shader.inputs["Specular IOR Level"].default_value = 0.0
-    for monkey in (low, detailed):
-        monkey.data.materials.clear()
-        monkey.data.materials.append(material if monkey is detailed else material.copy())
-    return detailed, low
-
-
-def add_monkey(name: str, levels: int) -> bpy.types.Object:
-    bpy.ops.mesh.primitive_monkey_add(size=2, rotation=(0, 0, 0))
-    monkey = bpy.context.object
-    monkey.name = name
-    subdivision = monkey.modifiers.new("Subdivision", "SUBSURF")
-    subdivision.levels = subdivision.render_levels = levels
-    bpy.ops.object.modifier_apply(modifier=subdivision.name)
-    bpy.ops.object.shade_smooth()
-    return monkey
-
-
-def displace(target: bpy.types.Object, pattern: str, strength: float, **settings: float) -> None:
-    texture = bpy.data.textures.new(pattern, pattern)
-    for name, value in settings.items():
-        setattr(texture, name, value)
-    modifier = target.modifiers.new(pattern, "DISPLACE")
-    modifier.texture, modifier.strength, modifier.mid_level = texture, strength, 0.5
-    select(target)
-    bpy.ops.object.modifier_apply(modifier=modifier.name)
-
-
-def select(target: bpy.types.Object) -> None:
-    bpy.ops.object.select_all(action="DESELECT")
-    target.select_set(True)
-    bpy.context.view_layer.objects.active = target
+def file_of(image: bpy.types.Image) -> Path:
+    return Path(bpy.path.abspath(image.filepath))
 
 
 if __name__ == "__main__":
