@@ -1,0 +1,176 @@
+"""The verb integrate: a normal map to heights, meshes, curvature, ambient occlusion and relit pictures."""
+
+import argparse
+import logging
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mpsnet_core.cli.arguments import Help, Verbs
+from mpsnet_core.cli.height_products import PRODUCTS, Surface
+from mpsnet_core.cli.reporter import Reporter
+from mpsnet_core.errors import InputError
+from mpsnet_core.progress import Progress, part
+
+log = logging.getLogger(__name__)
+
+if TYPE_CHECKING:
+    from mpsnet_core.camera import Camera
+    from mpsnet_core.normals import NormalMap
+
+
+def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
+    parser = verbs.add_parser(
+        "integrate", parents=[common], formatter_class=Help, help="normal map to heights, a mesh, curvature and more"
+    )
+    parser.add_argument("normals", help="normal map in camera space, as `mpsnet estimate` writes it")
+    parser.add_argument("--convention", default="opengl", help="of the normal map: opengl (green up) or directx")
+    place = parser.add_argument_group("what the photo was taken with")
+    place.add_argument("--camera", help="camera file")
+    place.add_argument("--focal", type=float, metavar="MM", help="in its place the lens, in mm on a 36 mm sensor")
+    place.add_argument(
+        "--pixel-size", type=float, metavar="S", help="in its place the size of a pixel, seen from afar; 1 unless given"
+    )
+    place.add_argument(
+        "--distance",
+        type=float,
+        help="mean distance from the camera: of a perspective one it tells the scale (1 unless given), "
+        "of an orthographic one where the mesh stands",
+    )
+    place.add_argument("--unit", help="what the unit of all these is called: mm, m, ...")
+    parser.add_argument(
+        "--method",
+        default="fast",
+        help="fast: one smooth surface; bilateral: breaks where one thing stands before another",
+    )
+    _add_outputs(parser.add_argument_group("what to make, at least one of them"))
+    parser.set_defaults(verb=_integrate)
+
+
+def _add_outputs(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--height",
+        metavar="FILE",
+        help=".exr, float heights; or .png or .tif, 16 bits from black to white. FILE.json says what they mean",
+    )
+    group.add_argument("--height-bits", type=int, metavar="BITS", help="32 for float heights in .tif")
+    group.add_argument("--mesh", metavar="FILE", help=".ply, .glb or .obj, with the photo's UVs")
+    group.add_argument(
+        "--faces", type=int, default=200_000, help="of the mesh, at most so many, small ones where it bends"
+    )
+    group.add_argument(
+        "--open", type=float, metavar="ANGLE", help="leave out faces this steep or more to the line of sight, as 85"
+    )
+    group.add_argument(
+        "--up",
+        choices=("y", "z"),
+        help="what points up in the camera's world, for .glb and .obj; z with --camera, y without, unless given",
+    )
+    group.add_argument(
+        "--curvature", metavar="FILE", help="edges bright and creases dark; .exr: sum of both curvatures, 1 / unit"
+    )
+    group.add_argument("--curvature-radius", type=int, default=8, metavar="PIXELS", help="the broadest shapes it shows")
+    group.add_argument("--curvature-range", type=float, metavar="C", help="the curvature, per unit, that is white")
+    group.add_argument("--occlusion", metavar="FILE", help="ambient occlusion: white where all light comes in")
+    group.add_argument(
+        "--occlusion-reach", type=int, metavar="PIXELS", help="how far it looks; everywhere unless given"
+    )
+    group.add_argument("--relit", metavar="FILE", help="picture under a white light; shaded by --occlusion where made")
+    group.add_argument("--light", default="45,135", metavar="SLANT,TILT", help="where that light is, in degrees")
+    group.add_argument("--albedo", metavar="PHOTO", help="the surface's colour in it; light grey unless given")
+    group.add_argument(
+        "--turntable",
+        type=int,
+        metavar="N",
+        help="the light goes around in N steps: one picture of all, or frames where FILE has ####",
+    )
+
+
+def _integrate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
+    from mpsnet_core.frames import check_apart, is_several
+    from mpsnet_core.heights.integrate import METHODS
+    from mpsnet_core.normals import check_convention, read_normals
+
+    check_convention(options.convention)
+    if options.method not in METHODS:
+        raise InputError(f"method {options.method!r} is not known; choose {' or '.join(METHODS)}")
+    asked = {name: product for name, product in PRODUCTS.items() if getattr(options, name)}
+    if not asked:
+        wanted = ", ".join(f"--{name}" for name in PRODUCTS)
+        raise InputError(f"nothing is asked for; give at least one of {wanted} with a file")
+    if is_several(options.normals):
+        raise InputError(f"{options.normals} means several normal maps; integrate them one by one")
+    taken = [file for file in (options.normals, options.camera, options.albedo) if file]
+    for product in asked.values():
+        files = product.files(options)
+        check_apart(taken, files)
+        taken += files
+    reporter.progress(0.0, f"reading {Path(options.normals).name}")
+    normals = read_normals(options.normals, convention=options.convention)
+    surface = _asked_surface(options, normals, part(reporter.progress, 0.05, 0.75))
+    result: dict[str, Any] = {"outputs": [], "unit": surface.unit}
+    lines = []
+    for number, (name, product) in enumerate(asked.items()):
+        output = Path(getattr(options, name))
+        first, last = (0.75 + 0.25 * (number + end) / len(asked) for end in (0, 1))
+        made = product.make(options, surface, part(reporter.progress, first, last))
+        result["outputs"] += map(str, made.files)
+        result[name] = made.facts
+        lines.append(f"{output}: {made.words}")
+    reporter.progress(1.0, "done")
+    return {**result, "text": "\n".join(lines)}
+
+
+def _asked_surface(options: argparse.Namespace, normals: "NormalMap", progress: Progress) -> Surface:
+    """What the outputs that are asked for are made of, and no more."""
+    from mpsnet_core.heights.height_map import pixel_camera
+    from mpsnet_core.heights.integrate import integrate
+    from mpsnet_core.heights.occlusion import ambient_occlusion
+
+    given = _asked_camera(options, normals)
+    camera = given or pixel_camera(*normals.mask.shape)
+    if camera.projection == "perspective" and options.distance is None:
+        log.info("--distance is not given: the mean distance from the camera counts as 1")
+    heights = occlusion = None
+    bent = options.curvature and camera.projection == "perspective"
+    if options.height or options.mesh or options.occlusion or bent:
+        to_occlusion = 0.5 if options.occlusion else 1.0
+        heights = integrate(
+            normals,
+            camera,
+            method=options.method,
+            distance=options.distance if camera.projection == "perspective" else None,
+            progress=part(progress, 0.0, to_occlusion),
+        )
+        if options.occlusion:
+            occlusion = ambient_occlusion(
+                heights, normals, reach=options.occlusion_reach, progress=part(progress, to_occlusion, 1.0)
+            )
+    return Surface(normals, camera, options.unit or ("unit" if given else "pixel"), heights, occlusion)
+
+
+def _asked_camera(options: argparse.Namespace, normals: "NormalMap") -> "Camera | None":
+    """The camera that the options tell, None where they tell none."""
+    import numpy as np
+
+    from mpsnet_core.camera import Camera, camera_of_lens, read_camera
+
+    given = [name for name in ("camera", "focal", "pixel_size") if getattr(options, name) is not None]
+    if len(given) > 1:
+        names = " and ".join("--" + name.replace("_", "-") for name in given)
+        raise InputError(f"{names} tell the same; give one of them")
+    height, width = normals.mask.shape
+    if options.camera:
+        camera = read_camera(options.camera)
+        if (camera.height, camera.width) != (height, width):
+            raise InputError(
+                f"camera {options.camera} is {camera.width} x {camera.height} but {options.normals} is "
+                f"{width} x {height}; give the camera that the photo was taken with"
+            )
+        return camera
+    if options.focal is not None:
+        return camera_of_lens(options.focal, width, height)
+    if options.pixel_size is not None:
+        if not (np.isfinite(options.pixel_size) and options.pixel_size > 0):
+            raise InputError(f"--pixel-size {options.pixel_size:g} is no size; give a number above 0")
+        return Camera("orthographic", width, height, np.full(2, 1 / options.pixel_size))
+    return None

@@ -1,0 +1,145 @@
+"""Triangles for a relief over pixels: few where it is flat, many where it bends, and no cracks between them.
+
+Right-triangulated irregular networks: Evans, Kirkpatrick and Townsend, Right-Triangulated Irregular Networks,
+Algorithmica 30 (2001). A triangle is split at the middle of its longest side, always together with its neighbour
+there. How wrong it is not to split there is known for each middle beforehand, and is at least as much as for anything
+finer within: so the triangles of any tolerance fit together.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.progress import Progress, silent
+
+# The largest triangles are halves of squares of so many pixels.
+LARGEST = 256
+# An outline that is a pixel off counts as much as a surface that is so many pixels off.
+OUTLINE_WEIGHT = 0.5
+# The number of triangles is met to this share, or as far as so many tolerances come.
+NEAR_ENOUGH, ROUNDS = 0.97, 20
+
+
+def adaptive_triangles(
+    values: NDArray[np.float32], mask: NDArray[np.bool_], pixel: float, most: int, progress: Progress = silent
+) -> NDArray[np.int32]:
+    """(T, 3) pixel numbers (row * W + column) of at most `most` triangles that span a relief of `values` (H, W).
+
+    Their corners lie in the mask, (H, W) bool, and run counter-clockwise as the picture is seen. There are none where
+    `most` is too few for the largest triangles, or the mask too small for one. pixel: the size of a pixel, in the unit
+    of the values.
+    """
+    height, width = mask.shape
+    side = 1 << (min(LARGEST, max(height, width) - 1).bit_length() - 1) if mask.size > 1 else 1
+    padding = [(0, -(length - 1) % side) for length in (height, width)]
+    mask = np.pad(mask, padding)
+    progress(0.0, "triangles")
+    errors = _errors(np.pad(values, padding), mask, pixel, side)
+    progress(0.4, "triangles")
+    ordered = np.sort(errors[errors > 0])[::-1]
+    # With n middles to be split there are about 2 n triangles, less those outside the mask.
+    best = np.empty((0, 3), np.int64)
+    enough, too_many, tried = -1, len(ordered) + 1, min(most // 2, len(ordered))
+    for turn in range(ROUNDS):
+        progress(0.4 + 0.6 * turn / ROUNDS, "triangles")
+        tolerance = float(ordered[tried]) if tried < len(ordered) else 0.0
+        found = _leaves(errors, mask, tolerance, side)
+        if len(found) <= most:
+            enough, best = tried, found
+        else:
+            too_many = tried
+        if too_many - enough <= 1 or len(best) >= NEAR_ENOUGH * most:
+            break
+        unbounded = too_many > len(ordered)
+        tried = min(tried + max(1, most - len(found)), len(ordered)) if unbounded else (enough + too_many) // 2
+    rows, columns = np.divmod(best, mask.shape[1])
+    return (rows * width + columns).astype(np.int32)
+
+
+def _errors(values: NDArray[np.float32], mask: NDArray[np.bool_], pixel: float, side: int) -> NDArray[np.float32]:
+    """(H, W) how wrong it is, in the unit of the values, not to split the longest side that has its middle there."""
+    errors = np.zeros(mask.shape, np.float32)
+    step = 1
+    while step < side:
+        outline = np.float32(OUTLINE_WEIGHT * pixel * step)
+        for turned in (np.transpose, np.asarray):
+            _along_rows(turned(errors), turned(values), turned(mask), outline, step)
+        _across_squares(errors, values, mask, outline, step)
+        step *= 2
+    return errors
+
+
+def _along_rows(
+    errors: NDArray[np.float32], values: NDArray[np.float32], mask: NDArray[np.bool_], outline: np.float32, step: int
+) -> None:
+    """Fill in the errors of the middles of sides along rows, from `step` pixels before to `step` behind."""
+    rows, middle = slice(0, None, 2 * step), slice(step, None, 2 * step)
+    threes = (middle, slice(0, -step, 2 * step), slice(2 * step, None, 2 * step))
+    own = _off([values[rows, place] for place in threes], [mask[rows, place] for place in threes], outline)
+    if step > 1:
+        # Finer within: the middles of the four squares of `step` pixels around this one.
+        squares = errors[step // 2 :: step, step // 2 :: step]
+        beside = np.pad(np.maximum(squares[:, ::2], squares[:, 1::2]), ((1, 1), (0, 0)))
+        own = np.maximum(own, np.maximum(beside[::2], beside[1::2]))
+    errors[rows, middle] = own
+
+
+def _across_squares(
+    errors: NDArray[np.float32], values: NDArray[np.float32], mask: NDArray[np.bool_], outline: np.float32, step: int
+) -> None:
+    """Fill in the errors of the middles of diagonals, of squares of 2 `step` pixels; the diagonals take turns."""
+    first, middle, last = slice(0, -step, 2 * step), slice(step, None, 2 * step), slice(2 * step, None, 2 * step)
+    falling = np.indices(errors[middle, middle].shape).sum(axis=0) % 2 == 0
+
+    def threes(field: NDArray[Any]) -> list[NDArray[Any]]:
+        one = np.where(falling, field[first, first], field[first, last])
+        other = np.where(falling, field[last, last], field[last, first])
+        return [field[middle, middle], one, other]
+
+    own = _off(threes(values), threes(mask), outline)
+    level, upright = errors[:: 2 * step, middle], errors[middle, :: 2 * step]
+    for sides in (level[:-1], level[1:], upright[:, :-1], upright[:, 1:]):
+        own = np.maximum(own, sides)
+    errors[middle, middle] = own
+
+
+def _off(values: list[NDArray[Any]], inside: list[NDArray[Any]], outline: np.float32) -> NDArray[np.float32]:
+    """How far middles are off the line between their ends; `outline` where the mask's edge runs between the three.
+
+    values, inside: of the middles, of one end and of the other.
+    """
+    middle, one, other = values
+    off = np.abs(middle - (one + other) / 2)
+    count = sum(part.astype(np.int8) for part in inside)
+    return np.where(count == 3, off, np.where(count == 0, np.float32(0), outline))
+
+
+def _leaves(errors: NDArray[np.float32], mask: NDArray[np.bool_], tolerance: float, side: int) -> NDArray[np.int64]:
+    """(T, 3) corners, as numbers of pixels, of the triangles that need not be split and lie in the mask."""
+    height, width = mask.shape
+    rows, columns = np.mgrid[0 : height - 1 : side, 0 : width - 1 : side].reshape(2, -1)
+    top_left = rows * width + columns
+    top_right, bottom_left, bottom_right = top_left + side, top_left + side * width, top_left + side * (width + 1)
+    falling = (rows + columns) // side % 2 == 0
+    halves = [
+        np.where(
+            falling, np.stack([bottom_right, top_left, bottom_left]), np.stack([bottom_left, top_right, top_left])
+        ),
+        np.where(
+            falling, np.stack([top_left, bottom_right, top_right]), np.stack([top_right, bottom_left, bottom_right])
+        ),
+    ]
+    # The longest side from one to the other, and the corner that faces it.
+    one, other, corner = np.concatenate(halves, axis=1)
+    flat, inside = errors.ravel(), mask.ravel()
+    leaves = []
+    for _ in range(2 * (side.bit_length() - 1)):
+        middle = (one + other) // 2
+        split = flat[middle] > tolerance
+        leaves.append(np.stack([one, other, corner])[:, ~split])
+        one, other, corner, middle = one[split], other[split], corner[split], middle[split]
+        one, other, corner = np.concatenate([[corner, one, middle], [other, corner, middle]], axis=1)
+    triangles = np.concatenate([*leaves, np.stack([one, other, corner])], axis=1)
+    kept: NDArray[np.int64] = triangles[:, inside[triangles].all(axis=0)].T
+    return kept

@@ -1,0 +1,170 @@
+"""Height maps as files: float heights in the unit itself, or 16 bits from black to white with their scale stated.
+
+Beside ``NAME.png`` stand ``NAME.json``, what its values mean, and ``NAME_mask.png``, where the object is.
+The picture itself has one channel and no alpha: that is what displacement takes, and programs that multiply colours by
+alpha on reading (Blender does) would tear the surface down to black along its outline. The heights go on beyond the
+outline instead.
+"""
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.bands import bands
+from mpsnet_core.camera import camera_data, camera_from_data
+from mpsnet_core.errors import InputError
+from mpsnet_core.files import existing_file, read_json, writable_path, write_json
+from mpsnet_core.heights.beyond import carried_on
+from mpsnet_core.heights.height_map import HeightMap
+from mpsnet_core.images import checked_bits, read_channel, read_mask, write_image
+
+HEIGHT_FORMAT = "mpsnet-height"
+HEIGHT_VERSION = 1
+HEIGHT_KEYS = ("unit", "lowest", "highest", "black", "white", "pixels_per_unit", "displace", "mask", "camera")
+# Half floats and bytes are too coarse: a surface of 256 steps shows each of them.
+HEIGHT_BITS = (16, 32)
+
+
+@dataclass(frozen=True)
+class HeightScale:
+    """What the values of a height file mean: ``height = black + value * (white - black)``.
+
+    black, white: the height that value 0 and value 1 stand for. In float files these are 0 and 1: the value is the
+    height. zero: the height that stays where it is when a surface is displaced. unit: in words, as "mm".
+    """
+
+    black: float
+    white: float
+    zero: float
+    unit: str
+
+    @property
+    def strength(self) -> float:
+        """The strength of Blender's Displace modifier with which the texture moves by true heights."""
+        return self.white - self.black
+
+    @property
+    def midlevel(self) -> float:
+        """The modifier's midlevel, which is the value that stays where it is."""
+        return (self.zero - self.black) / self.strength
+
+    def __str__(self) -> str:
+        if (self.black, self.white) == (0, 1):
+            return f"its values are heights in {self.unit}"
+        return f"black is {self.black:.6g} {self.unit}, white {self.white:.6g} {self.unit}"
+
+
+def height_files(path: str | os.PathLike[str], bits: int | None = None) -> list[Path]:
+    """The files that :func:`write_height` writes for `path`: the heights, their scale, their mask.
+
+    Raises InputError where they cannot be written there, or the scale's place holds a JSON file of another kind.
+    """
+    path = writable_path(path)
+    bits = checked_bits(path, bits)
+    if bits not in HEIGHT_BITS or (path.suffix.lower() == ".exr" and bits == 16):
+        raise InputError(f"cannot write {path}: heights in {bits} bits show steps; take 16 bits in PNG or TIFF, or 32")
+    scale = path.with_suffix(".json")
+    if scale.exists():
+        try:
+            read_json(scale, HEIGHT_FORMAT, HEIGHT_VERSION, HEIGHT_KEYS)
+        except InputError:
+            raise InputError(
+                f"cannot write {path}: {scale}, where its scale belongs, is another file; choose another name"
+            ) from None
+    return [path, scale, path.with_name(f"{path.stem}_mask.png")]
+
+
+def write_height(
+    path: str | os.PathLike[str], heights: HeightMap, *, bits: int | None = None, unit: str = "unit"
+) -> HeightScale:
+    """Write heights, their scale as ``NAME.json`` and their mask as ``NAME_mask.png``; each whole or not at all.
+
+    path: .exr, or .tif with `bits` 32: float32 heights in the unit itself. .png or .tif: 16 bits from black, the lowest
+    height, to white, the highest. The file itself keeps the scale too, as its description. Without a suitable camera
+    the unit is a pixel. unit: what it is called, for people.
+
+    Returns what the values mean. Raises InputError as :func:`height_files` does.
+    """
+    path, scale_file, mask_file = height_files(path, bits)
+    bits = checked_bits(path, bits)
+    inside = heights.values[heights.mask]
+    lowest, highest = float(inside.min()), float(inside.max())
+    # Where heights are known up to a constant 0 is as good a place as any; those along a perspective camera's axis
+    # are all far below it.
+    zero = 0.0 if heights.camera.projection == "orthographic" else float(inside.mean(dtype=np.float64))
+    flat = lowest == highest
+    scale = (
+        HeightScale(0, 1, zero, unit)
+        if bits == 32
+        else HeightScale(lowest, lowest + 1 if flat else highest, zero, unit)
+    )
+    data = {
+        "unit": unit,
+        "lowest": lowest,
+        "highest": highest,
+        "black": scale.black,
+        "white": scale.white,
+        "pixels_per_unit": _pixels_per_unit(heights, zero),
+        "displace": {"strength": scale.strength, "midlevel": scale.midlevel},
+        "mask": None if heights.mask.all() else mask_file.name,
+        "camera": camera_data(heights.camera),
+    }
+    values = carried_on(heights.values, heights.mask)
+    if bits != 32:
+        for rows in bands(len(values)):
+            values[rows] = (values[rows].astype(np.float64) - scale.black) / scale.strength
+    whole = {"format": HEIGHT_FORMAT, "version": HEIGHT_VERSION, **data}
+    if data["mask"] is not None:
+        write_image(mask_file, heights.mask, bits=8)
+    write_json(scale_file, whole)
+    write_image(path, values, bits=bits, description=json.dumps(whole))
+    return scale
+
+
+def read_height(path: str | os.PathLike[str]) -> HeightMap:
+    """Read heights that :func:`write_height` wrote, with the scale, mask and camera that stand beside them.
+
+    Of 16 bits they are right to half a step, ``(white - black) / 131070``.
+
+    Raises InputError where a file is missing or broken, or their sizes do not agree.
+    """
+    path = existing_file(path, "height map")
+    scale_file = path.with_suffix(".json")
+    data = read_json(scale_file, HEIGHT_FORMAT, HEIGHT_VERSION, HEIGHT_KEYS)
+    values = read_channel(path)
+    try:
+        black, white = _number(data, "black"), _number(data, "white")
+        if not isinstance(data.get("camera"), dict):
+            raise InputError('it lacks "camera"; add it')
+        camera = camera_from_data(data["camera"])
+        mask = _read_mask_beside(scale_file, data.get("mask"), values.shape)
+        return HeightMap((black + values.astype(np.float64) * (white - black)).astype(np.float32), mask, camera)
+    except InputError as error:
+        raise InputError(f"height map {path} with {scale_file.name}: {error}") from None
+
+
+def _read_mask_beside(file: Path, name: Any, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    if name is None:
+        return np.ones(shape, bool)
+    # The name comes from outside, and must not lead anywhere else.
+    if not isinstance(name, str) or not name or Path(name).name != name:
+        raise InputError('its "mask" must be the name of a file beside it')
+    return read_mask(file.with_name(name))
+
+
+def _number(data: dict[str, Any], key: str) -> float:
+    value = data.get(key)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < np.finfo(np.float32).max:
+        raise InputError(f'its "{key}" must be a finite number')
+    return float(value)
+
+
+def _pixels_per_unit(heights: HeightMap, zero: float) -> float:
+    """Of an orthographic camera; of a perspective one at the mean height."""
+    focal = float(heights.camera.focal.mean())
+    return focal if heights.camera.projection == "orthographic" else focal / -zero

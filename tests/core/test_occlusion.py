@@ -1,0 +1,105 @@
+"""Ambient occlusion: bowls and grooves whose open share is known in closed form, and rays against the mesh."""
+
+import numpy as np
+import pytest
+from reliefs import Relief, ball, bumps, grid_triangles, orthographic, plane
+
+from mpsnet_core import Camera, InputError
+from mpsnet_core.heights.height_map import HeightMap
+from mpsnet_core.heights.occlusion import ambient_occlusion
+from mpsnet_core.normals import NormalMap
+from mpsnet_core.rays import RayScene
+
+NEAR = Camera("perspective", 200, 180, (240.0, 260.0), (90.0, 100.0))
+FAR = orthographic(180, 200, 60)
+CAMERAS = pytest.mark.parametrize("camera", [FAR, NEAR], ids=["from afar", "from near"])
+
+
+def of(relief: Relief, reach: int | None = None) -> np.ndarray:
+    return ambient_occlusion(relief.heights, relief.normals, reach=reach)
+
+
+@CAMERAS
+def test_nothing_hides_the_sky_from_planes_and_balls(camera: Camera) -> None:
+    assert of(plane(camera, (0.8, -0.5), 4)).min() > 0.9999
+    surface = ball(camera, (0.1, -0.2, -5), 1.2)
+    found = of(surface)
+    assert found[surface.mask].min() > 0.998
+    assert (found[~surface.mask] == 1).all()
+
+
+@CAMERAS
+def test_in_a_bowl_all_points_see_the_same_share_of_the_sky(camera: Camera) -> None:
+    """From inside a sphere every patch of it is seen under the same share: its area by that of the sphere. The bowl is
+    a cap to 60° from its axis, a quarter of the sphere."""
+    surface = ball(camera, (0.1, -0.1, -4), 1.3, inside=True)
+    found = of(surface)[surface.mask]
+    assert found.mean() == pytest.approx(0.75, abs=0.01)
+    assert np.abs(found - 0.75).max() < 0.03
+
+
+def test_a_groove_of_a_right_angle() -> None:
+    """On its walls at t from the bottom, of w, the open share is (1 + t / sqrt(t² + w²)) / 2 where it is long."""
+    wide, long = 81, 1601
+    x = np.broadcast_to(np.arange(wide) - wide // 2, (long, wide)).astype(float)
+    mask = np.ones(x.shape, bool)
+    normals = NormalMap(np.stack([-np.sign(x), 0 * x, 1 + 0 * x], axis=-1), mask)
+    found = ambient_occlusion(HeightMap(np.abs(x), mask, orthographic(long, wide)), normals)[long // 2]
+    t = np.abs(x[0])
+    expected = (1 + t / np.hypot(t, wide // 2)) / 2
+    assert np.abs(found - expected)[t > 0].max() < 0.02
+
+
+@CAMERAS
+def test_rays_against_the_mesh_say_the_same(camera: Camera) -> None:
+    surface = bumps(camera, depth=4, size=2)
+    points = surface.heights.points().reshape(-1, 3)
+    scene = RayScene(points, grid_triangles(*surface.mask.shape))
+    rng = np.random.default_rng(5)
+    rows, columns = rng.integers(20, 160, 300), rng.integers(20, 180, 300)
+    chosen = rows * camera.width + columns
+    normals = surface.normals.vectors[rows, columns].astype(float)
+    share = np.zeros(len(chosen))
+    rounds = 1000
+    for _ in range(rounds):
+        # A point on a unit sphere around the normal's tip: directions by their cosine.
+        sphere = rng.normal(size=normals.shape)
+        direction = normals + sphere / np.linalg.norm(sphere, axis=1, keepdims=True)
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        share += ~scene.occluded(points[chosen] + 2e-3 * normals, direction)
+    found, expected = of(surface)[rows, columns], share / rounds
+    assert expected.min() < 0.75 and expected.max() > 0.95
+    assert np.abs(found - expected).mean() < 0.015
+    assert np.abs(found - expected).max() < 0.06
+
+
+def test_a_short_reach_sees_only_what_is_near() -> None:
+    surface = ball(FAR, (0, 0, -4), 1.3, inside=True)
+    near, far = of(surface, reach=3), of(surface)
+    assert near[surface.mask].mean() > far[surface.mask].mean() + 0.1
+    assert of(surface, reach=10_000) == pytest.approx(far)
+
+
+def test_what_is_beside_the_mask_hides_nothing() -> None:
+    """A wall that is not part of the object."""
+    x = np.broadcast_to(np.arange(40.0), (40, 40))
+    wall = np.where(x < 20, 0, 30.0)
+    up = NormalMap(np.tile([0.0, 0, 1], (40, 40, 1)), np.ones((40, 40), bool))
+    camera = orthographic(40, 40)
+    assert ambient_occlusion(HeightMap(wall, up.mask, camera), up)[20, 18] < 0.6
+    assert ambient_occlusion(HeightMap(wall, x < 20, camera), up)[20, 18] == 1
+
+
+def test_one_pixel_is_open() -> None:
+    mask = np.zeros((5, 5), bool)
+    mask[2, 3] = True
+    up = NormalMap(np.tile([0.0, 0, 1], (5, 5, 1)), mask)
+    assert (ambient_occlusion(HeightMap(np.ones((5, 5)), mask, orthographic(5, 5)), up) == 1).all()
+
+
+def test_what_does_not_fit_is_said() -> None:
+    surface = ball(FAR, (0, 0, -4), 1)
+    with pytest.raises(InputError, match="over 0 pixels is none"):
+        of(surface, reach=0)
+    with pytest.raises(InputError, match="200 x 180 but the heights are 10 x 10"):
+        ambient_occlusion(plane(orthographic(10, 10), (0, 0), 1).heights, surface.normals)
