@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from mpsnet_core.connected import connected
 from mpsnet_core.progress import Progress, silent
 
+# What a step across a seam weighs, where one between neighbours in the texture weighs 1: seams crack, slopes do not.
+TOGETHER = 4.0
 # Fewer unknowns than this are solved at once.
 DIRECT = 400
 # Damping of Jacobi's method that smooths best what a 2 x 2 coarser level cannot hold (2D Laplacian).
@@ -88,7 +90,7 @@ def graph_of(islands: NDArray[np.int32], ties: NDArray[np.int32], hold: Vector) 
         one, other = number[here][same], number[there][same]
         neighbours[axis, one], neighbours[axis + 2, other] = other, one
     weights = (neighbours != own).astype(np.float32)
-    return Graph(cells, islands[covered], neighbours, weights, ties, np.ones(len(ties), np.float32), hold)
+    return Graph(cells, islands[covered], neighbours, weights, ties, np.full(len(ties), TOGETHER, np.float32), hold)
 
 
 class Solver:

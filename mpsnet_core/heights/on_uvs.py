@@ -5,9 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.camera import Camera
 from mpsnet_core.connected import connected
 from mpsnet_core.errors import InputError
 from mpsnet_core.heights.chords import chords
+from mpsnet_core.heights.height_map import HeightMap
 from mpsnet_core.heights.joined import Graph, Solver, graph_of
 from mpsnet_core.heights.layout import layout_of
 from mpsnet_core.progress import Progress, part, silent
@@ -29,13 +31,20 @@ class Displacement:
     """How far the surface stands out from a mesh, along the mesh's smooth normals, on its UVs.
 
     values: (S, S) float32 in world units, row 0 at v = 1; grown beyond the islands, 0 where nothing reaches.
-    covered: (S, S) bool, texels on the surface.
+    covered: (S, S) bool, texels on the surface. texel: how long one is in the world, on the mean.
     seam_step: how much the heights on the two sides of the seams differ, root mean square, in world units.
     """
 
     values: NDArray[np.float32]
     covered: NDArray[np.bool_]
+    texel: float
     seam_step: float
+
+    def as_height_map(self) -> HeightMap:
+        """The whole texture as a height map, for :func:`mpsnet_core.heights.height_files.write_height`."""
+        size = len(self.values)
+        camera = Camera("orthographic", size, size, np.full(2, 1 / self.texel))
+        return HeightMap(self.values, np.ones(self.values.shape, bool), camera)
 
 
 def displacement(
@@ -87,8 +96,8 @@ def displacement(
 
     solver = Solver(graph)
     heights = np.zeros(len(areas), np.float32)
-    for step in range(PASSES):
-        told = part(progress, 0.25 + 0.3 * step, 0.55 + 0.3 * step, "integrating")
+    for number in range(PASSES):
+        told = part(progress, 0.25 + 0.3 * number, 0.55 + 0.3 * number, "integrating")
         right, below = asked.changes(graph, heights)
         across = _slope(graph, right, below, graph.ties, offsets)
         known = across[:, 0] - across[:, 1]
@@ -99,7 +108,8 @@ def displacement(
     progress(0.9, "growing the margin")
     values = _with_margin(graph, heights, covered, margin)
     progress(1.0, "displaced")
-    return Displacement(values, covered, float(np.sqrt(np.mean(apart**2))) if len(apart) else 0.0)
+    seam_step = float(np.sqrt(np.mean(apart**2))) if len(apart) else 0.0
+    return Displacement(values, covered, float(np.sqrt(areas.mean())), seam_step)
 
 
 def _checked_size(vectors: NDArray[np.float32], space: str, margin: int, scale: float, mean: float | None) -> int:

@@ -48,7 +48,7 @@ def cube_sphere(
         uvs.append(place.reshape(-1, 2))
     points, faces = np.concatenate(vertices), np.concatenate(triangles)
     # Corners of neighbouring sides are one vertex, to the last digit.
-    keys, index, inverse = np.unique(np.round(points, 9), axis=0, return_index=True, return_inverse=True)
+    _, index, inverse = np.unique(np.round(points, 9), axis=0, return_index=True, return_inverse=True)
     uv = np.concatenate(uvs)[faces]
     faces = inverse.reshape(-1)[faces]
     points = points[index]
