@@ -1,10 +1,10 @@
 """Run every command of the guided tour (README.md beside this file) as it stands there, one after the other.
 
-    python examples/tour.py                              in examples/output/tour
-    python examples/tour.py --blender "blender"          what `blender` in the text stands for, if it is not on the path
-    python examples/tour.py --list                       only show them
+    python examples/tour.py                            leaves its files in examples/output/tour
+    python examples/tour.py --blender COMMAND          what `blender` in the text stands for, if not on the path
+    python examples/tour.py --list                     only show the commands
 
-A command is a ``bash`` block. The first that fails ends the tour with its number and exit code.
+Commands are ``bash`` blocks; the first that fails ends the tour.
 """
 
 import argparse
@@ -26,16 +26,11 @@ def blocks(text):
     return re.findall(r"^```bash\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
 
 
-def run(commands, folder, tools):
-    """Run the commands in `folder`, with the programs in `tools` before all others."""
-    # mpsnet stands beside the Python that runs this, which need not be on the path.
-    places = [str(tools), str(Path(sys.executable).parent), os.environ.get("PATH", "")]
-    environment = {**os.environ, "PATH": os.pathsep.join(places)}
-    for number, command in enumerate(commands, 1):
-        print(f"-- {number} of {len(commands)}\n{command}", flush=True)
-        done = subprocess.run(["bash", "-euo", "pipefail", "-c", command], cwd=folder, env=environment)
-        if done.returncode:
-            raise SystemExit(f"command {number} of the tour failed with exit code {done.returncode}; see above")
+def script(commands):
+    """One script of all commands, so that what one sets, `cd` for instance, holds for the next."""
+    steps = [f"block={number}\n{command}" for number, command in enumerate(commands, 1)]
+    told = 'echo "the tour stopped in block $block of its commands, see above" >&2'
+    return "\n".join(["set -Eeuo pipefail", f"trap '{told}' ERR", "set -v", *steps])
 
 
 def main():
@@ -48,13 +43,17 @@ def main():
         print("\n".join(commands))
         return
     shutil.rmtree(OUTPUT, ignore_errors=True)
-    OUTPUT.mkdir(parents=True)
     with tempfile.TemporaryDirectory() as tools:
         if options.blender:
             blender = Path(tools) / "blender"
             blender.write_text(f'#!/bin/bash\nexec {options.blender} "$@"\n', encoding="utf-8")
             blender.chmod(0o755)
-        run(commands, OUTPUT, Path(tools))
+        # mpsnet stands beside the Python that runs this, which need not be on the path.
+        places = [tools, str(Path(sys.executable).parent), os.environ.get("PATH", "")]
+        environment = {**os.environ, "PATH": os.pathsep.join(places)}
+        done = subprocess.run(["bash", "-c", script(commands)], cwd=HERE.parent, env=environment)
+    if done.returncode:
+        raise SystemExit(done.returncode)
     print(f"the tour's files are in {OUTPUT}")
 
 

@@ -1,0 +1,22 @@
+"""The guided tour: its commands run as they stand in its text."""
+
+import os
+import re
+import subprocess
+import sys
+
+from conftest import PROJECT
+
+
+def test_the_tour_runs_as_it_stands(blender):
+    tour = [sys.executable, "examples/tour.py", "--blender", os.environ["MPSNET_BLENDER"]]
+    done = subprocess.run(tour, cwd=PROJECT, env=blender.environment, capture_output=True, text=True, timeout=1200)
+    assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]
+
+
+def test_the_tours_pictures_and_files_are_there():
+    folder = PROJECT / "examples"
+    text = (folder / "README.md").read_text(encoding="utf-8")
+    links = [link for link in re.findall(r"\]\(([^)#]+)[^)]*\)", text) if "://" not in link]
+    assert len(links) > 5
+    assert not [link for link in links if not (folder / link).exists()]
