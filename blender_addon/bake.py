@@ -38,6 +38,9 @@ _SHOWN_AND_RENDERED = (
     ("viewport_resolution", "resolution"),
 )
 TEXTURE_NODE = "MPS Texture"
+NORMAL_NODE, UV_NODE = "MPS Normal", "MPS UV"
+# What `mps.displace` gives an object. Textures are baked onto the object without them, and heights are of that.
+SUBDIVISION, DISPLACE = "MPS Subdivision", "MPS Displace"
 BITS = {".png": "16", ".tif": "16", ".tiff": "16", ".exr": "32"}
 
 
@@ -220,10 +223,15 @@ def write_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: M
 
 @contextmanager
 def as_rendered(obj: Any) -> Iterator[None]:
-    """Within, the object's modifiers show in the viewport, and so in the dependency graph, what a render shows."""
+    """Within, the object's modifiers show in the viewport, and so in the dependency graph, what a render shows; without
+    the displacement that the add-on made."""
     kept = []
     try:
         for modifier in obj.modifiers:
+            if modifier.name in (SUBDIVISION, DISPLACE):
+                kept.append((modifier, "show_viewport", modifier.show_viewport))
+                modifier.show_viewport = False
+                continue
             for shown, rendered in _SHOWN_AND_RENDERED:
                 if hasattr(modifier, shown) and hasattr(modifier, rendered):
                     kept.append((modifier, shown, getattr(modifier, shown)))
@@ -272,7 +280,7 @@ def _tangents_of_triangles(
         bpy.data.meshes.remove(mesh)
 
 
-def _own_materials(target: Any) -> list[Any]:
+def own_materials(target: Any) -> list[Any]:
     """The target's materials, made where there are none, and copied where other meshes wear them too."""
     if not target.material_slots:
         target.data.materials.append(None)
@@ -297,7 +305,7 @@ def wear_texture(
     frames: of the timeline, where the texture is an image sequence whose files have their numbers.
     """
     sentences = []
-    for material in _own_materials(target):
+    for material in own_materials(target):
         for name in wear(material, image, uv_map, space, convention):
             sentences.append(f'The texture took the place of "{name}" in material "{material.name}"')
         if frames:
@@ -328,8 +336,8 @@ def wear(material: Any, image: Any, uv_map: str, space: str, convention: str) ->
             found.location = (left - 200 * steps, top)
         return found
 
-    uv, texture = node("MPS UV", "ShaderNodeUVMap", 5), node(TEXTURE_NODE, "ShaderNodeTexImage", 4)
-    normal = node("MPS Normal", "ShaderNodeNormalMap", 1)
+    uv, texture = node(UV_NODE, "ShaderNodeUVMap", 5), node(TEXTURE_NODE, "ShaderNodeTexImage", 4)
+    normal = node(NORMAL_NODE, "ShaderNodeNormalMap", 1)
     uv.uv_map = normal.uv_map = uv_map
     texture.image, normal.space = image, space
     links.new(uv.outputs["UV"], texture.inputs["Vector"])

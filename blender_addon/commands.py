@@ -28,6 +28,8 @@ VERBS = (
     "estimate",
     "bake",
     "bake_views",
+    "displace",
+    "integrate",
     "render_samples",
 )
 EXIT_BAD_INPUT = 2
@@ -112,6 +114,8 @@ def _written(verb: str) -> str:
         "bake": scene.bake.image,
         "try_it": scene.bake.image,
         "bake_views": scene.bake.image,
+        "displace": scene.displace.image,
+        "integrate": scene.heights.image,
     }
     image = images.get(verb)
     return f": {bpy.path.abspath(image.filepath)}" if image else ""

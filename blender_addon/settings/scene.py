@@ -5,7 +5,9 @@ from bpy.props import BoolProperty, FloatProperty, PointerProperty, StringProper
 
 from .bake import MPS_PG_bake
 from .calibrate import MPS_PG_calibrate
+from .displace import MPS_PG_displace
 from .estimate import MPS_PG_estimate
+from .heights import MPS_PG_heights
 from .photo import MPS_PG_photo
 from .relight import MPS_PG_relight
 from .rig import MPS_PG_light, MPS_PG_rig
@@ -21,6 +23,8 @@ class MPS_PG_scene(bpy.types.PropertyGroup):
     photo: PointerProperty(type=MPS_PG_photo)
     estimate: PointerProperty(type=MPS_PG_estimate)
     bake: PointerProperty(type=MPS_PG_bake)
+    heights: PointerProperty(type=MPS_PG_heights)
+    displace: PointerProperty(type=MPS_PG_displace)
     views: PointerProperty(type=MPS_PG_views)
     samples: PointerProperty(type=MPS_PG_samples)
     relight: PointerProperty(type=MPS_PG_relight)
@@ -42,6 +46,8 @@ CLASSES = (
     MPS_PG_photo,
     MPS_PG_estimate,
     MPS_PG_bake,
+    MPS_PG_heights,
+    MPS_PG_displace,
     MPS_PG_views,
     MPS_PG_samples,
     MPS_PG_relight,

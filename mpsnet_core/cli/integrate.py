@@ -23,7 +23,9 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
     parser = verbs.add_parser(
         "integrate", parents=[common], formatter_class=Help, help="normal map to heights, a mesh, curvature and more"
     )
-    parser.add_argument("normals", help="normal map in camera space, as `mpsnet estimate` writes it; or with --onto a texture")
+    parser.add_argument(
+        "normals", help="normal map in camera space, as `mpsnet estimate` writes it; or with --onto a texture"
+    )
     parser.add_argument("--convention", default="opengl", help="of the normal map: opengl (green up) or directx")
     place = parser.add_argument_group("what the photo was taken with")
     place.add_argument("--camera", help="camera file")

@@ -23,7 +23,9 @@ _OF_PHOTOS = {
 
 
 def add_onto(group: argparse._ArgumentGroup) -> None:
-    group.add_argument("--onto", metavar="MESH", help="the mesh with UVs that the texture was baked onto; needs --height")
+    group.add_argument(
+        "--onto", metavar="MESH", help="the mesh with UVs that the texture was baked onto; needs --height"
+    )
     group.add_argument("--space", default="tangent", help="of the texture: tangent (MikkTSpace) or object")
     group.add_argument("--base", metavar="MESH", help="what is to be displaced, where that is the same mesh subdivided")
     group.add_argument(

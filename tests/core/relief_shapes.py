@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from surface_shapes import texels_of
 
-from mpsnet_core.surface.mesh import Mesh, smooth_corner_normals
+from mpsnet_core.surface.mesh import Mesh
 
 Field = Callable[[np.ndarray], np.ndarray]
 

@@ -1,6 +1,5 @@
 """Heights on UVs, where they are known: spheres and tori displaced by waves in space, in several islands."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,9 +13,9 @@ from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.heights.height_files import read_height
 from mpsnet_core.heights.joined import Solver, graph_of
 from mpsnet_core.heights.on_uvs import Displacement, displacement
+from mpsnet_core.images import write_image
 from mpsnet_core.normals import encode
 from mpsnet_core.surface.mesh import Mesh, write_mesh
-from mpsnet_core.images import write_image
 
 SIZE = 128
 AMPLITUDE = 0.04
@@ -274,7 +273,11 @@ def test_the_command_line_writes_what_the_package_finds(tmp_path: Path, capsys: 
     ],
 )
 def test_bad_input_is_one_sentence(
-    arguments: list[str], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    arguments: list[str],
+    words: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
     write_mesh("mesh.npz", cube_sphere(2))
