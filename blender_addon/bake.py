@@ -24,6 +24,7 @@ from .outputs import (
     output_frames,
     output_path,
     picture_size,
+    remember,
     remembered,
 )
 from .rig import rig_camera, scene_camera
@@ -305,6 +306,9 @@ def wear_texture(
     frames: of the timeline, where the texture is an image sequence whose files have their numbers.
     """
     sentences = []
+    # Whoever reads the texture later needs to know, whatever the panel says by then.
+    remember(image, "space", space)
+    remember(image, "convention", convention)
     for material in own_materials(target):
         for name in wear(material, image, uv_map, space, convention):
             sentences.append(f'The texture took the place of "{name}" in material "{material.name}"')

@@ -12,7 +12,7 @@ from mpsnet_core.errors import InputError
 
 from .bake import DISPLACE, NORMAL_NODE, SUBDIVISION, UV_NODE, BakesOnto, own_materials, write_mesh
 from .operators import RunsCore, idle
-from .outputs import image_file, load_image, output_path
+from .outputs import image_file, load_image, output_path, remembered
 from .settings.declared import take_given
 from .settings.displace import DisplaceSettings
 
@@ -51,7 +51,9 @@ class MPS_OT_displace(RunsCore, BakesOnto, DisplaceSettings, bpy.types.Operator)
         depsgraph = context.evaluated_depsgraph_get()
         self._uv_map = write_mesh(folder / "mesh.npz", target, depsgraph, bake.uv_map, turn)
         arguments = ["integrate", str(texture), "--onto", str(folder / "mesh.npz"), "--height", str(self._output)]
-        arguments += ["--space", bake.space.lower(), "--convention", bake.convention.lower()]
+        self._space = remembered(bake.image, "space") or bake.space
+        convention = remembered(bake.image, "convention") or bake.convention
+        arguments += ["--space", self._space.lower(), "--convention", convention.lower()]
         arguments += ["--scale", f"{self.scale:g}", "--margin", str(bake.margin)]
         if self.levels:
             with _subdivided(target, self.subdivision, min(self.levels, MOST_BASE_LEVELS)):
@@ -73,7 +75,7 @@ class MPS_OT_displace(RunsCore, BakesOnto, DisplaceSettings, bpy.types.Operator)
             _remove_modifier(target, DISPLACE)
         else:
             _displace(target, image, self._uv_map, strength, midlevel)
-        normals = self.keep_normals or scene.mps.bake.space == "OBJECT"
+        normals = self.keep_normals or self._space == "OBJECT"
         taken_off = False
         for material in own_materials(target):
             if by_material:

@@ -82,7 +82,7 @@ def chords(vectors: NDArray[np.float32], space: Space, own: Layout, base: Layout
 def _surface(layout: Layout, middle: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     """(T, 3, 3) the corners' points in the world, relative to `middle`, and their smooth normals."""
     mesh = layout.mesh
-    points, places = (mesh.world_vertices - middle)[mesh.triangles], welded(mesh)
+    points, places = (mesh.world_vertices - middle)[mesh.triangles], welded(mesh).astype(np.int32)
     of_place = np.empty((places.max() + 1, 3))
     of_place[places] = points
     normals = smooth_corner_normals(of_place, places)

@@ -1,10 +1,11 @@
 """Least squares over texels that hang together in the texture, and over its seams.
 
 Sought are the heights h whose differences come nearest to those that are known between neighbours, in the texture and
-across its seams alike: the least sum w (h_j - h_i - d_ij)², with a little sum of s_i h_i² where low frequencies shall be
-held. Its normal equations are Poisson's on a surface that is cut into islands and sewn together again, so that no
-transform of a rectangle solves them. Conjugate gradients do, preconditioned by a multigrid cycle: of every 2 x 2 texels
-those of one island become one unknown, over and over, and in the end islands that share a seam do.
+across its seams alike: the least sum w (h_j - h_i - d_ij)², and, where low frequencies shall be held, s_i h_i² besides.
+The normal equations are Poisson's on a surface that is cut into islands and sewn together again: each picture row goes
+on somewhere else, so that the solver for pictures (:mod:`mpsnet_core.heights.poisson`) cannot take them. Conjugate
+gradients do, preconditioned by a multigrid cycle: of every 2 x 2 texels those of one island become one unknown, over
+and over, and in the end islands that share a seam do.
 """
 
 from dataclasses import dataclass
@@ -85,9 +86,10 @@ def graph_of(islands: NDArray[np.int32], ties: NDArray[np.int32], hold: Vector) 
     number[covered] = np.arange(len(cells), dtype=np.int32)
     own = np.arange(len(cells), dtype=np.int32)
     neighbours = np.repeat(own[None], 4, axis=0)
-    for axis, (here, there) in enumerate(((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:]))):
-        same = covered[here] & (islands[here] == islands[there])
-        one, other = number[here][same], number[there][same]
+    for axis in (0, 1):
+        along = np.moveaxis(islands, 1 - axis, 0), np.moveaxis(number, 1 - axis, 0)
+        same = (along[0][:-1] >= 0) & (along[0][:-1] == along[0][1:])
+        one, other = along[1][:-1][same], along[1][1:][same]
         neighbours[axis, one], neighbours[axis + 2, other] = other, one
     weights = (neighbours != own).astype(np.float32)
     return Graph(cells, islands[covered], neighbours, weights, ties, np.full(len(ties), TOGETHER, np.float32), hold)

@@ -96,8 +96,8 @@ def displacement(
 
     solver = Solver(graph)
     heights = np.zeros(len(areas), np.float32)
-    for number in range(PASSES):
-        told = part(progress, 0.25 + 0.3 * number, 0.55 + 0.3 * number, "integrating")
+    for done in range(PASSES):
+        told = part(progress, 0.25 + 0.3 * done, 0.55 + 0.3 * done, "integrating")
         right, below = asked.changes(graph, heights)
         across = _slope(graph, right, below, graph.ties, offsets)
         known = across[:, 0] - across[:, 1]

@@ -1,4 +1,4 @@
-"""The displacement in Blender: the low poly with its baked normals, displaced, against the mesh they were baked from."""
+"""The displacement in Blender: a low poly, displaced by its baked normals, against the mesh they were baked from."""
 
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from .test_bake_against_blender import (
     blenders_bake,
     camera_at,
     detailed_object,
+    dressed,
     render,
     set_up_cycles,
     simplified,
@@ -97,6 +98,7 @@ def test_the_material_displaces_as_the_modifier_does(scene, tmp_path):
     with_materials(high, low)
     baked(low, high, tmp_path / "normal.png")
     for obj in (high, low):
+        dressed(obj, None, "TANGENT", False)
         obj.matrix_world = Matrix.LocRotScale((0, 0, 0), TURN, (0.9, 0.7, 1.05))
     add_sun()
     scene.render.resolution_x = scene.render.resolution_y = 192
@@ -161,6 +163,7 @@ def test_heights_in_16_bits_move_by_as_much(worn, scene, tmp_path):
 
 def test_a_texture_in_object_space_stays(estimated, scene, tmp_path):
     bpy.ops.mps.bake(size=128, space="OBJECT", output=str(tmp_path / "texture.png"))
+    scene.mps.bake.space = "TANGENT"  # for the next one
     bpy.ops.mps.displace(method="MODIFIER", levels=1, output=str(tmp_path / "h.exr"))
     assert normal_is_worn(estimated.material_slots[0].material)
 

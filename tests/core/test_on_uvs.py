@@ -269,7 +269,7 @@ def test_the_command_line_writes_what_the_package_finds(tmp_path: Path, capsys: 
         (["--onto", "mesh.npz", "--height", "mesh.npz"], ".npz is not an image format"),
         (["--onto", "gone.npz", "--height", "h.exr"], "mesh file gone.npz does not exist"),
         (["--onto", "mesh.npz", "--base", "gone.obj", "--height", "h.exr"], "mesh file gone.obj does not exist"),
-        (["--onto", "mesh.npz", "--height", "texture.png"], "texture.png"),
+        (["--onto", "mesh.npz", "--height", "texture.png"], "would overwrite texture.png"),
     ],
 )
 def test_bad_input_is_one_sentence(
