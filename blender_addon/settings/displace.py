@@ -52,7 +52,7 @@ class DisplaceSettings:
         name="Broadest",
         description="Leave bumps wider than this share of the object's size to the mesh: where estimated normals err, "
         "they err smoothly, which bends the whole. 0 keeps all of what they say",
-        default=0.0,
+        default=0.5,
         min=0.0,
         max=10.0,
         options=GIVEN,

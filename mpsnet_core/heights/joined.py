@@ -22,8 +22,8 @@ TOGETHER = 4.0
 DIRECT = 400
 # Damping of Jacobi's method that smooths best what a 2 x 2 coarser level cannot hold (2D Laplacian).
 DAMPING = 0.8
-# The residual, as a share of the first one, at which the solution counts as found; float32 does not reach much further.
-TOLERANCE = 1e-5
+# The residual, as a share of the right side, at which the solution counts as found: far below what normals are wrong by.
+TOLERANCE = 1e-4
 MOST_STEPS = 200
 
 Vector = NDArray[np.float32]

@@ -73,7 +73,7 @@ def test_the_modifier_brings_the_low_poly_to_the_high_poly(scene, tmp_path, kind
         obj.matrix_world = Matrix.LocRotScale((3, -2, 1), TURN, scale)
     bpy.context.view_layer.update()
     bpy.ops.mps.displace(
-        target=low.name, method="MODIFIER", levels=3, subdivision=kind, output=str(tmp_path / "height.exr")
+        target=low.name, method="MODIFIER", levels=3, subdivision=kind, scale=0, output=str(tmp_path / "height.exr")
     )
     after = distances(world_points(low), high)
     low.modifiers["MPS Displace"].show_viewport = False
@@ -107,7 +107,7 @@ def test_the_material_displaces_as_the_modifier_does(scene, tmp_path):
     original = render(tmp_path / "look.exr", camera, high)
     plain = rendered_difference(render(tmp_path / "look.exr", camera, low), original)
     for method, file in (("MATERIAL", "height.exr"), ("MODIFIER", "height.exr"), ("MATERIAL", "height.png")):
-        bpy.ops.mps.displace(target=low.name, method=method, levels=5, output=str(tmp_path / file))
+        bpy.ops.mps.displace(target=low.name, method=method, levels=5, scale=0, output=str(tmp_path / file))
         found = render(tmp_path / "look.exr", camera, low)
         shown = rendered_difference(found, original)
         outline = np.mean((found[..., 3] > 0.5) != (original[..., 3] > 0.5))
