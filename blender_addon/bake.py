@@ -13,23 +13,38 @@ from numpy.typing import NDArray
 
 from mpsnet_core.camera import write_camera
 from mpsnet_core.errors import InputError
+from mpsnet_core.surface.presets import PRESETS
 
-from .operators import RunsCore, idle
+from .made_from import Ingredients, chosen, rounded, stamp
+from .operators import RunsCore, same
 from .outputs import (
     FORMATS,
     frame_pattern,
     image_file,
     load_frames,
-    load_image,
     output_frames,
     output_path,
     picture_size,
     remember,
     remembered,
 )
+from .present_map import GREEN_NODE, TEXTURE_NODE, base_to_keep, keep_base, present_map
 from .rig import rig_camera, scene_camera
+from .rigs import all_rigs
 from .settings.bake import BakeSettings
 from .settings.declared import take_given
+from .textures import (
+    SPLITS,
+    Onto,
+    Worn,
+    loaded,
+    material_arrays,
+    own_materials,
+    refuse_shared,
+    slot_labels,
+    with_tokens,
+    worn_by,
+)
 
 # What a modifier shows in the viewport, and what in a render.
 _SHOWN_AND_RENDERED = (
@@ -38,15 +53,14 @@ _SHOWN_AND_RENDERED = (
     ("steps", "render_steps"),
     ("viewport_resolution", "resolution"),
 )
-TEXTURE_NODE = "MPS Texture"
 NORMAL_NODE, UV_NODE = "MPS Normal", "MPS UV"
 # What `mps.displace` gives an object. Textures are baked onto the object without them, and heights are of that.
 SUBDIVISION, DISPLACE = "MPS Subdivision", "MPS Displace"
 BITS = {".png": "16", ".tif": "16", ".tiff": "16", ".exr": "32"}
 
 
-class BakesOnto:
-    """What the operators share that bake: the object that gets the texture."""
+class BakesOnto(RunsCore):
+    """What the operators share that bake: the objects that get textures, and the settings of the step Bake."""
 
     target: StringProperty(
         name="Target",
@@ -54,7 +68,7 @@ class BakesOnto:
         options={"SKIP_SAVE"},
     )
 
-    def onto(self, context: Any) -> Any:
+    def baked_object(self, context: Any) -> Any:
         """The object to bake onto. Raises InputError where there is none, or it is another file's."""
         settings = context.scene.mps.bake
         if self.target:
@@ -65,8 +79,98 @@ class BakesOnto:
         _refuse_linked(target)
         return target
 
+    def all_onto(self, context: Any) -> list[Any]:
+        """The objects to bake onto. Raises InputError where there is none, or one cannot wear a texture."""
+        settings = context.scene.mps.bake
+        if settings.objects == "ACTIVE":
+            return [self.baked_object(context)]
+        selected = sorted(context.view_layer.objects.selected, key=lambda obj: obj.name)
+        targets = [obj for obj in selected if obj.type == "MESH"]
+        if not targets:
+            raise InputError("no mesh object is selected to bake onto; select some, or bake onto the target alone")
+        for target in targets:
+            _refuse_linked(target)
+        refuse_shared(targets, settings.split)
+        return targets
 
-class MPS_OT_bake(RunsCore, BakesOnto, BakeSettings, bpy.types.Operator):
+    def detail(self, settings: Any, targets: Sequence[Any]) -> list[str]:
+        """The core's arguments for the photo's detail and the normal map that it goes on top of."""
+        arguments = ["--strength", f"{settings.strength:g}"]
+        self._bases = [base_to_keep(target, one.uv_map) for target, one in zip(targets, self._onto, strict=True)]
+        if not settings.onto:
+            return arguments
+        if len(targets) > 1:
+            raise InputError("detail goes on top of the present map of one object at a time; set Objects to Target")
+        if settings.split != "ONE" or settings.tiles:
+            raise InputError(
+                "detail goes on top of one texture at a time; set Textures to One for All, and switch UDIM Tiles off"
+            )
+        if settings.onto_file:
+            file, convention = bpy.path.abspath(settings.onto_file), settings.onto_convention
+        else:
+            base = present_map(targets[0], self._onto[0].uv_map)
+            file, convention = str(base.file), base.convention
+        arguments += ["--onto", file, "--onto-convention", convention.lower()]
+        return [*arguments, "--onto-shown", settings.onto_shown.lower()]
+
+    def write_meshes(self, context: Any, folder: Path, targets: Sequence[Any], turn: Matrix | None = None) -> list[str]:
+        """Write the objects' mesh files and remember what they are; the core's arguments for them."""
+        context.view_layer.update()
+        uv_map, arguments, self._onto = context.scene.mps.bake.uv_map, [], []
+        for number, target in enumerate(targets):
+            path = folder / f"mesh_{number}.npz"
+            worn_on = write_mesh(path, target, context.evaluated_depsgraph_get(), uv_map, turn)
+            self._onto.append(Onto(target.session_uid, target.name, worn_on, tuple(slot_labels(target))))
+            arguments += ["--mesh", str(path)]
+        return arguments
+
+    def texture_file(self, context: Any, targets: Sequence[Any]) -> Path:
+        """Where the texture goes, with tokens in its name where there are several."""
+        bake = context.scene.mps.bake
+        active = context.view_layer.objects.active
+        name = (active if active in targets else targets[0]).name
+        # The token's signs cannot stand in a file's name until the core takes them out again.
+        path = output_path(bake.output, texture_name(bake, "splits" if SPLITS[bake.split] else name), bake.file_format)
+        if SPLITS[bake.split] and not bake.output:
+            path = path.with_name(path.name.replace("splits", SPLITS[bake.split]))
+        return with_tokens(path, bake.split, bake.tiles)
+
+    def wear_result(self, scene: Any, result: dict[str, Any]) -> None:
+        """Load the core's textures and put them on the objects that they are for."""
+        there = [
+            (one, same(bpy.data.objects, one.uid), base) for one, base in zip(self._onto, self._bases, strict=True)
+        ]
+        if not any(target for _, target, _ in there):
+            raise InputError(f"the target is gone; its texture is in {self._output}")
+        images = loaded(result["outputs"], self._onto[0].name)
+        for image in images.values():
+            self.made(image)
+        scene.mps.bake.image = next(iter(images.values()))
+        worn = []
+        for one, target, base in there:
+            found = worn_by(one, target, images) if target else None
+            if found:
+                worn.append(found)
+                for image in found.images:
+                    keep_base(image, base)
+        bake = scene.mps.bake
+        for sentence in wear_textures(worn, bake.space, bake.convention):
+            self.report({"INFO"}, sentence)
+
+    def written(self, result: dict[str, Any]) -> str:
+        """What was written where, and how much of it was seen, in words."""
+        count = len(result["outputs"])
+        what = f"Texture written to {self._output}" if count == 1 else f"{count} textures written to {self._output}"
+        return f"{what}; {result['seen']:.0%} of the surface seen"
+
+
+def sampling(settings: Any) -> list[str]:
+    """The core's arguments for size, samples and padding."""
+    arguments = ["--size", str(settings.size), "--samples", settings.samples]
+    return [*arguments, "--padding", settings.padding.lower().replace("_", "-"), "--margin", str(settings.margin)]
+
+
+class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
     """Bake the estimated normals into a texture on the target's UV map and give its material a Normal Map node"""
 
     bl_idname = "mps.bake"
@@ -74,82 +178,139 @@ class MPS_OT_bake(RunsCore, BakesOnto, BakeSettings, bpy.types.Operator):
     bl_options = {"UNDO"}
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
-        if context.scene.mps.estimate.image is None:
-            cls.poll_message_set("Estimate the normals first")
-            return False
-        return idle(cls, context)
+    def lacks(cls, context: Any) -> str:
+        return "" if context.scene.mps.estimate.image else "Estimate the normals first"
+
+    @classmethod
+    def made_from(cls, context: Any) -> Ingredients:
+        settings = context.scene.mps.bake
+        every = all_rigs(context.scene) if settings.all_rigs else [context.scene.mps]
+        stamps = ", ".join(stamp(one.estimate.image) for one in every)
+        ingredients = {"Normals": stamps, **chosen(BakeSettings, settings)}
+        if settings.target is not None and settings.objects == "ACTIVE":
+            ingredients["Target's place"] = rounded(settings.target.matrix_world, 4)
+        return ingredients
 
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         scene = context.scene
         take_given(self, BakeSettings, scene.mps.bake)
         normals_image = scene.mps.estimate.image
         normals = image_file(normals_image, "normal map", "estimate the normals first")
-        target = self.onto(context)
-        self._scene, self._target = scene.name, target.name
         self._frames = range(0)
-        suffix = f".{FORMATS[self.file_format]}"
         if normals_image.source == "SEQUENCE":
+            target = self._onto_for_frames(context)
             estimate = scene.mps.estimate
             self._frames = range(estimate.first_frame, estimate.last_frame + 1)
             normals = frame_pattern(normals)
-            self._output = output_frames(self.output, f"{target.name}_normal")
-            arguments = ["bake", "--format", suffix[1:]]
+            self._output = output_frames(self.output, texture_name(self, target.name))
+            suffix = f".{FORMATS[self.file_format]}"
+            targets = [target]
+            mesh, camera = self._write_place(context, folder, target, normals_image)
+            arguments = ["bake", "--format", suffix[1:], "--mesh", mesh]
         else:
-            self._output = output_path(self.output, f"{target.name}_normal", self.file_format)
+            targets = self.all_onto(context)
+            self._output = self.texture_file(context, targets)
             suffix = self._output.suffix.lower()
-            arguments = ["bake"]
-        mesh, camera = self._write_place(context, folder, target, normals_image)
-        arguments += ["--mesh", mesh, "--view", f"{camera}={normals}", "--output", str(self._output)]
-        arguments += ["--size", str(self.size), "--margin", str(self.margin), "--bits", BITS[suffix]]
+            arguments = ["bake", *self.write_meshes(context, folder, targets)]
+            camera = str(folder / "camera.json")
+            self._write_camera(scene, folder / "camera.json", normals_image)
+        arguments += ["--view", f"{camera}={normals}", "--output", str(self._output)]
+        if self.all_rigs:
+            arguments += self._other_views(scene, folder)
+        arguments += [*sampling(self), "--bits", bits(self, suffix)]
         arguments += ["--space", self.space.lower(), "--convention", self.convention.lower()]
+        arguments += ["--level", f"{self.level_scale:g}" if self.level else "off"]
+        arguments += self.detail(self, targets)
         return arguments, [self._output / "frames" if self._frames else self._output]
 
-    def _write_place(self, context: Any, folder: Path, target: Any, normals_image: Any) -> tuple[str, str]:
-        """Write mesh and camera as they stand, or for each frame of a sequence where they shall move along."""
-        scene, taken_with = context.scene, remembered(normals_image, "camera")
+    def _onto_for_frames(self, context: Any) -> Any:
+        if self.objects == "SELECTED" or self.split != "ONE" or self.tiles:
+            raise InputError(
+                "a sequence is baked onto the target alone and into one texture a frame; set Objects to Target, "
+                "Textures to One for All, and switch UDIM Tiles off"
+            )
+        return self.baked_object(context)
+
+    def _write_camera(self, scene: Any, path: Path, normals_image: Any) -> None:
+        """Write the camera that the normals were taken with, or that of the rig as it stands."""
+        taken_with = remembered(normals_image, "camera")
         if taken_with is not None:
-            (folder / "camera.json").write_text(taken_with, encoding="utf-8")
+            path.write_text(taken_with, encoding="utf-8")
+        else:
+            write_camera(path, scene_camera(rig_camera(scene), scene, picture_size(normals_image)))
+
+    def _write_place(self, context: Any, folder: Path, target: Any, normals_image: Any) -> tuple[str, str]:
+        """Write mesh and camera for a sequence: as they stand, or for each frame where they shall move along."""
+        scene, moving = context.scene, remembered(normals_image, "camera") is None
 
         def write(mesh: str, camera: str) -> None:
             context.view_layer.update()
-            self._uv_map = write_mesh(folder / mesh, target, context.evaluated_depsgraph_get(), self.uv_map)
-            if taken_with is None:
-                write_camera(folder / camera, scene_camera(rig_camera(scene), scene, picture_size(normals_image)))
+            uv_map = write_mesh(folder / mesh, target, context.evaluated_depsgraph_get(), self.uv_map)
+            self._onto = [Onto(target.session_uid, target.name, uv_map, tuple(slot_labels(target)))]
+            self._write_camera(scene, folder / camera, normals_image)
 
-        if not (self._frames and self.animated):
+        if not self.animated:
             write("mesh.npz", "camera.json")
             return str(folder / "mesh.npz"), str(folder / "camera.json")
         current = scene.frame_current
         try:
             for number in self._frames:
                 scene.frame_set(number)
-                write(f"mesh_{number:06d}.npz", f"camera_{number:06d}.json")
+                write(f"mesh_{number:06d}.npz", f"camera_{number:06d}.json" if moving else "camera.json")
         finally:
             scene.frame_set(current)
-        camera = "camera.json" if taken_with is not None else "camera_######.json"
-        return str(folder / "mesh_######.npz"), str(folder / camera)
+        return str(folder / "mesh_######.npz"), str(folder / ("camera_######.json" if moving else "camera.json"))
+
+    def _other_views(self, scene: Any, folder: Path) -> list[str]:
+        """The normals and cameras of the scene's rigs that are not chosen; those without normals are left out."""
+        if self._frames:
+            raise InputError("sequences are baked for one rig at a time; switch All Rigs off")
+        arguments = []
+        for number, one in enumerate(all_rigs(scene)):
+            image = one.estimate.image
+            if one == scene.mps or image is None:
+                continue
+            if image.source == "SEQUENCE":
+                raise InputError("one of the rigs has a sequence, which is baked on its own; switch All Rigs off")
+            camera, taken_with = folder / f"camera_{number}.json", remembered(image, "camera")
+            if taken_with is not None:
+                camera.write_text(taken_with, encoding="utf-8")
+            elif one.rig.camera is not None:
+                write_camera(camera, scene_camera(one.rig.camera, scene, picture_size(image)))
+            else:
+                raise InputError(f'the camera of the normals "{image.name}" is gone; estimate them again')
+            arguments += ["--view", f"{camera}={image_file(image, 'normal map', 'estimate the normals again')}"]
+        return arguments
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        scene, target = bpy.data.scenes.get(self._scene), bpy.data.objects.get(self._target)
-        if scene is None or target is None:
-            raise InputError(f'"{self._target}" is gone or renamed; its texture is in {self._output}')
-        if self._frames:
-            image = load_frames(Path(result["first_output"]), f"MPS {target.name} Frames")
-        else:
-            image = load_image(self._output, f"MPS {target.name}", is_data=True)
-        scene.mps.bake.image = image
-        for sentence in wear_texture(target, image, self._uv_map, self.space, self.convention, self._frames):
-            self.report({"INFO"}, sentence)
-        for note in result.get("notes", []):
-            self.report({"INFO"}, note)
+        scene = self.scene(f"its texture is in {self._output}")
         turned = "; DirectX, so the material turns its green round for Blender" if self.convention == "DIRECTX" else ""
-        if self._frames:
-            self.report(
-                {"INFO"}, f"{result['count']} textures are in {self._output}, {result['made']} made now{turned}"
-            )
+        if not self._frames:
+            self.wear_result(scene, result)
+            self.report({"INFO"}, f"{self.written(result)}{turned}")
             return
-        self.report({"INFO"}, f"Texture written to {self._output}; {result['seen']:.0%} of the surface seen{turned}")
+        (onto,) = self._onto
+        target = same(bpy.data.objects, onto.uid)
+        if target is None:
+            raise InputError(f"the target is gone; its textures are in {self._output}")
+        image = load_frames(Path(result["first_output"]), f"MPS {target.name} Frames")
+        self.made(image)
+        scene.mps.bake.image = image
+        keep_base(image, self._bases[0])
+        for sentence in wear_textures([Worn(target, (image,), onto.uv_map)], self.space, self.convention, self._frames):
+            self.report({"INFO"}, sentence)
+        self.report({"INFO"}, f"{result['count']} textures are in {self._output}, {result['made']} made now{turned}")
+
+
+def texture_name(settings: Any, name: str) -> str:
+    """What a texture for an object of that name is called that is given none: as the preset wants it."""
+    preset = PRESETS["blender" if settings.preset == "CUSTOM" else settings.preset.lower()]
+    return preset.stem(name)
+
+
+def bits(settings: Any, suffix: str) -> str:
+    """Bits a channel for a file with that ending."""
+    return BITS[suffix] if settings.bits == "AUTO" else settings.bits
 
 
 def named_object(scene: Any, name: str) -> Any:
@@ -195,6 +356,7 @@ def write_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: M
             raise InputError(f'"{obj.name}" has no faces; choose an object with a surface')
         corners = _read(mesh.loop_triangles, "loops", 3, np.int32)
         normals = _read(mesh.corner_normals, "vector", 3)[corners]
+        names = material_arrays(mesh, obj)
         triangles = _read(mesh.loop_triangles, "vertices", 3, np.int32)
         vertices = _read(mesh.vertices, "co", 3)
         layout: dict[str, NDArray[Any]] = {}
@@ -216,6 +378,7 @@ def write_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: M
             corner_normals=normals,
             world_from_object=np.array(turn @ obj.matrix_world if turn else obj.matrix_world, dtype=np.float64),
             **layout,
+            **names,
         )
     finally:
         bpy.data.meshes.remove(mesh)
@@ -281,35 +444,16 @@ def _tangents_of_triangles(
         bpy.data.meshes.remove(mesh)
 
 
-def own_materials(target: Any) -> list[Any]:
-    """The target's materials, made where there are none, and copied where other meshes wear them too."""
-    if not target.material_slots:
-        target.data.materials.append(None)
-    for slot in target.material_slots:
-        if slot.material is None:
-            slot.material = bpy.data.materials.new(f"MPS {target.name}")
-        elif slot.material.library or any(
-            other.data != target.data and slot.material in [worn.material for worn in other.material_slots]
-            for other in bpy.data.objects
-        ):
-            slot.material = slot.material.copy()
-        if bpy.app.version < (5, 0):
-            slot.material.use_nodes = True
-    return list(dict.fromkeys(slot.material for slot in target.material_slots))
-
-
-def wear_texture(
-    target: Any, image: Any, uv_map: str, space: str, convention: str, frames: range = range(0)
-) -> list[str]:
-    """Give all materials of an object the texture; gives a sentence for each node whose place it took.
+def wear_textures(worn: Sequence[Worn], space: str, convention: str, frames: range = range(0)) -> list[str]:
+    """Give all materials of objects their textures; gives a sentence for each node whose place a texture took.
 
     frames: of the timeline, where the texture is an image sequence whose files have their numbers.
     """
     sentences = []
-    # Whoever reads the texture later needs to know, whatever the panel says by then.
-    remember(image, "space", space)
-    remember(image, "convention", convention)
-    for material in own_materials(target):
+    for material, (image, uv_map) in own_materials(worn).items():
+        # Whoever reads the texture later needs to know, whatever the panel says by then.
+        remember(image, "space", space)
+        remember(image, "convention", convention)
         for name in wear(material, image, uv_map, space, convention):
             sentences.append(f'The texture took the place of "{name}" in material "{material.name}"')
         if frames:
@@ -348,13 +492,13 @@ def wear(material: Any, image: Any, uv_map: str, space: str, convention: str) ->
     colour = texture.outputs["Color"]
     if convention == "DIRECTX":
         # Blender 4.5's Normal Map node knows OpenGL only; a node that turns green round works in every version.
-        turn = node("MPS Green", "ShaderNodeVectorMath", 2)
+        turn = node(GREEN_NODE, "ShaderNodeVectorMath", 2)
         turn.operation = "MULTIPLY_ADD"
         turn.inputs[1].default_value, turn.inputs[2].default_value = (1, -1, 1), (0, 1, 0)
         links.new(colour, turn.inputs[0])
         colour = turn.outputs["Vector"]
-    elif "MPS Green" in nodes:
-        nodes.remove(nodes["MPS Green"])
+    elif GREEN_NODE in nodes:
+        nodes.remove(nodes[GREEN_NODE])
     links.new(colour, normal.inputs["Color"])
     before = [link.from_node for shader in shaders for link in shader.inputs["Normal"].links]
     for shader in shaders:

@@ -8,7 +8,7 @@ import bpy
 
 from mpsnet_core.errors import InputError
 
-from .operators import RunsCore, idle
+from .operators import RunsCore
 from .outputs import fine_preview, load_image, output_folder
 from .settings.calibrate import CalibrateSettings
 from .settings.declared import take_given
@@ -20,10 +20,6 @@ class _Calibrates(RunsCore, CalibrateSettings):
     """What both calibrations share: photos of a ball in, a rig file and a picture of what was found out."""
 
     bl_options = {"UNDO"}
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        return idle(cls, context)
 
     def _arguments(self, what: str, photos: Sequence[str], rig: Path) -> tuple[list[str], list[Path]]:
         self._rig, self._overlay = rig, rig.with_name(f"{rig.stem}_{what}.png")
@@ -44,21 +40,17 @@ class _Calibrates(RunsCore, CalibrateSettings):
             raise InputError(f"a rig file's name ends in .json, that of {path} does not; change it")
         return path
 
-    def _take(self, table: Sequence[Sequence[str]], notes: Sequence[str]) -> None:
-        """Show the picture, the table of what was found (headings first) and the notes; estimate with the rig."""
-        scene = bpy.data.scenes.get(self._scene)
-        if scene is None:
-            raise InputError(f'the scene "{self._scene}" is gone; the rig is in {self._rig}')
+    def _take(self, table: Sequence[Sequence[str]]) -> None:
+        """Show the picture and the table of what was found (headings first); estimate with the rig."""
+        scene = self.scene(f"the rig is in {self._rig}")
         settings = scene.mps.calibrate
         image = load_image(self._overlay, _OVERLAY, is_data=False)
         if not bpy.app.background:
             fine_preview(image)
+        self.made(image)
         settings.image = image
         settings.told = "\n".join("|".join(row) for row in table)
-        settings.notes = "\n".join(notes)
         scene.mps.estimate.rig_file = str(self._rig)
-        for note in notes:
-            self.report({"INFO"}, note)
         self.report({"INFO"}, f"Rig written to {self._rig}; photos are estimated with it from now on")
 
 
@@ -70,7 +62,6 @@ class MPS_OT_calibrate_lights(_Calibrates, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         take_given(self, CalibrateSettings, context.scene.mps.calibrate)
-        self._scene = context.scene.name
         photos = [_photo(self.ball, "the mirror ball")]
         if self.second_ball:
             photos.append(_photo(self.second_ball, "the mirror ball at its second place"))
@@ -81,7 +72,7 @@ class MPS_OT_calibrate_lights(_Calibrates, bpy.types.Operator):
             (light["name"].title(), f"{light['slant']:.1f}°", f"{light['tilt']:.1f}°", f"{light['uncertainty']:.1f}°")
             for light in result["lights"]
         ]
-        self._take([("", "Slant", "Tilt", "±"), *lights], result["notes"])
+        self._take([("", "Slant", "Tilt", "±"), *lights])
 
 
 class MPS_OT_calibrate_mixing(_Calibrates, bpy.types.Operator):
@@ -93,7 +84,6 @@ class MPS_OT_calibrate_mixing(_Calibrates, bpy.types.Operator):
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         scene = context.scene
         take_given(self, CalibrateSettings, scene.mps.calibrate)
-        self._scene = scene.name
         lights = scene.mps.estimate.rig_file
         if not lights:
             raise InputError("where are the lights? Find them first, or name a rig file in the step Photo")
@@ -104,8 +94,8 @@ class MPS_OT_calibrate_mixing(_Calibrates, bpy.types.Operator):
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         rows = zip("RGB", result["mixing"], strict=True)
         channels = [(channel, *(f"{value:.3f}" for value in row)) for channel, row in rows]
-        unexplained = f"{result['residual']:.1%} of the brightness is unexplained"
-        self._take([("Channel", "Red", "Green", "Blue"), *channels], [unexplained, *result["notes"]])
+        unexplained = ("Unexplained", f"{result['residual']:.1%}", "", "")
+        self._take([("Channel", "Red", "Green", "Blue"), *channels, unexplained])
 
 
 def _photo(path: str, what: str) -> str:

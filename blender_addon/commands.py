@@ -30,6 +30,7 @@ VERBS = (
     "bake_views",
     "displace",
     "integrate",
+    "make_material",
     "render_samples",
 )
 EXIT_BAD_INPUT = 2
@@ -116,6 +117,7 @@ def _written(verb: str) -> str:
         "bake_views": scene.bake.image,
         "displace": scene.displace.image,
         "integrate": scene.heights.image,
+        "make_material": scene.material.image,
     }
     image = images.get(verb)
     return f": {bpy.path.abspath(image.filepath)}" if image else ""

@@ -10,18 +10,21 @@ from mathutils import Matrix
 
 from mpsnet_core.errors import InputError
 
-from .bake import DISPLACE, NORMAL_NODE, SUBDIVISION, UV_NODE, BakesOnto, own_materials, write_mesh
-from .operators import RunsCore, idle
+from .bake import DISPLACE, NORMAL_NODE, SUBDIVISION, UV_NODE, BakesOnto, write_mesh
+from .made_from import Ingredients, chosen, stamp
+from .operators import same
 from .outputs import image_file, load_image, output_path, remembered
+from .present_map import TEXTURE_NODE
 from .settings.declared import take_given
 from .settings.displace import DisplaceSettings
+from .textures import Worn, own_materials
 
 HEIGHT_NODE, DISPLACEMENT_NODE = "MPS Height", "MPS Displacement"
 # Vertices of a subdivided mesh lie on the limit surface at any level; a finer one tells hardly more.
 MOST_BASE_LEVELS = 3
 
 
-class MPS_OT_displace(RunsCore, BakesOnto, DisplaceSettings, bpy.types.Operator):
+class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
     """Make the baked texture's heights on the target's UVs and displace its surface by them"""
 
     bl_idname = "mps.displace"
@@ -29,20 +32,23 @@ class MPS_OT_displace(RunsCore, BakesOnto, DisplaceSettings, bpy.types.Operator)
     bl_options = {"UNDO"}
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
-        if context.scene.mps.bake.image is None:
-            cls.poll_message_set("Bake the texture first")
-            return False
-        return idle(cls, context)
+    def lacks(cls, context: Any) -> str:
+        return "" if context.scene.mps.bake.image else "Bake the texture first"
+
+    @classmethod
+    def made_from(cls, context: Any) -> Ingredients:
+        scene = context.scene.mps
+        return {"Texture": stamp(scene.bake.image), **chosen(DisplaceSettings, scene.displace)}
 
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
-        scene, bake = context.scene, context.scene.mps.bake
-        take_given(self, DisplaceSettings, scene.mps.displace)
-        if bake.image.source == "SEQUENCE":
-            raise InputError("the texture is a sequence, and heights are made of one texture; bake one normal map")
-        texture = image_file(bake.image, "texture", "bake it first")
-        target = self.onto(context)
-        self._scene, self._target = scene.name, target.name
+        bake = context.scene.mps.bake
+        take_given(self, DisplaceSettings, context.scene.mps.displace)
+        target = self.baked_object(context)
+        image = _texture_of(target) or bake.image
+        if image.source in {"SEQUENCE", "TILED"}:
+            raise InputError("heights are made of one texture, not of a sequence or of UDIM tiles; bake a single one")
+        texture = image_file(image, "texture", "bake it first")
+        self._target = target.session_uid
         self._output = output_path(self.output, f"{target.name}_height", self.file_format)
         self._size = _size(target)
         context.view_layer.update()
@@ -50,9 +56,9 @@ class MPS_OT_displace(RunsCore, BakesOnto, DisplaceSettings, bpy.types.Operator)
         turn = Matrix.Scale(self._size, 4) @ target.matrix_world.inverted()
         depsgraph = context.evaluated_depsgraph_get()
         self._uv_map = write_mesh(folder / "mesh.npz", target, depsgraph, bake.uv_map, turn)
+        self._space = remembered(image, "space") or bake.space
+        convention = remembered(image, "convention") or bake.convention
         arguments = ["integrate", str(texture), "--onto", str(folder / "mesh.npz"), "--height", str(self._output)]
-        self._space = remembered(bake.image, "space") or bake.space
-        convention = remembered(bake.image, "convention") or bake.convention
         arguments += ["--space", self._space.lower(), "--convention", convention.lower()]
         arguments += ["--scale", f"{self.scale:g}", "--margin", str(bake.margin)]
         if self.levels:
@@ -62,10 +68,12 @@ class MPS_OT_displace(RunsCore, BakesOnto, DisplaceSettings, bpy.types.Operator)
         return arguments, [self._output]
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        scene, target = bpy.data.scenes.get(self._scene), bpy.data.objects.get(self._target)
-        if scene is None or target is None:
-            raise InputError(f'"{self._target}" is gone or renamed; its heights are in {self._output}')
+        scene = self.scene(f"its heights are in {self._output}")
+        target = same(bpy.data.objects, self._target)
+        if target is None:
+            raise InputError(f"the target is gone; its heights are in {self._output}")
         image = load_image(self._output, f"MPS {target.name} Height", is_data=True)
+        self.made(image)
         scene.mps.displace.image = image
         height = result["height"]
         strength, midlevel = height["strength"] / self._size, height["midlevel"]
@@ -77,19 +85,29 @@ class MPS_OT_displace(RunsCore, BakesOnto, DisplaceSettings, bpy.types.Operator)
             _displace(target, image, self._uv_map, strength, midlevel)
         normals = self.keep_normals or self._space == "OBJECT"
         taken_off = False
-        for material in own_materials(target):
+        for material in own_materials([Worn(target, (image,), self._uv_map)]):
             if by_material:
                 wear_heights(material, image, self._uv_map, strength, midlevel)
             else:
                 _take_heights_off(material)
             taken_off |= _show_normals(material, normals)
-        for note in result.get("notes", []):
-            self.report({"INFO"}, note)
         told = "; the normal map is off, it would show the relief twice" if taken_off else ""
         self.report(
             {"INFO"},
             f"Displaced by {height['lowest']:.3g} to {height['highest']:.3g}; heights written to {self._output}{told}",
         )
+
+
+def _texture_of(target: Any) -> Any:
+    """The baked texture that an object wears, None where it wears none. Raises InputError where it wears several."""
+    worn = {
+        slot.material.node_tree.nodes[TEXTURE_NODE].image
+        for slot in target.material_slots
+        if slot.material and slot.material.node_tree and TEXTURE_NODE in slot.material.node_tree.nodes
+    } - {None}
+    if len(worn) > 1:
+        raise InputError(f'the materials of "{target.name}" wear several textures; bake them into one')
+    return next(iter(worn), None)
 
 
 def _size(target: Any) -> float:

@@ -12,7 +12,8 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.rig import LightRig, read_rig, write_rig
 
 from .bake import named_object, write_mesh
-from .operators import RunsCore, idle
+from .made_from import Ingredients, chosen, file_stamp, stamp
+from .operators import RunsCore
 from .outputs import (
     FORMATS,
     fine_preview,
@@ -28,6 +29,7 @@ from .outputs import (
 )
 from .preferences import preference
 from .rig import light_rig, rig_camera, scene_camera
+from .rigs import result_name
 from .settings.declared import take_given
 from .settings.estimate import MODELS, EstimateSettings
 
@@ -46,11 +48,17 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
     )
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
-        if context.scene.mps.photo.image is None:
-            cls.poll_message_set("Render or open a photo first")
-            return False
-        return idle(cls, context)
+    def lacks(cls, context: Any) -> str:
+        return "" if context.scene.mps.photo.image else "Render or open a photo first"
+
+    @classmethod
+    def made_from(cls, context: Any) -> Ingredients:
+        settings = context.scene.mps.estimate
+        return {
+            "Photo": stamp(context.scene.mps.photo.image),
+            **chosen(EstimateSettings, settings, without=("output", "confidence")),
+            "Rig File": file_stamp(settings.rig_file),
+        }
 
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         scene = context.scene
@@ -60,60 +68,25 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         self._moves = image.source in {"SEQUENCE", "MOVIE"}
         if self._moves:
             photo = frame_pattern(photo) if image.source == "SEQUENCE" else photo
-            output = output_frames(self.output, f"{scene.name}_normals")
+            output = output_frames(self.output, result_name(scene, "normals"))
         else:
-            output = output_path(self.output, f"{scene.name}_normals", self.file_format)
-        rig = Path(bpy.path.abspath(self.rig_file)) if self.rig_file else folder / "rig.json"
-        if not self.rig_file:
-            taken_with = remembered(image, "rig")
-            if taken_with is None:
-                write_rig(rig, light_rig(scene))
-            else:
-                rig.write_text(taken_with, encoding="utf-8")
-        arguments = ["estimate", str(photo), "--rig", str(rig), "--output", str(output)]
+            output = output_path(self.output, result_name(scene, "normals"), self.file_format)
+        if self.surface:
+            scene.mps.estimate.surface = named_object(scene, self.surface)
+        arguments = ["estimate", str(photo), "--output", str(output), *lit_and_seen(context, image, folder)]
         arguments += [*reading(self), "--model", model_name(self)]
         arguments += ["--provider", preference("provider").lower(), "--threads", str(preference("threads"))]
-        arguments += self._place(context, image, read_rig(rig), folder)
         if self._moves:
             arguments += ["--smooth", str(self.smooth), "--format", FORMATS[self.file_format]]
         outputs = [output / "frames" if self._moves else output]
         if self.confidence and not self._moves:
             outputs.append(output.with_name(f"{output.stem}_confidence{output.suffix}"))
             arguments += ["--confidence", str(outputs[1])]
-        self._scene, self._output, self._camera = scene.name, output, remembered(image, "camera")
+        self._output, self._camera = output, remembered(image, "camera")
         return arguments, outputs
 
-    def _place(self, context: Any, image: Any, rig: LightRig, folder: Path) -> list[str]:
-        """The camera that took the photo, and for near lights how far the object is from it."""
-        scene = context.scene
-        distance = ["--distance", f"{self.distance:g}"] if self.distance and rig.near is not None else []
-        if self.lens:
-            return ["--focal", f"{self.lens:g}", *distance]
-        camera, taken_with = folder / "camera.json", remembered(image, "camera")
-        if taken_with is not None:
-            camera.write_text(taken_with, encoding="utf-8")
-        elif scene.mps.rig.lights:
-            write_camera(camera, scene_camera(rig_camera(scene), scene, picture_size(image)))
-        elif rig.near is not None:
-            raise InputError(
-                "the rig's lights stand near the object, so the photo's camera counts; tell its lens, or add a rig, "
-                "whose camera is taken"
-            )
-        else:
-            return []
-        if self.surface:
-            scene.mps.estimate.surface = named_object(scene, self.surface)
-        surface = scene.mps.estimate.surface
-        if rig.near is None or distance or surface is None:
-            return ["--camera", str(camera), *distance]
-        context.view_layer.update()
-        write_mesh(folder / "surface.npz", surface, context.evaluated_depsgraph_get(), None)
-        return ["--camera", str(camera), "--mesh", str(folder / "surface.npz")]
-
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        scene = bpy.data.scenes.get(self._scene)
-        if scene is None:
-            raise InputError(f'the scene "{self._scene}" is gone; its normals are in {self._output}')
+        scene = self.scene(f"its normals are in {self._output}")
         if self._moves:
             image = load_frames(Path(result["first_output"]), "MPS Normals Frames")
             scene.mps.estimate.first_frame, scene.mps.estimate.last_frame = result["first"], result["last"]
@@ -121,9 +94,8 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
             image = load_image(self._output, "MPS Normals", is_data=True)
         # The bake takes the camera as it stood for this photo, not for one that was estimated here before.
         remember(image, "camera", self._camera)
+        self.made(image)
         scene.mps.estimate.image = image
-        for note in result.get("notes", []):
-            self.report({"INFO"}, note)
         self.report({"INFO"}, f"Normals written to {self._output}")
 
 
@@ -134,28 +106,73 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
     bl_label = "Show Mask"
     bl_options = {"UNDO"}
 
-    poll = MPS_OT_estimate.poll
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        return MPS_OT_estimate.lacks(context)
+
+    @classmethod
+    def made_from(cls, context: Any) -> Ingredients:
+        only = ("encoding", "dark", "flat", "mask", "mask_file", "background", "threshold")
+        shaping = chosen(EstimateSettings, context.scene.mps.estimate, only=only)
+        return {"Photo": stamp(context.scene.mps.photo.image), **shaping}
 
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         scene = context.scene
         take_given(self, EstimateSettings, scene.mps.estimate)
         photo = image_file(scene.mps.photo.image, "photo", "render or open one first")
-        mask = output_path("", f"{scene.name}_mask", "PNG")
-        self._scene, self._overlay = scene.name, mask.with_name(f"{mask.stem}_shown.png")
+        mask = output_path("", result_name(scene, "mask"), "PNG")
+        self._overlay = mask.with_name(f"{mask.stem}_shown.png")
         arguments = ["mask", str(photo), "--output", str(mask), "--overlay", str(self._overlay)]
         return [*arguments, *reading(self, unmasked="alpha-or-all")], [mask, self._overlay]
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        scene = bpy.data.scenes.get(self._scene)
-        if scene is None:
-            raise InputError(f'the scene "{self._scene}" is gone; its mask is in {result["output"]}')
+        scene = self.scene(f"its mask is in {result['output']}")
         scene.mps.estimate.mask_image = image = load_image(self._overlay, "MPS Mask", is_data=False)
+        self.made(image)
         fine_preview(image)
-        for note in result.get("notes", []):
-            self.report({"INFO"}, note)
         self.report(
             {"INFO"}, f"The object covers {result['share']:.1%} of the photo; mask written to {result['output']}"
         )
+
+
+def lit_and_seen(context: Any, image: Any, folder: Path) -> list[str]:
+    """The core's options for the rig and the camera that the photo was taken with, by the scene's settings."""
+    scene = context.scene
+    settings = scene.mps.estimate
+    rig = Path(bpy.path.abspath(settings.rig_file)) if settings.rig_file else folder / "rig.json"
+    if not settings.rig_file:
+        taken_with = remembered(image, "rig")
+        if taken_with is None:
+            write_rig(rig, light_rig(scene))
+        else:
+            rig.write_text(taken_with, encoding="utf-8")
+    return ["--rig", str(rig), *_place(context, image, read_rig(rig), folder)]
+
+
+def _place(context: Any, image: Any, rig: LightRig, folder: Path) -> list[str]:
+    """The camera that took the photo, and for near lights how far the object is from it."""
+    scene = context.scene
+    settings = scene.mps.estimate
+    distance = ["--distance", f"{settings.distance:g}"] if settings.distance and rig.near is not None else []
+    if settings.lens:
+        return ["--focal", f"{settings.lens:g}", *distance]
+    camera, taken_with = folder / "camera.json", remembered(image, "camera")
+    if taken_with is not None:
+        camera.write_text(taken_with, encoding="utf-8")
+    elif scene.mps.rig.lights:
+        write_camera(camera, scene_camera(rig_camera(scene), scene, picture_size(image)))
+    elif rig.near is not None:
+        raise InputError(
+            "the rig's lights stand near the object, so the photo's camera counts; tell its lens, or add a rig, "
+            "whose camera is taken"
+        )
+    else:
+        return []
+    if rig.near is None or distance or settings.surface is None:
+        return ["--camera", str(camera), *distance]
+    context.view_layer.update()
+    write_mesh(folder / "surface.npz", settings.surface, context.evaluated_depsgraph_get(), None)
+    return ["--camera", str(camera), "--mesh", str(folder / "surface.npz")]
 
 
 def model_name(settings: Any) -> str:
@@ -174,12 +191,17 @@ def reading(settings: Any, unmasked: str = "") -> list[str]:
 
     Raises InputError where a file is asked for and none is named.
     """
+    mask = _mask(settings) or unmasked
+    return [*unmasked_reading(settings), *(["--mask", mask] if mask else [])]
+
+
+def unmasked_reading(settings: Any) -> list[str]:
+    """The same but for the mask."""
     arguments = ["--encoding", settings.encoding.lower()]
     for frame in ("dark", "flat"):
         if getattr(settings, frame):
             arguments += [f"--{frame}", bpy.path.abspath(getattr(settings, frame))]
-    mask = _mask(settings) or unmasked
-    return [*arguments, *(["--mask", mask] if mask else [])]
+    return arguments
 
 
 def _mask(settings: Any) -> str:

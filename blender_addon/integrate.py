@@ -11,9 +11,11 @@ from mathutils import Vector
 from mpsnet_core.camera import read_camera, write_camera
 from mpsnet_core.errors import InputError
 
-from .operators import RunsCore, idle
+from .made_from import Ingredients, chosen, stamp
+from .operators import RunsCore
 from .outputs import image_file, load_image, output_path, picture_size, remembered
 from .rig import rig_camera, scene_camera
+from .rigs import result_name
 from .settings.declared import take_given
 from .settings.heights import HeightsSettings
 
@@ -28,11 +30,13 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
     bl_options = {"UNDO"}
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
-        if context.scene.mps.estimate.image is None:
-            cls.poll_message_set("Estimate the normals first")
-            return False
-        return idle(cls, context)
+    def lacks(cls, context: Any) -> str:
+        return "" if context.scene.mps.estimate.image else "Estimate the normals first"
+
+    @classmethod
+    def made_from(cls, context: Any) -> Ingredients:
+        scene = context.scene.mps
+        return {"Normals": stamp(scene.estimate.image), **chosen(HeightsSettings, scene.heights)}
 
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         scene = context.scene
@@ -41,8 +45,7 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
         if image.source == "SEQUENCE":
             raise InputError("the normals are a sequence, and heights are made of one photo's; estimate one photo")
         normals = image_file(image, "normal map", "estimate the normals first")
-        self._scene = scene.name
-        self._output = output_path(self.output, f"{scene.name}_height", self.file_format)
+        self._output = output_path(self.output, result_name(scene, "height"), self.file_format)
         self._pictures = {
             what: self._output.with_name(f"{self._output.stem}_{what}.png") for what in PICTURES if getattr(self, what)
         }
@@ -79,16 +82,14 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
         return ["--camera", str(file), *told]
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        scene = bpy.data.scenes.get(self._scene)
-        if scene is None:
-            raise InputError(f'the scene "{self._scene}" is gone; its heights are in {self._output}')
-        scene.mps.heights.image = load_image(self._output, "MPS Height", is_data=True)
+        scene = self.scene(f"its heights are in {self._output}")
+        image = load_image(self._output, "MPS Height", is_data=True)
+        self.made(image)
+        scene.mps.heights.image = image
         for what, picture in self._pictures.items():
             load_image(picture, f"MPS {PICTURES[what]}", is_data=what != "relit")
         if self._mesh is not None:
             _bring_in(scene, self._mesh)
-        for note in result.get("notes", []):
-            self.report({"INFO"}, note)
         self.report({"INFO"}, f"Heights written to {self._output}")
 
 

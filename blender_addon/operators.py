@@ -9,10 +9,14 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import bpy
+from bpy.props import StringProperty
 
 from mpsnet_core.errors import Cancelled, InputError
 
 from .core_process import CoreCrashed, CoreProcess, run
+from .made_from import Ingredients, keep_made_from
+from .settings.record import keep_record
+from .time_left import Pace, in_words
 
 TICK_SECONDS = 0.1
 TELL_SECONDS = 10.0
@@ -24,13 +28,54 @@ log = logging.getLogger(__name__)
 class SaysWhy(bpy.types.Operator):
     """An operator whose :meth:`act` raises InputError on bad input, or OSError where the disk fails it.
 
-    The sentence appears in Blender's window; a script that called the operator gets it as a RuntimeError.
+    The sentence appears in Blender's window and stays in the operator's step of the panel until the next run; a script
+    that called the operator gets it as a RuntimeError.
     """
+
+    _scene_uid = 0
+    _made_from: Ingredients
+
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        """What has to be there first and is not, as a sentence without a full stop; "" where nothing is missing."""
+        return ""
+
+    @classmethod
+    def made_from(cls, context: Any) -> Ingredients:
+        """What a result would be made of now; where that has changed since, the panel says it is out of date."""
+        return {}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        obstacle = cls.lacks(context)
+        if obstacle:
+            cls.poll_message_set(obstacle)
+        return not obstacle
 
     def act(self, context: Any) -> None:
         raise NotImplementedError
 
+    def scene(self, result: object) -> Any:
+        """The scene that the operator began in, whatever it is called by now, and whichever is open.
+
+        Raises InputError where it was removed. result: what it would have got, and where that is now.
+        """
+        scene = same(bpy.data.scenes, self._scene_uid)
+        if scene is None:
+            raise InputError(f"the scene that this was made for is gone; {result}")
+        return scene
+
+    def made(self, image: bpy.types.Image) -> None:
+        """Note with the image that is the result what it was made of; called once it is there."""
+        keep_made_from(image, verb_of(self.bl_idname), self._made_from)
+
+    def begin(self, context: Any) -> None:
+        """Called before anything else; what an earlier run left to say goes."""
+        self._scene_uid = context.scene.session_uid
+        self._keep_record()
+
     def execute(self, context: Any) -> set[Any]:
+        self.begin(context)
         return {"FINISHED"} if self.done(lambda: self.act(context)) else {"CANCELLED"}
 
     def done(self, step: Callable[[], None]) -> bool:
@@ -38,14 +83,33 @@ class SaysWhy(bpy.types.Operator):
         try:
             step()
         except (InputError, CoreCrashed) as error:
-            self.report({"ERROR"}, str(error))
+            self._failed(str(error))
         except OSError as error:
-            self.report({"ERROR"}, _sentence(error))
+            self._failed(_sentence(error))
         except (Cancelled, KeyboardInterrupt):
             self.report({"ERROR"}, CANCELLED)
         else:
             return True
         return False
+
+    def _failed(self, sentence: str) -> None:
+        self._keep_record(error=sentence)
+        self.report({"ERROR"}, sentence)
+
+    def _keep_record(self, *, error: str = "", notes: list[str] | None = None) -> None:
+        scene = same(bpy.data.scenes, self._scene_uid)
+        if scene is not None:
+            keep_record(scene, verb_of(self.bl_idname), error=error, notes=notes)
+
+
+def same(datablocks: Any, session_uid: int) -> Any:
+    """The datablock with this number, whatever it is called by now; None where it is gone."""
+    return next((one for one in datablocks if one.session_uid == session_uid), None)
+
+
+def verb_of(idname: str) -> str:
+    """ "estimate" for "mps.estimate" as well as for "MPS_OT_estimate", which is how Blender writes it itself."""
+    return idname.removeprefix("MPS_OT_").removeprefix("mps.")
 
 
 def _sentence(error: OSError) -> str:
@@ -60,6 +124,7 @@ class _Job:
     process: CoreProcess
     folder: "TemporaryDirectory[str]"
     timer: Any
+    pace: Pace = field(default_factory=Pace)
 
     def leave(self, manager: Any) -> None:
         """Give back what the run held; a child that still runs is ended. Once is enough."""
@@ -68,7 +133,7 @@ class _Job:
         _jobs.remove(self)
         self.process.cancel()
         manager.event_timer_remove(self.timer)
-        manager.mps.running = ""
+        manager.mps.running = manager.mps.left = ""
         self.folder.cleanup()
         _redraw(manager)
 
@@ -81,15 +146,19 @@ class RunsCore(SaysWhy):
 
     From a button the run is modal: the window stays live, the panel shows progress, Esc or ``mps.cancel`` ends it.
     From a script it returns when the work is done. Between the two calls below anything may happen to the file, so
-    they share names and paths, never Blender's data.
+    they share paths and session numbers (see :func:`same`), never Blender's data or the names that people change.
     """
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return idle(cls, context) and super().poll(context)
 
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         """Write what the core reads into `folder`; give its arguments and the files it will write."""
         raise NotImplementedError
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        """Take the core's result into Blender."""
+        """Take the core's result into Blender. Its notes are reported and kept already."""
         raise NotImplementedError
 
     def look(self) -> None:
@@ -98,23 +167,36 @@ class RunsCore(SaysWhy):
     def act(self, context: Any) -> None:
         manager = context.window_manager
         with TemporaryDirectory(prefix="mpsnet-") as folder:
-            arguments, outputs = self.prepare(context, Path(folder))
+            arguments, outputs = self._prepared(context, Path(folder))
             manager.progress_begin(0, 100)
             try:
                 result = run(arguments, outputs, _Teller(manager))
             finally:
                 manager.progress_end()
+        self._finished(context, result)
+
+    def _prepared(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+        prepared = self.prepare(context, folder)
+        self._made_from = self.made_from(context)
+        return prepared
+
+    def _finished(self, context: Any, result: dict[str, Any]) -> None:
+        notes = result.get("notes", [])
+        for note in notes:
+            self.report({"INFO"}, note)
         self.finish(context, result)
+        self._keep_record(notes=notes)
 
     def invoke(self, context: Any, event: bpy.types.Event) -> set[Any]:
         if bpy.app.background:
             return self.execute(context)
-        return {"RUNNING_MODAL"} if self.done(lambda: self._begin(context)) else {"CANCELLED"}
+        self.begin(context)
+        return {"RUNNING_MODAL"} if self.done(lambda: self._start(context)) else {"CANCELLED"}
 
-    def _begin(self, context: Any) -> None:
+    def _start(self, context: Any) -> None:
         folder = TemporaryDirectory(prefix="mpsnet-")
         try:
-            arguments, outputs = self.prepare(context, Path(folder.name))
+            arguments, outputs = self._prepared(context, Path(folder.name))
             process = CoreProcess(arguments, outputs)
         except BaseException:
             folder.cleanup()
@@ -139,7 +221,7 @@ class RunsCore(SaysWhy):
             self.look()
             return {"PASS_THROUGH"}
         self._job.leave(context.window_manager)
-        return {"FINISHED"} if self.done(lambda: self.finish(context, process.result())) else {"CANCELLED"}
+        return {"FINISHED"} if self.done(lambda: self._finished(context, process.result())) else {"CANCELLED"}
 
     def cancel(self, context: Any) -> None:
         """Also called by Blender, when another file is opened in the middle of the work."""
@@ -147,8 +229,9 @@ class RunsCore(SaysWhy):
 
     def _show(self, context: Any) -> None:
         shown, process = context.window_manager.mps, self._job.process
-        if (shown.progress, shown.message) != (process.progress, process.message):
-            shown.progress, shown.message = process.progress, process.message
+        left = in_words(self._job.pace.left(time.monotonic(), process.progress))
+        if (shown.progress, shown.message, shown.left) != (process.progress, process.message, left):
+            shown.progress, shown.message, shown.left = process.progress, process.message, left
             _redraw(context.window_manager)
 
 
@@ -189,6 +272,22 @@ class MPS_OT_cancel(bpy.types.Operator):
         return {"FINISHED"}
 
 
+class MPS_OT_dismiss(bpy.types.Operator):
+    """Take this message away; the step may be run again"""
+
+    bl_idname = "mps.dismiss"
+    bl_label = "Dismiss Message"
+    bl_options = {"INTERNAL", "UNDO"}
+
+    verb: StringProperty(
+        name="Operator", description='Whose message to take away: "estimate" for mps.estimate', options={"SKIP_SAVE"}
+    )
+
+    def execute(self, context: Any) -> set[Any]:
+        keep_record(context.scene, self.verb)
+        return {"FINISHED"}
+
+
 def idle(cls: Any, context: Any) -> bool:
     """Poll of what runs the core: one at a time."""
     if context.window_manager.mps.running:
@@ -197,11 +296,16 @@ def idle(cls: Any, context: Any) -> bool:
     return True
 
 
+CLASSES = (MPS_OT_cancel, MPS_OT_dismiss)
+
+
 def register() -> None:
-    bpy.utils.register_class(MPS_OT_cancel)
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
 
 
 def unregister() -> None:
     for job in list(_jobs):
         job.leave(bpy.context.window_manager)
-    bpy.utils.unregister_class(MPS_OT_cancel)
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

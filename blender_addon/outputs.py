@@ -1,6 +1,7 @@
 """Where files go, and how they come into Blender as images."""
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
@@ -11,7 +12,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.files import made_folder, writable_path
 from mpsnet_core.rig import read_rig
 
-from .preferences import preference
+from .preferences import output_folder
 
 FORMATS = {"PNG": "png", "TIFF": "tif", "EXR": "exr"}
 _ENDINGS = {".png", ".tif", ".tiff", ".exr"}
@@ -136,14 +137,6 @@ def remembered(image: bpy.types.Image, what: str) -> str | None:
     return image.get(f"mpsnet_{what}")
 
 
-def output_folder() -> Path:
-    """The preferences' folder, else that of the saved .blend file, else Blender's temporary one."""
-    chosen = preference("output_folder")
-    if chosen:
-        return Path(bpy.path.abspath(chosen))
-    return Path(bpy.data.filepath).parent if bpy.data.filepath else Path(bpy.app.tempdir)
-
-
 def load_image(path: Path, name: str, *, is_data: bool) -> bpy.types.Image:
     """The file as an image of Blender's, read anew where it is one already.
 
@@ -170,11 +163,42 @@ def load_image(path: Path, name: str, *, is_data: bool) -> bpy.types.Image:
     image.name = name
     if image.preview:  # else the panel goes on showing what the file held before
         image.preview.reload()
+    _keep_with_file(image, path)
+    return image
+
+
+def load_tiles(pattern: Path, numbers: Sequence[int], name: str) -> bpy.types.Image:
+    """UDIM tiles as one image of data, read anew where it is one already. pattern: their file, with <UDIM> in its name.
+
+    Tiles in a folder that goes when Blender quits are packed, as in :func:`load_image`.
+
+    Raises InputError where Blender cannot read them.
+    """
+    known = (image for image in bpy.data.images if image.source == "TILED" and not image.library)
+    image = next((one for one in known if Path(bpy.path.abspath(one.filepath)) == pattern), None)
+    if image is None:
+        first = pattern.with_name(pattern.name.replace("<UDIM>", str(numbers[0])))
+        image = load_image(first, name, is_data=True)
+    if image.packed_file:
+        image.unpack(method="REMOVE")
+    image.source = "TILED"
+    image.filepath = str(pattern)
+    image.reload()
+    for tile in [tile for tile in image.tiles if tile.number not in numbers]:
+        image.tiles.remove(tile)  # Blender takes all files that fit the pattern, those of earlier bakes too
+    image.name = name
+    if image.preview:
+        image.preview.reload()
+    _keep_with_file(image, pattern)
+    return image
+
+
+def _keep_with_file(image: bpy.types.Image, path: Path) -> None:
+    """Pack what would go with Blender, and name what lies beside the .blend file by where it lies from there."""
     if Path(bpy.app.tempdir) in path.parents:
         image.pack()
     elif bpy.data.filepath and Path(bpy.data.filepath).parent in path.parents:
         image.filepath = bpy.path.relpath(str(path))
-    return image
 
 
 def fine_preview(image: bpy.types.Image) -> None:

@@ -1,5 +1,6 @@
 """Preferences of the add-on: what belongs to the machine rather than to a scene."""
 
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -37,7 +38,10 @@ class MPS_AddonPreferences(bpy.types.AddonPreferences):
         column.use_property_decorate = False
         column.prop(self, "provider")
         column.prop(self, "threads")
-        column.prop(self, "output_folder")
+        column.prop(self, "output_folder", placeholder="Beside the .blend File")
+        row = column.row()
+        row.enabled = output_folder().is_dir()
+        row.operator("wm.path_open", text="Open Output Folder", icon="FILE_FOLDER").filepath = str(output_folder())
 
 
 def preference(name: str) -> Any:
@@ -46,6 +50,14 @@ def preference(name: str) -> Any:
     if addon is not None and addon.preferences is not None:
         return getattr(addon.preferences, name)
     return MPS_AddonPreferences.bl_rna.properties[name].default
+
+
+def output_folder() -> Path:
+    """The preferences' folder, else that of the saved .blend file, else Blender's temporary one."""
+    chosen = preference("output_folder")
+    if chosen:
+        return Path(bpy.path.abspath(chosen))
+    return Path(bpy.data.filepath).parent if bpy.data.filepath else Path(bpy.app.tempdir)
 
 
 def register() -> None:

@@ -15,6 +15,7 @@ from mpsnet_core.files import PHOTO_SUFFIXES, RAW_SUFFIXES, VIDEO_SUFFIXES, writ
 from mpsnet_core.rig import write_rig
 
 from .core_process import run
+from .made_from import Ingredients, chosen, rounded
 from .operators import SaysWhy
 from .outputs import (
     beside,
@@ -26,7 +27,8 @@ from .outputs import (
     remember,
     render_path,
 )
-from .rig import light_rig, rig_parts, scene_camera, view_layer
+from .rig import drawn_rig, light_rig, rig_camera, rig_parts, scene_camera, view_layer
+from .rigs import result_name
 from .settings.declared import take_given
 from .settings.photo import PhotoSettings
 
@@ -44,15 +46,21 @@ class MPS_OT_render_photo(SaysWhy, PhotoSettings, bpy.types.Operator):
     bl_options = {"UNDO"}
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
-        return needs_rig(cls, context)
+    def lacks(cls, context: Any) -> str:
+        return "" if context.scene.mps.rig.lights else "Add a rig first"
+
+    @classmethod
+    def made_from(cls, context: Any) -> Ingredients:
+        return {**_drawn(context.scene), **chosen(PhotoSettings, context.scene.mps.photo)}
 
     def act(self, context: Any) -> None:
         scene = context.scene
         take_given(self, PhotoSettings, scene.mps.photo)
-        path = output_path(self.output, f"{scene.name}_photo", "EXR")
+        path = output_path(self.output, result_name(scene, "photo"), "EXR")
         render_photo(scene, path)
-        scene.mps.photo.image = load_photo(path, "MPS Photo")
+        self._made_from = self.made_from(context)
+        scene.mps.photo.image = image = load_photo(path, "MPS Photo")
+        self.made(image)
 
 
 class MPS_OT_open_photo(SaysWhy, bpy.types.Operator):
@@ -90,7 +98,19 @@ class MPS_OT_open_photo(SaysWhy, bpy.types.Operator):
         if self.sequence:
             frame_pattern(path)  # says so where it has no number
             image.source = "SEQUENCE"
+        self._made_from = self.made_from(context)
+        self.made(image)
         context.scene.mps.photo.image = image
+
+
+def _drawn(scene: Any) -> Ingredients:
+    """Lights and camera as Blender last evaluated them; nothing where no photo can be taken with them."""
+    try:
+        rig = drawn_rig(scene)
+    except InputError:
+        return {}
+    lights = rounded(rig.directions, 3) + rounded(rig.mixing, 3)
+    return {"Lights": lights, "Camera": rounded(rig_camera(scene).matrix_world, 4)}
 
 
 def load_raw(path: Path) -> bpy.types.Image:
@@ -119,21 +139,13 @@ class MPS_OT_render_truth(SaysWhy, bpy.types.Operator):
     )
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
-        return needs_rig(cls, context)
+    def lacks(cls, context: Any) -> str:
+        return "" if context.scene.mps.rig.lights else "Add a rig first"
 
     def act(self, context: Any) -> None:
-        path = output_path(self.output, f"{context.scene.name}_true_normals", "EXR")
+        path = output_path(self.output, result_name(context.scene, "true_normals"), "EXR")
         render_normals(context.scene, path)
         self.report({"INFO"}, f"True normals written to {path}")
-
-
-def needs_rig(cls: Any, context: Any) -> bool:
-    """Poll of what needs a rig; its absence is said on the greyed-out button."""
-    if not context.scene.mps.rig.lights:
-        cls.poll_message_set("Add a rig first")
-        return False
-    return True
 
 
 def render_photo(scene: Any, path: Path) -> None:

@@ -127,10 +127,15 @@ def remove_rig(scene: Any) -> None:
 
 
 def rig_objects(scene: Any) -> Iterable[Any]:
-    """The rig's objects that still exist in the file: lights, camera, target."""
+    """The rig's own objects that still exist in the file: lights, camera, target.
+
+    A camera that was there before the rig and only takes its photos is not one of them.
+    """
     settings = scene.mps.rig
-    every = [light.object for light in settings.lights] + [settings.camera, settings.target]
-    return (obj for obj in every if obj is not None)
+    every = [light.object for light in settings.lights] + [settings.target]
+    around = settings.collection.objects if settings.collection is not None else ()
+    cameras = [obj for obj in around if obj.type == "CAMERA" and obj.parent == settings.target]
+    return [obj for obj in (*every, *cameras) if obj is not None]
 
 
 def bounding_sphere(depsgraph: Any, objects: Iterable[Any]) -> tuple[Vector, float]:

@@ -12,7 +12,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.files import written_whole
 from mpsnet_core.synthesis.job import CONTACT_SHEET, JOB_FILE, SHAPES, SampleJob, place_job, read_job, samples_there
 
-from .operators import RunsCore, idle
+from .operators import RunsCore, same
 from .outputs import fine_preview, lasting, load_image, output_folder
 from .settings.declared import take_given
 from .settings.samples import SamplesSettings
@@ -28,10 +28,6 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
     bl_idname = "mps.render_samples"
     bl_label = "Render Samples"
     bl_options = {"UNDO"}
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        return idle(cls, context)
 
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         scene = context.scene
@@ -51,7 +47,7 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
         if not bpy.app.module:
             # Where the extension was enabled just now, the preferences may not be saved yet.
             arguments += ["--blender", bpy.app.binary_path, "--addon", __package__ or ""]
-        self._scene, self._sheet, self._seen = scene.name, target / CONTACT_SHEET, -1
+        self._sheet, self._seen = target / CONTACT_SHEET, -1
         if not self._sheet.exists():
             scene.mps.samples.image = None  # it shows another folder
         return arguments, [self._sheet]
@@ -99,7 +95,7 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
 
     def look(self) -> None:
         """Show the contact sheet, where the core has written it anew."""
-        scene = bpy.data.scenes.get(self._scene)
+        scene = same(bpy.data.scenes, self._scene_uid)
         with suppress(InputError, OSError):  # a sheet that is not there yet or cannot be shown is no reason to stop
             changed = self._sheet.stat().st_mtime_ns
             if scene is not None and changed != self._seen:
@@ -110,8 +106,9 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         self.look()
-        for note in result.get("notes", []):
-            self.report({"INFO"}, note)
+        sheet = self.scene(f"its samples are in {self._sheet.parent}").mps.samples.image
+        if sheet is not None:
+            self.made(sheet)
         self.report({"INFO"}, f"{standing(self._sheet.parent)}: {self._sheet.parent}")
 
 

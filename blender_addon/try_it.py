@@ -12,7 +12,7 @@ from mpsnet_core.errors import Cancelled
 from mpsnet_core.files import made_folder
 
 from .demo import make_demo
-from .operators import TICK_SECONDS, SaysWhy, idle
+from .operators import TICK_SECONDS, SaysWhy, idle, same
 from .settings.declared import PATH
 
 # From the front, a little to the right and above, as far away as shows all of the object.
@@ -62,10 +62,11 @@ class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
     def invoke(self, context: Any, event: bpy.types.Event) -> set[Any]:
         if bpy.app.background:
             return self.execute(context)
+        self.begin(context)
         manager = context.window_manager
         manager.mps.running, manager.mps.progress, manager.mps.message = self.bl_idname, 0.0, "making an object"
         self._left = [self._build, self._photograph, self._estimate, self._bake, self._present]
-        self._scene, self._ticks = "", 0
+        self._ticks = 0
         self._timer = manager.event_timer_add(TICK_SECONDS, window=context.window)
         manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
@@ -95,7 +96,7 @@ class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
 
     def _build(self, context: Any) -> None:
         scene, detailed, low = make_demo()
-        self._scene, self._low = scene.name, low.name
+        self._demo_uid, self._shown = scene.session_uid, {detailed.session_uid: False, low.session_uid: True}
         context.window.scene = scene
         scene.mps.photo.width = scene.mps.photo.height = self.pixels
         detailed.select_set(True)
@@ -107,43 +108,45 @@ class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
         context.window_manager.mps.message = "rendering its photo; the window waits"
 
     def _photograph(self, context: Any) -> None:
-        bpy.ops.mps.render_photo(samples=self.samples, output=self._file("photo.exr"))
+        bpy.ops.mps.render_photo(samples=self.samples, output=self._file(context, "photo.exr"))
         self._forget_files(context)
         context.window_manager.mps.running = ""
 
     def _estimate(self, context: Any, how: str = "INVOKE_DEFAULT") -> None:
-        bpy.ops.mps.estimate(how, output=self._file("normals.png"))
+        bpy.ops.mps.estimate(how, output=self._file(context, "normals.png"))
 
     def _bake(self, context: Any, how: str = "INVOKE_DEFAULT") -> None:
         if self._demo(context).mps.estimate.image is None:
             raise Cancelled
-        bpy.ops.mps.bake(how, size=self.size, output=self._file("texture.png"))
+        bpy.ops.mps.bake(how, size=self.size, output=self._file(context, "texture.png"))
 
     def _present(self, context: Any) -> None:
         scene = self._demo(context)
         if scene.mps.bake.image is None:
             raise Cancelled
         self._forget_files(context)
-        detailed, low = (scene.objects[self._low.replace("Low Poly", name)] for name in ("Detailed", "Low Poly"))
-        for obj, shown in ((detailed, False), (low, True)):
+        for uid, shown in self._shown.items():
+            obj = same(scene.objects, uid)
+            if obj is None:
+                raise Cancelled
             obj.hide_render = not shown
             obj.hide_set(not shown)
             obj.select_set(shown)
-        context.view_layer.objects.active = low
+            context.view_layer.objects.active = obj
         if not bpy.app.background:
             bpy.ops.mps.relight()
         self.report({"INFO"}, "The low-poly copy wears the photo's normals; the detailed object is hidden")
 
     def _demo(self, context: Any) -> Any:
         """The demo's scene, as long as the window shows it."""
-        if context.scene.name != self._scene:
+        if context.scene.session_uid != self._demo_uid:
             raise Cancelled
         return context.scene
 
-    def _file(self, name: str) -> str:
+    def _file(self, context: Any, name: str) -> str:
         """Images from Blender's temporary folder are packed into the .blend file."""
         folder = made_folder(bpy.path.abspath(self.output), "files") if self.output else Path(bpy.app.tempdir)
-        return str(folder / f"{bpy.path.clean_name(self._scene)}_{name}")
+        return str(folder / f"{bpy.path.clean_name(self._demo(context).name)}_{name}")
 
     def _forget_files(self, context: Any) -> None:
         """What is done next in the demo's scene goes where it goes in any scene."""

@@ -14,59 +14,67 @@ from mpsnet_core.rig import write_rig
 from mpsnet_core.view_files import write_views
 from mpsnet_core.world_lights import in_world, write_world_lights
 
-from .bake import BITS, BakesOnto, wear_texture, write_mesh
+from .bake import BakesOnto, bits, sampling
 from .estimate import model_name, reading
-from .operators import RunsCore, idle
-from .outputs import image_file, load_image, output_path
+from .made_from import Ingredients, chosen
+from .outputs import image_file
 from .preferences import preference
 from .rig import light_rig, rig_camera, scene_camera
+from .settings.bake import BakeSettings
 from .settings.declared import take_given
+from .settings.estimate import EstimateSettings
 from .settings.views import ViewsSettings
+from .textures import without_tokens
 
 # What Blender's importers of OBJ and glTF do to a file whose y axis is up.
 _BLENDER_FROM_Y_UP = Matrix(((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1)))
 
 
-class MPS_OT_bake_views(RunsCore, BakesOnto, ViewsSettings, bpy.types.Operator):
+class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
     """Estimate a photo for each camera, bring all into line with the mesh and bake them into one texture.
 
-    Size, space, convention, margin, format and file are those of the step Bake, the model is that of Estimate"""
+    Size, space, convention, margin, format, file, strength and what it goes on top of are those of the step Bake, the
+    model is that of Estimate"""
 
     bl_idname = "mps.bake_views"
     bl_label = "Bake Views"
     bl_options = {"UNDO"}
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
-        return idle(cls, context)
+    def made_from(cls, context: Any) -> Ingredients:
+        scene = context.scene.mps
+        shared = ("model", "model_file", "rig_file", "mask", "encoding", "dark", "flat")
+        return {
+            **chosen(ViewsSettings, scene.views, without=("keep", "write_report")),
+            **chosen(EstimateSettings, scene.estimate, only=shared),
+            **chosen(BakeSettings, scene.bake),
+        }
 
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         scene = context.scene
         take_given(self, ViewsSettings, scene.mps.views)
         bake, estimate = scene.mps.bake, scene.mps.estimate
-        target = self.onto(context)
-        output = output_path(bake.output, f"{target.name}_normal", bake.file_format)
-        context.view_layer.update()
+        targets = self.all_onto(context)
+        output = self.texture_file(context, targets)
         turn = _BLENDER_FROM_Y_UP if self.cameras and self.axes == "Y_UP" else Matrix.Identity(4)
-        self._uv_map = write_mesh(
-            folder / "mesh.npz", target, context.evaluated_depsgraph_get(), bake.uv_map, turn.inverted()
-        )
-        arguments = ["views", "--mesh", str(folder / "mesh.npz"), *self._cameras(scene, folder)]
+        meshes = self.write_meshes(context, folder, targets, turn.inverted())
+        arguments = ["views", *meshes, *self._cameras(scene, folder)]
         arguments += ["--rig", self._rig(scene, folder, turn.inverted()), "--lights-in", self.lights_in.lower()]
         arguments += [*reading(estimate, unmasked="mesh"), "--model", model_name(estimate)]
         arguments += ["--level", f"{self.level_scale:g}" if self.level else "off"]
-        arguments += ["--size", str(bake.size), "--margin", str(bake.margin), "--bits", BITS[output.suffix.lower()]]
+        arguments += [*sampling(bake), "--bits", bits(bake, output.suffix.lower())]
         arguments += ["--space", bake.space.lower(), "--convention", bake.convention.lower()]
+        arguments += self.detail(bake, targets)
         arguments += ["--provider", preference("provider").lower(), "--threads", str(preference("threads"))]
         outputs = [output]
         if self.keep:
             arguments += ["--keep", bpy.path.abspath(self.keep)]
         self._report = ""
         if self.write_report:
-            outputs.append(output.with_name(f"{output.stem}_report.html"))
+            outputs.append(output.with_name(f"{without_tokens(output.stem) or 'textures'}_report.html"))
             self._report = str(outputs[1])
             arguments += ["--report", self._report]
-        self._scene, self._target, self._output = scene.name, target.name, output
+        self._output = output
         return [*arguments, "--output", str(output)], outputs
 
     def _cameras(self, scene: Any, folder: Path) -> list[str]:
@@ -76,7 +84,7 @@ class MPS_OT_bake_views(RunsCore, BakesOnto, ViewsSettings, bpy.types.Operator):
             return ["--cameras", bpy.path.abspath(self.cameras), "--photos", bpy.path.abspath(self.photos)]
         views = []
         for obj in scene.objects:
-            image = _background(obj)
+            image = background(obj)
             if image is None:
                 continue
             photo = image_file(image, f"background image of {obj.name}", "choose another")
@@ -105,22 +113,13 @@ class MPS_OT_bake_views(RunsCore, BakesOnto, ViewsSettings, bpy.types.Operator):
         return str(folder / "rig.json")
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        scene, target = bpy.data.scenes.get(self._scene), bpy.data.objects.get(self._target)
-        if scene is None or target is None:
-            raise InputError(f'"{self._target}" is gone or renamed; its texture is in {self._output}')
+        scene = self.scene(f"its texture is in {self._output}")
         scene.mps.views.report_file = self._report
-        image = load_image(self._output, f"MPS {target.name}", is_data=True)
-        scene.mps.bake.image = image
-        bake = scene.mps.bake
-        for sentence in wear_texture(target, image, self._uv_map, bake.space, bake.convention):
-            self.report({"INFO"}, sentence)
-        for note in result.get("notes", []):
-            self.report({"INFO"}, note)
-        count = len(result["views"])
-        self.report({"INFO"}, f"{count} views baked into {self._output}; {result['seen']:.0%} of the surface seen")
+        self.wear_result(scene, result)
+        self.report({"INFO"}, f"{len(result['views'])} views baked. {self.written(result)}")
 
 
-def _background(obj: Any) -> Any:
+def background(obj: Any) -> Any:
     """The photo behind a camera, None for what has none."""
     if obj.type != "CAMERA":
         return None

@@ -132,7 +132,7 @@ def read_image(path: str | os.PathLike[str], *, encoding: Encoding = "auto", lay
         linear = is_float or "lin" in declared or declared in ("raw", "data")
         note = f"taken as {'linear' if linear else 'sRGB'} ({'float' if is_float else spec.format} file)"
         if not linear and spec.format.basetype == oiio.UINT16:
-            note += "; if a raw converter wrote linear values, say so with --encoding linear"
+            note += "; if a raw converter wrote linear values, set the encoding to linear"
         log.info(note)
     else:
         linear = encoding == "linear"

@@ -2,9 +2,11 @@
 
 import bpy
 
-from . import bake, estimate, heights, photo, rig, samples, start, views
+from . import bake, estimate, heights, material, photo, rig, samples, start, views
 
 # In the order of the sidebar.
-_STEPS = (start, rig, photo, estimate, bake, heights, views, samples)
+_STEPS = (start, rig, photo, estimate, bake, heights, views, material, samples)
 
-register, unregister = bpy.utils.register_classes_factory([cls for step in _STEPS for cls in step.CLASSES])
+CLASSES = [cls for step in _STEPS for cls in step.CLASSES]
+
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

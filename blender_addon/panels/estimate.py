@@ -7,6 +7,11 @@ from .step import Step
 
 class MPS_PT_estimate(Step):
     bl_label = "3  Estimate"
+    verbs = ("estimate",)
+
+    @classmethod
+    def result(cls, context: Any) -> Any:
+        return context.scene.mps.estimate.image
 
     def draw(self, context: Any) -> None:
         estimate = context.scene.mps.estimate

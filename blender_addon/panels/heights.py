@@ -7,7 +7,13 @@ from .step import Step
 
 class MPS_PT_heights(Step):
     bl_label = "5  Height"
+    verbs = ("integrate",)
+    optional = True
     bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def result(cls, context: Any) -> Any:
+        return context.scene.mps.heights.image
 
     def draw(self, context: Any) -> None:
         heights = context.scene.mps.heights
@@ -29,6 +35,12 @@ class MPS_PT_heights(Step):
 class MPS_PT_displace(Step):
     bl_label = "Displace Object"
     bl_parent_id = "MPS_PT_heights"
+    verbs = ("displace",)
+    optional = True
+
+    @classmethod
+    def result(cls, context: Any) -> Any:
+        return context.scene.mps.displace.image
 
     def draw(self, context: Any) -> None:
         displace = context.scene.mps.displace

@@ -7,6 +7,17 @@ from .step import Step
 
 class MPS_PT_photo(Step):
     bl_label = "2  Photo"
+    verbs = ("render_photo", "open_photo")
+
+    @classmethod
+    def result(cls, context: Any) -> Any:
+        return context.scene.mps.photo.image
+
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        if context.scene.mps.photo.image or not super().lacks(context):
+            return ""
+        return "Add a rig to render the photo, or open one that you took"
 
     def draw(self, context: Any) -> None:
         photo = context.scene.mps.photo
@@ -16,8 +27,9 @@ class MPS_PT_photo(Step):
         size.prop(photo, "height")
         column.prop(photo, "samples")
         column.prop(photo, "output", text="File", placeholder="Automatic")
-        self.layout.operator("mps.render_photo", icon="RENDER_STILL")
+        self.progress_or(context, "render_photo", "RENDER_STILL")
         self.layout.template_ID(photo, "image", open="mps.open_photo")
+        self.failure(context.scene, "open_photo")
         self.picture(photo.image)
 
 
@@ -50,6 +62,13 @@ class MPS_PT_near(Step):
 
 class MPS_PT_mask(Step):
     bl_label = "Mask"
+    verbs = ("show_mask",)
+    optional = True
+
+    @classmethod
+    def result(cls, context: Any) -> Any:
+        return context.scene.mps.estimate.mask_image
+
     bl_parent_id = "MPS_PT_photo"
 
     def draw(self, context: Any) -> None:

@@ -5,14 +5,36 @@ from typing import Any
 from mpsnet_core.errors import InputError
 
 from ..rig import COLOURS, drawn_rig
-from .step import Step, sentence, wrapped
+from .step import Kind, State, Step, sentence
+from .text import wrapped
 
 
 class MPS_PT_rig(Step):
     bl_label = "1  Rig"
+    verbs = ("add_rig",)
+
+    @classmethod
+    def result(cls, context: Any) -> Any:
+        return bool(context.scene.mps.rig.lights)
+
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        if cls.result(context) or context.view_layer.objects.selected:
+            return super().lacks(context)
+        return "Select the object, then add the rig. A photo that you took needs none"
+
+    @classmethod
+    def state(cls, context: Any) -> State:
+        if cls.result(context):
+            try:
+                drawn_rig(context.scene)
+            except InputError as error:
+                return State(Kind.FAILED, str(error))
+        return super().state(context)
 
     def draw(self, context: Any) -> None:
         rig = context.scene.mps.rig
+        self._rigs(context.scene.mps)
         column = self.column()
         column.prop(rig, "light_type")
         column.prop(rig, "slant")
@@ -26,18 +48,35 @@ class MPS_PT_rig(Step):
             column.prop(rig, "focal_length")
         column.prop(rig, "view")
         column.prop(rig, "margin")
-        row = self.layout.row(align=True)
-        row.operator("mps.add_rig", text="Replace Rig" if rig.lights else "Add Rig", icon="LIGHT")
+        self.progress_or(context, "add_rig", "LIGHT", text="Replace Rig" if rig.lights else "Add Rig")
         if rig.lights:
-            row.operator("mps.remove_rig", text="", icon="TRASH")
             self._standing(context.scene)
+            self.column().prop(rig, "camera", text="Taken By")
+            row = self.layout.row(align=True)
+            row.operator("mps.remove_rig", icon="TRASH")
+            row.operator("mps.new_rig", icon="ADD")
+
+    def _rigs(self, mps: Any) -> None:
+        """The list of several rigs; one alone needs none."""
+        if not mps.rigs:
+            return
+        column = self.layout.column(align=True)
+        for number, one in enumerate(mps.rigs):
+            row = column.row(align=True)
+            chosen = number == mps.chosen_rig
+            icon = "RADIOBUT_ON" if chosen else "RADIOBUT_OFF"
+            row.operator("mps.choose_rig", text="" if chosen else one.name, icon=icon, depress=chosen).index = number
+            if chosen:
+                row.prop(one, "name", text="")
+                row.operator("mps.drop_rig", text="", icon="REMOVE")
+                row.operator("mps.new_rig", text="", icon="ADD")
 
     def _standing(self, scene: Any) -> None:
         box = self.layout.box().column(align=True)
         try:
             lights = drawn_rig(scene)
         except InputError as error:
-            wrapped(box, str(error))
+            wrapped(box, sentence(str(error)), icon="ERROR")
             return
         grid = box.grid_flow(row_major=True, columns=3, even_columns=True)
         for heading in ("", "Slant", "Tilt"):
@@ -50,8 +89,20 @@ class MPS_PT_rig(Step):
 
 class MPS_PT_calibrate(Step):
     bl_label = "Calibrate Real Lights"
+    verbs = ("calibrate_lights", "calibrate_mixing")
+    optional = True
     bl_parent_id = "MPS_PT_rig"
     bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def result(cls, context: Any) -> Any:
+        return context.scene.mps.calibrate.image
+
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        if context.scene.mps.calibrate.ball:
+            return ""
+        return "Choose a photo of a mirror ball that stands in the object's place"
 
     def draw(self, context: Any) -> None:
         calibrate = context.scene.mps.calibrate
@@ -76,8 +127,6 @@ class MPS_PT_calibrate(Step):
         for row in rows:
             for text in row:
                 grid.label(text=text)
-        for note in calibrate.notes.splitlines():
-            wrapped(box.column(align=True), sentence(note))
 
 
 class MPS_PT_outline(Step):

@@ -9,7 +9,13 @@ from .step import Step
 
 class MPS_PT_samples(Step):
     bl_label = "Training Data"
+    verbs = ("render_samples",)
+    optional = True
     bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def result(cls, context: Any) -> Any:
+        return context.scene.mps.samples.image
 
     def draw(self, context: Any) -> None:
         samples = context.scene.mps.samples

@@ -1,8 +1,49 @@
-"""What the panels of the sidebar share."""
+"""A step of the sidebar: a panel whose header tells how the step stands, and whose body says what to do.
 
+A step is a subclass with ``verbs``, its operators' names without "mps."; ``result``, the image or True that stands for
+its being done; and ``draw``, which shows settings, ``progress_or`` (the button) for each verb, and ``picture`` of the
+result. Where more can be missing than its operators' ``lacks`` tells, it has a ``lacks`` of its own. Errors, notes,
+progress, time left and what a result was made of come from the operators (``SaysWhy``, ``RunsCore``, ``made_from``).
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
 from typing import Any
 
 import bpy
+
+from ..made_from import changed_since, made_by, made_when
+from ..operators import SaysWhy, verb_of
+from ..settings.record import error_of, notes_of
+from .text import fitted, wrapped
+
+
+class Kind(Enum):
+    """How a step can stand: the word and the icon in its header."""
+
+    TO_DO = ("To Do", "RADIOBUT_OFF")
+    READY = ("Ready", "RADIOBUT_ON")
+    RUNNING = ("Running", "SORTTIME")
+    DONE = ("Done", "CHECKMARK")
+    OUT_OF_DATE = ("Out of Date", "FILE_REFRESH")
+    FAILED = ("Failed", "ERROR")
+
+    @property
+    def word(self) -> str:
+        return self.value[0]
+
+    @property
+    def icon(self) -> str:
+        return self.value[1]
+
+
+@dataclass(frozen=True)
+class State:
+    """How a step stands, and a sentence that says why; "" where there is nothing to say."""
+
+    kind: Kind
+    why: str = ""
 
 
 class Step(bpy.types.Panel):
@@ -10,37 +51,122 @@ class Step(bpy.types.Panel):
     bl_region_type = "UI"
     bl_category = "MPS"
 
+    verbs: tuple[str, ...] = ()
+    optional = False  # what need not be done says nothing until it is
+
+    @classmethod
+    def result(cls, context: Any) -> Any:
+        """The image that the step is there for, or whether it is done; None where it is not yet."""
+        return None
+
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        """What has to be there before the step, as a sentence without a full stop; "" where nothing is missing."""
+        return _operator(cls.verbs[0]).lacks(context)
+
+    @classmethod
+    def state(cls, context: Any) -> State:
+        """How the step stands."""
+        if verb_of(context.window_manager.mps.running) in cls.verbs:
+            return State(Kind.RUNNING)
+        for verb in cls.verbs:
+            if error := error_of(context.scene, verb):
+                return State(Kind.FAILED, error)
+        result = cls.result(context)
+        if not result:
+            lacking = cls.lacks(context)
+            return State(Kind.TO_DO, lacking) if lacking else State(Kind.READY)
+        changed = _changed(context, result) if isinstance(result, bpy.types.Image) else []
+        if changed:
+            return State(Kind.OUT_OF_DATE, f"Changed since: {', '.join(changed)}")
+        return State(Kind.DONE)
+
+    def draw_header_preset(self, context: Any) -> None:
+        if not self.verbs:
+            return
+        kind = self.state(context).kind
+        if self.optional and kind in {Kind.TO_DO, Kind.READY}:
+            return
+        row = self.layout.row()
+        row.alert = kind is Kind.FAILED
+        # A greyed-out word is one that need not be read.
+        row.active = kind is not Kind.TO_DO
+        row.label(text=kind.word, icon=kind.icon)
+
     def column(self, *, heading: str = "") -> Any:
         column = self.layout.column(heading=heading)
         column.use_property_split = True
         column.use_property_decorate = False
         return column
 
-    def progress_or(self, context: Any, verb: str, icon: str) -> None:
-        """The step's button, or while its work runs the progress and a way to stop it."""
+    def progress_or(self, context: Any, verb: str, icon: str, text: str = "") -> None:
+        """The button of an operator of the step, with what is missing above it and what went wrong below.
+
+        While its work runs: how far it is, how long it will still take, and a way to stop it.
+        """
         job = context.window_manager.mps
-        if job.running != f"MPS_OT_{verb}":
-            self.layout.operator(f"mps.{verb}", icon=icon)
+        if verb_of(job.running) == verb:
+            self._running(job)
             return
+        scene = context.scene
+        lacking = self.lacks(context) if self.verbs[:1] == (verb,) else _operator(verb).lacks(context)
+        if lacking:
+            wrapped(self.layout, lacking, icon="INFO")
+        row = self.layout.row()
+        row.scale_y = 1.3
+        if text:
+            row.operator(f"mps.{verb}", icon=icon, text=text)
+        else:
+            row.operator(f"mps.{verb}", icon=icon)
+        self.failure(scene, verb)
+        for note in notes_of(scene, verb):
+            wrapped(self.layout, sentence(note), icon="INFO")
+
+    def _running(self, job: Any) -> None:
         row = self.layout.row(align=True)
-        row.progress(factor=job.progress, text=sentence(job.message))
+        row.scale_y = 1.3
+        row.progress(factor=job.progress, text=f"{job.progress:.0%}  {job.left}".strip())
         row.operator("mps.cancel", text="", icon="X")
+        wrapped(self.layout, sentence(job.message))
+
+    def failure(self, scene: Any, verb: str) -> None:
+        """Why the operator's last run failed, until the next one or until it is dismissed."""
+        error = error_of(scene, verb)
+        if not error:
+            return
+        box = self.layout.box()
+        row = box.row()
+        told = row.row()
+        told.alert = True
+        told.label(text="Failed", icon="ERROR")
+        row.operator("mps.dismiss", text="", icon="X", emboss=False).verb = verb
+        wrapped(box, sentence(error))
 
     def picture(self, image: Any, scale: float = 8) -> None:
-        if image is not None:
-            self.layout.template_icon(icon_value=image.preview_ensure().icon_id, scale=scale)
+        """An image that a step made: how it looks, whether it is out of date, when it was made and where it is."""
+        if image is None:
+            return
+        if changed := _changed(bpy.context, image):
+            wrapped(self.layout, f"Out of date. Changed since: {', '.join(changed)}", icon="FILE_REFRESH")
+        self.layout.template_icon(icon_value=image.preview_ensure().icon_id, scale=scale)
+        path = Path(bpy.path.abspath(image.filepath, library=image.library))
+        row = self.layout.row()
+        when = made_when(image)
+        row.label(text=fitted(f"{when}  {path.name}" if when else path.name, take=1.5))
+        row.operator("wm.path_open", text="", icon="FILE_FOLDER", emboss=False).filepath = str(path.parent)
+
+
+def _operator(verb: str) -> Any:
+    return getattr(bpy.types, f"MPS_OT_{verb}")
+
+
+def _changed(context: Any, image: Any) -> list[str]:
+    """What an image was made of that has changed since."""
+    operator = getattr(bpy.types, f"MPS_OT_{made_by(image)}", None)
+    if operator is None or not issubclass(operator, SaysWhy):
+        return []
+    return changed_since(image, operator.made_from(context))
 
 
 def sentence(text: str) -> str:
     return text[:1].upper() + text[1:]
-
-
-def wrapped(layout: Any, sentence: str, width: int = 36) -> None:
-    """A sentence over several labels: Blender cuts a label off where the panel ends."""
-    line = ""
-    for word in sentence.split():
-        if line and len(line) + len(word) >= width:
-            layout.label(text=line)
-            line = ""
-        line = f"{line} {word}".strip()
-    layout.label(text=line)

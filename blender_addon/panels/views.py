@@ -2,12 +2,28 @@
 
 from typing import Any
 
-from .step import Step, wrapped
+from ..made_from import made_by
+from ..views import background
+from .step import Step
+from .text import wrapped
 
 
 class MPS_PT_views(Step):
     bl_label = "Many Views"
+    verbs = ("bake_views",)
+    optional = True
     bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def result(cls, context: Any) -> Any:
+        texture = context.scene.mps.bake.image
+        return texture if texture is not None and made_by(texture) == "bake_views" else None
+
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        if context.scene.mps.views.cameras or any(background(obj) for obj in context.scene.objects):
+            return ""
+        return "Give each camera its photo as background image, or choose what a photogrammetry program wrote"
 
     def draw(self, context: Any) -> None:
         views = context.scene.mps.views
@@ -22,8 +38,9 @@ class MPS_PT_views(Step):
             column.prop(views, "level_scale")
         column.prop(views, "keep", placeholder="Not kept")
         column.prop(views, "write_report")
-        wrapped(self.layout.column(align=True), "Model as in 3 Estimate; target, size and file as in 4 Bake")
+        wrapped(self.layout, "Model as in 3 Estimate; target, size and file as in 4 Bake")
         self.progress_or(context, "bake_views", "CAMERA_STEREO")
+        self.picture(self.result(context))
         if views.report_file:
             self.layout.operator("wm.path_open", text="Open Report", icon="URL").filepath = views.report_file
 

@@ -7,6 +7,6 @@ from bpy.props import PointerProperty, StringProperty
 class MPS_PG_relight(bpy.types.PropertyGroup):
     """The white lamp that swings around the result, while it is there."""
 
-    pivot: PointerProperty(type=bpy.types.Object)
-    lamp: PointerProperty(type=bpy.types.Object)
-    shading: StringProperty()  # of the viewport before, as JSON
+    pivot: PointerProperty(name="Pivot", description="Empty that the lamp swings around", type=bpy.types.Object)
+    lamp: PointerProperty(name="Lamp", description="The lamp, while it is there", type=bpy.types.Object)
+    shading: StringProperty(name="Shading", description="How the viewport was shaded before, as JSON")

@@ -61,8 +61,8 @@ class RigSettings:
         options=GIVEN,
     )
     projection: EnumProperty(
-        name="Camera",
-        description="How the camera projects",
+        name="Projection",
+        description="How the camera that comes with the rig projects",
         items=[
             ("ORTHOGRAPHIC", "Orthographic", "No perspective: every pixel looks in the same direction"),
             ("PERSPECTIVE", "Perspective", "As a lens sees it"),
@@ -106,13 +106,26 @@ class RigSettings:
 class MPS_PG_light(bpy.types.PropertyGroup):
     """One of the rig's lights; a pointer, so that it survives renaming."""
 
-    object: PointerProperty(type=bpy.types.Object)
+    object: PointerProperty(name="Light", description="One of the rig's three lights", type=bpy.types.Object)
 
 
 class MPS_PG_rig(RigSettings, bpy.types.PropertyGroup):
     """The rig: its settings and the objects it is made of."""
 
-    lights: CollectionProperty(type=MPS_PG_light)
-    camera: PointerProperty(type=bpy.types.Object)
-    target: PointerProperty(type=bpy.types.Object)
-    collection: PointerProperty(type=bpy.types.Collection)
+    lights: CollectionProperty(
+        name="Lights", description="The rig's red, green and blue light, in this order", type=MPS_PG_light
+    )
+    camera: PointerProperty(
+        name="Camera",
+        description="Camera that takes the photo: the rig's own, or any other of this scene",
+        type=bpy.types.Object,
+        poll=lambda _, candidate: candidate.type == "CAMERA",
+    )
+    target: PointerProperty(
+        name="Target",
+        description="Empty that the lights turn to and that carries the rig: move it to move all of it",
+        type=bpy.types.Object,
+    )
+    collection: PointerProperty(
+        name="Collection", description="Collection of the rig's objects", type=bpy.types.Collection
+    )

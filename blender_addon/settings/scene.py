@@ -1,16 +1,19 @@
 """Where the settings live: in the scene, and what runs at the moment in the window manager."""
 
 import bpy
-from bpy.props import BoolProperty, FloatProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, CollectionProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from .bake import MPS_PG_bake
 from .calibrate import MPS_PG_calibrate
 from .displace import MPS_PG_displace
 from .estimate import MPS_PG_estimate
 from .heights import MPS_PG_heights
+from .material import MPS_PG_material
 from .photo import MPS_PG_photo
+from .record import MPS_PG_record
 from .relight import MPS_PG_relight
 from .rig import MPS_PG_light, MPS_PG_rig
+from .rigs import MPS_PG_one_of_rigs
 from .samples import MPS_PG_samples
 from .views import MPS_PG_views
 
@@ -26,17 +29,28 @@ class MPS_PG_scene(bpy.types.PropertyGroup):
     heights: PointerProperty(type=MPS_PG_heights)
     displace: PointerProperty(type=MPS_PG_displace)
     views: PointerProperty(type=MPS_PG_views)
+    material: PointerProperty(type=MPS_PG_material)
     samples: PointerProperty(type=MPS_PG_samples)
+    rigs: CollectionProperty(name="Rigs", description="The scene's rigs, where it has several", type=MPS_PG_one_of_rigs)
+    chosen_rig: IntProperty(
+        name="Chosen Rig",
+        description="Number in the list, from 0, of the rig that the panel shows. Change it with mps.choose_rig",
+        min=0,
+    )
+    records: CollectionProperty(
+        name="Records", description="How the last run of each operator ended", type=MPS_PG_record
+    )
     relight: PointerProperty(type=MPS_PG_relight)
 
 
 class MPS_PG_job(bpy.types.PropertyGroup):
     """The child process that runs at the moment: ``window_manager.mps``. Neither saved nor undone."""
 
-    running: StringProperty()
-    progress: FloatProperty(min=0.0, max=1.0)
-    message: StringProperty()
-    cancel: BoolProperty()
+    running: StringProperty(name="Running", description="Operator whose work runs. Empty: none")
+    progress: FloatProperty(name="Progress", description="How much is done, as a fraction", min=0.0, max=1.0)
+    message: StringProperty(name="Message", description="What is being done")
+    left: StringProperty(name="Time Left", description="How long it will still take, in words. Empty: not known yet")
+    cancel: BoolProperty(name="Cancel", description="Whether the work shall stop")
 
 
 CLASSES = (
@@ -49,7 +63,10 @@ CLASSES = (
     MPS_PG_heights,
     MPS_PG_displace,
     MPS_PG_views,
+    MPS_PG_material,
     MPS_PG_samples,
+    MPS_PG_record,
+    MPS_PG_one_of_rigs,
     MPS_PG_relight,
     MPS_PG_scene,
     MPS_PG_job,

@@ -189,6 +189,5 @@ def _note_doubts(sightings: Sequence[Sighting]) -> None:
     camera = sightings[0].ball.camera
     if camera.projection == "orthographic":
         log.info(
-            "the camera is taken as far away (orthographic); with --focal or --camera a near one's perspective is "
-            "allowed for"
+            "the camera is taken as far away (orthographic); tell its lens, and a near one's perspective is allowed for"
         )

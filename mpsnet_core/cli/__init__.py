@@ -15,7 +15,19 @@ from collections.abc import Sequence
 from typing import Any
 
 from mpsnet_core import __version__
-from mpsnet_core.cli import bake, calibration, cameras, evaluation, integrate, masks, photos, samples, training, views
+from mpsnet_core.cli import (
+    bake,
+    calibration,
+    cameras,
+    evaluation,
+    integrate,
+    masks,
+    material,
+    photos,
+    samples,
+    training,
+    views,
+)
 from mpsnet_core.cli.arguments import Parser
 from mpsnet_core.cli.reporter import Notes, Reporter
 from mpsnet_core.errors import Cancelled, InputError
@@ -96,6 +108,7 @@ def _parser() -> argparse.ArgumentParser:
     common.add_argument(
         "--progress", choices=("auto", "bar", "json", "none"), default="auto", help="how to tell progress"
     )
-    for group in (photos, calibration, masks, bake, integrate, cameras, views, samples, training, evaluation):
+    groups = (photos, calibration, masks, bake, integrate, material, cameras, views, samples, training, evaluation)
+    for group in groups:
         group.add_verbs(verbs, common)
     return parser

@@ -31,11 +31,20 @@ Verbs = argparse._SubParsersAction
 
 
 def add_texture(parser: argparse.ArgumentParser) -> None:
-    """What texture is baked: its size, space, convention, margin and bits."""
+    """What texture is baked: its size, space, convention, samples, padding and bits; the rest by
+    :func:`textures.settle`."""
     parser.add_argument("--size", type=int, default=2048, help="side of the texture in texels")
     parser.add_argument("--space", default="tangent", help="tangent (MikkTSpace) or object")
-    parser.add_argument("--convention", default="opengl", help="of the texture: opengl (green up) or directx")
-    parser.add_argument("--margin", type=int, default=16, help="texels that the islands' borders are grown by")
+    parser.add_argument("--convention", help="of the texture: opengl (green up; unless given) or directx")
+    parser.add_argument(
+        "--samples", type=int, default=1, metavar="N", help="1, 2 or 4: N x N points a texel, against jagged edges"
+    )
+    parser.add_argument(
+        "--padding", default="nearest", help="beyond the UV islands: nearest, push-pull (fills the texture) or none"
+    )
+    parser.add_argument(
+        "--margin", type=int, default=16, help="texels that the islands' borders are grown by, with nearest"
+    )
     parser.add_argument(
         "--bits",
         type=int,
@@ -43,13 +52,33 @@ def add_texture(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_level(parser: argparse.ArgumentParser, default: str) -> None:
+def texture_settings(options: argparse.Namespace) -> dict[str, Any]:
+    """Options of :func:`add_texture` as `bake_sheets` takes them. Raises InputError where one is out of range."""
+    from mpsnet_core.surface.bake import check_texture
+
+    settings = {name: getattr(options, name) for name in ("size", "space", "margin", "padding", "samples")}
+    check_texture(**settings)
+    return settings
+
+
+def add_meshes(parser: argparse.ArgumentParser) -> None:
+    """The meshes that are baked onto, a list of one or more."""
+    parser.add_argument(
+        "--mesh",
+        required=True,
+        action="append",
+        help="mesh with UVs: .obj, .ply, .glb, or the add-on's .npz; may be repeated: the meshes hide one another",
+    )
+
+
+def add_level(parser: argparse.ArgumentParser, default: str | None) -> None:
     """The option --level, read by :func:`level_scale`."""
     parser.add_argument(
         "--level",
         default=default,
         metavar="on|off|SCALE",
-        help="take from the mesh what is larger than SCALE (a share of its size; on: 0.03), and detail from the photos",
+        help="take from the mesh what is larger than SCALE (a share of its size; on: 0.03), and detail from the photos"
+        + ("" if default else " (off unless given; on with --onto)"),
     )
 
 
@@ -94,9 +123,9 @@ def add_place(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--distance", type=float, help="in its place one distance of the object from the camera")
 
 
-def add_network(parser: argparse.ArgumentParser) -> None:
-    """Which model estimates the normals, and how networks run."""
-    parser.add_argument("--model", help="a name of `mpsnet models` or an .onnx file; multiscale unless given")
+def add_network(parser: argparse.ArgumentParser, model: str = "multiscale") -> None:
+    """Which model estimates the normals, and how networks run. model: what is said to be taken unless told."""
+    parser.add_argument("--model", help=f"a name of `mpsnet models` or an .onnx file; {model} unless given")
     parser.add_argument(
         "--provider", default="cpu", choices=("cpu", "cuda", "directml", "coreml"), help="what runs networks"
     )
@@ -104,13 +133,13 @@ def add_network(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--tile", type=int, help="tile side in pixels for networks (default: 448)")
 
 
-def asked_estimator(options: argparse.Namespace) -> "Estimator":
-    """The estimator that options of :func:`add_network` ask for."""
+def asked_estimator(options: argparse.Namespace, model: str | None = None) -> "Estimator":
+    """The estimator that options of :func:`add_network` ask for. model: where they name none; the default model."""
     from mpsnet_core.estimate import Estimator
     from mpsnet_core.estimate.shelf import DEFAULT_MODEL, DEFAULT_TILE
 
     return Estimator(
-        options.model or DEFAULT_MODEL,
+        options.model or model or DEFAULT_MODEL,
         provider=options.provider,
         threads=options.threads,
         tile=DEFAULT_TILE if options.tile is None else options.tile,
@@ -157,8 +186,8 @@ def asked_place(options: argparse.Namespace) -> tuple[Any, Any]:
 
 
 def read_files(options: argparse.Namespace) -> list[Path]:
-    """The files that options of :func:`add_reading` and :func:`add_place` mean, in folders and patterns one by one:
-    what no result may overwrite.
+    """The files that options of :func:`add_reading` and :func:`add_place`, and --onto, mean, in folders and patterns
+    one by one: what no result may overwrite.
 
     Raises InputError where a folder or a pattern means none.
     """
@@ -166,7 +195,9 @@ def read_files(options: argparse.Namespace) -> list[Path]:
     from mpsnet_core.masks import mask_source
 
     mask = None if options.mask in (None, "mesh") else mask_source(options.mask)  # mesh is a word of views
-    files = [Path(given) for given in (getattr(options, "camera", None), getattr(options, "mesh", None)) if given]
+    meshes = getattr(options, "mesh", None) or []
+    files = [Path(given) for given in ([meshes] if isinstance(meshes, str) else meshes)]
+    files += [Path(given) for name in ("camera", "onto") if (given := getattr(options, name, None))]
     for given in filter(None, (mask, options.dark, options.flat)):
         files += expand_images([given]) if is_several(given) else [Path(given)]
     return files

@@ -3,32 +3,36 @@
 import argparse
 import hashlib
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mpsnet_core import __version__
-from mpsnet_core.cli.arguments import Help, Verbs, add_level, add_texture, level_scale
+from mpsnet_core.cli.arguments import Help, Verbs, add_level, add_meshes, add_texture, level_scale, texture_settings
 from mpsnet_core.cli.reporter import Reporter
+from mpsnet_core.cli.sheets import planned, textures_in_words, told_textures, write_textures
+from mpsnet_core.cli.textures import add_detail, add_preset, asked_present, note_shown, settle
 from mpsnet_core.errors import InputError
 from mpsnet_core.progress import Progress, part
 
 if TYPE_CHECKING:
     from mpsnet_core.surface.mesh import Mesh
+    from mpsnet_core.surface.sheets import Sheet
+    from mpsnet_core.surface.shown import Present
     from mpsnet_core.surface.texture import Texture
 
 log = logging.getLogger(__name__)
 
 # Options that change nothing in the texels, or stand for files that count by what they are at the time.
-NOT_IN_RECIPE = ("confidence", "mesh", "output", "progress", "verb", "view")
+NOT_IN_RECIPE = ("confidence", "mesh", "onto", "output", "preset", "progress", "verb", "view")
 
 
 def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
     parser = verbs.add_parser(
         "bake", parents=[common], formatter_class=Help, help="normal maps to a texture on a mesh's UVs"
     )
-    parser.add_argument("--mesh", required=True, help="mesh with UVs: .obj, .ply, .glb, or the add-on's .npz")
+    add_meshes(parser)
     parser.add_argument(
         "--view",
         required=True,
@@ -37,110 +41,130 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
         help="camera file and its normal map; normals/frame_####.png for a sequence",
     )
     add_texture(parser)
+    add_preset(parser)
     parser.add_argument("--normals-convention", default="opengl", help="of the normal maps that are read")
     parser.add_argument(
         "--confidence", action="append", metavar="FILE", help="confidence map of a view, in the views' order"
     )
-    add_level(parser, "off")
-    parser.add_argument("--format", default="png", help="png, tif or exr, where the output is a folder")
+    add_level(parser, None)
+    add_detail(parser)
+    parser.add_argument("--format", help="png (unless given), tif or exr, where the output is a folder")
     parser.add_argument(
-        "-o", "--output", required=True, help="texture file: .png, .tif or .exr; a folder for a sequence"
+        "-o",
+        "--output",
+        required=True,
+        help="texture file: .png, .tif or .exr; with <UDIM>, <MATERIAL> or <OBJECT> in its name one for each tile, "
+        "material or object; a folder for a sequence, or with --preset",
     )
     parser.set_defaults(verb=_bake)
 
 
 @dataclass(frozen=True)
 class _Job:
-    """A texture to bake. views: camera file and normal map each. confidences: of each view, or None."""
+    """Normal maps to bake. views: camera file and normal map each. confidences: of each view, or None.
+    onto: the present map."""
 
     output: Path
-    mesh: Path
+    meshes: tuple[Path, ...]
     views: tuple[tuple[Path, Path], ...]
     confidences: tuple[str | None, ...]
+    onto: str | None
 
     @property
     def files(self) -> list[Path]:
-        return [self.mesh, *(file for view in self.views for file in view), *map(Path, filter(None, self.confidences))]
+        others = map(Path, filter(None, (*self.confidences, self.onto)))
+        return [*self.meshes, *(file for view in self.views for file in view), *others]
 
 
 def _bake(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.files import writable_path
-    from mpsnet_core.frames import check_apart, is_several
+    from mpsnet_core.frames import is_several
     from mpsnet_core.images import checked_bits
     from mpsnet_core.normals import check_convention
-    from mpsnet_core.surface.mesh import read_mesh
-    from mpsnet_core.surface.texture import write_texture
 
-    check_convention(options.convention)
-    check_convention(options.normals_convention)
-    level_scale(options.level)
     views = []
     for view in options.view:
         camera, equals, normals = view.partition("=")
         if not (camera and equals and normals):
             raise InputError(f"--view {view} is not CAMERA=NORMALS; give a camera file, an equals sign, a normal map")
         views.append((camera, normals))
+    sequence = any(is_several(normals) for _, normals in views)
+    settle(options, sequence=sequence)
+    check_convention(options.convention)
+    check_convention(options.normals_convention)
+    level_scale(options.level)
     confidences = options.confidence or [None] * len(views)
     if len(confidences) != len(views):
         raise InputError(f"there are {len(views)} views but {len(confidences)} confidence maps; give one for each view")
-    if any(is_several(normals) for _, normals in views):
+    if sequence:
         return _bake_frames(options, views, reporter)
     checked_bits(writable_path(options.output), options.bits)
+    texture_settings(options)
     job = _Job(
         Path(options.output),
-        Path(options.mesh),
+        tuple(map(Path, options.mesh)),
         tuple((Path(camera), Path(normals)) for camera, normals in views),
         tuple(confidences),
+        options.onto,
     )
-    check_apart(job.files, [job.output])
     reporter.progress(0.0, "reading the mesh")
-    texture = _baked(job, read_mesh(job.mesh), options, part(reporter.progress, 0.05, 0.9))
-    reporter.progress(0.9, "writing the texture")
-    write_texture(job.output, texture, convention=options.convention, bits=options.bits)
-    return {
-        "output": options.output,
-        "seen": round(texture.seen_fraction, 4),
-        "text": f"{options.output}: {_facts(options, texture.seen_fraction)}",
-    }
+    plan = planned(options, job.files)
+    baked = _baked(job, plan.meshes, plan.sheets, plan.present, options, part(reporter.progress, 0.05, 1.0))
+    made = [one for one, _ in write_textures(plan, baked, options)]
+    return {"output": options.output, **told_textures(made), "text": textures_in_words(made, _facts(options))}
 
 
-def _baked(job: _Job, mesh: "Mesh", options: argparse.Namespace, progress: Progress) -> "Texture":
+def _baked(
+    job: _Job,
+    meshes: "Sequence[Mesh]",
+    sheets: "Sequence[Sheet]",
+    present: "Present | None",
+    options: argparse.Namespace,
+    progress: Progress,
+) -> "Iterator[tuple[Sheet, Texture]]":
     from mpsnet_core.camera import read_camera
     from mpsnet_core.normals import read_normals
     from mpsnet_core.rays import RayScene
-    from mpsnet_core.surface.bake import View, bake_normals
+    from mpsnet_core.surface.bake import View, bake_sheets
     from mpsnet_core.surface.feather import FEATHER
+    from mpsnet_core.surface.joined import joined
     from mpsnet_core.surface.level import levelled
+    from mpsnet_core.surface.shown import without_present
 
     level = level_scale(options.level)
-    scene = RayScene(mesh.world_vertices, mesh.triangles) if level else None
-    views = []
+    whole = joined(meshes)
+    scene = RayScene(whole.world_vertices, whole.triangles) if level or present is not None else None
+    views, shares = [], list[float]()
     for (camera, normals), confidence in zip(job.views, job.confidences, strict=True):
         progress(0.0, f"reading {normals.name}")
         try:
             normal_map = read_normals(normals, convention=options.normals_convention, confidence=confidence)
             view = View(read_camera(camera), normal_map)
-            if scene is not None:
-                view = View(view.camera, levelled(view.normals, view.camera, mesh, scene, scale=level))
+            if present is not None and scene is not None:
+                normal_map, share = without_present(view.normals, view.camera, whole, scene, present)
+                view = View(view.camera, normal_map)
+                shares.append(share)
+            if level and scene is not None:
+                view = View(view.camera, levelled(view.normals, view.camera, whole, scene, scale=level))
             views.append(view)
         except InputError as error:
             raise InputError(f"view {camera}={normals}: {error}") from None
-    return bake_normals(
-        mesh,
+    note_shown(shares)
+    del whole, scene
+    return bake_sheets(
+        meshes,
         views,
-        size=options.size,
-        space=options.space,
-        margin=options.margin,
+        sheets,
         # Views that are levelled are meant to leave no seam.
         feather=FEATHER if level else 0.0,
+        strength=options.strength,
         progress=part(progress, 0.1, 1.0),
+        **texture_settings(options),
     )
 
 
-def _facts(options: argparse.Namespace, seen: float) -> str:
-    return (
-        f"{options.size} x {options.size}, {options.space} space, {options.convention}, {seen:.1%} of its surface seen"
-    )
+def _facts(options: argparse.Namespace) -> str:
+    return f"{options.size} x {options.size}, {options.space} space, {options.convention}"
 
 
 # --- sequences --------------------------------------------------------------------------------------------------------
@@ -152,13 +176,22 @@ def _bake_frames(options: argparse.Namespace, views: Sequence[tuple[str, str]], 
     from mpsnet_core.frames import check_apart
     from mpsnet_core.images import image_description
     from mpsnet_core.surface.mesh import read_mesh
+    from mpsnet_core.surface.onto import laid_onto
+    from mpsnet_core.surface.sheets import sheets
     from mpsnet_core.surface.texture import write_texture
+    from mpsnet_core.surface.texture_names import split_by
 
+    if len(options.mesh) > 1 or split_by(options.output):
+        raise InputError(
+            "a sequence is baked onto one mesh and into one texture a frame; give one --mesh, and leave <UDIM>, "
+            "<MATERIAL> and <OBJECT> out of --output"
+        )
     if options.confidence:
         raise InputError("--confidence takes one normal map a view; leave it out for a sequence")
     jobs = _jobs(options, views)
     check_apart({file for job in jobs.values() for file in job.files}, [job.output for job in jobs.values()])
     remove_abandoned(made_folder(options.output, "textures"))
+    present = asked_present(options)
     made, seen, mesh, mesh_file = 0, 0.0, None, None
     for number, job in enumerate(jobs.values()):
         step = part(
@@ -168,10 +201,12 @@ def _bake_frames(options: argparse.Namespace, views: Sequence[tuple[str, str]], 
         line = _line(job, options)
         if image_description(job.output) == line:
             continue
-        if mesh is None or job.mesh != mesh_file:
-            mesh, mesh_file = read_mesh(job.mesh), job.mesh
+        if mesh is None or job.meshes[0] != mesh_file:
+            mesh, mesh_file = read_mesh(job.meshes[0]), job.meshes[0]
         try:
-            texture = _baked(job, mesh, options, step)
+            ((_, texture),) = _baked(job, [mesh], sheets([mesh]), present, options, step)
+            if present is not None:
+                texture = laid_onto(texture, present.vectors)
         except InputError as error:
             done = f"; {made} textures were made, and the same command goes on from them" if made else ""
             raise InputError(f"{error}{done}") from None
@@ -199,7 +234,7 @@ def _jobs(options: argparse.Namespace, views: Sequence[tuple[str, str]]) -> dict
     """The textures of a sequence by the numbers of its frames; what has no number is the same for all frames."""
     from mpsnet_core.images import checked_bits
 
-    meshes = _by_number(options.mesh, "mesh")
+    meshes = _by_number(options.mesh[0], "mesh")
     pairs = [(_by_number(camera, "camera"), _by_number(normals, "normal map")) for camera, normals in views]
     numbered = [files for pair in pairs for files in pair if isinstance(files, dict)]
     numbers = sorted(set.intersection(*map(set, numbered)))
@@ -215,9 +250,10 @@ def _jobs(options: argparse.Namespace, views: Sequence[tuple[str, str]]) -> dict
     return {
         number: _Job(
             target / f"{target.name}_{number:0{digits}d}.{options.format.lstrip('.')}",
-            _file_of(meshes, number),
+            (_file_of(meshes, number),),
             tuple((_file_of(cameras, number), _file_of(normals, number)) for cameras, normals in pairs),
             (None,) * len(pairs),
+            options.onto,
         )
         for number in numbers
     }
@@ -246,7 +282,7 @@ def _line(job: _Job, options: argparse.Namespace) -> str:
 
     facts = [f"{name}: {value!r}" for name, value in sorted(vars(options).items()) if name not in NOT_IN_RECIPE]
     # Meshes and cameras by what they hold: Blender writes them anew for every run.
-    facts += map(content, [job.mesh, *(camera for camera, _ in job.views)])
-    facts += (identity(normals) for _, normals in job.views)
+    facts += map(content, [*job.meshes, *(camera for camera, _ in job.views)])
+    facts += map(identity, [*(normals for _, normals in job.views), job.onto])
     digest = hashlib.sha256("\n".join(facts).encode(errors="surrogateescape")).hexdigest()
     return f"texture by mpsnet {__version__}, {digest[:32]}"

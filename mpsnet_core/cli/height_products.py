@@ -21,13 +21,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Surface:
-    """What the outputs are made of. heights, occlusion: None where no output needs them. unit: what it is called."""
+    """What the outputs are made of, None where no output needs it. unit: what the camera's unit is called."""
 
     normals: "NormalMap"
     camera: "Camera"
     unit: str
     heights: "HeightMap | None"
     occlusion: "NDArray[np.float32] | None"
+    albedo: "NDArray[np.float32] | None"
 
 
 @dataclass(frozen=True)
@@ -182,14 +183,11 @@ def _light(options: argparse.Namespace) -> tuple[float, float]:
 
 def _relit(options: argparse.Namespace, surface: Surface, progress: Progress) -> Made:
     from mpsnet_core.heights.relight import relit, turntable_sheet, turntable_tilts
-    from mpsnet_core.images import read_image, write_image
+    from mpsnet_core.images import write_image
     from mpsnet_core.rig import direction_from_angles
 
     slant, tilt = _light(options)
-    shown = {
-        "occlusion": surface.occlusion,
-        "albedo": read_image(options.albedo).pixels if options.albedo else None,
-    }
+    shown = {"occlusion": surface.occlusion, "albedo": surface.albedo}
     files = _relit_files(options)
     tilts = [tilt] if options.turntable is None else turntable_tilts(options.turntable, tilt)
     if len(tilts) > 1 and len(files) == 1:

@@ -131,14 +131,21 @@ def _asked_surface(options: argparse.Namespace, normals: "NormalMap", progress: 
     from mpsnet_core.heights.height_map import pixel_camera
     from mpsnet_core.heights.integrate import integrate
     from mpsnet_core.heights.occlusion import ambient_occlusion
+    from mpsnet_core.heights.sizes import check_size
+    from mpsnet_core.images import read_image
 
     given = _asked_camera(options, normals)
     camera = given or pixel_camera(*normals.mask.shape)
-    if camera.projection == "perspective" and options.distance is None:
-        log.info("--distance is not given: the mean distance from the camera counts as 1")
+    if options.distance is not None and not 0 < options.distance < float("inf"):
+        raise InputError(f"--distance {options.distance:g} is none; the distance must be a number above 0")
+    albedo = read_image(options.albedo).pixels if options.relit and options.albedo else None
+    if albedo is not None:
+        check_size("albedo", albedo.shape, normals)
     heights = occlusion = None
     bent = options.curvature and camera.projection == "perspective"
     if options.height or options.mesh or options.occlusion or bent:
+        if camera.projection == "perspective" and options.distance is None:
+            log.info("--distance is not given: the mean distance from the camera counts as 1")
         to_occlusion = 0.5 if options.occlusion else 1.0
         heights = integrate(
             normals,
@@ -151,7 +158,7 @@ def _asked_surface(options: argparse.Namespace, normals: "NormalMap", progress: 
             occlusion = ambient_occlusion(
                 heights, normals, reach=options.occlusion_reach, progress=part(progress, to_occlusion, 1.0)
             )
-    return Surface(normals, camera, options.unit or ("unit" if given else "pixel"), heights, occlusion)
+    return Surface(normals, camera, options.unit or ("unit" if given else "pixel"), heights, occlusion, albedo)
 
 
 def _asked_camera(options: argparse.Namespace, normals: "NormalMap") -> "Camera | None":

@@ -14,6 +14,7 @@ from mpsnet_core.cli.arguments import (
     Help,
     Verbs,
     add_level,
+    add_meshes,
     add_network,
     add_reading,
     add_texture,
@@ -21,8 +22,11 @@ from mpsnet_core.cli.arguments import (
     asked_estimator,
     level_scale,
     read_files,
+    texture_settings,
 )
 from mpsnet_core.cli.reporter import Reporter
+from mpsnet_core.cli.sheets import planned, seen_share, textures_in_words, told_textures, write_textures
+from mpsnet_core.cli.textures import add_detail, add_preset, note_shown, settle
 
 if TYPE_CHECKING:
     from mpsnet_core.camera import Camera
@@ -39,7 +43,7 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
     parser = verbs.add_parser(
         "views", parents=[common], formatter_class=Help, help="posed photos from all around to one texture"
     )
-    parser.add_argument("--mesh", required=True, help="mesh with UVs: .obj, .ply, .glb, or the add-on's .npz")
+    add_meshes(parser)
     parser.add_argument(
         "--cameras",
         required=True,
@@ -65,7 +69,9 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
     )
     add_reading(parser)
     add_level(parser, "on")
+    add_detail(parser)
     add_texture(parser)
+    add_preset(parser)
     parser.add_argument(
         "--keep", metavar="FOLDER", help="keep each view's normals there; the next run goes on from them"
     )
@@ -74,14 +80,20 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--json", metavar="FILE", help="write the same figures as JSON")
     add_network(parser)
-    parser.add_argument("-o", "--output", required=True, help="texture file: .png, .tif or .exr")
+    parser.add_argument(
+        "-o",
+        "--output",
+        required=True,
+        help="texture file: .png, .tif or .exr; with <UDIM>, <MATERIAL> or <OBJECT> in its name one for each tile, "
+        "material or object; a folder with --preset",
+    )
     parser.set_defaults(verb=_views)
 
 
 def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core import __version__
     from mpsnet_core.estimate.shelf import DEFAULT_MODEL
-    from mpsnet_core.evaluation.bake_report import view_table, write_bake_report
+    from mpsnet_core.evaluation.bake_report import texture_maps, view_table, write_bake_report
     from mpsnet_core.evaluation.report import report_path
     from mpsnet_core.files import files_within, made_folder, remove_abandoned, writable_path, write_json
     from mpsnet_core.frames import check_apart
@@ -92,26 +104,26 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.rays import RayScene
     from mpsnet_core.rig import read_rig
     from mpsnet_core.surface.agreement import agreement, table_rows
-    from mpsnet_core.surface.bake import bake_normals, check_texture
+    from mpsnet_core.surface.bake import bake_sheets
     from mpsnet_core.surface.feather import FEATHER
-    from mpsnet_core.surface.mesh import read_mesh
-    from mpsnet_core.surface.texture import write_texture
+    from mpsnet_core.surface.joined import joined
     from mpsnet_core.views import KeptView, KeptViews, Photography, posed_photos, sources_of
     from mpsnet_core.world_lights import read_world_lights
 
     # All that can be known beforehand is asked before the long work.
+    settle(options)
     check_convention(options.convention)
     checked_bits(writable_path(options.output), options.bits)
-    check_texture(options.size, options.space, options.margin)
+    texture_settings(options)
     level = level_scale(options.level)
     if options.report:
         report_path(options.report)
     if options.json:
         writable_path(options.json)
     outputs = [file for file in (options.output, options.report, options.json) if file]
+    inputs = [Path(options.rig), *files_within(options.cameras), *read_files(options)]
     for number, file in enumerate(outputs):
-        inputs = [options.mesh, *files_within(options.cameras), options.rig, *read_files(options), *outputs[:number]]
-        check_apart(inputs, [file])
+        check_apart([*inputs, *outputs[:number]], [file])
     if options.lights_in == "world":
         rig_of = read_world_lights(options.rig).seen_by
     else:
@@ -125,7 +137,8 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     views = posed_photos(options.cameras, options.photos)
     check_apart([view.photo for view in views], outputs)
     reporter.progress(0.0, "reading the mesh")
-    mesh = read_mesh(options.mesh)
+    plan = planned(options, [*inputs, *(view.photo for view in views), *map(Path, outputs[1:])])
+    mesh = joined(plan.meshes)
     others = [__version__, model, *map(identity, (model, options.dark, options.flat)), str(options.flat_smooth)]
     sources = sources_of(views, photography, mesh, others)
     scene = RayScene(mesh.world_vertices, mesh.triangles)
@@ -137,7 +150,7 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         else:
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="mpsnet-views-")))
         kept = [KeptView(folder, view.name) for view in views]
-        stored = KeptViews(kept, [view.camera for view in views], mesh, scene, level)
+        stored = KeptViews(kept, [view.camera for view in views], mesh, scene, level, plan.present)
         agreed = agreement(mesh, scene, FEATHER)
         known = 0
         for number, (view, source) in enumerate(zip(views, sources, strict=True)):
@@ -151,34 +164,43 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
             estimated, levelled, angle = stored.both(number)
             agreed.add(view.name, estimated, levelled, angle)
             del estimated, levelled
-        texture = bake_normals(
-            mesh,
+        note_shown(stored.shares)
+        baked = bake_sheets(
+            plan.meshes,
             stored,
-            size=options.size,
-            space=options.space,
-            margin=options.margin,
+            plan.sheets,
             feather=FEATHER,
-            progress=part(reporter.progress, 0.72, 0.95),
+            strength=options.strength,
+            progress=part(reporter.progress, 0.72, 1.0),
+            **texture_settings(options),
         )
-    reporter.progress(0.95, "writing the texture")
-    write_texture(options.output, texture, convention=options.convention, bits=options.bits)
+        made, maps = [], []
+        for one, texture in write_textures(plan, baked, options):
+            made.append(one)
+            if options.report:
+                maps += texture_maps(texture, one.sheet.named)
+            del texture
     table = agreed.views()
     _note_doubts(table)
     how = f"levelled at {level:g} of the mesh's size" if level else "not levelled"
-    facts = f"{options.space} space, {options.convention}, {texture.seen_fraction:.1%} of its surface seen"
     summary = f"{len(views)} view(s) by {estimator.name}, {how}" + (f"; {known} kept from before" if known else "")
-    text = f"{options.output}: {options.size} x {options.size}, {facts}"
+    text = textures_in_words(made, f"{options.size} x {options.size}, {options.space} space, {options.convention}")
     figures = {
         "views": table_rows(table),
-        "seen": round(texture.seen_fraction, 4),
+        "seen": round(seen_share(made), 4),
         "level": level,
         "model": estimator.name,
     }
     if options.report:
-        write_bake_report(options.report, Path(options.output).name, texture, table, [text, summary])
+        write_bake_report(options.report, Path(options.output).name, maps, table, [text, summary])
     if options.json:
         write_json(options.json, figures)
-    return {"output": options.output, **figures, "text": "\n".join([view_table(table), summary, text])}
+    return {
+        "output": options.output,
+        **told_textures(made),
+        **figures,
+        "text": "\n".join([view_table(table), summary, text]),
+    }
 
 
 def _note_doubts(table: "Sequence[ViewAgreement]") -> None:
@@ -186,8 +208,8 @@ def _note_doubts(table: "Sequence[ViewAgreement]") -> None:
     for view in table:
         if max(np.nan_to_num(view.before), view.level) > MOST_APART:
             log.warning(
-                "view %s is %.0f° apart from the others and was levelled by %.0f°: do rig, --lights-in, camera and "
-                "mesh belong together?",
+                "view %s is %.0f° apart from the others and was levelled by %.0f°: do rig, camera and mesh belong "
+                "together, and did the lights go with what was said?",
                 view.name,
                 np.nan_to_num(view.before),
                 view.level,

@@ -27,28 +27,6 @@ i{display:inline-block;width:.9em;height:.9em;margin:0 .4em 0 1em;vertical-align
 """
 
 
-def write_bake_report(
-    path: str | os.PathLike[str],
-    title: str,
-    texture: Texture,
-    views: Sequence[ViewAgreement],
-    notes: Sequence[str] = (),
-) -> None:
-    """Write the page: the texture, how many views see each texel, how far they lie apart, and a line for each view.
-
-    Raises InputError where no report can be put there.
-    """
-    path = report_path(path)
-    with written_whole(path) as unfinished, unfinished.open("w", encoding="utf-8") as page:
-        page.write(HEAD.format(title=html.escape(title)) + _STYLE)
-        page.writelines(f"<p>{html.escape(note)}</p>\n" for note in notes)
-        page.write("<div class='maps'>\n")
-        for shown in _maps(texture):
-            image = f"<img alt='{html.escape(shown.words)}' src='{data_url(shown.picture)}'>"
-            page.write(f"<figure><figcaption>{html.escape(shown.words)}{shown.key}</figcaption>{image}</figure>\n")
-        page.write(f"</div>\n<h2>The views</h2>\n<pre>{html.escape(view_table(views))}</pre>\n{_EXPLAINED}</html>\n")
-
-
 _COUNTED = ("none", *map(str, range(1, len(COUNTS) - 1)), f"{len(COUNTS) - 1} or more")
 _KEY = "".join(f"<i style='background:{colour}'></i>{words}" for colour, words in zip(COUNTS, _COUNTED, strict=True))
 _EXPLAINED = """<p><b>area seen</b>: share of the surface's area that the view sees. <b>apart</b>: mean angle in degrees
@@ -69,7 +47,7 @@ def view_table(views: Sequence[ViewAgreement]) -> str:
 
 
 @dataclass(frozen=True)
-class _Map:
+class TextureMap:
     """A picture of the texture, (H, W, 3) in 0 to 1. words: what it shows; key: what its colours mean, as HTML."""
 
     words: str
@@ -77,8 +55,9 @@ class _Map:
     key: str = ""
 
 
-def _maps(texture: Texture) -> list[_Map]:
-    """The maps there are, of at most `PICTURE` texels a side."""
+def texture_maps(texture: Texture, name: str = "") -> list[TextureMap]:
+    """The texture, how many views see each texel, and how far they lie apart, as far as known; of at most `PICTURE`
+    texels a side. name: what the texture is of, where there are several."""
     step = -(-len(texture.vectors) // PICTURE)
     few = (slice(step // 2, None, step), slice(step // 2, None, step))
     covered = texture.covered[few]
@@ -87,19 +66,41 @@ def _maps(texture: Texture) -> list[_Map]:
         return np.where(covered[..., None], colours, np.float32(BACKGROUND))
 
     maps = [
-        _Map(
-            f"the texture, {texture.space} space; what no view sees has the mesh's own normals",
+        TextureMap(
+            f"the texture{name and f' of {name}'}, {texture.space} space; what no view sees has the mesh's own normals",
             on_surface(encode(texture.vectors[few])),
         )
     ]
     if texture.views is not None and texture.spread is not None:
         palette = np.array([list(bytes.fromhex(colour[1:])) for colour in COUNTS], np.float32) / 255
         counts = on_surface(palette[np.minimum(texture.views[few], len(palette) - 1)])
-        maps.append(_Map("how many views see it:", counts, _KEY))
+        maps.append(TextureMap("how many views see it:", counts, _KEY))
         shared, spread = texture.views[few] > 1, texture.spread[few].astype(np.float64)
         high = float(np.percentile(spread[shared], 98)) if shared.any() else 0.0
         highest = next(scale for scale in SCALES if scale >= min(high, SCALES[-1]))
         picture = error_picture(spread, shared, highest)
         scaled = np.concatenate([picture, colour_scale(highest, len(picture))], axis=1)
-        maps.append(_Map("how far the views, as they were baked, lie apart where several see it (°)", scaled))
+        maps.append(TextureMap("how far the views, as they were baked, lie apart where several see it (°)", scaled))
     return maps
+
+
+def write_bake_report(
+    path: str | os.PathLike[str],
+    title: str,
+    maps: Sequence[TextureMap],
+    views: Sequence[ViewAgreement],
+    notes: Sequence[str] = (),
+) -> None:
+    """Write the page: the textures' maps, and a line for each view.
+
+    Raises InputError where no report can be put there.
+    """
+    path = report_path(path)
+    with written_whole(path) as unfinished, unfinished.open("w", encoding="utf-8") as page:
+        page.write(HEAD.format(title=html.escape(title)) + _STYLE)
+        page.writelines(f"<p>{html.escape(note)}</p>\n" for note in notes)
+        page.write("<div class='maps'>\n")
+        for shown in maps:
+            image = f"<img alt='{html.escape(shown.words)}' src='{data_url(shown.picture)}'>"
+            page.write(f"<figure><figcaption>{html.escape(shown.words)}{shown.key}</figcaption>{image}</figure>\n")
+        page.write(f"</div>\n<h2>The views</h2>\n<pre>{html.escape(view_table(views))}</pre>\n{_EXPLAINED}</html>\n")

@@ -32,19 +32,20 @@ def adaptive_triangles(
     """
     height, width = mask.shape
     side = 1 << (min(LARGEST, max(height, width) - 1).bit_length() - 1) if mask.size > 1 else 1
+    # Whole squares: what is beyond the picture's border counts as being on it, and so do triangles' corners there.
     padding = [(0, -(length - 1) % side) for length in (height, width)]
-    mask = np.pad(mask, padding)
+    mask = np.pad(mask, padding, mode="edge")
     progress(0.0, "triangles")
-    errors = _errors(np.pad(values, padding), mask, pixel, side)
+    errors = _errors(np.pad(values, padding, mode="edge"), mask, pixel, side)
     progress(0.4, "triangles")
     ordered = np.sort(errors[errors > 0])[::-1]
     # With n middles to be split there are about 2 n triangles, less those outside the mask.
-    best = np.empty((0, 3), np.int64)
+    best = np.empty((0, 3), np.int32)
     enough, too_many, tried = -1, len(ordered) + 1, min(most // 2, len(ordered))
     for turn in range(ROUNDS):
         progress(0.4 + 0.6 * turn / ROUNDS, "triangles")
         tolerance = float(ordered[tried]) if tried < len(ordered) else 0.0
-        found = _leaves(errors, mask, tolerance, side)
+        found = _leaves(errors, mask, tolerance, side, (height, width))
         if len(found) <= most:
             enough, best = tried, found
         else:
@@ -53,8 +54,7 @@ def adaptive_triangles(
             break
         unbounded = too_many > len(ordered)
         tried = min(tried + max(1, most - len(found)), len(ordered)) if unbounded else (enough + too_many) // 2
-    rows, columns = np.divmod(best, mask.shape[1])
-    return (rows * width + columns).astype(np.int32)
+    return best
 
 
 def _errors(values: NDArray[np.float32], mask: NDArray[np.bool_], pixel: float, side: int) -> NDArray[np.float32]:
@@ -115,8 +115,10 @@ def _off(values: list[NDArray[Any]], inside: list[NDArray[Any]], outline: np.flo
     return np.where(count == 3, off, np.where(count == 0, np.float32(0), outline))
 
 
-def _leaves(errors: NDArray[np.float32], mask: NDArray[np.bool_], tolerance: float, side: int) -> NDArray[np.int64]:
-    """(T, 3) corners, as numbers of pixels, of the triangles that need not be split and lie in the mask."""
+def _leaves(
+    errors: NDArray[np.float32], mask: NDArray[np.bool_], tolerance: float, side: int, picture: tuple[int, int]
+) -> NDArray[np.int32]:
+    """(T, 3) corners, as numbers of the picture's pixels, of the triangles that need not be split, in the mask."""
     height, width = mask.shape
     rows, columns = np.mgrid[0 : height - 1 : side, 0 : width - 1 : side].reshape(2, -1)
     top_left = rows * width + columns
@@ -141,5 +143,8 @@ def _leaves(errors: NDArray[np.float32], mask: NDArray[np.bool_], tolerance: flo
         one, other, corner, middle = one[split], other[split], corner[split], middle[split]
         one, other, corner = np.concatenate([[corner, one, middle], [other, corner, middle]], axis=1)
     triangles = np.concatenate([*leaves, np.stack([one, other, corner])], axis=1)
-    kept: NDArray[np.int64] = triangles[:, inside[triangles].all(axis=0)].T
-    return kept
+    rows, columns = np.divmod(triangles[:, inside[triangles].all(axis=0)], width)
+    rows, columns = np.minimum(rows, picture[0] - 1), np.minimum(columns, picture[1] - 1)
+    (y, x), (other_y, other_x) = ((line[1] - line[0], line[2] - line[0]) for line in (rows, columns))
+    spread = y * other_x != x * other_y
+    return (rows * picture[1] + columns)[:, spread].T.astype(np.int32)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from mpsnet_core.bands import bands
 from mpsnet_core.camera import Camera
 from mpsnet_core.errors import InputError
+from mpsnet_core.heights.sizes import check_size
 from mpsnet_core.normals import NormalMap
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.regions import box_sums
@@ -39,11 +40,7 @@ def curvature(
     Raises InputError where the sizes do not agree, a depth is missing or the radius is below 0.
     """
     height, width = normals.mask.shape
-    if (camera.height, camera.width) != (height, width):
-        raise InputError(
-            f"the camera is {camera.width} x {camera.height} but the normal map is {width} x {height}; "
-            "they must be the same size"
-        )
+    check_size("camera", (camera.height, camera.width), normals)
     perspective = camera.projection == "perspective"
     if perspective and (depth is None or np.shape(depth) != (height, width)):
         raise InputError("the curvature under a perspective camera needs the depth of every pixel")
@@ -54,6 +51,7 @@ def curvature(
         sharp[rows] = _divergence(normals, camera, depth if perspective else None, rows)
     if radius == 0:
         return sharp
+    radius = min(radius, max(height, width))
     radii = [radius, *(2**power for power in range(radius.bit_length()) if 2**power < radius)]
     summed = np.zeros((height, width), np.float32)
     for number, reach in enumerate(radii):

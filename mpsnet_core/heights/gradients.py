@@ -9,9 +9,9 @@ from mpsnet_core.bands import bands
 from mpsnet_core.camera import Camera
 from mpsnet_core.normals import NormalMap
 
-# A surface steeper than this (cosine of the angle to the line of sight; 89°) is taken to be as steep as this. Normals
+# A surface steeper than this (cosine of the angle to the line of sight; 87°) is taken to be as steep as this. Normals
 # that face away from the camera, which no camera sees, are taken likewise, and count next to nothing.
-LEAST_FACING = 0.02
+LEAST_FACING = 0.05
 
 
 @dataclass(frozen=True)
@@ -56,4 +56,4 @@ def gradients(normals: NormalMap, camera: Camera) -> Gradients:
         found[0, rows][inside] = np.maximum(facing, LEAST_FACING)[inside]
         found[1, rows][inside] = (n_x * np.float32(scale / camera.focal[0]))[inside]
         found[2, rows][inside] = (n_y * np.float32(-scale / camera.focal[1]))[inside]
-    return Gradients(*found, normals.mask)
+    return Gradients(found[0], found[1], found[2], normals.mask)

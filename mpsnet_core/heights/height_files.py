@@ -1,9 +1,8 @@
 """Height maps as files: float heights in the unit itself, or 16 bits from black to white with their scale stated.
 
 Beside ``NAME.png`` stand ``NAME.json``, what its values mean, and ``NAME_mask.png``, where the object is.
-The picture itself has one channel and no alpha: that is what displacement takes, and programs that multiply colours by
-alpha on reading (Blender does) would tear the surface down to black along its outline. The heights go on beyond the
-outline instead.
+The picture itself has one channel and no alpha: that is what displacement takes, and in EXR colours are multiplied by
+alpha, which would tear the surface down to 0 along its outline. Instead the heights go on beyond the outline.
 """
 
 import json
@@ -15,19 +14,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.bands import bands
 from mpsnet_core.camera import camera_data, camera_from_data
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import existing_file, read_json, writable_path, write_json
+from mpsnet_core.files import MAX_JSON_BYTES, existing_file, read_json, writable_path, write_json
 from mpsnet_core.heights.beyond import carried_on
 from mpsnet_core.heights.height_map import HeightMap
-from mpsnet_core.images import checked_bits, read_channel, read_mask, write_image
+from mpsnet_core.images import checked_bits, image_description, read_channel, read_mask, write_image
 
 HEIGHT_FORMAT = "mpsnet-height"
 HEIGHT_VERSION = 1
 HEIGHT_KEYS = ("unit", "lowest", "highest", "black", "white", "pixels_per_unit", "displace", "mask", "camera")
 # Half floats and bytes are too coarse: a surface of 256 steps shows each of them.
 HEIGHT_BITS = (16, 32)
+# Heights in files from outside; float32 holds all below it.
+MOST = 1e38
 
 
 @dataclass(frozen=True)
@@ -97,12 +97,8 @@ def write_height(
     # Where heights are known up to a constant 0 is as good a place as any; those along a perspective camera's axis
     # are all far below it.
     zero = 0.0 if heights.camera.projection == "orthographic" else float(inside.mean(dtype=np.float64))
-    flat = lowest == highest
-    scale = (
-        HeightScale(0, 1, zero, unit)
-        if bits == 32
-        else HeightScale(lowest, lowest + 1 if flat else highest, zero, unit)
-    )
+    ends = (0.0, 1.0) if bits == 32 else (lowest, highest if highest > lowest else lowest + 1)
+    scale = HeightScale(*ends, zero, unit)
     data = {
         "unit": unit,
         "lowest": lowest,
@@ -116,8 +112,7 @@ def write_height(
     }
     values = carried_on(heights.values, heights.mask)
     if bits != 32:
-        for rows in bands(len(values)):
-            values[rows] = (values[rows].astype(np.float64) - scale.black) / scale.strength
+        values = ((values - np.float32(scale.black)) / np.float32(scale.strength)).astype(np.float32)
     whole = {"format": HEIGHT_FORMAT, "version": HEIGHT_VERSION, **data}
     if data["mask"] is not None:
         write_image(mask_file, heights.mask, bits=8)
@@ -131,7 +126,7 @@ def read_height(path: str | os.PathLike[str]) -> HeightMap:
 
     Of 16 bits they are right to half a step, ``(white - black) / 131070``.
 
-    Raises InputError where a file is missing or broken, or their sizes do not agree.
+    Raises InputError where a file is missing or broken, or they do not belong together.
     """
     path = existing_file(path, "height map")
     scale_file = path.with_suffix(".json")
@@ -139,6 +134,8 @@ def read_height(path: str | os.PathLike[str]) -> HeightMap:
     values = read_channel(path)
     try:
         black, white = _number(data, "black"), _number(data, "white")
+        if _kept_scale(path) not in (None, [black, white]):
+            raise InputError("its black and white are not those that the picture itself keeps; write both again")
         if not isinstance(data.get("camera"), dict):
             raise InputError('it lacks "camera"; add it')
         camera = camera_from_data(data["camera"])
@@ -146,6 +143,16 @@ def read_height(path: str | os.PathLike[str]) -> HeightMap:
         return HeightMap((black + values.astype(np.float64) * (white - black)).astype(np.float32), mask, camera)
     except InputError as error:
         raise InputError(f"height map {path} with {scale_file.name}: {error}") from None
+
+
+def _kept_scale(path: Path) -> list[Any] | None:
+    """Black and white as the picture's own description has them, None where another program took it out."""
+    text = image_description(path)
+    try:
+        data = json.loads(text) if len(text) < MAX_JSON_BYTES else None
+    except (ValueError, RecursionError):
+        return None
+    return [data.get("black"), data.get("white")] if isinstance(data, dict) else None
 
 
 def _read_mask_beside(file: Path, name: Any, shape: tuple[int, ...]) -> NDArray[np.bool_]:
@@ -159,7 +166,7 @@ def _read_mask_beside(file: Path, name: Any, shape: tuple[int, ...]) -> NDArray[
 
 def _number(data: dict[str, Any], key: str) -> float:
     value = data.get(key)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < np.finfo(np.float32).max:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < MOST:
         raise InputError(f'its "{key}" must be a finite number')
     return float(value)
 

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from mpsnet_core.camera import Camera
 from mpsnet_core.errors import InputError
-from mpsnet_core.heights.gradients import Gradients, gradients, pixels_per_unit
+from mpsnet_core.heights.bilateral import bilateral
+from mpsnet_core.heights.fast import fast
+from mpsnet_core.heights.gradients import gradients, pixels_per_unit
 from mpsnet_core.heights.height_map import HeightMap, pixel_camera
-from mpsnet_core.heights.multigrid import Links
-from mpsnet_core.heights.poisson import solved
 from mpsnet_core.normals import NormalMap
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.regions import labelled
@@ -45,8 +45,8 @@ def integrate(
     camera = camera or pixel_camera(height, width)
     _check(normals, camera, method, distance)
     progress(0.0, "integrating")
-    wanted = gradients(normals, camera)
-    depth = _fast(wanted, part(progress, 0.0, 0.95))
+    solve = fast if method == "fast" else bilateral
+    depth = solve(gradients(normals, camera), part(progress, 0.0, 0.98))
     values = _in_unit(depth, normals.mask, camera, distance or 1.0)
     progress(1.0, "integrated")
     return HeightMap(values, normals.mask, camera)
@@ -67,21 +67,6 @@ def _check(normals: NormalMap, camera: Camera, method: str, distance: float | No
         raise InputError(f"the distance must be a number above 0, not {distance}")
     if camera.projection == "orthographic":
         raise InputError("an orthographic camera sees no distance; leave it out, or give a perspective camera")
-
-
-def _fast(wanted: Gradients, progress: Progress) -> NDArray[np.float32]:
-    """Each link's change is what the normals on either side of it ask for, each as far as its equation counts."""
-    facing, mask = wanted.facing, wanted.mask
-
-    def links(of_pixel: tuple[NDArray[np.float32], NDArray[np.float32]]) -> Links:
-        across, along = of_pixel
-        right = (across[:, 1:] + across[:, :-1]) * (mask[:, 1:] & mask[:, :-1])
-        down = (along[1:] + along[:-1]) * (mask[1:] & mask[:-1])
-        return Links(right * np.float32(0.5), down * np.float32(0.5))
-
-    square = facing * facing
-    pulls = links((facing * wanted.right, facing * wanted.down))
-    return solved(links((square, square)), pulls, np.zeros_like(facing), progress=progress)
 
 
 def _in_unit(

@@ -79,9 +79,27 @@ def corrected(grids: list[Grid], left: NDArray[np.float32]) -> NDArray[np.float3
     u = left * grid.step
     still = np.empty_like(u)
     _smooth(grid, u, left, still, STEPS - 1)
-    _add_blocks(u, corrected(grids[1:], _sums_of_blocks(residual(grid, u, left, still))))
+    add_blocks(u, corrected(grids[1:], sums_of_blocks(residual(grid, u, left, still))))
     _smooth(grid, u, left, still, STEPS)
     return u
+
+
+def sums_of_blocks(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(H / 2, W / 2) sums of blocks of 2 x 2 pixels, of what there is of them at the right and the bottom."""
+    height, width = values.shape
+    pairs = values[0::2].copy()
+    pairs[: height // 2] += values[1::2]
+    sums = pairs[:, 0::2].copy()
+    sums[:, : width // 2] += pairs[:, 1::2]
+    return sums
+
+
+def add_blocks(values: NDArray[np.float32], blocks: NDArray[np.float32]) -> None:
+    """Add to every pixel of (H, W) what its block of 2 x 2 pixels has."""
+    for row in (0, 1):
+        for column in (0, 1):
+            part = values[row::2, column::2]
+            part += blocks[: part.shape[0], : part.shape[1]]
 
 
 def _smooth(
@@ -114,22 +132,6 @@ def _of_blocks(links: Links) -> Links:
     below = down[:, 0::2].copy()
     below[:, : down.shape[1] // 2] += down[:, 1::2]
     return Links(between * np.float32(0.5), below * np.float32(0.5))
-
-
-def _sums_of_blocks(values: NDArray[np.float32]) -> NDArray[np.float32]:
-    height, width = values.shape
-    pairs = values[0::2].copy()
-    pairs[: height // 2] += values[1::2]
-    sums = pairs[:, 0::2].copy()
-    sums[:, : width // 2] += pairs[:, 1::2]
-    return sums
-
-
-def _add_blocks(values: NDArray[np.float32], blocks: NDArray[np.float32]) -> None:
-    for row in (0, 1):
-        for column in (0, 1):
-            part = values[row::2, column::2]
-            part += blocks[: part.shape[0], : part.shape[1]]
 
 
 def _matrix(links: Links, height: int, width: int) -> NDArray[np.float64]:

@@ -9,12 +9,13 @@ from mpsnet_core.bands import bands
 from mpsnet_core.errors import InputError
 from mpsnet_core.heights.height_map import HeightMap
 from mpsnet_core.heights.parallel import mean_depth, parallel_heights
+from mpsnet_core.heights.sizes import check_size
 from mpsnet_core.normals import NormalMap
 from mpsnet_core.progress import Progress, silent
 
-# Horizons are looked for along lines that meet pixels in their middles: one, or up to so many, over and down.
+# Horizons are looked for along lines from pixel to pixel, each up to so many to the side and up at a step.
 FINENESS = 2
-# Of each doubling of the distance: what is far counts by its angle.
+# At least so many to each doubling of the distance: what is far counts by its angle.
 STRETCHES = 4
 
 
@@ -27,29 +28,28 @@ def ambient_occlusion(
 
     By horizons: in each of 16 directions over the picture the highest angle under which the surface is seen, and
     between the horizons of two opposite ones the integral in closed form (Jimenez et al., Practical Real-Time
-    Strategies for Accurate Indirect Occlusion, SIGGRAPH 2016 courses, section 4). Steps grow with the distance, so thin
-    things far away may be stepped over.
+    Strategies for Accurate Indirect Occlusion, SIGGRAPH 2016 courses, section 4). Of what is
+    far away only the highest pixel of each stretch counts.
 
     reach: how far it looks, in pixels; as far as the object goes unless given.
 
     Raises InputError where the sizes do not agree or the reach is below 1.
     """
     mask, camera = heights.mask, heights.camera
-    if normals.mask.shape != mask.shape:
-        raise InputError(
-            f"the normal map is {normals.mask.shape[1]} x {normals.mask.shape[0]} but the heights are "
-            f"{mask.shape[1]} x {mask.shape[0]}; they must be the same size"
-        )
+    check_size("height map", mask.shape, normals)
     check_reach(reach)
     lines = _lines(FINENESS)
     raised, farthest = np.where(mask, parallel_heights(heights), -np.inf), _extent(mask)
     spacing = mean_depth(heights) / camera.focal
     seen, open_sky = np.zeros((2, *mask.shape), np.float32)
     for number, (line, weight) in enumerate(lines):
-        progress(number / len(lines), "ambient occlusion")
-        ahead, behind = (_horizon(raised, spacing, end, min(reach or farthest, farthest)) for end in (line, -line))
+        horizons: list[NDArray[np.float32]] = []
+        for end in (line, -line):
+            progress((number + len(horizons) / 2) / len(lines), "ambient occlusion")
+            horizons.append(_horizon(raised, spacing, end, min(reach or farthest, farthest)))
         for rows in bands(len(mask)):
-            share, whole = _slice(heights, normals.vectors[rows], line / camera.focal, ahead[rows], behind[rows], rows)
+            slopes = [horizon[rows] for horizon in horizons]
+            share, whole = _slice(heights, normals.vectors[rows], line / camera.focal, slopes, rows)
             seen[rows] += weight * share
             open_sky[rows] += weight * whole
     return np.where(mask, np.clip(seen / np.maximum(open_sky, 1e-6), 0, 1), np.float32(1))
@@ -126,13 +126,12 @@ def _slice(
     heights: HeightMap,
     vectors: NDArray[np.float32],
     line: NDArray[np.float64],
-    slopes_ahead: NDArray[np.float32],
-    slopes_behind: NDArray[np.float32],
+    slopes: list[NDArray[np.float32]],
     rows: slice,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Of the plane through the view and a line over the picture: how much light comes in, and how much if all is open.
 
-    The slopes are those along the line and back, as :func:`parallel_heights` says what they mean.
+    slopes: along the line and back; :func:`parallel_heights` says what they mean.
     """
     camera = heights.camera
     east, north = (line / np.hypot(*line)).astype(np.float32)
@@ -153,8 +152,8 @@ def _slice(
     upright, tilted = (vectors * view).sum(axis=-1), (vectors * beside).sum(axis=-1)
     size, angle = np.hypot(upright, tilted), np.arctan2(tilted, upright)
     half = np.float32(np.pi / 2)
-    ahead = np.minimum(np.arctan2(aside, lean + scale * slopes_ahead), angle + half)
-    behind = np.maximum(-np.arctan2(aside, -lean + scale * slopes_behind), angle - half)
+    ahead = np.minimum(np.arctan2(aside, lean + scale * slopes[0]), angle + half)
+    behind = np.maximum(-np.arctan2(aside, -lean + scale * slopes[1]), angle - half)
     sine, cosine = np.sin(angle), np.cos(angle)
     share = 0.5 * cosine + 0.5 * (ahead + behind) * sine
     share -= 0.25 * (np.cos(2 * ahead - angle) + np.cos(2 * behind - angle))

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from mpsnet_core.bands import bands
 from mpsnet_core.errors import InputError
 from mpsnet_core.evaluation.pictures import BACKGROUND, sheet
+from mpsnet_core.heights.sizes import check_size
 from mpsnet_core.images import linear_to_srgb
 from mpsnet_core.normals import NormalMap
 from mpsnet_core.rig import direction_from_angles
@@ -39,16 +40,12 @@ def relit(
     light = np.asarray(direction, np.float64)
     if light.shape != (3,) or not np.isfinite(light).all() or not light.any():
         raise InputError("a light's direction is three finite numbers that are not all 0")
-    shape = normals.mask.shape
     for what, values in (("ambient occlusion", occlusion), ("albedo", albedo)):
-        if values is not None and values.shape[:2] != shape:
-            raise InputError(
-                f"the {what} is {values.shape[1]} x {values.shape[0]} but the normal map is {shape[1]} x {shape[0]}; "
-                "they must be the same size"
-            )
+        if values is not None:
+            check_size(what, values.shape, normals)
     light = (light / np.linalg.norm(light)).astype(np.float32)
-    picture = np.empty((*shape, 4), np.float32)
-    for rows in bands(shape[0]):
+    picture = np.empty((*normals.mask.shape, 4), np.float32)
+    for rows in bands(len(picture)):
         shading = (1 - AMBIENT) * np.maximum(normals.vectors[rows] @ light, 0)
         shading += AMBIENT if occlusion is None else AMBIENT * occlusion[rows]
         radiance = shading[..., None] * (np.float32(0.8) if albedo is None else albedo[rows])

@@ -13,6 +13,7 @@ from mpsnet_core.files import writable_path, written_whole
 from mpsnet_core.heights.adaptive import adaptive_triangles
 from mpsnet_core.heights.height_map import HeightMap
 from mpsnet_core.heights.parallel import parallel_heights, pixel_size
+from mpsnet_core.heights.sizes import check_size
 from mpsnet_core.normals import NormalMap
 from mpsnet_core.progress import Progress, silent
 
@@ -52,11 +53,7 @@ def surface_mesh(
 
     Raises InputError where the sizes do not agree, an option is out of range or no triangle is left.
     """
-    if normals.mask.shape != heights.mask.shape:
-        raise InputError(
-            f"the normal map is {normals.mask.shape[1]} x {normals.mask.shape[0]} but the heights are "
-            f"{heights.mask.shape[1]} x {heights.mask.shape[0]}; they must be the same size"
-        )
+    check_size("height map", heights.mask.shape, normals)
     check_surface_mesh(faces, open_from)
     corners = adaptive_triangles(parallel_heights(heights), heights.mask, pixel_size(heights), faces, progress)
     pixels, triangles = np.unique(corners, return_inverse=True)

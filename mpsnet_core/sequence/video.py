@@ -161,7 +161,7 @@ def _curve(path: Path, transfer: int, encoding: Encoding) -> str:
     if transfer in _NOT_SRGB:
         raise InputError(
             f"{path} follows the {_NOT_SRGB[transfer]} curve, which this program does not undo; convert it to BT.709, "
-            "or take it as it is with --encoding srgb"
+            "or set the encoding to sRGB to take it as it is"
         )
     return "linear" if transfer == _LINEAR else "sRGB"
 

@@ -1,6 +1,7 @@
 """Mesh: triangles with UVs, shading normals and tangents for every corner; mesh files."""
 
 import os
+import re
 import struct
 import zipfile
 import zlib
@@ -16,11 +17,14 @@ from numpy.typing import NDArray
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import existing_file, written_whole
 from mpsnet_core.normals import normalised
+from mpsnet_core.surface.labels import Labels, labels_of_runs
 from mpsnet_core.surface.mikktspace import mikktspace_tangents
 
 MESH_FORMAT = "mpsnet-mesh"
 MESH_VERSION = 1
 MAX_MESH_BYTES = 4 << 30
+# Formats whose objects have names that trimesh gives.
+_WITH_NODES = (".glb", ".gltf")
 # What trimesh raises for files that are damaged in one way or another.
 _UNREADABLE = (AssertionError, AttributeError, LookupError, OSError, RuntimeError, TypeError, ValueError, struct.error)
 
@@ -33,8 +37,9 @@ class Mesh:
     corner_normals: (T, 3, 3) unit shading normals. uvs: (T, 3, 2), v up; one unit square is the texture.
     tangents: (T, 3, 4) MikkTSpace tangent and the bitangent's sign (B = sign N x T); computed where not given.
     world_from_object: (4, 4) affine, may be scaled.
+    materials, objects: the name of each triangle's material, and of the object that it is of; None where not known.
 
-    Raises InputError where shapes do not fit, a number is not finite, or no UV lies inside the texture.
+    Raises InputError where shapes do not fit or a number is not finite.
     """
 
     vertices: NDArray[np.float64]
@@ -43,6 +48,8 @@ class Mesh:
     uvs: NDArray[np.float32]
     given_tangents: NDArray[np.float32] | None = None
     world_from_object: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    materials: Labels | None = None
+    objects: Labels | None = None
 
     def __post_init__(self) -> None:
         count, points = len(np.atleast_1d(self.triangles)), len(np.atleast_1d(self.vertices))
@@ -73,9 +80,9 @@ class Mesh:
         scales = np.linalg.svd(self.world_from_object[:3, :3], compute_uv=False)
         if scales[-1] <= 1e-9 * scales[0]:
             raise InputError("the object is scaled to nothing in one direction; give it a scale above 0")
-        low, high = self.uvs.min(axis=(0, 1)), self.uvs.max(axis=(0, 1))
-        if (high <= 0).any() or (low >= 1).any():
-            raise InputError("all of the mesh's UVs lie outside the texture (0 to 1); move the UV islands into it")
+        for what, labels in (("materials", self.materials), ("objects", self.objects)):
+            if labels is not None and len(labels) != count:
+                raise InputError(f"the mesh has {count} triangles, but {what} for {len(labels)}; export it again")
 
     @cached_property
     def tangents(self) -> NDArray[np.float32]:
@@ -93,8 +100,8 @@ class Mesh:
 def read_mesh(path: str | os.PathLike[str], *, shape_only: bool = False) -> Mesh:
     """Read a mesh with UVs: OBJ; PLY, GLB, glTF and more through trimesh; or the ``.npz`` that the add-on writes.
 
-    Polygons become fans of triangles, and all of the file's objects and materials one mesh. Shading normals are the
-    file's own, else smooth ones, across UV seams too.
+    Polygons become fans of triangles, and all of the file's objects and materials one mesh, which knows their names.
+    Shading normals are the file's own, else smooth ones, across UV seams too.
     The file's axes are taken as they stand: cameras must be given in the same world.
 
     shape_only: UVs are not needed, and if there are some they do not count.
@@ -126,7 +133,33 @@ def write_mesh(path: str | os.PathLike[str], mesh: Mesh) -> None:
             uvs=mesh.uvs,
             tangents=mesh.tangents,
             world_from_object=mesh.world_from_object,
+            **_labels_as_arrays(mesh),
         )
+
+
+# What a file calls the names of a kind of labels, and the number that each triangle has among them.
+_LABEL_KEYS = {"materials": "triangle_material", "objects": "triangle_object"}
+
+
+def _labels_as_arrays(mesh: Mesh) -> dict[str, NDArray[Any]]:
+    arrays: dict[str, NDArray[Any]] = {}
+    for names, numbers in _LABEL_KEYS.items():
+        labels: Labels | None = getattr(mesh, names)
+        if labels is not None:
+            arrays |= {names: np.array(labels.names, str), numbers: labels.number}
+    return arrays
+
+
+def _labels_of_arrays(arrays: dict[str, NDArray[Any]]) -> dict[str, Labels]:
+    found = {}
+    for names, numbers in _LABEL_KEYS.items():
+        if (names in arrays) != (numbers in arrays):
+            raise InputError(f'it has only one of "{names}" and "{numbers}"; export it again')
+        if names in arrays:
+            if arrays[names].dtype.kind != "U" or arrays[names].ndim != 1:
+                raise InputError(f'its "{names}" are no names; export it again')
+            found[names] = Labels(tuple(arrays[names].tolist()), arrays[numbers])
+    return found
 
 
 def _read_npz(path: Path, shape_only: bool) -> Mesh:
@@ -152,6 +185,7 @@ def _read_npz(path: Path, shape_only: bool) -> Mesh:
         _no_uvs(len(np.atleast_1d(arrays["triangles"]))) if shape_only else arrays["uvs"],
         arrays.get("tangents"),
         arrays.get("world_from_object", np.eye(4)),
+        **_labels_of_arrays(arrays),
     )
 
 
@@ -160,7 +194,9 @@ def _read_obj(path: Path, shape_only: bool) -> Mesh:
     values: dict[str, list[list[float]]] = {"v": [], "vt": [], "vn": []}
     width = {"v": 3, "vt": 2, "vn": 3}
     corners: list[tuple[int, ...]] = []
-    # Names may be in any encoding; they are not used. A backslash joins a line with the next one.
+    # The names that hold from a corner on, under the words that OBJ has for them.
+    named: dict[str, list[tuple[int, str]]] = {"usemtl": [], "o": []}
+    # Names may be in any encoding. A backslash joins a line with the next one.
     text = path.read_text(encoding="utf-8", errors="replace").replace("\\\n", " ")
     for number, line in enumerate(text.splitlines(), 1):
         key, *words = line.partition("#")[0].split() or [""]
@@ -175,6 +211,8 @@ def _read_obj(path: Path, shape_only: bool) -> Mesh:
                 face = [_obj_corner(word, counts) for word in words]
                 for second, third in pairwise(face[1:]):
                     corners += face[0], second, third
+            elif key in named:
+                named[key].append((len(corners), " ".join(words)))
         except ValueError:
             raise InputError(f"line {number} cannot be read ({line.strip()[:60]!r}); export it again") from None
     if not corners:
@@ -185,7 +223,22 @@ def _read_obj(path: Path, shape_only: bool) -> Mesh:
     vertices = np.array(values["v"])
     normals = smooth_corner_normals(vertices, v)
     normals[vn >= 0] = np.array(values["vn"]).reshape(-1, 3)[vn[vn >= 0]]
-    return Mesh(vertices, v, normalised(normals), _no_uvs(len(v)) if shape_only else np.array(values["vt"])[vt])
+    return Mesh(
+        vertices,
+        v,
+        normalised(normals),
+        _no_uvs(len(v)) if shape_only else np.array(values["vt"])[vt],
+        materials=_labels_from(named["usemtl"], len(corners)),
+        objects=_labels_from(named["o"], len(corners)),
+    )
+
+
+def _labels_from(starts: list[tuple[int, str]], end: int) -> Labels | None:
+    """Labels of names that hold each from a corner on, of `end` corners; None where there are no names."""
+    if not starts:
+        return None
+    runs = pairwise([(0, ""), *starts, (end, "")])
+    return labels_of_runs((name, (stop - start) // 3) for (start, name), (stop, _) in runs)
 
 
 def _obj_corner(word: str, counts: list[int]) -> tuple[int, ...]:
@@ -208,10 +261,14 @@ def _read_with_trimesh(path: Path, shape_only: bool) -> Mesh:
     try:
         # process=False: merging vertices would lose UV seams and sharp edges.
         scene = trimesh.load_scene(path, process=False, maintain_order=True)
-        placed = [scene.graph[node] for node in scene.graph.nodes_geometry]
+        nodes = list(scene.graph.nodes_geometry)
+        placed = [scene.graph[node] for node in nodes]
         parts = [_placed(scene.geometry[name], pose, shape_only) for pose, name in placed]
+        objects = [_object_name(scene.graph, node) for node in nodes]
+        materials = [_material_name(scene.geometry[name]) for _, name in placed]
     except _UNREADABLE as error:
         raise InputError(f"it cannot be read ({type(error).__name__}: {error}); export it again") from None
+    counts = [len(part[1]) for part in parts]
     parts = [part for part in parts if len(part[1])]
     if not parts:
         raise InputError("it has no faces; choose a mesh with a surface")
@@ -223,7 +280,24 @@ def _read_with_trimesh(path: Path, shape_only: bool) -> Mesh:
     places, place = np.unique(vertices, axis=0, return_inverse=True)
     smooth = smooth_corner_normals(places, place.reshape(-1)[triangles])
     normals = np.where(np.isnan(normals)[triangles], smooth, normals[triangles])
-    return Mesh(vertices, triangles, normalised(normals), _no_uvs(len(triangles)) if shape_only else uvs[triangles])
+    return Mesh(
+        vertices,
+        triangles,
+        normalised(normals),
+        _no_uvs(len(triangles)) if shape_only else uvs[triangles],
+        materials=labels_of_runs(zip(materials, counts, strict=True)) if any(materials) else None,
+        objects=labels_of_runs(zip(objects, counts, strict=True)) if path.suffix.lower() in _WITH_NODES else None,
+    )
+
+
+def _object_name(graph: Any, node: str) -> str:
+    """The name of the file's node. trimesh gives each material of a node a node of its own beneath it, NAME_1a2b3c."""
+    parent = graph.transforms.parents.get(node)
+    return parent if parent and re.fullmatch(re.escape(parent) + "_[0-9A-Za-z]{6}", node) else node
+
+
+def _material_name(part: Any) -> str:
+    return str(getattr(getattr(part.visual, "material", None), "name", None) or "")
 
 
 def _placed(part: Any, pose: NDArray[np.float64], shape_only: bool) -> tuple[NDArray[Any], ...]:

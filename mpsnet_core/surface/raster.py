@@ -18,15 +18,16 @@ def texel_areas(corners: NDArray[np.floating]) -> NDArray[np.float64]:
     return np.abs(e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0]).astype(np.float64) / 2
 
 
-def triangle_of_texel(corners: NDArray[np.float64], size: int) -> NDArray[np.int32]:
+def triangle_of_texel(corners: NDArray[np.float64], size: int, rows: slice | None = None) -> NDArray[np.int32]:
     """(size, size) the number of the triangle that covers each texel's centre, -1 where none does.
 
-    corners: (T, 3, 2) texel coordinates. Where triangles overlap, the one with the highest number wins; those without
-    area cover nothing.
+    corners: (T, 3, 2) texel coordinates. rows: only these, from a start to a stop. Where triangles overlap, the one
+    with the highest number wins; those without area cover nothing.
     """
     x, y = corners[..., 0], corners[..., 1]
-    top = np.clip(np.ceil(y.min(axis=1)), 0, size).astype(np.int64)
-    bottom = np.clip(np.floor(y.max(axis=1)) + 1, top, size).astype(np.int64)
+    above, below = (0, size) if rows is None else (rows.start, rows.stop)
+    top = np.clip(np.ceil(y.min(axis=1)), above, below).astype(np.int64)
+    bottom = np.clip(np.floor(y.max(axis=1)) + 1, top, below).astype(np.int64)
     bottom = np.where(texel_areas(corners) > NO_AREA, bottom, top)
     triangle = np.repeat(np.arange(len(corners), dtype=np.int32), bottom - top)
     row = _counted(top, bottom - top)
@@ -42,10 +43,10 @@ def triangle_of_texel(corners: NDArray[np.float64], size: int) -> NDArray[np.int
         right = np.where(reaches, np.maximum(right, np.where(level, np.maximum(x0, x1), crossing)), right)
     start = np.clip(np.ceil(left), 0, size).astype(np.int64)
     stop = np.clip(np.floor(np.maximum(right, -1.0)) + 1, start, size).astype(np.int64)
-    texel = _counted(row * size + start, stop - start)
-    owner = np.full(size * size, -1, np.int32)
+    texel = _counted((row - above) * np.int64(size) + start, stop - start)
+    owner = np.full((below - above) * size, -1, np.int32)
     owner[texel] = np.repeat(triangle, stop - start)
-    return owner.reshape(size, size)
+    return owner.reshape(below - above, size)
 
 
 def _counted(start: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.int32]:

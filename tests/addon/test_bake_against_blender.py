@@ -198,7 +198,9 @@ def degrees_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(axis=-1)))
 
 
-def blenders_bake(detailed: "bpy.types.Object", simple: "bpy.types.Object", size: int, space: str) -> np.ndarray:
+def blenders_bake(
+    detailed: "bpy.types.Object", simple: "bpy.types.Object", size: int, space: str, extrusion: float = 0.03
+) -> np.ndarray:
     """(S, S, 3) Blender's own selected-to-active bake, row 0 on top; zero where it baked nothing."""
     image = bpy.data.images.new("Bake", size, size, float_buffer=True, is_data=True)
     tree = nodes_of(simple.data.materials[0])
@@ -209,7 +211,12 @@ def blenders_bake(detailed: "bpy.types.Object", simple: "bpy.types.Object", size
     detailed.hide_render = simple.hide_render = False
     bpy.context.scene.cycles.samples = 1
     bpy.ops.object.bake(
-        type="NORMAL", use_selected_to_active=True, cage_extrusion=0.03, margin=0, normal_space=space, use_clear=True
+        type="NORMAL",
+        use_selected_to_active=True,
+        cage_extrusion=extrusion,
+        margin=0,
+        normal_space=space,
+        use_clear=True,
     )
     pixels = np.empty(4 * size * size, np.float32)
     image.pixels.foreach_get(pixels)

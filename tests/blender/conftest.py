@@ -9,14 +9,17 @@ MPSNET_SCREEN          what goes before `xdotool` and `import` to reach that win
 import json
 import os
 import shlex
+import signal
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
+from live import Window
 
 HERE = Path(__file__).parent
 PROJECT = HERE.parent.parent
@@ -79,3 +82,42 @@ def blender(extension_zip: Path, tmp_path_factory: pytest.TempPathFactory) -> Bl
     done = blender.run("--command", "extension", "install-file", "-r", "user_default", "-e", extension_zip)
     assert done.returncode == 0 and "Traceback" not in done.stdout + done.stderr, done.stdout + done.stderr
     return blender
+
+
+@contextmanager
+def opened(blender: Blender, folder: Path, *arguments: str) -> Iterator[Window]:
+    """A window that goes when the context ends; its last look is left in `folder`. arguments: of scripts/window.py."""
+    if "MPSNET_BLENDER_UI" not in os.environ:
+        pytest.skip("MPSNET_BLENDER_UI is not set")
+    state, request = folder / "state.json", folder / "request"
+    script = ["--python", SCRIPTS / "window.py", "--", state, request, *arguments]
+    command = [*shlex.split(os.environ["MPSNET_BLENDER_UI"]), *script]
+    with (folder / "window.log").open("w") as log:
+        process = subprocess.Popen(
+            command, env=blender.environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True
+        )
+        window = Window(state, request, shlex.split(os.environ.get("MPSNET_SCREEN", "")))
+        try:
+            window.wait(lambda state: state["sidebar"], 120, "sidebar")
+            yield window
+            window.screenshot(folder / "last.png")
+        finally:
+            window.ask("quit")
+            try:
+                process.wait(30)
+            except subprocess.TimeoutExpired:
+                os.killpg(process.pid, signal.SIGTERM)
+
+
+@pytest.fixture
+def window(blender: Blender, tmp_path: Path) -> Iterator[Window]:
+    """A window whose panels are as they come."""
+    with opened(blender, tmp_path) as window:
+        yield window
+
+
+@pytest.fixture
+def unfolded(blender: Blender, tmp_path: Path) -> Iterator[Window]:
+    """A window whose panels are all unfolded."""
+    with opened(blender, tmp_path, "unfolded") as window:
+        yield window

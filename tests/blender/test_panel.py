@@ -1,114 +1,14 @@
 """The panel in a real window: drawn, and clicked through as a person would."""
 
-import json
-import os
-import shlex
-import signal
-import subprocess
-import time
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any
-
 import numpy as np
-import OpenImageIO as oiio
 import pytest
+from live import STEP, TITLE
 from mirror_ball import CROSSTALK, Scene, around, grey_photograph, lamps_around, photograph
 from synthetic import degrees_between, shaded_sphere
 
 from mpsnet_core.images import write_image
 from mpsnet_core.rig import published_rig, read_rig, write_rig
 from mpsnet_core.synthesis.job import sample_path, samples_there
-
-SCRIPT = Path(__file__).parent / "scripts" / "window.py"
-STEP = 8  # pixels; a button is about 20 high
-TITLE = 16  # from a panel's top to the middle of its title
-
-
-class Window:
-    """A Blender with a window, which says in `state` how things stand; see scripts/window.py."""
-
-    def __init__(self, state: Path, request: Path, screen: list[str]) -> None:
-        self.file, self.request, self.screen = state, request, screen
-        self.requests = 0
-
-    @property
-    def state(self) -> dict[str, Any]:
-        return json.loads(self.file.read_text(encoding="utf-8")) if self.file.exists() else {"sidebar": None}
-
-    def wait(self, until: Callable[[dict[str, Any]], Any], seconds: float, what: str) -> dict[str, Any]:
-        deadline = time.monotonic() + seconds
-        while time.monotonic() < deadline:
-            state = self.state
-            if until(state):
-                return state
-            time.sleep(0.1)
-        pytest.fail(f"after {seconds} s still no {what}: {self.state}")
-
-    def input(self, *arguments: str | int) -> None:
-        subprocess.run([*self.screen, "xdotool", *map(str, arguments)], check=True, capture_output=True)
-
-    def ask(self, verb: str, *arguments: Any) -> None:
-        self.requests += 1
-        unfinished = self.request.with_suffix(".unfinished")
-        unfinished.write_text(json.dumps([self.requests, verb, *arguments]), encoding="utf-8")
-        unfinished.replace(self.request)
-        if verb != "quit":
-            self.wait(lambda state: state.get("answered") == self.requests, 60, f"answer to {verb} {arguments}")
-
-    def under_mouse(self, x: int, y: int) -> str:
-        """The Python command of the button at (x, y), which Blender copies on Ctrl C; "" where there is none."""
-        self.ask("clear")
-        self.input("mousemove", x, y, "sleep", "0.1", "key", "ctrl+c")
-        sent = self.state["ticks"]
-        return self.wait(lambda state: state["ticks"] >= sent + 3, 60, "answer to Ctrl C")["clipboard"]
-
-    def find(self, operator: str, below: int = STEP) -> tuple[int, int]:
-        """Where in the sidebar, looking from `below` its top to its bottom, the button of `operator` is."""
-        left, top, width, height = self.state["sidebar"]
-        x = left + width // 2
-        for y in range(top + below, top + height, STEP):
-            if self.under_mouse(x, y).startswith(f"bpy.ops.{operator}("):
-                return x, y
-        pytest.fail(f"no button for {operator} in the sidebar")
-
-    def click(self, x: int, y: int) -> None:
-        self.input("mousemove", x, y, "sleep", "0.2", "click", 1)
-
-    def open(self, y: int) -> None:
-        """Click on the title of a closed panel, and leave it time to unfold."""
-        left, _, width, _ = self.state["sidebar"]
-        self.input("mousemove", left + width // 2, y, "sleep", "1")
-        self.click(left + width // 2, y)
-        self.input("sleep", "2")
-
-    def screenshot(self, path: Path) -> np.ndarray:
-        """(H, W, 3) values 0 to 1 of the whole screen."""
-        subprocess.run([*self.screen, "import", "-window", "root", path], check=True)
-        return oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT)[..., :3]
-
-
-@pytest.fixture
-def window(blender, tmp_path) -> Iterator[Window]:
-    if "MPSNET_BLENDER_UI" not in os.environ:
-        pytest.skip("MPSNET_BLENDER_UI is not set")
-    state, request = tmp_path / "state.json", tmp_path / "request"
-    command = [*shlex.split(os.environ["MPSNET_BLENDER_UI"]), "--python", SCRIPT, "--", state, request]
-    with (tmp_path / "window.log").open("w") as log:
-        process = subprocess.Popen(
-            command, env=blender.environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True
-        )
-        window = Window(state, request, shlex.split(os.environ.get("MPSNET_SCREEN", "")))
-        try:
-            window.wait(lambda state: state["sidebar"], 120, "sidebar")
-            yield window
-            window.screenshot(tmp_path / "last.png")
-        finally:
-            window.ask("quit")
-            try:
-                process.wait(30)
-            except subprocess.TimeoutExpired:
-                os.killpg(process.pid, signal.SIGTERM)
 
 
 def test_panel_is_drawn_and_its_button_adds_a_rig(window, tmp_path):
@@ -280,3 +180,37 @@ def test_many_views_are_baked_and_reported(window, tmp_path):
     window.input("mousemove", 500, 500, "key", "ctrl+z")
     window.wait(lambda state: state["nodes"] == plain, 60, "undo of the bake")
     assert not window.under_mouse(x, y)
+
+
+def test_a_result_finds_its_scene_and_target_whatever_they_are_called_by_then(window, tmp_path):
+    window.ask("invoke", "add_rig", {})
+    window.ask("invoke", "render_photo", {"width": 64, "height": 64, "samples": 4})
+    window.wait(lambda state: "MPS Photo" in state["images"], 120, "photo")
+    window.ask("invoke", "estimate", {"model": "LAMBERTIAN"})
+    window.wait(lambda state: "MPS Normals" in state["images"] and not state["running"], 120, "normals")
+    texture = tmp_path / "texture.png"
+    window.ask("invoke", "bake", {"size": 2048, "output": str(texture)})
+    assert window.state["running"]
+    renamed = "for one in (*bpy.data.scenes, *bpy.data.objects, *bpy.data.images): one.name = f'renamed {one.name}'"
+    window.ask("run", renamed)
+    window.wait(lambda state: not state["running"], 120, "texture")
+    assert "MPS renamed Cube" in window.state["images"] and texture.is_file()
+    assert "MPS Texture" in window.state["nodes"]
+
+
+@pytest.mark.parametrize("words", ["add rig", "bake texture", "render photo"])
+def test_operators_are_found_by_search(window, words):
+    """F3, the words, Enter: what cannot run yet is not in the list, so the scene gets what each needs first."""
+    window.ask("invoke", "add_rig", {})
+    before = window.wait(lambda state: "MPS Red" in state["objects"], 60, "rig")
+    if words == "bake texture":
+        window.ask("run", "bpy.context.scene.mps.estimate.image = bpy.data.images.new('No File', 4, 4)")
+    window.ask("run", "bpy.context.scene.mps.photo.width = bpy.context.scene.mps.photo.height = 32")
+    window.input("mousemove", 500, 500, "sleep", "0.3", "key", "F3", "sleep", "1", "type", "--delay", 60, words)
+    window.input("sleep", "1", "key", "Return")
+    if words == "add rig":
+        window.wait(lambda state: state["rig"] != before["rig"], 60, "another rig")
+    elif words == "render photo":
+        window.wait(lambda state: "MPS Photo" in state["images"], 60, "photo")
+    else:
+        window.wait(lambda state: "has no file on disk" in state["errors"].get("bake", ""), 60, "error of the bake")

@@ -1,7 +1,8 @@
-"""Surfaces whose heights, normals and all that follows from them are known without the core."""
+"""Surfaces as height maps whose heights, normals and all that follows from them are known without the core."""
 
 from dataclasses import dataclass
 
+import height_shapes
 import numpy as np
 
 from mpsnet_core.camera import Camera
@@ -31,10 +32,23 @@ def orthographic(height: int, width: int, pixels_per_unit: float = 1.0, pose: np
     return Camera("orthographic", width, height, np.full(2, pixels_per_unit), None, np.eye(4) if pose is None else pose)
 
 
-def ball(camera: Camera, middle: tuple[float, float, float], radius: float, *, inside: bool = False) -> Relief:
-    """A ball in camera space by the equation of its rays; `inside`: a bowl, its far side beyond 60° from its axis."""
-    column, row = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
-    x, y = (column - camera.centre[0]) / camera.focal[0], (camera.centre[1] - row) / camera.focal[1]
+def ball(camera: Camera, middle: tuple[float, float, float], radius: float) -> Relief:
+    """A ball in camera space."""
+    return _relief(height_shapes.spheres(camera, (*middle, radius)))
+
+
+def plane(camera: Camera, slope: tuple[float, float], distance: float) -> Relief:
+    """The plane z = slope . (x, y) - distance, in camera space, over the whole picture."""
+    return _relief(height_shapes.plane(camera, (-slope[0], -slope[1], 1.0), -distance))
+
+
+def _relief(surface: height_shapes.Surface) -> Relief:
+    return Relief(HeightMap(surface.heights, surface.mask, surface.camera), surface.normals)
+
+
+def bowl(camera: Camera, middle: tuple[float, float, float], radius: float) -> Relief:
+    """The far side of a hollow ball to 60° from its axis, in camera space, by the equation of the rays."""
+    x, y = height_shapes.places(camera)
     zero, one = np.zeros_like(x), np.ones_like(x)
     flat = camera.projection == "orthographic"
     origin = np.stack([x, y, zero] if flat else [zero] * 3, axis=-1)
@@ -42,32 +56,16 @@ def ball(camera: Camera, middle: tuple[float, float, float], radius: float, *, i
     to = origin - np.array(middle)
     a, b, c = (ray * ray).sum(-1), (ray * to).sum(-1), (to * to).sum(-1) - radius**2
     root = b * b - a * c
-    along = (-b + (1 if inside else -1) * np.sqrt(np.maximum(root, 0))) / a
-    points = origin + along[..., None] * ray
+    points = origin + ((np.sqrt(np.maximum(root, 0)) - b) / a)[..., None] * ray
     outwards = (points - middle) / radius
-    mask = (root > 0) & (outwards[..., 2] < -0.5 if inside else np.ones_like(root, bool))
-    normals = -outwards if inside else outwards
-    return Relief(HeightMap(points[..., 2], mask, camera), NormalMap(normals, mask))
-
-
-def plane(camera: Camera, slope: tuple[float, float], distance: float) -> Relief:
-    """The plane z = slope . (x, y) - distance, in camera space, over the whole picture."""
-    ones = np.ones((camera.height, camera.width))
-    x, y, _ = np.moveaxis(camera.points(ones), -1, 0)
-    p, q = slope
-    if camera.projection == "orthographic":
-        z = p * x + q * y - distance
-    else:
-        z = -distance / (1 + p * x + q * y)  # z = p (-z x) + q (-z y) - distance
-    normals = np.broadcast_to([-p, -q, 1.0], (*ones.shape, 3))
-    return Relief(HeightMap(z, ones > 0, camera), NormalMap(normals, ones > 0))
+    mask = (root > 0) & (outwards[..., 2] < -0.5)
+    return Relief(HeightMap(points[..., 2], mask, camera), NormalMap(-outwards, mask))
 
 
 def bumps(camera: Camera, depth: float = 0.0, size: float = 1.0) -> Relief:
     """Round hills and pits over the whole picture, `size` times a tenth of half its width high."""
-    ones = np.ones((camera.height, camera.width))
-    x, y, _ = np.moveaxis(camera.points(ones), -1, 0)
-    reach = np.abs(x).max()
+    x, y = height_shapes.places(camera)
+    ones, reach = np.ones_like(x), np.abs(x).max()
     wave, tall = 3 * np.pi / reach, 0.1 * reach * size
     z = tall * np.sin(wave * x) * np.cos(0.8 * wave * y)
     dx = tall * wave * np.cos(wave * x) * np.cos(0.8 * wave * y)
@@ -75,7 +73,7 @@ def bumps(camera: Camera, depth: float = 0.0, size: float = 1.0) -> Relief:
     if camera.projection == "orthographic":
         normals = np.stack([-dx, -dy, ones], axis=-1)
         return Relief(HeightMap(z - depth, ones > 0, camera), NormalMap(normals, ones > 0))
-    # Along each ray, t = depth (1 - z): the cross product of the surface's two tangents (x, y and t are per unit depth).
+    # Along each ray, t = depth (1 - z): the cross product of the surface's tangents over x and y at depth 1.
     t = depth * (1 - z)
     across = np.stack([t - depth * dx * x, -depth * dx * y, depth * dx], axis=-1)
     upwards = np.stack([-depth * dy * x, t - depth * dy * y, depth * dy], axis=-1)

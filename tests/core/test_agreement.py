@@ -11,7 +11,7 @@ from synthetic import degrees_between
 from test_bake import SIX_SIDES, constant_view, plane
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.evaluation.bake_report import view_table, write_bake_report
+from mpsnet_core.evaluation.bake_report import texture_maps, view_table, write_bake_report
 from mpsnet_core.rays import RayScene
 from mpsnet_core.surface.agreement import agreement, table_rows
 from mpsnet_core.surface.bake import bake_normals
@@ -115,10 +115,10 @@ def test_the_report_is_one_page_that_holds_all(tmp_path: Path) -> None:
     for number, view in enumerate(views):
         said.add(f"photo <{number}>", view, view, 0.0)
     texture = bake_normals(mesh, views, size=64)
-    write_bake_report(tmp_path / "report.html", "statue & co", texture, said.views(), ["a note"])
+    write_bake_report(tmp_path / "report.html", "statue & co", texture_maps(texture), said.views(), ["a note"])
     page = (tmp_path / "report.html").read_text()
     assert "statue &amp; co" in page and "photo &lt;2&gt;" in page and "a note" in page
     assert re.findall("<figcaption>([^<]*)<i ", page) == ["how many views see it:"]  # the one whose colours have a key
     assert page.count("data:image/png;base64,") == 3 and not re.search(r"https?://", page)
     with pytest.raises(InputError, match=r"reports are written as \.html"):
-        write_bake_report(tmp_path / "report.txt", "", texture, said.views())
+        write_bake_report(tmp_path / "report.txt", "", [], said.views())

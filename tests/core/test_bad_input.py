@@ -164,7 +164,9 @@ class Bench:
     def bake(self, *arguments: str | Path, view: str | None = None, output: str = "texture.png") -> None:
         """`mpsnet bake` with good values for what is not given; later arguments win."""
         view = view or f"{self.camera()}={self.normals()}"
-        good = ["--mesh", self.mesh(), "--size", "32", "--margin", "2", "--view", view]
+        good = ["--size", "32", "--margin", "2", "--view", view]
+        if "--mesh" not in arguments:
+            good += ["--mesh", self.mesh()]
         self.run("bake", *good, "-o", self / output, *arguments)
 
     def evaluate(self, *arguments: str | Path) -> None:
@@ -885,7 +887,9 @@ MESHES: list[Case] = [
     ),
     (
         "UVs outside",
-        lambda b: Mesh(**{**SQUARE, "uvs": SQUARE["uvs"] + 1}),
+        lambda b: bake_normals(
+            Mesh(**{**SQUARE, "uvs": SQUARE["uvs"] + 1}), [View(read_camera(b.camera()), read_normals(b.normals()))]
+        ),
         "UVs lie outside the texture (0 to 1); move",
     ),
     (

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
-from synthetic import listing
+from synthetic import listing, write_file
 
 from mpsnet_core.camera import write_camera
 from mpsnet_core.cli import main
@@ -116,3 +116,17 @@ def test_bad_input_gets_one_sentence(
     assert bake(bench, *arguments) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert re.search(sentence, line), line
+
+
+def test_frames_on_top_of_a_map_are_made_again_when_the_map_changes(bench: Path) -> None:
+    more = ["--space", "tangent", "--onto", str(bench / "map.png")]
+    textures = []
+    for lean in (0.0, 0.4):
+        leaning = np.broadcast_to(np.array([lean, 0, 1]) / np.hypot(lean, 1), (16, 16, 3))
+        write_file(bench / "map.png", 0.5 + 0.5 * leaning, "uint16")
+        assert bake(bench, "normals", "skin", *more) == 0
+        textures.append([(bench / "skin" / f"skin_{number:04d}.png").read_bytes() for number in NUMBERS])
+        before = {file.name: file.stat().st_mtime_ns for file in (bench / "skin").iterdir()}
+        assert bake(bench, "normals", "skin", *more) == 0
+        assert before == {file.name: file.stat().st_mtime_ns for file in (bench / "skin").iterdir()}
+    assert all(one != other for one, other in zip(*textures, strict=True))

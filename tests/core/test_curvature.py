@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from reliefs import Relief, ball, bumps, orthographic, plane
+from reliefs import Relief, ball, bowl, bumps, orthographic, plane
 
 from mpsnet_core import Camera, InputError, NormalMap
 from mpsnet_core.heights.curvature import curvature, curvature_picture, curvature_range
@@ -33,7 +33,7 @@ def test_a_ball_bends_by_two_over_its_radius_at_every_slant(surface: Relief, rad
 
 def test_a_bowl_bends_the_other_way() -> None:
     for camera in (FAR, NEAR):
-        surface = ball(camera, (0.1, -0.1, -5), 1.5, inside=True)
+        surface = bowl(camera, (0.1, -0.1, -5), 1.5)
         assert np.median(of(surface, radius=4)[surface.mask]) == pytest.approx(-2 / 1.5, rel=2e-3)
 
 
@@ -54,6 +54,11 @@ def test_fine_grain_fades_with_the_radius_and_broad_shapes_stay() -> None:
     spread = [float(np.std(values)) for values in off]
     assert spread == sorted(spread, reverse=True) and spread[-1] < 0.1 * spread[0]
     assert abs(float(off[-1].mean())) < 0.03
+
+
+def test_a_radius_larger_than_the_picture_is_the_whole_picture() -> None:
+    surface = ball(orthographic(40, 30, 10), (0, 0, -5), 4)
+    assert of(surface, radius=10**12) == pytest.approx(of(surface, radius=40))
 
 
 def test_single_pixels_and_lines_of_the_mask_do_no_harm() -> None:

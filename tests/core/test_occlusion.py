@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from reliefs import Relief, ball, bumps, grid_triangles, orthographic, plane
+from reliefs import Relief, ball, bowl, bumps, grid_triangles, orthographic, plane
 
 from mpsnet_core import Camera, InputError
 from mpsnet_core.heights.height_map import HeightMap
@@ -32,7 +32,7 @@ def test_nothing_hides_the_sky_from_planes_and_balls(camera: Camera) -> None:
 def test_in_a_bowl_all_points_see_the_same_share_of_the_sky(camera: Camera) -> None:
     """From inside a sphere every patch of it is seen under the same share: its area by that of the sphere. The bowl is
     a cap to 60° from its axis, a quarter of the sphere."""
-    surface = ball(camera, (0.1, -0.1, -4), 1.3, inside=True)
+    surface = bowl(camera, (0.1, -0.1, -4), 1.3)
     found = of(surface)[surface.mask]
     assert found.mean() == pytest.approx(0.75, abs=0.01)
     assert np.abs(found - 0.75).max() < 0.03
@@ -74,7 +74,7 @@ def test_rays_against_the_mesh_say_the_same(camera: Camera) -> None:
 
 
 def test_a_short_reach_sees_only_what_is_near() -> None:
-    surface = ball(FAR, (0, 0, -4), 1.3, inside=True)
+    surface = bowl(FAR, (0, 0, -4), 1.3)
     near, far = of(surface, reach=3), of(surface)
     assert near[surface.mask].mean() > far[surface.mask].mean() + 0.1
     assert of(surface, reach=10_000) == pytest.approx(far)
@@ -101,5 +101,5 @@ def test_what_does_not_fit_is_said() -> None:
     surface = ball(FAR, (0, 0, -4), 1)
     with pytest.raises(InputError, match="over 0 pixels is none"):
         of(surface, reach=0)
-    with pytest.raises(InputError, match="200 x 180 but the heights are 10 x 10"):
+    with pytest.raises(InputError, match="the height map is 10 x 10 but the normal map is 200 x 180"):
         ambient_occlusion(plane(orthographic(10, 10), (0, 0), 1).heights, surface.normals)

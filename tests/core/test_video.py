@@ -210,7 +210,10 @@ BAD: dict[str, tuple[Callable[[Path], Any], str]] = {
         lambda path: path.write_bytes(clip(path.with_name("y.mkv"), noise(3)).read_bytes()[:700]),
         "x.mkv",
     ),
-    "HLG": (lambda path: clip(path, noise(1), color_trc=18), r"x.mkv follows the HLG \(HDR\) curve.*--encoding srgb"),
+    "HLG": (
+        lambda path: clip(path, noise(1), color_trc=18),
+        r"x.mkv follows the HLG \(HDR\) curve.*set the encoding to sRGB",
+    ),
     "PQ": (lambda path: clip(path, noise(1), color_trc=16), r"x.mkv follows the PQ \(HDR\) curve"),
 }
 

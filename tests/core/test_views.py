@@ -75,7 +75,7 @@ def test_views_that_memory_does_not_hold_at_once_give_the_same_texture(
     views = [sphere_view(camera_looking(corner, size=100)) for corner in CORNERS[:5]]
     at_once, in_parts = Asked(views), Asked(views)
     one = bake_normals(mesh, at_once, size=96)
-    monkeypatch.setattr("mpsnet_core.surface.bake.HELD_BYTES", held)
+    monkeypatch.setattr("mpsnet_core.surface.looks.HELD_BYTES", held)
     other = bake_normals(mesh, in_parts, size=96)
     assert np.array_equal(one.vectors, other.vectors) and np.array_equal(one.views, other.views)
     assert np.array_equal(one.spread, other.spread)
@@ -103,15 +103,10 @@ class Table:
 
     def run(self, *arguments: str | Path) -> str:
         """`mpsnet views` with good values for what is not given; what it prints. InputError where it refuses."""
-        good: list[str | Path] = [
-            "--mesh",
-            self / "mesh.npz",
-            "--cameras",
-            self / "cameras",
-            "--rig",
-            self / "rig.json",
-        ]
+        good: list[str | Path] = ["--cameras", self / "cameras", "--rig", self / "rig.json"]
         good += ["--photos", self / "photos"]
+        if "--mesh" not in arguments:
+            good += ["--mesh", self / "mesh.npz"]
         return self._run(*good, *arguments)
 
     def named(self, cameras: Path) -> str:
@@ -497,7 +492,7 @@ def test_a_file_of_ours_names_photos_and_cameras(table: Table) -> None:
         write(**change)
         with pytest.raises(InputError, match=said):
             table.named(file)
-    with pytest.raises(InputError, match="does not name its photos; give their folder with --photos"):
+    with pytest.raises(InputError, match="does not name its photos; give the folder of the photos"):
         table.named(table / "cameras")
 
 
@@ -571,3 +566,27 @@ def test_views_that_do_not_belong_together_are_told(table: Table) -> None:
     write_rig(table / "wrong.json", LightRig(lights[[1, 2, 0]]))
     assert "belong together" in table.notes("--rig", table / "wrong.json")
     assert "belong together" not in table.notes()
+
+
+def test_a_preset_names_the_texture_and_detail_goes_on_top_of_a_map(table: Table) -> None:
+    """Of all views together: where none sees, the present map stays as it is."""
+    v, u = np.mgrid[:64, :64] / 64 * 2 * np.pi
+    waves = np.stack([0.4 * np.sin(u), 0.3 * np.cos(v), np.ones_like(u)], -1)
+    waves /= np.linalg.norm(waves, axis=-1, keepdims=True)
+    (table / "out").mkdir()
+    preset = ["--space", "tangent", "--preset", "unreal", "-o", table / "out", "--progress", "none"]
+    table.run(*preset)
+    (written,) = (table / "out").iterdir()
+    assert written.name == "T_mesh_N.png"
+    detail = decode(read_image(written, encoding="linear").pixels, "directx")
+    map_file = write_file(table / "map.png", 0.5 + 0.5 * waves, "uint16")
+    table.run(*preset, "--onto", map_file, "--onto-shown", "no")
+    laid = decode(read_image(written, encoding="linear").pixels, "directx")
+    flat = degrees_between(detail, np.array([0, 0, 1.0])) < 0.01
+    assert 0.03 < flat.mean() < 0.7
+    assert degrees_between(laid, waves)[flat].max() < 0.05
+    assert degrees_between(laid, waves)[~flat].mean() == pytest.approx(
+        degrees_between(detail, np.array([0, 0, 1.0]))[~flat].mean(), rel=0.05
+    )
+    with pytest.raises(InputError, match="would overwrite"):
+        table.run("--space", "tangent", "--onto", map_file, "-o", map_file)

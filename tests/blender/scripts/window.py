@@ -1,10 +1,11 @@
 """Runs inside a Blender with a window: opens the sidebar's MPS tab, says ten times a second how things stand, and
 does what it is asked to.
 
-Arguments: the JSON file to write the state to, and the JSON file of the request: [number, verb, argument...] with
+Arguments: the JSON file to write the state to, the JSON file of the request, and "unfolded" where no panel shall be
+folded at first. A request is [number, verb, argument...] with
 "clear" (empty the clipboard), "invoke" (an operator with settings, as its button does), "set" (settings of a step),
-"photo" (open one from a file), "behind" (put a photo behind the scene's camera), "alone" (take all other panels away)
-and "quit".
+"photo" (open one from a file), "behind" (put a photo behind the scene's camera), "alone" (take all other panels away),
+"run" (Python, for what a person does elsewhere in Blender) and "quit".
 """
 
 import contextlib
@@ -14,10 +15,16 @@ from pathlib import Path
 
 import bpy
 
-state_file, request_file = map(Path, sys.argv[sys.argv.index("--") + 1 :])
+state_file, request_file, *unfolded = map(Path, sys.argv[sys.argv.index("--") + 1 :])
 answered, ticks = 0, 0
 
 bpy.context.preferences.view.show_splash = False
+bpy.context.preferences.use_preferences_save = False  # the next window has them as they come
+# In the order of their registration, which is that of the sidebar.
+EVERY_PANEL = sys.modules[bpy.types.MPS_PT_rig.__module__.rpartition(".")[0]].CLASSES
+if unfolded:
+    for panel in EVERY_PANEL:
+        panel.bl_options = set()
 
 
 def viewport():
@@ -57,8 +64,11 @@ def state():
         ),
         "rig_file": bpy.context.scene.mps.estimate.rig_file,
         "found": bpy.context.scene.mps.calibrate.told,
+        "rig": [light.object.session_uid for light in bpy.context.scene.mps.rig.lights],
+        "errors": {record.name: record.error for record in bpy.context.scene.mps.records},
         "running": manager.mps.running,
         "progress": manager.mps.progress,
+        "left": manager.mps.left,
     }
 
 
@@ -69,6 +79,9 @@ def answer(verb, *arguments):
         bpy.context.window_manager.clipboard = ""
     elif verb == "alone":
         alone(*arguments)
+    elif verb == "run":
+        exec(arguments[0], {"bpy": bpy})
+        viewport()[1].tag_redraw()
     elif verb == "set":
         step, settings = arguments
         for name, value in settings.items():
@@ -81,14 +94,18 @@ def answer(verb, *arguments):
         operator, settings = arguments
         window, area = viewport()
         region = next(region for region in area.regions if region.type == "WINDOW")
-        with bpy.context.temp_override(window=window, area=area, region=region):
+        # What fails raises as well; the panel and the window's message say so.
+        with bpy.context.temp_override(window=window, area=area, region=region), contextlib.suppress(RuntimeError):
             getattr(bpy.ops.mps, operator)("INVOKE_DEFAULT", **settings)
 
 
 def alone(*panels):
-    for name in dir(bpy.types):
-        if name.startswith("MPS_PT_") and name not in panels:
-            bpy.utils.unregister_class(getattr(bpy.types, name))
+    for cls in EVERY_PANEL:
+        if cls.is_registered:
+            bpy.utils.unregister_class(cls)
+    for cls in EVERY_PANEL:
+        if cls.__name__ in panels:
+            bpy.utils.register_class(cls)
     viewport()[1].tag_redraw()
 
 
@@ -106,4 +123,6 @@ def tick():
     return 0.1
 
 
+if unfolded:
+    alone(*(panel.__name__ for panel in EVERY_PANEL))
 bpy.app.timers.register(tick, first_interval=0.5)

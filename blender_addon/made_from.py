@@ -1,0 +1,97 @@
+"""What a result was made of: kept with its image, so that the panel can tell when it is out of date.
+
+Each ingredient has the name that the panel tells it by ("Photo", "Lights", "Model") and a text that differs where the
+ingredient does. They go with the image wherever it goes: renamed, saved and loaded, undone, chosen for another step.
+"""
+
+import json
+from collections.abc import Collection
+from datetime import datetime
+from pathlib import Path
+
+import bpy
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .outputs import remembered
+
+Ingredients = dict[str, str]
+
+_MADE = "mpsnet_made"
+_MADE_BY = "mpsnet_made_by"
+_MADE_FROM = "mpsnet_made_from"
+
+
+def chosen(
+    settings: type,
+    group: bpy.types.PropertyGroup,
+    *,
+    only: Collection[str] = (),
+    without: Collection[str] = ("output",),
+) -> Ingredients:
+    """The settings of a step that shape its result, as they stand: `only` these, else all `without` those."""
+    names = only or [name for name in settings.__annotations__ if name not in without]
+    return {group.bl_rna.properties[name].name: str(getattr(group, name)) for name in names}
+
+
+def stamp(image: bpy.types.Image | None) -> str:
+    """A text that another image, or the same one made anew or exported again, does not have.
+
+    A file's time and folder are not in it: a project that is copied keeps its results.
+    """
+    if image is None:
+        return ""
+    path = Path(remembered(image, "source") or bpy.path.abspath(image.filepath, library=image.library))
+    return f"{path.name} {image.get(_MADE, '')} {image.packed_file.size if image.packed_file else _size(path)}"
+
+
+def file_stamp(path: str) -> str:
+    """The same for a file that is named in the settings; "" for none."""
+    return f"{Path(path).name} {_size(Path(bpy.path.abspath(path)))}" if path else ""
+
+
+def _size(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except OSError:
+        return -1
+
+
+def rounded(values: ArrayLike, decimals: int) -> str:
+    """Numbers as a text that what a scene evaluates to keeps from one time to the next."""
+    return " ".join(f"{value + 0.0:.{decimals}f}" for value in np.round(np.ravel(values), decimals))
+
+
+def keep_made_from(image: bpy.types.Image, verb: str, ingredients: Ingredients) -> None:
+    """Note with an image that it was made now, by which operator ("estimate" for ``mps.estimate``), and of what."""
+    image[_MADE], image[_MADE_BY] = datetime.now().isoformat(), verb
+    image[_MADE_FROM] = json.dumps(ingredients)
+
+
+def made_by(image: bpy.types.Image) -> str:
+    """The operator that made an image; "" where none is known."""
+    return str(image.get(_MADE_BY, ""))
+
+
+def changed_since(image: bpy.types.Image, ingredients: Ingredients) -> list[str]:
+    """The names of those ingredients that are not as they were when the image was made.
+
+    What is not known of both times counts as unchanged.
+    """
+    try:
+        before = json.loads(image.get(_MADE_FROM, "{}"))
+    except ValueError:
+        return []
+    if not isinstance(before, dict):
+        return []
+    return [name for name, text in ingredients.items() if before.get(name, text) != text]
+
+
+def made_when(image: bpy.types.Image) -> str:
+    """When an image was made, in words for the panel: "14:32", or with its day where that was another; "" unknown."""
+    try:
+        made = datetime.fromisoformat(image.get(_MADE, ""))
+    except ValueError:
+        return ""
+    today = made.date() == datetime.now().date()
+    return f"{made:%H:%M}" if today else f"{made.day} {made:%b %Y, %H:%M}"

@@ -1,0 +1,186 @@
+"""Flat materials: a photo of cloth or leather becomes a Blender material that repeats, on a plane of its true size."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from mpsnet_core.camera import read_camera
+from mpsnet_core.errors import InputError
+from mpsnet_core.files import makeable_folder
+
+from .estimate import MPS_OT_estimate, lit_and_seen, model_name, unmasked_reading
+from .made_from import Ingredients, chosen, stamp
+from .operators import RunsCore
+from .outputs import fine_preview, image_file, load_image, output_folder, picture_size, remembered
+from .preferences import preference
+from .settings.declared import take_given
+from .settings.estimate import EstimateSettings
+from .settings.material import MaterialSettings
+
+# What Blender has to know of each picture: whether its colours are numbers.
+_IS_DATA = {"albedo": False, "normal": True, "height": True}
+# Faces a side of the displaced plane are two to this power.
+_SHOWN_LEVELS, _RENDERED_LEVELS = 6, 9
+
+
+class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
+    """Make a seamless material of the photo, which shows cloth, leather or bark that lies flat and fills it.
+
+    Writes normals, height, curvature and albedo, and shows the material on a plane of its true size"""
+
+    bl_idname = "mps.make_material"
+    bl_label = "Make Flat Material"
+    bl_options = {"UNDO"}
+
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        return MPS_OT_estimate.lacks(context)
+
+    @classmethod
+    def made_from(cls, context: Any) -> Ingredients:
+        scene = context.scene.mps
+        return {
+            "Photo": stamp(scene.photo.image),
+            **chosen(MaterialSettings, scene.material, without=("output",)),
+            **chosen(EstimateSettings, scene.estimate, only=("encoding", "dark", "flat", "rig_file", "lens")),
+        }
+
+    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+        scene = context.scene
+        take_given(self, MaterialSettings, scene.mps.material)
+        image = scene.mps.photo.image
+        if image.source in {"SEQUENCE", "MOVIE"}:
+            raise InputError("a flat material is made of one photo, and this is a sequence; open one of its frames")
+        photo = image_file(image, "photo", "render or open one first")
+        output = Path(bpy.path.abspath(self.output)) if self.output else output_folder() / f"{photo.stem}_material"
+        makeable_folder(output, "material")
+        width, height = picture_size(image)
+        arguments = ["material", str(photo), *lit_and_seen(context, image, folder)]
+        arguments += [*unmasked_reading(scene.mps.estimate), "--model", model_name(self)]
+        arguments += ["--provider", preference("provider").lower(), "--threads", str(preference("threads"))]
+        arguments += ["--width", f"{self._width(scene, image, folder):.9g}m", "--overlap", f"{self.overlap:g}"]
+        across, down = width - self.crop_left - self.crop_right, height - self.crop_top - self.crop_bottom
+        if (across, down) != (width, height):
+            arguments.append(f"--crop={self.crop_left},{self.crop_top},{across},{down}")
+        arguments += ["--bend", str(self.bend), *(["--size", str(self.size)] if self.size else [])]
+        self._output = output
+        return [*arguments, *(["--grey"] if self.grey else []), "--output", str(output)], [output / "pictures"]
+
+    def _width(self, scene: Any, image: Any, folder: Path) -> float:
+        """What the photo's width measures, in metres."""
+        width = self.width
+        taken_with = remembered(image, "camera")
+        if not width and taken_with is not None:
+            (folder / "taken.json").write_text(taken_with, encoding="utf-8")
+            camera = read_camera(folder / "taken.json")
+            width = camera.width / float(camera.focal[0]) if camera.projection == "orthographic" else 0.0
+        if not width:
+            raise InputError("nothing tells how large the material is; give what the photo's width measures")
+        return float(width * scene.unit_settings.scale_length)
+
+    def finish(self, context: Any, result: dict[str, Any]) -> None:
+        scene = self.scene(f"its material is in {self._output}")
+        settings = scene.mps.material
+        files = {what: Path(file) for what, file in result["files"].items()}
+        name = files["material"].stem.removesuffix("_material")
+        told = json.loads(files["material"].read_text(encoding="utf-8"))
+        images = {what: load_image(files[what], f"{name} {what}", is_data=data) for what, data in _IS_DATA.items()}
+        millimetre = 0.001 / scene.unit_settings.scale_length
+        size = told["width_mm"] * millimetre, told["height_mm"] * millimetre
+        plane = settings.plane
+        if plane is None or scene.objects.get(plane.name) != plane:
+            plane = bpy.data.objects.new(f"MPS {name}", bpy.data.meshes.new(f"MPS {name}"))
+            plane.location = scene.cursor.location
+            scene.collection.objects.link(plane)
+            settings.plane = plane
+        _lay(plane.data, size, self.repeats)
+        if not plane.data.materials:
+            plane.data.materials.append(bpy.data.materials.new(f"MPS {name}"))
+        black, white = told["height_of_black_mm"] * millimetre, told["height_of_white_mm"] * millimetre
+        wear_pictures(plane.data.materials[0], images, black, white, self.relief)
+        _subdivide(plane, self.relief == "DISPLACEMENT")
+        settings.image = preview = load_image(files["preview"], f"{name} preview", is_data=False)
+        fine_preview(preview)
+        self.made(preview)
+        settings.told = (
+            f"{told['width_mm']:.4g} x {told['height_mm']:.4g} mm, {result['relief_mm']:.3g} mm deep. "
+            f"Seam {result['seam']:.2f}, where 1 is none"
+        )
+        self.report({"INFO"}, f"Material written to {self._output}: {settings.told}")
+
+
+def _lay(mesh: Any, size: tuple[float, float], repeats: int) -> None:
+    """Make a mesh a rectangle of so many tiles each way, its UVs one tile a unit."""
+    across, down = (repeats * length / 2 for length in size)
+    mesh.clear_geometry()
+    mesh.from_pydata([(-across, -down, 0), (across, -down, 0), (across, down, 0), (-across, down, 0)], [], [range(4)])
+    layer = mesh.uv_layers.new(name="UVMap")
+    layer.uv.foreach_set("vector", [0, 0, repeats, 0, repeats, repeats, 0, repeats])
+    # On flat faces Cycles would add the bump to the displacement that is there already.
+    mesh.polygons.foreach_set("use_smooth", [True])
+    mesh.update()
+
+
+def wear_pictures(material: Any, images: dict[str, Any], black: float, white: float, relief: str) -> None:
+    """Give a material the pictures of a flat one, anew: "albedo", "normal" and "height".
+
+    black, white: heights of the height's picture, in the scene's unit. relief: "NORMAL", or "DISPLACEMENT".
+    """
+    if bpy.app.version < (5, 0):
+        material.use_nodes = True
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    nodes.clear()
+
+    def node(kind: str, name: str, x: float, y: float) -> Any:
+        made = nodes.new(kind)
+        made.name = made.label = name
+        made.location = (x, y)
+        return made
+
+    output = node("ShaderNodeOutputMaterial", "Material Output", 400, 0)
+    shader = node("ShaderNodeBsdfPrincipled", "Principled BSDF", 0, 0)
+    links.new(shader.outputs["BSDF"], output.inputs["Surface"])
+    uv = node("ShaderNodeUVMap", "MPS UV", -1000, 0)
+    uv.uv_map = "UVMap"
+    pictures = {}
+    for row, (what, image) in enumerate(images.items()):
+        pictures[what] = texture = node("ShaderNodeTexImage", f"MPS {what.title()}", -700, -320 * row)
+        texture.image = image
+        texture.interpolation = "Cubic" if what == "height" else "Linear"
+        links.new(uv.outputs["UV"], texture.inputs["Vector"])
+    links.new(pictures["albedo"].outputs["Color"], shader.inputs["Base Color"])
+    normal = node("ShaderNodeNormalMap", "MPS Normal Map", -300, -320)
+    normal.uv_map = "UVMap"
+    links.new(pictures["normal"].outputs["Color"], normal.inputs["Color"])
+    displacement = node("ShaderNodeDisplacement", "MPS Displacement", 0, -640)
+    displacement.inputs["Scale"].default_value = white - black
+    displacement.inputs["Midlevel"].default_value = -black / (white - black) if white > black else 0.5
+    links.new(pictures["height"].outputs["Color"], displacement.inputs["Height"])
+    # One of them: both would show the relief twice.
+    if relief == "NORMAL":
+        links.new(normal.outputs["Normal"], shader.inputs["Normal"])
+    else:
+        links.new(displacement.outputs["Displacement"], output.inputs["Displacement"])
+    material.displacement_method = "BUMP" if relief == "NORMAL" else "BOTH"
+
+
+def _subdivide(plane: Any, wanted: bool) -> None:
+    """Give the plane the faces that displacement moves, or take them away."""
+    modifier = plane.modifiers.get("MPS Faces")
+    if wanted and modifier is None:
+        modifier = plane.modifiers.new("MPS Faces", "SUBSURF")
+        modifier.subdivision_type = "SIMPLE"
+        modifier.levels, modifier.render_levels = _SHOWN_LEVELS, _RENDERED_LEVELS
+    elif modifier is not None and not wanted:
+        plane.modifiers.remove(modifier)
+
+
+def register() -> None:
+    bpy.utils.register_class(MPS_OT_make_material)
+
+
+def unregister() -> None:
+    bpy.utils.unregister_class(MPS_OT_make_material)

@@ -1,0 +1,139 @@
+"""Which textures a verb that bakes makes of which meshes, where they go, and what became of them."""
+
+import argparse
+import logging
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mpsnet_core.errors import InputError
+
+if TYPE_CHECKING:
+    from mpsnet_core.surface.mesh import Mesh
+    from mpsnet_core.surface.sheets import Sheet
+    from mpsnet_core.surface.shown import Present
+    from mpsnet_core.surface.texture import Texture
+
+log = logging.getLogger(__name__)
+
+# So many textures are listed one by one; of more, the first and the last.
+LISTED = 12
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Textures to be made of meshes: a sheet and a file for each.
+
+    patterns: the files with <UDIM> in place of the tile's number. present: the map that goes beneath the only texture.
+    """
+
+    meshes: "Sequence[Mesh]"
+    sheets: "Sequence[Sheet]"
+    files: Sequence[Path]
+    patterns: Sequence[Path]
+    present: "Present | None"
+
+
+@dataclass(frozen=True)
+class Made:
+    """A texture that was written. pattern: see :class:`Plan`. seen, covered: how many texels a view saw, and all."""
+
+    file: Path
+    pattern: Path
+    sheet: "Sheet"
+    seen: int
+    covered: int
+
+
+def planned(options: argparse.Namespace, taken: Sequence[Path]) -> Plan:
+    """The textures that --mesh, --output and --onto ask for; meshes and present map are read.
+
+    taken: what no texture may overwrite.
+
+    Raises InputError where a mesh or the present map cannot be read, or a texture has no place.
+    """
+    from mpsnet_core.cli.textures import asked_present
+    from mpsnet_core.files import writable_path
+    from mpsnet_core.frames import check_apart
+    from mpsnet_core.surface.mesh import read_mesh
+    from mpsnet_core.surface.sheets import sheets
+    from mpsnet_core.surface.texture_names import split_by, texture_files, tile_patterns
+
+    by = split_by(options.output)
+    meshes = [read_mesh(file) for file in options.mesh]
+    if "object" in by:
+        meshes = [_named(mesh, Path(file).stem) for mesh, file in zip(meshes, options.mesh, strict=True)]
+    if "material" in by and not any(mesh.materials for mesh in meshes):
+        raise InputError(f"{' and '.join(options.mesh)}: there are no materials; leave <MATERIAL> out of --output")
+    chosen = sheets(meshes, tiles="tile" in by, materials="material" in by, objects="object" in by)
+    files = texture_files(options.output, chosen)
+    if options.onto and by:
+        raise InputError("--onto goes beneath one texture; leave <UDIM>, <MATERIAL> and <OBJECT> out of --output")
+    check_apart(taken, map(writable_path, files))
+    return Plan(meshes, chosen, files, tile_patterns(options.output, chosen), asked_present(options))
+
+
+def _named(mesh: "Mesh", name: str) -> "Mesh":
+    """The mesh, as an object of that name where its file tells none."""
+    from mpsnet_core.surface.labels import Labels
+
+    return mesh if mesh.objects else replace(mesh, objects=Labels((name,), np.zeros(len(mesh.triangles), np.int32)))
+
+
+def write_textures(
+    plan: Plan, baked: "Iterable[tuple[Sheet, Texture]]", options: argparse.Namespace
+) -> "Iterable[tuple[Made, Texture]]":
+    """Write textures one by one, as they are baked; gives each with what was made of it.
+
+    Raises InputError where one cannot be baked or written; it tells how many are there already.
+    """
+    from mpsnet_core.surface.onto import laid_onto
+    from mpsnet_core.surface.texture import write_texture
+
+    made = 0
+    try:
+        for sheet, texture in baked:
+            place = plan.sheets.index(sheet)
+            if plan.present is not None:
+                texture = laid_onto(texture, plan.present.vectors)
+            write_texture(plan.files[place], texture, convention=options.convention, bits=options.bits)
+            made += 1
+            seen, covered = int(texture.seen.sum()), int(texture.covered.sum())
+            yield Made(plan.files[place], plan.patterns[place], sheet, seen, covered), texture
+            del texture
+    except (InputError, OSError) as error:
+        if not made:
+            raise
+        why = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) else str(error)
+        raise InputError(f"{why}; {made} of {len(plan.sheets)} textures were written before") from None
+
+
+def told_textures(made: Sequence[Made]) -> dict[str, Any]:
+    """What became of the textures as plain data: each one's file, what it is of, and the share of it that was seen.
+
+    tiles: the file's name for all tiles, with <UDIM> in it.
+    """
+    outputs = []
+    for one in made:
+        shows = {what: getattr(one.sheet, what) for what in ("tile", "material", "object")}
+        known = {what: value for what, value in shows.items() if value is not None}
+        if one.sheet.tile is not None:
+            known["tiles"] = str(one.pattern)
+        outputs.append({"output": str(one.file), **known, "seen": round(one.seen / one.covered, 4)})
+    return {"outputs": outputs, "seen": round(seen_share(made), 4)}
+
+
+def seen_share(made: Sequence[Made]) -> float:
+    """The share of all the textures' surface that some view saw."""
+    return sum(one.seen for one in made) / sum(one.covered for one in made)
+
+
+def textures_in_words(made: Sequence[Made], facts: str) -> str:
+    """A line for each texture: where it is, what it is, how much of it was seen. facts: what is true of all."""
+    lines = [f"{one.file}: {facts}, {one.seen / one.covered:.1%} of its surface seen" for one in made]
+    if len(lines) > LISTED:
+        lines = [lines[0], f"... {len(lines) - 2} more ...", lines[-1]]
+    return "\n".join(lines)

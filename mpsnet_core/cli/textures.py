@@ -1,0 +1,102 @@
+"""Options of the verbs that bake: presets, and detail on top of what the object has."""
+
+import argparse
+import logging
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mpsnet_core.files import made_folder
+
+if TYPE_CHECKING:
+    from mpsnet_core.surface.shown import Present
+
+
+log = logging.getLogger(__name__)
+
+
+def add_preset(parser: argparse.ArgumentParser) -> None:
+    """The option --preset, settled by :func:`settle`."""
+    parser.add_argument(
+        "--preset",
+        metavar="NAME",
+        help="blender, unreal, unity, godot or gltf: convention, bits, file format and, in a folder, the file's name; "
+        "options that are given as well win",
+    )
+
+
+def add_detail(parser: argparse.ArgumentParser) -> None:
+    """What is made of the photos' detail: its strength, and a normal map that it goes on top of."""
+    parser.add_argument(
+        "--strength", type=float, default=1.0, help="of what the photos add to the mesh's own normals: 0 to 2"
+    )
+    parser.add_argument(
+        "--onto", metavar="MAP", help="the object's present normal map (tangent space, same UVs), to add detail to"
+    )
+    parser.add_argument("--onto-convention", default="opengl", help="of the present map: opengl (green up) or directx")
+    parser.add_argument(
+        "--onto-shown",
+        default="auto",
+        metavar="auto|yes|no",
+        help="whether the photos show the present map's relief as well, which is then not added again",
+    )
+
+
+def settle(options: argparse.Namespace, *, sequence: bool = False) -> None:
+    """Fill in what was not given: from the preset where there is one. An output folder becomes the preset's file in it.
+
+    sequence: the output is a folder of frames, which have names of their own.
+
+    Raises InputError where the preset is not known, does not fit the output's ending, or the detail cannot be had.
+    """
+    from mpsnet_core.normals import check_convention
+    from mpsnet_core.surface.bake import check_strength
+    from mpsnet_core.surface.onto import check_onto
+    from mpsnet_core.surface.presets import preset_named, preset_output
+    from mpsnet_core.surface.shown import check_shown
+
+    check_strength(options.strength)
+    check_convention(options.onto_convention)
+    check_shown(options.onto_shown)
+    if options.onto:
+        check_onto(options.space)
+    if options.level is None:
+        # What is large in the present map is in the photo as well, and shall not be added to it.
+        options.level = "on" if options.onto else "off"
+    ending = getattr(options, "format", None)
+    if options.preset:
+        preset = preset_named(options.preset)
+        if options.convention is None:
+            options.convention = preset.convention
+        if not sequence:
+            suffix = f".{ending.lstrip('.')}" if ending else None
+            target = preset_output(preset, options.output, Path(options.mesh[0]).stem, suffix)
+            if options.output.endswith(("/", "\\")):
+                made_folder(target.parent, "texture")
+            options.output = str(target)
+        ending = ending or preset.suffix
+        # Bits go with the preset's own format.
+        if options.bits is None and f".{ending.lstrip('.')}" == preset.suffix:
+            options.bits = preset.bits
+    if options.convention is None:
+        options.convention = "opengl"
+    if "format" in options:
+        options.format = ending or "png"
+
+
+def asked_present(options: argparse.Namespace) -> "Present | None":
+    """The normal map that --onto means, None where it is not given. Raises InputError where it cannot be read."""
+    from mpsnet_core.surface.onto import read_present_map
+    from mpsnet_core.surface.shown import Present
+
+    if options.onto is None:
+        return None
+    return Present(read_present_map(options.onto, convention=options.onto_convention), options.onto_shown)
+
+
+def note_shown(shares: Sequence[float]) -> None:
+    """Tell of views that show the present map's relief. shares: of it that was taken out of each view."""
+    taken = [share for share in shares if share]
+    if taken:
+        share, views = sum(taken) / len(taken), f"{len(taken)} of {len(shares)} view(s)"
+        log.info("%s show %.0f%% of the present map's relief, which is not added to it again", views, 100 * share)

@@ -1,0 +1,86 @@
+"""Names of texture files: a pattern whose tokens stand for the UDIM tile, the material and the object."""
+
+import os
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.surface.sheets import Sheet
+
+# The tokens, and what of a sheet they stand for.
+TOKENS = {"<UDIM>": "tile", "<MATERIAL>": "material", "<OBJECT>": "object"}
+# Longer names are cut: file systems allow 255 bytes, and there is more in a file's name.
+LONGEST_NAME = 80
+
+
+def split_by(pattern: str | os.PathLike[str]) -> set[str]:
+    """What the pattern's tokens part textures by: "tile", "material", "object".
+
+    Raises InputError for a token that is none of ours, or that stands in a folder's name.
+    """
+    path = Path(pattern)
+    told = f"{', '.join(list(TOKENS)[:-1])} or {list(TOKENS)[-1]}"
+    found = re.findall("<[^<>]*>", path.name)
+    for token in found:
+        if token not in TOKENS:
+            raise InputError(f"{pattern}: {token} stands for nothing; use {told}, in capital letters")
+    for token in re.findall("<[^<>]*>", str(path.parent)):
+        if token.upper() in TOKENS:
+            raise InputError(f"{pattern}: {token} stands in a folder's name; put it into the file's name")
+    return {TOKENS[token] for token in found}
+
+
+def texture_files(pattern: str | os.PathLike[str], sheets: Sequence[Sheet]) -> list[Path]:
+    """Each sheet's file: the pattern with its tile's number, and its material's and object's names as files can have.
+
+    Names that become the same that way, on some system at least, are numbered.
+
+    Raises InputError where the pattern has other tokens than the sheets are parted by, or two sheets get one file.
+    """
+    files = _named(pattern, sheets, [str(sheet.tile) for sheet in sheets])
+    folded = [file.name.casefold() for file in files]
+    for file, name in zip(files, folded, strict=True):
+        if folded.count(name) > 1:
+            raise InputError(
+                f"several textures would be called {file}; put {', '.join(TOKENS)} into the name as needed, apart"
+            )
+    return files
+
+
+def tile_patterns(pattern: str | os.PathLike[str], sheets: Sequence[Sheet]) -> list[Path]:
+    """The same with <UDIM> left as it is: the name that programs know all tiles of a texture by."""
+    return _named(pattern, sheets, ["<UDIM>"] * len(sheets))
+
+
+def _named(pattern: str | os.PathLike[str], sheets: Sequence[Sheet], tiles: Sequence[str]) -> list[Path]:
+    path = Path(pattern)
+    parted = split_by(pattern)
+    names = {what: _file_names([getattr(sheet, what) for sheet in sheets]) for what in ("material", "object")}
+    files = []
+    for sheet, tile in zip(sheets, tiles, strict=True):
+        name = path.name
+        for token, what in TOKENS.items():
+            value = getattr(sheet, what)
+            if what in parted and value is None:
+                raise InputError(f"{pattern} has {token}, by which the textures are not parted; leave it out")
+            name = name.replace(token, tile if what == "tile" else names[what].get(value, ""))
+        files.append(path.with_name(name))
+    return files
+
+
+def _file_names(names: Sequence[str | None]) -> dict[str | None, str]:
+    """Each name as it can stand in a file's name, on every system; no two alike."""
+    cleaned: dict[str | None, str] = {}
+    taken: set[str] = set()
+    for name in names:
+        if name is None or name in cleaned:
+            continue
+        clean = re.sub(r"[^\w.-]+", "_", name)[:LONGEST_NAME].strip("._-") or "unnamed"
+        numbered, number = clean, 1
+        while numbered.casefold() in taken:
+            number += 1
+            numbered = f"{clean}_{number}"
+        taken.add(numbered.casefold())
+        cleaned[name] = numbered
+    return cleaned

@@ -1,0 +1,150 @@
+"""Detail on top of a present map, and detail alone, against Blender's own bake of the geometry that has it all.
+
+A smooth ball is the low-poly. Its present map is Blender's bake of a ball with large relief, the views are Cycles
+renders of balls with fine relief, and the reference is Blender's bake of a ball with both.
+"""
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from mpsnet_core.camera import write_camera
+from mpsnet_core.cli import main
+from mpsnet_core.normals import NormalMap, write_normals
+from mpsnet_core.surface.bake import View
+from mpsnet_core.surface.mesh import read_mesh
+from mpsnet_core.surface.onto import read_present_map
+from mpsnet_core.surface.raster import texel_coordinates, triangle_of_texel
+
+from .test_bake_against_blender import (
+    SIDES,
+    array_of,
+    blenders_bake,
+    core_mesh,
+    degrees_between,
+    normal_view,
+    set_up_cycles,
+    simplified,
+    with_materials,
+)
+
+SIZE = 512
+FLAT = np.array([0, 0, 1.0])
+# Higher than the large relief: where Blender's rays start.
+EXTRUSION = 0.04
+
+
+def ball(large: bool, fine: bool) -> "bpy.types.Object":
+    """A smooth ball, about 2 across, with large relief, fine relief, both or neither."""
+    bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=7)
+    obj = bpy.context.object
+    points = array_of(obj.data.vertices, "co", 3).astype(np.float64)
+    x, y, z = points.T
+    height = large * 0.02 * np.sin(9 * x) * np.sin(10 * y + 1) * np.cos(9 * z)
+    height = height + fine * 0.006 * np.sin(43 * x + 3) * np.sin(39 * y) * np.sin(45 * z + 1)
+    obj.data.vertices.foreach_set("co", (0.95 * points * (1 + height)[:, None]).astype(np.float32).ravel())
+    obj.data.update()
+    obj.data.polygons.foreach_set("use_smooth", [True] * len(obj.data.polygons))
+    with_materials(obj)
+    return obj
+
+
+def low_poly() -> "bpy.types.Object":
+    smooth = ball(False, False)
+    low = simplified(smooth, 5000)
+    bpy.data.objects.remove(smooth)
+    with_materials(low)
+    return low
+
+
+def bent(view: View, degrees: float, seed: int) -> View:
+    """The view with its normals turned by a smooth field, `degrees` of it on average, as estimates err."""
+    rng = np.random.default_rng(seed)
+    y, x = np.mgrid[: view.camera.height, : view.camera.width] / view.camera.height
+    waves = [np.sin(2 * np.pi * (rng.normal(0, 0.6) * x + rng.normal(0, 0.6) * y) + rng.uniform(0, 6)) for _ in "xyz"]
+    field = np.stack(waves, -1)
+    wrong = np.zeros_like(view.normals.vectors)
+    for _ in range(10):  # in small steps, each a turn to first order
+        turned = np.radians(degrees) * field / 10
+        wrong = view.normals.vectors if not wrong.any() else wrong
+        wrong = wrong + np.cross(turned, wrong)
+    scale = degrees / degrees_between(wrong, view.normals.vectors)[view.normals.mask].mean()
+    wrong = view.normals.vectors + scale * (wrong - view.normals.vectors)
+    result = View(view.camera, NormalMap(wrong, view.normals.mask))
+    error = degrees_between(result.normals.vectors, view.normals.vectors)[view.normals.mask]
+    assert 0.9 * degrees < error.mean() < 1.1 * degrees
+    return result
+
+
+def photographed(obj: "bpy.types.Object", folder: Path, wrong_by: float = 0.0) -> list[str]:
+    """The --view options of the object's normals as Cycles sees them from all sides."""
+    options = []
+    for number, side in enumerate(SIDES):
+        view = normal_view(side, obj, folder / "view.exr", "ORTHO")
+        if wrong_by:
+            view = bent(view, wrong_by, number)
+        write_camera(folder / f"camera_{number}.json", view.camera)
+        write_normals(folder / f"normals_{number}.exr", view.normals)
+        options += ["--view", f"{folder / f'camera_{number}.json'}={folder / f'normals_{number}.exr'}"]
+    return options
+
+
+def baked(low: "bpy.types.Object", views: list[str], folder: Path, *arguments: str) -> np.ndarray:
+    """(S, S, 3) what the command line bakes."""
+    core_mesh(low, folder / "mesh.npz")
+    out = folder / "baked.png"
+    good = ["bake", "--mesh", str(folder / "mesh.npz"), *views, "--size", str(SIZE), "-o", str(out)]
+    assert main([*good, *arguments]) == 0
+    return read_present_map(out)
+
+
+def covered(folder: Path) -> np.ndarray:
+    """(S, S) the texels on the low-poly's islands, once it was baked onto."""
+    return triangle_of_texel(texel_coordinates(read_mesh(folder / "mesh.npz").uvs, SIZE), SIZE) >= 0
+
+
+def save_map(vectors: np.ndarray, path: Path) -> Path:
+    """A 16-bit PNG by Blender."""
+    image = bpy.data.images.new("Present", SIZE, SIZE, float_buffer=True, is_data=True)
+    pixels = np.ones((SIZE, SIZE, 4), np.float32)
+    pixels[..., :3] = 0.5 + 0.5 * vectors[::-1]
+    image.pixels.foreach_set(pixels.ravel())
+    image.filepath_raw, image.file_format = str(path), "PNG"
+    image.save()
+    return path
+
+
+@pytest.mark.parametrize("shows", ["the detail alone", "all of the relief"])
+def test_on_top_of_a_present_map_it_is_the_bake_of_both(scene: "bpy.types.Scene", tmp_path: Path, shows: str) -> None:
+    """Whether the photo shows the detail on something smooth, or on the object with the relief of its present map."""
+    set_up_cycles(SIZE)
+    low, large, both = low_poly(), ball(True, False), ball(True, True)
+    present = blenders_bake(large, low, SIZE, "TANGENT", EXTRUSION)
+    path = save_map(present, tmp_path / "present.png")
+    reference = blenders_bake(both, low, SIZE, "TANGENT", EXTRUSION)
+    views = photographed(ball(False, True) if shows == "the detail alone" else both, tmp_path)
+    texture = baked(low, views, tmp_path, "--onto", str(path))
+    there = covered(tmp_path)
+    error = degrees_between(texture, reference)[there]
+    simply = degrees_between(baked(low, views, tmp_path, "--onto", str(path), "--onto-shown", "no"), reference)[there]
+    print(f"{shows}: {error.mean():.2f}° from Blender's bake of both, {np.percentile(error, 95):.2f}° at 95%")
+    bare = degrees_between(present, reference)[there]
+    print(f"simply added {simply.mean():.2f}°, the present map alone {bare.mean():.2f}°")
+    assert error.mean() < 1
+    assert bare.mean() > 4
+    assert (simply.mean() > 2) == (shows == "all of the relief")
+
+
+def test_detail_only_is_right_where_the_estimates_are_bent(scene: "bpy.types.Scene", tmp_path: Path) -> None:
+    set_up_cycles(SIZE)
+    low, fine = low_poly(), ball(False, True)
+    reference = blenders_bake(fine, low, SIZE, "TANGENT", EXTRUSION)
+    views = photographed(fine, tmp_path, wrong_by=8.0)
+    detail_only, plain = baked(low, views, tmp_path, "--level", "0.03"), baked(low, views, tmp_path)
+    there = covered(tmp_path)
+    error, plain = degrees_between(detail_only, reference)[there], degrees_between(plain, reference)[there]
+    print(f"detail only {error.mean():.2f}° from Blender's bake, as estimated {plain.mean():.2f}°")
+    assert error.mean() < 1
+    assert plain.mean() > 5

@@ -1,0 +1,163 @@
+"""A flat material in Blender: its nodes, colour spaces, true size, and whether it renders as it should."""
+
+import math
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+from flat_weave import Weave
+
+from blender_addon.commands import main
+from mpsnet_core import published_rig, read_image, write_image, write_rig
+from mpsnet_core.images import read_channel
+from mpsnet_core.normals import decode
+
+from .test_photo import pixels
+
+WEAVE = Weave(shape=(150, 180), period=31.0, amplitude_mm=0.4, pixel_mm=0.3)
+
+
+@pytest.fixture
+def opened(scene, tmp_path):
+    """The photo of a weave, 54 mm wide, is open, every other thread of another colour."""
+    albedo = np.where((np.indices(WEAVE.shape)[1] // 31 % 2 == 0)[..., None], (0.7, 0.5, 0.3), (0.5, 0.4, 0.3))
+    write_image(tmp_path / "weave.exr", WEAVE.capture(albedo).image)
+    write_rig(tmp_path / "weave.rig.json", published_rig())
+    bpy.ops.mps.open_photo(filepath=str(tmp_path / "weave.exr"))
+    return tmp_path
+
+
+def plane_size(plane):
+    return np.ptp([tuple(vertex.co) for vertex in plane.data.vertices], axis=0)[:2]
+
+
+def test_the_plane_has_the_tiles_size_and_the_pictures_their_colour_spaces(opened, scene):
+    bpy.ops.mps.make_material(width=0.054, output=str(opened / "out"))
+    plane = scene.mps.material.plane
+    height = read_channel(opened / "out" / "weave_height_mm.exr")
+    # A tile of the weave is a whole number of its periods, 9.3 mm each, here in metres.
+    tiles = plane_size(plane) / 0.0093
+    assert np.abs(tiles - np.round(tiles)).max() < 0.05 and tiles.min() > 2
+    assert np.allclose(plane_size(plane) / height.shape[::-1], 0.0003, rtol=0.01)
+    uvs = np.array([tuple(corner.vector) for corner in plane.data.uv_layers["UVMap"].uv])
+    assert uvs.min() == 0 and uvs.max() == 1
+    (material,) = plane.data.materials
+    nodes = material.node_tree.nodes
+    assert nodes["MPS Albedo"].image.colorspace_settings.name == "sRGB"
+    for name in ("MPS Normal", "MPS Height"):
+        assert nodes[name].image.colorspace_settings.is_data
+    assert nodes["MPS Normal"].extension == "REPEAT"
+    assert Path(nodes["MPS Height"].image.filepath).name == "weave_height.png"
+    displacement = nodes["MPS Displacement"].inputs
+    # Value 0 to 1 is what the height's picture spans, and its mean height, 0, stays where it is.
+    assert displacement["Scale"].default_value == pytest.approx(np.ptp(height) / 1000, rel=1e-3)
+    assert displacement["Midlevel"].default_value == pytest.approx(-height.min() / np.ptp(height), abs=1e-3)
+    assert scene.mps.material.image is not None and "mm deep" in scene.mps.material.told
+
+
+def test_repeats_and_the_scenes_unit_are_respected(opened, scene):
+    bpy.ops.mps.make_material(width=0.054, output=str(opened / "out"))
+    metres, plane = plane_size(scene.mps.material.plane), scene.mps.material.plane
+    scene.unit_settings.scale_length = 0.01
+    bpy.ops.mps.make_material(width=5.4, repeats=3, relief="DISPLACEMENT", output=str(opened / "out"))
+    assert scene.mps.material.plane == plane and len(plane.data.materials) == 1
+    assert np.allclose(plane_size(plane), 300 * metres, rtol=1e-4)
+    uvs = np.array([tuple(corner.vector) for corner in plane.data.uv_layers["UVMap"].uv])
+    assert uvs.max() == 3 and len(plane.data.uv_layers) == 1
+    nodes = plane.data.materials[0].node_tree.nodes
+    height = read_channel(opened / "out" / "weave_height_mm.exr")
+    assert nodes["MPS Displacement"].inputs["Scale"].default_value == pytest.approx(np.ptp(height) / 10, rel=1e-3)
+
+
+def test_the_relief_is_shown_once(opened, scene):
+    """Normal map and displacement together would show it twice."""
+    for relief, method, normal, displaced in (("NORMAL", "BUMP", 1, 0), ("DISPLACEMENT", "BOTH", 0, 1)):
+        bpy.ops.mps.make_material(width=0.054, relief=relief, output=str(opened / "out"))
+        (material,) = scene.mps.material.plane.data.materials
+        nodes = material.node_tree.nodes
+        assert material.displacement_method == method
+        assert len(nodes["Principled BSDF"].inputs["Normal"].links) == normal
+        assert len(nodes["Material Output"].inputs["Displacement"].links) == displaced
+        assert len(scene.mps.material.plane.modifiers) == displaced
+
+
+def render(scene, path, plane, light):
+    """A picture of the plane from above, 96 pixels wide, under a white sun."""
+    across, down = plane_size(plane)
+    camera = bpy.data.objects.new("Above", bpy.data.cameras.new("Above"))
+    camera.data.type, camera.data.ortho_scale = "ORTHO", max(across, down)
+    camera.location = (0, 0, 1)
+    camera.data.clip_start = 0.01
+    lamp = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+    lamp.data.energy, lamp.data.angle = math.pi, 0
+    lamp.rotation_euler = light
+    for thing in (camera, lamp):
+        scene.collection.objects.link(thing)
+    scene.camera = camera
+    scene.world = None
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples = 16
+    scene.render.resolution_x, scene.render.resolution_y = 96, round(96 * down / across)
+    if bpy.app.version >= (5, 0):
+        scene.render.image_settings.media_type = "IMAGE"
+    scene.render.image_settings.file_format = "OPEN_EXR"
+    scene.render.filepath = str(path)
+    bpy.ops.render.render(write_still=True)
+    return pixels(path)[..., :3]
+
+
+@pytest.mark.parametrize("relief", ["NORMAL", "DISPLACEMENT"])
+def test_it_renders_as_its_pictures_say(opened, scene, relief):
+    """By the matt part of Blender's shader, from one side and from above: relief and colour stand the right way."""
+    bpy.ops.mps.make_material(width=0.054, relief=relief, output=str(opened / "out"))
+    plane = scene.mps.material.plane
+    shader = plane.data.materials[0].node_tree.nodes["Principled BSDF"]
+    shader.inputs["Specular IOR Level"].default_value = 0
+    slant, tilt = math.radians(35), math.radians(200)
+    shown = render(scene, opened / "shown.exr", plane, (0, slant, tilt))
+    normals = decode(read_image(opened / "out" / "weave_normal.png", encoding="linear").pixels)
+    albedo = read_image(opened / "out" / "weave_albedo.png").pixels
+    light = np.array([math.sin(slant) * math.cos(tilt), math.sin(slant) * math.sin(tilt), math.cos(slant)])
+    expected = np.maximum(normals @ light, 0)[..., None] * albedo
+    rows, columns = (
+        ((np.arange(side) + 0.5) / side * whole).astype(int)
+        for side, whole in zip(shown.shape[:2], expected.shape[:2], strict=True)
+    )
+    expected = expected[np.ix_(rows, columns)]
+    inner = (slice(4, -4), slice(4, -4))
+    assert np.corrcoef(shown[inner].ravel(), expected[inner].ravel())[0, 1] > 0.93
+    assert shown[inner].mean() == pytest.approx(expected[inner].mean(), rel=0.1)
+    assert shown[inner].std() == pytest.approx(expected[inner].std(), rel=0.15)
+
+
+def test_the_width_of_a_rendered_photo_is_known(scene, tmp_path):
+    """An orthographic camera says what its picture's width measures."""
+    bpy.ops.mesh.primitive_plane_add(size=4)
+    bpy.ops.mps.add_rig(view="TOP", projection="ORTHOGRAPHIC")
+    bpy.ops.mps.render_photo(width=128, height=128, samples=4, output=str(tmp_path / "photo.exr"))
+    seen = scene.mps.rig.camera.data.ortho_scale
+    margin = math.ceil(128 * (seen - 4) / 2 / seen) + 1
+    sides = {f"crop_{side}": margin for side in ("left", "right", "top", "bottom")}
+    bpy.ops.mps.make_material(output=str(tmp_path / "out"), **sides)
+    tile = math.floor((128 - 2 * margin) / 1.2) / 128 * seen
+    assert np.allclose(plane_size(scene.mps.material.plane), tile, rtol=1e-3)
+
+
+def test_a_command_does_the_same(opened, scene, capsys):
+    output = opened / "out"
+    assert main(["make-material", "--width", "0.054", "--size", "128", "--output", str(output)]) == 0
+    assert f"make-material done: {output / 'weave_preview.png'}" in capsys.readouterr().out
+    assert read_channel(output / "weave_height.png").shape == (128, 128)
+
+
+def test_what_is_missing_is_told(opened, scene):
+    with pytest.raises(RuntimeError, match="nothing tells how large the material is; give what the photo's width"):
+        bpy.ops.mps.make_material()
+    with pytest.raises(RuntimeError, match=r"the crop 100,0,-20,150 .* is not within the photo"):
+        bpy.ops.mps.make_material(width=0.054, crop_left=100, crop_right=100)
+    scene.mps.material.crop_left = scene.mps.material.crop_right = 0
+    (opened / "file").write_text("")
+    with pytest.raises(RuntimeError, match="is a file; name a folder for the material"):
+        bpy.ops.mps.make_material(width=0.054, output=str(opened / "file"))
+    assert scene.mps.material.plane is None

@@ -1,0 +1,207 @@
+"""Detail on top of the normal map that an object's material wears: found, kept beneath, and never added twice."""
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from mpsnet_core import read_image
+
+from .test_bake_against_blender import degrees_between
+
+
+def waves(size: int = 64) -> np.ndarray:
+    """(S, S, 3) unit normals of a relief of broad waves."""
+    v, u = np.mgrid[:size, :size] / size * 2 * np.pi * 3
+    vectors = np.stack([0.4 * np.sin(u), 0.4 * np.cos(v), np.ones_like(u)], -1)
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def saved_map(path: Path, vectors: np.ndarray) -> "bpy.types.Image":
+    """A 16-bit PNG by Blender, with row 0 of the vectors on top."""
+    size = len(vectors)
+    image = bpy.data.images.new(path.stem, size, size, float_buffer=True, is_data=True)
+    pixels = np.ones((size, size, 4), np.float32)
+    pixels[..., :3] = 0.5 + 0.5 * vectors[::-1]
+    image.pixels.foreach_set(pixels.ravel())
+    image.filepath_raw, image.file_format = str(path), "PNG"
+    image.save()
+    bpy.data.images.remove(image)
+    return bpy.data.images.load(str(path))
+
+
+def dress(obj: "bpy.types.Object", image: "bpy.types.Image") -> "bpy.types.Node":
+    """As an artist puts a normal map into a material; gives its Normal Map node."""
+    tree = obj.material_slots[0].material.node_tree
+    texture, normal = tree.nodes.new("ShaderNodeTexImage"), tree.nodes.new("ShaderNodeNormalMap")
+    texture.image = image
+    image.colorspace_settings.name = "Non-Color"
+    shader = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
+    tree.links.new(texture.outputs["Color"], normal.inputs["Color"])
+    tree.links.new(normal.outputs["Normal"], shader.inputs["Normal"])
+    return normal
+
+
+def vectors_in(path: Path) -> np.ndarray:
+    return read_image(path, encoding="linear").pixels * 2 - 1
+
+
+@pytest.fixture
+def worn(estimated: "bpy.types.Object", tmp_path: Path) -> "bpy.types.Node":
+    """The estimated sphere with waves on it; its Normal Map node."""
+    return dress(estimated, saved_map(tmp_path / "waves.png", waves()))
+
+
+def test_the_map_stays_beneath_and_runs_do_not_add_up(worn: "bpy.types.Node", scene: object, tmp_path: Path) -> None:
+    """The estimate is wrong where a light does not reach, which is as good as detail here."""
+    bpy.ops.mps.bake(size=64, onto=True, output=str(tmp_path / "levelled.png"))
+    assert scene.mps.bake.level  # comes with going on top
+    bpy.ops.mps.bake(level=False, onto_shown="NO", output=str(tmp_path / "once.png"))
+    assert not scene.mps.bake.level
+    once = vectors_in(tmp_path / "once.png")
+    apart = degrees_between(once, waves())
+    assert (apart < 0.1).mean() > 0.3  # the half that the photo does not see
+    assert apart.mean() > 1 and degrees_between(np.array([0, 0, 1.0]), once).mean() > 10
+    first = worn.id_data.nodes["MPS Texture"].image
+    assert first == scene.mps.bake.image and Path(first.filepath_raw).name == "once.png"
+    for name in ("once.png", "again.png"):  # the same file, and another
+        bpy.ops.mps.bake(output=str(tmp_path / name))
+        assert degrees_between(vectors_in(tmp_path / name), once).max() < 0.01
+
+
+def test_what_a_plain_bake_took_the_place_of_is_still_the_map(worn: "bpy.types.Node", tmp_path: Path) -> None:
+    bpy.ops.mps.bake(size=64, onto=True, output=str(tmp_path / "straight.png"))
+    worn.id_data.links.new(worn.outputs["Normal"], worn.id_data.nodes["Principled BSDF"].inputs["Normal"])
+    bpy.ops.mps.bake(onto=False, level=False, output=str(tmp_path / "plain.png"))
+    bpy.ops.mps.bake(onto=True, output=str(tmp_path / "after.png"))
+    straight, after = vectors_in(tmp_path / "straight.png"), vectors_in(tmp_path / "after.png")
+    assert degrees_between(straight, vectors_in(tmp_path / "plain.png")).mean() > 5
+    assert degrees_between(straight, after).max() < 0.01
+
+
+@pytest.mark.parametrize("bump", [False, True])
+def test_a_directx_map_is_taken_as_what_it_is(
+    worn: "bpy.types.Node", estimated: "bpy.types.Object", tmp_path: Path, bump: bool
+) -> None:
+    """Turned round by our node, of 5.2's Normal Map node, or told with a file; a bump may be behind it."""
+    bpy.ops.mps.bake(size=64, onto=True, output=str(tmp_path / "up.png"))
+    expected = vectors_in(tmp_path / "up.png")
+    down = saved_map(tmp_path / "down.png", waves() * [1, -1, 1])
+    told = {"onto_file": str(tmp_path / "down.png"), "onto_convention": "DIRECTX"}
+    bpy.ops.mps.bake(**told, output=str(tmp_path / "told.png"))
+    assert degrees_between(vectors_in(tmp_path / "told.png"), expected).max() < 0.1
+    normal = dress(estimated, down)
+    tree = normal.id_data
+    if hasattr(normal, "convention"):
+        normal.convention = "DIRECTX"
+    else:
+        turn = tree.nodes.new("ShaderNodeVectorMath")
+        turn.name = "MPS Green"
+        tree.links.new(normal.inputs["Color"].links[0].from_socket, turn.inputs[0])
+        tree.links.new(turn.outputs["Vector"], normal.inputs["Color"])
+    if bump:
+        node = tree.nodes.new("ShaderNodeBump")
+        tree.links.new(normal.outputs["Normal"], node.inputs["Normal"])
+        tree.links.new(node.outputs["Normal"], tree.nodes["Principled BSDF"].inputs["Normal"])
+    bpy.ops.mps.bake(onto_file="", output=str(tmp_path / "found.png"))
+    assert degrees_between(vectors_in(tmp_path / "found.png"), expected).max() < 0.1
+
+
+def without_texture(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> None:
+    normal.id_data.links.remove(normal.outputs["Normal"].links[0])
+
+
+def through_another_node(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> None:
+    tree = normal.id_data
+    curves = tree.nodes.new("ShaderNodeRGBCurve")
+    tree.links.new(normal.inputs["Color"].links[0].from_socket, curves.inputs["Color"])
+    tree.links.new(curves.outputs["Color"], normal.inputs["Color"])
+
+
+def in_object_space(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> None:
+    normal.space = "OBJECT"
+
+
+def on_other_uvs(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> None:
+    obj.data.uv_layers.new(name="Other")
+    normal.uv_map = "Other"
+
+
+def baked_here(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> None:
+    without_texture(normal, obj, folder)
+    bpy.ops.mps.bake(size=32, output=str(folder / "plain.png"))
+
+
+def painted(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> None:
+    image = normal.inputs["Color"].links[0].from_node.image
+    image.pixels[0] = 0.3
+
+
+def two_maps(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> None:
+    other = obj.material_slots[0].material.copy()
+    obj.data.materials.append(other)
+    texture = next(node for node in other.node_tree.nodes if node.type == "TEX_IMAGE")
+    texture.image = saved_map(folder / "other.png", waves())
+
+
+def gone(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> None:
+    (folder / "waves.png").unlink()
+
+
+@pytest.mark.parametrize(
+    ("broken", "sentence"),
+    [
+        (without_texture, 'no material of "Sphere" has a Normal Map node with a texture; choose the file'),
+        (through_another_node, "does not come straight from an image texture; choose the file"),
+        (in_object_space, 'normal map "waves.png" is not in tangent space; choose the file'),
+        (on_other_uvs, 'the present normal map is on UV map "Other"; bake onto that one'),
+        (baked_here, 'the only normal map is "MPS Sphere", which was baked here; choose the file'),
+        (painted, 'the normal map "waves.png" has changes that are not in its file; save it first'),
+        (two_maps, r'have different normal maps \("other.png", "waves.png"\); choose the file'),
+        (gone, 'the normal map "waves.png" has no file on disk; save it, or choose the file'),
+    ],
+)
+def test_a_map_that_cannot_be_gone_on_top_of_gets_one_sentence(
+    worn: "bpy.types.Node", estimated: "bpy.types.Object", tmp_path: Path, broken: object, sentence: str
+) -> None:
+    broken(worn, estimated, tmp_path)
+    with pytest.raises(RuntimeError, match=sentence):
+        bpy.ops.mps.bake(size=32, onto=True, output=str(tmp_path / "texture.png"))
+    assert not (tmp_path / "texture.png").exists()
+
+
+def test_what_the_core_refuses_is_told_too(worn: "bpy.types.Node", tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError, match="bake in tangent space"):
+        bpy.ops.mps.bake(size=32, onto=True, space="OBJECT", output=str(tmp_path / "texture.png"))
+    with pytest.raises(RuntimeError, match="would overwrite"):
+        bpy.ops.mps.bake(size=32, onto=True, space="TANGENT", output=str(tmp_path / "waves.png"))
+    assert degrees_between(vectors_in(tmp_path / "waves.png"), waves()).max() < 0.01
+
+
+@pytest.mark.parametrize("strength", [0.0, 1.5])
+def test_strength_and_detail_only_reach_the_core(
+    estimated: "bpy.types.Object", scene: object, tmp_path: Path, strength: float
+) -> None:
+    bpy.ops.mps.bake(size=64, output=str(tmp_path / "plain.png"))
+    bpy.ops.mps.bake(strength=strength, output=str(tmp_path / "strong.png"))
+    plain, strong = vectors_in(tmp_path / "plain.png"), vectors_in(tmp_path / "strong.png")
+    slopes = [vectors[..., :2] / vectors[..., 2:] for vectors in (plain, strong)]
+    gentle = plain[..., 2] > 0.9
+    assert np.abs(slopes[1] - strength * slopes[0])[gentle].max() < 0.01
+    # The estimate errs where lights do not reach; what is large of it goes, and the sphere is smooth.
+    bpy.ops.mps.bake(strength=1.0, level=True, level_scale=0.02, output=str(tmp_path / "detail.png"))
+    flat = np.array([0, 0, 1.0])
+    detail = vectors_in(tmp_path / "detail.png")
+    assert degrees_between(detail, flat).mean() < 0.5 * degrees_between(plain, flat).mean()
+
+
+@pytest.mark.parametrize(
+    ("asked", "sentence"),
+    [({"split": "OBJECT"}, "one texture at a time"), ({"tiles": True}, "switch UDIM Tiles off")],
+)
+def test_several_textures_go_on_top_of_nothing(
+    worn: "bpy.types.Node", tmp_path: Path, asked: dict, sentence: str
+) -> None:
+    with pytest.raises(RuntimeError, match=sentence):
+        bpy.ops.mps.bake(size=32, onto=True, output=str(tmp_path / "texture.png"), **asked)

@@ -1,0 +1,139 @@
+"""Several rigs in one scene: each keeps its own, and they are baked together."""
+
+import re
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon.panels.photo import MPS_PT_photo
+from blender_addon.panels.step import Kind
+from blender_addon.rig import light_rig
+from blender_addon.rigs import result_name
+from mpsnet_core.images import read_image
+
+
+def standing(scene):
+    """What the chosen rig holds: settings, objects and results."""
+    mps = scene.mps
+    return (
+        mps.rig.slant,
+        mps.photo.width,
+        mps.estimate.model,
+        mps.rig.camera,
+        [light.object for light in mps.rig.lights],
+        mps.photo.image,
+        mps.estimate.image,
+    )
+
+
+@pytest.fixture
+def two_rigs(estimated, scene, tmp_path):
+    """The sphere seen from the front by one rig and from the back by another, both estimated; the second is chosen."""
+    bpy.ops.mps.new_rig()
+    for obj in bpy.data.objects:
+        obj.select_set(obj == estimated)
+    bpy.ops.mps.add_rig(slant=40, view="BACK")
+    bpy.ops.mps.render_photo(width=64, height=64, output=str(tmp_path / "back.exr"))
+    bpy.ops.mps.estimate(model="LAMBERTIAN_GREY_WORLD", output=str(tmp_path / "back.png"))
+    return scene
+
+
+def test_each_rig_keeps_what_is_its_own(estimated, scene, two_rigs, tmp_path):
+    second = standing(scene)
+    assert second[:3] == (40, 64, "LAMBERTIAN_GREY_WORLD")
+    bpy.ops.mps.choose_rig(index=0)
+    first = standing(scene)
+    assert first[:3] == (30, 96, "LAMBERTIAN")
+    assert not set(first[4]) & set(second[4]) and first[3] != second[3]
+    assert first[5] != second[5] and first[6] != second[6]
+    # The photo of each is compared with its own lights.
+    assert MPS_PT_photo.state(bpy.context).kind is Kind.DONE
+    np.testing.assert_allclose(light_rig(scene).slants, 30, atol=1e-3)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "two.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "two.blend"))
+    scene = bpy.context.scene
+    bpy.ops.mps.choose_rig(index=1)
+    assert standing(scene)[:3] == second[:3]
+    np.testing.assert_allclose(light_rig(scene).slants, 40, atol=1e-3)
+
+
+def test_a_new_rig_has_the_settings_and_nothing_else(estimated, scene):
+    scene.mps.rig.strength = 3
+    scene.mps.estimate.output = "//mine.png"
+    bpy.ops.mps.new_rig()
+    assert scene.mps.rig.strength == 3
+    assert standing(scene)[3:] == (None, [], None, None)
+    assert scene.mps.estimate.output == ""
+    assert [one.name for one in scene.mps.rigs] == ["Rig 1", "Rig 2"]
+
+
+def test_results_of_several_rigs_do_not_write_over_each_other(two_rigs, scene, tmp_path):
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "two.blend"))
+    for number in (0, 1):
+        bpy.ops.mps.choose_rig(index=number)
+        bpy.ops.mps.estimate(output="")
+    assert {"Scene_Rig_1_normals.png", "Scene_Rig_2_normals.png"} <= {path.name for path in tmp_path.iterdir()}
+
+
+def test_an_error_stays_with_its_rig(estimated, scene):
+    with pytest.raises(RuntimeError):
+        bpy.ops.mps.estimate(model="FILE", model_file="nowhere.onnx")
+    assert "estimate" in scene.mps.records
+    bpy.ops.mps.new_rig()
+    assert "estimate" not in scene.mps.records
+    bpy.ops.mps.choose_rig(index=0)
+    assert "nowhere.onnx" in scene.mps.records["estimate"].error
+
+
+def test_dropping_takes_one_rig_away_and_keeps_the_other(two_rigs, estimated, scene):
+    bpy.ops.mps.choose_rig(index=0)
+    kept = {light.object for light in scene.mps.rigs[1].rig.lights}
+    bpy.ops.mps.drop_rig()
+    assert not scene.mps.rigs
+    assert {light.object for light in scene.mps.rig.lights} == kept
+    assert {obj.type for obj in bpy.data.objects} == {"MESH", "LIGHT", "CAMERA", "EMPTY"}
+    assert len(bpy.data.lights) == 3
+    with pytest.raises(RuntimeError, match="only one rig"):
+        bpy.ops.mps.drop_rig()
+
+
+def test_a_rig_that_is_not_there(estimated):
+    with pytest.raises(RuntimeError, match="there is no rig 3"):
+        bpy.ops.mps.choose_rig(index=3)
+
+
+def test_all_rigs_are_baked_together(two_rigs, estimated, scene, tmp_path, capfd):
+    def seen(**settings):
+        bpy.ops.mps.bake(size=64, output=str(tmp_path / "texture.exr"), **settings)
+        return int(re.search("([0-9]+)% of the surface seen", capfd.readouterr().out)[1])
+
+    back, both = seen(all_rigs=False), seen(all_rigs=True)
+    assert 30 < back <= 50 and both > 1.8 * back
+
+
+def test_another_camera_takes_the_photo_and_stays_when_the_rig_goes(sphere, scene, tmp_path):
+    data = bpy.data.cameras.new("Mine")
+    data.type, data.ortho_scale = "ORTHO", 4
+    mine = bpy.data.objects.new("Mine", data)
+    mine.location, mine.rotation_euler = (0, -6, 0), (np.pi / 2, 0, 0)
+    scene.collection.objects.link(mine)
+    bpy.ops.mps.add_rig()
+    own = scene.mps.rig.camera
+    scene.mps.rig.camera = mine
+    bpy.ops.mps.render_photo(width=64, height=64, samples=4, output=str(tmp_path / "photo.exr"))
+    covered = read_image(tmp_path / "photo.exr").pixels.max(axis=-1) > 0.001
+    assert covered.any(axis=0).sum() == pytest.approx(64 * 2 / 4, abs=2)  # a sphere of 2 in a view of 4
+    bpy.ops.mps.remove_rig()
+    assert mine.name in bpy.data.objects and own not in set(bpy.data.objects)
+
+
+def test_rigs_that_are_called_the_same_have_files_of_their_own(sphere, scene):
+    bpy.ops.mps.new_rig()
+    names = set()
+    for one in scene.mps.rigs:
+        one.name = "Front"
+    for number in (0, 1):
+        bpy.ops.mps.choose_rig(index=number)
+        names.add(result_name(scene, "photo"))
+    assert len(names) == 2

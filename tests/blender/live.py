@@ -1,0 +1,78 @@
+"""A Blender with a window on a real screen: what it is asked, where its buttons are, and how it looks."""
+
+import json
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+STEP = 8  # pixels; a button is about 20 high
+TITLE = 16  # from a panel's top to the middle of its title
+
+
+class Window:
+    """A Blender with a window, which says in `state` how things stand; see scripts/window.py."""
+
+    def __init__(self, state: Path, request: Path, screen: list[str]) -> None:
+        self.file, self.request, self.screen = state, request, screen
+        self.requests = 0
+
+    @property
+    def state(self) -> dict[str, Any]:
+        return json.loads(self.file.read_text(encoding="utf-8")) if self.file.exists() else {"sidebar": None}
+
+    def wait(self, until: Callable[[dict[str, Any]], Any], seconds: float, what: str) -> dict[str, Any]:
+        deadline = time.monotonic() + seconds
+        while time.monotonic() < deadline:
+            state = self.state
+            if until(state):
+                return state
+            time.sleep(0.1)
+        pytest.fail(f"after {seconds} s still no {what}: {self.state}")
+
+    def input(self, *arguments: str | int) -> None:
+        subprocess.run([*self.screen, "xdotool", *map(str, arguments)], check=True, capture_output=True)
+
+    def ask(self, verb: str, *arguments: Any) -> None:
+        self.requests += 1
+        unfinished = self.request.with_suffix(".unfinished")
+        unfinished.write_text(json.dumps([self.requests, verb, *arguments]), encoding="utf-8")
+        unfinished.replace(self.request)
+        if verb != "quit":
+            self.wait(lambda state: state.get("answered") == self.requests, 60, f"answer to {verb} {arguments}")
+
+    def under_mouse(self, x: int, y: int) -> str:
+        """The Python command of the button at (x, y), which Blender copies on Ctrl C; "" where there is none."""
+        self.ask("clear")
+        self.input("mousemove", x, y, "sleep", "0.1", "key", "ctrl+c")
+        sent = self.state["ticks"]
+        return self.wait(lambda state: state["ticks"] >= sent + 3, 60, "answer to Ctrl C")["clipboard"]
+
+    def find(self, operator: str, below: int = STEP) -> tuple[int, int]:
+        """Where in the sidebar, looking from `below` its top to its bottom, the button of `operator` is."""
+        left, top, width, height = self.state["sidebar"]
+        x = left + width // 2
+        for y in range(top + below, top + height, STEP):
+            if self.under_mouse(x, y).startswith(f"bpy.ops.{operator}("):
+                return x, y
+        pytest.fail(f"no button for {operator} in the sidebar")
+
+    def click(self, x: int, y: int) -> None:
+        self.input("mousemove", x, y, "sleep", "0.2", "click", 1)
+
+    def open(self, y: int) -> None:
+        """Click on the title of a closed panel, and leave it time to unfold."""
+        left, _, width, _ = self.state["sidebar"]
+        self.input("mousemove", left + width // 2, y, "sleep", "1")
+        self.click(left + width // 2, y)
+        self.input("sleep", "2")
+
+    def screenshot(self, path: Path) -> np.ndarray:
+        """(H, W, 3) values 0 to 1 of the whole screen."""
+        subprocess.run([*self.screen, "import", "-window", "root", path], check=True)
+        return oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT)[..., :3]

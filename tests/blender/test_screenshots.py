@@ -1,0 +1,232 @@
+"""Every state of every step of the panel, photographed in a real window at two scales and in a light theme.
+
+The pictures are left in the folder that MPSNET_SCREENSHOTS names, to look at; what can be measured is asserted: that a
+panel is drawn at all, that its text can be told from what is behind it, and that no line of text is cut off.
+"""
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from live import Window
+
+SETTLE = "0.7"  # seconds in which Blender draws what has changed
+LOOKS = {
+    "1x": "",
+    "2x": "bpy.context.preferences.view.ui_scale = 2.0",
+    "light": "import os; bpy.ops.script.execute_preset(menu_idname='USERPREF_MT_interface_theme_presets', filepath="
+    "next(path for path in [os.path.join(bpy.utils.preset_paths('interface_theme')[0], 'Blender_Light.xml')]))",
+}
+EMISSION = """
+shader = bpy.data.objects["Cube"].active_material.node_tree.nodes["Principled BSDF"]
+shader.inputs["Emission Strength"].default_value = {}
+"""
+# Lines that end with an ellipsis, on a panel and in a box; and one in the middle of which Blender puts it itself.
+PROBE = """
+LETTERS = ("ab", "iab", "tab", "jab")
+class MPS_PT_probe(bpy.types.Panel):
+    bl_space_type, bl_region_type, bl_category, bl_label = "VIEW_3D", "UI", "MPS", "Probe"
+    long = 0
+    def draw(self, context):
+        for layout in (self.layout, self.layout.box()):
+            for letters in LETTERS:
+                layout.label(text="clipped, as it has more words than fit" * self.long + letters + "\u2026")
+bpy.utils.register_class(MPS_PT_probe)
+"""
+INK = 0.2  # what text differs by from what is behind it, at least
+
+STEPS = {
+    "rig": ("MPS_PT_rig",),
+    "calibrate": ("MPS_PT_rig", "MPS_PT_calibrate", "MPS_PT_outline"),
+    "photo": ("MPS_PT_photo", "MPS_PT_real", "MPS_PT_near", "MPS_PT_mask"),
+    "estimate": ("MPS_PT_estimate",),
+    "bake": ("MPS_PT_bake",),
+    "views": ("MPS_PT_views",),
+    "samples": ("MPS_PT_samples",),
+}
+
+
+@dataclass
+class Album:
+    """Photographs steps of the panel, and collects what is wrong with them."""
+
+    window: Window
+    folder: Path
+    look: str
+    ellipsis: "Ellipsis"
+    faults: list[str] = field(default_factory=list)
+
+    def photograph(self, state: str, *steps: str) -> None:
+        for step in steps or STEPS:
+            self.window.ask("alone", *STEPS[step])
+            # A message of Blender's goes once the mouse has left it.
+            self.window.input("mousemove", 300, 300, "sleep", "0.2", "mousemove", 20, 980, "sleep", SETTLE)
+            picture = self._look(f"{self.look}_{state}_{step}.png")
+            left, top, _, height = self.window.state["sidebar"]
+            if self.look == "2x" and drawn(picture)[-60:].any():  # there is more below
+                over = ("mousemove", left + 100, top + height // 2)
+                self.window.input(*over, "click", "--repeat", 30, 5, "mousemove", 20, 980, "sleep", SETTLE)
+                self._look(f"{self.look}_{state}_{step}_below.png")
+                self.window.input(*over, "click", "--repeat", 30, 4)
+
+    def _look(self, name: str) -> np.ndarray:
+        left, top, width, height = self.window.state["sidebar"]
+        screen = self.window.screenshot(self.folder / "screen.png")
+        picture = np.ascontiguousarray(screen[top : top + height, left : left + width])
+        save(self.folder / name, picture)
+        shown = drawn(picture).mean()
+        if shown < 0.05:
+            self.faults.append(f"{name}: {shown:.1%} of its rows show anything, so it is empty or without contrast")
+        for row, column in self.ellipsis.found(picture.mean(axis=-1)):
+            self.faults.append(f"{name}: text that does not fit is cut off near row {row}, column {column}")
+        return picture
+
+
+def save(path: Path, picture: np.ndarray) -> None:
+    image = oiio.ImageBuf(oiio.ImageSpec(picture.shape[1], picture.shape[0], 3, oiio.UINT8))
+    image.set_pixels(oiio.ROI(), picture)
+    assert image.write(str(path)), image.geterror()
+
+
+def drawn(picture: np.ndarray) -> np.ndarray:
+    """(H,) whether a row of pixels shows text: has an edge of some contrast, left of the tabs."""
+    grey = picture.mean(axis=-1)[:, : picture.shape[1] * 9 // 10]
+    return np.abs(np.diff(grey, axis=1)).max(axis=1) > 0.25
+
+
+@dataclass(frozen=True)
+class Ellipsis:
+    """How "…" looks on a panel's and on a box's background: Blender puts it where it leaves out what does not fit."""
+
+    templates: np.ndarray  # (N, height, width), values 0 to 1
+
+    @classmethod
+    def photographed(cls, window: Window, scale: int) -> "Ellipsis":
+        """As labels of a panel of our own end with it, at all the places between two pixels that it can have."""
+        window.ask("run", PROBE)
+        window.ask("alone")  # not before it: without any panel the sidebar loses its tab
+        window.input("mousemove", 20, 980, "sleep", "1")
+        left, top, width, height = window.state["sidebar"]
+        screen = window.screenshot(window.file.with_name("probe.png")).mean(axis=-1)[top : top + height]
+        grey = screen[30 * scale :, left + 14 * scale : left + width * 3 // 5]  # below the title, within the box
+        band, templates = np.abs(grey[:, 1:] - grey[:, :-1]).max(axis=1) > INK, []
+        starts = np.flatnonzero(np.diff(np.r_[0, band.astype(int)]) == 1)
+        ends = np.flatnonzero(np.diff(np.r_[band.astype(int), 0]) == -1)
+        for start, end in zip(starts, ends, strict=True):
+            columns = np.flatnonzero(np.ptp(grey[start : end + 1], axis=0) > INK)
+            if not 6 * scale < end - start < 20 * scale:
+                continue  # the edge of a box, not a line of text
+            if len(templates) == 8:
+                break
+            bottom = max(np.flatnonzero(np.ptp(grey[start : end + 1, columns[-1] - 2 : columns[-1] + 1], axis=1) > 0.1))
+            last = start + bottom + 2
+            templates.append(grey[last - 9 * scale : last, columns[-1] + 2 - 10 * scale : columns[-1] + 2])
+        window.ask("alone", *STEPS["rig"])
+        window.ask("run", "bpy.utils.unregister_class(bpy.types.MPS_PT_probe)")
+        return cls(np.stack(templates))
+
+    def found(self, grey: np.ndarray) -> list[tuple[int, int]]:
+        """(row, column) of each place of a picture (H, W) where it stands."""
+        count, height, width = self.templates.shape
+        patterns, grounds = self.templates.reshape(count, -1), np.median(self.templates, axis=(1, 2))
+        patterns = patterns - patterns.mean(axis=1, keepdims=True)
+        patterns /= np.linalg.norm(patterns, axis=1, keepdims=True)
+        places = []
+        for row in range(len(grey) - height):
+            strip = np.lib.stride_tricks.sliding_window_view(grey[row : row + height], (height, width))[0]
+            windows = strip.reshape(len(strip), -1)
+            on_ground = (np.abs(np.median(windows, axis=1)[:, None] - grounds) < 0.015).any(axis=1)
+            candidates = np.flatnonzero(on_ground & (np.ptp(windows, axis=1) > INK))
+            if not len(candidates):
+                continue
+            chosen = windows[candidates] - windows[candidates].mean(axis=1, keepdims=True)
+            likeness = (chosen / np.linalg.norm(chosen, axis=1, keepdims=True)) @ patterns.T
+            places += [(row, int(column)) for column in candidates[likeness.max(axis=1) > 0.95]]
+        return places
+
+
+@pytest.mark.parametrize("look", LOOKS)
+def test_text_that_is_cut_off_is_seen(unfolded, look):
+    """The measure below can fail: it finds what Blender cuts off, and nothing where all fits."""
+    if LOOKS[look]:
+        unfolded.ask("run", LOOKS[look])
+        unfolded.input("sleep", "1")
+    ellipsis = Ellipsis.photographed(unfolded, 2 if look == "2x" else 1)
+    for probe, expected in ((PROBE.replace("long = 0", "long = 1"), True), (PROBE.replace("…", ""), False)):
+        unfolded.ask("run", probe)
+        unfolded.ask("alone")
+        unfolded.input("mousemove", 20, 980, "sleep", "1")
+        left, top, width, height = unfolded.state["sidebar"]
+        screen = unfolded.screenshot(unfolded.file.with_name("cut.png")).mean(axis=-1)
+        assert bool(ellipsis.found(screen[top : top + height, left : left + width])) == expected
+        unfolded.ask("alone", *STEPS["rig"])
+        unfolded.ask("run", "bpy.utils.unregister_class(bpy.types.MPS_PT_probe)")
+
+
+@pytest.mark.parametrize("look", LOOKS)
+def test_every_state_of_every_step(unfolded, tmp_path, look):
+    window = unfolded
+    folder = Path(os.environ.get("MPSNET_SCREENSHOTS") or tmp_path)
+    folder.mkdir(parents=True, exist_ok=True)
+    if LOOKS[look]:
+        window.ask("run", LOOKS[look])
+        window.input("sleep", "1")
+    ellipsis = Ellipsis.photographed(window, 2 if look == "2x" else 1)
+    album = Album(window, folder, look, ellipsis)
+
+    def run(code: str) -> None:
+        window.ask("run", code)
+
+    def work(operator: str, **settings) -> None:
+        window.ask("invoke", operator, settings)
+        window.wait(lambda state: not state["running"], 120, f"end of {operator}")
+
+    run("for obj in bpy.data.objects: obj.select_set(False)\nbpy.context.view_layer.objects.active = None")
+    album.photograph("to_do")
+    work("add_rig")
+    album.photograph("failed", "rig")
+    run(
+        "bpy.ops.mps.dismiss(verb='add_rig'); cube = bpy.data.objects['Cube']; cube.select_set(True)\n"
+        "bpy.context.view_layer.objects.active = cube"
+    )
+    album.photograph("ready", "rig")
+    work("add_rig", light_type="AREA", projection="PERSPECTIVE")
+    album.photograph("done", "rig")
+    album.photograph("ready", "photo")
+    run(EMISSION.format(1))
+    work("render_photo", width=1024, height=1024, samples=4, output=str(tmp_path / "photo.exr"))
+    album.photograph("failed", "photo")
+    run(EMISSION.format(0))
+    work("render_photo")
+    work("show_mask", mask="FIND")
+    album.photograph("done", "photo")
+    album.photograph("ready", "estimate")
+    work("estimate", model="FILE", model_file=str(tmp_path / "a model that is not there.onnx"))
+    album.photograph("failed", "estimate")
+    window.ask("invoke", "estimate", {"model": "MULTISCALE_AVERAGED"})
+    window.wait(lambda state: state["progress"] > 0.05, 60, "progress of the estimate")
+    album.photograph("running", "estimate")
+    window.wait(lambda state: not state["running"], 120, "normals")
+    album.photograph("done", "estimate")
+    album.photograph("ready", "bake")
+    run("bpy.context.scene.mps.bake.uv_map = 'Gone'")
+    work("bake")
+    album.photograph("failed", "bake")
+    window.ask("invoke", "bake", {"uv_map": "", "size": 8192, "output": str(tmp_path / "large.png")})
+    window.wait(lambda state: state["left"] or not state["running"], 120, "time left of the bake")
+    album.photograph("running", "bake")
+    window.input("mousemove", 500, 500, "key", "Escape")
+    window.wait(lambda state: not state["running"], 60, "end of the cancelled bake")
+    work("bake", size=256, output=str(tmp_path / "texture.png"))
+    album.photograph("done", "bake")
+    run(
+        "light = bpy.data.objects['MPS Red']; light.location.x += 1\nmps = bpy.context.scene.mps\n"
+        "mps.estimate.model = 'LAMBERTIAN'; mps.bake.size = 512"
+    )
+    album.photograph("out_of_date", "photo", "estimate", "bake")
+    run("bpy.ops.mps.new_rig()")
+    album.photograph("several", "rig", "photo", "bake")
+    assert not album.faults, "\n".join(album.faults)

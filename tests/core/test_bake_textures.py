@@ -1,0 +1,179 @@
+"""`mpsnet bake` and `mpsnet views` with several textures: files, what is told of them, and what is refused."""
+
+import contextlib
+import io
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from synthetic import degrees_between, listing, shaded_sphere, write_file
+from uv_squares import squares
+
+from mpsnet_core import Camera, NormalMap, read_normals, write_camera, write_normals
+from mpsnet_core.cli import main
+from mpsnet_core.rig import published_rig, write_rig
+from mpsnet_core.surface.mesh import write_mesh
+
+TILTED = [0.6, 0.0, 0.8]
+
+
+class Bench:
+    """Four squares in two tiles, of two materials and two objects, and a view from above whose normals are known."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        pose = np.eye(4)
+        pose[:3, 3] = [3.5, 0.5, 5]
+        write_camera(folder / "camera.json", Camera("orthographic", 96, 16, [12, 12], None, pose))
+        write_normals(folder / "n.png", NormalMap(np.broadcast_to(TILTED, (16, 96, 3)), np.ones((16, 96), bool)))
+        self.squares("mesh.npz", (0, 0), (0.5, 0.5), (1, 0), (1.5, 0.5))
+
+    def __truediv__(self, name: str) -> Path:
+        return self.folder / name
+
+    def squares(self, name: str, *places: tuple[float, float], **labels: str) -> Path:
+        given = labels or {"materials": "skin skin Skin skin", "objects": "a a b/c b/c"}
+        write_mesh(self / name, squares(*places, **given))
+        return self / name
+
+    def run(self, *arguments: str | Path, output: str, view: str = "") -> tuple[int, dict, str]:
+        """`mpsnet bake`: its exit code, the result, and the sentence on stderr."""
+        command: list[str | Path] = ["bake", "--view", view or f"{self / 'camera.json'}={self / 'n.png'}"]
+        command += ["--size", "32", "--space", "object", "--progress", "json", "-o", self / output]
+        if "--mesh" not in arguments:
+            command += ["--mesh", self / "mesh.npz"]
+        with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()) as err:
+            code = main([str(word) for word in (*command, *arguments)])
+        last = json.loads(out.getvalue().splitlines()[-1])
+        return code, last.get("result", {}), err.getvalue()
+
+    def refused(self, *arguments: str | Path, output: str, view: str = "") -> str:
+        code, _, sentence = self.run(*arguments, output=output, view=view)
+        assert code == 2 and "Traceback" not in sentence and len(sentence.splitlines()) == 1, sentence
+        return sentence
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Bench:
+    return Bench(tmp_path)
+
+
+def test_a_texture_for_each_tile(bench: Bench) -> None:
+    code, result, _ = bench.run(output="s.<UDIM>.png")
+    assert code == 0 and [entry["tile"] for entry in result["outputs"]] == [1001, 1002]
+    assert [Path(entry["output"]).name for entry in result["outputs"]] == ["s.1001.png", "s.1002.png"]
+    assert result["seen"] == 1 and "s.1002.png: 32 x 32" in result["text"]
+    for entry in result["outputs"]:
+        found = read_normals(entry["output"]).vectors
+        half = [found[16:, :16], found[:16, 16:]]
+        assert all(degrees_between(part, TILTED).max() < 0.01 for part in half)
+    assert not any("outside" in note for note in result["notes"])
+
+
+def test_a_texture_for_each_material_and_object(bench: Bench) -> None:
+    _, result, _ = bench.run(output="<OBJECT>-<MATERIAL>.<UDIM>.png")
+    told = [(Path(e["output"]).name, e["object"], e["material"], e["tile"]) for e in result["outputs"]]
+    assert sorted(told) == [
+        ("a-skin.1001.png", "a", "skin", 1001),
+        ("b_c-Skin_2.1002.png", "b/c", "Skin", 1002),
+        ("b_c-skin.1002.png", "b/c", "skin", 1002),
+    ]
+    assert all((bench / name).is_file() for name, *_ in told)
+
+
+def test_several_meshes_take_their_files_names(bench: Bench) -> None:
+    for name in ("left.npz", "right.npz"):
+        write_mesh(bench / name, squares((0, 0)))
+    meshes = ("--mesh", bench / "left.npz", "--mesh", bench / "right.npz")
+    _, result, _ = bench.run(*meshes, output="<OBJECT>_normal.png")
+    assert [Path(entry["output"]).name for entry in result["outputs"]] == ["left_normal.png", "right_normal.png"]
+    _, result, _ = bench.run(*meshes, output="both.png")
+    assert [entry["output"] for entry in result["outputs"]] == [str(bench / "both.png")]
+    assert result["output"] == str(bench / "both.png") and any("UVs overlap" in note for note in result["notes"])
+
+
+def test_of_many_textures_the_words_are_few(bench: Bench) -> None:
+    bench.squares("many.npz", *((n % 10, n // 10) for n in range(30)), materials=" ".join(["m"] * 30))
+    _, result, _ = bench.run("--mesh", bench / "many.npz", "--size", "16", output="s.<UDIM>.png")
+    assert len(result["outputs"]) == 30
+    assert re.search(r"s\.1001\.png.*\n\.\.\. 28 more \.\.\.\n.*s\.1030\.png", result["text"])
+
+
+def test_what_is_finished_stays_when_a_later_texture_fails(bench: Bench) -> None:
+    """The second file's name leaves no room for that of its unfinished file; nothing half-written is left."""
+    bench.squares("long.npz", (0, 0), (0.5, 0.5), materials=f"m {'n' * 80}")
+    before = listing(bench.folder)
+    prefix = "x" * 165
+    sentence = bench.refused("--mesh", bench / "long.npz", output=f"{prefix}<MATERIAL>.png")
+    assert "name too long" in sentence and "1 of 2 textures were written before" in sentence
+    assert listing(bench.folder) == sorted([*before, f"{prefix}m.png"])
+
+
+def test_each_wrong_name_gets_one_sentence(bench: Bench) -> None:
+    write_mesh(bench / "bare.npz", squares((0, 0)))
+    write_mesh(bench / "left.npz", squares((-1, 0)))
+    write_mesh(bench / "wide.npz", squares((0, 0), side=30.0))
+    (bench / "s.1001.npz").write_bytes((bench / "bare.npz").read_bytes())
+    (bench / "s.1001.png").write_bytes((bench / "n.png").read_bytes())
+    (bench / "d.1002.png").mkdir()
+    view = f"{bench / 'camera.json'}={bench / 's.1001.png'}"
+    for arguments, output, said in [
+        ((), "a.<TILE>.png", "<TILE> stands for nothing; use <UDIM>, <MATERIAL> or <OBJECT>"),
+        ((), "<OBJECT>/a.png", "/<OBJECT> does not exist"),
+        ((), "<OBJECT><MATERIAL>", "not an image format of ours"),
+        (("--mesh", bench / "bare.npz"), "<MATERIAL>.png", "bare.npz: there are no materials; leave <MATERIAL> out"),
+        (("--mesh", bench / "left.npz"), "s.<UDIM>.png", "all UVs lie outside the UDIM tiles"),
+        (("--mesh", bench / "left.npz"), "s.png", "lie outside the texture (0 to 1)"),
+        (("--mesh", bench / "wide.npz"), "s.<UDIM>.png", "lie in 300 UDIM tiles, more than the 100"),
+        (("--view", view), "s.<UDIM>.png", "would overwrite"),
+        ((), "d.<UDIM>.png", "d.1002.png: it is a folder"),
+        (("--onto", bench / "n.png", "--space", "tangent"), "s.<UDIM>.png", "--onto goes beneath one texture"),
+        (("--samples", "3"), "s.png", "3 x 3 samples a texel cannot be baked; choose 1, 2 or 4"),
+        (("--padding", "blur"), "s.png", "padding 'blur' is not known; choose nearest, push-pull or none"),
+        (("--mesh", bench / "gone.npz", "--mesh", bench / "mesh.npz"), "s.png", "gone.npz does not exist"),
+    ]:
+        assert said in bench.refused(*arguments, output=output), output
+
+
+def test_sequences_are_refused_in_one_sentence(bench: Bench) -> None:
+    for number in (1, 2):
+        (bench / f"f_{number}.png").write_bytes((bench / "n.png").read_bytes())
+    view = f"{bench / 'camera.json'}={bench / 'f_#.png'}"
+    two = ("--mesh", bench / "mesh.npz", "--mesh", bench / "mesh.npz")
+    for arguments, output in (((), "s.<UDIM>"), (two, "frames")):
+        assert "a sequence is baked onto one mesh and into one texture a frame" in bench.refused(
+            *arguments, output=output, view=view
+        )
+
+
+def test_samples_and_padding_reach_the_bake(bench: Bench) -> None:
+    for padding, corner in (("none", False), ("push-pull", True), ("nearest", False)):
+        bench.run("--padding", padding, "--margin", "2", "--samples", "2", output=f"{padding}.png")
+        found = read_normals(bench / f"{padding}.png").vectors
+        filled = degrees_between(found, TILTED) < 0.01
+        assert filled[16:, :16].all() and filled[0, 0] == corner, padding
+        assert filled[14, 0] == (padding != "none")
+
+
+def test_views_bake_tiles_and_objects_too(bench: Bench) -> None:
+    """A photo of a ball for each of two cameras; the report has the pictures of all textures."""
+    sphere = shaded_sphere(64)
+    (bench / "photos").mkdir()
+    (bench / "cameras").mkdir()
+    for number in (1, 2):
+        write_file(bench / "photos" / f"p{number}.exr", sphere.image, "float")
+        pose = np.eye(4)
+        pose[:3, 3] = [2 * number - 1.5, 0.5, 5]
+        write_camera(bench / "cameras" / f"p{number}.camera.json", Camera("orthographic", 64, 64, [30, 30], None, pose))
+    write_rig(bench / "rig.json", published_rig())
+    command = ["views", "--mesh", "mesh.npz", "--cameras", "cameras", "--photos", "photos", "--rig", "rig.json"]
+    command += ["--model", "lambertian", "--size", "32", "--progress", "json", "--report", "r.html"]
+    with contextlib.chdir(bench.folder), contextlib.redirect_stdout(io.StringIO()) as out:
+        assert main([*command, "-o", "<OBJECT>.<UDIM>.png"]) == 0
+    result = json.loads(out.getvalue().splitlines()[-1])["result"]
+    names = [entry["output"] for entry in result["outputs"]]
+    assert names == ["a.1001.png", "b_c.1002.png"] and all((bench / name).is_file() for name in names)
+    page = (bench / "r.html").read_text()
+    assert "object a, tile 1001" in page and page.count("<figure>") == 6

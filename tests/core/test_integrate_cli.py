@@ -1,0 +1,163 @@
+"""The verb integrate, from a normal map to all that is made of it; and what is said of bad input."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from reliefs import ball, orthographic
+from synthetic import listing, write_file
+
+from mpsnet_core import Camera, read_image, read_mesh, write_camera, write_normals
+from mpsnet_core.cli import main
+from mpsnet_core.heights.height_files import read_height
+from mpsnet_core.images import read_channel
+
+BALL = ball(orthographic(64, 72, 16), (0, 0, 0), 3.5)  # larger than the picture: no rim
+NEAR = ball(Camera("perspective", 72, 64, (100.0, 100.0)), (0, 0, -6), 2.6)
+ALL = "--height h.png --mesh m.ply --curvature c.exr --occlusion ao.png --relit r.png"
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    for name, surface in (("n.png", BALL), ("near.exr", NEAR)):
+        write_normals(name, surface.normals)
+    write_camera("camera.json", BALL.camera)
+    write_camera("near.json", NEAR.camera)
+    return tmp_path
+
+
+def result(capsys: pytest.CaptureFixture[str], words: str) -> dict:
+    code = main(["integrate", *words.split(), "--progress", "json"])
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert code == 0, lines
+    fractions = [line["progress"] for line in lines if "progress" in line]
+    assert fractions == sorted(fractions) and fractions[-1] == 1
+    return lines[-1]["result"]
+
+
+def test_all_at_once(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = result(capsys, f"n.png --camera camera.json --unit mm --faces 3000 --distance 5 {ALL}")
+    assert found["outputs"] == ["h.png", "h.json", "m.ply", "c.exr", "ao.png", "r.png"]
+    assert found["unit"] == "mm"
+    truth = BALL.heights.values - BALL.heights.values.mean()
+    heights = read_height("h.png").values
+    assert np.abs(heights - truth).max() < 0.02
+    assert found["height"]["black"] == pytest.approx(truth.min(), abs=0.02)
+    assert found["height"]["white"] == pytest.approx(truth.max(), abs=0.02)
+    mesh = read_mesh("m.ply")
+    assert mesh.vertices[:, 2].max() == pytest.approx(truth.max() - 5, abs=0.02)
+    assert mesh.vertices[:, 2].min() == pytest.approx(truth.min() - 5, abs=0.02)
+    assert np.median(read_channel("c.exr")) == pytest.approx(2 / 3.5, rel=0.01)
+    assert found["occlusion"]["mean"] > 0.99
+    assert read_image("r.png").pixels.shape == (64, 72, 3)
+    lines = found["text"].splitlines()
+    assert [line.split(":")[0] for line in lines] == ["h.png", "m.ply", "c.exr", "ao.png", "r.png"]
+    assert lines[0].startswith("h.png: black is -") and " mm, white " in lines[0]
+
+
+def test_a_lens_and_a_distance_give_the_size(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mean = float(NEAR.depth[NEAR.mask].mean())
+    found = result(capsys, f"near.exr --camera near.json --distance {mean} --height h.exr --curvature c.exr")
+    heights = read_height("h.exr")
+    assert np.abs(heights.values - NEAR.heights.values)[NEAR.mask].max() < 0.02
+    assert np.median(read_channel("c.exr")[NEAR.mask]) == pytest.approx(2 / 2.6, rel=0.01)
+    assert not found["notes"]
+    focal = 36 * 100 / 72
+    assert "counts as 1" in result(capsys, f"near.exr --focal {focal} --height g.exr")["notes"][0]
+    assert np.abs(read_height("g.exr").values * mean - heights.values).max() < 1e-3
+
+
+def test_pixels_are_the_unit_where_nothing_else_is_told(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = result(capsys, "n.png --height h.exr")
+    assert found["unit"] == "pixel"
+    pixels = read_height("h.exr").values
+    result(capsys, "n.png --pixel-size 0.25 --unit mm --height h.exr")
+    assert read_height("h.exr").values == pytest.approx(0.25 * pixels, abs=1e-4)
+    assert json.loads(Path("h.json").read_text())["unit"] == "mm"
+
+
+def test_a_flipped_green_channel_is_told(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_normals("d.png", BALL.normals, convention="directx")
+    result(capsys, "d.png --convention directx --height d.exr")
+    result(capsys, "n.png --height h.exr")
+    assert read_channel("d.exr") == pytest.approx(read_channel("h.exr"), abs=0.01)
+
+
+def test_a_turntable_is_one_picture_or_frames(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    result(capsys, "n.png --relit r.png --turntable 4")
+    found = result(capsys, "n.png --relit t_###.png --turntable 3 --light 60,90")
+    assert found["outputs"] == ["t_001.png", "t_002.png", "t_003.png"]
+    assert found["relit"]["tilts"] == [90, 210, 330]
+    first, second = (read_image(name).pixels for name in found["outputs"][:2])
+    assert first[:20].mean() > 1.5 * second[:20].mean()  # the light stands above, then below
+
+
+def test_the_curvature_picture_states_its_range(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = result(capsys, "n.png --curvature c.png --curvature-range 0.1 --curvature-radius 4")
+    assert found["curvature"]["range"] == 0.1
+    assert "white is convex by 0.1 / pixel" in found["text"]
+    expected = 0.5 + 0.5 * (2 / (3.5 * 16)) / 0.1
+    assert np.median(read_channel("c.png")) == pytest.approx(expected, abs=0.002)
+
+
+def test_blenders_world_is_turned_for_y_up_formats(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for words, up in (("--camera camera.json", "z"), ("--camera camera.json --up y", "y"), ("", "y")):
+        assert result(capsys, f"n.png {words} --mesh m.obj --faces 500")["mesh"]["up"] == up
+
+
+BAD: list[tuple[str, str]] = [
+    ("n.png", "nothing is asked for; give at least one of --height, --mesh, --curvature, --occlusion, --relit"),
+    ("gone.png --height h.png", "image gone.png does not exist"),
+    ("camera.json --height h.png", "camera.json cannot be read as an image"),
+    ("flat.png --height h.png", "flat.png holds no normals"),
+    ("n_##.png --height h.png", "means several normal maps; integrate them one by one"),
+    (". --height h.png", "means several normal maps"),
+    ("n.png --height h.jpg", ".jpg is not an image format of ours"),
+    ("n.png --height n.png", "the result would overwrite n.png"),
+    ("n.png --height no/h.png", "the folder no does not exist"),
+    ("n.png --height h.png --height-bits 8", "heights in 8 bits show steps"),
+    ("n.png --height camera.png", "camera.json, where its scale belongs, is another file"),
+    ("n.png --camera near.json --height near.png", "near.json, where its scale belongs, is another file"),
+    ("n.png --height h.png --occlusion h_mask.png", "the result would overwrite h_mask.png"),
+    ("n.png --mesh m.stl", ".stl is not a mesh format of ours"),
+    ("n.png --mesh m.ply --faces 0", "a mesh of 0 faces cannot be made"),
+    ("n.png --mesh m.ply --faces many", "invalid int value: 'many'"),
+    ("n.png --mesh m.ply --open 91", "between 0 and 90 degrees on, not 91"),
+    ("n.png --mesh m.ply --up x", "invalid choice: 'x'"),
+    ("n.png --curvature c.png --curvature-radius -1", "a radius of -1 pixels is none"),
+    ("n.png --curvature c.png --curvature-range 0", "a curvature's range must be a number above 0, not 0"),
+    ("n.png --occlusion a.png --occlusion-reach 0", "over 0 pixels is none"),
+    ("n.png --relit r.exr", "a relit picture is for the screen; use .png or .tif"),
+    ("n.png --relit r_##.png", "stands for frames, and there is one light; give --turntable"),
+    ("n.png --relit r.png --turntable 0", "a turntable has 1 to 360 lights, not 0"),
+    ("n.png --relit r.png --light up", "--light up is not known"),
+    ("n.png --relit r.png --light 95,0", "--light 95,0 is not known; give slant (0 to 90) and tilt"),
+    ("n.png --relit r.png --light nan,nan", "--light nan,nan is not known"),
+    ("n.png --height h.png --relit r.png --albedo flat.png", "the albedo is 8 x 8 but the normal map is 72 x 64"),
+    ("n.png --height h.png --relit r.png --albedo gone.png", "image gone.png does not exist"),
+    ("n.png --height h.png --method slow", "method 'slow' is not known; choose fast or bilateral"),
+    ("n.png --height h.png --convention up", "convention 'up' is not known"),
+    ("n.png --height h.png --camera gone.json", "gone.json does not exist"),
+    ("n.png --height h.png --camera small.json", "camera small.json is 8 x 8 but n.png is 72 x 64"),
+    ("n.png --height h.png --camera camera.json --focal 50", "--camera and --focal tell the same; give one"),
+    ("n.png --height h.png --focal 50 --pixel-size 1", "--focal and --pixel-size tell the same; give one"),
+    ("n.png --height h.png --focal -50", "a focal length is a number of millimetres above 0"),
+    ("n.png --height h.png --pixel-size 0", "--pixel-size 0 is no size; give a number above 0"),
+    ("n.png --height h.png --pixel-size nan", "--pixel-size nan is no size"),
+    ("n.png --height h.png --focal 50 --distance 0", "distance must be a number above 0"),
+    ("n.png --mesh m.ply --distance nan", "distance must be a number above 0"),
+    ("n.png --distance 0 --mesh m.ply", "distance must be a number above 0"),
+]
+
+
+@pytest.mark.parametrize(("words", "said"), BAD, ids=[words for words, _ in BAD])
+def test_bad_input(here: Path, capfd: pytest.CaptureFixture[str], words: str, said: str) -> None:
+    write_file(here / "flat.png", np.full((8, 8, 3), 0.1), "uint8")
+    write_camera(here / "small.json", orthographic(8, 8))
+    before = {name: (here / name).read_bytes() for name in listing(here)}
+    assert main(["integrate", *words.split()]) == 2
+    [line] = capfd.readouterr().err.splitlines()
+    assert line.startswith("mpsnet: ") and said in line
+    assert {name: (here / name).read_bytes() for name in listing(here)} == before

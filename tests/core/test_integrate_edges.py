@@ -1,0 +1,92 @@
+"""Where one thing stands before another: what the fast method smears and the bilateral one keeps."""
+
+import numpy as np
+import pytest
+from height_shapes import Surface, off, square_camera, torus, two_spheres
+
+from mpsnet_core.camera import Camera
+from mpsnet_core.heights.bilateral import chosen_sides
+from mpsnet_core.heights.gradients import Gradients
+from mpsnet_core.heights.integrate import METHODS, Method, integrate
+from mpsnet_core.regions import grown
+
+
+def beside_steps(surface: Surface, least: float, reach: int) -> np.ndarray:
+    """The mask's pixels within `reach` of a step of more than `least` between neighbours."""
+    z, mask = surface.heights, surface.mask
+    steps = np.zeros(mask.shape, bool)
+    across = (np.abs(np.diff(z, axis=1)) > least) & mask[:, 1:] & mask[:, :-1]
+    along = (np.abs(np.diff(z, axis=0)) > least) & mask[1:] & mask[:-1]
+    steps[:, 1:] |= across
+    steps[1:] |= along
+    return grown(steps, reach) & mask
+
+
+def errors(surface: Surface, method: Method) -> np.ndarray:
+    """(H, W) in pixels, 0 outside the mask."""
+    away = np.zeros(surface.mask.shape)
+    values = integrate(surface.normals, surface.camera, method=method).values
+    away[surface.mask] = off(values, surface.heights, surface.mask) * surface.camera.focal[0]
+    return away
+
+
+@pytest.mark.parametrize(
+    ("surface", "times"),
+    [(two_spheres(square_camera(192)), 1.5), (torus(192, 65), 1.5), (torus(192, 75), 10)],
+    ids=["two spheres", "a ring that hides a little of itself", "a ring that hides much of itself"],
+)
+def test_bilateral_keeps_steps(surface: Surface, times: float) -> None:
+    """Parts that hang together elsewhere stand at their true distance from each other, up to the step's very edge."""
+    near = beside_steps(surface, 8 / 96, 6)
+    fast, bilateral = errors(surface, "fast"), errors(surface, "bilateral")
+    assert near.sum() > 300
+    assert fast[near].mean() > times * bilateral[near].mean()
+    assert fast[surface.mask].mean() > 2 * bilateral[surface.mask].mean()
+    assert bilateral[surface.mask].mean() < 1
+
+
+def test_bilateral_steps_are_narrow() -> None:
+    """Of the steps along a ring that hides itself the middle one rises to 9/10 over three pixels; smeared, a third."""
+    ring = torus(192, 75)
+    share = {}
+    for method in METHODS:
+        heights = integrate(ring.normals, ring.camera, method=method).values
+        steps, rows, columns = [], *np.nonzero(beside_steps(ring, 20 / 96, 0))
+        for row, column in zip(rows, columns, strict=True):
+            line = slice(row - 2, row + 2)
+            if 2 < row < 189 and ring.mask[line, column].all():
+                true = np.ptp(ring.heights[line, column])
+                steps.append(abs(heights[row - 2, column] - heights[row + 1, column]) / true)
+        share[method] = np.median(steps)
+    assert share["bilateral"] > 0.9 and share["fast"] < 0.4
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_perspective_keeps_steps_as_well(method: Method) -> None:
+    """The same ring before a long lens, seen from afar: what it is orthographically, but for the lens."""
+    ring = torus(128, 65)
+    far = Camera("perspective", 128, 128, ring.camera.focal * 200)
+    values = integrate(ring.normals, far, method=method, distance=200.0).values
+    flat = integrate(ring.normals, ring.camera, method=method).values
+    assert off(values, flat, ring.mask).mean() * 64 < 0.3
+
+
+def test_what_does_not_fit_together_stays_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The fast method, beside plain least squares (loops that do not close count in full), away from the steps."""
+    surface = two_spheres(square_camera(192))
+    away = surface.mask & ~beside_steps(surface, 4 / 96, 12)
+    error = errors(surface, "fast")[away].mean()
+    monkeypatch.setattr("mpsnet_core.heights.fast.LOOSE", np.float32(1e9))
+    assert error < errors(surface, "fast")[away].mean() / 2
+
+
+def test_rows_and_columns_are_treated_alike() -> None:
+    """However the rows are cut into bands on the way."""
+    rng = np.random.default_rng(5)
+    facing, right, down, depth = rng.normal(size=(4, 530, 21)).astype(np.float32)
+    mask = rng.random(depth.shape) < 0.9
+    weights, pulls = chosen_sides(Gradients(facing, right, down, mask), depth)
+    turned_weights, turned_pulls = chosen_sides(Gradients(facing.T, down.T, right.T, mask.T), depth.T)
+    for links, turned in ((weights, turned_weights), (pulls, turned_pulls)):
+        assert np.allclose(links.right, turned.down.T, atol=1e-5)
+        assert np.allclose(links.down, turned.right.T, atol=1e-5)

@@ -1,0 +1,354 @@
+"""Flat materials against surfaces that are known by formula, and against plain crops, which have seams."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from flat_weave import Weave
+from synthetic import CROSSTALK, degrees_between
+
+from mpsnet_core import (
+    Camera,
+    Capture,
+    LightRig,
+    NormalMap,
+    estimate_normals,
+    published_rig,
+    read_image,
+    write_image,
+    write_rig,
+)
+from mpsnet_core.cli import main
+from mpsnet_core.errors import InputError
+from mpsnet_core.images import read_channel
+from mpsnet_core.material.albedo import estimated_albedo
+from mpsnet_core.material.flatten import evened, flattened, trend
+from mpsnet_core.material.material import filled_part, flat_material
+from mpsnet_core.material.relief import periodic_height
+from mpsnet_core.material.sampled import resampled
+from mpsnet_core.material.slopes import normals_of, slopes_of
+from mpsnet_core.normals import decode
+from mpsnet_core.synthesis.swatches import leather, photographed, woven
+
+# --- laid flat --------------------------------------------------------------------------------------------------------
+
+
+def test_slopes_and_normals_are_each_others_inverse():
+    weave = Weave(degrees=5)
+    assert np.allclose(slopes_of(weave.normals.astype(np.float32)), weave.slopes, atol=1e-5)
+    assert degrees_between(normals_of(weave.slopes.astype(np.float32)), weave.normals).max() < 0.05
+
+
+@pytest.mark.parametrize("axis", [(1.0, 0.0), (0.6, -0.8)])
+def test_a_tilt_of_the_photo_is_taken_out(axis):
+    """The weave's normals turned by 7° about an axis in the picture."""
+    weave = Weave()
+    x, y = axis
+    angle = np.radians(7)
+    turn = np.array([[0, 0, y], [0, 0, -x], [-y, x, 0]])
+    turn = np.eye(3) + np.sin(angle) * turn + (1 - np.cos(angle)) * turn @ turn
+    slopes, tilt = flattened((weave.normals @ turn.T).astype(np.float32), 0)
+    assert tilt == pytest.approx(7, abs=0.2)
+    assert degrees_between(normals_of(slopes), weave.normals).mean() < 0.3
+
+
+def test_slow_bend_is_taken_out_and_detail_stays():
+    weave = Weave()
+    rows, columns = np.linspace(-1, 1, 260)[:, None], np.linspace(-1, 1, 330)
+    bend = np.stack([0.3 * columns**3 + 0.2 * rows, 0.25 * rows**2 * columns], axis=-1)
+    bent = normals_of((weave.slopes + bend).astype(np.float32))
+    assert degrees_between(bent, weave.normals).mean() > 7
+    slopes, _ = flattened(bent, 4)
+    assert degrees_between(normals_of(slopes), weave.normals).mean() < 1
+    untouched, _ = flattened(weave.normals.astype(np.float32), 4)
+    assert degrees_between(normals_of(untouched), weave.normals).mean() < 0.3
+
+
+def test_a_trend_is_a_polynomial_and_a_weave_is_none():
+    rows, columns = np.linspace(0, 1, 301)[:, None], np.linspace(0, 2, 431)
+    smooth = np.stack([1 + columns * rows - rows**3, columns**4 + 0 * rows], axis=-1).astype(np.float32)
+    assert np.abs(trend(smooth, 4) - smooth).max() < 0.01
+    weave = np.sin(2 * np.pi * np.arange(431) / 29.3) + 0 * rows
+    assert np.abs(trend(weave[..., None].astype(np.float32), 4)).mean() < 0.03
+
+
+# --- albedo -----------------------------------------------------------------------------------------------------------
+
+
+def patches(shape):
+    """(H, W, 3) an albedo of coloured patches."""
+    rows, columns = np.indices(shape)
+    chosen = (rows // 40 + columns // 50) % 3
+    return np.array([(0.7, 0.4, 0.2), (0.3, 0.5, 0.25), (0.2, 0.25, 0.6)])[chosen]
+
+
+def test_with_the_true_normals_the_albedo_is_true():
+    weave = Weave()
+    truth = patches(weave.shape)
+    found = estimated_albedo(weave.capture(truth), weave.normals.astype(np.float32))
+    assert np.abs(found - truth).max() < 1e-3
+    grey = estimated_albedo(weave.capture(truth), weave.normals.astype(np.float32), grey=True)
+    assert (grey == grey[..., :1]).all()
+
+
+def test_mixing_is_undone():
+    """Crosstalk spreads each light over all channels; of a grey material it can be undone."""
+    weave = Weave()
+    rig = LightRig(published_rig().directions, CROSSTALK)
+    found = estimated_albedo(weave.capture(0.5, rig), weave.normals.astype(np.float32))
+    assert np.abs(found - 0.5).max() < 1e-3
+
+
+def test_what_a_light_does_not_reach_has_the_colour_of_the_whole():
+    """Steep weave: attached shadows in each channel, and some pixels are saturated, too."""
+    weave = Weave(amplitude_mm=1.6)
+    colour = np.array([0.6, 0.4, 0.2])
+    assert (weave.normals @ published_rig().directions.T < 0).any()
+    capture = weave.capture(colour)
+    clipped = np.zeros(capture.image.shape, bool)
+    clipped[100:110, 100:110, 0] = True
+    spoilt = replace(capture, image=np.where(clipped, 5, capture.image), clipped=clipped)
+    found = estimated_albedo(spoilt, weave.normals.astype(np.float32))
+    lit = (weave.normals @ published_rig().directions.T > 0.05).any(axis=-1)
+    assert np.abs(found / colour - 1)[lit].max() < 0.05
+
+
+def test_slow_changes_of_brightness_are_evened_out():
+    truth = patches((260, 330)).astype(np.float32)
+    fall_off = np.exp(0.5 * np.linspace(-1, 1, 330) - 0.4 * np.linspace(-1, 1, 260)[:, None] ** 2)[..., None]
+    found = evened((truth * fall_off).astype(np.float32), 4)
+    ratio = found / evened(truth, 4)
+    assert np.ptp(ratio, axis=(0, 1)).max() < 0.02
+    assert np.exp(np.log(found).mean(axis=(0, 1))) == pytest.approx(
+        np.exp(np.log(truth * fall_off).mean(axis=(0, 1))), rel=1e-3
+    )
+
+
+# --- height -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("shape", [(64, 96), (63, 95)])
+def test_heights_of_known_waves_are_exact_in_millimetres(shape):
+    """A sum of waves that fit the tile; its slopes by formula; pixels that are not square."""
+    pitch = 0.3, 0.2
+    rows, columns = np.indices(shape) + 0.5
+    height, slopes = np.zeros(shape), np.zeros((*shape, 2))
+    for across, down, size, phase in [(3, 0, 1.0, 0.2), (2, -5, 0.4, 1.1), (0, 7, 0.2, 0.7), (11, 9, 0.1, 2.0)]:
+        place = 2 * np.pi * (across * columns / shape[1] + down * rows / shape[0]) + phase
+        height += size * np.sin(place)
+        lengths = np.array([across / (shape[1] * pitch[0]), down / (shape[0] * pitch[1])])
+        slopes += 2 * np.pi * size * np.cos(place)[..., None] * lengths
+    assert np.abs(periodic_height((slopes + 0.3).astype(np.float32), pitch) - height).max() < 1e-4
+
+
+@pytest.mark.parametrize("repeated", [False, True])
+def test_values_at_other_places_are_those_of_the_wave_there(repeated):
+    rows, columns = np.indices((60, 80)) + 0.5
+    wave = np.sin(2 * np.pi * (3 * columns / 80 + 2 * rows / 60)).astype(np.float32)[..., None]
+    places = np.array([[1.1, 0.2, 0], [-0.15, 0.9, 0], [0.0 if repeated else 12.0, -5.0 if repeated else 3.0, 1]])
+    found = resampled(wave, places, (50, 55), repeated=repeated)[..., 0]
+    rows, columns = np.indices((50, 55)) + 0.5
+    x, y = (places[0, k] * columns + places[1, k] * rows + places[2, k] for k in (0, 1))
+    assert repeated == bool((x < 0).any() or (y < 0).any())
+    assert np.abs(found - np.sin(2 * np.pi * (3 * x / 80 + 2 * y / 60))).max() < 0.02
+
+
+# --- the whole --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("degrees", [0.0, 2.0])
+def test_a_weaves_tile_has_its_normals_heights_and_size(degrees):
+    """A tilted photo by the image formation, normals by equation 2; truth by formula."""
+    weave = Weave(degrees=degrees)
+    capture = weave.capture(0.6)
+    material = flat_material(capture, estimate_normals(capture, "lambertian"), weave.pixel_mm)
+    assert np.abs(material.albedo - 0.6).max() < 0.03
+    # Heights: as high, and everywhere a place of the weave, whose mean height is 0.
+    assert material.height.std() == pytest.approx(weave.height.std(), rel=0.03)
+    assert np.ptp(material.height) == pytest.approx(np.ptp(weave.height), rel=0.05)
+    # The tile's sides are whole numbers of periods, in millimetres.
+    for length, step in ((material.width_mm, material.tiling.right), (material.height_mm, material.tiling.down)):
+        assert length == pytest.approx(np.linalg.norm(step) * weave.pixel_mm)
+        periods = weave.axes @ step / weave.period
+        assert np.abs(periods - np.round(periods)).max() < 0.02
+    # Normals and heights say the same: normals from heights by central differences, which wrap.
+    pitch = material.pitch
+    slopes = [(np.roll(material.height, -1, a) - np.roll(material.height, 1, a)) / 2 for a in (1, 0)]
+    from_height = normals_of(np.stack([slopes[0] / pitch[0], slopes[1] / pitch[1]], axis=-1).astype(np.float32))
+    assert degrees_between(from_height, material.normals).mean() < 1
+    steepness = np.degrees(np.arccos(weave.normals[..., 2])).mean()
+    assert np.degrees(np.arccos(material.normals[..., 2])).mean() == pytest.approx(steepness, rel=0.05)
+    # A convex place of the weave is its top.
+    assert np.corrcoef(material.curvature.ravel(), material.height.ravel())[0, 1] > 0.9
+
+
+def steps(values, axis):
+    """(mean across the tile's border, mean over all other lines) of the change to the next pixel along an axis."""
+    change = np.abs(np.roll(values, -1, axis) - values)
+    change = change.reshape(*values.shape[:2], -1).mean(axis=(1 - axis, 2))
+    return change[-1], change[:-1].mean()
+
+
+MAPS = ("normals", "height", "albedo", "curvature")
+
+
+@pytest.mark.parametrize("make", [leather, woven])
+def test_a_material_that_does_not_fit_its_frame_repeats_without_a_seam(make):
+    swatch = make((300, 360), 0.2, seed=4)
+    photo = photographed(swatch, published_rig(), tilt=(0.05, -0.03), noise=0.003)
+    capture = Capture(photo, np.ones((300, 360), bool), published_rig())
+    normals = estimate_normals(capture, "lambertian-grey-world")
+    material = flat_material(capture, normals, 0.2)
+    for name in MAPS:
+        for axis in (0, 1):
+            across, within = steps(getattr(material, name), axis)
+            assert across < 1.3 * within, (name, axis, across / within)
+    assert max(material.seam.border) < 1.3 and max(material.seam.cut) < 1.3
+    # The test can see seams: the same pixels, cut out of the photo as they are.
+    rows, columns = material.height.shape
+    plain = normals.vectors[:rows, :columns]
+    assert all(np.divide(*steps(plain, axis)) > 1.6 for axis in (0, 1))
+
+
+def test_the_size_asked_for_changes_pixels_and_not_the_material():
+    weave = Weave(degrees=1.0)
+    capture = weave.capture(patches(weave.shape))
+    found = [flat_material(capture, weave.normal_map(), weave.pixel_mm, size=size) for size in (None, 128, 512)]
+    for material in found[1:]:
+        assert material.height.shape == material.normals.shape[:2] == material.albedo.shape[:2]
+        assert material.height.shape[0] == material.height.shape[1]
+        assert (material.width_mm, material.height_mm) == (found[0].width_mm, found[0].height_mm)
+        assert material.height.std() == pytest.approx(found[0].height.std(), rel=0.03)
+    assert [material.height.shape[0] for material in found[1:]] == [128, 512]
+
+
+def test_a_part_of_the_photo_keeps_its_place_under_the_camera():
+    weave = Weave()
+    camera = Camera("perspective", 330, 260, np.array([500.0, 500.0]))
+    part = filled_part(weave.capture(camera=camera), (30, 20, 200, 100))
+    assert part.image.shape == (100, 200, 3)
+    rays, _ = np.split(camera.points(np.ones((260, 330))), [2], axis=-1)
+    cut, _ = np.split(part.camera.points(np.ones((100, 200))), [2], axis=-1)
+    assert np.allclose(cut, rays[20:120, 30:230])
+
+
+# --- the command line -------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def photo(tmp_path):
+    weave = Weave()
+    write_image(tmp_path / "weave.exr", weave.capture(0.6).image)
+    write_rig(tmp_path / "rig.json", published_rig())
+    return weave
+
+
+def run(folder, *arguments):
+    return main(["material", str(folder / "weave.exr"), "--rig", str(folder / "rig.json"), *map(str, arguments)])
+
+
+def test_the_files_say_what_they_measure(photo, tmp_path):
+    assert run(tmp_path, "--width", "66mm", "-o", tmp_path / "out") == 0
+    told = json.loads((tmp_path / "out" / "weave_material.json").read_text())
+    files = {what: tmp_path / "out" / name for what, name in told["files"].items()}
+    assert {file.name for file in (tmp_path / "out").iterdir()} == {
+        "weave_material.json",
+        *(file.name for file in files.values()),
+    }
+    grey, exact = read_channel(files["height"]), read_channel(files["height_mm"])
+    black, white = told["height_of_black_mm"], told["height_of_white_mm"]
+    assert np.abs(black + grey * (white - black) - exact).max() < 1e-4 * (white - black)
+    assert np.ptp(exact) == pytest.approx(np.ptp(photo.height), rel=0.05)
+    assert told["width_mm"] == pytest.approx(told["pixels"][0] * photo.pixel_mm, rel=0.01)
+    normals = decode(read_image(files["normal"], encoding="linear").pixels)
+    slopes = np.gradient(exact, told["height_mm"] / told["pixels"][1], told["width_mm"] / told["pixels"][0])
+    vectors = np.stack([-slopes[1], slopes[0], np.ones_like(exact)], axis=-1)
+    assert degrees_between(normals, vectors)[1:-1, 1:-1].mean() < 1
+    assert read_image(files["albedo"]).pixels.mean() == pytest.approx(0.6, abs=0.02)
+    # The preview is three by three of the same.
+    preview = read_image(files["preview"]).pixels
+    high, wide = preview.shape[0] // 3, preview.shape[1] // 3
+    assert np.array_equal(preview[:high, :wide], preview[high : 2 * high, 2 * wide :])
+
+
+def test_all_three_ways_to_tell_the_size_tell_the_same(photo, tmp_path):
+    ways = {"a": ("--width", "6.6cm"), "b": ("--pixel-size", "0.2mm"), "c": ("--ruler", "10,20,40,60=0.01m")}
+    for name, way in ways.items():
+        assert run(tmp_path, *way, "--name", name, "-o", tmp_path) == 0
+    told = [json.loads((tmp_path / f"{name}_material.json").read_text()) for name in ways]
+    assert told[0]["width_mm"] == pytest.approx(told[1]["width_mm"]) == pytest.approx(told[2]["width_mm"])
+
+
+def test_directx_turns_green_and_nothing_else(photo, tmp_path):
+    for name in ("opengl", "directx"):
+        assert run(tmp_path, "--width", "66mm", "--convention", name, "--name", name, "-o", tmp_path) == 0
+    pictures = [read_image(tmp_path / f"{name}_normal.png", encoding="linear").pixels for name in ("opengl", "directx")]
+    assert np.abs(pictures[0] - pictures[1])[..., ::2].max() == 0
+    assert np.abs(pictures[0][..., 1] - (1 - pictures[1][..., 1])).max() < 1e-4
+    heights = [read_channel(tmp_path / f"{name}_height.png") for name in ("opengl", "directx")]
+    assert np.array_equal(*heights)
+
+
+BAD = {
+    "no scale": ([], "nothing tells how large it is; give one of --width, --pixel-size or --ruler"),
+    "two scales": (["--width", "1m", "--pixel-size", "1mm"], "several options tell how large it is"),
+    "no unit": (["--width", "120"], "'120' is not a length; give a number and its unit"),
+    "ruler without length": (["--ruler", "1,2,3,4"], "'' is not a length"),
+    "ruler of three": (["--ruler", "1,2,3=5mm"], "--ruler 1,2,3=5mm is not x1,y1,x2,y2=50mm"),
+    "ruler of one place": (["--ruler", "5,5,5,5=5mm"], "its two places are the same"),
+    "crop of words": (["--width", "1m", "--crop", "all"], "--crop all is not x,y,width,height"),
+    "crop outside": (["--width", "1m", "--crop", "300,0,100,100"], "weave.exr: the crop 300,0,100,100 (left, top"),
+    "crop before": (["--width", "1m", "--crop=-1,0,100,100"], "is not within the photo, which is 330 x 260"),
+    "crop of nothing": (["--width", "1m", "--crop", "10,10,0,100"], "is not within the photo"),
+    "crop too small": (["--width", "1m", "--crop", "0,0,63,200"], "63 x 200 pixels are too few for a material"),
+    "size too large": (["--width", "1m", "--size", "16385"], "64 to 16384 pixels a side, not 16385"),
+    "size too small": (["--width", "1m", "--size", "63"], "64 to 16384 pixels a side, not 63"),
+    "overlap too large": (["--width", "1m", "--overlap", "0.6"], "overlap by 0.05 to 0.5 of the tile, not 0.6"),
+    "overlap that is none": (["--width", "1m", "--overlap", "nan"], "overlap by 0.05 to 0.5 of the tile, not nan"),
+    "bend too fine": (["--width", "1m", "--bend", "13"], "a bend of 13 half waves cannot be taken out"),
+    "name with a folder": (["--width", "1m", "--name", "a/b"], "--name a/b is not a file's name; give the folder"),
+    "unknown convention": (["--width", "1m", "--convention", "vulkan"], "convention 'vulkan' is not known"),
+    "unknown model": (["--width", "1m", "--model", "resnet"], "resnet"),
+}
+
+
+@pytest.mark.parametrize(("arguments", "words"), BAD.values(), ids=BAD)
+def test_bad_input_gets_one_clear_sentence(photo, tmp_path, capfd, arguments, words):
+    assert run(tmp_path, *arguments, "-o", tmp_path / "out") == 2
+    (line,) = capfd.readouterr().err.splitlines()
+    assert line.startswith("mpsnet: ") and words in line
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_photo_that_is_not_filled_or_too_small_is_refused(tmp_path, capfd):
+    weave = Weave()
+    image = weave.capture(0.6).image
+    write_rig(tmp_path / "rig.json", published_rig())
+    seen = np.ones((260, 330, 1), np.float32)
+    seen[:130] = 0
+    write_image(tmp_path / "weave.exr", np.concatenate([image, seen], axis=-1))
+    assert run(tmp_path, "--width", "66mm", "-o", tmp_path / "out") == 2
+    assert (
+        "weave.exr: a flat material fills the photo, but 50.0% of it is transparent; crop it" in capfd.readouterr().err
+    )
+    assert run(tmp_path, "--width", "66mm", "--crop", "0,130,330,130", "-o", tmp_path / "out") == 0
+    write_image(tmp_path / "weave.exr", image[:50])
+    assert run(tmp_path, "--width", "66mm", "-o", tmp_path / "small") == 2
+    assert "330 x 50 pixels are too few for a material; take 64 or more each way" in capfd.readouterr().err
+
+
+def test_results_do_not_overwrite_the_photo(photo, tmp_path, capfd):
+    (tmp_path / "weave.exr").rename(tmp_path / "a_height_mm.exr")
+    arguments = ["--rig", str(tmp_path / "rig.json"), "--width", "66mm", "--name", "a", "-o", str(tmp_path)]
+    assert main(["material", str(tmp_path / "a_height_mm.exr"), *arguments]) == 2
+    assert "the result would overwrite" in capfd.readouterr().err
+
+
+def test_a_material_of_another_photos_normals_is_refused():
+    weave = Weave()
+    small = NormalMap(np.zeros((70, 70, 3)), np.ones((70, 70), bool))
+    with pytest.raises(InputError, match="the normals are 70 x 70 but the photo is 330 x 260"):
+        flat_material(weave.capture(), small, 0.2)
+    with pytest.raises(InputError, match="a pixel measures some millimetres above 0, not 0"):
+        flat_material(weave.capture(), weave.normal_map(), 0)

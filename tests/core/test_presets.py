@@ -1,0 +1,124 @@
+"""Presets: each engine's file as its documentation asks for it, read without the core's help."""
+
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from surface_shapes import camera_looking, sphere_mesh, sphere_view
+
+from mpsnet_core.camera import write_camera
+from mpsnet_core.cli import main
+from mpsnet_core.errors import InputError
+from mpsnet_core.normals import write_normals
+from mpsnet_core.surface.mesh import write_mesh
+from mpsnet_core.surface.presets import PRESETS, preset_output
+
+# What the engines' documentation says: the file of an object called HeroHead, whether green is up, bits.
+EXPECTED = {
+    "blender": ("HeroHead_normal.png", True, 16),
+    "unreal": ("T_HeroHead_N.png", False, 16),
+    "unity": ("HeroHead_Normal.png", True, 8),
+    "godot": ("hero_head_normal.png", True, 8),
+    "gltf": ("HeroHead_normal.png", True, 8),
+}
+
+
+@pytest.fixture
+def tilted(tmp_path: Path) -> list[str]:
+    """`mpsnet bake` of a sphere seen by a view that is turned up: what was flat points towards +v in tangent space."""
+    view = sphere_view(camera_looking((1, 0, 0), size=96))
+    up = view.normals.vectors + np.array([0, 0.5, 0]) * view.normals.mask[..., None]
+    write_camera(tmp_path / "camera.json", view.camera)
+    write_normals(tmp_path / "normals.exr", type(view.normals)(up, view.normals.mask))
+    write_mesh(tmp_path / "HeroHead.npz", sphere_mesh())
+    (tmp_path / "out").mkdir()
+    views = f"{tmp_path / 'camera.json'}={tmp_path / 'normals.exr'}"
+    return ["bake", "--mesh", str(tmp_path / "HeroHead.npz"), "--view", views, "--size", "64"]
+
+
+def stored(path: Path) -> tuple[str, np.ndarray]:
+    """The type of the file's numbers, and its values (H, W, C) 0 to 1."""
+    source = oiio.ImageInput.open(str(path))
+    kind, values = str(source.spec().format), source.read_image(oiio.FLOAT)
+    source.close()
+    return kind, values
+
+
+def middle_green(path: Path) -> float:
+    """Green in the texture's middle, where the view from +x sees the sphere straight on."""
+    return float(stored(path)[1][30:34, 15:17, 1].mean())
+
+
+@pytest.mark.parametrize("name", EXPECTED)
+def test_in_a_folder_each_preset_names_and_writes_its_file(name: str, tilted: list[str], tmp_path: Path) -> None:
+    file, up, bits = EXPECTED[name]
+    assert main([*tilted, "--preset", name, "-o", f"{tmp_path / 'out'}"]) == 0
+    (written,) = (tmp_path / "out").iterdir()
+    assert written.name == file
+    assert stored(written)[0] == f"uint{bits}"
+    assert abs(middle_green(written) - 0.5) > 0.1
+    assert (middle_green(written) > 0.5) == up
+    assert set(EXPECTED) == set(PRESETS)
+
+
+def test_a_folder_that_is_not_there_is_made_and_a_file_name_stays(tilted: list[str], tmp_path: Path) -> None:
+    assert main([*tilted, "--preset", "unreal", "-o", f"{tmp_path / 'new'}/"]) == 0
+    assert (tmp_path / "new" / "T_HeroHead_N.png").is_file()
+    assert main([*tilted, "--preset", "unreal", "-o", str(tmp_path / "mine.png")]) == 0
+    assert middle_green(tmp_path / "mine.png") < 0.5
+
+
+def test_what_is_given_wins_over_the_preset(tilted: list[str], tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert main([*tilted, "--preset", "unreal", "--convention", "opengl", "--bits", "8", "-o", str(out)]) == 0
+    kind, _ = stored(out / "T_HeroHead_N.png")
+    assert kind == "uint8" and middle_green(out / "T_HeroHead_N.png") > 0.5
+    assert main([*tilted, "--preset", "unreal", "--format", "exr", "-o", str(out)]) == 0
+    kind, _ = stored(out / "T_HeroHead_N.exr")
+    assert kind == "float" and middle_green(out / "T_HeroHead_N.exr") < 0.5
+
+
+def test_without_a_preset_all_is_as_before(tilted: list[str], tmp_path: Path) -> None:
+    assert main([*tilted, "-o", str(tmp_path / "plain.png")]) == 0
+    assert stored(tmp_path / "plain.png")[0] == "uint16" and middle_green(tmp_path / "plain.png") > 0.5
+
+
+@pytest.mark.parametrize(
+    ("given", "stem"),
+    [
+        ("HeroHead", "hero_head"),
+        ("Old oak.001", "old_oak_001"),
+        ("LOD2Mesh", "lod2_mesh"),
+        ("already_so", "already_so"),
+    ],
+)
+def test_godots_names_are_in_snake_case(given: str, stem: str) -> None:
+    assert PRESETS["godot"].stem(given) == f"{stem}_normal"
+
+
+@pytest.mark.parametrize("output", ["texture.exr", "texture.jpg", "texture"])
+def test_an_ending_that_contradicts_the_preset_is_refused(output: str) -> None:
+    with pytest.raises(InputError, match=r"the preset for glTF writes \.png, but texture\S* ends in"):
+        preset_output(PRESETS["gltf"], output, "HeroHead")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["--preset", "cryengine"], "preset 'cryengine' is not known; choose blender, unreal"),
+        (["--preset", "gltf", "-o", "texture.exr"], "the preset for glTF writes .png, but texture.exr ends in .exr"),
+        (["--preset", "unity", "--bits", "32"], "hold 8 or 16 bits a channel, not 32"),
+        (["--preset", "unity", "--convention", "metal"], "convention 'metal' is not known"),
+        (["-o", "{folder}"], "it is a folder; give a file name"),
+    ],
+)
+def test_bad_presets_get_one_sentence(
+    arguments: list[str], sentence: str, tilted: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    given = [argument.format(folder=out) for argument in arguments]
+    assert main([*tilted, "-o", str(out / "texture.png"), *given]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert sentence in line
+    assert not list(out.iterdir())

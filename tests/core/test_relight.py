@@ -1,0 +1,61 @@
+"""Relit pictures: Lambert's law on a ball, written as sRGB."""
+
+import numpy as np
+import pytest
+from reliefs import ball, orthographic
+
+from mpsnet_core import InputError
+from mpsnet_core.heights.relight import AMBIENT, relit, turntable_sheet, turntable_tilts
+from mpsnet_core.rig import direction_from_angles
+
+BALL = ball(orthographic(300, 80, 30), (0, 0, 0), 1.2)
+
+
+def linear(srgb: np.ndarray) -> np.ndarray:
+    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+
+
+def test_a_ball_shades_as_lambert_says() -> None:
+    light = np.array([0.6, 0, 0.8])
+    picture = relit(BALL.normals, 7 * light)
+    assert (picture[..., 3] == BALL.mask).all() and (picture[~BALL.mask] == 0).all()
+    cosine = np.maximum(BALL.normals.vectors @ light, 0)
+    expected = 0.8 * ((1 - AMBIENT) * cosine + AMBIENT)
+    for channel in range(3):
+        assert linear(picture[..., channel])[BALL.mask] == pytest.approx(expected[BALL.mask], abs=1e-5)
+
+
+def test_occlusion_darkens_the_ambient_light_alone_and_albedo_colours_all() -> None:
+    light = np.array([1.0, 0, 0])
+    dark = relit(BALL.normals, light, occlusion=np.zeros(BALL.mask.shape))
+    away = BALL.mask & (BALL.normals.vectors[..., 0] < 0)
+    assert (dark[away, :3] == 0).all()
+    red = np.broadcast_to([0.5, 0.25, 0.0], (*BALL.mask.shape, 3))
+    picture = linear(relit(BALL.normals, light, albedo=red)[BALL.mask, :3])
+    assert (picture[:, 2] == 0).all() and picture[:, 0] == pytest.approx(2 * picture[:, 1], abs=1e-5)
+
+
+def test_a_turntable_goes_around_once() -> None:
+    assert turntable_tilts(4, 350) == [350, 80, 170, 260]
+    tiles = turntable_sheet(BALL.normals, 60, turntable_tilts(4, 0))
+    assert tiles.shape[2] == 3
+    # The ball's middle is equally bright in all; the side that is lit changes from tile to tile.
+    right = relit(BALL.normals, direction_from_angles(60, 0))
+    left = relit(BALL.normals, direction_from_angles(60, 180))
+    assert right[:, ::-1] == pytest.approx(left, abs=1e-5)
+    for count in (0, 361):
+        with pytest.raises(InputError, match="a turntable has 1 to 360 lights"):
+            turntable_tilts(count, 0)
+
+
+@pytest.mark.parametrize("direction", [(0, 0, 0), (1, 0), (np.nan, 0, 1)])
+def test_a_light_has_a_direction(direction: tuple[float, ...]) -> None:
+    with pytest.raises(InputError, match="a light's direction is three finite numbers"):
+        relit(BALL.normals, direction)
+
+
+def test_sizes_must_agree() -> None:
+    with pytest.raises(InputError, match="the albedo is 4 x 3 but the normal map is 80 x 300"):
+        relit(BALL.normals, (0, 0, 1), albedo=np.ones((3, 4, 3)))
+    with pytest.raises(InputError, match="the ambient occlusion is 4 x 3"):
+        relit(BALL.normals, (0, 0, 1), occlusion=np.ones((3, 4)))

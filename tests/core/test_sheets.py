@@ -1,0 +1,208 @@
+"""What shares a texture, what the textures' files are called, and the names that meshes' triangles have."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from surface_shapes import sphere_mesh
+from uv_squares import squares
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.surface.labels import Labels, labels_of_runs
+from mpsnet_core.surface.mesh import read_mesh, write_mesh
+from mpsnet_core.surface.sheets import Sheet, sheets
+from mpsnet_core.surface.texture_names import split_by, texture_files
+
+
+def told(found: list[Sheet]) -> list[tuple]:
+    parts = [[None if part is None else part.tolist() for part in sheet.parts] for sheet in found]
+    return [(s.object, s.material, s.tile, *part) for s, part in zip(found, parts, strict=True)]
+
+
+def test_without_tokens_all_share_one_texture() -> None:
+    assert told(sheets([squares((0, 0)), squares((0.5, 0))])) == [(None, None, None, None, None)]
+
+
+def test_each_triangle_is_in_the_tile_that_its_uvs_lie_in(caplog: pytest.LogCaptureFixture) -> None:
+    mesh = squares((0.25, 0.25), (1.25, 0.25), (0.0, 1.5), (9.5, 2.0), (-0.75, 0.0))
+    with caplog.at_level("INFO", "mpsnet_core"):
+        found = sheets([mesh], tiles=True)
+    expected = {1001: [0, 1], 1002: [2, 3], 1011: [4, 5], 1030: [6, 7]}
+    assert told(found) == [(None, None, tile, part) for tile, part in expected.items()]
+    assert [sheet.corner for sheet in found] == [(0, 0), (1, 0), (0, 1), (9, 2)]
+    assert [record.getMessage() for record in caplog.records] == [
+        "2 of 10 triangles have UVs outside the UDIM tiles, which the texture does not reach"
+    ]
+
+
+def test_what_crosses_a_border_is_in_both_tiles_and_told(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level("INFO", "mpsnet_core"):
+        found = sheets([squares((0.75, 0.25), (2, 0))], tiles=True)
+    assert told(found) == [(None, None, tile, part) for tile, part in ((1001, [0, 1]), (1002, [0, 1]), (1003, [2, 3]))]
+    assert any("1 UV island lies across the border of two UDIM tiles" in r.getMessage() for r in caplog.records)
+
+
+def test_an_island_crosses_also_where_no_triangle_does(caplog: pytest.LogCaptureFixture) -> None:
+    mesh = sphere_mesh(4, 4)
+    with caplog.at_level("INFO", "mpsnet_core"):
+        found = sheets([type(mesh)(mesh.vertices, mesh.triangles, mesh.corner_normals, 2 * mesh.uvs)], tiles=True)
+    assert [sheet.tile for sheet in found] == [1001, 1002, 1011, 1012]
+    assert sum(len(sheet.parts[0]) for sheet in found) == len(mesh.triangles)
+    assert any("1 UV island lies across" in record.getMessage() for record in caplog.records)
+
+
+def test_materials_of_one_name_are_one_and_objects_of_one_name_are_not() -> None:
+    first, second = squares((0, 0), (0, 0), materials="skin cloth"), squares((0, 0), materials="skin")
+    assert told(sheets([first, second], materials=True)) == [
+        (None, "skin", None, [0, 1], [0, 1]),
+        (None, "cloth", None, [2, 3], []),
+    ]
+    first, second = squares((0, 0), (0, 0), objects="a b"), squares((0, 0), objects="a")
+    assert told(sheets([first, second], objects=True)) == [
+        ("a", None, None, [0, 1], []),
+        ("b", None, None, [2, 3], []),
+        ("a_2", None, None, [], [0, 1]),
+    ]
+
+
+def test_objects_materials_and_tiles_together() -> None:
+    mesh = squares((0, 0), (1, 0), (0, 0), objects="a a b", materials="skin skin skin")
+    assert told(sheets([mesh], tiles=True, materials=True, objects=True)) == [
+        ("a", "skin", 1001, [0, 1]),
+        ("a", "skin", 1002, [2, 3]),
+        ("b", "skin", 1001, [4, 5]),
+    ]
+
+
+def test_triangles_without_a_material_are_told_apart() -> None:
+    mesh = squares((0, 0), (0, 0), materials="skin skin")
+    bare = squares((0, 0))
+    assert [sheet.material for sheet in sheets([mesh, bare], materials=True)] == ["skin", "no_material"]
+
+
+@pytest.mark.parametrize(
+    ("mesh", "tiles", "said"),
+    [
+        (squares((-1, 0)), True, "all UVs lie outside the UDIM tiles"),
+        (squares((11, 0)), True, "all UVs lie outside the UDIM tiles"),
+        (squares((0, 0), side=20.0), True, "in 200 UDIM tiles, more than the 100"),
+        (squares((0, 0), side=1e30), True, "in 1000 UDIM tiles"),
+        (squares((1, 0)), False, r"outside the texture \(0 to 1\); move the UV islands into it, or bake UDIM tiles"),
+    ],
+    ids=["left", "beyond ten", "scaled", "scaled beyond reason", "no tiles asked for"],
+)
+def test_uvs_that_no_texture_holds_are_refused(mesh, tiles: bool, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        sheets([mesh], tiles=tiles)
+
+
+def names(pattern: str, **found: list) -> list[str]:
+    """The files that a pattern gives for sheets whose tile, material or object are as listed."""
+    count = len(next(iter(found.values())))
+    made = [Sheet((None,), **{what: values[n] for what, values in found.items()}) for n in range(count)]
+    return [path.as_posix() for path in texture_files(pattern, made)]
+
+
+def test_tokens_become_numbers_and_names() -> None:
+    assert split_by("out/<OBJECT>_normal.<UDIM>.png") == {"object", "tile"}
+    assert split_by("plain.png") == set()
+    assert names("out/s_normal.<UDIM>.png", tile=[1001, 1012]) == ["out/s_normal.1001.png", "out/s_normal.1012.png"]
+    assert names("<OBJECT>-<MATERIAL>.exr", object=["a", "a"], material=["x", "y"]) == ["a-x.exr", "a-y.exr"]
+
+
+def test_names_are_made_fit_for_files_and_stay_apart() -> None:
+    given = ["Skin", "skin", "a/b:c*?", "..", "Grün 2.001", "x" * 300, "x" * 299, "Skin_2"]
+    found = names("<MATERIAL>.png", material=given)
+    assert found[:5] == ["Skin.png", "skin_2.png", "a_b_c.png", "unnamed.png", "Grün_2.001.png"]
+    assert len({name.casefold() for name in found}) == len(given) and max(map(len, found)) < 100
+
+
+@pytest.mark.parametrize(
+    ("pattern", "said"),
+    [
+        ("a.<TILE>.png", "<TILE> stands for nothing; use <UDIM>, <MATERIAL> or <OBJECT>"),
+        ("a.<udim>.png", "in capital letters"),
+        ("<OBJECT>/a.png", "stands in a folder's name; put it into the file's name"),
+        ("a_<OBJECT>.png", "has <OBJECT>, by which the textures are not parted"),
+        ("a.png", "several textures would be called a.png"),
+    ],
+)
+def test_patterns_that_do_not_fit_are_refused(pattern: str, said: str) -> None:
+    with pytest.raises(InputError) as error:
+        names(pattern, tile=[1001, 1002])
+    assert said in str(error.value)
+
+
+def test_names_without_anything_between_may_meet() -> None:
+    with pytest.raises(InputError, match=r"several textures would be called abc\.png"):
+        names("<OBJECT><MATERIAL>.png", object=["a", "ab"], material=["bc", "c"])
+
+
+def test_obj_tells_materials_and_objects(tmp_path: Path) -> None:
+    lines = ["v 0 0 0", "v 1 0 0", "v 1 1 0", "v 0 1 0", "vt 0 0", "vt 1 0", "vt 1 1", "vt 0 1"]
+    quad, triangle = "f 1/1 2/2 3/3 4/4", "f 1/1 2/2 3/3"
+    lines += [triangle, "o Left arm", "usemtl skin", quad, "usemtl cloth", triangle, "o Right", triangle]
+    lines += ["usemtl skin", triangle]
+    (tmp_path / "a.obj").write_text("\n".join(lines))
+    mesh = read_mesh(tmp_path / "a.obj")
+    assert mesh.materials is not None and mesh.objects is not None
+    assert [mesh.materials.names[n] for n in mesh.materials.number] == ["", "skin", "skin", "cloth", "cloth", "skin"]
+    assert [mesh.objects.names[n] for n in mesh.objects.number] == ["", *["Left arm"] * 3, "Right", "Right"]
+    (tmp_path / "b.obj").write_text("\n".join([*lines[:8], quad]))
+    bare = read_mesh(tmp_path / "b.obj")
+    assert bare.materials is None and bare.objects is None
+
+
+def test_glb_tells_materials_and_objects_where_trimesh_parts_them(tmp_path: Path) -> None:
+    scene, material = trimesh.Scene(), trimesh.visual.material.PBRMaterial
+    for number, (obj, name) in enumerate((("Cu.be", "skin"), ("Ball", "skin"), ("Ball two", "cloth"))):
+        part = trimesh.creation.box()
+        uv = np.random.default_rng(number).random((len(part.vertices), 2))
+        part.visual = trimesh.visual.TextureVisuals(uv=uv, material=material(name=name))
+        scene.add_geometry(part, node_name=obj, geom_name=f"mesh{number}")
+    scene.export(tmp_path / "a.glb")
+    mesh = read_mesh(tmp_path / "a.glb")
+    assert mesh.materials is not None and mesh.objects is not None
+    by_object = {
+        mesh.objects.names[obj]: mesh.materials.names[material]
+        for obj, material in zip(mesh.objects.number, mesh.materials.number, strict=True)
+    }
+    assert by_object == {"Cu.be": "skin", "Ball": "skin", "Ball two": "cloth"}
+
+
+def test_npz_gives_back_the_names(tmp_path: Path) -> None:
+    mesh = squares((0, 0), (0, 0), materials="Grün skin", objects="a b")
+    write_mesh(tmp_path / "a.npz", mesh)
+    back = read_mesh(tmp_path / "a.npz")
+    for one, other in ((back.materials, mesh.materials), (back.objects, mesh.objects)):
+        assert one is not None and other is not None
+        assert one.names == other.names and (one.number == other.number).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"materials": np.array(["a", "a"])}, "two labels have the same name"),
+        ({"materials": np.array([1, 2])}, '"materials" are no names'),
+        ({"triangle_material": np.array([0, 0, 0, 5])}, "numbered up to 5, but have 2 names"),
+        ({"triangle_material": np.array([0, 0, 0, -1])}, "labels are numbered"),
+        ({"triangle_material": np.array([0.5, 0, 0, 1])}, "one whole number for each triangle"),
+        ({"triangle_material": np.array([0])}, "has 4 triangles, but materials for 1"),
+        ({"triangle_material": None}, 'only one of "materials" and "triangle_material"'),
+    ],
+)
+def test_names_that_do_not_fit_are_refused(tmp_path: Path, changes: dict, said: str) -> None:
+    write_mesh(tmp_path / "a.npz", squares((0, 0), (0, 0), materials="skin cloth"))
+    with np.load(tmp_path / "a.npz") as data:
+        arrays = {**data, **changes}
+    np.savez(tmp_path / "a.npz", **{key: value for key, value in arrays.items() if value is not None})
+    with pytest.raises(InputError, match=r"a\.npz: ") as error:
+        read_mesh(tmp_path / "a.npz")
+    assert said in str(error.value)
+
+
+def test_labels_of_runs() -> None:
+    labels = labels_of_runs([("a", 2), ("b", 0), ("c", 1), ("a", 1)])
+    assert labels.names == ("a", "c") and labels.number.tolist() == [0, 0, 1, 0]
+    assert isinstance(labels, Labels)

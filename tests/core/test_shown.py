@@ -1,0 +1,111 @@
+"""A present map's relief in a view is found, and taken out, where there is some; a sphere whose normals are known."""
+
+import numpy as np
+import pytest
+from eight_views import bumpy_normals, smoothly_wrong, unit
+from surface_shapes import camera_looking, sphere_mesh, sphere_view
+from synthetic import degrees_between
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.normals import NormalMap
+from mpsnet_core.rays import RayScene
+from mpsnet_core.surface.bake import View
+from mpsnet_core.surface.shown import Present, without_present
+
+POSE = np.diag([1.2, 1.2, 1.2, 1.0])
+POSE[:3, 3] = (4, -2, 1)
+MESH = sphere_mesh(96, 48, world_from_object=POSE)
+SCENE = RayScene(MESH.world_vertices, MESH.triangles)
+
+
+def relief(u: np.ndarray, v: np.ndarray, height: float = 0.3) -> np.ndarray:
+    """(..., 3) unit normals in tangent space at UVs: waves of a hundredth of the texture and less."""
+    return unit(np.stack([height * np.sin(150 * u), height * np.cos(120 * v), np.ones_like(u)], -1))
+
+
+def present(size: int = 1024, shown: str = "auto") -> Present:
+    v, u = np.mgrid[:size, :size] + 0.5
+    return Present(relief(u / size, 1 - v / size).astype(np.float32), shown)
+
+
+def smooth_view() -> View:
+    return sphere_view(camera_looking((1, 0.2, 0.3), "perspective", size=400, target=(4, -2, 1), reach=1.3), POSE)
+
+
+def worn(view: View, height: float = 0.3) -> np.ndarray:
+    """(H, W, 3) the smooth view's normals with the relief: on a sphere u runs with the azimuth, v with the height."""
+    normals = view.normals.vectors.astype(float) @ view.camera.rotation.T
+    x, y, z = np.moveaxis(normals, -1, 0)
+    u = 0.01 + 0.98 * (np.mod(np.arctan2(y, x) + np.pi / 2, 2 * np.pi) / (2 * np.pi))
+    v = 0.01 + 0.98 * (np.arcsin(np.clip(z, -1, 1)) / np.pi + 0.5)
+    east = unit(np.stack([-y, x, np.full_like(x, 1e-9)], -1))
+    a, b, c = np.moveaxis(relief(u, v, height), -1, 0)[..., None]
+    vectors = (a * east + b * np.cross(normals, east) + c * normals) @ view.camera.rotation
+    return np.where(view.normals.mask[..., None], vectors, 0)
+
+
+def taken_out(vectors: np.ndarray, view: View, present: Present) -> tuple[np.ndarray, float]:
+    normals, share = without_present(NormalMap(vectors, view.normals.mask), view.camera, MESH, SCENE, present)
+    return normals.vectors, share
+
+
+def inner(view: View) -> np.ndarray:
+    return view.normals.vectors[..., 2] > 0.5
+
+
+@pytest.mark.parametrize("shown", ["auto", "yes"])
+def test_relief_that_is_shown_is_taken_out(shown: str) -> None:
+    view = smooth_view()
+    there = inner(view)
+    assert degrees_between(worn(view), view.normals.vectors)[there].mean() > 10
+    vectors, share = taken_out(worn(view), view, present(shown=shown))
+    assert share == pytest.approx(1, abs=0.05)
+    assert degrees_between(vectors, view.normals.vectors)[there].mean() < 1.0
+
+
+def test_of_relief_that_was_estimated_too_flat_no_more_is_taken_out() -> None:
+    view = smooth_view()
+    vectors, share = taken_out(worn(view, 0.15), view, present())
+    assert share == pytest.approx(0.5, abs=0.06)
+    assert degrees_between(vectors, view.normals.vectors)[inner(view)].mean() < 1.5
+
+
+def test_the_share_is_found_in_an_estimate_that_is_bent() -> None:
+    view = smooth_view()
+    points = view.normals.vectors @ view.camera.rotation.T
+    bent = smoothly_wrong(worn(view), points, np.random.default_rng(1), 8.0)
+    assert taken_out(bent, view, present())[1] == pytest.approx(1, abs=0.1)
+
+
+@pytest.mark.parametrize("what", ["smooth", "other bumps", "bent"])
+def test_where_the_relief_is_not_shown_the_view_stays(what: str) -> None:
+    view = smooth_view()
+    points = view.normals.vectors @ view.camera.rotation.T
+    vectors = view.normals.vectors.astype(float)
+    if what == "other bumps":
+        inside = view.normals.mask
+        vectors[inside] = bumpy_normals(points[inside]) @ view.camera.rotation
+    elif what == "bent":
+        vectors = smoothly_wrong(vectors, points, np.random.default_rng(2), 8.0)
+    left, share = taken_out(vectors, view, present())
+    assert share == 0
+    assert np.array_equal(left, NormalMap(vectors, view.normals.mask).vectors)
+
+
+def test_as_told_it_is_left_in() -> None:
+    view = smooth_view()
+    assert taken_out(worn(view), view, present(shown="no"))[1] == 0
+
+
+def test_relief_finer_than_the_photo_is_not_taken_for_shown() -> None:
+    """Single texels of a map with far more of them than the photo has pixels."""
+    rng = np.random.default_rng(0)
+    fine = np.concatenate([rng.normal(0, 0.5, (2048, 2048, 2)), np.ones((2048, 2048, 1))], axis=-1)
+    view = smooth_view()
+    vectors, _ = taken_out(view.normals.vectors, view, Present(unit(fine).astype(np.float32), "yes"))
+    assert degrees_between(vectors, view.normals.vectors)[inner(view)].mean() < 12  # single texels lean by 30 degrees
+
+
+def test_a_word_that_says_nothing_is_refused() -> None:
+    with pytest.raises(InputError, match="choose auto, yes, no"):
+        present(shown="perhaps")
