@@ -37,10 +37,7 @@ def main():
         filepath=str(PRACTICE / "figure.obj"), export_selected_objects=True, forward_axis="Y", up_axis="Z"
     )
     low.hide_render = True
-    select(figure)
-    bpy.ops.mps.add_rig(slant=33, tilt=85, projection="PERSPECTIVE", focal_length=85)
-    for light, colour in zip(bpy.context.scene.mps.rig.lights, COLOURS, strict=True):
-        light.object.data.color = colour
+    add_rig(figure, projection="PERSPECTIVE", focal_length=85)
     photograph("photo", figure)
 
     ball = add_ball()
@@ -51,11 +48,17 @@ def main():
 
     leather = add_leather()
     clothe(leather, colour=(0.3, 0.17, 0.1))
-    select(leather)
-    bpy.ops.mps.add_rig(slant=33, tilt=85, view="TOP")
+    add_rig(leather, projection="ORTHOGRAPHIC", view="TOP")
     bpy.context.scene.mps.rig.camera.data.ortho_scale = 1.9  # it fills the picture
     photograph("leather", leather)
     print(f"practice photos are in {PRACTICE}")
+
+
+def add_rig(target, **settings):
+    select(target)
+    bpy.ops.mps.add_rig(slant=33, tilt=85, **settings)
+    for light, colour in zip(bpy.context.scene.mps.rig.lights, COLOURS, strict=True):
+        light.object.data.color = colour
 
 
 def add_monkey(levels):
