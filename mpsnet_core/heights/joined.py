@@ -22,7 +22,7 @@ TOGETHER = 4.0
 DIRECT = 400
 # Damping of Jacobi's method that smooths best what a 2 x 2 coarser level cannot hold (2D Laplacian).
 DAMPING = 0.8
-# The residual, as a share of the right side, at which the solution counts as found: far below what normals err by.
+# The residual, as a share of the right side, at which the solution counts as found: far below any normals' own errors.
 TOLERANCE = 1e-4
 MOST_STEPS = 200
 
