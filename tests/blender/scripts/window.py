@@ -92,11 +92,12 @@ def answer(verb, *arguments):
         bpy.context.scene.camera.data.background_images.new().image = bpy.data.images.load(arguments[0])
     elif verb == "invoke":
         operator, settings = arguments
+        module, _, operator = operator.rpartition(".")
         window, area = viewport()
         region = next(region for region in area.regions if region.type == "WINDOW")
         # What fails raises as well; the panel and the window's message say so.
         with bpy.context.temp_override(window=window, area=area, region=region), contextlib.suppress(RuntimeError):
-            getattr(bpy.ops.mps, operator)("INVOKE_DEFAULT", **settings)
+            getattr(getattr(bpy.ops, module or "mps"), operator)("INVOKE_DEFAULT", **settings)
 
 
 def alone(*panels):
