@@ -50,8 +50,8 @@ class DisplaceSettings:
     )
     scale: FloatProperty(
         name="Broadest",
-        description="Leave bumps wider than this share of the object's size to the mesh: where estimated normals err, "
-        "they err smoothly, which bends the whole. 0 keeps all of what they say",
+        description="Leave bumps wider than this fraction of the object's size to the mesh: where estimated normals "
+        "err, they err smoothly, which bends the whole. 0 keeps all of what they say",
         default=0.5,
         min=0.0,
         max=10.0,

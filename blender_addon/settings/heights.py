@@ -21,8 +21,8 @@ class HeightsSettings:
     )
     distance: FloatProperty(
         name="Distance",
-        description="How far the object is from the camera, which for a perspective one tells the scale. "
-        "0: as far as the target or the rig's middle is in this scene",
+        description="How far the object is from the camera, in the scene's unit; for a perspective one it tells the scale. "
+        "0: as far as the target is in this scene",
         default=0.0,
         min=0.0,
         options=GIVEN,
@@ -32,7 +32,7 @@ class HeightsSettings:
     )
     faces: IntProperty(
         name="Faces",
-        description="At most so many faces; small ones where the surface bends",
+        description="How many faces the mesh may have; small ones where the surface bends",
         default=200_000,
         min=2,
         max=10_000_000,
