@@ -21,7 +21,7 @@ class HeightsSettings:
     )
     distance: FloatProperty(
         name="Distance",
-        description="How far the object is from the camera, in the scene's unit; for a perspective one it tells the scale. "
+        description="How far the object is from the camera, in the scene's unit. Perspective takes its scale from it. "
         "0: as far as the target is in this scene",
         default=0.0,
         min=0.0,
