@@ -1,6 +1,6 @@
 """The displacement: the baked texture's heights move the target's surface, by its material or by modifiers."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from mpsnet_core.errors import InputError
 from .bake import DISPLACE, NORMAL_NODE, SUBDIVISION, UV_NODE, BakesOnto, write_mesh
 from .made_from import Ingredients, chosen, stamp
 from .operators import same
-from .outputs import image_file, load_image, output_path, remembered
+from .outputs import fine_preview, image_file, load_image, output_path, remembered
 from .present_map import TEXTURE_NODE
 from .settings.declared import take_given
 from .settings.displace import DisplaceSettings
@@ -74,6 +74,7 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
             raise InputError(f"the target is gone; its heights are in {self._output}")
         image = load_image(self._output, f"MPS {target.name} Height", is_data=True)
         self.made(image)
+        fine_preview(image, stretched=True)
         scene.mps.displace.image = image
         height = result["height"]
         strength, midlevel = height["strength"] / self._size, height["midlevel"]
@@ -99,15 +100,21 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
 
 
 def _texture_of(target: Any) -> Any:
-    """The baked texture that an object wears, None where it wears none. Raises InputError where it wears several."""
-    worn = {
-        slot.material.node_tree.nodes[TEXTURE_NODE].image
-        for slot in target.material_slots
-        if slot.material and slot.material.node_tree and TEXTURE_NODE in slot.material.node_tree.nodes
-    } - {None}
+    """The baked texture that an object wears, None where it wears none.
+
+    Raises InputError where it wears several, or none while others wear those that there are.
+    """
+    worn = _textures(slot.material for slot in target.material_slots)
     if len(worn) > 1:
         raise InputError(f'the materials of "{target.name}" wear several textures; bake them into one')
+    if not worn and _textures(bpy.data.materials):
+        raise InputError(f'"{target.name}" wears no baked texture; choose the object that it was baked onto')
     return next(iter(worn), None)
+
+
+def _textures(materials: Iterable[Any]) -> set[Any]:
+    trees = (material.node_tree for material in materials if material and material.node_tree)
+    return {tree.nodes[TEXTURE_NODE].image for tree in trees if TEXTURE_NODE in tree.nodes} - {None}
 
 
 def _size(target: Any) -> float:

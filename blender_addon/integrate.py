@@ -13,7 +13,7 @@ from mpsnet_core.errors import InputError
 
 from .made_from import Ingredients, chosen, stamp
 from .operators import RunsCore
-from .outputs import image_file, load_image, output_path, picture_size, remembered
+from .outputs import fine_preview, image_file, load_image, output_path, picture_size, remembered
 from .rig import rig_camera, scene_camera
 from .rigs import result_name
 from .settings.declared import take_given
@@ -85,6 +85,7 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
         scene = self.scene(f"its heights are in {self._output}")
         image = load_image(self._output, "MPS Height", is_data=True)
         self.made(image)
+        fine_preview(image, stretched=True)
         scene.mps.heights.image = image
         for what, picture in self._pictures.items():
             load_image(picture, f"MPS {PICTURES[what]}", is_data=what != "relit")
@@ -96,10 +97,20 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
 def _bring_in(scene: Any, file: Path) -> None:
     """The mesh as an object of the scene, in the place of that of an earlier run."""
     name = "MPS Surface"
-    known = set(bpy.data.objects)
+    known, layer = set(bpy.data.objects), bpy.context.view_layer
+    selected, active = list(layer.objects.selected), layer.objects.active
     bpy.ops.wm.ply_import(filepath=str(file), forward_axis="Y", up_axis="Z", import_colors="NONE")
     (made,) = set(bpy.data.objects) - known
     made.data.shade_smooth()
+    # The importer takes the open scene, and selects; what the next step works on stays what it was.
+    for collection in made.users_collection:
+        collection.objects.unlink(made)
+    scene.collection.objects.link(made)
+    if made.name in layer.objects:
+        made.select_set(False)
+    layer.objects.active = active
+    for obj in selected:
+        obj.select_set(True)
     earlier = scene.objects.get(name)
     if earlier is not None and earlier.type == "MESH":
         mesh, earlier.data = earlier.data, made.data

@@ -201,10 +201,11 @@ def _keep_with_file(image: bpy.types.Image, path: Path) -> None:
         image.filepath = bpy.path.relpath(str(path))
 
 
-def fine_preview(image: bpy.types.Image) -> None:
+def fine_preview(image: bpy.types.Image, *, stretched: bool = False) -> None:
     """Draw the image's preview with 512 pixels a side in place of Blender's 128, for a picture of small pictures.
 
-    Previews are shown square: the image is at the top, where Blender would have it in the middle.
+    Previews are shown square: the image is at the top, where Blender would have it in the middle. stretched: from black
+    to white, for numbers that are no colours.
     """
     small = image.copy()
     try:
@@ -215,6 +216,9 @@ def fine_preview(image: bpy.types.Image) -> None:
         small.pixels.foreach_get(pixels.ravel())
     finally:
         bpy.data.images.remove(small)
+    if stretched:
+        low, high = float(pixels[..., :3].min()), float(pixels[..., :3].max())
+        pixels[..., :3] = (pixels[..., :3] - low) / max(high - low, 1e-12)
     square = np.zeros((side, side, 4), np.float32)
     left = (side - width) // 2
     square[side - height :, left : left + width] = pixels  # the lowest row is the first

@@ -184,6 +184,12 @@ def test_what_cannot_be_displaced_is_told(worn, scene, tmp_path):
     with pytest.raises(RuntimeError, match="scaled to nothing"):
         bpy.ops.mps.displace(output=str(tmp_path / "h.exr"))
     worn.scale.x = 1
+    other = bpy.data.objects.new("Other", worn.data.copy())
+    other.data.materials.clear()
+    scene.collection.objects.link(other)
+    with pytest.raises(RuntimeError, match='"Other" wears no baked texture; choose the object that it was baked onto'):
+        bpy.ops.mps.displace(target="Other")
+    scene.mps.bake.target = None
     scene.mps.bake.image = None
     with pytest.raises(RuntimeError, match="Bake the texture first"):
         bpy.ops.mps.displace()
@@ -215,5 +221,9 @@ def test_the_photos_heights_stand_where_the_object_stands(estimated, scene, tmp_
     faces = array_of(made.data.polygons, "normal", 3)
     assert (faces @ towards > 0).all()
     assert scene.mps.heights.image.size[0] == 96
+    # The object that the next step works on stays chosen, and the heights can be told apart in the panel.
+    assert bpy.context.view_layer.objects.active == estimated
+    assert list(bpy.context.view_layer.objects.selected) == [estimated]
+    assert np.ptp(scene.mps.heights.image.preview.image_pixels_float[:]) == pytest.approx(1, abs=0.01)
     for name in ("h_curvature.png", "h_occlusion.png", "h_relit.png", "h.json"):
         assert (tmp_path / name).is_file()

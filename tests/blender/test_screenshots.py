@@ -39,11 +39,14 @@ bpy.utils.register_class(MPS_PT_probe)
 INK = 0.2  # what text differs by from what is behind it, at least
 
 STEPS = {
-    "rig": ("MPS_PT_rig",),
+    "rig": ("MPS_PT_start", "MPS_PT_rig"),
     "calibrate": ("MPS_PT_rig", "MPS_PT_calibrate", "MPS_PT_outline"),
     "photo": ("MPS_PT_photo", "MPS_PT_real", "MPS_PT_near", "MPS_PT_mask"),
     "estimate": ("MPS_PT_estimate",),
-    "bake": ("MPS_PT_bake",),
+    "bake": ("MPS_PT_bake", "MPS_PT_texture", "MPS_PT_detail"),
+    "height": ("MPS_PT_heights",),
+    "displace": ("MPS_PT_heights", "MPS_PT_displace"),
+    "material": ("MPS_PT_material", "MPS_PT_material_crop"),
     "views": ("MPS_PT_views",),
     "samples": ("MPS_PT_samples",),
 }
@@ -222,11 +225,24 @@ def test_every_state_of_every_step(unfolded, tmp_path, look):
     window.wait(lambda state: not state["running"], 60, "end of the cancelled bake")
     work("bake", size=256, output=str(tmp_path / "texture.png"))
     album.photograph("done", "bake")
+    album.photograph("ready", "height", "displace", "material")
+    work("integrate", distance=5, faces=1000, output=str(tmp_path / "height.exr"))
+    album.photograph("done", "height")
+    work("displace", levels=1, output=str(tmp_path / "missing" / "displacement.exr"))
+    album.photograph("failed", "displace")
+    work("displace", output=str(tmp_path / "displacement.exr"))
+    album.photograph("done", "displace")
+    work("make_material", output=str(tmp_path / "material"))
+    album.photograph("failed", "material")
+    sides = {f"crop_{side}": 400 for side in ("left", "right", "top", "bottom")}
+    work("make_material", width=2.0, **sides)
+    album.photograph("done", "material")
     run(
         "light = bpy.data.objects['MPS Red']; light.location.x += 1\nmps = bpy.context.scene.mps\n"
-        "mps.estimate.model = 'LAMBERTIAN'; mps.bake.size = 512"
+        "mps.estimate.model = 'LAMBERTIAN'; mps.bake.size = 512\n"
+        "mps.heights.method = 'BILATERAL'; mps.displace.levels = 2; mps.material.bend = 2"
     )
-    album.photograph("out_of_date", "photo", "estimate", "bake")
+    album.photograph("out_of_date", "photo", "estimate", "bake", "height", "displace", "material")
     run("bpy.ops.mps.new_rig()")
     album.photograph("several", "rig", "photo", "bake")
     assert not album.faults, "\n".join(album.faults)
