@@ -25,6 +25,7 @@ from .outputs import (
     output_frames,
     output_path,
     picture_size,
+    remember,
     remembered,
 )
 from .present_map import GREEN_NODE, TEXTURE_NODE, base_to_keep, keep_base, present_map
@@ -52,6 +53,9 @@ _SHOWN_AND_RENDERED = (
     ("steps", "render_steps"),
     ("viewport_resolution", "resolution"),
 )
+NORMAL_NODE, UV_NODE = "MPS Normal", "MPS UV"
+# What `mps.displace` gives an object. Textures are baked onto the object without them, and heights are of that.
+SUBDIVISION, DISPLACE = "MPS Subdivision", "MPS Displace"
 BITS = {".png": "16", ".tif": "16", ".tiff": "16", ".exr": "32"}
 
 
@@ -383,10 +387,15 @@ def write_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: M
 
 @contextmanager
 def as_rendered(obj: Any) -> Iterator[None]:
-    """Within, the object's modifiers show in the viewport, and so in the dependency graph, what a render shows."""
+    """Within, the object's modifiers show in the viewport, and so in the dependency graph, what a render shows; without
+    the displacement that the add-on made."""
     kept = []
     try:
         for modifier in obj.modifiers:
+            if modifier.name in (SUBDIVISION, DISPLACE):
+                kept.append((modifier, "show_viewport", modifier.show_viewport))
+                modifier.show_viewport = False
+                continue
             for shown, rendered in _SHOWN_AND_RENDERED:
                 if hasattr(modifier, shown) and hasattr(modifier, rendered):
                     kept.append((modifier, shown, getattr(modifier, shown)))
@@ -442,6 +451,9 @@ def wear_textures(worn: Sequence[Worn], space: str, convention: str, frames: ran
     """
     sentences = []
     for material, (image, uv_map) in own_materials(worn).items():
+        # Whoever reads the texture later needs to know, whatever the panel says by then.
+        remember(image, "space", space)
+        remember(image, "convention", convention)
         for name in wear(material, image, uv_map, space, convention):
             sentences.append(f'The texture took the place of "{name}" in material "{material.name}"')
         if frames:
@@ -472,8 +484,8 @@ def wear(material: Any, image: Any, uv_map: str, space: str, convention: str) ->
             found.location = (left - 200 * steps, top)
         return found
 
-    uv, texture = node("MPS UV", "ShaderNodeUVMap", 5), node(TEXTURE_NODE, "ShaderNodeTexImage", 4)
-    normal = node("MPS Normal", "ShaderNodeNormalMap", 1)
+    uv, texture = node(UV_NODE, "ShaderNodeUVMap", 5), node(TEXTURE_NODE, "ShaderNodeTexImage", 4)
+    normal = node(NORMAL_NODE, "ShaderNodeNormalMap", 1)
     uv.uv_map = normal.uv_map = uv_map
     texture.image, normal.space = image, space
     links.new(uv.outputs["UV"], texture.inputs["Vector"])

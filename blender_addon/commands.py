@@ -28,6 +28,8 @@ VERBS = (
     "estimate",
     "bake",
     "bake_views",
+    "displace",
+    "integrate",
     "make_material",
     "render_samples",
 )
@@ -113,6 +115,8 @@ def _written(verb: str) -> str:
         "bake": scene.bake.image,
         "try_it": scene.bake.image,
         "bake_views": scene.bake.image,
+        "displace": scene.displace.image,
+        "integrate": scene.heights.image,
         "make_material": scene.material.image,
     }
     image = images.get(verb)

@@ -4,7 +4,7 @@
     blender -b --python examples/practice_photos.py      with the extension installed
 
 Leaves in practice/, in the folder that it is run in: a mirror ball, a grey ball and a figure, each under the same three
-lights, a piece of leather lying flat, a figure's low-poly mesh with UVs, and the cameras. The lights' colours leak into
+lights, a piece of plaster lying flat, a figure's low-poly mesh with UVs, and the cameras. The lights' colours leak into
 one another, as those of real LEDs do. The camera looks along Blender's +Y; the mesh is in the same world.
 """
 
@@ -37,10 +37,7 @@ def main():
         filepath=str(PRACTICE / "figure.obj"), export_selected_objects=True, forward_axis="Y", up_axis="Z"
     )
     low.hide_render = True
-    select(figure)
-    bpy.ops.mps.add_rig(slant=33, tilt=85, projection="PERSPECTIVE", focal_length=85)
-    for light, colour in zip(bpy.context.scene.mps.rig.lights, COLOURS, strict=True):
-        light.object.data.color = colour
+    add_rig(figure, projection="PERSPECTIVE", focal_length=85)
     photograph("photo", figure)
 
     ball = add_ball()
@@ -49,13 +46,19 @@ def main():
     clothe(ball, colour=(0.5, 0.5, 0.5))
     photograph("grey", ball)
 
-    leather = add_leather()
-    clothe(leather, colour=(0.3, 0.17, 0.1))
-    select(leather)
-    bpy.ops.mps.add_rig(slant=33, tilt=85, view="TOP")
+    plaster = add_plaster()
+    clothe(plaster, colour=(0.55, 0.5, 0.42))
+    add_rig(plaster, projection="ORTHOGRAPHIC", view="TOP")
     bpy.context.scene.mps.rig.camera.data.ortho_scale = 1.9  # it fills the picture
-    photograph("leather", leather)
+    photograph("plaster", plaster)
     print(f"practice photos are in {PRACTICE}")
+
+
+def add_rig(target, **settings):
+    select(target)
+    bpy.ops.mps.add_rig(slant=33, tilt=85, **settings)
+    for light, colour in zip(bpy.context.scene.mps.rig.lights, COLOURS, strict=True):
+        light.object.data.color = colour
 
 
 def add_monkey(levels):
@@ -73,14 +76,14 @@ def add_ball():
     return bpy.context.object
 
 
-def add_leather():
+def add_plaster():
     """A square of 2 units, grained by cells of several sizes."""
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=700, y_subdivisions=700, size=2)
-    leather = bpy.context.object
+    plaster = bpy.context.object
     bpy.ops.object.shade_smooth()
     for pattern, strength, scale in (("VORONOI", 0.05, 0.12), ("VORONOI", 0.02, 0.05), ("CLOUDS", 0.01, 0.02)):
-        displace(leather, pattern, strength, scale)
-    return leather
+        displace(plaster, pattern, strength, scale)
+    return plaster
 
 
 def displace(target, pattern, strength, scale):

@@ -2,10 +2,10 @@
 
 import bpy
 
-from . import bake, estimate, material, photo, rig, samples, start, views
+from . import bake, estimate, heights, material, photo, rig, samples, start, views
 
 # In the order of the sidebar.
-_STEPS = (start, rig, photo, estimate, bake, views, material, samples)
+_STEPS = (start, rig, photo, estimate, bake, heights, views, material, samples)
 
 CLASSES = [cls for step in _STEPS for cls in step.CLASSES]
 

@@ -33,18 +33,8 @@ class MPS_PT_bake(Step):
             column.prop_search(bake, "uv_map", target.data, "uv_layers")
         else:
             column.prop(bake, "uv_map")
-        column.prop(bake, "split")
-        column.prop(bake, "tiles")
         column.prop(bake, "preset")
         column.prop(bake, "size")
-        column.prop(bake, "space")
-        column.prop(bake, "convention")
-        column.prop(bake, "samples")
-        column.prop(bake, "padding")
-        if bake.padding == "NEAREST":
-            column.prop(bake, "margin")
-        column.prop(bake, "file_format")
-        column.prop(bake, "bits")
         column.prop(bake, "output", text="File", placeholder="Automatic")
         normals = context.scene.mps.estimate.image
         if normals is not None and normals.source == "SEQUENCE":
@@ -58,9 +48,30 @@ class MPS_PT_bake(Step):
         self.layout.operator("mps.relight", icon="LIGHT_SUN", depress=lit)
 
 
+class MPS_PT_texture(Step):
+    bl_label = "Texture"
+    bl_parent_id = "MPS_PT_bake"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        bake = context.scene.mps.bake
+        column = self.column()
+        column.prop(bake, "split")
+        column.prop(bake, "tiles")
+        column.prop(bake, "space")
+        column.prop(bake, "convention")
+        column.prop(bake, "samples")
+        column.prop(bake, "padding")
+        if bake.padding == "NEAREST":
+            column.prop(bake, "margin")
+        column.prop(bake, "file_format")
+        column.prop(bake, "bits")
+
+
 class MPS_PT_detail(Step):
     bl_label = "Detail"
     bl_parent_id = "MPS_PT_bake"
+    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: Any) -> None:
         bake = context.scene.mps.bake
@@ -77,4 +88,4 @@ class MPS_PT_detail(Step):
             column.prop(bake, "onto_shown")
 
 
-CLASSES = (MPS_PT_bake, MPS_PT_detail)
+CLASSES = (MPS_PT_bake, MPS_PT_texture, MPS_PT_detail)

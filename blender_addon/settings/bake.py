@@ -194,7 +194,7 @@ class BakeSettings:
     )
     strength: FloatProperty(
         name="Strength",
-        description="How strong the photo's relief is against the object's own surface: 1 as it is, 0 none",
+        description="Fraction of the photo's relief that is added to the object's own surface: 1 as it is, 0 none",
         default=1.0,
         min=0.0,
         max=2.0,

@@ -5,7 +5,9 @@ from bpy.props import BoolProperty, CollectionProperty, FloatProperty, IntProper
 
 from .bake import MPS_PG_bake
 from .calibrate import MPS_PG_calibrate
+from .displace import MPS_PG_displace
 from .estimate import MPS_PG_estimate
+from .heights import MPS_PG_heights
 from .material import MPS_PG_material
 from .photo import MPS_PG_photo
 from .record import MPS_PG_record
@@ -24,6 +26,8 @@ class MPS_PG_scene(bpy.types.PropertyGroup):
     photo: PointerProperty(type=MPS_PG_photo)
     estimate: PointerProperty(type=MPS_PG_estimate)
     bake: PointerProperty(type=MPS_PG_bake)
+    heights: PointerProperty(type=MPS_PG_heights)
+    displace: PointerProperty(type=MPS_PG_displace)
     views: PointerProperty(type=MPS_PG_views)
     material: PointerProperty(type=MPS_PG_material)
     samples: PointerProperty(type=MPS_PG_samples)
@@ -56,6 +60,8 @@ CLASSES = (
     MPS_PG_photo,
     MPS_PG_estimate,
     MPS_PG_bake,
+    MPS_PG_heights,
+    MPS_PG_displace,
     MPS_PG_views,
     MPS_PG_material,
     MPS_PG_samples,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from mpsnet_core.cli.arguments import Help, Verbs
 from mpsnet_core.cli.height_products import PRODUCTS, Surface
+from mpsnet_core.cli.onto import add_onto, integrate_onto
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.errors import InputError
 from mpsnet_core.progress import Progress, part
@@ -22,7 +23,9 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
     parser = verbs.add_parser(
         "integrate", parents=[common], formatter_class=Help, help="normal map to heights, a mesh, curvature and more"
     )
-    parser.add_argument("normals", help="normal map in camera space, as `mpsnet estimate` writes it")
+    parser.add_argument(
+        "normals", help="normal map in camera space, as `mpsnet estimate` writes it; or with --onto a texture"
+    )
     parser.add_argument("--convention", default="opengl", help="of the normal map: opengl (green up) or directx")
     place = parser.add_argument_group("what the photo was taken with")
     place.add_argument("--camera", help="camera file")
@@ -43,6 +46,7 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
         help="fast: one smooth surface; bilateral: breaks where one thing stands before another",
     )
     _add_outputs(parser.add_argument_group("what to make, at least one of them"))
+    add_onto(parser.add_argument_group("heights on a mesh's UVs, from the normal texture that was baked onto them"))
     parser.set_defaults(verb=_integrate)
 
 
@@ -91,6 +95,8 @@ def _integrate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any
     from mpsnet_core.normals import check_convention, read_normals
 
     check_convention(options.convention)
+    if options.onto:
+        return integrate_onto(options, reporter)
     if options.method not in METHODS:
         raise InputError(f"method {options.method!r} is not known; choose {' or '.join(METHODS)}")
     asked = {name: product for name, product in PRODUCTS.items() if getattr(options, name)}

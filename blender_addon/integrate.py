@@ -1,0 +1,114 @@
+"""The heights of what the photo shows: as a file, as a mesh where the camera saw it, and as pictures."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Vector
+
+from mpsnet_core.camera import read_camera, write_camera
+from mpsnet_core.errors import InputError
+
+from .made_from import Ingredients, chosen, stamp
+from .operators import RunsCore
+from .outputs import image_file, load_image, output_path, picture_size, remembered
+from .rig import rig_camera, scene_camera
+from .rigs import result_name
+from .settings.declared import take_given
+from .settings.heights import HeightsSettings
+
+PICTURES = {"curvature": "Curvature", "occlusion": "Ambient Occlusion", "relit": "Relit"}
+
+
+class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
+    """Make heights of the estimated normals: a file, a mesh where the camera saw the object, pictures of its shape"""
+
+    bl_idname = "mps.integrate"
+    bl_label = "Make Height"
+    bl_options = {"UNDO"}
+
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        return "" if context.scene.mps.estimate.image else "Estimate the normals first"
+
+    @classmethod
+    def made_from(cls, context: Any) -> Ingredients:
+        scene = context.scene.mps
+        return {"Normals": stamp(scene.estimate.image), **chosen(HeightsSettings, scene.heights)}
+
+    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+        scene = context.scene
+        take_given(self, HeightsSettings, scene.mps.heights)
+        image = scene.mps.estimate.image
+        if image.source == "SEQUENCE":
+            raise InputError("the normals are a sequence, and heights are made of one photo's; estimate one photo")
+        normals = image_file(image, "normal map", "estimate the normals first")
+        self._output = output_path(self.output, result_name(scene, "height"), self.file_format)
+        self._pictures = {
+            what: self._output.with_name(f"{self._output.stem}_{what}.png") for what in PICTURES if getattr(self, what)
+        }
+        arguments = ["integrate", str(normals), "--method", self.method.lower(), "--height", str(self._output)]
+        arguments += self._place(context, image, folder)
+        for what, picture in self._pictures.items():
+            arguments += [f"--{what}", str(picture)]
+        outputs = [self._output, *self._pictures.values()]
+        self._mesh = self._output.with_suffix(".ply") if self.mesh else None
+        if self._mesh is not None:
+            arguments += ["--mesh", str(self._mesh), "--faces", str(self.faces)]
+            outputs.append(self._mesh)
+        return arguments, outputs
+
+    def _place(self, context: Any, image: Any, folder: Path) -> list[str]:
+        """The camera that took the photo, and how far the object is from it."""
+        scene, file = context.scene, folder / "camera.json"
+        taken_with = remembered(image, "camera")
+        told = ["--distance", f"{self.distance:.9g}"] if self.distance else []
+        if taken_with is not None:
+            file.write_text(taken_with, encoding="utf-8")
+        elif scene.mps.rig.lights:
+            write_camera(file, scene_camera(rig_camera(scene), scene, picture_size(image)))
+        elif scene.mps.estimate.lens:
+            return ["--focal", f"{scene.mps.estimate.lens:g}", *told]
+        else:
+            return told
+        if not told:
+            target = scene.mps.bake.target or context.view_layer.objects.active
+            if target is not None and target.type == "MESH":
+                middle = target.matrix_world @ (sum(map(Vector, target.bound_box), Vector()) / 8)
+                depth = float(read_camera(file).depth_row() @ np.array([*middle, 1]))
+                told = ["--distance", f"{depth:.9g}"] if depth > 0 else []
+        return ["--camera", str(file), *told]
+
+    def finish(self, context: Any, result: dict[str, Any]) -> None:
+        scene = self.scene(f"its heights are in {self._output}")
+        image = load_image(self._output, "MPS Height", is_data=True)
+        self.made(image)
+        scene.mps.heights.image = image
+        for what, picture in self._pictures.items():
+            load_image(picture, f"MPS {PICTURES[what]}", is_data=what != "relit")
+        if self._mesh is not None:
+            _bring_in(scene, self._mesh)
+        self.report({"INFO"}, f"Heights written to {self._output}")
+
+
+def _bring_in(scene: Any, file: Path) -> None:
+    """The mesh as an object of the scene, in the place of that of an earlier run."""
+    name = "MPS Surface"
+    known = set(bpy.data.objects)
+    bpy.ops.wm.ply_import(filepath=str(file), forward_axis="Y", up_axis="Z", import_colors="NONE")
+    (made,) = set(bpy.data.objects) - known
+    made.data.shade_smooth()
+    earlier = scene.objects.get(name)
+    if earlier is not None and earlier.type == "MESH":
+        mesh, earlier.data = earlier.data, made.data
+        bpy.data.objects.remove(made)
+        if not mesh.users:
+            bpy.data.meshes.remove(mesh)
+        earlier.data.name = name
+        return
+    made.name = made.data.name = name
+
+
+register, unregister = bpy.utils.register_classes_factory((MPS_OT_integrate,))

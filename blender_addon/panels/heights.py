@@ -1,0 +1,62 @@
+"""Step 5: heights, as the photo shows them and on the object."""
+
+from typing import Any
+
+from .step import Step
+
+
+class MPS_PT_heights(Step):
+    bl_label = "5  Height"
+    verbs = ("integrate",)
+    optional = True
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def result(cls, context: Any) -> Any:
+        return context.scene.mps.heights.image
+
+    def draw(self, context: Any) -> None:
+        heights = context.scene.mps.heights
+        column = self.column()
+        column.prop(heights, "method")
+        column.prop(heights, "distance")
+        column.prop(heights, "file_format")
+        column.prop(heights, "output", text="File", placeholder="Automatic")
+        column = self.column(heading="Make")
+        column.prop(heights, "mesh")
+        if heights.mesh:
+            column.prop(heights, "faces")
+        for what in ("curvature", "occlusion", "relit"):
+            column.prop(heights, what)
+        self.progress_or(context, "integrate", "OUTLINER_DATA_LIGHTPROBE")
+        self.picture(heights.image)
+
+
+class MPS_PT_displace(Step):
+    bl_label = "Displace Object"
+    bl_parent_id = "MPS_PT_heights"
+    verbs = ("displace",)
+    optional = True
+
+    @classmethod
+    def result(cls, context: Any) -> Any:
+        return context.scene.mps.displace.image
+
+    def draw(self, context: Any) -> None:
+        displace = context.scene.mps.displace
+        target = context.scene.mps.bake.target or context.view_layer.objects.active
+        column = self.column()
+        column.prop(context.scene.mps.bake, "target", placeholder=target.name if target else "")
+        column.prop(displace, "method")
+        column.prop(displace, "levels")
+        if displace.levels:
+            column.prop(displace, "subdivision")
+        column.prop(displace, "scale")
+        column.prop(displace, "keep_normals")
+        column.prop(displace, "file_format")
+        column.prop(displace, "output", text="File", placeholder="Automatic")
+        self.progress_or(context, "displace", "MOD_DISPLACE")
+        self.picture(displace.image)
+
+
+CLASSES = (MPS_PT_heights, MPS_PT_displace)

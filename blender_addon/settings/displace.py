@@ -1,0 +1,85 @@
+"""The displacement's settings."""
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+
+from .declared import FILE_FORMATS, GIVEN, PATH
+
+
+class DisplaceSettings:
+    """What the baked texture's heights are and how the object wears them."""
+
+    method: EnumProperty(
+        name="Displace By",
+        description="What moves the surface",
+        items=[
+            (
+                "MATERIAL",
+                "Material",
+                "A Displacement node: when rendering. What is finer than the mesh becomes bumps, so that all detail "
+                "is there",
+            ),
+            (
+                "MODIFIER",
+                "Modifier",
+                "A Displace modifier: a mesh that can be seen in the viewport, sculpted and exported. What is finer "
+                "than the mesh is lost",
+            ),
+        ],
+        default="MATERIAL",
+        options=GIVEN,
+    )
+    levels: IntProperty(
+        name="Subdivisions",
+        description="How often the mesh is subdivided first: each makes four times as many faces. "
+        "0: it is fine enough as it is",
+        default=4,
+        min=0,
+        max=8,
+        options=GIVEN,
+    )
+    subdivision: EnumProperty(
+        name="Subdivide",
+        description="How the mesh is subdivided",
+        items=[
+            ("SIMPLE", "Simple", "The mesh keeps its shape: comes closest to what the photo shows"),
+            ("CATMULL_CLARK", "Catmull-Clark", "The mesh becomes round: for one that is made for it"),
+        ],
+        default="SIMPLE",
+        options=GIVEN,
+    )
+    scale: FloatProperty(
+        name="Broadest",
+        description="Leave bumps wider than this fraction of the object's size to the mesh: where estimated normals "
+        "err, they err smoothly, which bends the whole. 0 keeps all of what they say",
+        default=0.5,
+        min=0.0,
+        max=10.0,
+        options=GIVEN,
+    )
+    keep_normals: BoolProperty(
+        name="Normal Map Too",
+        description="Leave the normal map on. In tangent space it shows the same relief a second time, "
+        "so it is taken off unless this is chosen. One in object space always stays: it does not",
+        default=False,
+        options=GIVEN,
+    )
+    file_format: EnumProperty(
+        name="Format",
+        description="File format of the heights. OpenEXR holds them in world units, the others from black to white",
+        items=FILE_FORMATS,
+        default="EXR",
+        options=GIVEN,
+    )
+    output: StringProperty(
+        name="Height File",
+        description="File to write; its ending decides the format. Empty: a name of its own in the output folder",
+        subtype="FILE_PATH",
+        options=PATH,
+    )
+
+
+class MPS_PG_displace(DisplaceSettings, bpy.types.PropertyGroup):
+    """The displacement: its settings, and the heights once they are there."""
+
+    image: PointerProperty(name="Heights", description="Heights on the object's UVs", type=bpy.types.Image)

@@ -1,0 +1,89 @@
+"""The verb integrate with --onto: a normal texture to heights on the same mesh's UVs."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from mpsnet_core.cli.reporter import Reporter
+from mpsnet_core.errors import InputError
+from mpsnet_core.progress import part
+
+# Options of the verb that go with a photo's normal map only, by their defaults.
+_OF_PHOTOS = {
+    "camera": None,
+    "focal": None,
+    "pixel_size": None,
+    "distance": None,
+    "method": "fast",
+    "mesh": None,
+    "curvature": None,
+    "occlusion": None,
+    "relit": None,
+}
+
+
+def add_onto(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--onto", metavar="MESH", help="the mesh with UVs that the texture was baked onto; needs --height"
+    )
+    group.add_argument("--space", default="tangent", help="of the texture: tangent (MikkTSpace) or object")
+    group.add_argument("--base", metavar="MESH", help="what is to be displaced, where that is the same mesh subdivided")
+    group.add_argument(
+        "--scale",
+        type=float,
+        default=0.0,
+        help="leave bumps wider than this share of the mesh's size to the mesh; 0 keeps all",
+    )
+    group.add_argument("--mean", type=float, help="of the heights; unless given, the surface stays where it is")
+    group.add_argument("--margin", type=int, default=16, help="texels that the islands' borders are grown by")
+
+
+def integrate_onto(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
+    from mpsnet_core.frames import check_apart
+    from mpsnet_core.heights.height_files import height_files, write_height
+    from mpsnet_core.heights.on_uvs import displacement
+    from mpsnet_core.normals import read_normals
+    from mpsnet_core.surface.mesh import read_mesh
+
+    for name, default in _OF_PHOTOS.items():
+        if getattr(options, name) != default:
+            raise InputError(f"--{name.replace('_', '-')} goes with a photo's normals, not with --onto; leave it out")
+    if not options.height:
+        raise InputError("--onto makes heights; name their file with --height")
+    files = height_files(options.height, options.height_bits)
+    check_apart([file for file in (options.normals, options.onto, options.base) if file], files)
+    reporter.progress(0.0, "reading the mesh")
+    mesh = read_mesh(options.onto)
+    base = read_mesh(options.base) if options.base else None
+    reporter.progress(0.05, f"reading {Path(options.normals).name}")
+    texture = read_normals(options.normals, convention=options.convention)
+    found = displacement(
+        texture.vectors,
+        mesh,
+        space=options.space,
+        base=base,
+        scale=options.scale,
+        mean=options.mean,
+        margin=options.margin,
+        progress=part(reporter.progress, 0.1, 0.9),
+    )
+    reporter.progress(0.9, f"writing {Path(options.height).name}")
+    unit = options.unit or "unit"
+    scale = write_height(options.height, found.as_height_map(), bits=options.height_bits, unit=unit)
+    inside = found.values[found.covered]
+    lowest, highest = float(inside.min()), float(inside.max())
+    return {
+        "outputs": [str(file) for file in files[:2]],
+        "unit": unit,
+        "height": {
+            "lowest": lowest,
+            "highest": highest,
+            "black": scale.black,
+            "white": scale.white,
+            "strength": scale.strength,
+            "midlevel": scale.midlevel,
+            "seam_step": found.seam_step,
+        },
+        "text": f"{options.height}: heights from {lowest:.4g} to {highest:.4g} {unit}; {scale}; "
+        f"Blender's Displace: strength {scale.strength:.6g}, midlevel {scale.midlevel:.6g}",
+    }

@@ -1,0 +1,219 @@
+"""The displacement in Blender: a low poly, displaced by its baked normals, against the mesh they were baked from."""
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix
+from mathutils.bvhtree import BVHTree
+
+from blender_addon.commands import main
+from mpsnet_core.images import write_image
+from mpsnet_core.normals import encode
+
+from .test_bake_against_blender import (
+    TURN,
+    add_sun,
+    array_of,
+    blenders_bake,
+    camera_at,
+    detailed_object,
+    dressed,
+    render,
+    set_up_cycles,
+    simplified,
+    with_materials,
+)
+
+SIZE = 512
+
+
+def baked(low: "bpy.types.Object", high: "bpy.types.Object", path: Path, space: str = "TANGENT") -> None:
+    """Blender's own selected-to-active bake of the normals, taken as the step before has left it."""
+    set_up_cycles(64)
+    vectors = blenders_bake(high, low, SIZE, space)
+    flat = np.array([0, 0, 1.0]) if space == "TANGENT" else np.array([1.0, 0, 0])
+    write_image(path, encode(np.where(vectors.any(axis=-1, keepdims=True), vectors, flat)))
+    for node in [node for node in low.data.materials[0].node_tree.nodes if node.type == "TEX_IMAGE"]:
+        low.data.materials[0].node_tree.nodes.remove(node)
+    bpy.context.scene.mps.bake.image = bpy.data.images.load(str(path))
+    bpy.context.scene.mps.bake.space = space
+    high.hide_set(True)
+
+
+def world_points(obj: "bpy.types.Object") -> np.ndarray:
+    """(V, 3) the object's points as modifiers leave them."""
+    bpy.context.view_layer.update()
+    evaluated = obj.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    mesh = evaluated.to_mesh()
+    points = array_of(mesh.vertices, "co", 3).astype(np.float64)
+    evaluated.to_mesh_clear()
+    matrix = np.array(obj.matrix_world)
+    return points @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def distances(points: np.ndarray, high: "bpy.types.Object") -> np.ndarray:
+    """(N,) from points to the high poly's surface."""
+    matrix = np.array(high.matrix_world)
+    vertices = array_of(high.data.vertices, "co", 3) @ matrix[:3, :3].T + matrix[:3, 3]
+    faces = array_of(high.data.loops, "vertex_index", 1, np.int32).reshape(-1, 3)
+    tree = BVHTree.FromPolygons(vertices.tolist(), faces.tolist())
+    return np.array([tree.find_nearest(point)[3] for point in points.tolist()])
+
+
+@pytest.mark.parametrize("kind", ["CATMULL_CLARK", "SIMPLE"])
+@pytest.mark.parametrize("scale", [(1, 1, 1), (2.5, 2.5, 2.5), (1, 0.7, 1.4)], ids=["as it is", "scaled", "stretched"])
+def test_the_modifier_brings_the_low_poly_to_the_high_poly(scene, tmp_path, kind, scale):
+    high = detailed_object()
+    low = simplified(high, 1500)
+    with_materials(high, low)
+    baked(low, high, tmp_path / "normal.png")
+    for obj in (high, low):
+        obj.matrix_world = Matrix.LocRotScale((3, -2, 1), TURN, scale)
+    bpy.context.view_layer.update()
+    bpy.ops.mps.displace(
+        target=low.name, method="MODIFIER", levels=3, subdivision=kind, scale=0, output=str(tmp_path / "height.exr")
+    )
+    after = distances(world_points(low), high)
+    low.modifiers["MPS Displace"].show_viewport = False
+    subdivided = distances(world_points(low), high)
+    low.modifiers["MPS Subdivision"].show_viewport = False
+    print(
+        f"{kind} {scale}: {np.sqrt((after**2).mean()):.5f}, subdivided only {np.sqrt((subdivided**2).mean()):.5f}, "
+        f"most {after.max():.5f} of {subdivided.max():.5f}"
+    )
+    assert np.sqrt((after**2).mean()) < 0.4 * np.sqrt((subdivided**2).mean())
+
+
+def rendered_difference(one: np.ndarray, other: np.ndarray) -> float:
+    inside = (one[..., 3] > 0.99) & (other[..., 3] > 0.99)
+    return float(np.abs(one - other)[inside][:, :3].mean())
+
+
+def test_the_material_displaces_as_the_modifier_does(scene, tmp_path):
+    """A render of the low poly with either is far closer to that of the high poly, outline and all."""
+    high = detailed_object()
+    low = simplified(high, 700)
+    with_materials(high, low)
+    baked(low, high, tmp_path / "normal.png")
+    for obj in (high, low):
+        dressed(obj, None, "TANGENT", False)
+        obj.matrix_world = Matrix.LocRotScale((0, 0, 0), TURN, (0.9, 0.7, 1.05))
+    add_sun()
+    scene.render.resolution_x = scene.render.resolution_y = 192
+    camera = camera_at((0.5, -1, 0.3))
+    high.hide_set(False)
+    original = render(tmp_path / "look.exr", camera, high)
+    plain = rendered_difference(render(tmp_path / "look.exr", camera, low), original)
+    for method, file in (("MATERIAL", "height.exr"), ("MODIFIER", "height.exr"), ("MATERIAL", "height.png")):
+        bpy.ops.mps.displace(target=low.name, method=method, levels=5, scale=0, output=str(tmp_path / file))
+        found = render(tmp_path / "look.exr", camera, low)
+        shown = rendered_difference(found, original)
+        outline = np.mean((found[..., 3] > 0.5) != (original[..., 3] > 0.5))
+        print(f"{method} {file}: {shown:.4f} of {plain:.4f}, outline {outline:.5f}")
+        assert shown < 0.3 * plain
+
+
+def nodes_and_modifiers(low):
+    (material,) = (slot.material for slot in low.material_slots)
+    displacement = [node for node in material.node_tree.nodes if node.type == "DISPLACEMENT"]
+    heights = [node for node in material.node_tree.nodes if node.name == "MPS Height"]
+    return material, displacement, heights, [modifier.type for modifier in low.modifiers]
+
+
+@pytest.fixture
+def worn(estimated, scene, tmp_path):
+    """The sphere with its photo's normals baked onto it and worn."""
+    bpy.ops.mps.bake(size=128, output=str(tmp_path / "texture.png"))
+    return estimated
+
+
+def normal_is_worn(material):
+    shader = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+    return shader.inputs["Normal"].is_linked
+
+
+def test_again_and_again_it_takes_what_it_made(worn, scene, tmp_path):
+    for _ in range(2):
+        bpy.ops.mps.displace(levels=1, output=str(tmp_path / "h.exr"))
+    material, displacement, heights, modifiers = nodes_and_modifiers(worn)
+    assert len(displacement) == len(heights) == 1 and modifiers == ["SUBSURF"]
+    assert material.displacement_method == "BOTH" and not normal_is_worn(material)
+    assert heights[0].image == scene.mps.displace.image and heights[0].image.colorspace_settings.is_data
+    assert displacement[0].outputs[0].links[0].to_socket.name == "Displacement"
+    for _ in range(2):
+        bpy.ops.mps.displace(method="MODIFIER", levels=2, output=str(tmp_path / "h.exr"))
+    material, displacement, heights, modifiers = nodes_and_modifiers(worn)
+    assert not displacement and not heights and modifiers == ["SUBSURF", "DISPLACE"]
+    assert worn.modifiers["MPS Subdivision"].levels == worn.modifiers["MPS Subdivision"].render_levels == 2
+    bpy.ops.mps.displace(method="MATERIAL", levels=0, keep_normals=True, output=str(tmp_path / "h.exr"))
+    material, displacement, heights, modifiers = nodes_and_modifiers(worn)
+    assert len(displacement) == len(heights) == 1 and not modifiers and normal_is_worn(material)
+
+
+def test_heights_in_16_bits_move_by_as_much(worn, scene, tmp_path):
+    moved = []
+    for name in ("h.exr", "h.png"):
+        bpy.ops.mps.displace(method="MODIFIER", levels=1, output=str(tmp_path / name))
+        moved.append(world_points(worn))
+    assert np.ptp(scene.mps.displace.image.pixels[:]) > 0.5  # black to white
+    assert np.abs(moved[0] - moved[1]).max() < 1e-4
+
+
+def test_a_texture_in_object_space_stays(estimated, scene, tmp_path):
+    bpy.ops.mps.bake(size=128, space="OBJECT", output=str(tmp_path / "texture.png"))
+    scene.mps.bake.space = "TANGENT"  # for the next one
+    bpy.ops.mps.displace(method="MODIFIER", levels=1, output=str(tmp_path / "h.exr"))
+    assert normal_is_worn(estimated.material_slots[0].material)
+
+
+def test_the_next_bake_is_onto_the_object_without_the_displacement(worn, scene, tmp_path):
+    bpy.ops.mps.displace(method="MODIFIER", levels=1, output=str(tmp_path / "h.exr"))
+    bpy.ops.mps.bake(output=str(tmp_path / "again.png"))
+    assert (tmp_path / "again.png").read_bytes() == (tmp_path / "texture.png").read_bytes()
+    assert all(modifier.show_viewport for modifier in worn.modifiers)
+
+
+def test_what_cannot_be_displaced_is_told(worn, scene, tmp_path):
+    with pytest.raises(RuntimeError, match="there is no object"):
+        bpy.ops.mps.displace(target="Nobody")
+    with pytest.raises(RuntimeError, match="does not exist; create it first"):
+        bpy.ops.mps.displace(output=str(tmp_path / "no" / "h.exr"))
+    worn.scale.x = 0
+    with pytest.raises(RuntimeError, match="scaled to nothing"):
+        bpy.ops.mps.displace(output=str(tmp_path / "h.exr"))
+    worn.scale.x = 1
+    scene.mps.bake.image = None
+    with pytest.raises(RuntimeError, match="Bake the texture first"):
+        bpy.ops.mps.displace()
+    assert not worn.modifiers and not list(tmp_path.glob("h*"))
+
+
+def test_it_can_be_called_from_the_command_line(worn, scene, tmp_path, capsys):
+    assert main(["displace", "--method", "modifier", "--levels", "1", "--output", str(tmp_path / "h.exr")]) == 0
+    assert str(tmp_path / "h.exr") in capsys.readouterr().out
+    assert [modifier.type for modifier in worn.modifiers] == ["SUBSURF", "DISPLACE"]
+
+
+def test_the_photos_heights_stand_where_the_object_stands(estimated, scene, tmp_path):
+    """An orthographic camera's: the mesh lies on the unit sphere, but for its height, which the normals do not tell."""
+    estimated.matrix_world = Matrix.Identity(4)
+    for _ in range(2):
+        bpy.ops.mps.integrate(output=str(tmp_path / "h.exr"), curvature=True, occlusion=True, relit=True, faces=2000)
+    made = scene.objects["MPS Surface"]
+    assert sum(obj.name.startswith("MPS Surface") for obj in bpy.data.objects) == 1
+    points = world_points(made)
+    towards = np.array(scene.camera.matrix_world)[:3, 2]
+    depth = points @ towards
+    across = np.linalg.norm(points - depth[:, None] * towards, axis=1)
+    assert across.max() == pytest.approx(1, abs=0.06)
+    inner = across < 0.7
+    truth = np.sqrt(1 - across[inner] ** 2)
+    wrong = depth[inner] - truth
+    assert np.std(wrong) < 0.03 and abs(wrong.mean()) < 1
+    faces = array_of(made.data.polygons, "normal", 3)
+    assert (faces @ towards > 0).all()
+    assert scene.mps.heights.image.size[0] == 96
+    for name in ("h_curvature.png", "h_occlusion.png", "h_relit.png", "h.json"):
+        assert (tmp_path / name).is_file()

@@ -1,0 +1,313 @@
+"""Heights on UVs, where they are known: spheres and tori displaced by waves in space, in several islands."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from relief_shapes import cube_sphere, tangent_normals, torus, waves, waves_slope
+from surface_shapes import texels_of
+
+from mpsnet_core.cli import main
+from mpsnet_core.errors import Cancelled, InputError
+from mpsnet_core.heights.height_files import read_height
+from mpsnet_core.heights.joined import Solver, graph_of
+from mpsnet_core.heights.on_uvs import Displacement, displacement
+from mpsnet_core.images import write_image
+from mpsnet_core.normals import encode
+from mpsnet_core.surface.mesh import Mesh, write_mesh
+
+SIZE = 128
+AMPLITUDE = 0.04
+
+
+def unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def bumpy_sphere(points: np.ndarray, radius: float = 1.0) -> np.ndarray:
+    """(N, 3) normals of the sphere r = radius + AMPLITUDE waves, in the directions of `points`."""
+    p = unit(points)
+    slope = AMPLITUDE * waves_slope(p)
+    across = slope - (slope * p).sum(axis=1, keepdims=True) * p
+    return unit((radius + AMPLITUDE * waves(p))[:, None] * p - across)
+
+
+def heights_on(found: Displacement, mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """(N,) heights of the covered texels and (N, 3) where these are on the mesh, in object space."""
+    texels = texels_of(mesh.uvs, len(found.values))
+    return found.values[tuple(texels.place.T)], texels.of(mesh.vertices[mesh.triangles])
+
+
+def error(found: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """What is wrong, up to a constant, as a share of the truth's amplitude."""
+    wrong = found - truth
+    return (wrong - wrong.mean()) / (np.ptp(truth) / 2)
+
+
+def bilinear(values: np.ndarray, uvs: np.ndarray) -> np.ndarray:
+    """What a renderer reads at UVs (N, 2)."""
+    size = len(values)
+    x, y = uvs[:, 0] * size - 0.5, (1 - uvs[:, 1]) * size - 0.5
+    c, r = np.floor(x).astype(int), np.floor(y).astype(int)
+    s, t = x - c, y - r
+    return (values[r, c] * (1 - s) + values[r, c + 1] * s) * (1 - t) + (
+        values[r + 1, c] * (1 - s) + values[r + 1, c + 1] * s
+    ) * t
+
+
+def both_sides_of_seams(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """UVs of edges' middles at the two places of the texture that they have, found edge by edge."""
+    known, one, other = {}, [], []
+    for triangle, uvs in zip(mesh.triangles.tolist(), mesh.uvs.astype(float), strict=True):
+        for a, b in ((0, 1), (1, 2), (2, 0)):
+            ends = sorted([(tuple(mesh.vertices[triangle[end]]), tuple(uvs[end])) for end in (a, b)])
+            key, middle = (ends[0][0], ends[1][0]), (uvs[a] + uvs[b]) / 2
+            if key in known and np.abs(known[key] - middle).max() > 1e-3:
+                one.append(known[key])
+                other.append(middle)
+            known[key] = middle
+    return np.array(one), np.array(other)
+
+
+@pytest.mark.parametrize("stretch", [1.0, 1.5], ids=["even", "stretched"])
+@pytest.mark.parametrize("touching", [False, True], ids=["apart", "touching"])
+def test_a_sphere_of_six_islands(stretch: float, touching: bool) -> None:
+    """Off by less than 3 % of the bumps (rms; flat triangles are part of that), and the same on both sides of seams."""
+    mesh = cube_sphere(12, stretch=stretch, touching=touching)
+    vectors = tangent_normals(mesh, SIZE, lambda points, _: bumpy_sphere(points))
+    found = displacement(vectors, mesh)
+    heights, points = heights_on(found, mesh)
+    # Of the mesh's flat triangles the sphere itself stands out.
+    truth = 1 + AMPLITUDE * waves(unit(points)) - np.linalg.norm(points, axis=1)
+    wrong = error(heights, truth)
+    print(f"rms {wrong.std():.4f}, most {np.abs(wrong).max():.4f}, seam step {found.seam_step:.2e}")
+    assert wrong.std() < 0.03 and np.abs(wrong).max() < 0.2
+    if touching:  # what is read beyond the border is the next island
+        return
+    one, other = both_sides_of_seams(mesh)
+    assert len(one) == 12 * 12
+    apart = bilinear(found.values, one) - bilinear(found.values, other)
+    print(f"read at the seams: {np.abs(apart).max() / AMPLITUDE:.4f}")
+    assert np.abs(apart).max() < 0.04 * AMPLITUDE * np.ptp(waves(unit(points)))
+
+
+def test_a_torus_whose_one_island_meets_itself() -> None:
+    mesh = torus(64, 32, bend=0.25)
+
+    def normals(points: np.ndarray, _: np.ndarray) -> np.ndarray:
+        """Of the tube r = 0.4 + AMPLITUDE waves around the circle of radius 1, as the gradient of what is 0 on it."""
+        middle = points * (1, 1, 0) / np.linalg.norm(points[:, :2], axis=1, keepdims=True)
+        out = unit(points - middle)
+        on = middle + 0.4 * out  # where the tube of radius 0.4 is, and the waves are asked
+        slope = AMPLITUDE * waves_slope(on)
+        around = np.stack([-middle[:, 1], middle[:, 0], np.zeros(len(on))], axis=1)
+        about = np.cross(around, out)
+        wide, radius = np.linalg.norm(on[:, :2], axis=1), 0.4 + AMPLITUDE * waves(on)
+        bumped = middle + radius[:, None] * out
+        wider = np.linalg.norm(bumped[:, :2], axis=1)
+        # The bumped surface's tangents, per length on the even tube, and what is at right angles to both.
+        one = around * (wider / wide)[:, None] + out * (slope * around).sum(1, keepdims=True)
+        other = about * (radius / 0.4)[:, None] + out * (slope * about).sum(1, keepdims=True)
+        return unit(np.cross(other, one) * np.sign((np.cross(other, one) * out).sum(1, keepdims=True)))
+
+    found = displacement(tangent_normals(mesh, SIZE, normals), mesh)
+    heights, points = heights_on(found, mesh)
+    middle = points * (1, 1, 0) / np.linalg.norm(points[:, :2], axis=1, keepdims=True)
+    out = unit(points - middle)
+    truth = 0.4 + AMPLITUDE * waves(middle + 0.4 * out) - np.linalg.norm(points - middle, axis=1)
+    wrong = error(heights, truth)
+    print(f"rms {wrong.std():.4f}, most {np.abs(wrong).max():.4f}")
+    assert wrong.std() < 0.04
+    one, other = both_sides_of_seams(mesh)
+    assert len(one) == 64 + 32
+    assert np.abs(bilinear(found.values, one) - bilinear(found.values, other)).max() < 0.1 * AMPLITUDE
+
+
+@pytest.mark.parametrize("sign", [1, -1], ids=["turned and scaled", "mirrored"])
+def test_heights_are_in_world_units(sign: int) -> None:
+    a = 0.7
+    turn = np.array([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]])
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = 2.5 * turn @ np.diag([sign, 1, 1]), (4, -3, 100)
+    mesh = cube_sphere(10, pose=pose)
+    back = np.linalg.inv(pose[:3, :3])
+
+    def normals(points: np.ndarray, _: np.ndarray) -> np.ndarray:
+        return unit(bumpy_sphere((points - pose[:3, 3]) @ back.T) @ back)
+
+    heights, points = heights_on(displacement(tangent_normals(mesh, SIZE, normals), mesh), mesh)
+    truth = 2.5 * (1 + AMPLITUDE * waves(unit(points)) - np.linalg.norm(points, axis=1))
+    assert error(heights, truth).std() < 0.03
+
+
+def test_normals_in_object_space_give_the_same() -> None:
+    mesh = cube_sphere(10)
+    texels = texels_of(mesh.uvs, SIZE)
+    points = texels.of(mesh.vertices[mesh.triangles])
+    vectors = np.zeros((SIZE, SIZE, 3), np.float32)
+    vectors[tuple(texels.place.T)] = bumpy_sphere(points)
+    of_object = displacement(vectors, mesh, space="object")
+    of_tangents = displacement(tangent_normals(mesh, SIZE, lambda points, _: bumpy_sphere(points)), mesh)
+    assert of_object.values == pytest.approx(of_tangents.values, abs=1e-3 * AMPLITUDE)
+
+
+def test_a_base_that_lies_further_in_is_brought_out_to_where_the_mesh_lies() -> None:
+    """Subdivision shrinks a mesh; heights are of the subdivided one, and their mean is what was lost."""
+    mesh = cube_sphere(10)
+    base = replace(mesh, vertices=mesh.vertices * 0.9)
+    vectors = tangent_normals(mesh, SIZE, lambda points, _: bumpy_sphere(points))
+    found = displacement(vectors, mesh, base=base)
+    heights, points = heights_on(found, base)
+    reached = np.linalg.norm(points, axis=1) + heights
+    truth = 1 + AMPLITUDE * waves(unit(points))
+    assert error(reached, truth).std() < 0.05
+    assert reached.mean() == pytest.approx(np.linalg.norm(points, axis=1).mean() / 0.9, abs=0.1 * AMPLITUDE)
+    assert displacement(vectors, mesh, mean=0.25).values[found.covered].mean() == pytest.approx(0.25, abs=0.01)
+
+
+def test_broad_bumps_are_left_to_the_mesh_where_that_is_asked_for() -> None:
+    """A tilt of all normals about one axis, as estimates err, and fine waves: the waves stay."""
+    size = 128
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    mesh = Mesh(vertices, faces, np.broadcast_to([0.0, 0, 1], (2, 3, 3)), vertices[faces][..., :2])
+    x = np.broadcast_to((np.arange(size) + 0.5) / size, (size, size))
+    slope = 0.05 + 0.2 * np.cos(2 * np.pi * 16 * x)
+    vectors = unit(np.stack([-slope, np.zeros_like(x), np.ones_like(x)], axis=-1)).astype(np.float32)
+    fine = 0.2 / (2 * np.pi * 16) * np.sin(2 * np.pi * 16 * x)
+    whole = displacement(vectors, mesh, margin=0).values
+    assert whole == pytest.approx(0.05 * (x - 0.5) + fine, abs=2e-4)
+    held = displacement(vectors, mesh, scale=0.2, margin=0).values
+    inner = np.s_[:, 16:-16]
+    assert held[inner] == pytest.approx(fine[inner], abs=1.5e-3)
+    assert np.abs(whole - fine)[inner].max() > 0.015
+
+
+def test_each_part_of_the_surface_has_the_mean(tmp_path: Path) -> None:
+    """Two spheres that share nothing, one in either half of the texture; one has twice the heights of the other."""
+    small, texels = cube_sphere(6), 128
+    both = Mesh(
+        np.concatenate([small.vertices, 2 * small.vertices + 5]),
+        np.concatenate([small.triangles, small.triangles + len(small.vertices)]),
+        np.concatenate([small.corner_normals] * 2),
+        np.concatenate([small.uvs * (0.5, 1), small.uvs * (0.5, 1) + (0.5, 0)]),
+    )
+    vectors = np.zeros((texels, texels, 3), np.float32)
+    vectors[..., 2] = 1
+    found = displacement(vectors, both)
+    for half in (np.s_[:, :64], np.s_[:, 64:]):
+        assert abs(found.values[half][found.covered[half]].mean()) < 2e-3
+
+
+def test_steep_normals_stay_finite() -> None:
+    mesh = cube_sphere(6)
+    vectors = np.zeros((64, 64, 3), np.float32)
+    vectors[..., 0] = 1
+    assert np.isfinite(displacement(vectors, mesh).values).all()
+    assert np.isfinite(displacement(-vectors[..., ::-1], mesh).values).all()
+
+
+def test_the_solver_solves_the_least_squares() -> None:
+    """Against numpy's dense answer, over islands cut apart and tied together at random."""
+    rng = np.random.default_rng(3)
+    islands = np.where(rng.random((40, 40)) < 0.9, np.arange(40)[:, None] // 9, -1).astype(np.int32)
+    count = int((islands >= 0).sum())
+    ties = rng.integers(0, count, (60, 2)).astype(np.int32)
+    ties = ties[ties[:, 0] != ties[:, 1]]
+    hold = np.full(count, 1e-3, np.float32)
+    graph = graph_of(islands, ties, hold)
+    assert count > 1000
+    number = np.full(islands.shape, -1)
+    number[islands >= 0] = np.arange(count)
+    rows, known = [], []
+    right, below = rng.normal(size=(2, count)).astype(np.float32)
+    for there, change in ((np.roll(number, -1, 1), right), (np.roll(number, -1, 0), below)):
+        inside = np.ones(islands.shape, bool)
+        inside[:, -1] = change is not right
+        inside[-1] &= change is right
+        inside &= (number >= 0) & (there >= 0)
+        for i, j in zip(number[inside], there[inside], strict=True):
+            if graph.islands[i] == graph.islands[j]:
+                rows.append((i, j, 1.0))
+                known.append(change[i])
+    across = rng.normal(size=len(ties)).astype(np.float32)
+    weight = float(np.sqrt(graph.tie_weights[0]))
+    rows += [(i, j, weight) for i, j in ties]
+    known += list(across * weight)
+    matrix = np.zeros((len(rows), count))
+    for row, (i, j, w) in enumerate(rows):
+        matrix[row, j], matrix[row, i] = w, -w
+    matrix = np.concatenate([matrix, np.diag(np.sqrt(hold.astype(float)))])
+    dense = np.linalg.lstsq(matrix, np.concatenate([known, np.zeros(count)]), rcond=None)[0]
+    found = Solver(graph).solve(graph.right_side(right, below, across), np.zeros(count, np.float32))
+    assert found == pytest.approx(dense, abs=2e-3 * np.ptp(dense))
+
+
+def test_the_command_line_writes_what_the_package_finds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mesh = cube_sphere(8)
+    vectors = tangent_normals(mesh, 64, lambda points, _: bumpy_sphere(points))
+    write_mesh(tmp_path / "mesh.npz", mesh)
+    write_image(tmp_path / "t.png", encode(vectors, "directx"))
+    command = ["integrate", str(tmp_path / "t.png"), "--onto", str(tmp_path / "mesh.npz"), "--convention", "directx"]
+    assert main([*command, "--height", str(tmp_path / "h.png"), "--unit", "mm"]) == 0
+    assert "Displace: strength" in capsys.readouterr().out
+    found = displacement(vectors, mesh)
+    read = read_height(tmp_path / "h.png").values
+    assert read[found.covered] == pytest.approx(found.values[found.covered], abs=0.01 * AMPLITUDE)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--onto", "mesh.npz"], "name their file with --height"),
+        (["--onto", "mesh.npz", "--height", "h.exr", "--focal", "50"], "--focal goes with a photo's normals"),
+        (["--onto", "mesh.npz", "--height", "h.exr", "--scale", "-1"], "a scale of -1 times"),
+        (["--onto", "mesh.npz", "--height", "h.exr", "--mean", "nan"], "the mean height must be a number"),
+        (["--onto", "mesh.npz", "--height", "h.exr", "--margin", "999"], "a margin of 999 texels does not fit"),
+        (["--onto", "mesh.npz", "--height", "h.exr", "--space", "world"], "space 'world' is not known"),
+        (["--onto", "mesh.npz", "--height", "mesh.npz"], ".npz is not an image format"),
+        (["--onto", "gone.npz", "--height", "h.exr"], "mesh file gone.npz does not exist"),
+        (["--onto", "mesh.npz", "--base", "gone.obj", "--height", "h.exr"], "mesh file gone.obj does not exist"),
+        (["--onto", "mesh.npz", "--height", "texture.png"], "would overwrite texture.png"),
+    ],
+)
+def test_bad_input_is_one_sentence(
+    arguments: list[str],
+    words: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_mesh("mesh.npz", cube_sphere(2))
+    write_image("texture.png", np.broadcast_to([0.5, 0.5, 1.0], (32, 32, 3)))
+    before = Path("texture.png").read_bytes()
+    assert main(["integrate", "texture.png", *arguments]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and words in said
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["mesh.npz", "texture.png"]
+    assert Path("texture.png").read_bytes() == before
+
+
+def test_what_does_not_fit_is_refused() -> None:
+    flat = np.broadcast_to(np.array([0, 0, 1], np.float32), (32, 32, 3))
+    with pytest.raises(InputError, match=r"32 x 16 texels does not fit"):
+        displacement(flat[:16], cube_sphere(2))
+    with pytest.raises(InputError, match="not finite"):
+        displacement(np.full((32, 32, 3), np.nan, np.float32), cube_sphere(2))
+    with pytest.raises(InputError, match="choose a larger texture"):
+        displacement(flat, replace(cube_sphere(2), uvs=cube_sphere(2).uvs * 1e-4 + 0.5))
+
+
+def test_it_can_be_cancelled_and_tells_progress() -> None:
+    flat, told = np.broadcast_to(np.array([0, 0, 1], np.float32), (64, 64, 3)), []
+    displacement(flat, cube_sphere(4), progress=lambda share, _: told.append(share))
+    assert told[0] == 0 and told[-1] == 1 and told == sorted(told)
+
+    def stop(share: float, _: str) -> None:
+        if share > 0.5:
+            raise Cancelled
+
+    with pytest.raises(Cancelled):
+        displacement(flat, cube_sphere(4), progress=stop)
