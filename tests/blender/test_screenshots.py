@@ -43,8 +43,10 @@ STEPS = {
     "calibrate": ("MPS_PT_rig", "MPS_PT_calibrate", "MPS_PT_outline"),
     "photo": ("MPS_PT_photo", "MPS_PT_real", "MPS_PT_near", "MPS_PT_mask"),
     "estimate": ("MPS_PT_estimate",),
-    "bake": ("MPS_PT_bake",),
+    "bake": ("MPS_PT_bake", "MPS_PT_texture", "MPS_PT_detail"),
+    "heights": ("MPS_PT_heights", "MPS_PT_displace"),
     "views": ("MPS_PT_views",),
+    "material": ("MPS_PT_material", "MPS_PT_material_crop"),
     "samples": ("MPS_PT_samples",),
 }
 
@@ -68,7 +70,22 @@ class Album:
             left, top, _, height = self.window.state["sidebar"]
             if self.look == "2x" and drawn(picture)[-60:].any():  # there is more below
                 over = ("mousemove", left + 100, top + height // 2)
-                self.window.input(*over, "sleep", "0.4", "click", "--repeat", 30, "--delay", 30, 5, "mousemove", 20, 980, "sleep", SETTLE)
+                self.window.input(
+                    *over,
+                    "sleep",
+                    "0.4",
+                    "click",
+                    "--repeat",
+                    30,
+                    "--delay",
+                    30,
+                    5,
+                    "mousemove",
+                    20,
+                    980,
+                    "sleep",
+                    SETTLE,
+                )
                 self._look(f"{self.look}_{state}_{step}_below.png")
                 self.window.input(*over, "sleep", "0.4", "click", "--repeat", 30, "--delay", 30, 4)
 
