@@ -44,10 +44,9 @@ STEPS = {
     "photo": ("MPS_PT_photo", "MPS_PT_real", "MPS_PT_near", "MPS_PT_mask"),
     "estimate": ("MPS_PT_estimate",),
     "bake": ("MPS_PT_bake", "MPS_PT_texture", "MPS_PT_detail"),
-    "height": ("MPS_PT_heights",),
-    "displace": ("MPS_PT_heights", "MPS_PT_displace"),
-    "material": ("MPS_PT_material", "MPS_PT_material_crop"),
+    "heights": ("MPS_PT_heights", "MPS_PT_displace"),
     "views": ("MPS_PT_views",),
+    "material": ("MPS_PT_material", "MPS_PT_material_crop"),
     "samples": ("MPS_PT_samples",),
 }
 
@@ -71,9 +70,24 @@ class Album:
             left, top, _, height = self.window.state["sidebar"]
             if self.look == "2x" and drawn(picture)[-60:].any():  # there is more below
                 over = ("mousemove", left + 100, top + height // 2)
-                self.window.input(*over, "click", "--repeat", 30, 5, "mousemove", 20, 980, "sleep", SETTLE)
+                self.window.input(
+                    *over,
+                    "sleep",
+                    "0.4",
+                    "click",
+                    "--repeat",
+                    30,
+                    "--delay",
+                    30,
+                    5,
+                    "mousemove",
+                    20,
+                    980,
+                    "sleep",
+                    SETTLE,
+                )
                 self._look(f"{self.look}_{state}_{step}_below.png")
-                self.window.input(*over, "click", "--repeat", 30, 4)
+                self.window.input(*over, "sleep", "0.4", "click", "--repeat", 30, "--delay", 30, 4)
 
     def _look(self, name: str) -> np.ndarray:
         left, top, width, height = self.window.state["sidebar"]
@@ -225,13 +239,12 @@ def test_every_state_of_every_step(unfolded, tmp_path, look):
     window.wait(lambda state: not state["running"], 60, "end of the cancelled bake")
     work("bake", size=256, output=str(tmp_path / "texture.png"))
     album.photograph("done", "bake")
-    album.photograph("ready", "height", "displace", "material")
+    album.photograph("ready", "heights", "material")
     work("integrate", distance=5, faces=1000, output=str(tmp_path / "height.exr"))
-    album.photograph("done", "height")
     work("displace", levels=1, output=str(tmp_path / "missing" / "displacement.exr"))
-    album.photograph("failed", "displace")
+    album.photograph("failed", "heights")
     work("displace", output=str(tmp_path / "displacement.exr"))
-    album.photograph("done", "displace")
+    album.photograph("done", "heights")
     work("make_material", output=str(tmp_path / "material"))
     album.photograph("failed", "material")
     sides = {f"crop_{side}": 400 for side in ("left", "right", "top", "bottom")}
@@ -242,7 +255,7 @@ def test_every_state_of_every_step(unfolded, tmp_path, look):
         "mps.estimate.model = 'LAMBERTIAN'; mps.bake.size = 512\n"
         "mps.heights.method = 'BILATERAL'; mps.displace.levels = 2; mps.material.bend = 2"
     )
-    album.photograph("out_of_date", "photo", "estimate", "bake", "height", "displace", "material")
+    album.photograph("out_of_date", "photo", "estimate", "bake", "heights", "material")
     run("bpy.ops.mps.new_rig()")
     album.photograph("several", "rig", "photo", "bake")
     assert not album.faults, "\n".join(album.faults)
