@@ -21,7 +21,7 @@ _AWAY = 5.5
 
 
 class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
-    """See the steps at work in a new scene: an object, its photo under three coloured lights, the normals that the
+    """See all steps in a new scene: an object, its photo under three coloured lights, the normals that the
     photo tells, and a low-poly copy that wears them. Takes seconds to half a minute and changes nothing of yours"""
 
     bl_idname = "mps.try_it"
