@@ -1,0 +1,95 @@
+"""Try It and Relight, pressed with the mouse; what the guided tour shows is photographed on the way."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from live import Window
+from test_screenshots import save
+
+EDITORS = 1310  # where Blender's other editors begin, right of the viewport and its sidebar, in pixels
+BELOW = 905  # and below it
+
+
+@pytest.fixture
+def album(tmp_path):
+    folder = Path(os.environ.get("MPSNET_SCREENSHOTS") or tmp_path)
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def viewport(window: Window, path: Path) -> np.ndarray:
+    """(H, W, 3) of the viewport without its sidebar."""
+    left, top, _, height = window.state["sidebar"]
+    return window.screenshot(path)[top : top + height, :left]
+
+
+def photograph(window: Window, path: Path, *panels: str) -> None:
+    """The viewport beside these panels alone."""
+    window.ask("alone", *panels)
+    window.input("mousemove", 300, 880, "sleep", "3")
+    save(path, np.ascontiguousarray(window.screenshot(path.with_name("screen.png"))[24:BELOW, :EDITORS]))
+
+
+def work(window: Window, operator: str, **settings) -> None:
+    window.ask("invoke", operator, settings)
+    window.wait(lambda state: not state["running"], 120, f"end of {operator}")
+
+
+def test_try_it_shows_all_steps_and_relight_ends(window, album, tmp_path):
+    window.click(*window.find("mps.try_it"))
+    window.wait(lambda state: "MPS White Lamp" in state["objects"], 240, "result of Try It")
+    done = window.wait(lambda state: not state["running"], 60, "end of Try It")
+    assert {"MPS Photo", "MPS Normals", "MPS MPS Demo Low Poly"} <= set(done["images"])
+    assert not any(done["errors"].values())
+
+    window.input("mousemove", 300, 880, "sleep", "8")  # until Blender has made the material's shader
+    first = viewport(window, tmp_path / "first.png")
+    window.input("sleep", "1.5")
+    assert (np.abs(viewport(window, tmp_path / "later.png") - first).max(axis=-1) > 0.1).sum() > 5000  # the lamp swings
+    photograph(window, album / "tour_try_it.png", "MPS_PT_start", "MPS_PT_rig", "MPS_PT_photo")
+    photograph(window, album / "tour_estimate.png", "MPS_PT_photo", "MPS_PT_estimate")
+    photograph(window, album / "tour_bake.png", "MPS_PT_bake")
+    window.click(*window.find("mps.relight", below=100))
+    window.wait(lambda state: "MPS White Lamp" not in state["objects"], 60, "end of Relight")
+    window.input("mousemove", 300, 880, "sleep", "2")
+    first = viewport(window, tmp_path / "still.png")
+    window.input("sleep", "1")
+    assert (np.abs(viewport(window, tmp_path / "still.png") - first).max(axis=-1) > 0.1).sum() < 500
+
+
+def test_the_demo_is_displaced_and_a_material_is_made(window, album, tmp_path):
+    window.ask("run", "bpy.ops.mps.try_it(size=1024)")
+    work(window, "displace", method="MODIFIER", levels=3, output=str(tmp_path / "height.exr"))
+    work(window, "integrate", curvature=True, output=str(tmp_path / "view.exr"))
+    window.ask("run", "bpy.data.objects['MPS Surface'].hide_set(True)")
+    window.ask("run", "bpy.ops.object.select_all(action='DESELECT')")
+    photograph(window, album / "tour_height.png", "MPS_PT_heights", "MPS_PT_displace")
+    window.ask(
+        "run",
+        "import math, mathutils\nmps = bpy.context.scene.mps\n"
+        "bpy.ops.mesh.primitive_grid_add(x_subdivisions=500, y_subdivisions=500, size=2)\n"
+        "plaster = bpy.context.object\n"
+        "texture = bpy.data.textures.new('Grain', 'VORONOI'); texture.noise_scale = 0.1\n"
+        "modifier = plaster.modifiers.new('Grain', 'DISPLACE')\n"
+        "modifier.texture, modifier.strength = texture, 0.04\n"
+        "bpy.ops.mps.new_rig(); bpy.ops.mps.add_rig(view='TOP')\n"
+        "mps.rig.camera.data.ortho_scale = 1.8\n"
+        "bpy.data.objects['MPS Demo Low Poly'].hide_render = True",
+    )
+    work(window, "render_photo", width=512, height=512, samples=8, output=str(tmp_path / "plaster.exr"))
+    work(window, "make_material", repeats=3, output=str(tmp_path / "plaster"))
+    window.ask(
+        "run",
+        "scene = bpy.context.scene\n"
+        "for obj in bpy.context.view_layer.objects: obj.hide_set(obj != scene.mps.material.plane)\n"
+        "area = next(area for area in bpy.context.screen.areas if area.type == 'VIEW_3D')\n"
+        "area.spaces.active.shading.type = 'MATERIAL'\n"
+        "view = area.spaces.active.region_3d\n"
+        "view.view_location, view.view_distance = scene.mps.material.plane.location, 7\n"
+        "view.view_rotation = mathutils.Euler((math.radians(45), 0, math.radians(20))).to_quaternion()",
+    )
+    window.input("sleep", "6")
+    photograph(window, album / "tour_material.png", "MPS_PT_material")
+    assert not any(window.state["errors"].values())
