@@ -10,14 +10,16 @@ from mathutils import Matrix
 
 from mpsnet_core.errors import InputError
 
-from .bake import DISPLACE, NORMAL_NODE, SUBDIVISION, UV_NODE, BakesOnto, write_mesh
+from .bake import BakesOnto
 from .made_from import Ingredients, chosen, stamp
+from .mesh_file import DISPLACE, SUBDIVISION, write_mesh
 from .operators import same
 from .outputs import fine_preview, image_file, load_image, output_path, remembered
 from .present_map import TEXTURE_NODE
 from .settings.declared import take_given
 from .settings.displace import DisplaceSettings
 from .textures import Worn, own_materials
+from .wearing import NORMAL_NODE, UV_NODE
 
 HEIGHT_NODE, DISPLACEMENT_NODE = "MPS Height", "MPS Displacement"
 # Vertices of a subdivided mesh lie on the limit surface at any level; a finer one tells hardly more.

@@ -11,8 +11,9 @@ from mpsnet_core.camera import write_camera
 from mpsnet_core.errors import InputError
 from mpsnet_core.rig import LightRig, read_rig, write_rig
 
-from .bake import named_object, write_mesh
+from .bake import named_object
 from .made_from import Ingredients, chosen, file_stamp, stamp
+from .mesh_file import write_mesh
 from .operators import RunsCore
 from .outputs import (
     FORMATS,

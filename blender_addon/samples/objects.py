@@ -15,7 +15,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.files import existing_file
 from mpsnet_core.synthesis.recipe import Recipe
 
-from ..bake import as_rendered
+from ..mesh_file import as_rendered
 from ..render import refuse_glow
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix, Vector
 
-from blender_addon.bake import write_mesh
+from blender_addon.mesh_file import write_mesh
 from blender_addon.rig import light_rig
 from mpsnet_core import angular_error, read_normals
 from mpsnet_core.errors import InputError
