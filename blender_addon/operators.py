@@ -112,6 +112,11 @@ def verb_of(idname: str) -> str:
     return idname.removeprefix("MPS_OT_").removeprefix("mps.")
 
 
+def told_by(error: RuntimeError) -> str:
+    """What an operator that was called from here reported, as one line."""
+    return " ".join(str(error).split()).removeprefix("Error: ")
+
+
 def _sentence(error: OSError) -> str:
     where = f"{error.filename}: " if error.filename else "a file could not be read or written: "
     return f"{where}{error.strerror or error}; make room on the disk or check the permissions"
@@ -135,7 +140,7 @@ class _Job:
         manager.event_timer_remove(self.timer)
         manager.mps.running = manager.mps.left = ""
         self.folder.cleanup()
-        _redraw(manager)
+        redraw(manager)
 
 
 _jobs: list[_Job] = []
@@ -232,7 +237,7 @@ class RunsCore(SaysWhy):
         left = in_words(self._job.pace.left(time.monotonic(), process.progress))
         if (shown.progress, shown.message, shown.left) != (process.progress, process.message, left):
             shown.progress, shown.message, shown.left = process.progress, process.message, left
-            _redraw(context.window_manager)
+            redraw(context.window_manager)
 
 
 @dataclass
@@ -249,7 +254,8 @@ class _Teller:
             self.told = time.monotonic()
 
 
-def _redraw(manager: Any) -> None:
+def redraw(manager: Any) -> None:
+    """Draw all 3D viewports with their panels anew."""
     for window in manager.windows:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":

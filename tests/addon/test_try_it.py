@@ -3,12 +3,15 @@
 import math
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
 import pytest
 
+from blender_addon.try_it import MPS_OT_try_it
 from mpsnet_core.images import read_data
 from mpsnet_core.normals import angular_error
 
@@ -70,6 +73,52 @@ def test_a_second_demo_stands_beside_the_first(scene):
         bpy.ops.mps.try_it(pixels=32, samples=1, size=16)
     assert {"MPS Demo", "MPS Demo.001"} < set(bpy.data.scenes.keys())
     assert all(bpy.data.scenes[name].mps.bake.image for name in ("MPS Demo", "MPS Demo.001"))
+
+
+def test_what_a_step_says_is_what_the_demo_says(scene, tmp_path):
+    (tmp_path / "MPS_Demo_photo.exr").mkdir()
+    with pytest.raises(RuntimeError) as told:
+        bpy.ops.mps.try_it(pixels=32, samples=1, output=str(tmp_path))
+    assert "Traceback" not in str(told.value) and "MPS_Demo_photo.exr" in str(told.value)
+    # The window shows the demo's scene by now, so that is where its panel tells it.
+    assert "MPS_Demo_photo.exr" in bpy.context.scene.mps.records["try_it"].error
+
+
+@pytest.fixture
+def pressed():
+    """What Try It's button leaves running: the operator's data, which Blender gives to no one without a window."""
+    manager = bpy.context.window_manager
+    manager.mps.running, manager.mps.cancel = MPS_OT_try_it.bl_idname, False
+    timer = manager.event_timer_add(0.1, window=bpy.context.window)
+    one = SimpleNamespace(bl_idname=MPS_OT_try_it.bl_idname, _ticks=2, _timer=timer, report=lambda *_: None)
+    one._failed = one.report
+    for name in ("done", "_end"):
+        setattr(one, name, partial(getattr(MPS_OT_try_it, name), one))
+    yield one
+    manager.mps.running, manager.mps.cancel = "", False
+
+
+def tick(one):
+    return MPS_OT_try_it.modal(one, bpy.context, SimpleNamespace(type="TIMER", value=""))
+
+
+def broken(context):
+    raise ZeroDivisionError
+
+
+def test_a_defect_in_a_step_does_not_keep_the_add_on_busy(scene, pressed):
+    pressed._left = [broken]
+    with pytest.raises(ZeroDivisionError):
+        tick(pressed)
+    assert bpy.ops.mps.try_it.poll()
+
+
+def test_the_demo_goes_on_where_its_panel_is_not_shown_and_ends_when_cancelled(scene, pressed):
+    assert bpy.context.area is None
+    pressed._left = [lambda context: None, broken]
+    assert tick(pressed) == {"PASS_THROUGH"}
+    bpy.ops.mps.cancel()
+    assert tick(pressed) == {"CANCELLED"} and bpy.ops.mps.try_it.poll()
 
 
 def test_relight_takes_the_rigs_place_and_gives_it_back(sphere):
