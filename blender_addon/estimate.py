@@ -83,7 +83,7 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         if self.confidence and not self._moves:
             outputs.append(output.with_name(f"{output.stem}_confidence{output.suffix}"))
             arguments += ["--confidence", str(outputs[1])]
-        self._output, self._camera = output, remembered(image, "camera")
+        self._output, self._camera, self._lens = output, remembered(image, "camera"), self.lens
         return arguments, outputs
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
@@ -95,6 +95,7 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
             image = load_image(self._output, "MPS Normals", is_data=True)
         # The bake takes the camera as it stood for this photo, not for one that was estimated here before.
         remember(image, "camera", self._camera)
+        remember(image, "lens", f"{self._lens:g}")
         self.made(image)
         scene.mps.estimate.image = image
         self.report({"INFO"}, f"Normals written to {self._output}")
@@ -155,25 +156,35 @@ def _place(context: Any, image: Any, rig: LightRig, folder: Path) -> list[str]:
     scene = context.scene
     settings = scene.mps.estimate
     distance = ["--distance", f"{settings.distance:g}"] if settings.distance and rig.near is not None else []
-    if settings.lens:
-        return ["--focal", f"{settings.lens:g}", *distance]
-    camera, taken_with = folder / "camera.json", remembered(image, "camera")
-    if taken_with is not None:
-        camera.write_text(taken_with, encoding="utf-8")
-    elif scene.mps.rig.lights:
-        write_camera(camera, scene_camera(rig_camera(scene), scene, picture_size(image)))
-    elif rig.near is not None:
+    seen = seen_through(scene, image, settings.lens, folder)
+    if rig.near is not None and not seen:
         raise InputError(
             "the rig's lights stand near the object, so the photo's camera counts; tell its lens, or add a rig, "
             "whose camera is taken"
         )
-    else:
-        return []
-    if rig.near is None or distance or settings.surface is None:
-        return ["--camera", str(camera), *distance]
+    if rig.near is None or distance or settings.surface is None or settings.lens:
+        return [*seen, *distance]
     context.view_layer.update()
     write_mesh(folder / "surface.npz", settings.surface, context.evaluated_depsgraph_get(), None)
-    return ["--camera", str(camera), "--mesh", str(folder / "surface.npz")]
+    return [*seen, "--mesh", str(folder / "surface.npz")]
+
+
+def seen_through(scene: Any, image: Any, lens: float, folder: Path) -> list[str]:
+    """The core's option for a picture's camera: its lens where that is told, else the camera that it keeps, else the
+    rig's; nothing where there is none.
+
+    lens: focal length in mm on a sensor 36 mm wide, 0 for none.
+    """
+    camera, taken_with = folder / "camera.json", remembered(image, "camera")
+    if lens:
+        return ["--focal", f"{lens:g}"]
+    if taken_with is not None:
+        camera.write_text(taken_with, encoding="utf-8")
+    elif scene.mps.rig.lights:
+        write_camera(camera, scene_camera(rig_camera(scene), scene, picture_size(image)))
+    else:
+        return []
+    return ["--camera", str(camera)]
 
 
 def model_name(settings: Any) -> str:

@@ -8,13 +8,13 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
-from mpsnet_core.camera import read_camera, write_camera
+from mpsnet_core.camera import read_camera
 from mpsnet_core.errors import InputError
 
+from .estimate import seen_through
 from .made_from import Ingredients, chosen, stamp
 from .operators import RunsCore
-from .outputs import fine_preview, image_file, load_image, output_path, picture_size, remembered
-from .rig import rig_camera, scene_camera
+from .outputs import fine_preview, image_file, load_image, output_path, remembered
 from .rigs import result_name
 from .settings.declared import take_given
 from .settings.heights import HeightsSettings
@@ -62,24 +62,17 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
 
     def _place(self, context: Any, image: Any, folder: Path) -> list[str]:
         """The camera that took the photo, and how far the object is from it."""
-        scene, file = context.scene, folder / "camera.json"
-        taken_with = remembered(image, "camera")
-        told = ["--distance", f"{self.distance:.9g}"] if self.distance else []
-        if taken_with is not None:
-            file.write_text(taken_with, encoding="utf-8")
-        elif scene.mps.rig.lights:
-            write_camera(file, scene_camera(rig_camera(scene), scene, picture_size(image)))
-        elif scene.mps.estimate.lens:
-            return ["--focal", f"{scene.mps.estimate.lens:g}", *told]
-        else:
-            return told
-        if not told:
-            target = scene.mps.bake.target or context.view_layer.objects.active
-            if target is not None and target.type == "MESH":
-                middle = target.matrix_world @ (sum(map(Vector, target.bound_box), Vector()) / 8)
-                depth = float(read_camera(file).depth_row() @ np.array([*middle, 1]))
-                told = ["--distance", f"{depth:.9g}"] if depth > 0 else []
-        return ["--camera", str(file), *told]
+        scene = context.scene
+        lens = remembered(image, "lens")
+        seen = seen_through(scene, image, scene.mps.estimate.lens if lens is None else float(lens), folder)
+        if self.distance:
+            return [*seen, "--distance", f"{self.distance:.9g}"]
+        target = scene.mps.bake.target or context.view_layer.objects.active
+        if seen[:1] == ["--camera"] and target is not None and target.type == "MESH":
+            middle = target.matrix_world @ (sum(map(Vector, target.bound_box), Vector()) / 8)
+            depth = float(read_camera(seen[1]).depth_row() @ np.array([*middle, 1]))
+            seen += ["--distance", f"{depth:.9g}"] if depth > 0 else []
+        return seen
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         scene = self.scene(f"its heights are in {self._output}")

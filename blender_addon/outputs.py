@@ -125,7 +125,7 @@ def read_beside(picture: Path, what: str) -> str | None:
 
 
 def remember(image: bpy.types.Image, what: str, text: str | None) -> None:
-    """Keep the "rig" or "camera" of a picture, the text of such a file, with the image; None forgets it."""
+    """Keep the "rig" or "camera" of a picture (the text of such a file) or its "lens" with the image; None forgets."""
     if text is not None:
         image[f"mpsnet_{what}"] = text
     elif f"mpsnet_{what}" in image:
