@@ -12,7 +12,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.rig import LightRig, read_rig, write_rig
 
 from .bake import named_object
-from .made_from import Ingredients, chosen, file_stamp, stamp
+from .made_from import Ingredients, chosen, file_stamp, made_by, stamp
 from .mesh_file import write_mesh
 from .operators import RunsCore
 from .outputs import (
@@ -58,14 +58,18 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         return {
             "Photo": stamp(context.scene.mps.photo.image),
             **chosen(EstimateSettings, settings, without=("output", "confidence")),
-            "Rig File": file_stamp(settings.rig_file),
+            "Rig File": file_stamp(rig_file_for(context.scene.mps.photo.image, settings)),
         }
 
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         scene = context.scene
+        named = self.properties.is_property_set("rig_file")
         take_given(self, EstimateSettings, scene.mps.estimate)
         image = scene.mps.photo.image
         photo = image_file(image, "photo", "render or open one first")
+        rig_file = self.rig_file if named else rig_file_for(image, scene.mps.estimate)
+        if self.rig_file and not rig_file:
+            self._notes = [f"{Path(self.rig_file).name} not used: a rendered photo has the rig it was rendered with"]
         self._moves = image.source in {"SEQUENCE", "MOVIE"}
         if self._moves:
             photo = frame_pattern(photo) if image.source == "SEQUENCE" else photo
@@ -74,7 +78,8 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
             output = output_path(self.output, result_name(scene, "normals"), self.file_format)
         if self.surface:
             scene.mps.estimate.surface = named_object(scene, self.surface)
-        arguments = ["estimate", str(photo), "--output", str(output), *lit_and_seen(context, image, folder)]
+        arguments = ["estimate", str(photo), "--output", str(output)]
+        arguments += lit_and_seen(context, image, folder, rig_file)
         arguments += [*reading(self), "--model", model_name(self)]
         arguments += ["--provider", preference("provider").lower(), "--threads", str(preference("threads"))]
         if self._moves:
@@ -137,12 +142,25 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
         )
 
 
-def lit_and_seen(context: Any, image: Any, folder: Path) -> list[str]:
-    """The core's options for the rig and the camera that the photo was taken with, by the scene's settings."""
+def rig_file_for(photo: Any, settings: Any) -> str:
+    """The rig file that the settings name, if it is for this photo; else "".
+
+    A photo that was rendered here keeps its rig with it: a file that was measured for another photo is not for it.
+    """
+    rendered = photo is not None and made_by(photo) == "render_photo" and remembered(photo, "rig") is not None
+    return "" if rendered else settings.rig_file
+
+
+def lit_and_seen(context: Any, image: Any, folder: Path, rig_file: str | None = None) -> list[str]:
+    """The core's options for the rig and the camera that the photo was taken with, by the scene's settings.
+
+    rig_file: the rig's file, "" for none, None for that of the settings where it is for this photo.
+    """
     scene = context.scene
-    settings = scene.mps.estimate
-    rig = Path(bpy.path.abspath(settings.rig_file)) if settings.rig_file else folder / "rig.json"
-    if not settings.rig_file:
+    if rig_file is None:
+        rig_file = rig_file_for(image, scene.mps.estimate)
+    rig = Path(bpy.path.abspath(rig_file)) if rig_file else folder / "rig.json"
+    if not rig_file:
         taken_with = remembered(image, "rig")
         if taken_with is None:
             write_rig(rig, light_rig(scene))

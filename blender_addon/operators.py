@@ -158,6 +158,8 @@ class RunsCore(SaysWhy):
     def poll(cls, context: Any) -> bool:
         return idle(cls, context) and super().poll(context)
 
+    _notes: Sequence[str] = ()  # what `prepare` has to say beside the core's notes
+
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         """Write what the core reads into `folder`; give its arguments and the files it will write."""
         raise NotImplementedError
@@ -186,7 +188,7 @@ class RunsCore(SaysWhy):
         return prepared
 
     def _finished(self, context: Any, result: dict[str, Any]) -> None:
-        notes = result.get("notes", [])
+        notes = [*self._notes, *result.get("notes", [])]
         for note in notes:
             self.report({"INFO"}, note)
         self.finish(context, result)

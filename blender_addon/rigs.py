@@ -84,7 +84,7 @@ class MPS_OT_drop_rig(_OnRigs):
 
 
 def new_rig(scene: Any) -> None:
-    """Begin another rig and choose it: it has the settings of the one that was, and nothing else of it."""
+    """Begin another rig and choose it: it has the settings of the one that was, and none of its files or results."""
     mps = scene.mps
     if not mps.rigs:
         mps.rigs.add().name = "Rig 1"
@@ -96,7 +96,7 @@ def new_rig(scene: Any) -> None:
     for step, settings in _STEPS.items():
         group = getattr(mps, step)
         for name in _names(group):
-            if name not in settings.__annotations__ or name == "output":
+            if name not in settings.__annotations__ or name in {"output", "rig_file"}:
                 group.property_unset(name)
     _forget(mps)
 

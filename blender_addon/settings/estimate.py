@@ -76,8 +76,9 @@ class EstimateSettings:
     )
     rig_file: StringProperty(
         name="Rig File",
-        description="Measured rig (.json or .lp) of a photo taken with a real camera. "
-        "Empty: the one beside the photo when it was rendered or opened, else the rig in this scene",
+        description="Measured rig (.json or .lp) of photos that you open. A photo that was rendered in this scene is "
+        "estimated with the rig that it was rendered with. Empty: the rig beside the photo when it was opened, else "
+        "the rig in this scene",
         subtype="FILE_PATH",
         options=PATH,
     )

@@ -7,6 +7,8 @@ import bpy
 import numpy as np
 import pytest
 
+from blender_addon.panels.estimate import MPS_PT_estimate
+from blender_addon.panels.step import Kind
 from mpsnet_core.camera import read_camera
 from mpsnet_core.normals import angular_error, read_normals
 from mpsnet_core.rig import published_rig, read_rig, write_rig
@@ -97,6 +99,27 @@ def test_an_opened_photo_takes_the_rig_and_camera_beside_it(photographed, scene,
     assert not {"mpsnet_rig", "mpsnet_camera"} & set(scene.mps.photo.image.keys())
     bpy.ops.mps.estimate()
     assert "mpsnet_camera" not in scene.mps.estimate.image
+
+
+def test_a_rendered_photo_has_its_own_rig_and_an_opened_one_that_of_the_rig_file(photographed, scene, tmp_path):
+    def normals(**settings):
+        bpy.ops.mps.estimate(model="LAMBERTIAN", output=str(tmp_path / "normals.png"), **settings)
+        return (tmp_path / "normals.png").read_bytes()
+
+    own = normals()
+    write_rig(tmp_path / "measured.json", published_rig(45.0))
+    measured = normals(rig_file=str(tmp_path / "measured.json"))
+    assert measured != own, "what the call names counts"
+    assert "measured.json" not in scene.mps.records["estimate"].notes
+    # What is left in the panel from then is of other photos.
+    assert normals() == own
+    assert "measured.json not used" in scene.mps.records["estimate"].notes
+    assert MPS_PT_estimate.state(bpy.context).kind is Kind.DONE
+    (tmp_path / "measured.json").unlink()
+    assert MPS_PT_estimate.state(bpy.context).kind is Kind.DONE
+    write_rig(tmp_path / "measured.json", published_rig(45.0))
+    bpy.ops.mps.open_photo(filepath=str(tmp_path / "photo.exr"))
+    assert normals() == measured
 
 
 def test_a_damaged_rig_file_beside_a_photo_is_one_sentence(photographed, tmp_path):

@@ -60,11 +60,11 @@ def test_each_rig_keeps_what_is_its_own(estimated, scene, two_rigs, tmp_path):
 
 def test_a_new_rig_has_the_settings_and_nothing_else(estimated, scene):
     scene.mps.rig.strength = 3
-    scene.mps.estimate.output = "//mine.png"
+    scene.mps.estimate.output = scene.mps.estimate.rig_file = "//mine.png"
     bpy.ops.mps.new_rig()
     assert scene.mps.rig.strength == 3
     assert standing(scene)[3:] == (None, [], None, None)
-    assert scene.mps.estimate.output == ""
+    assert scene.mps.estimate.output == scene.mps.estimate.rig_file == ""
     assert [one.name for one in scene.mps.rigs] == ["Rig 1", "Rig 2"]
 
 
