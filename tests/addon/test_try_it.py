@@ -141,6 +141,44 @@ def test_relight_takes_the_rigs_place_and_gives_it_back(sphere):
     assert not [light for light in bpy.data.lights if light.name.startswith("MPS White")]
 
 
+def test_relight_hides_the_lights_of_all_rigs_and_shows_only_those_that_it_hid(sphere, scene):
+    bpy.ops.mps.add_rig()
+    first = [light.object for light in scene.mps.rig.lights]
+    first[0].hide_set(True)
+    bpy.ops.mps.new_rig()
+    sphere.select_set(True)
+    bpy.ops.mps.add_rig(view="BACK")
+    second = [light.object for light in scene.mps.rig.lights]
+    bpy.ops.mps.relight()
+    assert all(light.hide_get() for light in first + second)
+    bpy.ops.mps.choose_rig(index=0)
+    bpy.ops.mps.relight()
+    assert [light.hide_get() for light in first + second] == [True, False, False, False, False, False]
+
+
+def test_relight_gives_the_viewport_that_it_took_its_shading_back(sphere):
+    view, *_ = [area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D"]
+    others = [
+        area.spaces.active.shading
+        for screen in bpy.data.screens
+        for area in screen.areas
+        if area.type == "VIEW_3D" and area != view
+    ]
+    before = [one.type for one in others]
+    shading = view.spaces.active.shading
+    shading.type = "MATERIAL"
+    shading.studiolight_intensity = 0.7
+    shading.type = "WIREFRAME"
+    with bpy.context.temp_override(area=view):
+        bpy.ops.mps.relight()
+    assert shading.type == "MATERIAL"
+    bpy.ops.mps.relight()  # from somewhere else
+    assert shading.type == "WIREFRAME"
+    shading.type = "MATERIAL"
+    assert shading.studiolight_intensity == pytest.approx(0.7)
+    assert [one.type for one in others] == before
+
+
 def test_relight_survives_the_file_and_its_lamps_deletion(sphere, tmp_path):
     bpy.ops.mps.add_rig()
     sphere.select_set(True)
