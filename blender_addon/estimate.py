@@ -30,7 +30,7 @@ from .outputs import (
 )
 from .preferences import preference
 from .rig import light_rig, rig_camera, scene_camera
-from .rigs import result_name
+from .rigs import result_name, rig_at
 from .settings.declared import take_given
 from .settings.estimate import MODELS, EstimateSettings
 
@@ -92,17 +92,18 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         return arguments, outputs
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        scene = self.scene(f"its normals are in {self._output}")
+        result_is = f"its normals are in {self._output}"
+        estimate = rig_at(self.scene(result_is), self._rig_place, result_is).estimate
         if self._moves:
             image = load_frames(Path(result["first_output"]), "MPS Normals Frames")
-            scene.mps.estimate.first_frame, scene.mps.estimate.last_frame = result["first"], result["last"]
+            estimate.first_frame, estimate.last_frame = result["first"], result["last"]
         else:
             image = load_image(self._output, "MPS Normals", is_data=True)
         # The bake takes the camera as it stood for this photo, not for one that was estimated here before.
         remember(image, "camera", self._camera)
         remember(image, "lens", f"{self._lens:g}")
         self.made(image)
-        scene.mps.estimate.image = image
+        estimate.image = image
         self.report({"INFO"}, f"Normals written to {self._output}")
 
 
@@ -133,8 +134,9 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
         return [*arguments, *reading(self, unmasked="alpha-or-all")], [mask, self._overlay]
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        scene = self.scene(f"its mask is in {result['output']}")
-        scene.mps.estimate.mask_image = image = load_image(self._overlay, "MPS Mask", is_data=False)
+        result_is = f"its mask is in {result['output']}"
+        estimate = rig_at(self.scene(result_is), self._rig_place, result_is).estimate
+        estimate.mask_image = image = load_image(self._overlay, "MPS Mask", is_data=False)
         self.made(image)
         fine_preview(image)
         self.report(

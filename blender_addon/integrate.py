@@ -15,7 +15,7 @@ from .estimate import seen_through
 from .made_from import Ingredients, chosen, stamp
 from .operators import RunsCore
 from .outputs import fine_preview, image_file, load_image, output_path, remembered
-from .rigs import result_name
+from .rigs import result_name, rig_at
 from .settings.declared import take_given
 from .settings.heights import HeightsSettings
 
@@ -75,7 +75,9 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
         return seen
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        scene = self.scene(f"its heights are in {self._output}")
+        result_is = f"its heights are in {self._output}"
+        scene = self.scene(result_is)
+        estimate = rig_at(scene, self._rig_place, result_is).estimate
         image = load_image(self._output, "MPS Height", is_data=True)
         self.made(image)
         fine_preview(image, stretched=True)
@@ -83,12 +85,12 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
         for what, picture in self._pictures.items():
             load_image(picture, f"MPS {PICTURES[what]}", is_data=what != "relit")
         if self._mesh is not None:
-            _bring_in(scene, self._mesh)
+            estimate.mesh = _bring_in(scene, self._mesh, estimate.mesh)
         self.report({"INFO"}, f"Heights written to {self._output}")
 
 
-def _bring_in(scene: Any, file: Path) -> None:
-    """The mesh as an object of the scene, in the place of that of an earlier run."""
+def _bring_in(scene: Any, file: Path, earlier: Any) -> Any:
+    """The mesh as an object of the scene, in the place of that of an earlier run, whose materials it keeps."""
     name = "MPS Surface"
     known, layer = set(bpy.data.objects), bpy.context.view_layer
     selected, active = list(layer.objects.selected), layer.objects.active
@@ -104,15 +106,17 @@ def _bring_in(scene: Any, file: Path) -> None:
     layer.objects.active = active
     for obj in selected:
         obj.select_set(True)
-    earlier = scene.objects.get(name)
-    if earlier is not None and earlier.type == "MESH":
-        mesh, earlier.data = earlier.data, made.data
-        bpy.data.objects.remove(made)
-        if not mesh.users:
-            bpy.data.meshes.remove(mesh)
-        earlier.data.name = name
-        return
-    made.name = made.data.name = name
+    if earlier is None or scene.objects.get(earlier.name) != earlier or earlier.type != "MESH":
+        made.name = made.data.name = name
+        return made
+    before, earlier.data = earlier.data, made.data
+    for material in before.materials:
+        earlier.data.materials.append(material)
+    bpy.data.objects.remove(made)
+    if not before.users:
+        bpy.data.meshes.remove(before)
+    earlier.data.name = name
+    return earlier
 
 
 register, unregister = bpy.utils.register_classes_factory((MPS_OT_integrate,))

@@ -33,6 +33,7 @@ class SaysWhy(bpy.types.Operator):
     """
 
     _scene_uid = 0
+    _rig_place = 0  # of the rig that was chosen, in the scene's list
     _made_from: Ingredients
 
     @classmethod
@@ -71,7 +72,7 @@ class SaysWhy(bpy.types.Operator):
 
     def begin(self, context: Any) -> None:
         """Called before anything else; what an earlier run left to say goes."""
-        self._scene_uid = context.scene.session_uid
+        self._scene_uid, self._rig_place = context.scene.session_uid, context.scene.mps.chosen_rig
         self._keep_record()
 
     def execute(self, context: Any) -> set[Any]:

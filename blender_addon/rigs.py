@@ -10,6 +10,8 @@ from typing import Any
 import bpy
 from bpy.props import IntProperty
 
+from mpsnet_core.errors import InputError
+
 from .operators import idle
 from .rig import remove_rig
 from .settings.estimate import EstimateSettings
@@ -126,6 +128,17 @@ def all_rigs(scene: Any) -> Iterator[Any]:
         yield mps
     for number, one in enumerate(mps.rigs):
         yield mps if number == mps.chosen_rig else one
+
+
+def rig_at(scene: Any, place: int, result: object) -> Any:
+    """What holds ``rig``, ``photo`` and ``estimate`` at a place in the scene's list of rigs, chosen or not.
+
+    Raises InputError where there is none any more. result: what it would have got, and where that is now.
+    """
+    rigs = list(all_rigs(scene))
+    if place >= len(rigs):
+        raise InputError(f"the rig that this was made for is gone; {result}")
+    return rigs[place]
 
 
 def result_name(scene: Any, what: str) -> str:

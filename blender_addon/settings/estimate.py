@@ -152,4 +152,7 @@ class MPS_PG_estimate(EstimateSettings, bpy.types.PropertyGroup):
         type=bpy.types.Object,
         poll=lambda _, candidate: candidate.type == "MESH",
     )
+    mesh: PointerProperty(
+        name="Mesh", description="Mesh that was made of the normals and their heights", type=bpy.types.Object
+    )
     image: PointerProperty(name="Normals", description="Normal map in camera space", type=bpy.types.Image)

@@ -1,4 +1,4 @@
-"""Make Height: which camera the heights are of."""
+"""Make Height: which camera the heights are of, and where their mesh goes."""
 
 import json
 
@@ -35,3 +35,33 @@ def test_a_lens_that_is_told_later_is_not_that_of_normals_estimated_without(own_
     bpy.ops.mps.estimate(output=str(tmp_path / "n.png"))
     scene.mps.estimate.lens = 50
     assert height(tmp_path)["projection"] == "orthographic"
+
+
+def surface(tmp_path):
+    bpy.ops.mps.integrate(output=str(tmp_path / "h.exr"), faces=200)
+    return bpy.context.scene.mps.estimate.mesh
+
+
+def test_the_mesh_takes_the_place_of_the_one_before_whatever_that_is_called(estimated, scene, tmp_path):
+    bpy.ops.mesh.primitive_cube_add()
+    mine = bpy.context.object
+    mine.name = "MPS Surface"
+    first = surface(tmp_path)
+    assert first != mine and len(mine.data.vertices) == 8
+    first.name = "Statue"
+    material = bpy.data.materials.new("Marble")
+    first.data.materials.append(material)
+    meshes = len(bpy.data.meshes)
+    assert surface(tmp_path) == first and first.data.materials[:] == [material]
+    assert len(bpy.data.meshes) == meshes
+    bpy.data.objects.remove(first)
+    assert surface(tmp_path).name in scene.objects
+
+
+def test_each_rig_has_a_mesh_of_its_own(estimated, scene, tmp_path):
+    first = surface(tmp_path)
+    bpy.ops.mps.new_rig()
+    assert scene.mps.estimate.mesh is None
+    bpy.ops.mps.open_photo(filepath=str(tmp_path / "photo.exr"))
+    bpy.ops.mps.estimate(model="LAMBERTIAN", output=str(tmp_path / "second.png"))
+    assert surface(tmp_path) != first and first.name in scene.objects
