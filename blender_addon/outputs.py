@@ -236,8 +236,12 @@ def image_file(image: bpy.types.Image | None, what: str, mend: str) -> Path:
         return Path(source)
     path = Path(bpy.path.abspath(image.filepath, library=image.library))
     if image.packed_file and not path.is_file():
-        path = Path(bpy.app.tempdir) / path.name
+        # What was painted and packed never had a name; two that came from elsewhere may have the same.
+        folder = Path(bpy.app.tempdir) / f"packed_{image.session_uid}"
+        folder.mkdir(exist_ok=True)
+        path = folder / (path.name or f"{bpy.path.clean_name(what)}.{'exr' if image.file_format == 'OPEN_EXR' else 'png'}")
         path.write_bytes(image.packed_file.data)
-    if not image.filepath or not path.is_file():
-        raise InputError(f'the {what} "{image.name}" has no file on disk; save it, or {mend}')
+    if not path.is_file():
+        missing = f" ({path} is missing)" if image.filepath else ""
+        raise InputError(f'the {what} "{image.name}" has no file on disk{missing}; save it, or {mend}')
     return path

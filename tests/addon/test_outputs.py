@@ -7,9 +7,12 @@ import bpy
 import numpy as np
 import pytest
 
+from blender_addon.outputs import image_file
 from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.step import Kind
 from mpsnet_core.camera import read_camera
+from mpsnet_core.errors import InputError
+from mpsnet_core.images import read_data, write_image
 from mpsnet_core.normals import angular_error, read_normals
 from mpsnet_core.rig import published_rig, read_rig, write_rig
 
@@ -77,6 +80,38 @@ def test_results_of_an_unsaved_file_are_packed_and_outlive_it(sphere, scene, tmp
     bpy.ops.mps.bake()
     assert read_normals(tmp_path / "again.png").mask.any()
     assert np.array_equal(pixels(scene.mps.bake.image), before)
+
+
+@pytest.mark.parametrize("is_float", [False, True])
+def test_a_painted_and_packed_image_is_read_though_it_never_had_a_file(scene, is_float):
+    image = bpy.data.images.new("Painted", 4, 2, float_buffer=is_float)
+    image.pixels.foreach_set(np.tile(np.float32([0, 0.5, 1, 1]), 8))
+    image.update()
+    image.pack()
+    read, _ = read_data(image_file(image, "normal map", "choose another"))
+    np.testing.assert_allclose(read[..., :3], np.broadcast_to([0, 0.5, 1], (2, 4, 3)), atol=0.003)
+
+
+def test_packed_images_whose_files_were_called_the_same_are_two(scene, tmp_path):
+    files = []
+    for value in (0.0, 1.0):
+        path = tmp_path / str(value) / "same.png"
+        path.parent.mkdir()
+        write_image(path, np.full((2, 2, 3), value, np.float32), bits=8)
+        image = bpy.data.images.load(str(path))
+        image.pack()
+        path.unlink()
+        files.append(image_file(image, "photo", "choose another"))
+    assert [read_data(file)[0].max() for file in files] == [0, 1]
+    assert {file.name for file in files} == {"same.png"}, "results are called by it"
+
+
+def test_an_image_whose_file_was_moved_says_which(scene, tmp_path):
+    write_image(tmp_path / "a.png", np.ones((2, 2, 3), np.float32), bits=8)
+    image = bpy.data.images.load(str(tmp_path / "a.png"))
+    (tmp_path / "a.png").rename(tmp_path / "b.png")
+    with pytest.raises(InputError, match=r"has no file on disk \(.*a\.png is missing\)"):
+        image_file(image, "photo", "choose another")
 
 
 def test_an_opened_photo_takes_the_rig_and_camera_beside_it(photographed, scene, tmp_path):
