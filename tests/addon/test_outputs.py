@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.outputs import image_file
+from blender_addon.outputs import image_file, output_path
 from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.step import Kind
 from mpsnet_core.camera import read_camera
@@ -80,6 +80,14 @@ def test_results_of_an_unsaved_file_are_packed_and_outlive_it(sphere, scene, tmp
     bpy.ops.mps.bake()
     assert read_normals(tmp_path / "again.png").mask.any()
     assert np.array_equal(pixels(scene.mps.bake.image), before)
+
+
+def test_a_folder_takes_what_is_written_by_a_name_of_its_own(tmp_path):
+    (tmp_path / "there").mkdir()
+    for given in ("there", "there/", "new/", "v1.2/"):
+        path = output_path(f"{tmp_path}/{given}", "Scene normals", "PNG")
+        assert path == tmp_path / given / "Scene_normals.png" and path.parent.is_dir()
+    assert output_path(f"{tmp_path}/new_file", "Scene", "EXR") == tmp_path / "new_file.exr"
 
 
 @pytest.mark.parametrize("is_float", [False, True])
