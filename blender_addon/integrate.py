@@ -58,6 +58,13 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
         if self._mesh is not None:
             arguments += ["--mesh", str(self._mesh), "--faces", str(self.faces)]
             outputs.append(self._mesh)
+        # Heights have their scale beside them: where that is not, nothing here is of earlier heights.
+        foreign = [file for file in outputs[1:] if file.exists()]
+        if foreign and not self._output.with_suffix(".json").exists():
+            raise InputError(
+                f"{foreign[0]} is there already and was not made with {self._output.name}; move it, or give the "
+                "heights another name"
+            )
         return arguments, outputs
 
     def _place(self, context: Any, image: Any, folder: Path) -> list[str]:

@@ -65,3 +65,15 @@ def test_each_rig_has_a_mesh_of_its_own(estimated, scene, tmp_path):
     bpy.ops.mps.open_photo(filepath=str(tmp_path / "photo.exr"))
     bpy.ops.mps.estimate(model="LAMBERTIAN", output=str(tmp_path / "second.png"))
     assert surface(tmp_path) != first and first.name in scene.objects
+
+
+@pytest.mark.parametrize("ending", [".ply", "_curvature.png"])
+def test_a_scan_of_that_name_is_not_written_over(estimated, tmp_path, ending):
+    scan = tmp_path / f"h{ending}"
+    scan.write_text("mine")
+    with pytest.raises(RuntimeError, match="is there already and was not made with"):
+        bpy.ops.mps.integrate(output=str(tmp_path / "h.exr"), curvature=True)
+    assert scan.read_text() == "mine" and not (tmp_path / "h.exr").exists()
+    scan.unlink()
+    for _ in range(2):  # over its own it writes
+        bpy.ops.mps.integrate(output=str(tmp_path / "h.exr"), curvature=True, faces=200)
