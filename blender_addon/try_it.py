@@ -107,6 +107,8 @@ class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
         return {how}
 
     def _build(self, context: Any) -> None:
+        if self.output:  # a folder that cannot be is said before there is a scene
+            made_folder(bpy.path.abspath(self.output), "files")
         scene, detailed, low = make_demo()
         # From here on what fails is told in the demo's scene, which is the one that is open.
         self._scene_uid, self._shown = scene.session_uid, {detailed.session_uid: False, low.session_uid: True}

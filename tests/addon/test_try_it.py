@@ -84,6 +84,12 @@ def test_what_a_step_says_is_what_the_demo_says(scene, tmp_path):
     assert "MPS_Demo_photo.exr" in bpy.context.scene.mps.records["try_it"].error
 
 
+def test_a_folder_that_cannot_be_leaves_no_half_made_demo(scene, tmp_path):
+    with pytest.raises(RuntimeError, match="nowhere does not exist"):
+        bpy.ops.mps.try_it(output=str(tmp_path / "nowhere" / "demo"))
+    assert bpy.data.scenes[:] == [scene] and bpy.context.scene == scene
+
+
 @pytest.fixture
 def pressed():
     """What Try It's button leaves running: the operator's data, which Blender gives to no one without a window."""
