@@ -10,6 +10,7 @@ from mpsnet_core.errors import InputError
 
 from .operators import RunsCore
 from .outputs import fine_preview, load_image, output_folder
+from .rigs import rig_at
 from .settings.calibrate import CalibrateSettings
 from .settings.declared import take_given
 
@@ -42,7 +43,9 @@ class _Calibrates(RunsCore, CalibrateSettings):
 
     def _take(self, table: Sequence[Sequence[str]]) -> None:
         """Show the picture and the table of what was found (headings first); estimate with the rig."""
-        scene = self.scene(f"the rig is in {self._rig}")
+        result_is = f"the rig is in {self._rig}"
+        scene = self.scene(result_is)
+        estimate = rig_at(scene, self._rig_place, result_is).estimate
         settings = scene.mps.calibrate
         image = load_image(self._overlay, _OVERLAY, is_data=False)
         if not bpy.app.background:
@@ -50,7 +53,7 @@ class _Calibrates(RunsCore, CalibrateSettings):
         self.made(image)
         settings.image = image
         settings.told = "\n".join("|".join(row) for row in table)
-        scene.mps.estimate.rig_file = str(self._rig)
+        estimate.rig_file = str(self._rig)
         self.report({"INFO"}, f"Rig written to {self._rig}; photos are estimated with it from now on")
 
 

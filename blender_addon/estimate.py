@@ -12,7 +12,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.rig import LightRig, read_rig, write_rig
 
 from .bake import named_object
-from .made_from import Ingredients, chosen, file_stamp, stamp
+from .made_from import Ingredients, chosen, file_stamp, made_by, stamp
 from .mesh_file import write_mesh
 from .operators import RunsCore
 from .outputs import (
@@ -30,7 +30,7 @@ from .outputs import (
 )
 from .preferences import preference
 from .rig import light_rig, rig_camera, scene_camera
-from .rigs import result_name
+from .rigs import result_name, rig_at
 from .settings.declared import take_given
 from .settings.estimate import MODELS, EstimateSettings
 
@@ -58,14 +58,18 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         return {
             "Photo": stamp(context.scene.mps.photo.image),
             **chosen(EstimateSettings, settings, without=("output", "confidence")),
-            "Rig File": file_stamp(settings.rig_file),
+            "Rig File": file_stamp(rig_file_for(context.scene.mps.photo.image, settings)),
         }
 
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         scene = context.scene
+        named = self.properties.is_property_set("rig_file")
         take_given(self, EstimateSettings, scene.mps.estimate)
         image = scene.mps.photo.image
         photo = image_file(image, "photo", "render or open one first")
+        rig_file = self.rig_file if named else rig_file_for(image, scene.mps.estimate)
+        if self.rig_file and not rig_file:
+            self._notes = [f"{Path(self.rig_file).name} not used: a rendered photo has the rig it was rendered with"]
         self._moves = image.source in {"SEQUENCE", "MOVIE"}
         if self._moves:
             photo = frame_pattern(photo) if image.source == "SEQUENCE" else photo
@@ -74,7 +78,8 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
             output = output_path(self.output, result_name(scene, "normals"), self.file_format)
         if self.surface:
             scene.mps.estimate.surface = named_object(scene, self.surface)
-        arguments = ["estimate", str(photo), "--output", str(output), *lit_and_seen(context, image, folder)]
+        arguments = ["estimate", str(photo), "--output", str(output)]
+        arguments += lit_and_seen(context, image, folder, rig_file)
         arguments += [*reading(self), "--model", model_name(self)]
         arguments += ["--provider", preference("provider").lower(), "--threads", str(preference("threads"))]
         if self._moves:
@@ -83,20 +88,22 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         if self.confidence and not self._moves:
             outputs.append(output.with_name(f"{output.stem}_confidence{output.suffix}"))
             arguments += ["--confidence", str(outputs[1])]
-        self._output, self._camera = output, remembered(image, "camera")
+        self._output, self._camera, self._lens = output, remembered(image, "camera"), self.lens
         return arguments, outputs
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        scene = self.scene(f"its normals are in {self._output}")
+        result_is = f"its normals are in {self._output}"
+        estimate = rig_at(self.scene(result_is), self._rig_place, result_is).estimate
         if self._moves:
             image = load_frames(Path(result["first_output"]), "MPS Normals Frames")
-            scene.mps.estimate.first_frame, scene.mps.estimate.last_frame = result["first"], result["last"]
+            estimate.first_frame, estimate.last_frame = result["first"], result["last"]
         else:
             image = load_image(self._output, "MPS Normals", is_data=True)
         # The bake takes the camera as it stood for this photo, not for one that was estimated here before.
         remember(image, "camera", self._camera)
+        remember(image, "lens", f"{self._lens:g}")
         self.made(image)
-        scene.mps.estimate.image = image
+        estimate.image = image
         self.report({"INFO"}, f"Normals written to {self._output}")
 
 
@@ -127,8 +134,9 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
         return [*arguments, *reading(self, unmasked="alpha-or-all")], [mask, self._overlay]
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        scene = self.scene(f"its mask is in {result['output']}")
-        scene.mps.estimate.mask_image = image = load_image(self._overlay, "MPS Mask", is_data=False)
+        result_is = f"its mask is in {result['output']}"
+        estimate = rig_at(self.scene(result_is), self._rig_place, result_is).estimate
+        estimate.mask_image = image = load_image(self._overlay, "MPS Mask", is_data=False)
         self.made(image)
         fine_preview(image)
         self.report(
@@ -136,12 +144,25 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
         )
 
 
-def lit_and_seen(context: Any, image: Any, folder: Path) -> list[str]:
-    """The core's options for the rig and the camera that the photo was taken with, by the scene's settings."""
+def rig_file_for(photo: Any, settings: Any) -> str:
+    """The rig file that the settings name, if it is for this photo; else "".
+
+    A photo that was rendered here keeps its rig with it: a file that was measured for another photo is not for it.
+    """
+    rendered = photo is not None and made_by(photo) == "render_photo" and remembered(photo, "rig") is not None
+    return "" if rendered else settings.rig_file
+
+
+def lit_and_seen(context: Any, image: Any, folder: Path, rig_file: str | None = None) -> list[str]:
+    """The core's options for the rig and the camera that the photo was taken with, by the scene's settings.
+
+    rig_file: the rig's file, "" for none, None for that of the settings where it is for this photo.
+    """
     scene = context.scene
-    settings = scene.mps.estimate
-    rig = Path(bpy.path.abspath(settings.rig_file)) if settings.rig_file else folder / "rig.json"
-    if not settings.rig_file:
+    if rig_file is None:
+        rig_file = rig_file_for(image, scene.mps.estimate)
+    rig = Path(bpy.path.abspath(rig_file)) if rig_file else folder / "rig.json"
+    if not rig_file:
         taken_with = remembered(image, "rig")
         if taken_with is None:
             write_rig(rig, light_rig(scene))
@@ -155,25 +176,35 @@ def _place(context: Any, image: Any, rig: LightRig, folder: Path) -> list[str]:
     scene = context.scene
     settings = scene.mps.estimate
     distance = ["--distance", f"{settings.distance:g}"] if settings.distance and rig.near is not None else []
-    if settings.lens:
-        return ["--focal", f"{settings.lens:g}", *distance]
-    camera, taken_with = folder / "camera.json", remembered(image, "camera")
-    if taken_with is not None:
-        camera.write_text(taken_with, encoding="utf-8")
-    elif scene.mps.rig.lights:
-        write_camera(camera, scene_camera(rig_camera(scene), scene, picture_size(image)))
-    elif rig.near is not None:
+    seen = seen_through(scene, image, settings.lens, folder)
+    if rig.near is not None and not seen:
         raise InputError(
             "the rig's lights stand near the object, so the photo's camera counts; tell its lens, or add a rig, "
             "whose camera is taken"
         )
-    else:
-        return []
-    if rig.near is None or distance or settings.surface is None:
-        return ["--camera", str(camera), *distance]
+    if rig.near is None or distance or settings.surface is None or settings.lens:
+        return [*seen, *distance]
     context.view_layer.update()
     write_mesh(folder / "surface.npz", settings.surface, context.evaluated_depsgraph_get(), None)
-    return ["--camera", str(camera), "--mesh", str(folder / "surface.npz")]
+    return [*seen, "--mesh", str(folder / "surface.npz")]
+
+
+def seen_through(scene: Any, image: Any, lens: float, folder: Path) -> list[str]:
+    """The core's option for a picture's camera: its lens where that is told, else the camera that it keeps, else the
+    rig's; nothing where there is none.
+
+    lens: focal length in mm on a sensor 36 mm wide, 0 for none.
+    """
+    camera, taken_with = folder / "camera.json", remembered(image, "camera")
+    if lens:
+        return ["--focal", f"{lens:g}"]
+    if taken_with is not None:
+        camera.write_text(taken_with, encoding="utf-8")
+    elif scene.mps.rig.lights:
+        write_camera(camera, scene_camera(rig_camera(scene), scene, picture_size(image)))
+    else:
+        return []
+    return ["--camera", str(camera)]
 
 
 def model_name(settings: Any) -> str:

@@ -8,14 +8,14 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
-from mpsnet_core.camera import read_camera, write_camera
+from mpsnet_core.camera import read_camera
 from mpsnet_core.errors import InputError
 
+from .estimate import seen_through
 from .made_from import Ingredients, chosen, stamp
 from .operators import RunsCore
-from .outputs import fine_preview, image_file, load_image, output_path, picture_size, remembered
-from .rig import rig_camera, scene_camera
-from .rigs import result_name
+from .outputs import fine_preview, image_file, load_image, output_path, remembered
+from .rigs import result_name, rig_at
 from .settings.declared import take_given
 from .settings.heights import HeightsSettings
 
@@ -58,31 +58,33 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
         if self._mesh is not None:
             arguments += ["--mesh", str(self._mesh), "--faces", str(self.faces)]
             outputs.append(self._mesh)
+        # Heights have their scale beside them: where that is not, nothing here is of earlier heights.
+        foreign = [file for file in outputs[1:] if file.exists()]
+        if foreign and not self._output.with_suffix(".json").exists():
+            raise InputError(
+                f"{foreign[0]} is there already and was not made with {self._output.name}; move it, or give the "
+                "heights another name"
+            )
         return arguments, outputs
 
     def _place(self, context: Any, image: Any, folder: Path) -> list[str]:
         """The camera that took the photo, and how far the object is from it."""
-        scene, file = context.scene, folder / "camera.json"
-        taken_with = remembered(image, "camera")
-        told = ["--distance", f"{self.distance:.9g}"] if self.distance else []
-        if taken_with is not None:
-            file.write_text(taken_with, encoding="utf-8")
-        elif scene.mps.rig.lights:
-            write_camera(file, scene_camera(rig_camera(scene), scene, picture_size(image)))
-        elif scene.mps.estimate.lens:
-            return ["--focal", f"{scene.mps.estimate.lens:g}", *told]
-        else:
-            return told
-        if not told:
-            target = scene.mps.bake.target or context.view_layer.objects.active
-            if target is not None and target.type == "MESH":
-                middle = target.matrix_world @ (sum(map(Vector, target.bound_box), Vector()) / 8)
-                depth = float(read_camera(file).depth_row() @ np.array([*middle, 1]))
-                told = ["--distance", f"{depth:.9g}"] if depth > 0 else []
-        return ["--camera", str(file), *told]
+        scene = context.scene
+        lens = remembered(image, "lens")
+        seen = seen_through(scene, image, scene.mps.estimate.lens if lens is None else float(lens), folder)
+        if self.distance:
+            return [*seen, "--distance", f"{self.distance:.9g}"]
+        target = scene.mps.bake.target or context.view_layer.objects.active
+        if seen[:1] == ["--camera"] and target is not None and target.type == "MESH":
+            middle = target.matrix_world @ (sum(map(Vector, target.bound_box), Vector()) / 8)
+            depth = float(read_camera(seen[1]).depth_row() @ np.array([*middle, 1]))
+            seen += ["--distance", f"{depth:.9g}"] if depth > 0 else []
+        return seen
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        scene = self.scene(f"its heights are in {self._output}")
+        result_is = f"its heights are in {self._output}"
+        scene = self.scene(result_is)
+        estimate = rig_at(scene, self._rig_place, result_is).estimate
         image = load_image(self._output, "MPS Height", is_data=True)
         self.made(image)
         fine_preview(image, stretched=True)
@@ -90,12 +92,12 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
         for what, picture in self._pictures.items():
             load_image(picture, f"MPS {PICTURES[what]}", is_data=what != "relit")
         if self._mesh is not None:
-            _bring_in(scene, self._mesh)
+            estimate.mesh = _bring_in(scene, self._mesh, estimate.mesh)
         self.report({"INFO"}, f"Heights written to {self._output}")
 
 
-def _bring_in(scene: Any, file: Path) -> None:
-    """The mesh as an object of the scene, in the place of that of an earlier run."""
+def _bring_in(scene: Any, file: Path, earlier: Any) -> Any:
+    """The mesh as an object of the scene, in the place of that of an earlier run, whose materials it keeps."""
     name = "MPS Surface"
     known, layer = set(bpy.data.objects), bpy.context.view_layer
     selected, active = list(layer.objects.selected), layer.objects.active
@@ -111,15 +113,17 @@ def _bring_in(scene: Any, file: Path) -> None:
     layer.objects.active = active
     for obj in selected:
         obj.select_set(True)
-    earlier = scene.objects.get(name)
-    if earlier is not None and earlier.type == "MESH":
-        mesh, earlier.data = earlier.data, made.data
-        bpy.data.objects.remove(made)
-        if not mesh.users:
-            bpy.data.meshes.remove(mesh)
-        earlier.data.name = name
-        return
-    made.name = made.data.name = name
+    if earlier is None or scene.objects.get(earlier.name) != earlier or earlier.type != "MESH":
+        made.name = made.data.name = name
+        return made
+    before, earlier.data = earlier.data, made.data
+    for material in before.materials:
+        earlier.data.materials.append(material)
+    bpy.data.objects.remove(made)
+    if not before.users:
+        bpy.data.meshes.remove(before)
+    earlier.data.name = name
+    return earlier
 
 
 register, unregister = bpy.utils.register_classes_factory((MPS_OT_integrate,))

@@ -33,6 +33,7 @@ class SaysWhy(bpy.types.Operator):
     """
 
     _scene_uid = 0
+    _rig_place = 0  # of the rig that was chosen, in the scene's list
     _made_from: Ingredients
 
     @classmethod
@@ -71,7 +72,7 @@ class SaysWhy(bpy.types.Operator):
 
     def begin(self, context: Any) -> None:
         """Called before anything else; what an earlier run left to say goes."""
-        self._scene_uid = context.scene.session_uid
+        self._scene_uid, self._rig_place = context.scene.session_uid, context.scene.mps.chosen_rig
         self._keep_record()
 
     def execute(self, context: Any) -> set[Any]:
@@ -112,6 +113,11 @@ def verb_of(idname: str) -> str:
     return idname.removeprefix("MPS_OT_").removeprefix("mps.")
 
 
+def told_by(error: RuntimeError) -> str:
+    """What an operator that was called from here reported, as one line."""
+    return " ".join(str(error).split()).removeprefix("Error: ")
+
+
 def _sentence(error: OSError) -> str:
     where = f"{error.filename}: " if error.filename else "a file could not be read or written: "
     return f"{where}{error.strerror or error}; make room on the disk or check the permissions"
@@ -135,7 +141,7 @@ class _Job:
         manager.event_timer_remove(self.timer)
         manager.mps.running = manager.mps.left = ""
         self.folder.cleanup()
-        _redraw(manager)
+        redraw(manager)
 
 
 _jobs: list[_Job] = []
@@ -152,6 +158,8 @@ class RunsCore(SaysWhy):
     @classmethod
     def poll(cls, context: Any) -> bool:
         return idle(cls, context) and super().poll(context)
+
+    _notes: Sequence[str] = ()  # what `prepare` has to say beside the core's notes
 
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         """Write what the core reads into `folder`; give its arguments and the files it will write."""
@@ -181,7 +189,7 @@ class RunsCore(SaysWhy):
         return prepared
 
     def _finished(self, context: Any, result: dict[str, Any]) -> None:
-        notes = result.get("notes", [])
+        notes = [*self._notes, *result.get("notes", [])]
         for note in notes:
             self.report({"INFO"}, note)
         self.finish(context, result)
@@ -232,7 +240,7 @@ class RunsCore(SaysWhy):
         left = in_words(self._job.pace.left(time.monotonic(), process.progress))
         if (shown.progress, shown.message, shown.left) != (process.progress, process.message, left):
             shown.progress, shown.message, shown.left = process.progress, process.message, left
-            _redraw(context.window_manager)
+            redraw(context.window_manager)
 
 
 @dataclass
@@ -249,7 +257,8 @@ class _Teller:
             self.told = time.monotonic()
 
 
-def _redraw(manager: Any) -> None:
+def redraw(manager: Any) -> None:
+    """Draw all 3D viewports with their panels anew."""
     for window in manager.windows:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":

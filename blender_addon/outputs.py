@@ -23,9 +23,15 @@ _READERS = {"rig": read_rig, "camera": read_camera}
 def output_path(given: str, name: str, file_format: str) -> Path:
     """The file to write: `given`, or `name` in the output folder, with the format's ending unless it has one.
 
+    given: a file, or a folder for `name`: one that exists, or what ends in a slash, which is made.
+
     Raises InputError where no file can be put there or the ending is of no format that can be written.
     """
-    path = Path(bpy.path.abspath(given)) if given else output_folder() / bpy.path.clean_name(name)
+    path = Path(bpy.path.abspath(given)) if given else output_folder()
+    if given.endswith(("/", "\\")):
+        made_folder(path, "files")
+    if not given or (not path.suffix and path.is_dir()) or given.endswith(("/", "\\")):
+        path /= bpy.path.clean_name(name)
     if not path.suffix:
         path = path.with_name(f"{path.name}.{FORMATS[file_format]}")
     if path.suffix.lower() not in _ENDINGS:
@@ -125,7 +131,7 @@ def read_beside(picture: Path, what: str) -> str | None:
 
 
 def remember(image: bpy.types.Image, what: str, text: str | None) -> None:
-    """Keep the "rig" or "camera" of a picture, the text of such a file, with the image; None forgets it."""
+    """Keep the "rig" or "camera" of a picture (the text of such a file) or its "lens" with the image; None forgets."""
     if text is not None:
         image[f"mpsnet_{what}"] = text
     elif f"mpsnet_{what}" in image:
@@ -236,8 +242,14 @@ def image_file(image: bpy.types.Image | None, what: str, mend: str) -> Path:
         return Path(source)
     path = Path(bpy.path.abspath(image.filepath, library=image.library))
     if image.packed_file and not path.is_file():
-        path = Path(bpy.app.tempdir) / path.name
+        # What was painted and packed never had a name; two that came from elsewhere may have the same.
+        folder = Path(bpy.app.tempdir) / f"packed_{image.session_uid}"
+        folder.mkdir(exist_ok=True)
+        path = folder / (
+            path.name or f"{bpy.path.clean_name(what)}.{'exr' if image.file_format == 'OPEN_EXR' else 'png'}"
+        )
         path.write_bytes(image.packed_file.data)
-    if not image.filepath or not path.is_file():
-        raise InputError(f'the {what} "{image.name}" has no file on disk; save it, or {mend}')
+    if not path.is_file():
+        missing = f" ({path} is missing)" if image.filepath else ""
+        raise InputError(f'the {what} "{image.name}" has no file on disk{missing}; save it, or {mend}')
     return path

@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections.abc import Iterator
 from typing import Any
 
 import bpy
@@ -10,6 +11,7 @@ from mathutils import Euler, Matrix, Vector
 
 from .operators import SaysWhy
 from .rig import bounding_sphere
+from .rigs import all_rigs
 
 TICK_SECONDS = 1 / 30
 SECONDS_A_TURN = 6.0
@@ -25,7 +27,7 @@ _SHADING = {
 
 
 class MPS_OT_relight(SaysWhy, bpy.types.Operator):
-    """Let a white lamp swing around what the viewport shows, in place of the rig's lights. Press again to end it"""
+    """Let a white lamp swing around what the viewport shows, in place of the rigs' lights. Press again to end it"""
 
     bl_idname = "mps.relight"
     bl_label = "Relight"
@@ -60,7 +62,11 @@ def _begin(context: Any, centre: Vector, radius: float) -> None:
     for obj in (pivot, lamp):
         obj.hide_render = True
         scene.collection.objects.link(obj)
-    _show_rig(scene, False)
+    layer = context.view_layer
+    for light in (light.object for one in all_rigs(scene) for light in one.rig.lights):
+        if light is not None and light.name in layer.objects and not light.hide_get():
+            light.hide_set(True)
+            settings.hidden.add().object = light
     shading = _shading(context)
     if shading is not None:
         settings.shading = json.dumps({name: getattr(shading, name) for name in _SHADING})
@@ -69,17 +75,23 @@ def _begin(context: Any, centre: Vector, radius: float) -> None:
 
 
 def _end(context: Any) -> None:
-    scene, settings = context.scene, context.scene.mps.relight
+    settings = context.scene.mps.relight
     for obj in (settings.lamp, settings.pivot):
         if obj is not None:
             data = obj.data
             bpy.data.objects.remove(obj)
             if data is not None and not data.users:
                 bpy.data.lights.remove(data)
-    _show_rig(scene, True)
-    shading = _shading(context)
-    if shading is not None and settings.shading:
-        _set(shading, json.loads(settings.shading))
+    for light in (light.object for light in settings.hidden):
+        if light is not None and light.name in context.view_layer.objects:
+            light.hide_set(False)
+    settings.hidden.clear()
+    # Whichever viewport it is ended in, the one that it was begun in is the one that still looks so.
+    for shading in _all_shadings() if settings.shading else ():
+        if shading.type == _SHADING["type"] and all(
+            _alike(getattr(shading, name), _SHADING[name]) for name in _SHADING
+        ):
+            _set(shading, json.loads(settings.shading))
     settings.shading = ""
 
 
@@ -91,16 +103,23 @@ def _towards_viewer(context: Any) -> Matrix:
     return target.matrix_world.to_3x3() if target else Euler((math.pi / 2, 0, 0)).to_matrix()
 
 
-def _show_rig(scene: Any, shown: bool) -> None:
-    for light in scene.mps.rig.lights:
-        if light.object is not None and light.object.name in bpy.context.view_layer.objects:
-            light.object.hide_set(not shown)
-
-
 def _shading(context: Any) -> Any:
     """The viewport's shading; None where there is no viewport."""
     space = context.space_data
     return space.shading if space is not None and space.type == "VIEW_3D" else None
+
+
+def _all_shadings() -> Iterator[Any]:
+    """The shadings of the viewports of all workspaces."""
+    for screen in bpy.data.screens:
+        for area in screen.areas:
+            if area.type == "VIEW_3D":
+                yield area.spaces.active.shading
+
+
+def _alike(one: Any, other: Any) -> bool:
+    """Whether two settings are the same; Blender keeps fractions in 32 bits."""
+    return bool(one == other or (isinstance(other, float) and math.isclose(one, other, rel_tol=1e-6)))
 
 
 def _set(shading: Any, values: dict[str, Any]) -> None:

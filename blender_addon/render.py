@@ -16,7 +16,7 @@ from mpsnet_core.rig import write_rig
 
 from .core_process import run
 from .made_from import Ingredients, chosen, rounded
-from .operators import SaysWhy
+from .operators import SaysWhy, told_by
 from .outputs import (
     beside,
     frame_pattern,
@@ -311,8 +311,7 @@ def _render(studio: Any, path: Path, file_format: str) -> None:
         try:
             bpy.ops.render.render(write_still=True, scene=studio.name)
         except RuntimeError as error:
-            reason = " ".join(str(error).split()).removeprefix("Error: ")
-            raise InputError(f"Blender could not render {path}: {reason}") from None
+            raise InputError(f"Blender could not render {path}: {told_by(error)}") from None
         if not unfinished.is_file():
             raise InputError(f"Blender did not write {path}: the render was cancelled or its disk is full; try again")
 

@@ -10,6 +10,8 @@ from typing import Any
 import bpy
 from bpy.props import IntProperty
 
+from mpsnet_core.errors import InputError
+
 from .operators import idle
 from .rig import remove_rig
 from .settings.estimate import EstimateSettings
@@ -84,7 +86,7 @@ class MPS_OT_drop_rig(_OnRigs):
 
 
 def new_rig(scene: Any) -> None:
-    """Begin another rig and choose it: it has the settings of the one that was, and nothing else of it."""
+    """Begin another rig and choose it: it has the settings of the one that was, and none of its files or results."""
     mps = scene.mps
     if not mps.rigs:
         mps.rigs.add().name = "Rig 1"
@@ -96,7 +98,7 @@ def new_rig(scene: Any) -> None:
     for step, settings in _STEPS.items():
         group = getattr(mps, step)
         for name in _names(group):
-            if name not in settings.__annotations__ or name == "output":
+            if name not in settings.__annotations__ or name in {"output", "rig_file"}:
                 group.property_unset(name)
     _forget(mps)
 
@@ -126,6 +128,17 @@ def all_rigs(scene: Any) -> Iterator[Any]:
         yield mps
     for number, one in enumerate(mps.rigs):
         yield mps if number == mps.chosen_rig else one
+
+
+def rig_at(scene: Any, place: int, result: object) -> Any:
+    """What holds ``rig``, ``photo`` and ``estimate`` at a place in the scene's list of rigs, chosen or not.
+
+    Raises InputError where there is none any more. result: what it would have got, and where that is now.
+    """
+    rigs = list(all_rigs(scene))
+    if place >= len(rigs):
+        raise InputError(f"the rig that this was made for is gone; {result}")
+    return rigs[place]
 
 
 def result_name(scene: Any, what: str) -> str:

@@ -1,6 +1,7 @@
 """Try It: the four steps on a scene of its own, with no file needed."""
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -8,11 +9,11 @@ import bpy
 from bpy.props import IntProperty, StringProperty
 from mathutils import Euler, Vector
 
-from mpsnet_core.errors import Cancelled
+from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.files import made_folder
 
 from .demo import make_demo
-from .operators import TICK_SECONDS, SaysWhy, idle, same
+from .operators import TICK_SECONDS, SaysWhy, idle, redraw, same, told_by
 from .settings.declared import PATH
 
 # From the front, a little to the right and above, as far away as shows all of the object.
@@ -64,7 +65,8 @@ class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
             return self.execute(context)
         self.begin(context)
         manager = context.window_manager
-        manager.mps.running, manager.mps.progress, manager.mps.message = self.bl_idname, 0.0, "making an object"
+        manager.mps.running, manager.mps.cancel = self.bl_idname, False
+        manager.mps.progress, manager.mps.message = 0.0, "making an object"
         self._left = [self._build, self._photograph, self._estimate, self._bake, self._present]
         self._ticks = 0
         self._timer = manager.event_timer_add(TICK_SECONDS, window=context.window)
@@ -72,16 +74,25 @@ class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context: Any, event: bpy.types.Event) -> set[Any]:
-        running = context.window_manager.mps.running
-        if running == self.bl_idname and event.type == "ESC" and event.value == "PRESS":
-            return self._end(context, "CANCELLED")
-        if event.type != "TIMER" or running not in {"", self.bl_idname}:
+        manager = context.window_manager
+        running = manager.mps.running
+        if running not in {"", self.bl_idname}:
             return {"PASS_THROUGH"}
-        context.area.tag_redraw()
+        if manager.mps.cancel or (event.type == "ESC" and event.value == "PRESS"):
+            self.report({"INFO"}, "Cancelled")
+            return self._end(context, "CANCELLED")
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        redraw(manager)
         self._ticks += 1
         if running and self._ticks % 3:  # until the window has shown what is about to happen
             return {"PASS_THROUGH"}
-        if not self.done(lambda: self._left.pop(0)(context)):
+        try:
+            went_well = self.done(lambda: self._left.pop(0)(context))
+        except BaseException:  # else all operators would wait for this one for ever
+            self._end(context, "CANCELLED")
+            raise
+        if not went_well:
             return self._end(context, "CANCELLED")
         return {"PASS_THROUGH"} if self._left else self._end(context, "FINISHED")
 
@@ -92,15 +103,19 @@ class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
         context.window_manager.event_timer_remove(self._timer)
         if context.window_manager.mps.running == self.bl_idname:
             context.window_manager.mps.running = ""
+        redraw(context.window_manager)
         return {how}
 
     def _build(self, context: Any) -> None:
+        if self.output:  # a folder that cannot be is said before there is a scene
+            made_folder(bpy.path.abspath(self.output), "files")
         scene, detailed, low = make_demo()
-        self._demo_uid, self._shown = scene.session_uid, {detailed.session_uid: False, low.session_uid: True}
+        # From here on what fails is told in the demo's scene, which is the one that is open.
+        self._scene_uid, self._shown = scene.session_uid, {detailed.session_uid: False, low.session_uid: True}
         context.window.scene = scene
         scene.mps.photo.width = scene.mps.photo.height = self.pixels
         detailed.select_set(True)
-        bpy.ops.mps.add_rig()
+        _run(bpy.ops.mps.add_rig)
         scene.mps.bake.target = low
         for view in _viewports(context):
             view.view_location, view.view_distance, view.view_rotation = Vector(), _AWAY, _LOOK
@@ -108,17 +123,17 @@ class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
         context.window_manager.mps.message = "rendering its photo; the window waits"
 
     def _photograph(self, context: Any) -> None:
-        bpy.ops.mps.render_photo(samples=self.samples, output=self._file(context, "photo.exr"))
+        _run(bpy.ops.mps.render_photo, samples=self.samples, output=self._file(context, "photo.exr"))
         self._forget_files(context)
         context.window_manager.mps.running = ""
 
     def _estimate(self, context: Any, how: str = "INVOKE_DEFAULT") -> None:
-        bpy.ops.mps.estimate(how, output=self._file(context, "normals.png"))
+        _run(bpy.ops.mps.estimate, how, output=self._file(context, "normals.png"))
 
     def _bake(self, context: Any, how: str = "INVOKE_DEFAULT") -> None:
         if self._demo(context).mps.estimate.image is None:
             raise Cancelled
-        bpy.ops.mps.bake(how, size=self.size, output=self._file(context, "texture.png"))
+        _run(bpy.ops.mps.bake, how, size=self.size, output=self._file(context, "texture.png"))
 
     def _present(self, context: Any) -> None:
         scene = self._demo(context)
@@ -134,12 +149,12 @@ class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
             obj.select_set(shown)
             context.view_layer.objects.active = obj
         if not bpy.app.background:
-            bpy.ops.mps.relight()
+            _run(bpy.ops.mps.relight)
         self.report({"INFO"}, "The low-poly copy wears the photo's normals; the detailed object is hidden")
 
     def _demo(self, context: Any) -> Any:
         """The demo's scene, as long as the window shows it."""
-        if context.scene.session_uid != self._demo_uid:
+        if context.scene.session_uid != self._scene_uid:
             raise Cancelled
         return context.scene
 
@@ -152,6 +167,14 @@ class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
         """What is done next in the demo's scene goes where it goes in any scene."""
         settings = context.scene.mps
         settings.photo.output = settings.estimate.output = settings.bake.output = ""
+
+
+def _run(operator: Callable[..., Any], *how: str, **settings: Any) -> None:
+    """Call one of the add-on's operators. Raises InputError where it fails, with what it said."""
+    try:
+        operator(*how, **settings)
+    except RuntimeError as error:
+        raise InputError(told_by(error)) from None
 
 
 def _viewports(context: Any) -> list[Any]:

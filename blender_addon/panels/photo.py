@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from ..estimate import rig_file_for
 from .step import Step
 
 
@@ -41,7 +42,9 @@ class MPS_PT_real(Step):
     def draw(self, context: Any) -> None:
         estimate = context.scene.mps.estimate
         column = self.column()
-        column.prop(estimate, "rig_file", placeholder="Automatic")
+        row = column.row()
+        row.active = not estimate.rig_file or bool(rig_file_for(context.scene.mps.photo.image, estimate))
+        row.prop(estimate, "rig_file", placeholder="Automatic")
         column.prop(estimate, "lens")
         column.prop(estimate, "encoding")
         column.prop(estimate, "dark", placeholder="None")

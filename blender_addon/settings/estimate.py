@@ -76,8 +76,9 @@ class EstimateSettings:
     )
     rig_file: StringProperty(
         name="Rig File",
-        description="Measured rig (.json or .lp) of a photo taken with a real camera. "
-        "Empty: the one beside the photo when it was rendered or opened, else the rig in this scene",
+        description="Measured rig (.json or .lp) of photos that you open. A photo that was rendered in this scene is "
+        "estimated with the rig that it was rendered with. Empty: the rig beside the photo when it was opened, else "
+        "the rig in this scene",
         subtype="FILE_PATH",
         options=PATH,
     )
@@ -150,5 +151,8 @@ class MPS_PG_estimate(EstimateSettings, bpy.types.PropertyGroup):
         "Empty: all is taken as far as the rig's target",
         type=bpy.types.Object,
         poll=lambda _, candidate: candidate.type == "MESH",
+    )
+    mesh: PointerProperty(
+        name="Mesh", description="Mesh that was made of the normals and their heights", type=bpy.types.Object
     )
     image: PointerProperty(name="Normals", description="Normal map in camera space", type=bpy.types.Image)

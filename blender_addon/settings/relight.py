@@ -1,7 +1,9 @@
 """What the relighting keeps of how things stood before."""
 
 import bpy
-from bpy.props import PointerProperty, StringProperty
+from bpy.props import CollectionProperty, PointerProperty, StringProperty
+
+from .rig import MPS_PG_light
 
 
 class MPS_PG_relight(bpy.types.PropertyGroup):
@@ -9,4 +11,5 @@ class MPS_PG_relight(bpy.types.PropertyGroup):
 
     pivot: PointerProperty(name="Pivot", description="Empty that the lamp swings around", type=bpy.types.Object)
     lamp: PointerProperty(name="Lamp", description="The lamp, while it is there", type=bpy.types.Object)
+    hidden: CollectionProperty(name="Hidden", description="The rigs' lights that it hid", type=MPS_PG_light)
     shading: StringProperty(name="Shading", description="How the viewport was shaded before, as JSON")

@@ -7,7 +7,12 @@ import bpy
 import numpy as np
 import pytest
 
+from blender_addon.outputs import image_file, output_path
+from blender_addon.panels.estimate import MPS_PT_estimate
+from blender_addon.panels.step import Kind
 from mpsnet_core.camera import read_camera
+from mpsnet_core.errors import InputError
+from mpsnet_core.images import read_data, write_image
 from mpsnet_core.normals import angular_error, read_normals
 from mpsnet_core.rig import published_rig, read_rig, write_rig
 
@@ -77,6 +82,46 @@ def test_results_of_an_unsaved_file_are_packed_and_outlive_it(sphere, scene, tmp
     assert np.array_equal(pixels(scene.mps.bake.image), before)
 
 
+def test_a_folder_takes_what_is_written_by_a_name_of_its_own(tmp_path):
+    (tmp_path / "there").mkdir()
+    for given in ("there", "there/", "new/", "v1.2/"):
+        path = output_path(f"{tmp_path}/{given}", "Scene normals", "PNG")
+        assert path == tmp_path / given / "Scene_normals.png" and path.parent.is_dir()
+    assert output_path(f"{tmp_path}/new_file", "Scene", "EXR") == tmp_path / "new_file.exr"
+
+
+@pytest.mark.parametrize("is_float", [False, True])
+def test_a_painted_and_packed_image_is_read_though_it_never_had_a_file(scene, is_float):
+    image = bpy.data.images.new("Painted", 4, 2, float_buffer=is_float)
+    image.pixels.foreach_set(np.tile(np.float32([0, 0.5, 1, 1]), 8))
+    image.update()
+    image.pack()
+    read, _ = read_data(image_file(image, "normal map", "choose another"))
+    np.testing.assert_allclose(read[..., :3], np.broadcast_to([0, 0.5, 1], (2, 4, 3)), atol=0.003)
+
+
+def test_packed_images_whose_files_were_called_the_same_are_two(scene, tmp_path):
+    files = []
+    for value in (0.0, 1.0):
+        path = tmp_path / str(value) / "same.png"
+        path.parent.mkdir()
+        write_image(path, np.full((2, 2, 3), value, np.float32), bits=8)
+        image = bpy.data.images.load(str(path))
+        image.pack()
+        path.unlink()
+        files.append(image_file(image, "photo", "choose another"))
+    assert [read_data(file)[0].max() for file in files] == [0, 1]
+    assert {file.name for file in files} == {"same.png"}, "results are called by it"
+
+
+def test_an_image_whose_file_was_moved_says_which(scene, tmp_path):
+    write_image(tmp_path / "a.png", np.ones((2, 2, 3), np.float32), bits=8)
+    image = bpy.data.images.load(str(tmp_path / "a.png"))
+    (tmp_path / "a.png").rename(tmp_path / "b.png")
+    with pytest.raises(InputError, match=r"has no file on disk \(.*a\.png is missing\)"):
+        image_file(image, "photo", "choose another")
+
+
 def test_an_opened_photo_takes_the_rig_and_camera_beside_it(photographed, scene, tmp_path):
     taken = [read_rig(tmp_path / "photo.rig.json").slants, read_camera(tmp_path / "photo.camera.json").width]
     bpy.ops.mps.add_rig(slant=50.0)
@@ -97,6 +142,27 @@ def test_an_opened_photo_takes_the_rig_and_camera_beside_it(photographed, scene,
     assert not {"mpsnet_rig", "mpsnet_camera"} & set(scene.mps.photo.image.keys())
     bpy.ops.mps.estimate()
     assert "mpsnet_camera" not in scene.mps.estimate.image
+
+
+def test_a_rendered_photo_has_its_own_rig_and_an_opened_one_that_of_the_rig_file(photographed, scene, tmp_path):
+    def normals(**settings):
+        bpy.ops.mps.estimate(model="LAMBERTIAN", output=str(tmp_path / "normals.png"), **settings)
+        return (tmp_path / "normals.png").read_bytes()
+
+    own = normals()
+    write_rig(tmp_path / "measured.json", published_rig(45.0))
+    measured = normals(rig_file=str(tmp_path / "measured.json"))
+    assert measured != own, "what the call names counts"
+    assert "measured.json" not in scene.mps.records["estimate"].notes
+    # What is left in the panel from then is of other photos.
+    assert normals() == own
+    assert "measured.json not used" in scene.mps.records["estimate"].notes
+    assert MPS_PT_estimate.state(bpy.context).kind is Kind.DONE
+    (tmp_path / "measured.json").unlink()
+    assert MPS_PT_estimate.state(bpy.context).kind is Kind.DONE
+    write_rig(tmp_path / "measured.json", published_rig(45.0))
+    bpy.ops.mps.open_photo(filepath=str(tmp_path / "photo.exr"))
+    assert normals() == measured
 
 
 def test_a_damaged_rig_file_beside_a_photo_is_one_sentence(photographed, tmp_path):

@@ -1,15 +1,19 @@
 """Several rigs in one scene: each keeps its own, and they are baked together."""
 
 import re
+from functools import partial
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
 import pytest
 
+from blender_addon.estimate import MPS_OT_estimate
 from blender_addon.panels.photo import MPS_PT_photo
 from blender_addon.panels.step import Kind
 from blender_addon.rig import light_rig
 from blender_addon.rigs import result_name
+from mpsnet_core.errors import InputError
 from mpsnet_core.images import read_image
 
 
@@ -60,11 +64,11 @@ def test_each_rig_keeps_what_is_its_own(estimated, scene, two_rigs, tmp_path):
 
 def test_a_new_rig_has_the_settings_and_nothing_else(estimated, scene):
     scene.mps.rig.strength = 3
-    scene.mps.estimate.output = "//mine.png"
+    scene.mps.estimate.output = scene.mps.estimate.rig_file = "//mine.png"
     bpy.ops.mps.new_rig()
     assert scene.mps.rig.strength == 3
     assert standing(scene)[3:] == (None, [], None, None)
-    assert scene.mps.estimate.output == ""
+    assert scene.mps.estimate.output == scene.mps.estimate.rig_file == ""
     assert [one.name for one in scene.mps.rigs] == ["Rig 1", "Rig 2"]
 
 
@@ -84,6 +88,31 @@ def test_an_error_stays_with_its_rig(estimated, scene):
     assert "estimate" not in scene.mps.records
     bpy.ops.mps.choose_rig(index=0)
     assert "nowhere.onnx" in scene.mps.records["estimate"].error
+
+
+def test_a_result_goes_to_the_rig_that_it_was_begun_with(estimated, scene, tmp_path):
+    image = scene.mps.estimate.image
+    bpy.ops.mps.new_rig()
+    own = SimpleNamespace(
+        _scene_uid=scene.session_uid,
+        _rig_place=0,
+        _moves=False,
+        _output=tmp_path / "normals.png",
+        _camera=None,
+        _lens=0,
+        made=lambda _: None,
+        report=lambda *_: None,
+    )
+    own.scene = partial(MPS_OT_estimate.scene, own)
+    bpy.ops.mps.choose_rig(index=0)
+    scene.mps.estimate.image = None
+    bpy.ops.mps.choose_rig(index=1)
+    MPS_OT_estimate.finish(own, bpy.context, {})
+    assert scene.mps.estimate.image is None and scene.mps.rigs[0].estimate.image == image
+    bpy.ops.mps.drop_rig()
+    own._rig_place = 1
+    with pytest.raises(InputError, match="the rig that this was made for is gone; its normals are in"):
+        MPS_OT_estimate.finish(own, bpy.context, {})
 
 
 def test_dropping_takes_one_rig_away_and_keeps_the_other(two_rigs, estimated, scene):

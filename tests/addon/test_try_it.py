@@ -3,12 +3,15 @@
 import math
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
 import pytest
 
+from blender_addon.try_it import MPS_OT_try_it
 from mpsnet_core.images import read_data
 from mpsnet_core.normals import angular_error
 
@@ -72,6 +75,58 @@ def test_a_second_demo_stands_beside_the_first(scene):
     assert all(bpy.data.scenes[name].mps.bake.image for name in ("MPS Demo", "MPS Demo.001"))
 
 
+def test_what_a_step_says_is_what_the_demo_says(scene, tmp_path):
+    (tmp_path / "MPS_Demo_photo.exr").mkdir()
+    with pytest.raises(RuntimeError) as told:
+        bpy.ops.mps.try_it(pixels=32, samples=1, output=str(tmp_path))
+    assert "Traceback" not in str(told.value) and "MPS_Demo_photo.exr" in str(told.value)
+    # The window shows the demo's scene by now, so that is where its panel tells it.
+    assert "MPS_Demo_photo.exr" in bpy.context.scene.mps.records["try_it"].error
+
+
+def test_a_folder_that_cannot_be_leaves_no_half_made_demo(scene, tmp_path):
+    with pytest.raises(RuntimeError, match="nowhere does not exist"):
+        bpy.ops.mps.try_it(output=str(tmp_path / "nowhere" / "demo"))
+    assert bpy.data.scenes[:] == [scene] and bpy.context.scene == scene
+
+
+@pytest.fixture
+def pressed():
+    """What Try It's button leaves running: the operator's data, which Blender gives to no one without a window."""
+    manager = bpy.context.window_manager
+    manager.mps.running, manager.mps.cancel = MPS_OT_try_it.bl_idname, False
+    timer = manager.event_timer_add(0.1, window=bpy.context.window)
+    one = SimpleNamespace(bl_idname=MPS_OT_try_it.bl_idname, _ticks=2, _timer=timer, report=lambda *_: None)
+    one._failed = one.report
+    for name in ("done", "_end"):
+        setattr(one, name, partial(getattr(MPS_OT_try_it, name), one))
+    yield one
+    manager.mps.running, manager.mps.cancel = "", False
+
+
+def tick(one):
+    return MPS_OT_try_it.modal(one, bpy.context, SimpleNamespace(type="TIMER", value=""))
+
+
+def broken(context):
+    raise ZeroDivisionError
+
+
+def test_a_defect_in_a_step_does_not_keep_the_add_on_busy(scene, pressed):
+    pressed._left = [broken]
+    with pytest.raises(ZeroDivisionError):
+        tick(pressed)
+    assert bpy.ops.mps.try_it.poll()
+
+
+def test_the_demo_goes_on_where_its_panel_is_not_shown_and_ends_when_cancelled(scene, pressed):
+    assert bpy.context.area is None
+    pressed._left = [lambda context: None, broken]
+    assert tick(pressed) == {"PASS_THROUGH"}
+    bpy.ops.mps.cancel()
+    assert tick(pressed) == {"CANCELLED"} and bpy.ops.mps.try_it.poll()
+
+
 def test_relight_takes_the_rigs_place_and_gives_it_back(sphere):
     bpy.ops.mps.add_rig(view="RIGHT")
     settings, before = bpy.context.scene.mps, set(bpy.data.objects)
@@ -90,6 +145,44 @@ def test_relight_takes_the_rigs_place_and_gives_it_back(sphere):
     assert settings.relight.lamp is None and set(bpy.data.objects) == before
     assert not any(light.hide_get() for light in lights)
     assert not [light for light in bpy.data.lights if light.name.startswith("MPS White")]
+
+
+def test_relight_hides_the_lights_of_all_rigs_and_shows_only_those_that_it_hid(sphere, scene):
+    bpy.ops.mps.add_rig()
+    first = [light.object for light in scene.mps.rig.lights]
+    first[0].hide_set(True)
+    bpy.ops.mps.new_rig()
+    sphere.select_set(True)
+    bpy.ops.mps.add_rig(view="BACK")
+    second = [light.object for light in scene.mps.rig.lights]
+    bpy.ops.mps.relight()
+    assert all(light.hide_get() for light in first + second)
+    bpy.ops.mps.choose_rig(index=0)
+    bpy.ops.mps.relight()
+    assert [light.hide_get() for light in first + second] == [True, False, False, False, False, False]
+
+
+def test_relight_gives_the_viewport_that_it_took_its_shading_back(sphere):
+    view, *_ = [area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D"]
+    others = [
+        area.spaces.active.shading
+        for screen in bpy.data.screens
+        for area in screen.areas
+        if area.type == "VIEW_3D" and area != view
+    ]
+    before = [one.type for one in others]
+    shading = view.spaces.active.shading
+    shading.type = "MATERIAL"
+    shading.studiolight_intensity = 0.7
+    shading.type = "WIREFRAME"
+    with bpy.context.temp_override(area=view):
+        bpy.ops.mps.relight()
+    assert shading.type == "MATERIAL"
+    bpy.ops.mps.relight()  # from somewhere else
+    assert shading.type == "WIREFRAME"
+    shading.type = "MATERIAL"
+    assert shading.studiolight_intensity == pytest.approx(0.7)
+    assert [one.type for one in others] == before
 
 
 def test_relight_survives_the_file_and_its_lamps_deletion(sphere, tmp_path):
