@@ -13,15 +13,13 @@ from mpsnet_core.errors import InputError
 from .bake import BakesOnto
 from .made_from import Ingredients, chosen, stamp
 from .mesh_file import DISPLACE, SUBDIVISION, write_mesh
+from .nodes import DISPLACEMENT_NODE, HEIGHT_NODE, NORMAL_NODE, TEXTURE_NODE, UV_NODE, own_node
 from .operators import same
 from .outputs import fine_preview, image_file, load_image, output_path, remembered
-from .present_map import TEXTURE_NODE
 from .settings.declared import take_given
 from .settings.displace import DisplaceSettings
 from .textures import Worn, own_materials
-from .wearing import NORMAL_NODE, UV_NODE
 
-HEIGHT_NODE, DISPLACEMENT_NODE = "MPS Height", "MPS Displacement"
 # Vertices of a subdivided mesh lie on the limit surface at any level; a finer one tells hardly more.
 MOST_BASE_LEVELS = 3
 
@@ -191,12 +189,7 @@ def wear_heights(material: Any, image: Any, uv_map: str, strength: float, midlev
     left, top = output.location.x, output.location.y - 700
 
     def node(name: str, kind: str, steps: int) -> Any:
-        found = tree.nodes.get(name)
-        if found is None:
-            found = tree.nodes.new(kind)
-            found.name = found.label = name
-            found.location = (left - 300 * steps, top)
-        return found
+        return own_node(tree, name, kind, left - 300 * steps, top)
 
     uv, heights = node(UV_NODE, "ShaderNodeUVMap", 3), node(HEIGHT_NODE, "ShaderNodeTexImage", 2)
     displacement = node(DISPLACEMENT_NODE, "ShaderNodeDisplacement", 1)

@@ -10,10 +10,9 @@ import bpy
 
 from mpsnet_core.errors import InputError
 
+from .nodes import GREEN_NODE, TEXTURE_NODE
 from .outputs import image_file
 
-# The names of the nodes that the bake makes.
-TEXTURE_NODE, GREEN_NODE = "MPS Texture", "MPS Green"
 # Kept with a baked image: what the object wore before it, and which way that one's green points.
 _BASE, _BASE_CONVENTION = "mpsnet_base", "mpsnet_base_convention"
 _BY_FILE = "choose the file of a present map"

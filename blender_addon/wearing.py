@@ -5,11 +5,9 @@ from typing import Any
 
 from mpsnet_core.errors import InputError
 
+from .nodes import GREEN_NODE, NORMAL_NODE, TEXTURE_NODE, UV_NODE, own_node
 from .outputs import remember
-from .present_map import GREEN_NODE, TEXTURE_NODE
 from .textures import Worn, own_materials
-
-NORMAL_NODE, UV_NODE = "MPS Normal", "MPS UV"
 
 
 def wear_textures(worn: Sequence[Worn], space: str, convention: str, frames: range = range(0)) -> list[str]:
@@ -45,12 +43,7 @@ def wear(material: Any, image: Any, uv_map: str, space: str, convention: str) ->
     left, top = min(node.location.x for node in shaders), min(node.location.y for node in shaders) - 300
 
     def node(name: str, kind: str, steps: int) -> Any:
-        found = nodes.get(name)
-        if found is None:
-            found = nodes.new(kind)
-            found.name = found.label = name
-            found.location = (left - 200 * steps, top)
-        return found
+        return own_node(material.node_tree, name, kind, left - 200 * steps, top)
 
     uv, texture = node(UV_NODE, "ShaderNodeUVMap", 5), node(TEXTURE_NODE, "ShaderNodeTexImage", 4)
     normal = node(NORMAL_NODE, "ShaderNodeNormalMap", 1)
