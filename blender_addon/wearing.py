@@ -5,18 +5,25 @@ from typing import Any
 
 from mpsnet_core.errors import InputError
 
+from .displaced import undisplaced
 from .nodes import GREEN_NODE, NORMAL_NODE, TEXTURE_NODE, UV_NODE, own_node
 from .outputs import remember
 from .textures import Worn, own_materials
 
 
 def wear_textures(worn: Sequence[Worn], space: str, convention: str, frames: range = range(0)) -> list[str]:
-    """Give all materials of objects their textures; gives a sentence for each node whose place a texture took.
+    """Give all materials of objects their textures; gives a sentence for each node whose place a texture took,
+    and for each object whose displacement is off now: with a normal map in tangent space the relief would show twice.
 
     frames: of the timeline, where the texture is an image sequence whose files have their numbers.
     """
-    sentences = []
-    for material, (image, uv_map) in own_materials(worn).items():
+    materials = own_materials(worn)
+    sentences = [
+        f'The displacement of "{one.target.name}" is off, it would show the relief twice; displace the object again'
+        for one in worn
+        if space == "TANGENT" and undisplaced(one.target)
+    ]
+    for material, (image, uv_map) in materials.items():
         # Whoever reads the texture later needs to know, whatever the panel says by then.
         remember(image, "space", space)
         remember(image, "convention", convention)
