@@ -54,6 +54,15 @@ class BakesOnto(RunsCore):
         options={"SKIP_SAVE"},
     )
 
+    def _prepared(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+        settings = context.scene.mps.bake
+        before = settings.target
+        try:
+            return super()._prepared(context, folder)
+        except BaseException:
+            settings.target = before  # one that is refused would be refused ever after
+            raise
+
     def baked_object(self, context: Any) -> Any:
         """The object to bake onto. Raises InputError where there is none, or it is another file's."""
         settings = context.scene.mps.bake

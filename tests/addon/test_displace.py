@@ -259,7 +259,9 @@ def test_what_cannot_be_displaced_is_told(worn, scene, tmp_path):
     scene.collection.objects.link(other)
     with pytest.raises(RuntimeError, match='"Other" wears no baked texture; choose the object that it was baked onto'):
         bpy.ops.mps.displace(target="Other")
-    scene.mps.bake.target = None
+    with pytest.raises(RuntimeError, match="is not a mesh but camera"):
+        bpy.ops.mps.bake(target=scene.camera.name)
+    assert scene.mps.bake.target is None  # what was refused is not asked for again
     scene.mps.bake.image = None
     with pytest.raises(RuntimeError, match="Bake the texture first"):
         bpy.ops.mps.displace()
