@@ -159,6 +159,13 @@ class BakesOnto(RunsCore):
         return f"{what}; {result['seen']:.0%} of the surface seen"
 
 
+def targets_place(settings: Any) -> Ingredients:
+    """Where the target stands, as an ingredient of a bake; none where it is not chosen in the panel."""
+    if settings.target is None or settings.objects != "ACTIVE":
+        return {}
+    return {"Target's place": rounded(settings.target.matrix_world, 4)}
+
+
 def sampling(settings: Any) -> list[str]:
     """The core's arguments for size, samples and padding."""
     arguments = ["--size", str(settings.size), "--samples", settings.samples]
@@ -181,10 +188,7 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         settings = context.scene.mps.bake
         every = all_rigs(context.scene) if settings.all_rigs else [context.scene.mps]
         stamps = ", ".join(stamp(one.estimate.image) for one in every)
-        ingredients = {"Normals": stamps, **chosen(BakeSettings, settings)}
-        if settings.target is not None and settings.objects == "ACTIVE":
-            ingredients["Target's place"] = rounded(settings.target.matrix_world, 4)
-        return ingredients
+        return {"Normals": stamps, **chosen(BakeSettings, settings), **targets_place(settings)}
 
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         scene = context.scene

@@ -46,7 +46,10 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
     @classmethod
     def made_from(cls, context: Any) -> Ingredients:
         scene = context.scene.mps
-        return {"Texture": stamp(scene.bake.image), **chosen(DisplaceSettings, scene.displace)}
+        target = scene.bake.target
+        worn = _textures(slot.material for slot in target.material_slots) if target is not None else set()
+        texture = worn.pop() if len(worn) == 1 else scene.bake.image
+        return {"Texture": stamp(texture), **chosen(DisplaceSettings, scene.displace)}
 
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         bake = context.scene.mps.bake

@@ -9,6 +9,7 @@ from mathutils import Matrix
 from mathutils.bvhtree import BVHTree
 
 from blender_addon.commands import main
+from blender_addon.panels.heights import MPS_PT_displace
 from mpsnet_core.images import write_image
 from mpsnet_core.normals import encode
 
@@ -25,6 +26,7 @@ from .test_bake_against_blender import (
     simplified,
     with_materials,
 )
+from .test_steps import Kind, stands
 
 SIZE = 512
 
@@ -220,6 +222,17 @@ def test_a_displacement_that_is_wanted_beside_the_normal_map_stays(worn, scene, 
     bpy.ops.mps.bake(space="TANGENT" if chosen else "OBJECT", output=str(tmp_path / "again.png"))
     material, displacement, _, modifiers = nodes_and_modifiers(worn)
     assert normal_is_worn(material) and len(displacement) == 1 and modifiers == ["SUBSURF"]
+
+
+def test_the_texture_that_counts_is_the_one_that_the_target_wears(worn, scene, tmp_path):
+    """Not the one that was baked last, onto whatever."""
+    bpy.ops.mps.displace(target=worn.name, levels=0, output=str(tmp_path / "h.exr"))
+    assert stands(MPS_PT_displace) == (Kind.DONE, "")
+    scene.mps.bake.image = bpy.data.images.new("Another object's", 8, 8)
+    assert stands(MPS_PT_displace) == (Kind.DONE, "")
+    (slot,) = worn.material_slots
+    slot.material.node_tree.nodes["MPS Texture"].image = scene.mps.bake.image
+    assert stands(MPS_PT_displace) == (Kind.OUT_OF_DATE, "Changed since: Texture")
 
 
 def test_heights_in_16_bits_move_by_as_much(worn, scene, tmp_path):
