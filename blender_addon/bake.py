@@ -10,6 +10,7 @@ from mathutils import Matrix
 
 from mpsnet_core.camera import write_camera
 from mpsnet_core.errors import InputError
+from mpsnet_core.files import made_folder
 from mpsnet_core.surface.presets import PRESETS
 
 from .made_from import Ingredients, chosen, rounded, stamp
@@ -120,13 +121,18 @@ class BakesOnto(RunsCore):
         return arguments
 
     def texture_file(self, context: Any, targets: Sequence[Any]) -> Path:
-        """Where the texture goes, with tokens in its name where there are several."""
+        """Where the texture goes, with tokens in its name where there are several; a folder gets the preset's name."""
         bake = context.scene.mps.bake
         active = context.view_layer.objects.active
         name = (active if active in targets else targets[0]).name
         # The token's signs cannot stand in a file's name until the core takes them out again.
-        path = output_path(bake.output, texture_name(bake, "splits" if SPLITS[bake.split] else name), bake.file_format)
-        if SPLITS[bake.split] and not bake.output:
+        name = texture_name(bake, "splits" if SPLITS[bake.split] else name)
+        given, place = bake.output, Path(bpy.path.abspath(bake.output))
+        into_folder = given.endswith(("/", "\\")) or bool(given and place.is_dir())
+        if into_folder:
+            given = str(made_folder(place, "texture") / bpy.path.clean_name(name))
+        path = output_path(given, name, bake.file_format)
+        if SPLITS[bake.split] and (into_folder or not given):
             path = path.with_name(path.name.replace("splits", SPLITS[bake.split]))
         return with_tokens(path, bake.split, bake.tiles)
 
