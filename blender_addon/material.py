@@ -66,6 +66,8 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         arguments += ["--provider", preference("provider").lower(), "--threads", str(preference("threads"))]
         arguments += ["--width", f"{self._width(scene, image, folder):.9g}m", "--overlap", f"{self.overlap:g}"]
         across, down = width - self.crop_left - self.crop_right, height - self.crop_top - self.crop_bottom
+        if min(across, down) < 1:
+            raise InputError(f"the crop leaves nothing of the photo's {width} x {height} pixels; leave out less")
         if (across, down) != (width, height):
             arguments.append(f"--crop={self.crop_left},{self.crop_top},{across},{down}")
         arguments += ["--bend", str(self.bend), *(["--size", str(self.size)] if self.size else [])]
@@ -76,6 +78,7 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         """What the photo's width measures, in metres."""
         width = self.width
         taken_with = remembered(image, "camera")
+        self._size_told = "" if width else "; it is as large as the photo's camera tells, as no width is given"
         if not width and taken_with is not None:
             (folder / "taken.json").write_text(taken_with, encoding="utf-8")
             camera = read_camera(folder / "taken.json")
@@ -108,7 +111,7 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
             f"{told['width_mm']:.4g} x {told['height_mm']:.4g} mm, {result['relief_mm']:.3g} mm deep. "
             f"Seam {result['seam']:.2f}, where 1 is none"
         )
-        self.report({"INFO"}, f"Material written to {self._output}: {settings.told}")
+        self.report({"INFO"}, f"Material written to {self._output}: {settings.told}{self._size_told}")
 
 
 def _material_of(normals: Any, name: str) -> Any:
