@@ -4,7 +4,7 @@ import argparse
 import logging
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -52,21 +52,8 @@ def main(argv: Sequence[str]) -> int:
         verb = options.pop("verb")
         if verb == "work":
             return _work(options["folder"])
-        names, save = options.pop("object"), options.pop("save")
-        _select(names)
-        if save and not Path(save).resolve().parent.is_dir():
-            raise InputError(f"cannot save {save}: its folder does not exist; create it first")
-        operator = getattr(bpy.ops.mps, verb)
-        if not operator.poll():
-            raise InputError(_obstacle(verb))
-        with _progress_told():
-            operator(**options)
-        print(f"{COMMAND}: {verb.replace('_', '-')} done{_written(verb)}")  # noqa: T201
-        if save:
-            bpy.ops.wm.save_as_mainfile(filepath=str(Path(save).resolve()))
-            print(f"{COMMAND}: scene saved as {save}")  # noqa: T201
-        elif verb != "render_samples":
-            print(f"{COMMAND}: the scene is not saved; --save FILE.blend keeps what the next step needs")  # noqa: T201
+        with _window():
+            _do(verb, options)
     except (InputError, RuntimeError) as error:
         # Blender turns an operator's report into a RuntimeError and puts its own words before the sentence.
         sentence = " ".join(str(error).split()).removeprefix("Error: ")
@@ -75,6 +62,32 @@ def main(argv: Sequence[str]) -> int:
     except SystemExit as leaving:  # --help
         return int(leaving.code or 0)
     return 0
+
+
+def _do(verb: str, options: dict[str, Any]) -> None:
+    names, save = options.pop("object"), options.pop("save")
+    _select(names)
+    if save and not Path(save).resolve().parent.is_dir():
+        raise InputError(f"cannot save {save}: its folder does not exist; create it first")
+    operator = getattr(bpy.ops.mps, verb)
+    if not operator.poll():
+        raise InputError(_obstacle(verb))
+    with _progress_told():
+        operator(**options)
+    print(f"{COMMAND}: {verb.replace('_', '-')} done{_written(verb)}")  # noqa: T201
+    if save:
+        bpy.ops.wm.save_as_mainfile(filepath=str(Path(save).resolve()))
+        print(f"{COMMAND}: scene saved as {save}")  # noqa: T201
+    elif verb != "render_samples":
+        print(f"{COMMAND}: the scene is not saved; --save FILE.blend keeps what the next step needs")  # noqa: T201
+
+
+def _window() -> AbstractContextManager[Any]:
+    """The context with the file's window: with --command there is none, and Blender's importers want one."""
+    windows = bpy.context.window_manager.windows
+    if bpy.context.window is not None or not windows:
+        return nullcontext()
+    return bpy.context.temp_override(window=windows[0])
 
 
 def _work(folder: str) -> int:

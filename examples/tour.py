@@ -46,7 +46,8 @@ def main():
     with tempfile.TemporaryDirectory() as tools:
         if options.blender:
             blender = Path(tools) / "blender"
-            blender.write_text(f'#!/bin/bash\nexec {options.blender} "$@"\n', encoding="utf-8")
+            # Without this folder on the path: the command may itself look for a `blender`.
+            blender.write_text(f'#!/bin/bash\nPATH=${{PATH#*:}} exec {options.blender} "$@"\n', encoding="utf-8")
             blender.chmod(0o755)
         # mpsnet stands beside the Python that runs this, which need not be on the path.
         places = [tools, str(Path(sys.executable).parent), os.environ.get("PATH", "")]

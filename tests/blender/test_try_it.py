@@ -59,16 +59,20 @@ def test_try_it_shows_all_steps_and_relight_ends(window, album, tmp_path):
     assert (np.abs(viewport(window, tmp_path / "still.png") - first).max(axis=-1) > 0.1).sum() < 500
 
 
-def test_the_demo_is_displaced_and_a_material_is_made(window, album, tmp_path):
+def test_the_demo_is_displaced_and_a_material_is_made(unfolded, album, tmp_path):
+    window = unfolded
     window.ask("run", "bpy.ops.mps.try_it(size=1024)")
     work(window, "displace", method="MODIFIER", levels=3, output=str(tmp_path / "height.exr"))
     work(window, "integrate", curvature=True, output=str(tmp_path / "view.exr"))
-    window.ask("run", "bpy.data.objects['MPS Surface'].hide_set(True)")
-    window.ask("run", "bpy.ops.object.select_all(action='DESELECT')")
+    window.ask(
+        "run",
+        "surface = bpy.data.objects['MPS Surface']\nsurface.hide_set(True)\nsurface.hide_render = True\n"
+        "bpy.ops.object.select_all(action='DESELECT')",
+    )
     photograph(window, album / "tour_height.png", "MPS_PT_heights", "MPS_PT_displace")
     window.ask(
         "run",
-        "import math, mathutils\nmps = bpy.context.scene.mps\n"
+        "mps = bpy.context.scene.mps\n"
         "bpy.ops.mesh.primitive_grid_add(x_subdivisions=500, y_subdivisions=500, size=2)\n"
         "plaster = bpy.context.object\n"
         "texture = bpy.data.textures.new('Grain', 'VORONOI'); texture.noise_scale = 0.1\n"
@@ -82,7 +86,7 @@ def test_the_demo_is_displaced_and_a_material_is_made(window, album, tmp_path):
     work(window, "make_material", repeats=3, output=str(tmp_path / "plaster"))
     window.ask(
         "run",
-        "scene = bpy.context.scene\n"
+        "import math, mathutils\nscene = bpy.context.scene\n"
         "for obj in bpy.context.view_layer.objects: obj.hide_set(obj != scene.mps.material.plane)\n"
         "area = next(area for area in bpy.context.screen.areas if area.type == 'VIEW_3D')\n"
         "area.spaces.active.shading.type = 'MATERIAL'\n"
