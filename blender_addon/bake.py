@@ -10,6 +10,7 @@ from mathutils import Matrix
 
 from mpsnet_core.camera import write_camera
 from mpsnet_core.errors import InputError
+from mpsnet_core.files import made_folder
 from mpsnet_core.surface.presets import PRESETS
 
 from .made_from import Ingredients, chosen, rounded, stamp
@@ -53,6 +54,15 @@ class BakesOnto(RunsCore):
         description="Name of the mesh object that gets the texture. Empty: the panel's target, else the active object",
         options={"SKIP_SAVE"},
     )
+
+    def _prepared(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+        settings = context.scene.mps.bake
+        before = settings.target
+        try:
+            return super()._prepared(context, folder)
+        except BaseException:
+            settings.target = before  # one that is refused would be refused ever after
+            raise
 
     def baked_object(self, context: Any) -> Any:
         """The object to bake onto. Raises InputError where there is none, or it is another file's."""
@@ -111,13 +121,18 @@ class BakesOnto(RunsCore):
         return arguments
 
     def texture_file(self, context: Any, targets: Sequence[Any]) -> Path:
-        """Where the texture goes, with tokens in its name where there are several."""
+        """Where the texture goes, with tokens in its name where there are several; a folder gets the preset's name."""
         bake = context.scene.mps.bake
         active = context.view_layer.objects.active
         name = (active if active in targets else targets[0]).name
         # The token's signs cannot stand in a file's name until the core takes them out again.
-        path = output_path(bake.output, texture_name(bake, "splits" if SPLITS[bake.split] else name), bake.file_format)
-        if SPLITS[bake.split] and not bake.output:
+        name = texture_name(bake, "splits" if SPLITS[bake.split] else name)
+        given, place = bake.output, Path(bpy.path.abspath(bake.output))
+        into_folder = given.endswith(("/", "\\")) or bool(given and place.is_dir())
+        if into_folder:
+            given = str(made_folder(place, "texture") / bpy.path.clean_name(name))
+        path = output_path(given, name, bake.file_format)
+        if SPLITS[bake.split] and (into_folder or not given):
             path = path.with_name(path.name.replace("splits", SPLITS[bake.split]))
         return with_tokens(path, bake.split, bake.tiles)
 
@@ -150,6 +165,13 @@ class BakesOnto(RunsCore):
         return f"{what}; {result['seen']:.0%} of the surface seen"
 
 
+def targets_place(settings: Any) -> Ingredients:
+    """Where the target stands, as an ingredient of a bake; none where it is not chosen in the panel."""
+    if settings.target is None or settings.objects != "ACTIVE":
+        return {}
+    return {"Target's place": rounded(settings.target.matrix_world, 4)}
+
+
 def sampling(settings: Any) -> list[str]:
     """The core's arguments for size, samples and padding."""
     arguments = ["--size", str(settings.size), "--samples", settings.samples]
@@ -172,10 +194,7 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         settings = context.scene.mps.bake
         every = all_rigs(context.scene) if settings.all_rigs else [context.scene.mps]
         stamps = ", ".join(stamp(one.estimate.image) for one in every)
-        ingredients = {"Normals": stamps, **chosen(BakeSettings, settings)}
-        if settings.target is not None and settings.objects == "ACTIVE":
-            ingredients["Target's place"] = rounded(settings.target.matrix_world, 4)
-        return ingredients
+        return {"Normals": stamps, **chosen(BakeSettings, settings), **targets_place(settings)}
 
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         scene = context.scene

@@ -1,7 +1,6 @@
 """The displacement: the baked texture's heights move the target's surface, by its material or by modifiers."""
 
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,17 +10,24 @@ from mathutils import Matrix
 from mpsnet_core.errors import InputError
 
 from .bake import BakesOnto
+from .displaced import (
+    move_by_modifier,
+    no_modifier,
+    show_normals,
+    subdivide,
+    subdivided,
+    take_heights_off,
+    wear_heights,
+)
 from .made_from import Ingredients, chosen, stamp
-from .mesh_file import DISPLACE, SUBDIVISION, write_mesh
+from .mesh_file import DISPLACE, write_mesh
+from .nodes import TEXTURE_NODE
 from .operators import same
 from .outputs import fine_preview, image_file, load_image, output_path, remembered
-from .present_map import TEXTURE_NODE
 from .settings.declared import take_given
 from .settings.displace import DisplaceSettings
 from .textures import Worn, own_materials
-from .wearing import NORMAL_NODE, UV_NODE
 
-HEIGHT_NODE, DISPLACEMENT_NODE = "MPS Height", "MPS Displacement"
 # Vertices of a subdivided mesh lie on the limit surface at any level; a finer one tells hardly more.
 MOST_BASE_LEVELS = 3
 
@@ -40,7 +46,10 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
     @classmethod
     def made_from(cls, context: Any) -> Ingredients:
         scene = context.scene.mps
-        return {"Texture": stamp(scene.bake.image), **chosen(DisplaceSettings, scene.displace)}
+        target = scene.bake.target
+        worn = _textures(slot.material for slot in target.material_slots) if target is not None else set()
+        texture = worn.pop() if len(worn) == 1 else scene.bake.image
+        return {"Texture": stamp(texture), **chosen(DisplaceSettings, scene.displace)}
 
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         bake = context.scene.mps.bake
@@ -64,7 +73,7 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
         arguments += ["--space", self._space.lower(), "--convention", convention.lower()]
         arguments += ["--scale", f"{self.scale:g}", "--margin", str(bake.margin)]
         if self.levels:
-            with _subdivided(target, self.subdivision, min(self.levels, MOST_BASE_LEVELS)):
+            with subdivided(target, self.subdivision, min(self.levels, MOST_BASE_LEVELS)):
                 write_mesh(folder / "base.npz", target, context.evaluated_depsgraph_get(), self._uv_map, turn)
             arguments += ["--base", str(folder / "base.npz")]
         return arguments, [self._output]
@@ -80,24 +89,28 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
         scene.mps.displace.image = image
         height = result["height"]
         strength, midlevel = height["strength"] / self._size, height["midlevel"]
-        _subdivide(target, self.subdivision, self.levels)
+        subdivide(target, self.subdivision, self.levels)
         by_material = self.method == "MATERIAL"
         if by_material:
-            _remove_modifier(target, DISPLACE)
+            no_modifier(target, DISPLACE)
         else:
-            _displace(target, image, self._uv_map, strength, midlevel)
+            move_by_modifier(target, image, self._uv_map, strength, midlevel)
         normals = self.keep_normals or self._space == "OBJECT"
-        taken_off = False
+        taken_off, told = False, []
         for material in own_materials([Worn(target, (image,), self._uv_map)]):
             if by_material:
-                wear_heights(material, image, self._uv_map, strength, midlevel)
+                for name in wear_heights(material, image, self._uv_map, strength, midlevel):
+                    told.append(f'The heights took the place of "{name}" in material "{material.name}"')
             else:
-                _take_heights_off(material)
-            taken_off |= _show_normals(material, normals)
-        told = "; the normal map is off, it would show the relief twice" if taken_off else ""
+                for name in take_heights_off(material):
+                    told.append(f'Material "{material.name}" is displaced by "{name}" again')
+            taken_off |= show_normals(material, normals)
+        for sentence in told:
+            self.report({"INFO"}, sentence)
+        off = "; the normal map is off, it would show the relief twice" if taken_off else ""
         self.report(
             {"INFO"},
-            f"Displaced by {height['lowest']:.3g} to {height['highest']:.3g}; heights written to {self._output}{told}",
+            f"Displaced by {height['lowest']:.3g} to {height['highest']:.3g}; heights written to {self._output}{off}",
         )
 
 
@@ -125,114 +138,6 @@ def _size(target: Any) -> float:
     if size < 1e-9:
         raise InputError(f'"{target.name}" is scaled to nothing in one direction; give it a scale above 0')
     return size
-
-
-# --- modifiers --------------------------------------------------------------------------------------------------------
-
-
-def _subdivide(target: Any, kind: str, levels: int, name: str = SUBDIVISION) -> None:
-    """Give the object a Subdivision modifier, or the one of an earlier run these settings; none for no levels."""
-    if not levels:
-        _remove_modifier(target, name)
-        return
-    modifier = target.modifiers.get(name) or target.modifiers.new(name, "SUBSURF")
-    modifier.subdivision_type = kind
-    modifier.levels = modifier.render_levels = levels
-    # The texture was baked onto the UVs as they are.
-    modifier.uv_smooth = "NONE"
-    modifier.use_custom_normals = False
-
-
-@contextmanager
-def _subdivided(target: Any, kind: str, levels: int) -> Iterator[None]:
-    _subdivide(target, kind, levels, "MPS Trial")
-    try:
-        yield
-    finally:
-        _remove_modifier(target, "MPS Trial")
-
-
-def _displace(target: Any, image: Any, uv_map: str, strength: float, midlevel: float) -> None:
-    """Give the object a Displace modifier after all others, or the one of an earlier run these heights."""
-    modifier = target.modifiers.get(DISPLACE) or target.modifiers.new(DISPLACE, "DISPLACE")
-    texture = modifier.texture
-    if texture is None or texture.type != "IMAGE":
-        texture = modifier.texture = bpy.data.textures.new(f"MPS {target.name} Height", "IMAGE")
-    texture.image, texture.extension = image, "EXTEND"
-    texture.use_clamp = False  # heights go below 0
-    # As the file is, not smoothed; newer Blenders have no such settings.
-    for setting, value in (("use_mipmap", False), ("filter_size", 0.1)):
-        if hasattr(texture, setting):
-            setattr(texture, setting, value)
-    modifier.texture_coords, modifier.uv_layer = "UV", uv_map
-    modifier.direction, modifier.space = "NORMAL", "LOCAL"
-    modifier.strength, modifier.mid_level = strength, midlevel
-
-
-def _remove_modifier(target: Any, name: str) -> None:
-    modifier = target.modifiers.get(name)
-    if modifier is not None:
-        target.modifiers.remove(modifier)
-
-
-# --- materials --------------------------------------------------------------------------------------------------------
-
-
-def wear_heights(material: Any, image: Any, uv_map: str, strength: float, midlevel: float) -> None:
-    """Give a material the heights as its displacement, in the object's own units; nodes of an earlier run are used
-    again.
-
-    Raises InputError where the material has no output.
-    """
-    tree = material.node_tree
-    output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
-    if output is None:
-        raise InputError(f'material "{material.name}" has no Material Output; add one to it')
-    left, top = output.location.x, output.location.y - 700
-
-    def node(name: str, kind: str, steps: int) -> Any:
-        found = tree.nodes.get(name)
-        if found is None:
-            found = tree.nodes.new(kind)
-            found.name = found.label = name
-            found.location = (left - 300 * steps, top)
-        return found
-
-    uv, heights = node(UV_NODE, "ShaderNodeUVMap", 3), node(HEIGHT_NODE, "ShaderNodeTexImage", 2)
-    displacement = node(DISPLACEMENT_NODE, "ShaderNodeDisplacement", 1)
-    uv.uv_map, heights.image = uv_map, image
-    # As modifiers do: along the object's own normals, turned and stretched with it.
-    displacement.space = "OBJECT"
-    displacement.inputs["Midlevel"].default_value = midlevel
-    displacement.inputs["Scale"].default_value = strength
-    tree.links.new(uv.outputs["UV"], heights.inputs["Vector"])
-    tree.links.new(heights.outputs["Color"], displacement.inputs["Height"])
-    tree.links.new(displacement.outputs["Displacement"], output.inputs["Displacement"])
-    material.displacement_method = "BOTH"
-
-
-def _take_heights_off(material: Any) -> None:
-    for name in (DISPLACEMENT_NODE, HEIGHT_NODE):
-        node = material.node_tree.nodes.get(name)
-        if node is not None:
-            material.node_tree.nodes.remove(node)
-
-
-def _show_normals(material: Any, shown: bool) -> bool:
-    """Link the baked normal map to the material's shaders, or take it off; True where it was there and is off now."""
-    tree = material.node_tree
-    normal = tree.nodes.get(NORMAL_NODE)
-    if normal is None:
-        return False
-    for shader in tree.nodes:
-        if not shader.type.startswith("BSDF") or "Normal" not in shader.inputs:
-            continue
-        socket = shader.inputs["Normal"]
-        if shown and not socket.is_linked:
-            tree.links.new(normal.outputs["Normal"], socket)
-        for link in [link for link in socket.links if link.from_node == normal and not shown]:
-            tree.links.remove(link)
-    return not shown
 
 
 register, unregister = bpy.utils.register_classes_factory((MPS_OT_displace,))

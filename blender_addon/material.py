@@ -13,6 +13,7 @@ from mpsnet_core.files import makeable_folder
 
 from .estimate import MPS_OT_estimate, lit_and_seen, model_name, unmasked_reading
 from .made_from import Ingredients, chosen, stamp
+from .nodes import own_node
 from .operators import RunsCore
 from .outputs import fine_preview, image_file, load_image, output_folder, picture_size, remembered
 from .preferences import preference
@@ -24,6 +25,8 @@ from .settings.material import MaterialSettings
 _IS_DATA = {"albedo": False, "normal": True, "height": True}
 # Faces a side of the displaced plane are two to this power.
 _SHOWN_LEVELS, _RENDERED_LEVELS = 6, 9
+# Kept with a material that this step made: the normals that it shows, by which it is known when they are made again.
+_MADE_OF = "mpsnet_flat_normals"
 
 
 class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
@@ -63,6 +66,8 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         arguments += ["--provider", preference("provider").lower(), "--threads", str(preference("threads"))]
         arguments += ["--width", f"{self._width(scene, image, folder):.9g}m", "--overlap", f"{self.overlap:g}"]
         across, down = width - self.crop_left - self.crop_right, height - self.crop_top - self.crop_bottom
+        if min(across, down) < 1:
+            raise InputError(f"the crop leaves nothing of the photo's {width} x {height} pixels; leave out less")
         if (across, down) != (width, height):
             arguments.append(f"--crop={self.crop_left},{self.crop_top},{across},{down}")
         arguments += ["--bend", str(self.bend), *(["--size", str(self.size)] if self.size else [])]
@@ -73,6 +78,7 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         """What the photo's width measures, in metres."""
         width = self.width
         taken_with = remembered(image, "camera")
+        self._size_told = "" if width else "; it is as large as the photo's camera tells, as no width is given"
         if not width and taken_with is not None:
             (folder / "taken.json").write_text(taken_with, encoding="utf-8")
             camera = read_camera(folder / "taken.json")
@@ -90,17 +96,13 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         images = {what: load_image(files[what], f"{name} {what}", is_data=data) for what, data in _IS_DATA.items()}
         millimetre = 0.001 / scene.unit_settings.scale_length
         size = told["width_mm"] * millimetre, told["height_mm"] * millimetre
+        material = _material_of(images["normal"], f"MPS {name}")
         plane = settings.plane
-        if plane is None or scene.objects.get(plane.name) != plane:
-            plane = bpy.data.objects.new(f"MPS {name}", bpy.data.meshes.new(f"MPS {name}"))
-            plane.location = scene.cursor.location
-            scene.collection.objects.link(plane)
-            settings.plane = plane
+        if plane is None or scene.objects.get(plane.name) != plane or list(plane.data.materials) != [material]:
+            settings.plane = plane = _new_plane(scene, material, self.repeats * size[0])
         _lay(plane.data, size, self.repeats)
-        if not plane.data.materials:
-            plane.data.materials.append(bpy.data.materials.new(f"MPS {name}"))
         black, white = told["height_of_black_mm"] * millimetre, told["height_of_white_mm"] * millimetre
-        wear_pictures(plane.data.materials[0], images, black, white, self.relief)
+        wear_pictures(material, images, black, white, self.relief)
         _subdivide(plane, self.relief == "DISPLACEMENT")
         settings.image = preview = load_image(files["preview"], f"{name} preview", is_data=False)
         fine_preview(preview)
@@ -109,7 +111,36 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
             f"{told['width_mm']:.4g} x {told['height_mm']:.4g} mm, {result['relief_mm']:.3g} mm deep. "
             f"Seam {result['seam']:.2f}, where 1 is none"
         )
-        self.report({"INFO"}, f"Material written to {self._output}: {settings.told}")
+        self.report({"INFO"}, f"Material written to {self._output}: {settings.told}{self._size_told}")
+
+
+def _material_of(normals: Any, name: str) -> Any:
+    """The material that this step made of these normals, a new one where there is none: all others are the artist's."""
+    for material in bpy.data.materials:
+        if material.get(_MADE_OF) == normals and not material.library:
+            return material
+    material = bpy.data.materials.new(name)
+    if bpy.app.version < (5, 0):
+        material.use_nodes = True
+    material.node_tree.nodes.clear()
+    material[_MADE_OF] = normals
+    return material
+
+
+def _new_plane(scene: Any, material: Any, width: float) -> Any:
+    """A plane at the scene's cursor, or to the right of what this step has laid there before."""
+    plane = bpy.data.objects.new(material.name, bpy.data.meshes.new(material.name))
+    plane.location = scene.cursor.location
+    laid = [
+        other
+        for other in scene.objects
+        if other.type == "MESH" and any(worn and _MADE_OF in worn for worn in other.data.materials)
+    ]
+    while near := next((one for one in laid if (one.location - plane.location).length < 1e-6), None):
+        plane.location.x += 0.55 * (near.dimensions.x + width)
+    plane.data.materials.append(material)
+    scene.collection.objects.link(plane)
+    return plane
 
 
 def _lay(mesh: Any, size: tuple[float, float], repeats: int) -> None:
@@ -125,45 +156,44 @@ def _lay(mesh: Any, size: tuple[float, float], repeats: int) -> None:
 
 
 def wear_pictures(material: Any, images: dict[str, Any], black: float, white: float, relief: str) -> None:
-    """Give a material the pictures of a flat one, anew: "albedo", "normal" and "height".
+    """Give a material that this step made the pictures "albedo", "normal" and "height"; other nodes in it stay.
 
     black, white: heights of the height's picture, in the scene's unit. relief: "NORMAL", or "DISPLACEMENT".
     """
-    if bpy.app.version < (5, 0):
-        material.use_nodes = True
-    nodes, links = material.node_tree.nodes, material.node_tree.links
-    nodes.clear()
+    links = material.node_tree.links
 
     def node(kind: str, name: str, x: float, y: float) -> Any:
-        made = nodes.new(kind)
-        made.name = made.label = name
-        made.location = (x, y)
-        return made
+        return own_node(material.node_tree, name, kind, x, y)
 
     output = node("ShaderNodeOutputMaterial", "Material Output", 400, 0)
     shader = node("ShaderNodeBsdfPrincipled", "Principled BSDF", 0, 0)
     links.new(shader.outputs["BSDF"], output.inputs["Surface"])
-    uv = node("ShaderNodeUVMap", "MPS UV", -1000, 0)
+    uv = node("ShaderNodeUVMap", "MPS Flat UV", -1000, 0)
     uv.uv_map = "UVMap"
     pictures = {}
     for row, (what, image) in enumerate(images.items()):
-        pictures[what] = texture = node("ShaderNodeTexImage", f"MPS {what.title()}", -700, -320 * row)
+        pictures[what] = texture = node("ShaderNodeTexImage", f"MPS Flat {what.title()}", -700, -320 * row)
         texture.image = image
         texture.interpolation = "Cubic" if what == "height" else "Linear"
         links.new(uv.outputs["UV"], texture.inputs["Vector"])
     links.new(pictures["albedo"].outputs["Color"], shader.inputs["Base Color"])
-    normal = node("ShaderNodeNormalMap", "MPS Normal Map", -300, -320)
+    normal = node("ShaderNodeNormalMap", "MPS Flat Normal Map", -300, -320)
     normal.uv_map = "UVMap"
     links.new(pictures["normal"].outputs["Color"], normal.inputs["Color"])
-    displacement = node("ShaderNodeDisplacement", "MPS Displacement", 0, -640)
+    displacement = node("ShaderNodeDisplacement", "MPS Flat Displacement", 0, -640)
     displacement.inputs["Scale"].default_value = white - black
     displacement.inputs["Midlevel"].default_value = -black / (white - black) if white > black else 0.5
     links.new(pictures["height"].outputs["Color"], displacement.inputs["Height"])
     # One of them: both would show the relief twice.
-    if relief == "NORMAL":
-        links.new(normal.outputs["Normal"], shader.inputs["Normal"])
-    else:
-        links.new(displacement.outputs["Displacement"], output.inputs["Displacement"])
+    for shown, end in (
+        (normal.outputs["Normal"], shader.inputs["Normal"]),
+        (displacement.outputs["Displacement"], output.inputs["Displacement"]),
+    ):
+        if (shown.node == normal) == (relief == "NORMAL"):
+            links.new(shown, end)
+        else:
+            for link in end.links:
+                links.remove(link)
     material.displacement_method = "BUMP" if relief == "NORMAL" else "BOTH"
 
 

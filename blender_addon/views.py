@@ -14,9 +14,9 @@ from mpsnet_core.rig import write_rig
 from mpsnet_core.view_files import write_views
 from mpsnet_core.world_lights import in_world, write_world_lights
 
-from .bake import BakesOnto, bits, sampling
+from .bake import BakesOnto, bits, sampling, targets_place
 from .estimate import model_name, reading
-from .made_from import Ingredients, chosen
+from .made_from import Ingredients, chosen, rounded, stamp
 from .outputs import image_file
 from .preferences import preference
 from .rig import light_rig, rig_camera, scene_camera
@@ -44,7 +44,14 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
     def made_from(cls, context: Any) -> Ingredients:
         scene = context.scene.mps
         shared = ("model", "model_file", "rig_file", "mask", "encoding", "dark", "flat")
+        behind = [] if scene.views.cameras else _with_photos(context.scene)
         return {
+            "Background images": ", ".join(stamp(image) for _, image in behind),
+            "Cameras' places": ", ".join(
+                f"{rounded(obj.matrix_world, 4)} {rounded([obj.data.lens, obj.data.ortho_scale], 4)}"
+                for obj, _ in behind
+            ),
+            **targets_place(scene.bake),
             **chosen(ViewsSettings, scene.views, without=("keep", "write_report")),
             **chosen(EstimateSettings, scene.estimate, only=shared),
             **chosen(BakeSettings, scene.bake),
@@ -83,10 +90,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
                 raise InputError("where are the photos of these cameras? Choose their folder")
             return ["--cameras", bpy.path.abspath(self.cameras), "--photos", bpy.path.abspath(self.photos)]
         views = []
-        for obj in scene.objects:
-            image = background(obj)
-            if image is None:
-                continue
+        for obj, image in _with_photos(scene):
             photo = image_file(image, f"background image of {obj.name}", "choose another")
             name = bpy.path.clean_name(obj.name)
             views.append((name, photo, scene_camera(obj, scene, tuple(image.size))))
@@ -117,6 +121,12 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
         scene.mps.views.report_file = self._report
         self.wear_result(scene, result)
         self.report({"INFO"}, f"{len(result['views'])} views baked. {self.written(result)}")
+
+
+def _with_photos(scene: Any) -> list[tuple[Any, Any]]:
+    """The scene's cameras that have a photo behind them, and their photos."""
+    found = ((obj, background(obj)) for obj in scene.objects)
+    return [(obj, image) for obj, image in found if image is not None]
 
 
 def background(obj: Any) -> Any:

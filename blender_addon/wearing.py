@@ -5,20 +5,25 @@ from typing import Any
 
 from mpsnet_core.errors import InputError
 
+from .displaced import undisplaced
+from .nodes import GREEN_NODE, NORMAL_NODE, TEXTURE_NODE, UV_NODE, own_node
 from .outputs import remember
-from .present_map import GREEN_NODE, TEXTURE_NODE
 from .textures import Worn, own_materials
-
-NORMAL_NODE, UV_NODE = "MPS Normal", "MPS UV"
 
 
 def wear_textures(worn: Sequence[Worn], space: str, convention: str, frames: range = range(0)) -> list[str]:
-    """Give all materials of objects their textures; gives a sentence for each node whose place a texture took.
+    """Give all materials of objects their textures; gives a sentence for each node whose place a texture took,
+    and for each object whose displacement is off now: with a normal map in tangent space the relief would show twice.
 
     frames: of the timeline, where the texture is an image sequence whose files have their numbers.
     """
-    sentences = []
-    for material, (image, uv_map) in own_materials(worn).items():
+    materials = own_materials(worn)
+    sentences = [
+        f'The displacement of "{one.target.name}" is off, it would show the relief twice; displace the object again'
+        for one in worn
+        if space == "TANGENT" and undisplaced(one.target)
+    ]
+    for material, (image, uv_map) in materials.items():
         # Whoever reads the texture later needs to know, whatever the panel says by then.
         remember(image, "space", space)
         remember(image, "convention", convention)
@@ -45,12 +50,7 @@ def wear(material: Any, image: Any, uv_map: str, space: str, convention: str) ->
     left, top = min(node.location.x for node in shaders), min(node.location.y for node in shaders) - 300
 
     def node(name: str, kind: str, steps: int) -> Any:
-        found = nodes.get(name)
-        if found is None:
-            found = nodes.new(kind)
-            found.name = found.label = name
-            found.location = (left - 200 * steps, top)
-        return found
+        return own_node(material.node_tree, name, kind, left - 200 * steps, top)
 
     uv, texture = node(UV_NODE, "ShaderNodeUVMap", 5), node(TEXTURE_NODE, "ShaderNodeTexImage", 4)
     normal = node(NORMAL_NODE, "ShaderNodeNormalMap", 1)

@@ -173,7 +173,8 @@ class BakeSettings:
     )
     output: StringProperty(
         name="Texture File",
-        description="File to write; its ending decides the format. Empty: a name of its own in the output folder",
+        description="File to write; its ending decides the format. A folder: a name of its own in it. "
+        "Empty: in the output folder",
         subtype="FILE_PATH",
         options=PATH,
     )

@@ -9,6 +9,7 @@ from mathutils import Matrix
 from mathutils.bvhtree import BVHTree
 
 from blender_addon.commands import main
+from blender_addon.panels.heights import MPS_PT_displace
 from mpsnet_core.images import write_image
 from mpsnet_core.normals import encode
 
@@ -25,6 +26,7 @@ from .test_bake_against_blender import (
     simplified,
     with_materials,
 )
+from .test_steps import Kind, stands
 
 SIZE = 512
 
@@ -152,6 +154,87 @@ def test_again_and_again_it_takes_what_it_made(worn, scene, tmp_path):
     assert len(displacement) == len(heights) == 1 and not modifiers and normal_is_worn(material)
 
 
+def test_the_subdivision_comes_before_the_displacement(worn, scene, tmp_path):
+    """Also where it was displaced without one at first."""
+    bpy.ops.mps.displace(method="MODIFIER", levels=1, output=str(tmp_path / "h.exr"))
+    straight = world_points(worn)
+    worn.modifiers.clear()
+    for levels in (0, 1):
+        bpy.ops.mps.displace(method="MODIFIER", levels=levels, output=str(tmp_path / "h.exr"))
+    assert [modifier.type for modifier in worn.modifiers] == ["SUBSURF", "DISPLACE"]
+    assert np.allclose(world_points(worn), straight, atol=1e-6)
+
+
+def test_displacing_a_duplicate_leaves_the_original_alone(worn, scene, tmp_path):
+    bpy.ops.mps.displace(method="MODIFIER", levels=0, output=str(tmp_path / "first.exr"))
+    bpy.ops.object.duplicate()
+    copy = bpy.context.object
+    bpy.ops.mps.displace(target=copy.name, method="MODIFIER", levels=0, output=str(tmp_path / "second.exr"))
+    shown = [Path(one.modifiers["MPS Displace"].texture.image.filepath).name for one in (worn, copy)]
+    assert shown == ["first.exr", "second.exr"]
+
+
+@pytest.mark.parametrize("given_back_by", ["MODIFIER", "BAKE"])
+def test_the_artists_own_displacement_comes_back(worn, scene, tmp_path, capfd, given_back_by):
+    (slot,) = worn.material_slots
+    material, tree = slot.material, slot.material.node_tree
+    mine, output = tree.nodes.new("ShaderNodeDisplacement"), tree.get_output_node("ALL")
+    mine.name, material.displacement_method = "Mine", "DISPLACEMENT"
+    tree.links.new(mine.outputs[0], output.inputs["Displacement"])
+    for _ in range(2):
+        bpy.ops.mps.displace(levels=0, output=str(tmp_path / "h.exr"))
+        assert output.inputs["Displacement"].links[0].from_node.name == "MPS Displacement"
+    assert capfd.readouterr().out.count('The heights took the place of "Mine" in material') == 1
+    mine.name = "Renamed"
+    if given_back_by == "BAKE":
+        bpy.ops.mps.bake(output=str(tmp_path / "again.png"))
+    else:
+        bpy.ops.mps.displace(method="MODIFIER", output=str(tmp_path / "h.exr"))
+        assert 'is displaced by "Renamed" again' in capfd.readouterr().out
+    assert output.inputs["Displacement"].links[0].from_node == mine
+    assert material.displacement_method == "DISPLACEMENT" and "MPS Before" not in tree.nodes
+
+
+def test_what_the_artist_links_after_it_stays(worn, scene, tmp_path):
+    bpy.ops.mps.displace(levels=0, output=str(tmp_path / "h.exr"))
+    material = worn.material_slots[0].material
+    tree, output = material.node_tree, material.node_tree.get_output_node("ALL")
+    mine = tree.nodes.new("ShaderNodeDisplacement")
+    tree.links.new(mine.outputs[0], output.inputs["Displacement"])
+    bpy.ops.mps.displace(method="MODIFIER", levels=0, output=str(tmp_path / "h.exr"))
+    assert output.inputs["Displacement"].links[0].from_node == mine and material.displacement_method == "BOTH"
+
+
+@pytest.mark.parametrize("method", ["MATERIAL", "MODIFIER"])
+def test_after_another_bake_the_relief_shows_once(worn, scene, tmp_path, capfd, method):
+    bpy.ops.mps.displace(method=method, levels=1, output=str(tmp_path / "h.exr"))
+    bpy.ops.mps.bake(output=str(tmp_path / "again.png"))
+    material, displacement, heights, modifiers = nodes_and_modifiers(worn)
+    assert normal_is_worn(material) and not displacement and not heights and not modifiers
+    assert material.displacement_method == "BUMP"
+    assert 'The displacement of "Sphere" is off, it would show the relief twice' in capfd.readouterr().out
+
+
+@pytest.mark.parametrize("chosen", [{"keep_normals": True}, {}])
+def test_a_displacement_that_is_wanted_beside_the_normal_map_stays(worn, scene, tmp_path, chosen):
+    """Because both were chosen, or because one in object space does not show the relief twice."""
+    bpy.ops.mps.displace(levels=1, output=str(tmp_path / "h.exr"), **chosen)
+    bpy.ops.mps.bake(space="TANGENT" if chosen else "OBJECT", output=str(tmp_path / "again.png"))
+    material, displacement, _, modifiers = nodes_and_modifiers(worn)
+    assert normal_is_worn(material) and len(displacement) == 1 and modifiers == ["SUBSURF"]
+
+
+def test_the_texture_that_counts_is_the_one_that_the_target_wears(worn, scene, tmp_path):
+    """Not the one that was baked last, onto whatever."""
+    bpy.ops.mps.displace(target=worn.name, levels=0, output=str(tmp_path / "h.exr"))
+    assert stands(MPS_PT_displace) == (Kind.DONE, "")
+    scene.mps.bake.image = bpy.data.images.new("Another object's", 8, 8)
+    assert stands(MPS_PT_displace) == (Kind.DONE, "")
+    (slot,) = worn.material_slots
+    slot.material.node_tree.nodes["MPS Texture"].image = scene.mps.bake.image
+    assert stands(MPS_PT_displace) == (Kind.OUT_OF_DATE, "Changed since: Texture")
+
+
 def test_heights_in_16_bits_move_by_as_much(worn, scene, tmp_path):
     moved = []
     for name in ("h.exr", "h.png"):
@@ -189,7 +272,9 @@ def test_what_cannot_be_displaced_is_told(worn, scene, tmp_path):
     scene.collection.objects.link(other)
     with pytest.raises(RuntimeError, match='"Other" wears no baked texture; choose the object that it was baked onto'):
         bpy.ops.mps.displace(target="Other")
-    scene.mps.bake.target = None
+    with pytest.raises(RuntimeError, match="is not a mesh but camera"):
+        bpy.ops.mps.bake(target=scene.camera.name)
+    assert scene.mps.bake.target is None  # what was refused is not asked for again
     scene.mps.bake.image = None
     with pytest.raises(RuntimeError, match="Bake the texture first"):
         bpy.ops.mps.displace()

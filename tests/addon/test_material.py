@@ -44,12 +44,12 @@ def test_the_plane_has_the_tiles_size_and_the_pictures_their_colour_spaces(opene
     assert uvs.min() == 0 and uvs.max() == 1
     (material,) = plane.data.materials
     nodes = material.node_tree.nodes
-    assert nodes["MPS Albedo"].image.colorspace_settings.name == "sRGB"
-    for name in ("MPS Normal", "MPS Height"):
+    assert nodes["MPS Flat Albedo"].image.colorspace_settings.name == "sRGB"
+    for name in ("MPS Flat Normal", "MPS Flat Height"):
         assert nodes[name].image.colorspace_settings.is_data
-    assert nodes["MPS Normal"].extension == "REPEAT"
-    assert Path(nodes["MPS Height"].image.filepath).name == "weave_height.png"
-    displacement = nodes["MPS Displacement"].inputs
+    assert nodes["MPS Flat Normal"].extension == "REPEAT"
+    assert Path(nodes["MPS Flat Height"].image.filepath).name == "weave_height.png"
+    displacement = nodes["MPS Flat Displacement"].inputs
     # Value 0 to 1 is what the height's picture spans, and its mean height, 0, stays where it is.
     assert displacement["Scale"].default_value == pytest.approx(np.ptp(height) / 1000, rel=1e-3)
     assert displacement["Midlevel"].default_value == pytest.approx(-height.min() / np.ptp(height), abs=1e-3)
@@ -67,7 +67,65 @@ def test_repeats_and_the_scenes_unit_are_respected(opened, scene):
     assert uvs.max() == 3 and len(plane.data.uv_layers) == 1
     nodes = plane.data.materials[0].node_tree.nodes
     height = read_channel(opened / "out" / "weave_height_mm.exr")
-    assert nodes["MPS Displacement"].inputs["Scale"].default_value == pytest.approx(np.ptp(height) / 10, rel=1e-3)
+    assert nodes["MPS Flat Displacement"].inputs["Scale"].default_value == pytest.approx(np.ptp(height) / 10, rel=1e-3)
+
+
+def shown_by(material):
+    return {Path(node.image.filepath).parent.name for node in material.node_tree.nodes if node.type == "TEX_IMAGE"}
+
+
+def test_another_photo_gets_a_material_and_a_plane_of_its_own(opened, scene):
+    bpy.ops.mps.make_material(width=0.054, output=str(opened / "denim"))
+    first = scene.mps.material.plane
+    (denim,) = first.data.materials
+    bpy.ops.mesh.primitive_cube_add()
+    cube = bpy.context.object
+    cube.data.materials.append(denim)
+    bpy.ops.mps.make_material(width=0.054, output=str(opened / "leather"))
+    second = scene.mps.material.plane
+    assert second != first and shown_by(second.data.materials[0]) == {"leather"}
+    assert shown_by(denim) == {"denim"} and list(first.data.materials) == list(cube.data.materials) == [denim]
+    # Neither lies in the other.
+    assert abs(second.location.x - first.location.x) > (plane_size(first) + plane_size(second))[0] / 2
+    # Made again it is the same material, whoever wears it, and no other object is made a plane.
+    bpy.data.objects.remove(first)
+    bpy.ops.mps.make_material(width=0.054, relief="DISPLACEMENT", output=str(opened / "denim"))
+    assert list(scene.mps.material.plane.data.materials) == [denim] and denim.displacement_method == "BOTH"
+    assert len(cube.data.vertices) == 8 and len(second.data.materials) == 1
+
+
+def test_what_the_artist_put_there_stays(opened, scene):
+    """In the material's nodes, and in the plane's slot: a material of one's own, or none."""
+    bpy.ops.mps.make_material(width=0.054, output=str(opened / "out"))
+    plane = scene.mps.material.plane
+    (made,) = plane.data.materials
+    made.node_tree.nodes.new("ShaderNodeTexBrick").name = "Mine"
+    bpy.ops.mps.make_material(width=0.054, output=str(opened / "out"))
+    assert "Mine" in made.node_tree.nodes and scene.mps.material.plane == plane
+    count = len(made.node_tree.nodes)
+    own = bpy.data.materials.new("Own")
+    if bpy.app.version < (5, 0):
+        own.use_nodes = True
+    before = len(own.node_tree.nodes)
+    for other in (own, None):
+        plane.data.materials[0] = other
+        bpy.ops.mps.make_material(width=0.054, output=str(opened / "out"))
+        assert plane.data.materials[0] == other and scene.mps.material.plane != plane
+        assert list(scene.mps.material.plane.data.materials) == [made]
+    assert len(own.node_tree.nodes) == before and len(made.node_tree.nodes) == count
+
+
+def test_what_else_lies_in_the_material_can_be_baked_and_displaced(opened, scene, estimated):
+    """The nodes of the other steps have names of their own."""
+    bpy.ops.mps.open_photo(filepath=str(opened / "weave.exr"))
+    bpy.ops.mps.make_material(width=0.054, output=str(opened / "out"))
+    (made,) = scene.mps.material.plane.data.materials
+    bpy.data.objects.remove(scene.mps.material.plane)
+    estimated.data.materials[0] = made
+    bpy.ops.mps.bake(target=estimated.name, size=32, output=str(opened / "texture.png"))
+    bpy.ops.mps.displace(target=estimated.name, levels=0, output=str(opened / "h.exr"))
+    assert shown_by(made) == {"out", opened.name}
+    assert Path(made.node_tree.nodes["MPS Flat Height"].image.filepath).name == "weave_height.png"
 
 
 def test_the_relief_is_shown_once(opened, scene):
@@ -131,7 +189,7 @@ def test_it_renders_as_its_pictures_say(opened, scene, relief):
     assert shown[inner].std() == pytest.approx(expected[inner].std(), rel=0.15)
 
 
-def test_the_width_of_a_rendered_photo_is_known(scene, tmp_path):
+def test_the_width_of_a_rendered_photo_is_known(scene, tmp_path, capfd):
     """An orthographic camera says what its picture's width measures."""
     bpy.ops.mesh.primitive_plane_add(size=4)
     bpy.ops.mps.add_rig(view="TOP", projection="ORTHOGRAPHIC")
@@ -140,6 +198,7 @@ def test_the_width_of_a_rendered_photo_is_known(scene, tmp_path):
     margin = math.ceil(128 * (seen - 4) / 2 / seen) + 1
     sides = {f"crop_{side}": margin for side in ("left", "right", "top", "bottom")}
     bpy.ops.mps.make_material(output=str(tmp_path / "out"), **sides)
+    assert "it is as large as the photo's camera tells, as no width is given" in capfd.readouterr().out
     tile = math.floor((128 - 2 * margin) / 1.2) / 128 * seen
     assert np.allclose(plane_size(scene.mps.material.plane), tile, rtol=1e-3)
 
@@ -154,7 +213,7 @@ def test_a_command_does_the_same(opened, scene, capsys):
 def test_what_is_missing_is_told(opened, scene):
     with pytest.raises(RuntimeError, match="nothing tells how large the material is; give what the photo's width"):
         bpy.ops.mps.make_material()
-    with pytest.raises(RuntimeError, match=r"the crop 100,0,-20,150 .* is not within the photo"):
+    with pytest.raises(RuntimeError, match="the crop leaves nothing of the photo's 180 x 150 pixels"):
         bpy.ops.mps.make_material(width=0.054, crop_left=100, crop_right=100)
     scene.mps.material.crop_left = scene.mps.material.crop_right = 0
     (opened / "file").write_text("")

@@ -6,6 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
+from blender_addon.present_map import base_to_keep, keep_base
 from mpsnet_core import read_image
 
 from .test_bake_against_blender import degrees_between
@@ -128,6 +129,37 @@ def on_other_uvs(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path
     normal.uv_map = "Other"
 
 
+def through_a_mapping(normal: "bpy.types.Node", scale: float, uv_map: str, kind: str = "ShaderNodeUVMap") -> None:
+    tree = normal.id_data
+    mapping, uv = tree.nodes.new("ShaderNodeMapping"), tree.nodes.new(kind)
+    if kind == "ShaderNodeUVMap":
+        uv.uv_map = uv_map
+    mapping.inputs["Scale"].default_value = (scale, scale, 1)
+    tree.links.new(uv.outputs["UV"], mapping.inputs["Vector"])
+    tree.links.new(mapping.outputs["Vector"], normal.inputs["Color"].links[0].from_node.inputs["Vector"])
+
+
+def texture_on_other_uvs(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> None:
+    through_a_mapping(normal, 1, obj.data.uv_layers.new(name="Other").name)
+
+
+def on_the_rendered_uvs(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> None:
+    obj.data.uv_layers.new(name="Other").active_render = True
+    bpy.context.scene.mps.bake.uv_map = "UVMap"
+
+
+def repeated(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> None:
+    through_a_mapping(normal, 10, "UVMap")
+
+
+def boxed(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> None:
+    normal.inputs["Color"].links[0].from_node.projection = "BOX"
+
+
+def weak(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> None:
+    normal.inputs["Strength"].default_value = 0.3
+
+
 def baked_here(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> None:
     without_texture(normal, obj, folder)
     bpy.ops.mps.bake(size=32, output=str(folder / "plain.png"))
@@ -156,6 +188,14 @@ def gone(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> Non
         (through_another_node, "does not come straight from an image texture; choose the file"),
         (in_object_space, 'normal map "waves.png" is not in tangent space; choose the file'),
         (on_other_uvs, 'the present normal map is on UV map "Other"; bake onto that one'),
+        (texture_on_other_uvs, 'the present normal map is on UV map "Other"; bake onto that one'),
+        (on_the_rendered_uvs, 'the present normal map is on UV map "Other"; bake onto that one'),
+        (
+            repeated,
+            '"waves.png" does not lie straight on a UV map; link its texture to a UV Map node, or choose the file',
+        ),
+        (boxed, '"waves.png" does not lie straight on a UV map'),
+        (weak, '"waves.png" is not worn at strength 1; set it to 1'),
         (baked_here, 'the only normal map is "MPS Sphere", which was baked here; choose the file'),
         (painted, 'the normal map "waves.png" has changes that are not in its file; save it first'),
         (two_maps, r'have different normal maps \("other.png", "waves.png"\); choose the file'),
@@ -169,6 +209,28 @@ def test_a_map_that_cannot_be_gone_on_top_of_gets_one_sentence(
     with pytest.raises(RuntimeError, match=sentence):
         bpy.ops.mps.bake(size=32, onto=True, output=str(tmp_path / "texture.png"))
     assert not (tmp_path / "texture.png").exists()
+
+
+@pytest.mark.parametrize("kind", ["ShaderNodeUVMap", "ShaderNodeTexCoord"])
+def test_a_mapping_that_moves_nothing_is_no_obstacle(
+    worn: "bpy.types.Node", scene: object, tmp_path: Path, kind: str
+) -> None:
+    through_a_mapping(worn, 1, "UVMap", kind)
+    bpy.ops.mps.bake(size=32, onto=True, output=str(tmp_path / "texture.png"))
+    assert (tmp_path / "texture.png").exists()
+
+
+def test_the_map_is_remembered_whatever_it_is_called_by_then(
+    worn: "bpy.types.Node", estimated: "bpy.types.Object", tmp_path: Path
+) -> None:
+    """Between the beginning of a bake and its end people go on working."""
+    base = base_to_keep(estimated, "UVMap")
+    present = worn.inputs["Color"].links[0].from_node.image
+    present.name = "Renamed"
+    other = bpy.data.images.new("waves.png", 8, 8)
+    baked = bpy.data.images.new("baked", 8, 8)
+    keep_base(baked, base)
+    assert baked["mpsnet_base"] == present != other
 
 
 def test_what_the_core_refuses_is_told_too(worn: "bpy.types.Node", tmp_path: Path) -> None:

@@ -113,6 +113,18 @@ def test_the_file_is_named_and_written_as_the_preset_says(
     assert (settings.space, settings.file_format, settings.bits) == ("TANGENT", "PNG", kind.removeprefix("uint"))
 
 
+def test_a_folder_gets_the_texture_by_the_presets_name(
+    seen: "bpy.types.Object", scene: "bpy.types.Scene", tmp_path: Path
+) -> None:
+    (tmp_path / "there").mkdir()
+    bpy.ops.mps.bake(preset="UNREAL", size=32, output=str(tmp_path / "there"))
+    bpy.ops.mps.bake(size=32, output=f"{tmp_path / 'new'}/")
+    seen.data.materials[0].name = "Bark"
+    bpy.ops.mps.bake(size=32, split="MATERIAL")
+    written = sorted(str(file.relative_to(tmp_path)) for file in tmp_path.rglob("*_N.png"))
+    assert written == ["new/T_Bark_N.png", "new/T_Old_Oak_N.png", "there/T_Old_Oak_N.png"]
+
+
 def test_what_is_set_after_or_beside_the_preset_wins(
     seen: "bpy.types.Object", scene: "bpy.types.Scene", tmp_path: Path
 ) -> None:

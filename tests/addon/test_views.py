@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 from mathutils import Matrix, Vector
 
+from blender_addon.panels.views import MPS_PT_views
 from mpsnet_core.images import read_image
 from mpsnet_core.normals import angular_error, decode
+
+from .test_steps import Kind, stands
 
 SIZE = 96
 
@@ -61,6 +64,14 @@ def test_cameras_with_background_images_become_one_texture(around, scene, tmp_pa
     assert all(f"Side_{number}" in page for number in range(4))
     nodes = around.data.materials[0].node_tree.nodes
     assert nodes["MPS Texture"].image == scene.mps.bake.image
+    assert stands(MPS_PT_views) == (Kind.DONE, "")
+    camera = bpy.data.objects["Side 0"]
+    camera.location.x += 0.1
+    bpy.context.view_layer.update()
+    assert stands(MPS_PT_views) == (Kind.OUT_OF_DATE, "Changed since: Cameras' places")
+    camera.location.x -= 0.1
+    bpy.ops.mps.render_photo(output=str(tmp_path / "side3.exr"), samples=1)
+    assert stands(MPS_PT_views) == (Kind.OUT_OF_DATE, "Changed since: Background images")
     # The sphere's own normals are the truth here, so levelling can only make it better.
     bpy.ops.mps.bake_views(level=True, write_report=False)
     assert error(tmp_path / "texture.png") < 1.0

@@ -1,0 +1,19 @@
+"""The nodes that the add-on makes in materials: found again by their names, so that a step can be run any number of
+times."""
+
+from typing import Any
+
+# The bake's, the displacement's, and those that both have.
+TEXTURE_NODE, GREEN_NODE, NORMAL_NODE = "MPS Texture", "MPS Green", "MPS Normal"
+HEIGHT_NODE, DISPLACEMENT_NODE, BEFORE_NODE = "MPS Height", "MPS Displacement", "MPS Before"
+UV_NODE = "MPS UV"
+
+
+def own_node(tree: Any, name: str, kind: str, x: float, y: float) -> Any:
+    """The tree's node of that name, made at a place where there is none."""
+    found = tree.nodes.get(name)
+    if found is None:
+        found = tree.nodes.new(kind)
+        found.name = found.label = name
+        found.location = (x, y)
+    return found
