@@ -223,6 +223,22 @@ def test_the_size_asked_for_changes_pixels_and_not_the_material():
     assert [material.height.shape[0] for material in found[1:]] == [128, 512]
 
 
+@pytest.mark.parametrize("side", [64, 90, 120, 160])
+@pytest.mark.parametrize("overlap", [0.05, 0.2])
+def test_of_a_small_photo_all_is_used_or_it_is_refused(side, overlap):
+    values = np.random.default_rng(3).normal(size=(side, side, 3)).astype(np.float32) * np.float32(0.1)
+    values[..., 2] = 1
+    vectors = values / np.linalg.norm(values, axis=-1, keepdims=True)
+    rig, whole = published_rig(), np.ones((side, side), bool)
+    capture = Capture(0.5 * vectors @ rig.directions.T.astype(np.float32), whole, rig)
+    if round(overlap * side / (1 + overlap)) < 5:
+        with pytest.raises(InputError, match="choose a larger overlap, size or photo"):
+            flat_material(capture, NormalMap(vectors, whole), 0.2, overlap=overlap)
+        return
+    material = flat_material(capture, NormalMap(vectors, whole), 0.2, overlap=overlap, bend=0)
+    assert side - 2 <= len(material.height) * (1 + overlap) <= side
+
+
 def test_a_part_of_the_photo_keeps_its_place_under_the_camera():
     weave = Weave()
     camera = Camera("perspective", 330, 260, np.array([500.0, 500.0]))
@@ -302,10 +318,14 @@ BAD = {
     "crop before": (["--width", "1m", "--crop=-1,0,100,100"], "is not within the photo, which is 330 x 260"),
     "crop of nothing": (["--width", "1m", "--crop", "10,10,0,100"], "is not within the photo"),
     "crop too small": (["--width", "1m", "--crop", "0,0,63,200"], "63 x 200 pixels are too few for a material"),
-    "size too large": (["--width", "1m", "--size", "16385"], "64 to 16384 pixels a side, not 16385"),
-    "size too small": (["--width", "1m", "--size", "63"], "64 to 16384 pixels a side, not 63"),
+    "size too large": (["--width", "1m", "--size", "8193"], "64 to 8192 pixels a side, not 8193"),
+    "size too small": (["--width", "1m", "--size", "63"], "64 to 8192 pixels a side, not 63"),
     "overlap too large": (["--width", "1m", "--overlap", "0.6"], "overlap by 0.05 to 0.5 of the tile, not 0.6"),
     "overlap that is none": (["--width", "1m", "--overlap", "nan"], "overlap by 0.05 to 0.5 of the tile, not nan"),
+    "overlap of few pixels": (
+        ["--width", "1m", "--size", "64", "--overlap", "0.05"],
+        "borders that overlap by 0.05 of the tile are joined over 3 pixels, and need 5; choose a larger overlap",
+    ),
     "bend too fine": (["--width", "1m", "--bend", "13"], "a bend of 13 half waves cannot be taken out"),
     "name with a folder": (["--width", "1m", "--name", "a/b"], "--name a/b is not a file's name; give the folder"),
     "unknown convention": (["--width", "1m", "--convention", "vulkan"], "convention 'vulkan' is not known"),
