@@ -92,7 +92,7 @@ def _add_outputs(group: argparse._ArgumentGroup) -> None:
 def _integrate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.frames import check_apart, is_several
     from mpsnet_core.heights.integrate import METHODS
-    from mpsnet_core.normals import check_convention, read_normals
+    from mpsnet_core.normals import OUTWARDS_SHARE, check_convention, read_normals
 
     check_convention(options.convention)
     if options.onto:
@@ -112,6 +112,11 @@ def _integrate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any
         taken += files
     reporter.progress(0.0, f"reading {Path(options.normals).name}")
     normals = read_normals(options.normals, convention=options.convention)
+    if (normals.vectors[normals.mask, 2] >= 0).mean() < OUTWARDS_SHARE:
+        raise InputError(
+            f"{options.normals} is not in camera space: many of its normals point away from the camera; give a photo's "
+            "normals, or for a texture its mesh with --onto"
+        )
     surface = _asked_surface(options, normals, part(reporter.progress, 0.05, 0.75))
     result: dict[str, Any] = {"outputs": [], "unit": surface.unit}
     lines = []

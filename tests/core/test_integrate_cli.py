@@ -118,6 +118,7 @@ BAD: list[tuple[str, str]] = [
     ("flat.png --height h.png", "flat.png holds no normals"),
     ("n_##.png --height h.png", "means several normal maps; integrate them one by one"),
     (". --height h.png", "means several normal maps"),
+    ("inwards.png --height h.png", "inwards.png is not in camera space: many of its normals point away from the"),
     ("n.png --height h.jpg", ".jpg is not an image format of ours"),
     ("n.png --height n.png", "the result would overwrite n.png"),
     ("n.png --height no/h.png", "the folder no does not exist"),
@@ -160,6 +161,8 @@ BAD: list[tuple[str, str]] = [
 @pytest.mark.parametrize(("words", "said"), BAD, ids=[words for words, _ in BAD])
 def test_bad_input(here: Path, capfd: pytest.CaptureFixture[str], words: str, said: str) -> None:
     write_file(here / "flat.png", np.full((8, 8, 3), 0.1), "uint8")
+    half = np.where(np.arange(16) < 8, 1, -1)[:, None, None] * (0, 0, 0.5) + 0.5
+    write_file(here / "inwards.png", np.broadcast_to(half, (16, 16, 3)), "uint16")
     (here / "oak_mask.png").write_bytes(b"somebody's own")
     write_camera(here / "small.json", orthographic(8, 8))
     before = {name: (here / name).read_bytes() for name in listing(here)}

@@ -203,9 +203,35 @@ def test_each_part_of_the_surface_has_the_mean(tmp_path: Path) -> None:
 def test_steep_normals_stay_finite() -> None:
     mesh = cube_sphere(6)
     vectors = np.zeros((64, 64, 3), np.float32)
-    vectors[..., 0] = 1
+    vectors[...] = 0.9987, 0, 0.05
     assert np.isfinite(displacement(vectors, mesh).values).all()
-    assert np.isfinite(displacement(-vectors[..., ::-1], mesh).values).all()
+    vectors[::5, ::5] = 0, 0, -1
+    assert np.isfinite(displacement(vectors, mesh).values).all()
+
+
+def test_a_texture_of_another_space_is_refused() -> None:
+    mesh = cube_sphere(6)
+    tangent = tangent_normals(mesh, 64, lambda points, _: bumpy_sphere(points))
+    texels = texels_of(mesh.uvs, 64)
+    of_object = np.zeros((64, 64, 3), np.float32)
+    of_object[..., 2] = 1
+    of_object[tuple(texels.place.T)] = bumpy_sphere(texels.of(mesh.vertices[mesh.triangles]))
+    assert np.ptp(displacement(of_object, mesh, space="object").values) < 0.4
+    for vectors, space in ((tangent, "object"), (of_object, "tangent")):
+        with pytest.raises(InputError, match=f"does not fit the mesh in {space} space: many of its normals point in"):
+            displacement(vectors, mesh, space=space)
+
+
+def test_heights_larger_than_the_mesh_are_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_mesh("mesh.npz", cube_sphere(4))
+    for slope, told in ((0.02, False), (4.0, True)):
+        row, column = np.indices((64, 64)) / 64 - 0.5
+        write_image("t.png", encode(unit(np.stack([-slope * column, slope * row, np.full((64, 64), 0.2)], axis=-1))))
+        assert main(["integrate", "t.png", "--onto", "mesh.npz", "--height", "h.exr"]) == 0
+        assert ("and the whole mesh 3.46; check" in capsys.readouterr().err) == told
 
 
 def test_the_solver_solves_the_least_squares() -> None:
