@@ -10,7 +10,7 @@ from surface_shapes import texels_of
 
 from mpsnet_core.cli import main
 from mpsnet_core.errors import Cancelled, InputError
-from mpsnet_core.heights.height_files import read_height
+from mpsnet_core.heights.height_files import read_height, write_height
 from mpsnet_core.heights.joined import Solver, graph_of
 from mpsnet_core.heights.on_uvs import Displacement, displacement
 from mpsnet_core.images import write_image
@@ -164,6 +164,27 @@ def test_a_base_that_lies_further_in_is_brought_out_to_where_the_mesh_lies() -> 
     assert error(reached, truth).std() < 0.05
     assert reached.mean() == pytest.approx(np.linalg.norm(points, axis=1).mean() / 0.9, abs=0.1 * AMPLITUDE)
     assert displacement(vectors, mesh, mean=0.25).values[found.covered].mean() == pytest.approx(0.25, abs=0.01)
+
+
+def test_a_base_that_is_another_mesh_is_refused() -> None:
+    mesh, flat = cube_sphere(4), np.broadcast_to(np.array([0, 0, 1], np.float32), (64, 64, 3))
+    away = replace(mesh, vertices=mesh.vertices + (0, 9, 0))
+    elsewhere = replace(mesh, uvs=mesh.uvs * 0.3)
+    for base in (away, elsewhere):
+        with pytest.raises(InputError, match="the base is another mesh, not the same one subdivided"):
+            displacement(flat, mesh, base=base)
+
+
+def test_sixteen_bits_are_of_the_surface_wherever_it_lies(tmp_path: Path) -> None:
+    """What is beyond the islands is no lower than they are, so that all steps are for them."""
+    mesh = cube_sphere(8)
+    found = displacement(tangent_normals(mesh, SIZE, lambda points, _: bumpy_sphere(points)), mesh, mean=5, margin=4)
+    assert not found.covered.all()
+    scale = write_height(tmp_path / "h.png", found.as_height_map())
+    inside = found.values[found.covered]
+    assert scale.white - scale.black < 1.2 * np.ptp(inside)
+    read = read_height(tmp_path / "h.png").values[found.covered]
+    assert np.abs(read - inside).max() < 1e-4 * np.ptp(inside)
 
 
 def test_broad_bumps_are_left_to_the_mesh_where_that_is_asked_for() -> None:
@@ -320,6 +341,8 @@ def test_what_does_not_fit_is_refused() -> None:
     flat = np.broadcast_to(np.array([0, 0, 1], np.float32), (32, 32, 3))
     with pytest.raises(InputError, match=r"32 x 16 texels does not fit"):
         displacement(flat[:16], cube_sphere(2))
+    with pytest.raises(InputError, match=r"8192 texels a side at most, not 8193; bake a smaller texture"):
+        displacement(np.broadcast_to(flat[:1, :1], (8193, 8193, 3)), cube_sphere(2))
     with pytest.raises(InputError, match="not finite"):
         displacement(np.full((32, 32, 3), np.nan, np.float32), cube_sphere(2))
     with pytest.raises(InputError, match="choose a larger texture"):
