@@ -33,7 +33,8 @@ def read_present_map(path: str | os.PathLike[str], *, convention: Convention = "
     length = np.empty(colours.shape[:2], np.float32)
     for rows in bands(len(colours)):
         length[rows] = np.linalg.norm(np.nan_to_num(colours[rows]) * 2 - 1, axis=-1)
-    there = np.ones(length.shape, bool) if alpha is None else alpha > 0.5
+    # Where alpha holds something else, such as gloss, normals are there all the same.
+    there = np.ones(length.shape, bool) if alpha is None else alpha > 0
     unit = there & (np.abs(length - 1) < NEARLY_UNIT)
     # Black and white are the corners of all colours, furthest from grey, which is no direction at all.
     filled = there & (length > NEARLY_UNIT) & (length < np.sqrt(3) - NEARLY_UNIT)
