@@ -110,8 +110,8 @@ def _bake(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     )
     reporter.progress(0.0, "reading the mesh")
     plan = planned(options, job.files)
-    views, _ = _views(job, plan.meshes, plan.present, options, part(reporter.progress, 0.05, 0.15))
-    baked = _baked(views, plan.meshes, plan.sheets, options, part(reporter.progress, 0.15, 1.0))
+    seen, _ = _views(job, plan.meshes, plan.present, options, part(reporter.progress, 0.05, 0.15))
+    baked = _baked(seen, plan.meshes, plan.sheets, options, part(reporter.progress, 0.15, 1.0))
     made = [one for one, _ in write_textures(plan, baked, options)]
     return {"output": options.output, **told_textures(made), "text": textures_in_words(made, _facts(options))}
 

@@ -11,19 +11,6 @@ from mpsnet_core.progress import part
 
 log = logging.getLogger(__name__)
 
-# Options of the verb that go with a photo's normal map only, by their defaults.
-_OF_PHOTOS = {
-    "camera": None,
-    "focal": None,
-    "pixel_size": None,
-    "distance": None,
-    "method": "fast",
-    "mesh": None,
-    "curvature": None,
-    "occlusion": None,
-    "relit": None,
-}
-
 
 def add_onto(group: argparse._ArgumentGroup) -> None:
     """The options that go with --onto alone."""
@@ -52,9 +39,6 @@ def integrate_onto(options: argparse.Namespace, reporter: Reporter) -> dict[str,
     from mpsnet_core.normals import read_normals
     from mpsnet_core.surface.mesh import read_mesh
 
-    for name, default in _OF_PHOTOS.items():
-        if getattr(options, name) != default:
-            raise InputError(f"--{name.replace('_', '-')} goes with a photo's normals, not with --onto; leave it out")
     if not options.height:
         raise InputError("--onto makes heights; name their file with --height")
     files = height_files(options.height, options.height_bits)

@@ -136,8 +136,8 @@ def check_material(size: int | None, overlap: float, bend: int) -> None:
 def _check_joined(pixels: int, overlap: float) -> None:
     if pixels < LEAST_JOINED:
         raise InputError(
-            f"borders that overlap by {overlap:g} of the tile are joined over {pixels} pixels, and need {LEAST_JOINED}; "
-            "choose a larger overlap, size or photo"
+            f"borders that overlap by {overlap:g} of the tile are joined over {pixels} pixels, and need "
+            f"{LEAST_JOINED}; choose a larger overlap, size or photo"
         )
 
 

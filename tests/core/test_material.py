@@ -313,7 +313,7 @@ BAD = {
     "ruler without length": (["--ruler", "1,2,3,4"], "'' is not a length"),
     "ruler of three": (["--ruler", "1,2,3=5mm"], "--ruler 1,2,3=5mm is not x1,y1,x2,y2=50mm"),
     "ruler of one place": (["--ruler", "5,5,5,5=5mm"], "its two places are the same"),
-    "ruler beyond the photo": (["--ruler", "1,1,5000,1=5mm"], "its places are not within the photo, which is 330 x 260"),
+    "ruler beyond the photo": (["--ruler", "1,1,5000,1=5mm"], "its places are not within the photo, which is 330"),
     "ruler before the photo": (["--ruler=-9,1,50,1=5mm"], "its places are not within the photo, which is 330 x 260"),
     "crop of halves": (["--width", "1m", "--crop", "1.5,0,99,99"], "--crop 1.5,0,99,99 is not of whole pixels"),
     "crop of words": (["--width", "1m", "--crop", "all"], "--crop all is not x,y,width,height"),

@@ -168,7 +168,7 @@ def test_a_base_that_lies_further_in_is_brought_out_to_where_the_mesh_lies() -> 
 
 def test_a_base_that_is_another_mesh_is_refused() -> None:
     mesh, flat = cube_sphere(4), np.broadcast_to(np.array([0, 0, 1], np.float32), (64, 64, 3))
-    away = replace(mesh, vertices=mesh.vertices + (0, 9, 0))
+    away = replace(mesh, vertices=mesh.vertices + [0, 9, 0])
     elsewhere = replace(mesh, uvs=mesh.uvs * 0.3)
     for base in (away, elsewhere):
         with pytest.raises(InputError, match="the base is another mesh, not the same one subdivided"):
@@ -309,6 +309,7 @@ def test_the_command_line_writes_what_the_package_finds(tmp_path: Path, capsys: 
     [
         (["--onto", "mesh.npz"], "name their file with --height"),
         (["--onto", "mesh.npz", "--height", "h.exr", "--focal", "50"], "--focal goes with a photo's normals"),
+        (["--onto", "mesh.npz", "--height", "h.exr", "--faces", "9"], "--faces goes with --mesh, which is not given"),
         (["--onto", "mesh.npz", "--height", "h.exr", "--scale", "-1"], "a scale of -1 times"),
         (["--onto", "mesh.npz", "--height", "h.exr", "--mean", "nan"], "the mean height must be a number"),
         (["--onto", "mesh.npz", "--height", "h.exr", "--margin", "999"], "a margin of 999 texels does not fit"),
