@@ -11,7 +11,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.heights.beyond import carried_on
 from mpsnet_core.heights.chords import chords
 from mpsnet_core.heights.height_map import HeightMap
-from mpsnet_core.heights.joined import Graph, Solver, graph_of
+from mpsnet_core.heights.sewn import Graph, Solver, graph_of
 from mpsnet_core.heights.layout import Layout, layout_of
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.surface.bake import check_texture
@@ -76,7 +76,7 @@ def displacement(
 
     Between neighbouring texels the normals tell how the heights change, whatever the UVs' stretch
     (:mod:`mpsnet_core.heights.chords`), and on the two sides of a seam the heights are the same. All of that is solved
-    at once (:mod:`mpsnet_core.heights.joined`), so that no island has a height of its own and no seam opens.
+    at once (:mod:`mpsnet_core.heights.sewn`), so that no island has a height of its own and no seam opens.
 
     Raises InputError where a number is out of range or the texture does not fit the mesh; Cancelled where `progress`
     does.

@@ -11,7 +11,7 @@ from surface_shapes import texels_of
 from mpsnet_core.cli import main
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.heights.height_files import read_height, write_height
-from mpsnet_core.heights.joined import Solver, graph_of
+from mpsnet_core.heights.sewn import Solver, graph_of
 from mpsnet_core.heights.on_uvs import Displacement, displacement
 from mpsnet_core.images import write_image
 from mpsnet_core.normals import encode
@@ -168,7 +168,7 @@ def test_a_base_that_lies_further_in_is_brought_out_to_where_the_mesh_lies() -> 
 
 def test_a_base_that_is_another_mesh_is_refused() -> None:
     mesh, flat = cube_sphere(4), np.broadcast_to(np.array([0, 0, 1], np.float32), (64, 64, 3))
-    away = replace(mesh, vertices=mesh.vertices + [0, 9, 0])
+    away = replace(mesh, vertices=mesh.vertices + np.array([0, 9, 0]))
     elsewhere = replace(mesh, uvs=mesh.uvs * 0.3)
     for base in (away, elsewhere):
         with pytest.raises(InputError, match="the base is another mesh, not the same one subdivided"):
