@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from mpsnet_core.bands import bands
 from mpsnet_core.errors import InputError
 from mpsnet_core.heights.islands import welded
-from mpsnet_core.heights.sewn import Graph
 from mpsnet_core.heights.layout import Layout
+from mpsnet_core.heights.sewn import Graph
 from mpsnet_core.normals import OUTWARDS_SHARE, normalised
 from mpsnet_core.progress import Progress
 from mpsnet_core.surface.mesh import smooth_corner_normals

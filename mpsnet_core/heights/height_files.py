@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from mpsnet_core.camera import camera_data, camera_from_data
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import MAX_JSON_BYTES, existing_file, read_json, writable_path, write_json
-from mpsnet_core.heights.beyond import carried_on
 from mpsnet_core.heights.height_map import HeightMap
 from mpsnet_core.images import checked_bits, image_description, read_channel, read_mask, write_image
+from mpsnet_core.surface.push_pull import push_pull
 
 HEIGHT_FORMAT = "mpsnet-height"
 HEIGHT_VERSION = 1
@@ -114,7 +114,7 @@ def write_height(
         "mask": None if heights.mask.all() else mask_file.name,
         "camera": camera_data(heights.camera),
     }
-    values = carried_on(heights.values, heights.mask)
+    values = push_pull(heights.values, heights.mask)
     if bits != 32:
         values = ((values - np.float32(scale.black)) / np.float32(scale.strength)).astype(np.float32)
     whole = {"format": HEIGHT_FORMAT, "version": HEIGHT_VERSION, **data}

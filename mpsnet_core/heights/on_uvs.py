@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 from mpsnet_core.camera import Camera
 from mpsnet_core.connected import connected
 from mpsnet_core.errors import InputError
-from mpsnet_core.heights.beyond import carried_on
 from mpsnet_core.heights.chords import chords
 from mpsnet_core.heights.height_map import HeightMap
-from mpsnet_core.heights.sewn import Graph, Solver, graph_of
 from mpsnet_core.heights.layout import Layout, layout_of
+from mpsnet_core.heights.sewn import Graph, Solver, graph_of
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.surface.bake import check_texture
 from mpsnet_core.surface.mesh import Mesh
+from mpsnet_core.surface.push_pull import push_pull
 from mpsnet_core.surface.raster import grown
 from mpsnet_core.surface.texture import Space
 
@@ -202,4 +202,4 @@ def _with_margin(
     there *= np.minimum(1, CARRIED / np.maximum(far, CARRIED))
     values: NDArray[np.float32] = layers[..., 0] + np.einsum("...i,...i->...", layers[..., 1:3], there)
     del layers, there, far
-    return carried_on(values, reached)
+    return push_pull(values, reached)

@@ -59,7 +59,9 @@ def solved(
         before = now
     else:
         if most >= MOST:
-            log.info("the heights may be off where the surface hangs together by thin strips: %d steps were too few", most)
+            log.info(
+                "the heights may be off where the surface hangs together by thin strips: %d steps were too few", most
+            )
     return u
 
 

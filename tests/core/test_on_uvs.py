@@ -11,8 +11,8 @@ from surface_shapes import texels_of
 from mpsnet_core.cli import main
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.heights.height_files import read_height, write_height
-from mpsnet_core.heights.sewn import Solver, graph_of
 from mpsnet_core.heights.on_uvs import Displacement, displacement
+from mpsnet_core.heights.sewn import Solver, graph_of
 from mpsnet_core.images import write_image
 from mpsnet_core.normals import encode
 from mpsnet_core.surface.mesh import Mesh, write_mesh
