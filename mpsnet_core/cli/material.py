@@ -64,7 +64,7 @@ def _material(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
     from mpsnet_core.capture import capture_from, note_doubts
     from mpsnet_core.files import makeable_folder
     from mpsnet_core.frames import check_apart
-    from mpsnet_core.images import read_image
+    from mpsnet_core.images import WRITABLE_BITS, read_image
     from mpsnet_core.material.material import check_material, filled_part, flat_material
     from mpsnet_core.material.material_files import material_files, write_material
     from mpsnet_core.normals import check_convention
@@ -79,6 +79,8 @@ def _material(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
     name = photo.stem if options.name is None else options.name
     if Path(name).name != name:
         raise InputError(f"--name {name} is not a file's name; give the folder with -o")
+    if Path(options.output).suffix.lower() in WRITABLE_BITS:
+        raise InputError(f"--output {options.output} ends like a picture; give the folder for all of them")
     folder = makeable_folder(options.output, "material")
     check_apart([photo, options.rig, *read_files(options)], material_files(folder, name).values())
     rig, correction, (camera, depth) = read_rig(options.rig), asked_correction(options), asked_place(options)

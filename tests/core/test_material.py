@@ -361,6 +361,12 @@ def test_a_photo_that_is_not_filled_or_too_small_is_refused(tmp_path, capfd):
     assert "330 x 50 pixels are too few for a material; take 64 or more each way" in capfd.readouterr().err
 
 
+def test_a_picture_is_no_folder_for_a_material(photo, tmp_path, capfd):
+    assert run(tmp_path, "--width", "66mm", "-o", tmp_path / "f.png") == 2
+    assert "f.png ends like a picture; give the folder for all of them" in capfd.readouterr().err
+    assert not (tmp_path / "f.png").exists()
+
+
 def test_results_do_not_overwrite_the_photo(photo, tmp_path, capfd):
     (tmp_path / "weave.exr").rename(tmp_path / "a_height_mm.exr")
     arguments = ["--rig", str(tmp_path / "rig.json"), "--width", "66mm", "--name", "a", "-o", str(tmp_path)]
