@@ -13,6 +13,8 @@ from mpsnet_core.images import read_channel, read_data, write_image
 
 Convention = Literal["opengl", "directx"]
 CONVENTIONS: tuple[Convention, ...] = ("opengl", "directx")
+# The share of a map's normals that must face outwards, or the camera, for the map to be of the space it is taken for.
+OUTWARDS_SHARE = 0.9
 
 
 @dataclass(frozen=True)

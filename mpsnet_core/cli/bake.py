@@ -17,6 +17,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.progress import Progress, part
 
 if TYPE_CHECKING:
+    from mpsnet_core.surface.bake import View
     from mpsnet_core.surface.mesh import Mesh
     from mpsnet_core.surface.sheets import Sheet
     from mpsnet_core.surface.shown import Present
@@ -109,24 +110,28 @@ def _bake(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     )
     reporter.progress(0.0, "reading the mesh")
     plan = planned(options, job.files)
-    baked = _baked(job, plan.meshes, plan.sheets, plan.present, options, part(reporter.progress, 0.05, 1.0))
+    seen, _ = _views(job, plan.meshes, plan.present, options, part(reporter.progress, 0.05, 0.15))
+    baked = _baked(seen, plan.meshes, plan.sheets, options, part(reporter.progress, 0.15, 1.0))
     made = [one for one, _ in write_textures(plan, baked, options)]
     return {"output": options.output, **told_textures(made), "text": textures_in_words(made, _facts(options))}
 
 
-def _baked(
+def _views(
     job: _Job,
     meshes: "Sequence[Mesh]",
-    sheets: "Sequence[Sheet]",
     present: "Present | None",
     options: argparse.Namespace,
     progress: Progress,
-) -> "Iterator[tuple[Sheet, Texture]]":
+    known: Sequence[float] | None = None,
+) -> "tuple[list[View], list[float]]":
+    """The views as they are baked, and the share of the present map's relief that was taken out of each.
+
+    known: these shares, where they have been found before.
+    """
     from mpsnet_core.camera import read_camera
     from mpsnet_core.normals import read_normals
     from mpsnet_core.rays import RayScene
-    from mpsnet_core.surface.bake import View, bake_sheets
-    from mpsnet_core.surface.feather import FEATHER
+    from mpsnet_core.surface.bake import View
     from mpsnet_core.surface.joined import joined
     from mpsnet_core.surface.level import levelled
     from mpsnet_core.surface.shown import without_present
@@ -134,14 +139,15 @@ def _baked(
     level = level_scale(options.level)
     whole = joined(meshes)
     scene = RayScene(whole.world_vertices, whole.triangles) if level or present is not None else None
-    views, shares = [], list[float]()
-    for (camera, normals), confidence in zip(job.views, job.confidences, strict=True):
-        progress(0.0, f"reading {normals.name}")
+    views, shares = list[View](), list[float]()
+    for number, ((camera, normals), confidence) in enumerate(zip(job.views, job.confidences, strict=True)):
+        progress(number / len(job.views), f"reading {normals.name}")
         try:
             normal_map = read_normals(normals, convention=options.normals_convention, confidence=confidence)
             view = View(read_camera(camera), normal_map)
             if present is not None and scene is not None:
-                normal_map, share = without_present(view.normals, view.camera, whole, scene, present)
+                share = None if known is None else known[number]
+                normal_map, share = without_present(view.normals, view.camera, whole, scene, present, share)
                 view = View(view.camera, normal_map)
                 shares.append(share)
             if level and scene is not None:
@@ -149,16 +155,29 @@ def _baked(
             views.append(view)
         except InputError as error:
             raise InputError(f"view {camera}={normals}: {error}") from None
-    note_shown(shares)
-    del whole, scene
+    if known is None:
+        note_shown(shares)
+    return views, shares
+
+
+def _baked(
+    views: "Sequence[View]",
+    meshes: "Sequence[Mesh]",
+    sheets: "Sequence[Sheet]",
+    options: argparse.Namespace,
+    progress: Progress,
+) -> "Iterator[tuple[Sheet, Texture]]":
+    from mpsnet_core.surface.bake import bake_sheets
+    from mpsnet_core.surface.feather import FEATHER
+
     return bake_sheets(
         meshes,
         views,
         sheets,
         # Views that are levelled are meant to leave no seam.
-        feather=FEATHER if level else 0.0,
+        feather=FEATHER if level_scale(options.level) else 0.0,
         strength=options.strength,
-        progress=part(progress, 0.1, 1.0),
+        progress=progress,
         **texture_settings(options),
     )
 
@@ -193,18 +212,23 @@ def _bake_frames(options: argparse.Namespace, views: Sequence[tuple[str, str]], 
     remove_abandoned(made_folder(options.output, "textures"))
     present = asked_present(options)
     made, seen, mesh, mesh_file = 0, 0.0, None, None
+    # A share that was found anew for each frame would flicker: all have that of the first one.
+    first_job, shares = next(iter(jobs.values())), None
     for number, job in enumerate(jobs.values()):
         step = part(
             reporter.progress, number / len(jobs), (number + 1) / len(jobs), f"{job.output.name}, {len(jobs)} in all"
         )
         step(0.0, "")
-        line = _line(job, options)
+        line = _line(job, first_job, options)
         if image_description(job.output) == line:
             continue
         if mesh is None or job.meshes[0] != mesh_file:
             mesh, mesh_file = read_mesh(job.meshes[0]), job.meshes[0]
         try:
-            ((_, texture),) = _baked(job, [mesh], sheets([mesh]), present, options, step)
+            if present is not None and shares is None and job is not first_job:
+                _, shares = _views(first_job, [read_mesh(first_job.meshes[0])], present, options, part(step, 0.0, 0.0))
+            frame, shares = _views(job, [mesh], present, options, part(step, 0.0, 0.1), shares)
+            ((_, texture),) = _baked(frame, [mesh], sheets([mesh]), options, part(step, 0.1, 1.0))
             if present is not None:
                 texture = laid_onto(texture, present.vectors)
         except InputError as error:
@@ -276,13 +300,14 @@ def _file_of(files: Path | dict[int, Path], number: int) -> Path:
     return files[number] if isinstance(files, dict) else files
 
 
-def _line(job: _Job, options: argparse.Namespace) -> str:
-    """The line that a texture keeps: what made it of what."""
+def _line(job: _Job, first: _Job, options: argparse.Namespace) -> str:
+    """The line that a texture keeps: what made it of what. first: the frame that tells what is shown of --onto."""
     from mpsnet_core.made_from import content, identity
 
     facts = [f"{name}: {value!r}" for name, value in sorted(vars(options).items()) if name not in NOT_IN_RECIPE]
     # Meshes and cameras by what they hold: Blender writes them anew for every run.
-    facts += map(content, [*job.meshes, *(camera for camera, _ in job.views)])
-    facts += map(identity, [*(normals for _, normals in job.views), job.onto])
+    for one in (job, first) if options.onto and options.onto_shown == "auto" else (job,):
+        facts += map(content, [*one.meshes, *(camera for camera, _ in one.views)])
+        facts += map(identity, [*(normals for _, normals in one.views), one.onto])
     digest = hashlib.sha256("\n".join(facts).encode(errors="surrogateescape")).hexdigest()
     return f"texture by mpsnet {__version__}, {digest[:32]}"

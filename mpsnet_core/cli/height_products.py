@@ -74,8 +74,8 @@ def _height(options: argparse.Namespace, surface: Surface, progress: Progress) -
         "midlevel": scale.midlevel,
     }
     words = f"{scale}; Blender's Displace: strength {scale.strength:.6g}, midlevel {scale.midlevel:.6g}"
-    files = [file for file in _height_files(options) if not heights.mask.all() or not file.stem.endswith("_mask")]
-    return Made(files, words, facts)
+    files = _height_files(options)
+    return Made(files[:2] if heights.mask.all() else files, words, facts)
 
 
 # --- mesh -------------------------------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 import argparse
 import logging
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,18 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.progress import Progress, part
 
 log = logging.getLogger(__name__)
+
+# Options that go with a photo's normal map only.
+_OF_PHOTOS = ("camera", "focal", "pixel_size", "distance", "method", "mesh", "curvature", "occlusion", "relit")
+# Options that mean nothing without another one.
+_NEEDED = {
+    "height_bits": "height",
+    **dict.fromkeys(("faces", "open", "up"), "mesh"),
+    **dict.fromkeys(("curvature_radius", "curvature_range"), "curvature"),
+    "occlusion_reach": "occlusion",
+    **dict.fromkeys(("light", "albedo", "turntable"), "relit"),
+    **dict.fromkeys(("space", "base", "scale", "mean", "margin"), "onto"),
+}
 
 if TYPE_CHECKING:
     from mpsnet_core.camera import Camera
@@ -47,7 +60,7 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
     )
     _add_outputs(parser.add_argument_group("what to make, at least one of them"))
     add_onto(parser.add_argument_group("heights on a mesh's UVs, from the normal texture that was baked onto them"))
-    parser.set_defaults(verb=_integrate)
+    parser.set_defaults(verb=partial(_integrate, parser))
 
 
 def _add_outputs(group: argparse._ArgumentGroup) -> None:
@@ -89,12 +102,28 @@ def _add_outputs(group: argparse._ArgumentGroup) -> None:
     )
 
 
-def _integrate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
+def _check_together(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
+    """Raises InputError where an option is given that the others make meaningless."""
+    given = {
+        name: "--" + name.replace("_", "-")
+        for name, value in vars(options).items()
+        if value != parser.get_default(name)
+    }
+    for name in _OF_PHOTOS if options.onto else ():
+        if name in given:
+            raise InputError(f"{given[name]} goes with a photo's normals, not with --onto; leave it out")
+    for name, needed in _NEEDED.items():
+        if name in given and not getattr(options, needed):
+            raise InputError(f"{given[name]} goes with --{needed}, which is not given; leave it out, or give both")
+
+
+def _integrate(parser: argparse.ArgumentParser, options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.frames import check_apart, is_several
     from mpsnet_core.heights.integrate import METHODS
-    from mpsnet_core.normals import check_convention, read_normals
+    from mpsnet_core.normals import OUTWARDS_SHARE, check_convention, read_normals
 
     check_convention(options.convention)
+    _check_together(parser, options)
     if options.onto:
         return integrate_onto(options, reporter)
     if options.method not in METHODS:
@@ -112,6 +141,11 @@ def _integrate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any
         taken += files
     reporter.progress(0.0, f"reading {Path(options.normals).name}")
     normals = read_normals(options.normals, convention=options.convention)
+    if (normals.vectors[normals.mask, 2] >= 0).mean() < OUTWARDS_SHARE:
+        raise InputError(
+            f"{options.normals} is not in camera space: many of its normals point away from the camera; give a photo's "
+            "normals, or for a texture its mesh with --onto"
+        )
     surface = _asked_surface(options, normals, part(reporter.progress, 0.05, 0.75))
     result: dict[str, Any] = {"outputs": [], "unit": surface.unit}
     lines = []

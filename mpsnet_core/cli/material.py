@@ -64,7 +64,7 @@ def _material(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
     from mpsnet_core.capture import capture_from, note_doubts
     from mpsnet_core.files import makeable_folder
     from mpsnet_core.frames import check_apart
-    from mpsnet_core.images import read_image
+    from mpsnet_core.images import WRITABLE_BITS, read_image
     from mpsnet_core.material.material import check_material, filled_part, flat_material
     from mpsnet_core.material.material_files import material_files, write_material
     from mpsnet_core.normals import check_convention
@@ -79,6 +79,8 @@ def _material(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
     name = photo.stem if options.name is None else options.name
     if Path(name).name != name:
         raise InputError(f"--name {name} is not a file's name; give the folder with -o")
+    if Path(options.output).suffix.lower() in WRITABLE_BITS:
+        raise InputError(f"--output {options.output} ends like a picture; give the folder for all of them")
     folder = makeable_folder(options.output, "material")
     check_apart([photo, options.rig, *read_files(options)], material_files(folder, name).values())
     rig, correction, (camera, depth) = read_rig(options.rig), asked_correction(options), asked_place(options)
@@ -94,6 +96,8 @@ def _material(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
             depth=depth,
             correction=correction,
         )
+        if options.ruler:
+            _check_ruler(options.ruler, *capture.mask.shape)
         pixel_mm = length / (pixels or capture.mask.shape[1])
         capture = filled_part(capture, crop)
     except InputError as error:
@@ -141,17 +145,30 @@ def _asked_scale(options: argparse.Namespace) -> tuple[float, float | None]:
         said = "several options tell how large it is" if given else "nothing tells how large it is"
         raise InputError(f"{said}; give one of --width, --pixel-size or --ruler")
     if given == ["ruler"]:
-        places, _, length = options.ruler.partition("=")
-        x1, y1, x2, y2 = _numbers(places, 4, f"--ruler {options.ruler}", "x1,y1,x2,y2=50mm")
+        x1, y1, x2, y2 = _ruler(options.ruler)
         pixels = ((x2 - x1) ** 2 + (y2 - y1) ** 2) ** 0.5
         if pixels < 1:
             raise InputError(f"--ruler {options.ruler}: its two places are the same; measure between two others")
-        return millimetres(length), pixels
+        return millimetres(options.ruler.partition("=")[2]), pixels
     return millimetres(getattr(options, given[0])), (None if given == ["width"] else 1.0)
 
 
+def _ruler(text: str) -> list[float]:
+    """x1, y1, x2 and y2 in pixels."""
+    return _numbers(text.partition("=")[0], 4, f"--ruler {text}", "x1,y1,x2,y2=50mm")
+
+
+def _check_ruler(text: str, height: int, width: int) -> None:
+    x1, y1, x2, y2 = _ruler(text)
+    if not (0 <= min(x1, x2) <= max(x1, x2) <= width and 0 <= min(y1, y2) <= max(y1, y2) <= height):
+        raise InputError(f"--ruler {text}: its places are not within the photo, which is {width} x {height}")
+
+
 def _crop(text: str) -> tuple[int, int, int, int]:
-    left, top, width, height = (int(number) for number in _numbers(text, 4, f"--crop {text}", "x,y,width,height"))
+    numbers = _numbers(text, 4, f"--crop {text}", "x,y,width,height")
+    if not all(number.is_integer() for number in numbers):
+        raise InputError(f"--crop {text} is not of whole pixels; give whole numbers")
+    left, top, width, height = map(int, numbers)
     return left, top, width, height
 
 

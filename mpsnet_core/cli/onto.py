@@ -1,6 +1,7 @@
 """The verb integrate with --onto: a normal texture to heights on the same mesh's UVs."""
 
 import argparse
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -8,21 +9,11 @@ from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.errors import InputError
 from mpsnet_core.progress import part
 
-# Options of the verb that go with a photo's normal map only, by their defaults.
-_OF_PHOTOS = {
-    "camera": None,
-    "focal": None,
-    "pixel_size": None,
-    "distance": None,
-    "method": "fast",
-    "mesh": None,
-    "curvature": None,
-    "occlusion": None,
-    "relit": None,
-}
+log = logging.getLogger(__name__)
 
 
 def add_onto(group: argparse._ArgumentGroup) -> None:
+    """The options that go with --onto alone."""
     group.add_argument(
         "--onto", metavar="MESH", help="the mesh with UVs that the texture was baked onto; needs --height"
     )
@@ -39,15 +30,15 @@ def add_onto(group: argparse._ArgumentGroup) -> None:
 
 
 def integrate_onto(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
+    """Write the heights that the options ask for; what is told of them. Raises InputError where they cannot be had."""
+    import numpy as np
+
     from mpsnet_core.frames import check_apart
     from mpsnet_core.heights.height_files import height_files, write_height
     from mpsnet_core.heights.on_uvs import displacement
     from mpsnet_core.normals import read_normals
     from mpsnet_core.surface.mesh import read_mesh
 
-    for name, default in _OF_PHOTOS.items():
-        if getattr(options, name) != default:
-            raise InputError(f"--{name.replace('_', '-')} goes with a photo's normals, not with --onto; leave it out")
     if not options.height:
         raise InputError("--onto makes heights; name their file with --height")
     files = height_files(options.height, options.height_bits)
@@ -72,6 +63,17 @@ def integrate_onto(options: argparse.Namespace, reporter: Reporter) -> dict[str,
     scale = write_height(options.height, found.as_height_map(), bits=options.height_bits, unit=unit)
     inside = found.values[found.covered]
     lowest, highest = float(inside.min()), float(inside.max())
+    across = float(np.linalg.norm(np.ptp(mesh.world_vertices, axis=0)))
+    if highest - lowest > across:
+        log.warning(
+            "the heights span %.3g %s, and the whole mesh %.3g; check that the texture was baked onto this mesh, in %s "
+            "space and %s",
+            highest - lowest,
+            unit,
+            across,
+            options.space,
+            options.convention,
+        )
     return {
         "outputs": [str(file) for file in files[:2]],
         "unit": unit,

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mpsnet_core.errors import InputError
 from mpsnet_core.files import made_folder
 
 if TYPE_CHECKING:
@@ -47,7 +48,8 @@ def settle(options: argparse.Namespace, *, sequence: bool = False) -> None:
 
     sequence: the output is a folder of frames, which have names of their own.
 
-    Raises InputError where the preset is not known, does not fit the output's ending, or the detail cannot be had.
+    Raises InputError where the preset is not known, what is asked for does not fit the output's ending, or the detail
+    cannot be had.
     """
     from mpsnet_core.normals import check_convention
     from mpsnet_core.surface.bake import check_strength
@@ -60,24 +62,28 @@ def settle(options: argparse.Namespace, *, sequence: bool = False) -> None:
     check_shown(options.onto_shown)
     if options.onto:
         check_onto(options.space)
+    elif options.onto_convention != "opengl" or options.onto_shown != "auto":
+        raise InputError("--onto-convention and --onto-shown tell of the map of --onto; give it, or leave them out")
     if options.level is None:
         # What is large in the present map is in the photo as well, and shall not be added to it.
         options.level = "on" if options.onto else "off"
-    ending = getattr(options, "format", None)
+    ending = (getattr(options, "format", None) or "").lstrip(".").lower()
     if options.preset:
         preset = preset_named(options.preset)
         if options.convention is None:
             options.convention = preset.convention
         if not sequence:
-            suffix = f".{ending.lstrip('.')}" if ending else None
+            suffix = f".{ending}" if ending else None
             target = preset_output(preset, options.output, Path(options.mesh[0]).stem, suffix)
             if options.output.endswith(("/", "\\")):
                 made_folder(target.parent, "texture")
             options.output = str(target)
-        ending = ending or preset.suffix
+        ending = ending or preset.suffix.lstrip(".")
         # Bits go with the preset's own format.
-        if options.bits is None and f".{ending.lstrip('.')}" == preset.suffix:
+        if options.bits is None and f".{ending}" == preset.suffix:
             options.bits = preset.bits
+    elif ending and not sequence and Path(options.output).suffix.lower() != f".{ending}":
+        raise InputError(f"--format {ending} is not what {options.output} ends in; change one, or leave --format out")
     if options.convention is None:
         options.convention = "opengl"
     if "format" in options:

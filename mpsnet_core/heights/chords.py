@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.bands import bands
+from mpsnet_core.errors import InputError
 from mpsnet_core.heights.islands import welded
-from mpsnet_core.heights.joined import Graph
 from mpsnet_core.heights.layout import Layout
-from mpsnet_core.normals import normalised
+from mpsnet_core.heights.sewn import Graph
+from mpsnet_core.normals import OUTWARDS_SHARE, normalised
 from mpsnet_core.progress import Progress
 from mpsnet_core.surface.mesh import smooth_corner_normals
 from mpsnet_core.surface.texture import Space
@@ -46,11 +47,14 @@ def chords(vectors: NDArray[np.float32], space: Space, own: Layout, base: Layout
     The displaced surface is s = p + h n, with n the base's smooth unit normals. Its chord s_j - s_i is at right angles
     to m, the mean of the normals wanted at its two ends (exactly so on a sphere, a cylinder and a plane):
     m (p_j - p_i) + h_j m n_j - h_i m n_i = 0.
+
+    Raises InputError where many of the normals point into the mesh, as those of another space do.
     """
     size = len(base.triangle)
     numbers = np.cumsum(np.concatenate([[0], (base.triangle >= 0).sum(axis=1)]))
     flat, curved = np.zeros((2, 2, numbers[-1]), np.float32)
     outwards = np.zeros(numbers[-1], np.float32)
+    facing_out = 0
     middle = base.mesh.world_vertices.mean(axis=0)
     surface, shading = _surface(base, middle), _shading(own)
     own_surface = surface if own is base else _surface(own, middle)
@@ -63,6 +67,7 @@ def chords(vectors: NDArray[np.float32], space: Space, own: Layout, base: Layout
         if own is not base:
             wanted = np.where((own.triangle[more] >= 0)[..., None], wanted, normal)
         here, inside = slice(numbers[rows.start], numbers[rows.stop]), base.triangle[rows] >= 0
+        facing_out += np.count_nonzero(_dot(wanted, normal)[: len(inside)][inside] >= 0)
         for number, axis in enumerate((1, 0)):
             # Beyond the last column and row stands what is at the other end; there is no neighbour there.
             towards = wanted + np.roll(wanted, -1, axis)
@@ -76,6 +81,11 @@ def chords(vectors: NDArray[np.float32], space: Space, own: Layout, base: Layout
             (there,) = own.at(rows, own_surface[0])
             apart = _dot(there - point[: len(inside)], normal[: len(inside)])
             outwards[here] = np.where(own.triangle[rows] >= 0, apart, 0)[inside]
+    if facing_out < OUTWARDS_SHARE * numbers[-1]:
+        raise InputError(
+            f"the texture does not fit the mesh in {space} space: many of its normals point inwards; give the space "
+            "that it was baked in, and the mesh that it was baked onto"
+        )
     return Chords(flat, curved, outwards)
 
 

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from mpsnet_core.camera import camera_data, camera_from_data
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import MAX_JSON_BYTES, existing_file, read_json, writable_path, write_json
-from mpsnet_core.heights.beyond import carried_on
 from mpsnet_core.heights.height_map import HeightMap
 from mpsnet_core.images import checked_bits, image_description, read_channel, read_mask, write_image
+from mpsnet_core.surface.push_pull import push_pull
 
 HEIGHT_FORMAT = "mpsnet-height"
 HEIGHT_VERSION = 1
@@ -62,21 +62,25 @@ class HeightScale:
 def height_files(path: str | os.PathLike[str], bits: int | None = None) -> list[Path]:
     """The files that :func:`write_height` writes for `path`: the heights, their scale, their mask.
 
-    Raises InputError where they cannot be written there, or the scale's place holds a JSON file of another kind.
+    Raises InputError where they cannot be written there, or what stands in the place of the scale or of the mask is not
+    of heights that were written there before.
     """
     path = writable_path(path)
     bits = checked_bits(path, bits)
     if bits not in HEIGHT_BITS or (path.suffix.lower() == ".exr" and bits == 16):
         raise InputError(f"cannot write {path}: heights in {bits} bits show steps; take 16 bits in PNG or TIFF, or 32")
-    scale = path.with_suffix(".json")
+    scale, mask = path.with_suffix(".json"), path.with_name(f"{path.stem}_mask.png")
+    kept_mask = None
     if scale.exists():
         try:
-            read_json(scale, HEIGHT_FORMAT, HEIGHT_VERSION, HEIGHT_KEYS)
+            kept_mask = read_json(scale, HEIGHT_FORMAT, HEIGHT_VERSION, HEIGHT_KEYS)["mask"]
         except InputError:
             raise InputError(
                 f"cannot write {path}: {scale}, where its scale belongs, is another file; choose another name"
             ) from None
-    return [path, scale, path.with_name(f"{path.stem}_mask.png")]
+    if kept_mask != mask.name and mask.exists():
+        raise InputError(f"cannot write {path}: {mask}, where its mask belongs, is another file; choose another name")
+    return [path, scale, mask]
 
 
 def write_height(
@@ -85,8 +89,8 @@ def write_height(
     """Write heights, their scale as ``NAME.json`` and their mask as ``NAME_mask.png``; each whole or not at all.
 
     path: .exr, or .tif with `bits` 32: float32 heights in the unit itself. .png or .tif: 16 bits from black, the lowest
-    height, to white, the highest. The file itself keeps the scale too, as its description. Without a suitable camera
-    the unit is a pixel. unit: what it is called, for people.
+    height, to white, the highest. The file itself keeps the scale too, as its description. unit: what the camera's
+    unit is called, for people.
 
     Returns what the values mean. Raises InputError as :func:`height_files` does.
     """
@@ -110,14 +114,16 @@ def write_height(
         "mask": None if heights.mask.all() else mask_file.name,
         "camera": camera_data(heights.camera),
     }
-    values = carried_on(heights.values, heights.mask)
+    values = push_pull(heights.values, heights.mask)
     if bits != 32:
         values = ((values - np.float32(scale.black)) / np.float32(scale.strength)).astype(np.float32)
     whole = {"format": HEIGHT_FORMAT, "version": HEIGHT_VERSION, **data}
+    write_json(scale_file, whole)  # before the mask, which is known as its own by it
     if data["mask"] is not None:
         write_image(mask_file, heights.mask, bits=8)
-    write_json(scale_file, whole)
     write_image(path, values, bits=bits, description=json.dumps(whole))
+    if data["mask"] is None:
+        mask_file.unlink(missing_ok=True)  # of the heights that were there before
     return scale
 
 

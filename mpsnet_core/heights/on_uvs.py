@@ -10,11 +10,12 @@ from mpsnet_core.connected import connected
 from mpsnet_core.errors import InputError
 from mpsnet_core.heights.chords import chords
 from mpsnet_core.heights.height_map import HeightMap
-from mpsnet_core.heights.joined import Graph, Solver, graph_of
-from mpsnet_core.heights.layout import layout_of
+from mpsnet_core.heights.layout import Layout, layout_of
+from mpsnet_core.heights.sewn import Graph, Solver, graph_of
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.surface.bake import check_texture
 from mpsnet_core.surface.mesh import Mesh
+from mpsnet_core.surface.push_pull import push_pull
 from mpsnet_core.surface.raster import grown
 from mpsnet_core.surface.texture import Space
 
@@ -24,13 +25,17 @@ PASSES = 2
 # Texels that heights are carried on beyond an island with their slope; from there on as they are.
 CARRIED = 1.5
 MAX_SCALE = 10.0
+# Takes about 11 GB.
+MAX_SIZE = 8192
+# The share of its texels that a base has in common with its mesh, at least.
+COMMON = 0.5
 
 
 @dataclass(frozen=True)
 class Displacement:
     """How far the surface stands out from a mesh, along the mesh's smooth normals, on its UVs.
 
-    values: (S, S) float32 in world units, row 0 at v = 1; grown beyond the islands, 0 where nothing reaches.
+    values: (S, S) float32 in world units, row 0 at v = 1; grown beyond the islands, and going on smoothly from there.
     covered: (S, S) bool, texels on the surface. texel: how long one is in the world, on the mean.
     seam_step: how much the heights on the two sides of the seams differ, root mean square, in world units.
     """
@@ -71,7 +76,7 @@ def displacement(
 
     Between neighbouring texels the normals tell how the heights change, whatever the UVs' stretch
     (:mod:`mpsnet_core.heights.chords`), and on the two sides of a seam the heights are the same. All of that is solved
-    at once (:mod:`mpsnet_core.heights.joined`), so that no island has a height of its own and no seam opens.
+    at once (:mod:`mpsnet_core.heights.sewn`), so that no island has a height of its own and no seam opens.
 
     Raises InputError where a number is out of range or the texture does not fit the mesh; Cancelled where `progress`
     does.
@@ -83,6 +88,8 @@ def displacement(
     covered = laid.triangle >= 0
     if not covered.any():
         raise InputError(f"no texel of a {size} x {size} texture lies on the mesh's UVs; choose a larger texture")
+    if own is not laid:
+        _check_base(own, laid)
     asked = chords(vectors, space, own, laid, part(progress, 0.02, 0.2))
     areas = laid.areas()[laid.triangle[covered]]
     hold = np.zeros(len(areas), np.float32)
@@ -118,6 +125,8 @@ def _checked_size(vectors: NDArray[np.float32], space: str, margin: int, scale: 
         height, width = vectors.shape[:2]
         raise InputError(f"a texture of {width} x {height} texels does not fit UVs; give a square one, as it was baked")
     check_texture(size, space, margin)
+    if size > MAX_SIZE:
+        raise InputError(f"heights on UVs have {MAX_SIZE} texels a side at most, not {size}; bake a smaller texture")
     if not np.isfinite(vectors).all():
         raise InputError("the texture holds values that are not finite; bake it again")
     if not 0 <= scale <= MAX_SCALE:
@@ -127,6 +136,19 @@ def _checked_size(vectors: NDArray[np.float32], space: str, margin: int, scale: 
     if mean is not None and not np.isfinite(mean):
         raise InputError(f"the mean height must be a number, not {mean}")
     return size
+
+
+def _check_base(own: Layout, base: Layout) -> None:
+    """Raises InputError where the base is not the mesh subdivided: not on the same UVs, or far away."""
+    on_own, on_base = own.triangle >= 0, base.triangle >= 0
+    common = np.count_nonzero(on_own & on_base)
+    least, most = ([end(mesh.world_vertices, axis=0) for mesh in (own.mesh, base.mesh)] for end in (np.min, np.max))
+    apart = np.linalg.norm(np.subtract(*least) + np.subtract(*most)) / 2
+    if common < COMMON * max(on_own.sum(), on_base.sum()) or apart > np.linalg.norm(most[0] - least[0]):
+        raise InputError(
+            "the base is another mesh, not the same one subdivided: its UVs or its place differ; give the mesh that is "
+            "to be displaced, or leave the base out"
+        )
 
 
 def _slope(
@@ -171,10 +193,13 @@ def _with_margin(
         along = np.zeros((len(heights), 2))
         along[:, axis] = 1
         layers[covered, 1 + axis] = _slope(graph, right, below, number, along)
+    layers[..., 3] = -1
     layers[covered, 3:] = graph.cells[:, ::-1]
     layers = grown(layers, covered, margin)
+    reached = layers[..., 3] >= 0
     there = np.stack(np.meshgrid(*[np.arange(len(covered), dtype=np.float32)] * 2), axis=-1) - layers[..., 3:]
     far = np.linalg.norm(there, axis=-1, keepdims=True)
     there *= np.minimum(1, CARRIED / np.maximum(far, CARRIED))
     values: NDArray[np.float32] = layers[..., 0] + np.einsum("...i,...i->...", layers[..., 1:3], there)
-    return values
+    del layers, there, far
+    return push_pull(values, reached)

@@ -3,11 +3,15 @@
 Outside the mask links count nothing, so the outline needs no care of its own, whatever its shape.
 """
 
+import logging
+
 import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.heights.multigrid import Links, corrected, grids_of, residual
 from mpsnet_core.progress import Progress, silent
+
+log = logging.getLogger(__name__)
 
 # Iterations at most. One smooth surface takes about ten; one that hangs together by little alone, more.
 MOST = 40
@@ -29,7 +33,7 @@ def solved(
 
     Conjugate gradients with a multigrid cycle as preconditioner (Tatebe, "The multigrid preconditioned conjugate
     gradient method", 1993). It ends when the correction that is left is nowhere above `tolerance`, or above what
-    float32 can hold, or after `most` iterations.
+    float32 can hold, or after `most` iterations; after MOST a note says so.
     """
     grids = grids_of(weights)
     u = start.copy()
@@ -53,6 +57,11 @@ def solved(
         u += step * towards
         left += step * along
         before = now
+    else:
+        if most >= MOST:
+            log.info(
+                "the heights may be off where the surface hangs together by thin strips: %d steps were too few", most
+            )
     return u
 
 

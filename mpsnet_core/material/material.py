@@ -9,18 +9,18 @@ from mpsnet_core.camera import Camera
 from mpsnet_core.capture import Capture
 from mpsnet_core.errors import InputError
 from mpsnet_core.heights.curvature import curvature
-from mpsnet_core.heights.height_map import HeightMap
 from mpsnet_core.material.albedo import estimated_albedo
 from mpsnet_core.material.flatten import evened, flattened
 from mpsnet_core.material.relief import periodic_height, without_slow_waves
 from mpsnet_core.material.sampled import sampled
-from mpsnet_core.material.seam import Seam, measured_seam, wrapped
+from mpsnet_core.material.seam import LEAST_JOINED, Seam, measured_seam, wrapped
 from mpsnet_core.material.slopes import normals_of
 from mpsnet_core.material.tiling import Tiling, find_tiling
 from mpsnet_core.normals import NormalMap
 from mpsnet_core.progress import Progress, silent
 
-LEAST_SIDE, LARGEST_SIDE = 64, 16384
+# The largest takes about 8 GB.
+LEAST_SIDE, LARGEST_SIDE = 64, 8192
 LEAST_OVERLAP, LARGEST_OVERLAP = 0.05, 0.5
 MOST_BEND = 12
 CURVATURE_RADIUS = 8
@@ -55,10 +55,6 @@ class Material:
         """A pixel's width and height in millimetres."""
         rows, columns = self.height.shape
         return self.width_mm / columns, self.height_mm / rows
-
-    def height_map(self) -> HeightMap:
-        """The heights as integration gives them, in millimetres."""
-        return HeightMap(self.height, np.ones(self.height.shape, bool), _camera(self.height.shape, self.pitch))
 
 
 def flat_material(
@@ -99,7 +95,8 @@ def flat_material(
     progress(0.3, "looking for what repeats")
     tiling = find_tiling(_compared(features), overlap)
     tile = _tile_size(tiling, size)
-    joined = max(8, round(overlap * tile[0])), max(8, round(overlap * tile[1]))
+    joined = round(overlap * tile[0]), round(overlap * tile[1])
+    _check_joined(min(joined), overlap)
     progress(0.5, "joining the borders")
     patch = sampled(features, tiling, tile, joined)
     del features  # of a large photo, as large as all that is still to come
@@ -130,8 +127,18 @@ def check_material(size: int | None, overlap: float, bend: int) -> None:
         raise InputError(f"a material's pictures are {LEAST_SIDE} to {LARGEST_SIDE} pixels a side, not {size}")
     if not LEAST_OVERLAP <= overlap <= LARGEST_OVERLAP:
         raise InputError(f"borders overlap by {LEAST_OVERLAP:g} to {LARGEST_OVERLAP:g} of the tile, not {overlap:g}")
+    if size is not None:
+        _check_joined(round(overlap * size), overlap)
     if not 0 <= bend <= MOST_BEND:
         raise InputError(f"a bend of {bend} half waves cannot be taken out; choose 0 to {MOST_BEND}")
+
+
+def _check_joined(pixels: int, overlap: float) -> None:
+    if pixels < LEAST_JOINED:
+        raise InputError(
+            f"borders that overlap by {overlap:g} of the tile are joined over {pixels} pixels, and need "
+            f"{LEAST_JOINED}; choose a larger overlap, size or photo"
+        )
 
 
 def filled_part(capture: Capture, crop: tuple[int, int, int, int] | None = None) -> Capture:

@@ -1,4 +1,4 @@
-"""The height and curvature of a surface that repeats, from its slopes."""
+"""The height of a surface that repeats, from its slopes."""
 
 import numpy as np
 from numpy.typing import NDArray

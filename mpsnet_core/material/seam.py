@@ -9,6 +9,8 @@ from mpsnet_core.regions import box_sums
 
 # Pixels over which one border gives way to the other, on either side of the cut.
 FEATHER = 2
+# Rows that a cut needs: one to go along, and the feather on either side.
+LEAST_JOINED = 2 * FEATHER + 1
 # What is coarser than this share of the overlap is not cut but faded over all of it: a cut would show it as an edge.
 FADED = 8
 

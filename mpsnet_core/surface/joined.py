@@ -13,6 +13,7 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
     """One mesh in world space, its triangles those of the meshes in their order; a mesh alone is given as it is.
 
     Names of materials and objects, and tangents that were given, are left behind.
+    Raises InputError where all together cannot be a mesh, as :class:`Mesh` does.
     """
     if len(meshes) == 1:
         return meshes[0]

@@ -24,6 +24,7 @@ class Projectors:
         self.all: list[Projector] = []
 
     def batches(self) -> Iterator[list[Projector]]:
+        """All projectors in the views' order, in groups of about HELD_BYTES; a group is let go before the next."""
         if self.all:
             yield self.all
             return

@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 from mpsnet_core.bands import bands
 from mpsnet_core.errors import InputError
 from mpsnet_core.images import read_data
-from mpsnet_core.normals import Convention, decode, normalised
+from mpsnet_core.normals import OUTWARDS_SHARE, Convention, decode, normalised
 from mpsnet_core.surface.raster import grown
 from mpsnet_core.surface.texture import Texture
 
 # How far a colour's vector may be from unit length: 8 bits, JPEG and averages of steep slopes are.
 NEARLY_UNIT = 0.1
-# Of the pixels that are no background, the share that must be normals, and of these the one that must face outwards.
-NORMALS_SHARE, OUTWARDS_SHARE = 0.6, 0.9
+# Of the pixels that are no background, the share that must be normals.
+NORMALS_SHARE = 0.6
 # Background (black, white, a clear grey, transparent) takes the value of normals so many pixels away.
 MARGIN = 16
 
@@ -33,7 +33,8 @@ def read_present_map(path: str | os.PathLike[str], *, convention: Convention = "
     length = np.empty(colours.shape[:2], np.float32)
     for rows in bands(len(colours)):
         length[rows] = np.linalg.norm(np.nan_to_num(colours[rows]) * 2 - 1, axis=-1)
-    there = np.ones(length.shape, bool) if alpha is None else alpha > 0.5
+    # Where alpha holds something else, such as gloss, normals are there all the same.
+    there = np.ones(length.shape, bool) if alpha is None else alpha > 0
     unit = there & (np.abs(length - 1) < NEARLY_UNIT)
     # Black and white are the corners of all colours, furthest from grey, which is no direction at all.
     filled = there & (length > NEARLY_UNIT) & (length < np.sqrt(3) - NEARLY_UNIT)

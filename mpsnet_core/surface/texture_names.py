@@ -49,7 +49,10 @@ def texture_files(pattern: str | os.PathLike[str], sheets: Sequence[Sheet]) -> l
 
 
 def tile_patterns(pattern: str | os.PathLike[str], sheets: Sequence[Sheet]) -> list[Path]:
-    """The same with <UDIM> left as it is: the name that programs know all tiles of a texture by."""
+    """The same with <UDIM> left as it is: the name that programs know all tiles of a texture by, for each sheet.
+
+    Raises InputError where the pattern has a token in a folder's name or one that is not known.
+    """
     return _named(pattern, sheets, ["<UDIM>"] * len(sheets))
 
 

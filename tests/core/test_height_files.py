@@ -169,3 +169,21 @@ def test_what_cannot_be_read(tmp_path: Path, spoil: object, words: str) -> None:
     with pytest.raises(InputError, match=words) as caught:
         read_height(tmp_path / "h.png")
     assert "\n" not in str(caught.value)
+
+
+def test_a_foreign_mask_is_kept_and_ones_own_is_written_again(tmp_path: Path) -> None:
+    write_height(tmp_path / "own.png", BALL.heights)
+    write_height(tmp_path / "own.png", BALL.heights)
+    assert (tmp_path / "own_mask.png").exists()
+    (tmp_path / "oak_mask.png").write_bytes(b"somebody's")
+    with pytest.raises(InputError, match=r"oak_mask\.png, where its mask belongs, is another file"):
+        write_height(tmp_path / "oak.png", BALL.heights)
+    assert (tmp_path / "oak_mask.png").read_bytes() == b"somebody's"
+    assert not (tmp_path / "oak.png").exists()
+
+
+def test_no_mask_is_left_of_heights_that_were_there_before(tmp_path: Path) -> None:
+    write_height(tmp_path / "h.exr", BALL.heights)
+    whole = np.ones_like(BALL.mask)
+    write_height(tmp_path / "h.exr", HeightMap(BALL.heights.values, whole, BALL.camera))
+    assert listing(tmp_path) == ["h.exr", "h.json"]

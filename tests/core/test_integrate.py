@@ -11,7 +11,7 @@ from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.heights.fast import LOOSE
 from mpsnet_core.heights.gradients import LEAST_FACING
 from mpsnet_core.heights.integrate import METHODS, Method, integrate
-from mpsnet_core.normals import NormalMap
+from mpsnet_core.normals import NormalMap, normalised
 from mpsnet_core.regions import labelled
 
 # Its axis does not meet the picture's middle, and its pixels are not square.
@@ -230,3 +230,19 @@ def test_what_does_not_fit_is_told(settings: dict, said: str) -> None:
     normals = NormalMap(np.ones((6, 9, 3)), np.ones((6, 9), bool))
     with pytest.raises(InputError, match=said):
         integrate(normals, **settings)
+
+
+def test_a_strip_too_long_for_the_solver_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    """Rows of three pixels, each joined to the next at one end: far away where hanging together is concerned."""
+    size = 256
+    mask = np.zeros((size, size), bool)
+    for number, row in enumerate(range(0, size - 3, 4)):
+        mask[row : row + 3] = True
+        mask[row + 3, slice(0, 3) if number % 2 else slice(size - 3, size)] = True
+    x = np.arange(size, dtype=np.float32) / 20
+    vectors = normalised(np.stack(np.broadcast_arrays(np.cos(x), np.sin(x)[:, None], np.float32(1)), axis=-1))
+    with caplog.at_level("INFO"):
+        integrate(NormalMap(vectors, np.ones_like(mask)))
+        assert not caplog.messages
+        integrate(NormalMap(vectors, mask))
+    assert "hangs together by thin strips" in " ".join(caplog.messages)

@@ -57,6 +57,10 @@ def test_all_at_once(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert lines[0].startswith("h.png: black is -") and " mm, white " in lines[0]
 
 
+def test_heights_may_be_called_after_a_mask(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert result(capsys, "n.png --height face_mask.exr")["outputs"] == ["face_mask.exr", "face_mask.json"]
+
+
 def test_a_lens_and_a_distance_give_the_size(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mean = float(NEAR.depth[NEAR.mask].mean())
     found = result(capsys, f"near.exr --camera near.json --distance {mean} --height h.exr --curvature c.exr")
@@ -114,12 +118,19 @@ BAD: list[tuple[str, str]] = [
     ("flat.png --height h.png", "flat.png holds no normals"),
     ("n_##.png --height h.png", "means several normal maps; integrate them one by one"),
     (". --height h.png", "means several normal maps"),
+    ("inwards.png --height h.png", "inwards.png is not in camera space: many of its normals point away from the"),
+    ("n.png --height h.png --base gone.obj", "--base goes with --onto, which is not given; leave it out, or give both"),
+    ("n.png --height h.png --space object", "--space goes with --onto, which is not given"),
+    ("n.png --height h.png --turntable 4", "--turntable goes with --relit, which is not given"),
+    ("n.png --height h.png --albedo gone.png", "--albedo goes with --relit, which is not given"),
+    ("n.png --curvature c.png --height-bits 32", "--height-bits goes with --height, which is not given"),
     ("n.png --height h.jpg", ".jpg is not an image format of ours"),
     ("n.png --height n.png", "the result would overwrite n.png"),
     ("n.png --height no/h.png", "the folder no does not exist"),
     ("n.png --height h.png --height-bits 8", "heights in 8 bits show steps"),
     ("n.png --height camera.png", "camera.json, where its scale belongs, is another file"),
     ("n.png --camera near.json --height near.png", "near.json, where its scale belongs, is another file"),
+    ("n.png --height oak.png", "oak_mask.png, where its mask belongs, is another file; choose another name"),
     ("n.png --height h.png --occlusion h_mask.png", "the result would overwrite h_mask.png"),
     ("n.png --mesh m.stl", ".stl is not a mesh format of ours"),
     ("n.png --mesh m.ply --faces 0", "a mesh of 0 faces cannot be made"),
@@ -155,6 +166,9 @@ BAD: list[tuple[str, str]] = [
 @pytest.mark.parametrize(("words", "said"), BAD, ids=[words for words, _ in BAD])
 def test_bad_input(here: Path, capfd: pytest.CaptureFixture[str], words: str, said: str) -> None:
     write_file(here / "flat.png", np.full((8, 8, 3), 0.1), "uint8")
+    half = np.where(np.arange(16) < 8, 1, -1)[:, None, None] * (0, 0, 0.5) + 0.5
+    write_file(here / "inwards.png", np.broadcast_to(half, (16, 16, 3)), "uint16")
+    (here / "oak_mask.png").write_bytes(b"somebody's own")
     write_camera(here / "small.json", orthographic(8, 8))
     before = {name: (here / name).read_bytes() for name in listing(here)}
     assert main(["integrate", *words.split()]) == 2

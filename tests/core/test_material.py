@@ -223,6 +223,22 @@ def test_the_size_asked_for_changes_pixels_and_not_the_material():
     assert [material.height.shape[0] for material in found[1:]] == [128, 512]
 
 
+@pytest.mark.parametrize("side", [64, 90, 120, 160])
+@pytest.mark.parametrize("overlap", [0.05, 0.2])
+def test_of_a_small_photo_all_is_used_or_it_is_refused(side, overlap):
+    values = np.random.default_rng(3).normal(size=(side, side, 3)).astype(np.float32) * np.float32(0.1)
+    values[..., 2] = 1
+    vectors = values / np.linalg.norm(values, axis=-1, keepdims=True)
+    rig, whole = published_rig(), np.ones((side, side), bool)
+    capture = Capture(0.5 * vectors @ rig.directions.T.astype(np.float32), whole, rig)
+    if round(overlap * side / (1 + overlap)) < 5:
+        with pytest.raises(InputError, match="choose a larger overlap, size or photo"):
+            flat_material(capture, NormalMap(vectors, whole), 0.2, overlap=overlap)
+        return
+    material = flat_material(capture, NormalMap(vectors, whole), 0.2, overlap=overlap, bend=0)
+    assert side - 2 <= len(material.height) * (1 + overlap) <= side
+
+
 def test_a_part_of_the_photo_keeps_its_place_under_the_camera():
     weave = Weave()
     camera = Camera("perspective", 330, 260, np.array([500.0, 500.0]))
@@ -297,15 +313,22 @@ BAD = {
     "ruler without length": (["--ruler", "1,2,3,4"], "'' is not a length"),
     "ruler of three": (["--ruler", "1,2,3=5mm"], "--ruler 1,2,3=5mm is not x1,y1,x2,y2=50mm"),
     "ruler of one place": (["--ruler", "5,5,5,5=5mm"], "its two places are the same"),
+    "ruler beyond the photo": (["--ruler", "1,1,5000,1=5mm"], "its places are not within the photo, which is 330"),
+    "ruler before the photo": (["--ruler=-9,1,50,1=5mm"], "its places are not within the photo, which is 330 x 260"),
+    "crop of halves": (["--width", "1m", "--crop", "1.5,0,99,99"], "--crop 1.5,0,99,99 is not of whole pixels"),
     "crop of words": (["--width", "1m", "--crop", "all"], "--crop all is not x,y,width,height"),
     "crop outside": (["--width", "1m", "--crop", "300,0,100,100"], "weave.exr: the crop 300,0,100,100 (left, top"),
     "crop before": (["--width", "1m", "--crop=-1,0,100,100"], "is not within the photo, which is 330 x 260"),
     "crop of nothing": (["--width", "1m", "--crop", "10,10,0,100"], "is not within the photo"),
     "crop too small": (["--width", "1m", "--crop", "0,0,63,200"], "63 x 200 pixels are too few for a material"),
-    "size too large": (["--width", "1m", "--size", "16385"], "64 to 16384 pixels a side, not 16385"),
-    "size too small": (["--width", "1m", "--size", "63"], "64 to 16384 pixels a side, not 63"),
+    "size too large": (["--width", "1m", "--size", "8193"], "64 to 8192 pixels a side, not 8193"),
+    "size too small": (["--width", "1m", "--size", "63"], "64 to 8192 pixels a side, not 63"),
     "overlap too large": (["--width", "1m", "--overlap", "0.6"], "overlap by 0.05 to 0.5 of the tile, not 0.6"),
     "overlap that is none": (["--width", "1m", "--overlap", "nan"], "overlap by 0.05 to 0.5 of the tile, not nan"),
+    "overlap of few pixels": (
+        ["--width", "1m", "--size", "64", "--overlap", "0.05"],
+        "borders that overlap by 0.05 of the tile are joined over 3 pixels, and need 5; choose a larger overlap",
+    ),
     "bend too fine": (["--width", "1m", "--bend", "13"], "a bend of 13 half waves cannot be taken out"),
     "name with a folder": (["--width", "1m", "--name", "a/b"], "--name a/b is not a file's name; give the folder"),
     "unknown convention": (["--width", "1m", "--convention", "vulkan"], "convention 'vulkan' is not known"),
@@ -336,6 +359,12 @@ def test_a_photo_that_is_not_filled_or_too_small_is_refused(tmp_path, capfd):
     write_image(tmp_path / "weave.exr", image[:50])
     assert run(tmp_path, "--width", "66mm", "-o", tmp_path / "small") == 2
     assert "330 x 50 pixels are too few for a material; take 64 or more each way" in capfd.readouterr().err
+
+
+def test_a_picture_is_no_folder_for_a_material(photo, tmp_path, capfd):
+    assert run(tmp_path, "--width", "66mm", "-o", tmp_path / "f.png") == 2
+    assert "f.png ends like a picture; give the folder for all of them" in capfd.readouterr().err
+    assert not (tmp_path / "f.png").exists()
 
 
 def test_results_do_not_overwrite_the_photo(photo, tmp_path, capfd):

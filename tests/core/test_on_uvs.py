@@ -10,9 +10,9 @@ from surface_shapes import texels_of
 
 from mpsnet_core.cli import main
 from mpsnet_core.errors import Cancelled, InputError
-from mpsnet_core.heights.height_files import read_height
-from mpsnet_core.heights.joined import Solver, graph_of
+from mpsnet_core.heights.height_files import read_height, write_height
 from mpsnet_core.heights.on_uvs import Displacement, displacement
+from mpsnet_core.heights.sewn import Solver, graph_of
 from mpsnet_core.images import write_image
 from mpsnet_core.normals import encode
 from mpsnet_core.surface.mesh import Mesh, write_mesh
@@ -166,6 +166,27 @@ def test_a_base_that_lies_further_in_is_brought_out_to_where_the_mesh_lies() -> 
     assert displacement(vectors, mesh, mean=0.25).values[found.covered].mean() == pytest.approx(0.25, abs=0.01)
 
 
+def test_a_base_that_is_another_mesh_is_refused() -> None:
+    mesh, flat = cube_sphere(4), np.broadcast_to(np.array([0, 0, 1], np.float32), (64, 64, 3))
+    away = replace(mesh, vertices=mesh.vertices + np.array([0, 9, 0]))
+    elsewhere = replace(mesh, uvs=mesh.uvs * 0.3)
+    for base in (away, elsewhere):
+        with pytest.raises(InputError, match="the base is another mesh, not the same one subdivided"):
+            displacement(flat, mesh, base=base)
+
+
+def test_sixteen_bits_are_of_the_surface_wherever_it_lies(tmp_path: Path) -> None:
+    """What is beyond the islands is no lower than they are, so that all steps are for them."""
+    mesh = cube_sphere(8)
+    found = displacement(tangent_normals(mesh, SIZE, lambda points, _: bumpy_sphere(points)), mesh, mean=5, margin=4)
+    assert not found.covered.all()
+    scale = write_height(tmp_path / "h.png", found.as_height_map())
+    inside = found.values[found.covered]
+    assert scale.white - scale.black < 1.2 * np.ptp(inside)
+    read = read_height(tmp_path / "h.png").values[found.covered]
+    assert np.abs(read - inside).max() < 1e-4 * np.ptp(inside)
+
+
 def test_broad_bumps_are_left_to_the_mesh_where_that_is_asked_for() -> None:
     """A tilt of all normals about one axis, as estimates err, and fine waves: the waves stay."""
     size = 128
@@ -203,9 +224,35 @@ def test_each_part_of_the_surface_has_the_mean(tmp_path: Path) -> None:
 def test_steep_normals_stay_finite() -> None:
     mesh = cube_sphere(6)
     vectors = np.zeros((64, 64, 3), np.float32)
-    vectors[..., 0] = 1
+    vectors[...] = 0.9987, 0, 0.05
     assert np.isfinite(displacement(vectors, mesh).values).all()
-    assert np.isfinite(displacement(-vectors[..., ::-1], mesh).values).all()
+    vectors[::5, ::5] = 0, 0, -1
+    assert np.isfinite(displacement(vectors, mesh).values).all()
+
+
+def test_a_texture_of_another_space_is_refused() -> None:
+    mesh = cube_sphere(6)
+    tangent = tangent_normals(mesh, 64, lambda points, _: bumpy_sphere(points))
+    texels = texels_of(mesh.uvs, 64)
+    of_object = np.zeros((64, 64, 3), np.float32)
+    of_object[..., 2] = 1
+    of_object[tuple(texels.place.T)] = bumpy_sphere(texels.of(mesh.vertices[mesh.triangles]))
+    assert np.ptp(displacement(of_object, mesh, space="object").values) < 0.4
+    for vectors, space in ((tangent, "object"), (of_object, "tangent")):
+        with pytest.raises(InputError, match=f"does not fit the mesh in {space} space: many of its normals point in"):
+            displacement(vectors, mesh, space=space)
+
+
+def test_heights_larger_than_the_mesh_are_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_mesh("mesh.npz", cube_sphere(4))
+    for slope, told in ((0.02, False), (4.0, True)):
+        row, column = np.indices((64, 64)) / 64 - 0.5
+        write_image("t.png", encode(unit(np.stack([-slope * column, slope * row, np.full((64, 64), 0.2)], axis=-1))))
+        assert main(["integrate", "t.png", "--onto", "mesh.npz", "--height", "h.exr"]) == 0
+        assert ("and the whole mesh 3.46; check" in capsys.readouterr().err) == told
 
 
 def test_the_solver_solves_the_least_squares() -> None:
@@ -262,6 +309,7 @@ def test_the_command_line_writes_what_the_package_finds(tmp_path: Path, capsys: 
     [
         (["--onto", "mesh.npz"], "name their file with --height"),
         (["--onto", "mesh.npz", "--height", "h.exr", "--focal", "50"], "--focal goes with a photo's normals"),
+        (["--onto", "mesh.npz", "--height", "h.exr", "--faces", "9"], "--faces goes with --mesh, which is not given"),
         (["--onto", "mesh.npz", "--height", "h.exr", "--scale", "-1"], "a scale of -1 times"),
         (["--onto", "mesh.npz", "--height", "h.exr", "--mean", "nan"], "the mean height must be a number"),
         (["--onto", "mesh.npz", "--height", "h.exr", "--margin", "999"], "a margin of 999 texels does not fit"),
@@ -294,6 +342,8 @@ def test_what_does_not_fit_is_refused() -> None:
     flat = np.broadcast_to(np.array([0, 0, 1], np.float32), (32, 32, 3))
     with pytest.raises(InputError, match=r"32 x 16 texels does not fit"):
         displacement(flat[:16], cube_sphere(2))
+    with pytest.raises(InputError, match=r"8192 texels a side at most, not 8193; bake a smaller texture"):
+        displacement(np.broadcast_to(flat[:1, :1], (8193, 8193, 3)), cube_sphere(2))
     with pytest.raises(InputError, match="not finite"):
         displacement(np.full((32, 32, 3), np.nan, np.float32), cube_sphere(2))
     with pytest.raises(InputError, match="choose a larger texture"):

@@ -70,6 +70,12 @@ def test_present_maps_are_read_as_they_are_stored(kind: str, most: float, conven
     assert degrees_between(read_present_map(path, convention=convention), vectors).max() < most
 
 
+def test_alpha_may_hold_something_else(tmp_path: Path) -> None:
+    vectors, gloss = waves(64), np.full((64, 64), 0.3)
+    path = write_file(tmp_path / "m.png", np.dstack([encode(vectors), gloss]), "uint16", oiio__UnassociatedAlpha=1)
+    assert degrees_between(read_present_map(path), vectors).max() < 0.1
+
+
 @pytest.mark.parametrize("background", [(0, 0, 0), (1, 1, 1), (0.5, 0.5, 0.5), None], ids=str)
 def test_what_surrounds_the_islands_is_no_normal(background: tuple[float, ...] | None, tmp_path: Path) -> None:
     """It stays out of the islands when the map is resampled: their own border goes on beyond them."""
@@ -176,6 +182,9 @@ def test_the_present_maps_convention_is_told(bench: Bench) -> None:
     [
         (["--onto", "good", "--space", "object"], "bake in tangent space"),
         (["--onto", "good", "--onto-convention", "metal"], "convention 'metal' is not known"),
+        (["--onto-shown", "yes"], "--onto-convention and --onto-shown tell of the map of --onto"),
+        (["--onto-convention", "directx"], "--onto-convention and --onto-shown tell of the map of --onto"),
+        (["--format", "exr"], "out.png ends in; change one, or leave --format out"),
         (["--onto", "good", "--strength", "3"], "a strength of 3 cannot be baked; choose 0 to 2"),
         (["--onto", "photo"], "photo.png is not a normal map: its colours are not unit vectors"),
         (["--onto", "black"], "black.png is not a normal map"),

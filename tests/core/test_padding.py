@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from synthetic import degrees_between
 
-from mpsnet_core.surface.padding import padded, push_pull
+from mpsnet_core.surface.padding import padded
 
 LEFT, RIGHT = np.float32([0.6, 0, 0.8]), np.float32([0, -0.6, 0.8])
 
@@ -21,7 +21,7 @@ def two_islands(height: int, width: int) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("shape", [(64, 64), (61, 83), (1, 40), (300, 300)])
 def test_push_pull_leaves_islands_alone_and_no_hole(shape: tuple[int, int]) -> None:
     vectors, covered = two_islands(*shape)
-    filled = push_pull(vectors, covered)
+    filled = padded(vectors, covered, "push-pull", 0)
     assert np.array_equal(filled[covered], vectors[covered])
     assert np.linalg.norm(filled, axis=-1) == pytest.approx(1, abs=1e-5)
     # All is between the two: their weights as they would have to be are no less than 0, and make the vector up.
@@ -46,8 +46,8 @@ def test_push_pull_is_smooth_and_nearest_is_not() -> None:
 def test_push_pull_turns_with_the_picture() -> None:
     """The pyramid favours no side, where the size is a power of two."""
     vectors, covered = two_islands(128, 128)
-    turned = push_pull(np.rot90(vectors), np.rot90(covered))
-    assert turned == pytest.approx(np.rot90(push_pull(vectors, covered)), abs=1e-5)
+    turned = padded(np.rot90(vectors), np.rot90(covered), "push-pull", 0)
+    assert turned == pytest.approx(np.rot90(padded(vectors, covered, "push-pull", 0)), abs=1e-5)
 
 
 def test_without_padding_nothing_changes() -> None:
@@ -57,4 +57,4 @@ def test_without_padding_nothing_changes() -> None:
 
 def test_nothing_is_missing_where_all_is_covered() -> None:
     vectors = np.broadcast_to(LEFT, (8, 8, 3))
-    assert np.array_equal(push_pull(vectors, np.ones((8, 8), bool)), vectors)
+    assert np.array_equal(padded(vectors, np.ones((8, 8), bool), "push-pull", 0), vectors)

@@ -77,6 +77,8 @@ def test_what_is_given_wins_over_the_preset(tilted: list[str], tmp_path: Path) -
     assert main([*tilted, "--preset", "unreal", "--format", "exr", "-o", str(out)]) == 0
     kind, _ = stored(out / "T_HeroHead_N.exr")
     assert kind == "float" and middle_green(out / "T_HeroHead_N.exr") < 0.5
+    assert main([*tilted, "--preset", "unity", "--format", "PNG", "-o", str(out / "t.png")]) == 0
+    assert stored(out / "t.png")[0] == "uint8"
 
 
 def test_without_a_preset_all_is_as_before(tilted: list[str], tmp_path: Path) -> None:

@@ -1,15 +1,22 @@
 """A present map's relief in a view is found, and taken out, where there is some; a sphere whose normals are known."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from eight_views import bumpy_normals, smoothly_wrong, unit
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import degrees_between
 
+from mpsnet_core.camera import write_camera
+from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
-from mpsnet_core.normals import NormalMap
+from mpsnet_core.images import write_image
+from mpsnet_core.normals import NormalMap, encode, write_normals
 from mpsnet_core.rays import RayScene
 from mpsnet_core.surface.bake import View
+from mpsnet_core.surface.mesh import write_mesh
+from mpsnet_core.surface.onto import read_present_map
 from mpsnet_core.surface.shown import Present, without_present
 
 POSE = np.diag([1.2, 1.2, 1.2, 1.0])
@@ -109,3 +116,24 @@ def test_relief_finer_than_the_photo_is_not_taken_for_shown() -> None:
 def test_a_word_that_says_nothing_is_refused() -> None:
     with pytest.raises(InputError, match="choose auto, yes, no"):
         present(shown="perhaps")
+
+
+def test_all_frames_of_a_sequence_have_the_share_of_the_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A fainter frame, in which alone nothing would be found, does not flicker; nor when it alone is made again."""
+    monkeypatch.chdir(tmp_path)
+    view = smooth_view()
+    write_camera("camera.json", view.camera)
+    write_mesh("mesh.npz", MESH)
+    write_image("map.png", encode(present(512).vectors))
+    for number, height in ((1, 0.3), (2, 0.04)):
+        write_normals(f"n_{number}.png", NormalMap(worn(view, height).astype(np.float32), view.normals.mask))
+    command = ["bake", "--mesh", "mesh.npz", "--size", "128", "--onto", "map.png", "--progress", "none"]
+    assert main([*command, "--view", "camera.json=n_#.png", "-o", "skin"]) == 0
+    assert main([*command, "--view", "camera.json=n_2.png", "-o", "alone.png"]) == 0
+    frame = Path("skin/skin_0002.png")
+    made = read_present_map(frame)
+    lying = degrees_between(made, read_present_map("alone.png"))
+    assert lying[lying > 0].mean() > 1  # where the photo sees it, and the share counts
+    frame.unlink()
+    assert main([*command, "--view", "camera.json=n_#.png", "-o", "skin"]) == 0
+    assert np.array_equal(read_present_map(frame), made)

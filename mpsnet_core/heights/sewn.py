@@ -3,11 +3,13 @@
 Sought are the heights h whose differences come nearest to those that are known between neighbours, in the texture and
 across its seams alike: the least sum w (h_j - h_i - d_ij)², and, where low frequencies shall be held, s_i h_i² besides.
 The normal equations are Poisson's on a surface that is cut into islands and sewn together again: each picture row goes
-on somewhere else, so that the solver for pictures (:mod:`mpsnet_core.heights.poisson`) cannot take them. Conjugate
-gradients do, preconditioned by a multigrid cycle: of every 2 x 2 texels those of one island become one unknown, over
-and over, and in the end islands that share a seam do.
+on somewhere else, so that the solver for pictures (:mod:`mpsnet_core.heights.poisson`) cannot take them: it knows a
+pixel's neighbours by their place, which makes it several times as fast where that holds. Here each texel keeps a list
+of its neighbours. Else the way is the same, conjugate gradients preconditioned by a multigrid cycle: of every 2 x 2
+texels those of one island become one unknown, over and over, and in the end islands that share a seam do.
 """
 
+import logging
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +17,8 @@ from numpy.typing import NDArray
 
 from mpsnet_core.connected import connected
 from mpsnet_core.progress import Progress, silent
+
+log = logging.getLogger(__name__)
 
 # What a step across a seam weighs, where one between neighbours in the texture weighs 1: seams crack, slopes do not.
 TOGETHER = 4.0
@@ -139,6 +143,8 @@ class Solver:
             before = residual
             residual = residual - length * image
             heights += length * direction
+        else:
+            log.info("the heights are not quite what the normals ask for: %d steps were too few", MOST_STEPS)
         return heights
 
     def _cycle(self, number: int, residual: Vector) -> Vector:
