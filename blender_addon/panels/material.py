@@ -18,9 +18,9 @@ class MPS_PT_material(Step):
 
     def draw(self, context: Any) -> None:
         material = context.scene.mps.material
+        self.layout.prop(material, "model", text="")  # its names are longer than half the panel
         column = self.column()
         column.prop(material, "width")
-        column.prop(material, "model")
         column.prop(material, "size")
         column.prop(material, "overlap")
         column.prop(material, "bend")
