@@ -45,7 +45,7 @@ class MaterialSettings:
         description="Width and height of the pictures in pixels. 0: the pixels that the photo has there",
         default=0,
         min=0,
-        max=16384,
+        max=8192,
         options=GIVEN,
     )
     overlap: FloatProperty(
