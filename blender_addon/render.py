@@ -22,6 +22,7 @@ from .outputs import (
     frame_pattern,
     literally,
     load_photo,
+    output_frames,
     output_path,
     read_beside,
     remember,
@@ -56,10 +57,16 @@ class MPS_OT_render_photo(SaysWhy, PhotoSettings, bpy.types.Operator):
     def act(self, context: Any) -> None:
         scene = context.scene
         take_given(self, PhotoSettings, scene.mps.photo)
-        path = output_path(self.output, result_name(scene, "photo"), "EXR")
-        render_photo(scene, path)
+        if self.animation:
+            folder = output_frames(self.output, result_name(scene, "photo"))
+            path = render_frames(scene, folder)
+        else:
+            path = output_path(self.output, result_name(scene, "photo"), "EXR")
+            render_photo(scene, path)
         self._made_from = self.made_from(context)
-        scene.mps.photo.image = image = load_photo(path, "MPS Photo")
+        scene.mps.photo.image = image = load_photo(path, "MPS Photo Frames" if self.animation else "MPS Photo")
+        if self.animation:
+            image.source = "SEQUENCE"
         self.made(image)
 
 
@@ -175,6 +182,23 @@ def render_photo(scene: Any, path: Path) -> None:
         run(["superpose", *map(str, parts), "--output", str(path)], [path])
     write_rig(beside(path, "rig"), rig)
     write_camera(beside(path, "camera"), scene_camera(camera, scene, (photo.width, photo.height)))
+
+
+def render_frames(scene: Any, folder: Path) -> Path:
+    """:func:`render_photo` of each frame of the scene into `folder`, called by their numbers; gives the first's file.
+
+    Raises InputError as that does.
+    """
+    current, digits = scene.frame_current, max(4, len(str(scene.frame_end)))
+    files = []
+    try:
+        for number in range(scene.frame_start, scene.frame_end + 1):
+            scene.frame_set(number)
+            files.append(folder / f"{folder.name}_{number:0{digits}d}.exr")
+            render_photo(scene, files[-1])
+    finally:
+        scene.frame_set(current)
+    return files[0]
 
 
 def render_normals(scene: Any, path: Path) -> None:

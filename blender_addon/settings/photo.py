@@ -1,7 +1,7 @@
 """The photo's settings."""
 
 import bpy
-from bpy.props import IntProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, IntProperty, PointerProperty, StringProperty
 
 from .declared import GIVEN, PATH
 
@@ -23,9 +23,16 @@ class PhotoSettings:
         max=65536,
         options=GIVEN,
     )
+    animation: BoolProperty(
+        name="Animation",
+        description="Take a photo of each frame of the scene, from its first to its last, into a folder. "
+        "Lights and camera should move together if they move: those of the first frame count for all",
+        default=False,
+        options=GIVEN,
+    )
     output: StringProperty(
         name="Photo File",
-        description="OpenEXR file to write. Empty: a name of its own in the output folder",
+        description="OpenEXR file to write, or an animation's folder. Empty: a name of its own in the output folder",
         subtype="FILE_PATH",
         options=PATH,
     )

@@ -7,6 +7,7 @@ import pytest
 
 from blender_addon.render import render_normals
 from blender_addon.rig import light_rig, scene_camera
+from mpsnet_core.images import read_image
 
 from .conftest import matte
 
@@ -253,3 +254,25 @@ def test_a_name_that_is_no_exr_is_refused_before_anything_is_rendered(sphere, tm
     assert not renders
     small_photo(tmp_path)
     assert len(renders) == 3
+
+
+def test_an_animation_gives_a_photo_and_normals_of_each_frame(sphere, scene, tmp_path):
+    """A ball that grows by a tenth each frame, from frame 3 on."""
+    bpy.ops.mps.add_rig(margin=0.5)
+    for number in range(3, 6):
+        sphere.scale = [1 + (number - 3) / 10] * 3
+        sphere.keyframe_insert("scale", frame=number)
+    scene.frame_start, scene.frame_end, scene.frame_current = 3, 5, 4
+    photo = {"width": 64, "height": 64, "samples": 1}
+    with pytest.raises(RuntimeError, match="no folder is named for the frames"):
+        bpy.ops.mps.render_photo(animation=True, **photo)  # the file is not saved, and frames cannot be packed
+    bpy.ops.mps.render_photo(animation=True, output=str(tmp_path / "shots"), **photo)
+    files = sorted((tmp_path / "shots").glob("*.exr"))
+    assert [file.name for file in files] == [f"shots_{number:04d}.exr" for number in range(3, 6)]
+    areas = [(read_image(file).alpha > 0.5).sum() for file in files]
+    np.testing.assert_allclose(np.sqrt(np.array(areas) / areas[0]), [1, 1.1, 1.2], rtol=0.02)
+    assert scene.frame_current == 4 and scene.mps.photo.image.source == "SEQUENCE"
+
+    bpy.ops.mps.estimate(model="LAMBERTIAN", output=str(tmp_path / "normals"))
+    assert (scene.mps.estimate.first_frame, scene.mps.estimate.last_frame) == (3, 5)
+    assert len(list((tmp_path / "normals").glob("*.png"))) == 3
