@@ -29,8 +29,8 @@ def make_demo() -> tuple[Any, Any, Any]:
     The copy stands in the same place and is hidden from renders.
     """
     scene = bpy.data.scenes.new(NAME)
-    detailed = _monkey(scene, f"{NAME} Detailed", 5, [_SCALES, _GRAIN])
-    low = _monkey(scene, f"{NAME} Low Poly", 1, [])
+    detailed = _monkey(scene, "Demo Detailed", 5, [_SCALES, _GRAIN])
+    low = _monkey(scene, "Demo Low Poly", 1, [])
     low.hide_render = True
     low.hide_set(True, view_layer=scene.view_layers[0])
     return scene, detailed, low

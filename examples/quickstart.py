@@ -45,7 +45,7 @@ def main() -> None:
     step("a detailed monkey, its one photo, the normals by the default network, and its low-poly copy wearing them")
     bpy.ops.mps.try_it(pixels=PIXELS, samples=32, size=1024, output=str(OUTPUT))
     scene = bpy.context.scene
-    detailed, low = (scene.objects[f"MPS Demo {name}"] for name in ("Detailed", "Low Poly"))
+    detailed, low = (scene.objects[f"Demo {name}"] for name in ("Detailed", "Low Poly"))
     photo, normals, texture = (file_of(step.image) for step in (scene.mps.photo, scene.mps.estimate, scene.mps.bake))
 
     step("the true normals, and those by equation 2 alone")

@@ -49,15 +49,15 @@ def test_the_demo_needs_no_file_and_leaves_the_other_scene_alone(demo):
     assert all(image.packed_file for image in images)
     assert not any((demo.mps.photo.output, demo.mps.estimate.output, demo.mps.bake.output))
     low = bpy.context.view_layer.objects.active
-    assert low.name == "MPS Demo Low Poly" and low.visible_get() and not low.hide_render
-    assert not bpy.data.objects["MPS Demo Detailed"].visible_get()
+    assert low.name == "Demo Low Poly" and low.visible_get() and not low.hide_render
+    assert not bpy.data.objects["Demo Detailed"].visible_get()
     assert np.ptp(pixels(images[2])[..., :2]) > 0.5  # relief, not a flat blue
 
 
 def test_the_demo_shows_what_the_normals_are_worth(demo, tmp_path):
     """The estimate, against the normals that Blender renders of the same view."""
-    truth, shown = tmp_path / "truth.exr", bpy.data.objects["MPS Demo Detailed"]
-    shown.hide_render, bpy.data.objects["MPS Demo Low Poly"].hide_render = False, True
+    truth, shown = tmp_path / "truth.exr", bpy.data.objects["Demo Detailed"]
+    shown.hide_render, bpy.data.objects["Demo Low Poly"].hide_render = False, True
     shown.hide_set(False)
     bpy.ops.mps.render_truth(output=str(truth))
     world, _ = read_data(truth, layer="Normal")

@@ -41,7 +41,7 @@ def test_try_it_shows_all_steps_and_relight_ends(window, album, tmp_path):
     window.click(*window.find("mps.try_it"))
     window.wait(lambda state: "MPS White Lamp" in state["objects"], 240, "result of Try It")
     done = window.wait(lambda state: not state["running"], 60, "end of Try It")
-    assert {"MPS Photo", "MPS Normals", "MPS MPS Demo Low Poly"} <= set(done["images"])
+    assert {"MPS Photo", "MPS Normals", "MPS Demo Low Poly"} <= set(done["images"])
     assert not any(done["errors"].values())
 
     window.input("mousemove", 300, 880, "sleep", "8")  # until Blender has made the material's shader
@@ -80,7 +80,7 @@ def test_the_demo_is_displaced_and_a_material_is_made(unfolded, album, tmp_path)
         "modifier.texture, modifier.strength = texture, 0.04\n"
         "bpy.ops.mps.new_rig(); bpy.ops.mps.add_rig(view='TOP')\n"
         "mps.rig.camera.data.ortho_scale = 1.8\n"
-        "bpy.data.objects['MPS Demo Low Poly'].hide_render = True",
+        "bpy.data.objects['Demo Low Poly'].hide_render = True",
     )
     work(window, "render_photo", width=512, height=512, samples=8, output=str(tmp_path / "plaster.exr"))
     work(window, "make_material", repeats=3, output=str(tmp_path / "plaster"))
