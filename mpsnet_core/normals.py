@@ -123,9 +123,9 @@ def read_normals(
     mask = unit if alpha is None else alpha > 0.5
     if not np.isfinite(colours[mask]).all():
         raise InputError(f"{path} holds values that are not finite inside its mask; estimate the normals again")
-    if not mask.any():
+    if alpha is not None and not mask.any():
         raise InputError(f"{path} holds no normals: its mask is empty; estimate them again")
-    if unit[mask].mean() < 0.5:
+    if not mask.any() or unit[mask].mean() < 0.5:
         raise InputError(f"{path} is not a normal map: its colours are not unit vectors 0.5 + 0.5 n; choose another")
     if confidence is None:
         return NormalMap(decode(colours, convention), mask)

@@ -177,7 +177,10 @@ def _note_outside(meshes: Sequence[Mesh], where: str, width: int, height: int) -
         )
     if count:
         total = sum(len(mesh.triangles) for mesh in meshes)
-        log.info("%d of %d triangles have UVs outside %s, which the texture does not reach", count, total, where)
+        tiles = "" if width * height > 1 else "; bake UDIM tiles to have them too"
+        log.info(
+            "%d of %d triangles have UVs outside %s, which the texture does not reach%s", count, total, where, tiles
+        )
 
 
 def _note_crossings(meshes: Sequence[Mesh]) -> None:

@@ -613,7 +613,11 @@ CAPTURES: list[Case] = [
 ]
 
 NORMALS: list[Case] = [
-    ("not a normal map", lambda b: read_normals(b.photo("photo.png", 0.5 + 0 * SPHERE.image, "uint8")), "photo.png"),
+    (
+        "not a normal map",
+        lambda b: read_normals(b.photo("photo.png", 0.5 + 0 * SPHERE.image, "uint8")),
+        "photo.png is not a normal map…choose another",
+    ),
     (
         "a photo with alpha",
         lambda b: read_normals(b.photo("photo.png", np.dstack([SPHERE.image, SPHERE.mask]), "uint8")),
