@@ -115,7 +115,7 @@ BAD: list[tuple[str, str]] = [
     ("n.png", "nothing is asked for; give at least one of --height, --mesh, --curvature, --occlusion, --relit"),
     ("gone.png --height h.png", "image gone.png does not exist"),
     ("camera.json --height h.png", "camera.json cannot be read as an image"),
-    ("flat.png --height h.png", "flat.png holds no normals"),
+    ("flat.png --height h.png", "flat.png is not a normal map"),
     ("n_##.png --height h.png", "means several normal maps; integrate them one by one"),
     (". --height h.png", "means several normal maps"),
     ("inwards.png --height h.png", "inwards.png is not in camera space: many of its normals point away from the"),
