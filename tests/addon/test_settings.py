@@ -11,12 +11,11 @@ from mpsnet_core.errors import InputError
 
 # Run by a process of its own: what it finds in the file is what was saved, not what this process still knows.
 READS = """
-import json, sys
+import json, runpy, sys
 import bpy, blender_addon
 blender_addon.register()
 bpy.ops.wm.open_mainfile(filepath=sys.argv[1])
-sys.path.append(sys.argv[2])
-from test_settings import values
+values = runpy.run_path(sys.argv[2])["values"]
 print("found:" + json.dumps(values(bpy.context.scene)))
 """
 
@@ -75,7 +74,7 @@ def test_every_setting_survives_saving_and_loading(sphere, scene, tmp_path):
     assert len(changed) > 80
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     done = subprocess.run(
-        [sys.executable, "-c", READS, tmp_path / "scene.blend", __file__.rpartition("/")[0]],
+        [sys.executable, "-c", READS, tmp_path / "scene.blend", __file__],
         capture_output=True,
         text=True,
     )
