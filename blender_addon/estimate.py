@@ -80,8 +80,7 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
             scene.mps.estimate.surface = named_object(scene, self.surface)
         arguments = ["estimate", str(photo), "--output", str(output)]
         arguments += lit_and_seen(context, image, folder, rig_file)
-        arguments += [*reading(self), "--model", model_name(self)]
-        arguments += ["--provider", preference("provider").lower(), "--threads", str(preference("threads"))]
+        arguments += [*reading(self), *network(self)]
         if self._moves:
             arguments += ["--smooth", str(self.smooth), "--format", FORMATS[self.file_format]]
         outputs = [output / "frames" if self._moves else output]
@@ -205,6 +204,12 @@ def seen_through(scene: Any, image: Any, lens: float, folder: Path) -> list[str]
     else:
         return []
     return ["--camera", str(camera)]
+
+
+def network(settings: Any) -> list[str]:
+    """The core's options for the settings' model and, by the preferences, for what networks run on."""
+    provider, threads = preference("provider").lower(), str(preference("threads"))
+    return ["--model", model_name(settings), "--provider", provider, "--threads", threads]
 
 
 def model_name(settings: Any) -> str:

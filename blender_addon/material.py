@@ -11,12 +11,11 @@ from mpsnet_core.camera import read_camera
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import makeable_folder
 
-from .estimate import MPS_OT_estimate, lit_and_seen, model_name, unmasked_reading
+from .estimate import MPS_OT_estimate, lit_and_seen, network, unmasked_reading
 from .made_from import Ingredients, chosen, stamp
 from .nodes import own_node
 from .operators import RunsCore
 from .outputs import fine_preview, image_file, load_image, output_folder, picture_size, remembered
-from .preferences import preference
 from .settings.declared import take_given
 from .settings.estimate import EstimateSettings
 from .settings.material import MaterialSettings
@@ -62,8 +61,7 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         makeable_folder(output, "material")
         width, height = picture_size(image)
         arguments = ["material", str(photo), *lit_and_seen(context, image, folder)]
-        arguments += [*unmasked_reading(scene.mps.estimate), "--model", model_name(self)]
-        arguments += ["--provider", preference("provider").lower(), "--threads", str(preference("threads"))]
+        arguments += [*unmasked_reading(scene.mps.estimate), *network(self)]
         arguments += ["--width", f"{self._width(scene, image, folder):.9g}m", "--overlap", f"{self.overlap:g}"]
         across, down = width - self.crop_left - self.crop_right, height - self.crop_top - self.crop_bottom
         if min(across, down) < 1:

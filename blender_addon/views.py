@@ -15,10 +15,9 @@ from mpsnet_core.view_files import write_views
 from mpsnet_core.world_lights import in_world, write_world_lights
 
 from .bake import BakesOnto, bits, sampling, targets_place
-from .estimate import model_name, reading
+from .estimate import network, reading
 from .made_from import Ingredients, chosen, rounded, stamp
 from .outputs import image_file
-from .preferences import preference
 from .rig import light_rig, rig_camera, scene_camera
 from .settings.bake import BakeSettings
 from .settings.declared import take_given
@@ -67,12 +66,11 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
         meshes = self.write_meshes(context, folder, targets, turn.inverted())
         arguments = ["views", *meshes, *self._cameras(scene, folder)]
         arguments += ["--rig", self._rig(scene, folder, turn.inverted()), "--lights-in", self.lights_in.lower()]
-        arguments += [*reading(estimate, unmasked="mesh"), "--model", model_name(estimate)]
+        arguments += [*reading(estimate, unmasked="mesh"), *network(estimate)]
         arguments += ["--level", f"{self.level_scale:g}" if self.level else "off"]
         arguments += [*sampling(bake), "--bits", bits(bake, output.suffix.lower())]
         arguments += ["--space", bake.space.lower(), "--convention", bake.convention.lower()]
         arguments += self.detail(bake, targets)
-        arguments += ["--provider", preference("provider").lower(), "--threads", str(preference("threads"))]
         outputs = [output]
         if self.keep:
             arguments += ["--keep", bpy.path.abspath(self.keep)]
