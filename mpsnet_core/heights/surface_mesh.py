@@ -115,7 +115,7 @@ def write_surface_mesh(path: str | os.PathLike[str], mesh: SurfaceMesh, *, up: U
         if path.suffix.lower() == ".obj":
             _write_obj(unfinished, vertices, normals, mesh)
         else:
-            _write_with_trimesh(unfinished, vertices, normals, mesh)
+            _write_with_trimesh(unfinished, path.stem, vertices, normals, mesh)
 
 
 def _write_obj(path: Path, vertices: NDArray[np.floating], normals: NDArray[np.floating], mesh: SurfaceMesh) -> None:
@@ -128,8 +128,9 @@ def _write_obj(path: Path, vertices: NDArray[np.floating], normals: NDArray[np.f
 
 
 def _write_with_trimesh(
-    path: Path, vertices: NDArray[np.floating], normals: NDArray[np.floating], mesh: SurfaceMesh
+    path: Path, name: str, vertices: NDArray[np.floating], normals: NDArray[np.floating], mesh: SurfaceMesh
 ) -> None:
+    """name: what the object in the file is called; PLY has no place for it."""
     import trimesh  # takes a while to load
 
     material = trimesh.visual.material.PBRMaterial(name="Surface", metallicFactor=0.0, roughnessFactor=0.8)
@@ -143,4 +144,6 @@ def _write_with_trimesh(
     if path.suffix.lower() == ".ply":
         path.write_bytes(trimesh.exchange.ply.export_ply(made, vertex_normal=True))
     else:
-        path.write_bytes(trimesh.exchange.gltf.export_glb(trimesh.Scene(made), include_normals=True))
+        scene = trimesh.Scene()
+        scene.add_geometry(made, node_name=name, geom_name=name)
+        path.write_bytes(trimesh.exchange.gltf.export_glb(scene, include_normals=True))
