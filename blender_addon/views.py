@@ -16,9 +16,9 @@ from mpsnet_core.world_lights import in_world, write_world_lights
 
 from .bake import BakesOnto, bits, sampling, targets_place
 from .estimate import network, reading
-from .made_from import Ingredients, chosen, rounded, stamp
+from .made_from import Ingredients, chosen, file_stamp, rounded, stamp
 from .outputs import image_file
-from .rig import light_rig, rig_camera, scene_camera
+from .rig import drawn_rig, light_rig, rig_camera, scene_camera
 from .settings.bake import BakeSettings
 from .settings.declared import take_given
 from .settings.estimate import EstimateSettings
@@ -54,6 +54,9 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
             **chosen(ViewsSettings, scene.views, without=("keep", "write_report")),
             **chosen(EstimateSettings, scene.estimate, only=shared),
             **chosen(BakeSettings, scene.bake),
+            "Cameras": file_stamp(scene.views.cameras),
+            "Rig File": file_stamp(scene.estimate.rig_file),
+            **({} if scene.estimate.rig_file else _lights(context.scene)),
         }
 
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
@@ -119,6 +122,15 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
         scene.mps.views.report_file = self._report
         self.wear_result(scene, result)
         self.report({"INFO"}, f"{len(result['views'])} views baked. {self.written(result)}")
+
+
+def _lights(scene: Any) -> Ingredients:
+    """The scene's lights as an ingredient; nothing where no photo can be taken with them."""
+    try:
+        rig = drawn_rig(scene)
+    except InputError:
+        return {}
+    return {"Lights": rounded(rig.directions, 3) + rounded(rig.mixing, 3)}
 
 
 def _with_photos(scene: Any) -> list[tuple[Any, Any]]:
