@@ -10,7 +10,6 @@ from mathutils import Matrix
 
 from mpsnet_core.camera import write_camera
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import made_folder
 from mpsnet_core.surface.presets import PRESETS
 
 from .made_from import Ingredients, chosen, rounded, stamp
@@ -18,7 +17,9 @@ from .mesh_file import write_mesh
 from .operators import RunsCore, same
 from .outputs import (
     FORMATS,
+    ending_wins,
     frame_pattern,
+    given_folder,
     image_file,
     load_frames,
     output_frames,
@@ -127,13 +128,10 @@ class BakesOnto(RunsCore):
         name = (active if active in targets else targets[0]).name
         # The token's signs cannot stand in a file's name until the core takes them out again.
         name = texture_name(bake, "splits" if SPLITS[bake.split] else name)
-        given, place = bake.output, Path(bpy.path.abspath(bake.output))
-        into_folder = given.endswith(("/", "\\")) or bool(given and place.is_dir())
-        if into_folder:
-            given = str(made_folder(place, "texture") / bpy.path.clean_name(name))
-        path = output_path(given, name, bake.file_format)
-        if SPLITS[bake.split] and (into_folder or not given):
+        path = output_path(bake.output, name, bake.file_format)
+        if SPLITS[bake.split] and given_folder(bake.output) is not None:
             path = path.with_name(path.name.replace("splits", SPLITS[bake.split]))
+        self._notes = ending_wins(path, bake)
         return with_tokens(path, bake.split, bake.tiles)
 
     def wear_result(self, scene: Any, result: dict[str, Any]) -> None:
@@ -161,7 +159,8 @@ class BakesOnto(RunsCore):
     def written(self, result: dict[str, Any]) -> str:
         """What was written where, and how much of it was seen, in words."""
         count = len(result["outputs"])
-        what = f"Texture written to {self._output}" if count == 1 else f"{count} textures written to {self._output}"
+        one = f"Texture written to {result['outputs'][0]['output']}"
+        what = one if count == 1 else f"{count} textures written to {self._output}"
         return f"{what}; {result['seen']:.0%} of the surface seen"
 
 

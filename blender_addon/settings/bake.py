@@ -14,6 +14,8 @@ CONVENTIONS = (
     ("DIRECTX", "DirectX", "Green is down: Unreal Engine. In Blender the material turns it round"),
 )
 _FORMAT_OF = {".png": "PNG", ".tif": "TIFF", ".exr": "EXR"}
+# What each format can hold.
+_BITS = {"PNG": {"AUTO", "8", "16"}, "TIFF": {"AUTO", "8", "16", "32"}, "EXR": {"AUTO", "16", "32"}}
 
 
 def _take_preset(settings: Any, context: Any) -> None:
@@ -23,6 +25,11 @@ def _take_preset(settings: Any, context: Any) -> None:
     preset = PRESETS[settings.preset.lower()]
     settings.space, settings.convention = "TANGENT", preset.convention.upper()
     settings.file_format, settings.bits = _FORMAT_OF[preset.suffix], str(preset.bits)
+
+
+def _take_format(settings: Any, context: Any) -> None:
+    if isinstance(settings, bpy.types.PropertyGroup) and settings.bits not in _BITS[settings.file_format]:
+        settings.bits = "AUTO"
 
 
 def _take_detail(settings: Any, context: Any) -> None:
@@ -37,7 +44,7 @@ class BakeSettings:
         name="Preset",
         description="Convention, depth, format and automatic name as a program wants them; each may be changed",
         items=[
-            ("CUSTOM", "Custom", "As set below"),
+            ("CUSTOM", "Custom", "As set below; what another preset has set stays until it is changed"),
             *(
                 (name.upper(), preset.label, f"{preset.stem('NAME')}{preset.suffix}, {preset.bits} bits a channel")
                 for name, preset in PRESETS.items()
@@ -157,7 +164,12 @@ class BakeSettings:
         options=GIVEN,
     )
     file_format: EnumProperty(
-        name="Format", description="File format of the texture", items=FILE_FORMATS, default="PNG", options=GIVEN
+        name="Format",
+        description="File format of the texture; one that cannot hold the chosen depth takes its own",
+        items=FILE_FORMATS,
+        default="PNG",
+        update=_take_format,
+        options=GIVEN,
     )
     bits: EnumProperty(
         name="Depth",
