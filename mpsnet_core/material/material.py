@@ -150,10 +150,15 @@ def filled_part(capture: Capture, crop: tuple[int, int, int, int] | None = None)
     """
     rows, columns = capture.mask.shape
     left, top, width, height = crop or (0, 0, columns, rows)
-    if min(left, top) < 0 or min(width, height) < 1 or left + width > columns or top + height > rows:
+    if min(width, height) < 1:
         raise InputError(
-            f"the crop {left},{top},{width},{height} (left, top, width, height) is not within the photo, which is "
-            f"{columns} x {rows}"
+            f"the crop leaves nothing of the photo's {columns} x {rows} pixels: its width and height are {width} and "
+            f"{height}; give 1 or more"
+        )
+    if min(left, top) < 0 or left + width > columns or top + height > rows:
+        raise InputError(
+            f"the crop of {width} x {height} pixels from {left} on across and from {top} on down is not within the "
+            f"photo, which is {columns} x {rows}; give places that it has"
         )
     if min(width, height) < LEAST_SIDE:
         raise InputError(f"{width} x {height} pixels are too few for a material; take {LEAST_SIDE} or more each way")
