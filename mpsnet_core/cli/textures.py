@@ -94,9 +94,11 @@ def asked_present(options: argparse.Namespace) -> "Present | None":
     """The normal map that --onto means, None where it is not given. Raises InputError where it cannot be read."""
     from mpsnet_core.surface.onto import read_present_map
     from mpsnet_core.surface.shown import Present
+    from mpsnet_core.surface.texture_names import check_one_texture
 
     if options.onto is None:
         return None
+    check_one_texture(options.onto)
     return Present(read_present_map(options.onto, convention=options.onto_convention), options.onto_shown)
 
 
