@@ -10,6 +10,7 @@ from mpsnet_core.cli.arguments import Help, Verbs
 from mpsnet_core.cli.height_products import PRODUCTS, Surface
 from mpsnet_core.cli.on_uvs import add_on_uvs, integrate_on_uvs
 from mpsnet_core.cli.reporter import Reporter
+from mpsnet_core.defaults import CURVATURE_RADIUS, FACES
 from mpsnet_core.errors import InputError
 from mpsnet_core.progress import Progress, part
 
@@ -72,7 +73,7 @@ def _add_outputs(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--height-bits", type=int, metavar="BITS", help="32 for float heights in .tif")
     group.add_argument("--mesh", metavar="FILE", help=".ply, .glb or .obj, with the photo's UVs")
     group.add_argument(
-        "--faces", type=int, default=200_000, help="of the mesh, at most so many, small ones where it bends"
+        "--faces", type=int, default=FACES, help="of the mesh, at most so many, small ones where it bends"
     )
     group.add_argument(
         "--open", type=float, metavar="ANGLE", help="leave out faces this steep or more to the line of sight, as 85"
@@ -85,7 +86,9 @@ def _add_outputs(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--curvature", metavar="FILE", help="edges bright and creases dark; .exr: sum of both curvatures, 1 / unit"
     )
-    group.add_argument("--curvature-radius", type=int, default=8, metavar="PIXELS", help="the broadest shapes it shows")
+    group.add_argument(
+        "--curvature-radius", type=int, default=CURVATURE_RADIUS, metavar="PIXELS", help="the broadest shapes it shows"
+    )
     group.add_argument("--curvature-range", type=float, metavar="C", help="the curvature, per unit, that is white")
     group.add_argument("--occlusion", metavar="FILE", help="ambient occlusion: white where all light comes in")
     group.add_argument(

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from mpsnet_core.cli.reporter import Reporter
+from mpsnet_core.defaults import MARGIN
 from mpsnet_core.errors import InputError
 from mpsnet_core.progress import part
 
@@ -26,7 +27,7 @@ def add_on_uvs(group: argparse._ArgumentGroup) -> None:
         help="leave bumps wider than this share of the mesh's size to the mesh; 0 keeps all",
     )
     group.add_argument("--mean", type=float, help="of the heights; unless given, the surface stays where it is")
-    group.add_argument("--margin", type=int, default=16, help="texels that the islands' borders are grown by")
+    group.add_argument("--margin", type=int, default=MARGIN, help="texels that the islands' borders are grown by")
 
 
 def integrate_on_uvs(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.defaults import FACES
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import writable_path, written_whole
 from mpsnet_core.heights.adaptive import adaptive_triangles
@@ -19,7 +20,6 @@ from mpsnet_core.progress import Progress, silent
 
 Up = Literal["y", "z"]
 MESH_SUFFIXES = (".ply", ".glb", ".obj")
-FACES = 200_000
 MAX_FACES = 10_000_000
 
 

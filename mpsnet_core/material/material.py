@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.camera import Camera
 from mpsnet_core.capture import Capture
+from mpsnet_core.defaults import BEND, CURVATURE_RADIUS, OVERLAP
 from mpsnet_core.errors import InputError
 from mpsnet_core.heights.curvature import curvature
 from mpsnet_core.material.albedo import estimated_albedo
@@ -23,7 +24,6 @@ from mpsnet_core.progress import Progress, silent
 LEAST_SIDE, LARGEST_SIDE = 64, 8192
 LEAST_OVERLAP, LARGEST_OVERLAP = 0.05, 0.5
 MOST_BEND = 12
-CURVATURE_RADIUS = 8
 # Brighter albedos are not seen in nature; where photographed so, all are darkened.
 BRIGHTEST = 0.95
 
@@ -63,8 +63,8 @@ def flat_material(
     pixel_mm: float,
     *,
     size: int | None = None,
-    overlap: float = 0.2,
-    bend: int = 4,
+    overlap: float = OVERLAP,
+    bend: int = BEND,
     grey: bool = False,
     progress: Progress = silent,
 ) -> Material:
@@ -209,7 +209,7 @@ def _repeated_curvature(normals: NDArray[np.float32], pitch: tuple[float, float]
     around = CURVATURE_RADIUS + 1
     vectors = np.pad(normals, ((around, around), (around, around), (0, 0)), mode="wrap")
     shape = vectors.shape[:2]
-    found = curvature(NormalMap(vectors, np.ones(shape, bool)), _camera(shape, pitch), radius=CURVATURE_RADIUS)
+    found = curvature(NormalMap(vectors, np.ones(shape, bool)), _camera(shape, pitch))
     return found[around:-around, around:-around]
 
 

@@ -315,7 +315,7 @@ def test_the_command_line_writes_what_the_package_finds(tmp_path: Path, capsys: 
         (["--uvs", "mesh.npz", "--height", "h.exr", "--faces", "9"], "--faces goes with --mesh, which is not given"),
         (["--uvs", "mesh.npz", "--height", "h.exr", "--scale", "-1"], "a scale of -1 times"),
         (["--uvs", "mesh.npz", "--height", "h.exr", "--mean", "nan"], "the mean height must be a number"),
-        (["--uvs", "mesh.npz", "--height", "h.exr", "--margin", "999"], "a margin of 999 texels does not fit"),
+        (["--uvs", "mesh.npz", "--height", "h.exr", "--margin", "99999"], "a margin of 99999 texels; choose 0"),
         (["--uvs", "mesh.npz", "--height", "h.exr", "--space", "world"], "space 'world' is not known"),
         (["--uvs", "mesh.npz", "--height", "mesh.npz"], ".npz is not an image format"),
         (["--uvs", "gone.npz", "--height", "h.exr"], "mesh file gone.npz does not exist"),
