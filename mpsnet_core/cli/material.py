@@ -17,6 +17,7 @@ from mpsnet_core.cli.arguments import (
     read_files,
 )
 from mpsnet_core.cli.reporter import Reporter
+from mpsnet_core.defaults import BEND, OVERLAP
 from mpsnet_core.errors import InputError
 
 # Of cloth and leather, which are matt and lit by all three lights, equation 2 tells more than the networks, which
@@ -43,11 +44,13 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--size", type=int, help="side of the square pictures in pixels; those of the photo unless given"
     )
-    parser.add_argument("--overlap", type=float, default=0.2, help="share of the tile that its borders are joined over")
+    parser.add_argument(
+        "--overlap", type=float, default=OVERLAP, help="share of the tile that its borders are joined over"
+    )
     parser.add_argument(
         "--bend",
         type=int,
-        default=4,
+        default=BEND,
         help="half waves across the photo up to which bends and uneven brightness are taken out; 0 for the tilt alone",
     )
     parser.add_argument("--grey", action="store_true", help="an albedo without colour")
