@@ -32,7 +32,10 @@ def add_detail(parser: argparse.ArgumentParser) -> None:
         "--strength", type=float, default=1.0, help="of what the photos add to the mesh's own normals: 0 to 2"
     )
     parser.add_argument(
-        "--onto", metavar="MAP", help="the object's present normal map (tangent space, same UVs), to add detail to"
+        "--onto",
+        metavar="MAP",
+        help="the object's present normal map (tangent space, same UVs), to add detail to; with <UDIM>, <MATERIAL> or "
+        "<OBJECT> in its name as in the output's, or a .json file that lists several",
     )
     parser.add_argument("--onto-convention", default="opengl", help="of the present map: opengl (green up) or directx")
     parser.add_argument(
@@ -105,9 +108,9 @@ def asked_present(options: argparse.Namespace) -> "Present | None":
     return Present(read_present_map(options.onto, convention=options.onto_convention), options.onto_shown)
 
 
-def note_shown(shares: Sequence[float]) -> None:
-    """Tell of views that show the present map's relief. shares: of it that was taken out of each view."""
-    taken = [share for share in shares if share]
+def note_shown(shares: Sequence[Sequence[float]]) -> None:
+    """Tell of views that show the present maps' relief. shares: for each view, what of each map was taken out of it."""
+    taken = [share for of_view in shares for share in of_view if share]
     if taken:
-        share, views = sum(taken) / len(taken), f"{len(taken)} of {len(shares)} view(s)"
+        share, views = sum(taken) / len(taken), f"{sum(map(any, shares))} of {len(shares)} view(s)"
         log.info("%s show %.0f%% of the present map's relief, which is not added to it again", views, 100 * share)

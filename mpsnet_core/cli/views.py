@@ -150,7 +150,7 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         else:
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="mpsnet-views-")))
         kept = [KeptView(folder, view.name) for view in views]
-        stored = KeptViews(kept, [view.camera for view in views], mesh, scene, level, plan.present)
+        stored = KeptViews(kept, [view.camera for view in views], mesh, scene, level, plan.presents.in_photos())
         agreed = agreement(mesh, scene, FEATHER)
         known = 0
         for number, (view, source) in enumerate(zip(views, sources, strict=True)):

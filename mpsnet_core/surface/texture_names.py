@@ -65,6 +65,14 @@ def tile_patterns(pattern: str | os.PathLike[str], sheets: Sequence[Sheet]) -> l
     return _named(pattern, sheets, ["<UDIM>"] * len(sheets))
 
 
+def map_files(pattern: str | os.PathLike[str], sheets: Sequence[Sheet]) -> list[Path]:
+    """The same for maps that are read, of which several sheets may share one.
+
+    Raises InputError where the pattern has other tokens than the sheets are parted by.
+    """
+    return _named(pattern, sheets, [str(sheet.tile) for sheet in sheets])
+
+
 def _named(pattern: str | os.PathLike[str], sheets: Sequence[Sheet], tiles: Sequence[str]) -> list[Path]:
     path = Path(pattern)
     parted = split_by(pattern)
