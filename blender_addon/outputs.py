@@ -277,3 +277,13 @@ def image_file(image: bpy.types.Image | None, what: str, mend: str) -> Path:
         missing = f" ({path} is missing)" if image.filepath else ""
         raise InputError(f'the {what} "{image.name}" has no file on disk{missing}; save it, or {mend}')
     return path
+
+
+def tiles_file(image: bpy.types.Image, what: str, mend: str) -> Path:
+    """The file of an image of UDIM tiles, with <UDIM> in its name. Raises InputError where no tile is on disk."""
+    pattern = Path(bpy.path.abspath(image.filepath, library=image.library))
+    if "<UDIM>" not in pattern.name or not any(
+        pattern.with_name(pattern.name.replace("<UDIM>", str(tile.number))).is_file() for tile in image.tiles
+    ):
+        raise InputError(f'the {what} "{image.name}" has no tile on disk ({pattern}); save it, or {mend}')
+    return pattern

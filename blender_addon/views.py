@@ -64,7 +64,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
         take_given(self, ViewsSettings, scene.mps.views)
         bake, estimate = scene.mps.bake, scene.mps.estimate
         targets = self.all_onto(context)
-        output = self.texture_file(context, targets)
+        self._output = output = self.texture_file(context, targets)
         turn = _BLENDER_FROM_Y_UP if self.cameras and self.axes == "Y_UP" else Matrix.Identity(4)
         meshes = self.write_meshes(context, folder, targets, turn.inverted())
         arguments = ["views", *meshes, *self._cameras(scene, folder)]
@@ -73,7 +73,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
         arguments += ["--level", f"{self.level_scale:g}" if self.level else "off"]
         arguments += [*sampling(bake), "--bits", bits(bake, output.suffix.lower())]
         arguments += ["--space", bake.space.lower(), "--convention", bake.convention.lower()]
-        arguments += self.detail(bake, targets)
+        arguments += self.detail(bake, targets, folder)
         outputs = [output]
         if self.keep:
             arguments += ["--keep", bpy.path.abspath(self.keep)]
@@ -82,7 +82,6 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
             outputs.append(output.with_name(f"{without_tokens(output.stem) or 'textures'}_report.html"))
             self._report = str(outputs[1])
             arguments += ["--report", self._report]
-        self._output = output
         return [*arguments, "--output", str(output)], outputs
 
     def _cameras(self, scene: Any, folder: Path) -> list[str]:

@@ -56,7 +56,7 @@ class BakeSettings:
     )
     onto: BoolProperty(
         name="On Top",
-        description="Add the detail to the normal map that the object wears, which stays as it is beneath",
+        description="Add the detail to the normal maps that the objects wear, which stay as they are beneath",
         default=False,
         update=_take_detail,
         options=GIVEN,
@@ -215,7 +215,8 @@ class BakeSettings:
     )
     onto_file: StringProperty(
         name="Present Map",
-        description="File of the normal map to go on top of. Empty: the one in the target's material",
+        description="File of the normal map to go on top of; <OBJECT>, <MATERIAL> and <UDIM> in its name stand for what "
+        "each texture is of. Empty: those in the materials",
         subtype="FILE_PATH",
         options=PATH,
     )

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import read_json
 from mpsnet_core.normals import Convention, check_convention
+from mpsnet_core.surface.map_list import ListedMap, read_map_list
 from mpsnet_core.surface.mesh import Mesh
 from mpsnet_core.surface.onto import read_present_map
 from mpsnet_core.surface.sheets import Sheet
@@ -20,9 +20,6 @@ from mpsnet_core.surface.shown import Present, Shown
 from mpsnet_core.surface.texture_names import TOKENS, map_files
 
 log = logging.getLogger(__name__)
-
-LIST_FORMAT, LIST_VERSION = "mpsnet-present-maps", 1
-_LISTED = {"object", "material", "file", "convention"}
 
 
 @dataclass(frozen=True)
@@ -39,20 +36,21 @@ def maps_beneath(
     """The map beneath each of the sheets, None where there is none.
 
     given: an image, <UDIM>, <MATERIAL> and <OBJECT> in its name standing for what they do in the textures' names; or a
-    .json file that lists several, which may be of another convention each:
-    {"format": "mpsnet-present-maps", "version": 1, "maps": [{"file": "oak.png", "object": "Oak", "material": "Bark",
-    "convention": "directx"}]}. The first that is for a sheet's object and material, or does not name them, is taken.
+    .json file that lists several (:mod:`mpsnet_core.surface.map_list`), of which the first that is for a sheet's object
+    and material is taken. convention: of the image.
 
     Raises InputError where the list is malformed, the textures are not parted as a name's tokens are, or no sheet has
     a map.
     """
     beneath: list[MapFile | None] = [None] * len(sheets)
-    for obj, material, pattern, green in _listed(Path(given), convention):
-        for number, (sheet, file) in enumerate(zip(sheets, map_files(pattern, sheets), strict=True)):
-            meant = obj in (None, sheet.object) and material in (None, sheet.material)
+    single = [ListedMap(Path(given), convention=convention)]
+    for one in read_map_list(given) if Path(given).suffix.lower() == ".json" else single:
+        check_convention(one.convention)
+        for number, (sheet, file) in enumerate(zip(sheets, map_files(one.file, sheets), strict=True)):
+            meant = one.object in (None, sheet.object) and one.material in (None, sheet.material)
             # Not every object or tile need have a map; of one that is named in full it is told where it is read.
-            if meant and beneath[number] is None and (file == pattern or file.is_file()):
-                beneath[number] = MapFile(file, green)
+            if meant and beneath[number] is None and (file == one.file or file.is_file()):
+                beneath[number] = MapFile(file, one.convention)
     bare = [sheet.named for sheet, one in zip(sheets, beneath, strict=True) if one is None]
     if len(bare) == len(sheets):
         tokens = ", ".join(TOKENS)
@@ -62,28 +60,6 @@ def maps_beneath(
     for named in bare:
         log.info("%s: there is no present map, so nothing lies beneath its texture", named)
     return beneath
-
-
-def _listed(path: Path, convention: Convention) -> list[tuple[str | None, str | None, Path, Convention]]:
-    """Object, material, file and convention of each map in a list file, whose files are named from where it is; or of
-    the one image."""
-    if path.suffix.lower() != ".json":
-        return [(None, None, path, convention)]
-    maps = read_json(path, LIST_FORMAT, LIST_VERSION, ("maps",)).get("maps")
-    found = []
-    for one in maps if isinstance(maps, list) else [maps]:
-        if not isinstance(one, dict) or not _LISTED >= one.keys() >= {"file"} or not all(map(_is_text, one.values())):
-            raise InputError(
-                f'{path}: each of its "maps" has a "file" and may have "object", "material" and "convention", as texts'
-            )
-        check_convention(one.get("convention", "opengl"))
-        place = one.get("object"), one.get("material"), path.parent / one["file"]
-        found.append((*place, one.get("convention", "opengl")))
-    return found
-
-
-def _is_text(value: object) -> bool:
-    return isinstance(value, str)
 
 
 class PresentMaps(Sequence[Present]):
