@@ -175,7 +175,8 @@ def targets_place(settings: Any) -> Ingredients:
 def sampling(settings: Any) -> list[str]:
     """The core's arguments for size, samples and padding."""
     arguments = ["--size", str(settings.size), "--samples", settings.samples]
-    return [*arguments, "--padding", settings.padding.lower().replace("_", "-"), "--margin", str(settings.margin)]
+    arguments += ["--padding", settings.padding.lower().replace("_", "-")]
+    return [*arguments, "--margin", str(settings.margin)] if settings.padding == "NEAREST" else arguments
 
 
 class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):

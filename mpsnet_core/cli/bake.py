@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mpsnet_core import __version__
-from mpsnet_core.cli.arguments import Help, Verbs, add_level, add_meshes, add_texture, level_scale, texture_settings
+from mpsnet_core.cli.arguments import Help, Verbs, add_level, add_meshes, add_texture, asked_baking, level_scale
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.cli.sheets import planned, textures_in_words, told_textures, write_textures
 from mpsnet_core.cli.textures import add_detail, add_preset, asked_present, note_shown, settle
@@ -18,6 +18,7 @@ from mpsnet_core.progress import Progress, part
 
 if TYPE_CHECKING:
     from mpsnet_core.surface.bake import View
+    from mpsnet_core.surface.baking import Baking
     from mpsnet_core.surface.mesh import Mesh
     from mpsnet_core.surface.sheets import Sheet
     from mpsnet_core.surface.shown import Present
@@ -97,10 +98,10 @@ def _bake(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     confidences = options.confidence or [None] * len(views)
     if len(confidences) != len(views):
         raise InputError(f"there are {len(views)} views but {len(confidences)} confidence maps; give one for each view")
+    _asked_baking(options)
     if sequence:
         return _bake_frames(options, views, reporter)
     checked_bits(writable_path(options.output), options.bits)
-    texture_settings(options)
     job = _Job(
         Path(options.output),
         tuple(map(Path, options.mesh)),
@@ -168,18 +169,15 @@ def _baked(
     progress: Progress,
 ) -> "Iterator[tuple[Sheet, Texture]]":
     from mpsnet_core.surface.bake import bake_sheets
+
+    return bake_sheets(meshes, views, sheets, _asked_baking(options), progress=progress)
+
+
+def _asked_baking(options: argparse.Namespace) -> "Baking":
     from mpsnet_core.surface.feather import FEATHER
 
-    return bake_sheets(
-        meshes,
-        views,
-        sheets,
-        # Views that are levelled are meant to leave no seam.
-        feather=FEATHER if level_scale(options.level) else 0.0,
-        strength=options.strength,
-        progress=progress,
-        **texture_settings(options),
-    )
+    # Views that are levelled are meant to leave no seam.
+    return asked_baking(options, FEATHER if level_scale(options.level) else 0.0)
 
 
 def _facts(options: argparse.Namespace) -> str:

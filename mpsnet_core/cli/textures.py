@@ -48,16 +48,14 @@ def settle(options: argparse.Namespace, *, sequence: bool = False) -> None:
 
     sequence: the output is a folder of frames, which have names of their own.
 
-    Raises InputError where the preset is not known, what is asked for does not fit the output's ending, or the detail
-    cannot be had.
+    Raises InputError where the preset is not known, what is asked for does not fit the output's ending, the detail
+    cannot be had, or a folder is given for what several meshes share, which no preset has a name for.
     """
     from mpsnet_core.normals import check_convention
-    from mpsnet_core.surface.bake import check_strength
     from mpsnet_core.surface.onto import check_onto
     from mpsnet_core.surface.presets import preset_named, preset_output
     from mpsnet_core.surface.shown import check_shown
 
-    check_strength(options.strength)
     check_convention(options.onto_convention)
     check_shown(options.onto_shown)
     if options.onto:
@@ -73,6 +71,11 @@ def settle(options: argparse.Namespace, *, sequence: bool = False) -> None:
         if options.convention is None:
             options.convention = preset.convention
         if not sequence:
+            if len(options.mesh) > 1 and (Path(options.output).is_dir() or options.output.endswith(("/", "\\"))):
+                raise InputError(
+                    f"a preset names a texture after its mesh, and {len(options.mesh)} share this one; give its file "
+                    f"with --output, as {options.output.rstrip('/')}/{preset.stem('name')}{preset.suffix}"
+                )
             suffix = f".{ending}" if ending else None
             target = preset_output(preset, options.output, Path(options.mesh[0]).stem, suffix)
             if options.output.endswith(("/", "\\")):
@@ -94,9 +97,11 @@ def asked_present(options: argparse.Namespace) -> "Present | None":
     """The normal map that --onto means, None where it is not given. Raises InputError where it cannot be read."""
     from mpsnet_core.surface.onto import read_present_map
     from mpsnet_core.surface.shown import Present
+    from mpsnet_core.surface.texture_names import check_one_texture
 
     if options.onto is None:
         return None
+    check_one_texture(options.onto)
     return Present(read_present_map(options.onto, convention=options.onto_convention), options.onto_shown)
 
 

@@ -48,6 +48,15 @@ def texture_files(pattern: str | os.PathLike[str], sheets: Sequence[Sheet]) -> l
     return files
 
 
+def check_one_texture(file: str | os.PathLike[str]) -> None:
+    """Raises InputError where a token in the file's name makes it stand for several textures, where one is needed."""
+    called = {"tile": "a tile's number", "material": "a material's name", "object": "an object's name"}
+    name = "" if Path(file).is_file() else Path(file).name
+    for token, what in TOKENS.items():
+        if token in name:
+            raise InputError(f"{file} stands for several textures; name one of them, with {called[what]} for {token}")
+
+
 def tile_patterns(pattern: str | os.PathLike[str], sheets: Sequence[Sheet]) -> list[Path]:
     """The same with <UDIM> left as it is: the name that programs know all tiles of a texture by, for each sheet.
 
