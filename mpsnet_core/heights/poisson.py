@@ -8,7 +8,7 @@ import logging
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.heights.multigrid import Links, corrected, grids_of, residual
+from mpsnet_core.heights.multigrid import Grid, Links, corrected, grids_of, residual, smooth, steps_of
 from mpsnet_core.progress import Progress, silent
 
 log = logging.getLogger(__name__)
@@ -62,6 +62,19 @@ def solved(
             log.info(
                 "the heights may be off where the surface hangs together by thin strips: %d steps were too few", most
             )
+    return u
+
+
+def relaxed(
+    weights: Links, pulls: Links, start: NDArray[np.float32], free: NDArray[np.bool_], times: int
+) -> NDArray[np.float32]:
+    """(H, W) what is nearer to :func:`solved` where `free` (H, W); elsewhere `start`. By so many Jacobi steps, each of
+    which tells a pixel of its neighbours alone: for strips of a few pixels.
+    """
+    u = start.copy()
+    steps = steps_of(weights)
+    steps[~free] = 0
+    smooth(Grid(weights, steps), u, gathered(pulls), np.empty_like(u), times)
     return u
 
 
