@@ -40,7 +40,7 @@ def solved(
     left = gathered(pulls)
     residual(grids[0], u, left, left)
     towards, along = np.zeros_like(u), np.empty_like(u)
-    before, first = np.float32(1), 0.0
+    before, first, done = np.float32(1), 0.0, 0.0
     for number in range(most):
         correction = corrected(grids, left)
         remaining = float(np.abs(correction).max())
@@ -48,7 +48,9 @@ def solved(
             break
         first = max(first, remaining)
         gained = np.log(first / remaining) / max(np.log(first / tolerance), 1e-6)
-        progress(max(number / most, min(float(gained), 1.0)), "integrating")
+        # A correction can be larger than the one before it; progress does not go back.
+        done = max(done, number / most, min(float(gained), 1.0))
+        progress(done, "integrating")
         now = np.vdot(left, correction)
         towards *= now / before
         towards += correction
