@@ -77,8 +77,9 @@ def makeable_folder(path: str | os.PathLike[str], what: str) -> Path:
         raise InputError(f"{path} is a file; name a folder for the {what}")
     if not path.parent.is_dir():
         raise InputError(f"cannot make folder {path}: {path.parent} does not exist; create it first")
-    if not _takes_files(path if path.is_dir() else path.parent):
-        raise InputError(f"cannot write into {path}: it takes no files; choose another folder")
+    there = path if path.is_dir() else path.parent
+    if not _takes_files(there):
+        raise InputError(f"cannot put the {what} into {path}: the folder {there} takes no files; choose another folder")
     return path
 
 

@@ -39,7 +39,7 @@ def test_what_stops_the_writing_leaves_the_old_file_and_no_litter(
 def test_a_folder_that_takes_no_files_is_told_before_the_work(place: Callable[[str], Path], tmp_path: Path) -> None:
     with pytest.raises(InputError, match="takes no files; choose another folder"):
         place("/proc/new")
-    with pytest.raises(InputError, match=r"^cannot write into /proc: it takes no files"):
+    with pytest.raises(InputError, match=r"^cannot put the pictures into /proc: the folder /proc takes no files"):
         makeable_folder("/proc", "pictures")
     assert place(str(tmp_path / "new")) == tmp_path / "new"
     assert listing(tmp_path) == []
