@@ -215,8 +215,8 @@ class BakeSettings:
     )
     onto_file: StringProperty(
         name="Present Map",
-        description="File of the normal map to go on top of; <OBJECT>, <MATERIAL> and <UDIM> in its name stand for what "
-        "each texture is of. Empty: those in the materials",
+        description="File of the normal map to go on top of; <OBJECT>, <MATERIAL> and <UDIM> in its name stand for "
+        "what each texture is of. Empty: those in the materials",
         subtype="FILE_PATH",
         options=PATH,
     )
