@@ -5,6 +5,7 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
+from mpsnet_core.defaults import MARGIN, TEXTURE_SIZE
 from mpsnet_core.surface.presets import PRESETS
 
 from .declared import FILE_FORMATS, GIVEN, PATH
@@ -97,7 +98,7 @@ class BakeSettings:
     size: IntProperty(
         name="Size",
         description="Width and height of the texture in pixels",
-        default=2048,
+        default=TEXTURE_SIZE,
         min=16,
         max=16384,
         options=GIVEN,
@@ -158,7 +159,7 @@ class BakeSettings:
     margin: IntProperty(
         name="Margin",
         description="Pixels by which the texture is continued beyond the borders of the UV islands",
-        default=16,
+        default=MARGIN,
         min=0,
         max=1024,
         options=GIVEN,

@@ -3,6 +3,8 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
+from mpsnet_core.defaults import FACES
+
 from .declared import FILE_FORMATS, GIVEN, PATH
 
 
@@ -33,7 +35,7 @@ class HeightsSettings:
     faces: IntProperty(
         name="Faces",
         description="How many faces the mesh may have; small ones where the surface bends",
-        default=200_000,
+        default=FACES,
         min=2,
         max=10_000_000,
         options=GIVEN,

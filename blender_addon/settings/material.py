@@ -3,6 +3,8 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
+from mpsnet_core.defaults import BEND, OVERLAP
+
 from .declared import GIVEN, PATH
 from .estimate import MODELS
 
@@ -52,7 +54,7 @@ class MaterialSettings:
         name="Overlap",
         description="Fraction of the tile over which its borders are joined. More hides the seam better and leaves a "
         "smaller tile",
-        default=0.2,
+        default=OVERLAP,
         min=0.05,
         max=0.5,
         options=GIVEN,
@@ -61,7 +63,7 @@ class MaterialSettings:
         name="Flatten",
         description="How many half waves across the photo are taken out as bends of the material and uneven light. "
         "0: only the tilt of the photo",
-        default=4,
+        default=BEND,
         min=0,
         max=12,
         options=GIVEN,
