@@ -56,10 +56,6 @@ def move_by_modifier(target: Any, image: Any, uv_map: str, strength: float, midl
         texture = modifier.texture = bpy.data.textures.new(f"MPS {target.name} Height", "IMAGE")
     texture.image, texture.extension = image, "EXTEND"
     texture.use_clamp = False  # heights go below 0
-    # As the file is, not smoothed; newer Blenders have no such settings.
-    for setting, value in (("use_mipmap", False), ("filter_size", 0.1)):
-        if hasattr(texture, setting):
-            setattr(texture, setting, value)
     modifier.texture_coords, modifier.uv_layer = "UV", uv_map
     modifier.direction, modifier.space = "NORMAL", "LOCAL"
     modifier.strength, modifier.mid_level = strength, midlevel

@@ -9,6 +9,7 @@ from mathutils import Matrix
 from mathutils.bvhtree import BVHTree
 
 from blender_addon.commands import main
+from blender_addon.displaced import move_by_modifier
 from blender_addon.panels.heights import MPS_PT_displace
 from mpsnet_core.images import write_image
 from mpsnet_core.normals import encode
@@ -163,6 +164,26 @@ def test_the_subdivision_comes_before_the_displacement(worn, scene, tmp_path):
         bpy.ops.mps.displace(method="MODIFIER", levels=levels, output=str(tmp_path / "h.exr"))
     assert [modifier.type for modifier in worn.modifiers] == ["SUBSURF", "DISPLACE"]
     assert np.allclose(world_points(worn), straight, atol=1e-6)
+
+
+def test_the_modifier_reads_between_the_texels_as_they_are(scene):
+    """Linear from one to the next, as the heights were solved: else a fine mesh shows each texel as a step."""
+    rng = np.random.default_rng(5)
+    heights = rng.random((8, 8), np.float32)
+    image = bpy.data.images.new("Heights", 8, 8, float_buffer=True, is_data=True)
+    image.pixels.foreach_set(np.pad(np.repeat(heights[..., None], 3, 2), ((0, 0), (0, 0), (0, 1)), constant_values=1).ravel())
+    uvs = rng.uniform(0.2, 0.8, (60, 2))
+    mesh = bpy.data.meshes.new("Points")
+    mesh.from_pydata([(u, v, 0) for u, v in uvs], [], np.arange(60).reshape(-1, 3).tolist())
+    mesh.uv_layers.new(name="UVMap").data.foreach_set("uv", uvs.astype(np.float32).ravel())
+    obj = bpy.data.objects.new("Points", mesh)
+    scene.collection.objects.link(obj)
+    move_by_modifier(obj, image, "UVMap", strength=1.0, midlevel=0.0)
+    (column, row), inside = np.divmod(uvs.T * 8 - 0.5, 1)
+    column, row, (s, t) = column.astype(int), row.astype(int), inside
+    below, above = (heights[row + k, column] * (1 - s) + heights[row + k, column + 1] * s for k in (0, 1))
+    moved = np.linalg.norm(world_points(obj) - np.pad(uvs, ((0, 0), (0, 1))), axis=1)
+    assert moved == pytest.approx(below * (1 - t) + above * t, abs=1e-5)
 
 
 def test_displacing_a_duplicate_leaves_the_original_alone(worn, scene, tmp_path):
