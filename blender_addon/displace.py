@@ -89,7 +89,7 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
         scene.mps.displace.image = image
         height = result["height"]
         strength, midlevel = height["strength"] / self._size, height["midlevel"]
-        subdivide(target, self.subdivision, self.levels)
+        subdivide(target, self.subdivision, self.levels, self.levels)
         by_material = self.method == "MATERIAL"
         if by_material:
             no_modifier(target, DISPLACE)

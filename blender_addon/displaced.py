@@ -17,8 +17,11 @@ _METHOD_BEFORE = "mpsnet_displacement_method"
 # --- modifiers --------------------------------------------------------------------------------------------------------
 
 
-def subdivide(target: Any, kind: str, levels: int, name: str = SUBDIVISION) -> None:
-    """Give the object a Subdivision modifier, or the one of an earlier run these settings; none for no levels."""
+def subdivide(target: Any, kind: str, levels: int, rendered: int, name: str = SUBDIVISION) -> None:
+    """Give the object a Subdivision modifier, or the one of an earlier run these settings; none for no levels.
+
+    levels, rendered: in the viewport and in renders.
+    """
     if not levels:
         no_modifier(target, name)
         return
@@ -28,7 +31,7 @@ def subdivide(target: Any, kind: str, levels: int, name: str = SUBDIVISION) -> N
         if DISPLACE in target.modifiers:  # which moves the vertices that there are by then
             target.modifiers.move(len(target.modifiers) - 1, target.modifiers.find(DISPLACE))
     modifier.subdivision_type = kind
-    modifier.levels = modifier.render_levels = levels
+    modifier.levels, modifier.render_levels = levels, rendered
     # The texture was baked onto the UVs as they are.
     modifier.uv_smooth = "NONE"
     modifier.use_custom_normals = False
@@ -37,7 +40,7 @@ def subdivide(target: Any, kind: str, levels: int, name: str = SUBDIVISION) -> N
 @contextmanager
 def subdivided(target: Any, kind: str, levels: int) -> Iterator[None]:
     """Within, the object is subdivided by one more modifier."""
-    subdivide(target, kind, levels, "MPS Trial")
+    subdivide(target, kind, levels, levels, "MPS Trial")
     try:
         yield
     finally:

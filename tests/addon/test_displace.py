@@ -171,7 +171,9 @@ def test_the_modifier_reads_between_the_texels_as_they_are(scene):
     rng = np.random.default_rng(5)
     heights = rng.random((8, 8), np.float32)
     image = bpy.data.images.new("Heights", 8, 8, float_buffer=True, is_data=True)
-    image.pixels.foreach_set(np.pad(np.repeat(heights[..., None], 3, 2), ((0, 0), (0, 0), (0, 1)), constant_values=1).ravel())
+    image.pixels.foreach_set(
+        np.pad(np.repeat(heights[..., None], 3, 2), ((0, 0), (0, 0), (0, 1)), constant_values=1).ravel()
+    )
     uvs = rng.uniform(0.2, 0.8, (60, 2))
     mesh = bpy.data.meshes.new("Points")
     mesh.from_pydata([(u, v, 0) for u, v in uvs], [], np.arange(60).reshape(-1, 3).tolist())
