@@ -23,7 +23,7 @@ def add_onto(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--onto",
         metavar="MESH",
-        help="the mesh with UVs that the texture was baked onto; needs --height, and <UDIM> in both names for UDIM tiles",
+        help="the mesh with UVs that the texture was baked onto; needs --height; <UDIM> in both names for UDIM tiles",
     )
     group.add_argument("--space", default="tangent", help="of the texture: tangent (MikkTSpace) or object")
     group.add_argument("--base", metavar="MESH", help="what is to be displaced, where that is the same mesh subdivided")

@@ -188,6 +188,33 @@ def test_the_modifier_reads_between_the_texels_as_they_are(scene):
     assert moved == pytest.approx(below * (1 - t) + above * t, abs=1e-5)
 
 
+def test_udim_tiles_displace_as_one_texture_does(estimated, scene, tmp_path):
+    """Four tiles of 64 texels for one of 128: their files by the modifier, packed and without files by the material."""
+    set_up_cycles(16)
+    layer, camera = estimated.data.uv_layers.active, scene.camera
+    uvs = array_of(layer.uv, "vector", 2)
+    scene.render.resolution_x = scene.render.resolution_y = 48
+    add_sun()
+    results = []
+    for name, tiles, scale in (("one", False, 1), ("four", True, 2)):
+        layer.uv.foreach_set("vector", (scale * uvs).ravel())
+        bpy.ops.mps.bake(tiles=tiles, size=128 // scale, output=str(tmp_path / f"{name}.exr"))
+        heights = str(tmp_path / f"{name}_height.exr")
+        bpy.ops.mps.displace(method="MODIFIER", levels=1, output=heights)
+        points = world_points(estimated)
+        if tiles:
+            scene.mps.bake.image.pack()
+            for file in tmp_path.glob("four.*"):
+                file.unlink()
+        bpy.ops.mps.displace(method="MATERIAL", levels=1, output=heights)
+        results.append((points, render(tmp_path / "look.exr", camera, estimated)))
+    assert scene.mps.displace.image.source == "TILED"
+    assert len(list(tmp_path.glob("four_height.1*.exr"))) == 4
+    (points, look), (tiled_points, tiled_look) = results
+    assert np.quantile(np.linalg.norm(tiled_points - points, axis=1), 0.95) < 2e-3
+    assert rendered_difference(tiled_look, look) < 0.02
+
+
 def test_displacing_a_duplicate_leaves_the_original_alone(worn, scene, tmp_path):
     bpy.ops.mps.displace(method="MODIFIER", levels=0, output=str(tmp_path / "first.exr"))
     bpy.ops.object.duplicate()
