@@ -211,8 +211,10 @@ def test_udim_tiles_displace_as_one_texture_does(estimated, scene, tmp_path):
     assert scene.mps.displace.image.source == "TILED"
     assert len(list(tmp_path.glob("four_height.1*.exr"))) == 4
     (points, look), (tiled_points, tiled_look) = results
-    assert np.quantile(np.linalg.norm(tiled_points - points, axis=1), 0.95) < 2e-3
-    assert rendered_difference(tiled_look, look) < 0.02
+    apart = np.linalg.norm(tiled_points - points, axis=1)
+    # On a tile's border, Blender reads the tile's last texel in place of the mean of both.
+    assert np.quantile(apart, 0.95) < 1e-4 and apart.max() < 0.015
+    assert rendered_difference(tiled_look, look) < 1e-3  # 0.03 without the displacement
 
 
 def test_displacing_a_duplicate_leaves_the_original_alone(worn, scene, tmp_path):
