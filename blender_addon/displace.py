@@ -23,10 +23,10 @@ from .made_from import Ingredients, chosen, stamp
 from .mesh_file import DISPLACE, write_mesh
 from .nodes import TEXTURE_NODE
 from .operators import same
-from .outputs import fine_preview, image_file, load_image, output_path, remembered
+from .outputs import fine_preview, image_file, load_image, load_tiles, output_path, remembered, tile_files
 from .settings.declared import take_given
 from .settings.displace import DisplaceSettings
-from .textures import Worn, own_materials
+from .textures import Worn, own_materials, with_tokens
 
 # Vertices of a subdivided mesh lie on the limit surface at any level; a finer one tells hardly more.
 MOST_BASE_LEVELS = 3
@@ -56,11 +56,13 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
         take_given(self, DisplaceSettings, context.scene.mps.displace)
         target = self.baked_object(context)
         image = _texture_of(target) or bake.image
-        if image.source in {"SEQUENCE", "TILED"}:
-            raise InputError("heights are made of one texture, not of a sequence or of UDIM tiles; bake a single one")
-        texture = image_file(image, "texture", "bake it first")
+        if image.source == "SEQUENCE":
+            raise InputError("heights are made of one texture, not of a sequence; bake a single one")
+        tiled = image.source == "TILED"
+        texture = (tile_files if tiled else image_file)(image, "texture", "bake it first")
         self._target = target.session_uid
-        self._output = output_path(self.output, f"{target.name}_height", self.file_format)
+        path = output_path(self.output, f"{target.name}_height", self.file_format)
+        self._output = with_tokens(path, "ONE", tiled)
         self._size = _size(target)
         context.view_layer.update()
         # In the object's own axes, as large as in the world: modifiers move vertices there, however it is stretched.
@@ -83,13 +85,17 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
         target = same(bpy.data.objects, self._target)
         if target is None:
             raise InputError(f"the target is gone; its heights are in {self._output}")
-        image = load_image(self._output, f"MPS {target.name} Height", is_data=True)
+        name = f"MPS {target.name} Height"
+        if result["tiles"]:
+            image = load_tiles(self._output, result["tiles"], name)
+        else:
+            image = load_image(self._output, name, is_data=True)
+            fine_preview(image, stretched=True)
         self.made(image)
-        fine_preview(image, stretched=True)
         scene.mps.displace.image = image
         height = result["height"]
         strength, midlevel = height["strength"] / self._size, height["midlevel"]
-        subdivide(target, self.subdivision, self.levels)
+        subdivide(target, self.subdivision, self.levels, self.levels)
         by_material = self.method == "MATERIAL"
         if by_material:
             no_modifier(target, DISPLACE)

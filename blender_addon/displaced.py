@@ -17,8 +17,11 @@ _METHOD_BEFORE = "mpsnet_displacement_method"
 # --- modifiers --------------------------------------------------------------------------------------------------------
 
 
-def subdivide(target: Any, kind: str, levels: int, name: str = SUBDIVISION) -> None:
-    """Give the object a Subdivision modifier, or the one of an earlier run these settings; none for no levels."""
+def subdivide(target: Any, kind: str, levels: int, rendered: int, name: str = SUBDIVISION) -> None:
+    """Give the object a Subdivision modifier, or the one of an earlier run these settings; none for no levels.
+
+    levels, rendered: in the viewport and in renders.
+    """
     if not levels:
         no_modifier(target, name)
         return
@@ -28,7 +31,7 @@ def subdivide(target: Any, kind: str, levels: int, name: str = SUBDIVISION) -> N
         if DISPLACE in target.modifiers:  # which moves the vertices that there are by then
             target.modifiers.move(len(target.modifiers) - 1, target.modifiers.find(DISPLACE))
     modifier.subdivision_type = kind
-    modifier.levels = modifier.render_levels = levels
+    modifier.levels, modifier.render_levels = levels, rendered
     # The texture was baked onto the UVs as they are.
     modifier.uv_smooth = "NONE"
     modifier.use_custom_normals = False
@@ -37,7 +40,7 @@ def subdivide(target: Any, kind: str, levels: int, name: str = SUBDIVISION) -> N
 @contextmanager
 def subdivided(target: Any, kind: str, levels: int) -> Iterator[None]:
     """Within, the object is subdivided by one more modifier."""
-    subdivide(target, kind, levels, "MPS Trial")
+    subdivide(target, kind, levels, levels, "MPS Trial")
     try:
         yield
     finally:
@@ -56,10 +59,6 @@ def move_by_modifier(target: Any, image: Any, uv_map: str, strength: float, midl
         texture = modifier.texture = bpy.data.textures.new(f"MPS {target.name} Height", "IMAGE")
     texture.image, texture.extension = image, "EXTEND"
     texture.use_clamp = False  # heights go below 0
-    # As the file is, not smoothed; newer Blenders have no such settings.
-    for setting, value in (("use_mipmap", False), ("filter_size", 0.1)):
-        if hasattr(texture, setting):
-            setattr(texture, setting, value)
     modifier.texture_coords, modifier.uv_layer = "UV", uv_map
     modifier.direction, modifier.space = "NORMAL", "LOCAL"
     modifier.strength, modifier.mid_level = strength, midlevel

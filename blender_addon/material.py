@@ -11,6 +11,7 @@ from mpsnet_core.camera import read_camera
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import makeable_folder
 
+from .displaced import no_modifier, subdivide
 from .estimate import MPS_OT_estimate, lit_and_seen, network, unmasked_reading
 from .made_from import Ingredients, chosen, stamp
 from .nodes import own_node
@@ -22,7 +23,8 @@ from .settings.material import MaterialSettings
 
 # What Blender has to know of each picture: whether its colours are numbers.
 _IS_DATA = {"albedo": False, "normal": True, "height": True}
-# Faces a side of the displaced plane are two to this power.
+# The modifier that gives the displaced plane its faces; a side has two to this power of them.
+_FACES = "MPS Faces"
 _SHOWN_LEVELS, _RENDERED_LEVELS = 6, 9
 # Kept with a material that this step made: the normals that it shows, by which it is known when they are made again.
 _MADE_OF = "mpsnet_flat_normals"
@@ -101,7 +103,10 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         _lay(plane.data, size, self.repeats)
         black, white = told["height_of_black_mm"] * millimetre, told["height_of_white_mm"] * millimetre
         wear_pictures(material, images, black, white, self.relief)
-        _subdivide(plane, self.relief == "DISPLACEMENT")
+        if self.relief != "DISPLACEMENT":
+            no_modifier(plane, _FACES)
+        elif _FACES not in plane.modifiers:  # else it may have been set to fewer
+            subdivide(plane, "SIMPLE", _SHOWN_LEVELS, _RENDERED_LEVELS, _FACES)
         settings.image = preview = load_image(files["preview"], f"{name} preview", is_data=False)
         fine_preview(preview)
         self.made(preview)
@@ -193,17 +198,6 @@ def wear_pictures(material: Any, images: dict[str, Any], black: float, white: fl
             for link in end.links:
                 links.remove(link)
     material.displacement_method = "BUMP" if relief == "NORMAL" else "BOTH"
-
-
-def _subdivide(plane: Any, wanted: bool) -> None:
-    """Give the plane the faces that displacement moves, or take them away."""
-    modifier = plane.modifiers.get("MPS Faces")
-    if wanted and modifier is None:
-        modifier = plane.modifiers.new("MPS Faces", "SUBSURF")
-        modifier.subdivision_type = "SIMPLE"
-        modifier.levels, modifier.render_levels = _SHOWN_LEVELS, _RENDERED_LEVELS
-    elif modifier is not None and not wanted:
-        plane.modifiers.remove(modifier)
 
 
 def register() -> None:

@@ -257,6 +257,29 @@ def fine_preview(image: bpy.types.Image, *, stretched: bool = False) -> None:
     preview.image_pixels_float.foreach_set(square.ravel())
 
 
+def tile_files(image: bpy.types.Image, what: str, mend: str) -> Path:
+    """The files that a tiled image comes from, as their name with <UDIM> in it.
+
+    Raises InputError where one is not on disk, nor packed.
+    """
+    pattern = Path(bpy.path.abspath(image.filepath, library=image.library))
+
+    def of(tile: int) -> Path:
+        return pattern.with_name(pattern.name.replace("<UDIM>", str(tile)))
+
+    packed = {one.tile_number: one.packed_file for one in image.packed_files}
+    if packed and not all(of(tile.number).is_file() for tile in image.tiles):
+        folder = Path(bpy.app.tempdir) / f"packed_{image.session_uid}"
+        folder.mkdir(exist_ok=True)
+        pattern = folder / pattern.name
+        for number, file in packed.items():
+            of(number).write_bytes(file.data)
+    missing = [of(tile.number) for tile in image.tiles if not of(tile.number).is_file()]
+    if missing:
+        raise InputError(f'the {what} "{image.name}" has no file on disk ({missing[0]} is missing); {mend}')
+    return pattern
+
+
 def image_file(image: bpy.types.Image | None, what: str, mend: str) -> Path:
     """The file an image comes from. Raises InputError where there is no image or it has no file on disk."""
     if image is None:

@@ -90,12 +90,14 @@ def write_height(
     bits: int | None = None,
     unit: str = "unit",
     on_uvs: bool = False,
+    ends: tuple[float, float] | None = None,
 ) -> HeightScale:
     """Write heights, their scale as ``NAME.json`` and their mask as ``NAME_mask.png``; each whole or not at all.
 
     path: .exr, or .tif with `bits` 32: float32 heights in the unit itself. .png or .tif: 16 bits from black, the lowest
     height, to white, the highest. The file itself keeps the scale too, as its description. unit: what the camera's
-    unit is called, for people. on_uvs: they are a texture, which no camera saw, and none is told.
+    unit is called, for people. on_uvs: they are a texture, which no camera saw, and none is told. ends: the heights
+    that are black and white in 16 bits, where they are those of more than this file.
 
     Returns what the values mean. Raises InputError as :func:`height_files` does, and where the disk is full.
     """
@@ -106,8 +108,8 @@ def write_height(
     # Where heights are known up to a constant 0 is as good a place as any; those along a perspective camera's axis
     # are all far below it.
     zero = 0.0 if heights.camera.projection == "orthographic" else float(inside.mean(dtype=np.float64))
-    ends = (0.0, 1.0) if bits == 32 else (lowest, highest if highest > lowest else lowest + 1)
-    scale = HeightScale(*ends, zero, unit)
+    black, white = (0.0, 1.0) if bits == 32 else ends or (lowest, highest)
+    scale = HeightScale(black, white if white > black else black + 1, zero, unit)
     data = {
         "unit": unit,
         "lowest": lowest,

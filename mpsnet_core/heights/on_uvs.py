@@ -19,9 +19,11 @@ from mpsnet_core.surface.push_pull import push_pull
 from mpsnet_core.surface.raster import grown
 from mpsnet_core.surface.texture import Space
 
-# How heights change along a curved surface depends on the heights themselves: the second time these are known. A third
-# time changes next to nothing.
-PASSES = 2
+# How heights change along a curved surface depends on the heights themselves, and so does which slopes can be trusted:
+# the second time they are known. After the third little changes.
+PASSES = 3
+# A slope that is so far from what the slopes around it come to is half trusted.
+STRAY = 0.2
 # Texels that heights are carried on beyond an island with their slope; from there on as they are.
 CARRIED = 1.5
 MAX_SCALE = 10.0
@@ -38,12 +40,14 @@ class Displacement:
     values: (S, S) float32 in world units, row 0 at v = 1; grown beyond the islands, and going on smoothly from there.
     covered: (S, S) bool, texels on the surface. texel: how long one is in the world, on the mean.
     seam_step: how much the heights on the two sides of the seams differ, root mean square, in world units.
+    contradicted: the share of the surface where the normals can be of no one surface.
     """
 
     values: NDArray[np.float32]
     covered: NDArray[np.bool_]
     texel: float
     seam_step: float
+    contradicted: float
 
     def as_height_map(self) -> HeightMap:
         """The whole texture as a height map, for :func:`mpsnet_core.heights.height_files.write_height`."""
@@ -76,7 +80,9 @@ def displacement(
 
     Between neighbouring texels the normals tell how the heights change, whatever the UVs' stretch
     (:mod:`mpsnet_core.heights.chords`), and on the two sides of a seam the heights are the same. All of that is solved
-    at once (:mod:`mpsnet_core.heights.sewn`), so that no island has a height of its own and no seam opens.
+    at once (:mod:`mpsnet_core.heights.sewn`), so that no island has a height of its own and no seam opens. Normals that
+    no surface can have together, as at folds of the mesh and at the borders of what a photo shows, count less, and the
+    heights lie flatter there.
 
     Raises InputError where a number is out of range or the texture does not fit the mesh; Cancelled where `progress`
     does.
@@ -103,9 +109,13 @@ def displacement(
 
     solver = Solver(graph)
     heights = np.zeros(len(areas), np.float32)
+    steps, trust = np.sqrt(areas).astype(np.float32), np.ones_like(heights)
     for done in range(PASSES):
-        told = part(progress, 0.25 + 0.3 * done, 0.55 + 0.3 * done, "integrating")
+        told = part(progress, 0.25 + 0.2 * done, 0.45 + 0.2 * done, "integrating")
         right, below = asked.changes(graph, heights)
+        if done:
+            trust = _trust(graph, right, below, heights, steps)
+        right, below = right * trust, below * trust
         across = _slope(graph, right, below, graph.ties, offsets)
         known = across[:, 0] - across[:, 1]
         heights = solver.solve(graph.right_side(right, below, known), heights, told)
@@ -116,7 +126,8 @@ def displacement(
     values = _with_margin(graph, heights, covered, margin)
     progress(1.0, "displaced")
     seam_step = float(np.sqrt(np.mean(apart**2))) if len(apart) else 0.0
-    return Displacement(values, covered, float(np.sqrt(areas.mean())), seam_step)
+    contradicted = float(areas[trust < 0.5].sum() / areas.sum())
+    return Displacement(values, covered, float(np.sqrt(areas.mean())), seam_step, contradicted)
 
 
 def _checked_size(vectors: NDArray[np.float32], space: str, margin: int, scale: float, mean: float | None) -> int:
@@ -149,6 +160,25 @@ def _check_base(own: Layout, base: Layout) -> None:
             "the base is another mesh, not the same one subdivided: its UVs or its place differ; give the mesh that is "
             "to be displaced, or leave the base out"
         )
+
+
+def _trust(
+    graph: Graph,
+    right: NDArray[np.float32],
+    below: NDArray[np.float32],
+    heights: NDArray[np.float32],
+    steps: NDArray[np.float32],
+) -> NDArray[np.float32]:
+    """(N,) from 0 to 1, how far the changes (N,) to the neighbours on the right and below agree with the heights.
+
+    Where the mesh is folded, where the photo shows something else than lies there, and where its view ends, the normals
+    are of no surface that stands out from the mesh: heights that follow them are torn, and their cliffs pull at all
+    around. Slopes of one that does agree, however steep they are. steps: (N,) from texel to texel in the world.
+    """
+    asked = np.stack([right, below])
+    apart = (heights[graph.neighbours[:2]] - heights - asked) * (graph.weights[:2] > 0) / steps
+    trust: NDArray[np.float32] = 1 / (1 + (apart**2).sum(axis=0) / np.float32(STRAY**2))
+    return trust
 
 
 def _slope(

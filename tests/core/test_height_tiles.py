@@ -1,0 +1,101 @@
+"""Heights on UDIM tiles: those of the same surface in one texture, tile by tile."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from relief_shapes import cube_sphere, tangent_normals
+from test_on_uvs import AMPLITUDE, bumpy_sphere
+
+from mpsnet_core.cli import main
+from mpsnet_core.heights.height_files import read_height
+from mpsnet_core.images import read_channel, write_image
+from mpsnet_core.normals import encode
+from mpsnet_core.surface.mesh import Mesh, write_mesh
+
+SIZE = 64
+# Where the unit square's quarters go, from the lower left on: row by row, and not in their order.
+NEXT_TO_EACH_OTHER = {(0, 0): 1001, (1, 0): 1002, (0, 1): 1011, (1, 1): 1012}
+ANYWHERE = {(0, 0): 1024, (1, 0): 1001, (0, 1): 1002, (1, 1): 1015}
+
+
+def in_quarters(mesh: Mesh, tiles: dict[tuple[int, int], int]) -> Mesh:
+    """The mesh with each quarter of its texture as a tile; a triangle is in the one that holds its middle."""
+    of_triangle = np.floor(mesh.uvs.mean(axis=1) * 2).astype(int)
+    corner = np.array([divmod(tiles[u, v] - 1001, 10)[::-1] for u, v in of_triangle.tolist()])
+    return replace(mesh, uvs=mesh.uvs * 2 - of_triangle[:, None] + corner[:, None], given_tangents=mesh.tangents)
+
+
+def quarter(values: np.ndarray, u: int, v: int) -> np.ndarray:
+    return values[(1 - v) * SIZE : (2 - v) * SIZE, u * SIZE : (u + 1) * SIZE]
+
+
+@pytest.fixture
+def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A folder with a mesh and its normals in one texture, and in tiles laid out in both ways."""
+    monkeypatch.chdir(tmp_path)
+    mesh = cube_sphere(8)
+    vectors = tangent_normals(mesh, 2 * SIZE, lambda points, _: bumpy_sphere(points))
+    write_mesh("one.npz", mesh)
+    write_image("one.exr", encode(vectors))
+    for name, tiles in (("a", NEXT_TO_EACH_OTHER), ("b", ANYWHERE)):
+        write_mesh(f"{name}.npz", in_quarters(mesh, tiles))
+        for (u, v), tile in tiles.items():
+            write_image(f"{name}_{tile}.exr", encode(quarter(vectors, u, v)))
+
+
+@pytest.fixture
+def one(files: None) -> np.ndarray:
+    """The heights in one texture."""
+    assert main(["integrate", "one.exr", "--uvs", "one.npz", "--height", "whole.exr"]) == 0
+    return read_channel("whole.exr")
+
+
+@pytest.mark.parametrize(("name", "tiles"), [("a", NEXT_TO_EACH_OTHER), ("b", ANYWHERE)])
+def test_tiles_have_the_heights_of_one_texture(one: np.ndarray, name: str, tiles: dict[tuple[int, int], int]) -> None:
+    """Wherever the tiles lie: seams between them hold as those within do."""
+    command = ["integrate", f"{name}_<UDIM>.exr", "--uvs", f"{name}.npz", "--base", f"{name}.npz"]
+    assert main([*command, "--height", "h_<UDIM>.exr"]) == 0
+    assert sorted(file.name for file in Path().glob("h_*.exr")) == sorted(f"h_{tile}.exr" for tile in tiles.values())
+    for (u, v), tile in tiles.items():
+        apart = np.abs(read_channel(f"h_{tile}.exr") - quarter(one, u, v))
+        assert np.quantile(apart, 0.98) < 0.02 * AMPLITUDE and apart.max() < AMPLITUDE  # the margin is another
+
+
+def test_in_16_bits_all_tiles_have_one_scale(one: np.ndarray, capsys: pytest.CaptureFixture[str]) -> None:
+    """A displacement has one strength and one midlevel, whatever the tile."""
+    assert main(["integrate", "b_<UDIM>.exr", "--uvs", "b.npz", "--height", "h_<UDIM>.png"]) == 0
+    assert capsys.readouterr().out.count("strength") == 1
+    scales = {Path(f"h_{tile}.json").read_text("utf-8").split('"displace"')[1] for tile in ANYWHERE.values()}
+    assert len(scales) == 1
+    for (u, v), tile in ANYWHERE.items():
+        read = read_height(f"h_{tile}.png").values
+        assert np.quantile(np.abs(read - quarter(one, u, v)), 0.98) < 0.02 * AMPLITUDE
+
+
+@pytest.mark.parametrize(
+    ("texture", "height", "words"),
+    [
+        ("b_<UDIM>.exr", "h.exr", "b_<UDIM>.exr means a file for each UDIM tile, and h.exr one for all"),
+        ("b_1001.exr", "h_<UDIM>.exr", "put <UDIM> into both names"),
+        ("c_<UDIM>.exr", "h_<UDIM>.exr", "c_1001.exr does not exist"),
+        ("b_<UDIM>.exr", "b_<UDIM>.exr", "would overwrite b_1001.exr"),
+        ("b_<UDIM>.exr", "no/h_<UDIM>.exr", "the folder no does not exist"),
+        ("b_<UDIM>.exr", "h_<UDIM>_<OBJECT>.exr", "has <OBJECT>, by which the textures are not parted"),
+    ],
+)
+def test_bad_input_is_one_sentence(
+    files: None, texture: str, height: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = sorted(Path().iterdir())
+    assert main(["integrate", texture, "--uvs", "b.npz", "--height", height]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and words in said
+    assert sorted(Path().iterdir()) == before
+
+
+def test_tiles_of_several_sizes_are_refused(files: None, capsys: pytest.CaptureFixture[str]) -> None:
+    write_image("b_1015.exr", encode(np.broadcast_to([0.0, 0, 1], (16, 16, 3))))
+    assert main(["integrate", "b_<UDIM>.exr", "--uvs", "b.npz", "--height", "h_<UDIM>.exr"]) == 2
+    assert "the tiles' textures have several sizes, 16 x 16 and 64 x 64; bake them all" in capsys.readouterr().err
