@@ -129,10 +129,10 @@ def _integrate(parser: argparse.ArgumentParser, options: argparse.Namespace, rep
 
     check_convention(options.convention)
     _check_together(parser, options)
-    for file in (options.normals, options.height or ""):
-        check_one_texture(file)
     if options.uvs:
         return integrate_on_uvs(options, reporter)
+    for file in (options.normals, options.height or ""):
+        check_one_texture(file)
     if options.method not in METHODS:
         raise InputError(f"method {options.method!r} is not known; choose {' or '.join(METHODS)}")
     asked = {name: product for name, product in PRODUCTS.items() if getattr(options, name)}

@@ -117,7 +117,7 @@ def integrate_on_uvs(options: argparse.Namespace, reporter: Reporter) -> dict[st
 
 def _tiled(options: argparse.Namespace) -> bool:
     """Whether texture and heights are of UDIM tiles. Raises InputError where no heights are asked for, or one is."""
-    from mpsnet_core.surface.texture_names import split_by
+    from mpsnet_core.surface.texture_names import check_one_texture, split_by
 
     if not options.height:
         raise InputError("--uvs makes heights; name their file with --height")
@@ -125,6 +125,9 @@ def _tiled(options: argparse.Namespace) -> bool:
     if tiled[0] != tiled[1]:
         has, lacks = (options.normals, options.height) if tiled[0] else (options.height, options.normals)
         raise InputError(f"{has} means a file for each UDIM tile, and {lacks} one for all; put <UDIM> into both names")
+    if not tiled[0]:
+        for name in (options.normals, options.height):
+            check_one_texture(name)
     return tiled[0]
 
 

@@ -144,8 +144,11 @@ BAD: list[tuple[str, str]] = [
     ("n.png --height oak.png", "oak_mask.png, where its mask belongs, is another file; choose another name"),
     ("n.png --height h.png --occlusion h_mask.png", "the result would overwrite h_mask.png"),
     ("thin.png --height h.png --mesh m.ply", "thin.png: the surface is nowhere two pixels wide and high"),
-    ("n_<UDIM>.png --uvs m.obj --height h.png", "n_<UDIM>.png stands for several textures; name one of them, with a"),
-    ("n.png --uvs m.obj --height h_<UDIM>.png", "h_<UDIM>.png stands for several textures; name one of them, with a"),
+    ("n_<UDIM>.png --height h.png", "n_<UDIM>.png stands for several textures; name one of them, with a"),
+    (
+        "n.png --uvs m.obj --height h_<OBJECT>.png",
+        "h_<OBJECT>.png stands for several textures; name one of them, with a",
+    ),
     ("n.png --mesh m.stl", ".stl is not a mesh format of ours"),
     ("n.png --mesh m.ply --faces 0", "a mesh of 0 faces cannot be made"),
     ("n.png --mesh m.ply --faces many", "invalid int value: 'many'"),
