@@ -5,8 +5,8 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from blender_addon.render import render_normals
 from blender_addon.rig import light_rig, scene_camera
+from blender_addon.studio import render_normals
 from mpsnet_core.images import read_image
 
 from .conftest import matte
