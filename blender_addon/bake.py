@@ -10,7 +10,6 @@ from mathutils import Matrix
 
 from mpsnet_core.camera import write_camera
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import made_folder
 from mpsnet_core.surface.presets import PRESETS
 
 from .made_from import Ingredients, chosen, rounded, stamp
@@ -18,7 +17,9 @@ from .mesh_file import write_mesh
 from .operators import RunsCore, same
 from .outputs import (
     FORMATS,
+    ending_wins,
     frame_pattern,
+    given_folder,
     image_file,
     load_frames,
     output_frames,
@@ -26,7 +27,7 @@ from .outputs import (
     picture_size,
     remembered,
 )
-from .present_map import base_to_keep, keep_base, present_map
+from .present_map import bases_to_keep, keep_base, maps_to_go_on, write_maps
 from .rig import rig_camera, scene_camera
 from .rigs import all_rigs
 from .settings.bake import BakeSettings
@@ -89,25 +90,23 @@ class BakesOnto(RunsCore):
         refuse_shared(targets, settings.split)
         return targets
 
-    def detail(self, settings: Any, targets: Sequence[Any]) -> list[str]:
-        """The core's arguments for the photo's detail and the normal map that it goes on top of."""
+    def detail(self, settings: Any, targets: Sequence[Any], folder: Path) -> list[str]:
+        """The core's arguments for the photo's detail and the normal maps that it goes on top of."""
         arguments = ["--strength", f"{settings.strength:g}"]
-        self._bases = [base_to_keep(target, one.uv_map) for target, one in zip(targets, self._onto, strict=True)]
+        self._bases = bases_to_keep(targets, self._onto, self._output)
         if not settings.onto:
             return arguments
-        if len(targets) > 1:
-            raise InputError("detail goes on top of the present map of one object at a time; set Objects to Target")
-        if settings.split != "ONE" or settings.tiles:
-            raise InputError(
-                "detail goes on top of one texture at a time; set Textures to One for All, and switch UDIM Tiles off"
-            )
+        arguments += ["--onto-shown", settings.onto_shown.lower()]
         if settings.onto_file:
             file, convention = bpy.path.abspath(settings.onto_file), settings.onto_convention
-        else:
-            base = present_map(targets[0], self._onto[0].uv_map)
-            file, convention = str(base.file), base.convention
-        arguments += ["--onto", file, "--onto-convention", convention.lower()]
-        return [*arguments, "--onto-shown", settings.onto_shown.lower()]
+            return [*arguments, "--onto", file, "--onto-convention", convention.lower()]
+        maps, bare = maps_to_go_on(targets, self._onto, self._output)
+        self._notes = [*self._notes, *bare]
+        if list(maps) == [(None, None)]:
+            one = maps[None, None]
+            return [*arguments, "--onto", str(one.file), "--onto-convention", one.convention.lower()]
+        write_maps(folder / "maps.json", maps)
+        return [*arguments, "--onto", str(folder / "maps.json")]
 
     def write_meshes(self, context: Any, folder: Path, targets: Sequence[Any], turn: Matrix | None = None) -> list[str]:
         """Write the objects' mesh files and remember what they are; the core's arguments for them."""
@@ -127,33 +126,23 @@ class BakesOnto(RunsCore):
         name = (active if active in targets else targets[0]).name
         # The token's signs cannot stand in a file's name until the core takes them out again.
         name = texture_name(bake, "splits" if SPLITS[bake.split] else name)
-        given, place = bake.output, Path(bpy.path.abspath(bake.output))
-        into_folder = given.endswith(("/", "\\")) or bool(given and place.is_dir())
-        if into_folder:
-            given = str(made_folder(place, "texture") / bpy.path.clean_name(name))
-        path = output_path(given, name, bake.file_format)
-        if SPLITS[bake.split] and (into_folder or not given):
+        path = output_path(bake.output, name, bake.file_format)
+        if SPLITS[bake.split] and given_folder(bake.output) is not None:
             path = path.with_name(path.name.replace("splits", SPLITS[bake.split]))
+        self._notes = ending_wins(path, bake)
         return with_tokens(path, bake.split, bake.tiles)
 
     def wear_result(self, scene: Any, result: dict[str, Any]) -> None:
         """Load the core's textures and put them on the objects that they are for."""
-        there = [
-            (one, same(bpy.data.objects, one.uid), base) for one, base in zip(self._onto, self._bases, strict=True)
-        ]
-        if not any(target for _, target, _ in there):
+        there = [(one, same(bpy.data.objects, one.uid)) for one in self._onto]
+        if not any(target for _, target in there):
             raise InputError(f"the target is gone; its texture is in {self._output}")
         images = loaded(result["outputs"], self._onto[0].name)
-        for image in images.values():
+        for part, image in images.items():
             self.made(image)
+            keep_base(image, self._bases.get(part))
         scene.mps.bake.image = next(iter(images.values()))
-        worn = []
-        for one, target, base in there:
-            found = worn_by(one, target, images) if target else None
-            if found:
-                worn.append(found)
-                for image in found.images:
-                    keep_base(image, base)
+        worn = [found for one, target in there if target and (found := worn_by(one, target, images))]
         bake = scene.mps.bake
         for sentence in wear_textures(worn, bake.space, bake.convention):
             self.report({"INFO"}, sentence)
@@ -161,7 +150,8 @@ class BakesOnto(RunsCore):
     def written(self, result: dict[str, Any]) -> str:
         """What was written where, and how much of it was seen, in words."""
         count = len(result["outputs"])
-        what = f"Texture written to {self._output}" if count == 1 else f"{count} textures written to {self._output}"
+        one = f"Texture written to {result['outputs'][0]['output']}"
+        what = one if count == 1 else f"{count} textures written to {self._output}"
         return f"{what}; {result['seen']:.0%} of the surface seen"
 
 
@@ -175,7 +165,8 @@ def targets_place(settings: Any) -> Ingredients:
 def sampling(settings: Any) -> list[str]:
     """The core's arguments for size, samples and padding."""
     arguments = ["--size", str(settings.size), "--samples", settings.samples]
-    return [*arguments, "--padding", settings.padding.lower().replace("_", "-"), "--margin", str(settings.margin)]
+    arguments += ["--padding", settings.padding.lower().replace("_", "-")]
+    return [*arguments, "--margin", str(settings.margin)] if settings.padding == "NEAREST" else arguments
 
 
 class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
@@ -225,7 +216,7 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         arguments += [*sampling(self), "--bits", bits(self, suffix)]
         arguments += ["--space", self.space.lower(), "--convention", self.convention.lower()]
         arguments += ["--level", f"{self.level_scale:g}" if self.level else "off"]
-        arguments += self.detail(self, targets)
+        arguments += self.detail(self, targets, folder)
         return arguments, [self._output / "frames" if self._frames else self._output]
 
     def _onto_for_frames(self, context: Any) -> Any:
@@ -301,7 +292,7 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         image = load_frames(Path(result["first_output"]), f"MPS {target.name} Frames")
         self.made(image)
         scene.mps.bake.image = image
-        keep_base(image, self._bases[0])
+        keep_base(image, self._bases[None, None])
         for sentence in wear_textures([Worn(target, (image,), onto.uv_map)], self.space, self.convention, self._frames):
             self.report({"INFO"}, sentence)
         self.report({"INFO"}, f"{result['count']} textures are in {self._output}, {result['made']} made now{turned}")

@@ -7,6 +7,8 @@ from typing import Any
 import bmesh
 import bpy
 
+from .rig import remove_rig
+
 NAME = "MPS Demo"
 
 
@@ -34,6 +36,20 @@ def make_demo() -> tuple[Any, Any, Any]:
     low.hide_render = True
     low.hide_set(True, view_layer=scene.view_layers[0])
     return scene, detailed, low
+
+
+def remove_demo(scene: Any, made: Sequence[Any]) -> None:
+    """Remove a demo: its rig, pictures, the objects `made` for it, and its scene where nothing else stands there."""
+    remove_rig(scene)
+    settings = scene.mps
+    pictures = {settings.photo.image, settings.estimate.image, settings.bake.image} - {None}
+    meshes = {obj.data for obj in made}
+    materials = {material for mesh in meshes for material in mesh.materials if material}
+    bpy.data.batch_remove(made)
+    if not scene.objects:
+        bpy.data.scenes.remove(scene)
+    for datablocks in (meshes, materials, pictures):
+        bpy.data.batch_remove([one for one in datablocks if not one.users])
 
 
 def _monkey(scene: Any, name: str, levels: int, reliefs: Sequence[_Relief]) -> Any:

@@ -69,7 +69,7 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
         self._uv_map = write_mesh(folder / "mesh.npz", target, depsgraph, bake.uv_map, turn)
         self._space = remembered(image, "space") or bake.space
         convention = remembered(image, "convention") or bake.convention
-        arguments = ["integrate", str(texture), "--onto", str(folder / "mesh.npz"), "--height", str(self._output)]
+        arguments = ["integrate", str(texture), "--uvs", str(folder / "mesh.npz"), "--height", str(self._output)]
         arguments += ["--space", self._space.lower(), "--convention", convention.lower()]
         arguments += ["--scale", f"{self.scale:g}", "--margin", str(bake.margin)]
         if self.levels:

@@ -17,6 +17,7 @@ from .mesh_file import write_mesh
 from .operators import RunsCore
 from .outputs import (
     FORMATS,
+    ending_wins,
     fine_preview,
     frame_pattern,
     image_file,
@@ -68,14 +69,17 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         image = scene.mps.photo.image
         photo = image_file(image, "photo", "render or open one first")
         rig_file = self.rig_file if named else rig_file_for(image, scene.mps.estimate)
+        notes: list[str] = []
         if self.rig_file and not rig_file:
-            self._notes = [f"{Path(self.rig_file).name} not used: a rendered photo has the rig it was rendered with"]
+            notes = [f"{Path(self.rig_file).name} not used: a rendered photo has the rig it was rendered with"]
         self._moves = image.source in {"SEQUENCE", "MOVIE"}
         if self._moves:
             photo = frame_pattern(photo) if image.source == "SEQUENCE" else photo
             output = output_frames(self.output, result_name(scene, "normals"))
         else:
             output = output_path(self.output, result_name(scene, "normals"), self.file_format)
+            notes += ending_wins(output, scene.mps.estimate)
+        self._notes = notes
         if self.surface:
             scene.mps.estimate.surface = named_object(scene, self.surface)
         arguments = ["estimate", str(photo), "--output", str(output)]

@@ -14,7 +14,7 @@ from mpsnet_core.errors import InputError
 from .estimate import seen_through
 from .made_from import Ingredients, chosen, stamp
 from .operators import RunsCore
-from .outputs import fine_preview, image_file, load_image, output_path, remembered
+from .outputs import ending_wins, fine_preview, image_file, load_image, output_path, remembered
 from .rigs import result_name, rig_at
 from .settings.declared import take_given
 from .settings.heights import HeightsSettings
@@ -46,6 +46,7 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
             raise InputError("the normals are a sequence, and heights are made of one photo's; estimate one photo")
         normals = image_file(image, "normal map", "estimate the normals first")
         self._output = output_path(self.output, result_name(scene, "height"), self.file_format)
+        self._notes = ending_wins(self._output, scene.mps.heights)
         self._pictures = {
             what: self._output.with_name(f"{self._output.stem}_{what}.png") for what in PICTURES if getattr(self, what)
         }

@@ -5,7 +5,11 @@ ingredient does. They go with the image wherever it goes: renamed, saved and loa
 """
 
 import json
-from collections.abc import Collection
+import math
+import time
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from datetime import datetime
 from pathlib import Path
 
@@ -20,6 +24,11 @@ Ingredients = dict[str, str]
 _MADE = "mpsnet_made"
 _MADE_BY = "mpsnet_made_by"
 _MADE_FROM = "mpsnet_made_from"
+
+_SIZE_SECONDS = 1.0
+# When files were looked at, and their sizes: for the panel alone, see `seen_lately`.
+_sizes: dict[Path, tuple[float, int]] = {}
+_lately = ContextVar("lately", default=False)
 
 
 def chosen(
@@ -50,11 +59,28 @@ def file_stamp(path: str) -> str:
     return f"{Path(path).name} {_size(Path(bpy.path.abspath(path)))}" if path else ""
 
 
-def _size(path: Path) -> int:
+@contextmanager
+def seen_lately() -> Iterator[None]:
+    """Within, files have the sizes that they had up to a second ago: panels are drawn many times a second, and a file's
+    folder may be far away."""
+    before = _lately.set(True)
     try:
-        return path.stat().st_size
+        yield
+    finally:
+        _lately.reset(before)
+
+
+def _size(path: Path) -> int:
+    """In bytes; -1 where there is no such file."""
+    seen, size = _sizes.get(path, (-math.inf, -1))
+    if _lately.get() and time.monotonic() - seen < _SIZE_SECONDS:
+        return size
+    try:
+        size = path.stat().st_size
     except OSError:
-        return -1
+        size = -1
+    _sizes[path] = time.monotonic(), size
+    return size
 
 
 def rounded(values: ArrayLike, decimals: int) -> str:

@@ -76,7 +76,7 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         """What the photo's width measures, in metres."""
         width = self.width
         taken_with = remembered(image, "camera")
-        self._size_told = "" if width else "; it is as large as the photo's camera tells, as no width is given"
+        self._notes = [] if width else ["the material is as large as the photo's camera tells, as no width is given"]
         if not width and taken_with is not None:
             (folder / "taken.json").write_text(taken_with, encoding="utf-8")
             camera = read_camera(folder / "taken.json")
@@ -109,7 +109,7 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
             f"{told['width_mm']:.4g} x {told['height_mm']:.4g} mm, {result['relief_mm']:.3g} mm deep. "
             f"Seam {result['seam']:.2f}, where 1 is none"
         )
-        self.report({"INFO"}, f"Material written to {self._output}: {settings.told}{self._size_told}")
+        self.report({"INFO"}, f"Material written to {self._output}: {settings.told}")
 
 
 def _material_of(normals: Any, name: str) -> Any:

@@ -15,7 +15,7 @@ from mpsnet_core.rig import read_rig
 from .preferences import output_folder
 
 FORMATS = {"PNG": "png", "TIFF": "tif", "EXR": "exr"}
-_ENDINGS = {".png", ".tif", ".tiff", ".exr"}
+_FORMAT_OF = {".png": "PNG", ".tif": "TIFF", ".tiff": "TIFF", ".exr": "EXR"}
 _FINE_PREVIEW = 512
 _READERS = {"rig": read_rig, "camera": read_camera}
 
@@ -27,16 +27,40 @@ def output_path(given: str, name: str, file_format: str) -> Path:
 
     Raises InputError where no file can be put there or the ending is of no format that can be written.
     """
-    path = Path(bpy.path.abspath(given)) if given else output_folder()
-    if given.endswith(("/", "\\")):
-        made_folder(path, "files")
-    if not given or (not path.suffix and path.is_dir()) or given.endswith(("/", "\\")):
-        path /= bpy.path.clean_name(name)
+    folder = given_folder(given)
+    path = Path(bpy.path.abspath(given)) if folder is None else folder / bpy.path.clean_name(name)
     if not path.suffix:
         path = path.with_name(f"{path.name}.{FORMATS[file_format]}")
-    if path.suffix.lower() not in _ENDINGS:
+    if path.suffix.lower() not in _FORMAT_OF:
         raise InputError(f"cannot write {path}: the ending {path.suffix} is not known; use .png, .tif or .exr")
     return writable_path(path)
+
+
+def given_folder(given: str) -> Path | None:
+    """The folder for results whose place is `given`; None where that is a file.
+
+    What ends in a slash is a folder, which is made, and so is what exists as one; "" is the output folder.
+
+    Raises InputError where the folder cannot be made.
+    """
+    if not given:
+        return output_folder()
+    path = Path(bpy.path.abspath(given))
+    if given.endswith(("/", "\\")):
+        return made_folder(path, "files")
+    return path if path.is_dir() else None
+
+
+def ending_wins(path: Path, settings: bpy.types.PropertyGroup) -> list[str]:
+    """A sentence where the file's ending overrules the format that was chosen in a step's settings; else nothing."""
+    written = _FORMAT_OF[path.suffix.lower()]
+    if written == settings.file_format or not settings.is_property_set("file_format"):
+        return []
+    return [f"{path.name} is written as its ending says, not as {_label(settings)}"]
+
+
+def _label(settings: bpy.types.PropertyGroup) -> str:
+    return str(settings.bl_rna.properties["file_format"].enum_items[settings.file_format].name)
 
 
 def output_frames(given: str, name: str) -> Path:
@@ -253,3 +277,13 @@ def image_file(image: bpy.types.Image | None, what: str, mend: str) -> Path:
         missing = f" ({path} is missing)" if image.filepath else ""
         raise InputError(f'the {what} "{image.name}" has no file on disk{missing}; save it, or {mend}')
     return path
+
+
+def tiles_file(image: bpy.types.Image, what: str, mend: str) -> Path:
+    """The file of an image of UDIM tiles, with <UDIM> in its name. Raises InputError where no tile is on disk."""
+    pattern = Path(bpy.path.abspath(image.filepath, library=image.library))
+    if "<UDIM>" not in pattern.name or not any(
+        pattern.with_name(pattern.name.replace("<UDIM>", str(tile.number))).is_file() for tile in image.tiles
+    ):
+        raise InputError(f'the {what} "{image.name}" has no tile on disk ({pattern}); save it, or {mend}')
+    return pattern

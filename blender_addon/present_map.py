@@ -1,6 +1,6 @@
-"""The normal map that an object wears already, for detail to go on top of, run after run of the same."""
+"""The normal maps that objects wear already, for detail to go on top of, run after run of the same."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,10 +9,12 @@ from typing import Any
 import bpy
 
 from mpsnet_core.errors import InputError
+from mpsnet_core.surface.map_list import ListedMap, write_map_list
 
 from .nodes import GREEN_NODE, TEXTURE_NODE
 from .operators import same
-from .outputs import image_file
+from .outputs import image_file, tiles_file
+from .textures import MATERIAL, OBJECT, TILE, Onto
 
 # Kept with a baked image: what the object wore before it, and which way that one's green points.
 _BASE, _BASE_CONVENTION = "mpsnet_base", "mpsnet_base_convention"
@@ -21,32 +23,63 @@ _BY_FILE = "choose the file of a present map"
 
 @dataclass(frozen=True)
 class PresentMap:
-    """A normal map: the session number of its image, its file, and its convention, OPENGL or DIRECTX."""
+    """A normal map: the session number of its image, its file, and its convention, OPENGL or DIRECTX.
+
+    The file of UDIM tiles has <UDIM> in its name.
+    """
 
     uid: int
     file: Path
     convention: str
 
+    def listed(self, part: "Part") -> ListedMap:
+        """As the map of a part, for the core."""
+        return ListedMap(self.file, *part, "directx" if self.convention == "DIRECTX" else "opengl")
 
-def present_map(target: Any, uv_map: str) -> PresentMap:
-    """The normal map that an object's materials wear; beneath one that was baked here, the one from before it.
 
-    uv_map: the name of the UV map that is baked onto.
+# For the object and the material that a texture is of, as the core tells of it; None stands for all of them.
+Part = tuple[str | None, str | None]
 
-    Raises InputError where there is none, several, or one that detail cannot be laid onto.
+
+def parts_of(onto: Sequence[Onto], file: Path) -> list[Part]:
+    """What gets a texture of its own, by the tokens in the textures' file's name."""
+    by_object, by_material = OBJECT in file.name, MATERIAL in file.name
+    parts = [(one.name if by_object else None, label if by_material else None) for one in onto for label in one.labels]
+    return list(dict.fromkeys(parts))
+
+
+def present_map(targets: Sequence[Any], onto: Sequence[Onto], part: Part, *, tiles: bool = False) -> PresentMap | None:
+    """The normal map that a part of some objects wears; beneath one that was baked here, the one from before it.
+
+    onto: the same objects, with the UV maps that are baked onto. None where nothing of the part wears a normal map.
+    tiles: whether it may be one of UDIM tiles.
+
+    Raises InputError where it wears several, or one that detail cannot be laid onto.
     """
-    layers = target.data.uv_layers
-    rendered = next((layer.name for layer in layers if layer.active_render), uv_map)
-    found = {_source(normal, uv_map, rendered) for normal in _normal_maps(target)}
+    found: dict[tuple[Any, str], str] = {}
+    for target, one in zip(targets, onto, strict=True):
+        layers = target.data.uv_layers
+        rendered = next((layer.name for layer in layers if layer.active_render), one.uv_map)
+        for normal in _normal_maps(target, one, part):
+            found.setdefault(_source(normal, one.uv_map, rendered), target.name)
     if not found:
-        raise InputError(f'no material of "{target.name}" has a Normal Map node with a texture; {_BY_FILE}')
+        return None
     if len(found) > 1:
         names = ", ".join(sorted(f'"{image.name}"' for image, _ in found))
-        raise InputError(f'the materials of "{target.name}" have different normal maps ({names}); {_BY_FILE}')
+        several = f'the materials of "{next(iter(found.values()))}" have'
+        if len(set(found.values())) > 1:
+            several = "what shares one texture has"
+        raise InputError(
+            f"{several} different normal maps ({names}); set Textures to By Material or By Object, or {_BY_FILE}"
+        )
     ((image, convention),) = found
     if image.is_dirty:
         raise InputError(f'the normal map "{image.name}" has changes that are not in its file; save it first')
-    return PresentMap(image.session_uid, image_file(image, "normal map", _BY_FILE), convention)
+    if image.source != "TILED":
+        return PresentMap(image.session_uid, image_file(image, "normal map", _BY_FILE), convention)
+    if not tiles:
+        raise InputError(f'the present normal map "{image.name}" has UDIM tiles; switch UDIM Tiles on')
+    return PresentMap(image.session_uid, tiles_file(image, "normal map", _BY_FILE), convention)
 
 
 def keep_base(image: Any, base: PresentMap | None) -> None:
@@ -56,17 +89,49 @@ def keep_base(image: Any, base: PresentMap | None) -> None:
         image[_BASE], image[_BASE_CONVENTION] = found, base.convention
 
 
-def base_to_keep(target: Any, uv_map: str) -> PresentMap | None:
-    """:func:`present_map`, or None where there is none to be had."""
-    with suppress(InputError):
-        return present_map(target, uv_map)
-    return None
+def bases_to_keep(targets: Sequence[Any], onto: Sequence[Onto], file: Path) -> dict[Part, PresentMap | None]:
+    """:func:`present_map` of each part, None where there is none to be had."""
+    bases: dict[Part, PresentMap | None] = {}
+    for part in parts_of(onto, file):
+        bases[part] = None
+        with suppress(InputError):
+            bases[part] = present_map(targets, onto, part, tiles=True)
+    return bases
 
 
-def _normal_maps(target: Any) -> Iterator[Any]:
-    """The Normal Map nodes that the shaders of an object's materials have their normals from; bumps may be between."""
-    for slot in target.material_slots:
+def maps_to_go_on(targets: Sequence[Any], onto: Sequence[Onto], file: Path) -> tuple[dict[Part, PresentMap], list[str]]:
+    """The map beneath each part's texture, and a sentence for each part without one.
+
+    Raises InputError where no part has one, or as :func:`present_map` does.
+    """
+    worn, bare = {}, []
+    for part in parts_of(onto, file):
+        found = present_map(targets, onto, part, tiles=TILE in file.name)
+        if found is None:
+            name = ", ".join(filter(None, part))
+            bare.append(f'"{name}" wears no normal map, so nothing lies beneath its texture')
+        else:
+            worn[part] = found
+    if not worn:
+        whose = f'"{targets[0].name}"' if len(targets) == 1 else "the selected objects"
+        raise InputError(f"no material of {whose} has a Normal Map node with a texture; {_BY_FILE}")
+    return worn, bare
+
+
+def write_maps(path: Path, maps: Mapping[Part, PresentMap]) -> None:
+    """Write the maps beneath the parts' textures as the core reads them."""
+    write_map_list(path, [one.listed(part) for part, one in maps.items()])
+
+
+def _normal_maps(target: Any, onto: Onto, part: Part) -> Iterator[Any]:
+    """The Normal Map nodes that the shaders of a part of an object have their normals from; bumps may be between."""
+    obj, material = part
+    if obj not in (None, onto.name):
+        return
+    for slot, label in zip(target.material_slots, onto.labels, strict=False):
         tree = slot.material and slot.material.node_tree
+        if material not in (None, label):
+            continue
         for shader in tree.nodes if tree else ():
             if not (shader.type.startswith("BSDF") and "Normal" in shader.inputs):
                 continue

@@ -12,9 +12,10 @@ from mathutils import Euler, Vector
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.files import made_folder
 
-from .demo import make_demo
+from .demo import make_demo, remove_demo
 from .operators import TICK_SECONDS, SaysWhy, idle, redraw, same, told_by
 from .settings.declared import PATH
+from .settings.record import error_of
 
 # From the front, a little to the right and above, as far away as shows all of the object.
 _LOOK = Euler((math.radians(80), 0, math.radians(20))).to_quaternion()
@@ -49,16 +50,22 @@ class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
         options=PATH,
     )
 
+    _before = 0  # the scene that the demo's took the place of
+
     @classmethod
     def poll(cls, context: Any) -> bool:
         return idle(cls, context)
 
     def act(self, context: Any) -> None:
-        self._build(context)
-        self._photograph(context, "EXEC_DEFAULT")
-        self._estimate(context, "EXEC_DEFAULT")
-        self._bake(context, "EXEC_DEFAULT")
-        self._present(context)
+        try:
+            self._build(context)
+            self._photograph(context, "EXEC_DEFAULT")
+            self._estimate(context, "EXEC_DEFAULT")
+            self._bake(context, "EXEC_DEFAULT")
+            self._present(context)
+        except BaseException:
+            self._take_away(context)
+            raise
 
     def invoke(self, context: Any, event: bpy.types.Event) -> set[Any]:
         if bpy.app.background:
@@ -80,6 +87,7 @@ class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
             return {"PASS_THROUGH"}
         if manager.mps.cancel or (event.type == "ESC" and event.value == "PRESS"):
             self.report({"INFO"}, "Cancelled")
+            self._take_away(context)
             return self._end(context, "CANCELLED")
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
@@ -88,7 +96,7 @@ class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
         if running and self._ticks % 3:  # until the window has shown what is about to happen
             return {"PASS_THROUGH"}
         try:
-            went_well = self.done(lambda: self._left.pop(0)(context))
+            went_well = self.done(lambda: self._step(context))
         except BaseException:  # else all operators would wait for this one for ever
             self._end(context, "CANCELLED")
             raise
@@ -98,6 +106,22 @@ class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
 
     def cancel(self, context: Any) -> None:
         self._end(context, "CANCELLED")
+
+    def _step(self, context: Any) -> None:
+        try:
+            self._left.pop(0)(context)
+        except BaseException:
+            self._take_away(context)
+            raise
+
+    def _take_away(self, context: Any) -> None:
+        """Remove a demo that came to no end, and go back to the scene that Try It was pressed in; it tells why."""
+        demo, before = same(bpy.data.scenes, self._scene_uid), same(bpy.data.scenes, self._before)
+        if demo is None or before in (None, demo) or context.scene != demo:
+            return  # whoever has gone elsewhere meanwhile may have taken something along
+        self._scene_uid = self._before
+        context.window.scene = before
+        remove_demo(demo, [one for one in (same(demo.objects, uid) for uid in self._shown) if one is not None])
 
     def _end(self, context: Any, how: str) -> set[Any]:
         context.window_manager.event_timer_remove(self._timer)
@@ -109,8 +133,8 @@ class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
     def _build(self, context: Any) -> None:
         if self.output:  # a folder that cannot be is said before there is a scene
             made_folder(bpy.path.abspath(self.output), "files")
+        self._before = context.scene.session_uid
         scene, detailed, low = make_demo()
-        # From here on what fails is told in the demo's scene, which is the one that is open.
         self._scene_uid, self._shown = scene.session_uid, {detailed.session_uid: False, low.session_uid: True}
         context.window.scene = scene
         scene.mps.photo.width = scene.mps.photo.height = self.pixels
@@ -129,18 +153,18 @@ class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
         demo = self._demo(context)
         self._forget_files(context)
         if demo.mps.photo.image is None:
-            raise Cancelled
+            raise _why(demo, "render_photo")
         _run(bpy.ops.mps.estimate, how, output=self._file(context, "normals.png"))
 
     def _bake(self, context: Any, how: str = "INVOKE_DEFAULT") -> None:
         if self._demo(context).mps.estimate.image is None:
-            raise Cancelled
+            raise _why(context.scene, "estimate")
         _run(bpy.ops.mps.bake, how, size=self.size, output=self._file(context, "texture.png"))
 
     def _present(self, context: Any) -> None:
         scene = self._demo(context)
         if scene.mps.bake.image is None:
-            raise Cancelled
+            raise _why(scene, "bake")
         self._forget_files(context)
         for uid, shown in self._shown.items():
             obj = same(scene.objects, uid)
@@ -177,6 +201,12 @@ def _run(operator: Callable[..., Any], *how: str, **settings: Any) -> None:
         operator(*how, **settings)
     except RuntimeError as error:
         raise InputError(told_by(error)) from None
+
+
+def _why(scene: Any, verb: str) -> Exception:
+    """Why a step has left nothing: what it said, or else it was cancelled."""
+    said = error_of(scene, verb)
+    return InputError(said) if said else Cancelled()
 
 
 def _viewports(context: Any) -> list[Any]:

@@ -16,9 +16,9 @@ from mpsnet_core.world_lights import in_world, write_world_lights
 
 from .bake import BakesOnto, bits, sampling, targets_place
 from .estimate import network, reading
-from .made_from import Ingredients, chosen, rounded, stamp
+from .made_from import Ingredients, chosen, file_stamp, rounded, stamp
 from .outputs import image_file
-from .rig import light_rig, rig_camera, scene_camera
+from .rig import drawn_rig, light_rig, rig_camera, scene_camera
 from .settings.bake import BakeSettings
 from .settings.declared import take_given
 from .settings.estimate import EstimateSettings
@@ -54,6 +54,9 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
             **chosen(ViewsSettings, scene.views, without=("keep", "write_report")),
             **chosen(EstimateSettings, scene.estimate, only=shared),
             **chosen(BakeSettings, scene.bake),
+            "Cameras": file_stamp(scene.views.cameras),
+            "Rig File": file_stamp(scene.estimate.rig_file),
+            **({} if scene.estimate.rig_file else _lights(context.scene)),
         }
 
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
@@ -61,7 +64,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
         take_given(self, ViewsSettings, scene.mps.views)
         bake, estimate = scene.mps.bake, scene.mps.estimate
         targets = self.all_onto(context)
-        output = self.texture_file(context, targets)
+        self._output = output = self.texture_file(context, targets)
         turn = _BLENDER_FROM_Y_UP if self.cameras and self.axes == "Y_UP" else Matrix.Identity(4)
         meshes = self.write_meshes(context, folder, targets, turn.inverted())
         arguments = ["views", *meshes, *self._cameras(scene, folder)]
@@ -70,7 +73,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
         arguments += ["--level", f"{self.level_scale:g}" if self.level else "off"]
         arguments += [*sampling(bake), "--bits", bits(bake, output.suffix.lower())]
         arguments += ["--space", bake.space.lower(), "--convention", bake.convention.lower()]
-        arguments += self.detail(bake, targets)
+        arguments += self.detail(bake, targets, folder)
         outputs = [output]
         if self.keep:
             arguments += ["--keep", bpy.path.abspath(self.keep)]
@@ -79,7 +82,6 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
             outputs.append(output.with_name(f"{without_tokens(output.stem) or 'textures'}_report.html"))
             self._report = str(outputs[1])
             arguments += ["--report", self._report]
-        self._output = output
         return [*arguments, "--output", str(output)], outputs
 
     def _cameras(self, scene: Any, folder: Path) -> list[str]:
@@ -119,6 +121,15 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
         scene.mps.views.report_file = self._report
         self.wear_result(scene, result)
         self.report({"INFO"}, f"{len(result['views'])} views baked. {self.written(result)}")
+
+
+def _lights(scene: Any) -> Ingredients:
+    """The scene's lights as an ingredient; nothing where no photo can be taken with them."""
+    try:
+        rig = drawn_rig(scene)
+    except InputError:
+        return {}
+    return {"Lights": rounded(rig.directions, 3) + rounded(rig.mixing, 3)}
 
 
 def _with_photos(scene: Any) -> list[tuple[Any, Any]]:

@@ -17,6 +17,7 @@ __version__ = "0.1.0"
 
 # Loaded on first use, so that Blender can import the light nouns without onnxruntime, OpenImageIO or trimesh.
 _HOME = {
+    "Baking": "surface.baking",
     "Camera": "camera",
     "Capture": "capture",
     "Correction": "correction",

@@ -4,6 +4,7 @@ import contextlib
 import json
 import os
 import sys
+import tempfile
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -55,9 +56,18 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
         raise InputError(f"cannot write {path}: the folder {path.parent} does not exist; create it first")
     if path.is_dir():
         raise InputError(f"cannot write {path}: it is a folder; give a file name")
-    if not os.access(path.parent, os.W_OK):
-        raise InputError(f"cannot write {path}: no permission to write in {path.parent}; choose another folder")
+    if not _takes_files(path.parent):
+        raise InputError(f"cannot write {path}: the folder {path.parent} takes no files; choose another folder")
     return path
+
+
+def _takes_files(folder: Path) -> bool:
+    """Found out by making one: permissions alone tell it neither on Windows nor of folders that are not on a disk."""
+    try:
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError:
+        return False
+    return True
 
 
 def makeable_folder(path: str | os.PathLike[str], what: str) -> Path:
@@ -67,6 +77,9 @@ def makeable_folder(path: str | os.PathLike[str], what: str) -> Path:
         raise InputError(f"{path} is a file; name a folder for the {what}")
     if not path.parent.is_dir():
         raise InputError(f"cannot make folder {path}: {path.parent} does not exist; create it first")
+    there = path if path.is_dir() else path.parent
+    if not _takes_files(there):
+        raise InputError(f"cannot put the {what} into {path}: the folder {there} takes no files; choose another folder")
     return path
 
 

@@ -259,7 +259,8 @@ def write_image(
         )
         if not (target.close() and done and _has_its_end(unfinished)):
             reason = target.geterror() or oiio.geterror() or "the file was cut short"
-            raise InputError(f"cannot write {path} ({' '.join(reason.split())[:80]}); make room on the disk")
+            reason = " ".join(reason.replace(str(unfinished), path.name).split())
+            raise InputError(f"cannot write {path} ({reason[:80]}); make room on the disk")
 
 
 def image_description(path: str | os.PathLike[str]) -> str:

@@ -28,7 +28,7 @@ from mpsnet_core.surface.depth import depth_of_mesh
 from mpsnet_core.surface.level import Levelling, levelling, turned
 from mpsnet_core.surface.mesh import Mesh
 from mpsnet_core.surface.projection import View
-from mpsnet_core.surface.shown import Present, without_present
+from mpsnet_core.surface.shown import Present, without_presents
 from mpsnet_core.surface.upsample import chosen_pixels, reduced_shape
 from mpsnet_core.view_files import read_views
 
@@ -288,8 +288,9 @@ def _shape(mesh: Mesh) -> str:
 class KeptViews(Sequence[View]):
     """Views whose normals lie on disk: read, and levelled against the mesh, each time one is asked for.
 
-    level: the levelling's scale as a share of the mesh's size, 0 for none. present: the map that the mesh wears, to be
-    taken out of the views (:mod:`mpsnet_core.surface.shown`). shares: how much of it each view shows, once it was read.
+    level: the levelling's scale as a share of the mesh's size, 0 for none. presents: the maps that the mesh wears, to
+    be taken out of the views (:mod:`mpsnet_core.surface.shown`). shares: how much of each map each view shows, once it
+    was read.
     """
 
     def __init__(
@@ -299,14 +300,14 @@ class KeptViews(Sequence[View]):
         mesh: Mesh,
         scene: RayScene,
         level: float,
-        present: Present | None = None,
+        presents: Sequence[Present] = (),
     ) -> None:
         self.kept, self.cameras, self.mesh, self.scene, self.level = kept, cameras, mesh, scene, level
-        self.present = present
-        self._shares: dict[int, float] = {}
+        self.presents = presents
+        self._shares: dict[int, Sequence[float]] = {}
 
     @property
-    def shares(self) -> list[float]:
+    def shares(self) -> list[Sequence[float]]:
         return list(self._shares.values())
 
     def __len__(self) -> int:
@@ -318,16 +319,17 @@ class KeptViews(Sequence[View]):
     def __getitem__(self, number: slice) -> Sequence[View]: ...
     def __getitem__(self, number: int | slice) -> View | Sequence[View]:
         if isinstance(number, slice):
-            return KeptViews(self.kept[number], self.cameras[number], self.mesh, self.scene, self.level, self.present)
+            return KeptViews(self.kept[number], self.cameras[number], self.mesh, self.scene, self.level, self.presents)
         return self.both(number)[1]
 
     def both(self, number: int) -> tuple[View, View, float]:
         """A view as it was estimated, as it is levelled (the same where it is not), and the mean angle in degrees."""
         camera = self.cameras[number]
         normals = self.kept[number].read()
-        if self.present is not None:
+        if self.presents:
             known = self._shares.get(number)
-            normals, self._shares[number] = without_present(normals, camera, self.mesh, self.scene, self.present, known)
+            normals, found = without_presents(normals, camera, self.mesh, self.scene, self.presents, known)
+            self._shares[number] = found
         estimated = View(camera, normals)
         if not self.level:
             return estimated, estimated, 0.0

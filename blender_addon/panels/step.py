@@ -13,7 +13,7 @@ from typing import Any
 
 import bpy
 
-from ..made_from import changed_since, made_by, made_when
+from ..made_from import changed_since, made_by, made_when, seen_lately
 from ..operators import SaysWhy, verb_of
 from ..settings.record import error_of, notes_of
 from .text import fitted, wrapped
@@ -84,7 +84,8 @@ class Step(bpy.types.Panel):
     def draw_header_preset(self, context: Any) -> None:
         if not self.verbs:
             return
-        kind = self.state(context).kind
+        with seen_lately():
+            kind = self.state(context).kind
         if self.optional and kind in {Kind.TO_DO, Kind.READY}:
             return
         row = self.layout.row()
@@ -149,7 +150,9 @@ class Step(bpy.types.Panel):
         """An image that a step made: how it looks, whether it is out of date, when it was made and where it is."""
         if image is None:
             return
-        if changed := _changed(bpy.context, image):
+        with seen_lately():
+            changed = _changed(bpy.context, image)
+        if changed:
             wrapped(self.layout, f"Out of date. Changed since: {', '.join(changed)}", icon="FILE_REFRESH")
         self.layout.template_icon(icon_value=image.preview_ensure().icon_id, scale=scale)
         path = Path(bpy.path.abspath(image.filepath, library=image.library))

@@ -14,6 +14,8 @@ CONVENTIONS = (
     ("DIRECTX", "DirectX", "Green is down: Unreal Engine. In Blender the material turns it round"),
 )
 _FORMAT_OF = {".png": "PNG", ".tif": "TIFF", ".exr": "EXR"}
+# What each format can hold.
+_BITS = {"PNG": {"AUTO", "8", "16"}, "TIFF": {"AUTO", "8", "16", "32"}, "EXR": {"AUTO", "16", "32"}}
 
 
 def _take_preset(settings: Any, context: Any) -> None:
@@ -23,6 +25,11 @@ def _take_preset(settings: Any, context: Any) -> None:
     preset = PRESETS[settings.preset.lower()]
     settings.space, settings.convention = "TANGENT", preset.convention.upper()
     settings.file_format, settings.bits = _FORMAT_OF[preset.suffix], str(preset.bits)
+
+
+def _take_format(settings: Any, context: Any) -> None:
+    if isinstance(settings, bpy.types.PropertyGroup) and settings.bits not in _BITS[settings.file_format]:
+        settings.bits = "AUTO"
 
 
 def _take_detail(settings: Any, context: Any) -> None:
@@ -37,7 +44,7 @@ class BakeSettings:
         name="Preset",
         description="Convention, depth, format and automatic name as a program wants them; each may be changed",
         items=[
-            ("CUSTOM", "Custom", "As set below"),
+            ("CUSTOM", "Custom", "As set below; what another preset has set stays until it is changed"),
             *(
                 (name.upper(), preset.label, f"{preset.stem('NAME')}{preset.suffix}, {preset.bits} bits a channel")
                 for name, preset in PRESETS.items()
@@ -49,7 +56,7 @@ class BakeSettings:
     )
     onto: BoolProperty(
         name="On Top",
-        description="Add the detail to the normal map that the object wears, which stays as it is beneath",
+        description="Add the detail to the normal maps that the objects wear, which stay as they are beneath",
         default=False,
         update=_take_detail,
         options=GIVEN,
@@ -157,7 +164,12 @@ class BakeSettings:
         options=GIVEN,
     )
     file_format: EnumProperty(
-        name="Format", description="File format of the texture", items=FILE_FORMATS, default="PNG", options=GIVEN
+        name="Format",
+        description="File format of the texture; one that cannot hold the chosen depth takes its own",
+        items=FILE_FORMATS,
+        default="PNG",
+        update=_take_format,
+        options=GIVEN,
     )
     bits: EnumProperty(
         name="Depth",
@@ -203,7 +215,8 @@ class BakeSettings:
     )
     onto_file: StringProperty(
         name="Present Map",
-        description="File of the normal map to go on top of. Empty: the one in the target's material",
+        description="File of the normal map to go on top of; <OBJECT>, <MATERIAL> and <UDIM> in its name stand for "
+        "what each texture is of. Empty: those in the materials",
         subtype="FILE_PATH",
         options=PATH,
     )

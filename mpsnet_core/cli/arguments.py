@@ -4,11 +4,13 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from mpsnet_core.defaults import MARGIN, TEXTURE_SIZE
 from mpsnet_core.errors import InputError
 
 if TYPE_CHECKING:
     from mpsnet_core.correction import Correction
     from mpsnet_core.estimate import Estimator
+    from mpsnet_core.surface.baking import Baking
 
 
 class Help(argparse.ArgumentDefaultsHelpFormatter):
@@ -33,7 +35,7 @@ Verbs = argparse._SubParsersAction
 def add_texture(parser: argparse.ArgumentParser) -> None:
     """What texture is baked: its size, space, convention, samples, padding and bits; the rest by
     :func:`textures.settle`."""
-    parser.add_argument("--size", type=int, default=2048, help="side of the texture in texels")
+    parser.add_argument("--size", type=int, default=TEXTURE_SIZE, help="side of the texture in texels")
     parser.add_argument("--space", default="tangent", help="tangent (MikkTSpace) or object")
     parser.add_argument("--convention", help="of the texture: opengl (green up; unless given) or directx")
     parser.add_argument(
@@ -43,7 +45,9 @@ def add_texture(parser: argparse.ArgumentParser) -> None:
         "--padding", default="nearest", help="beyond the UV islands: nearest, push-pull (fills the texture) or none"
     )
     parser.add_argument(
-        "--margin", type=int, default=16, help="texels that the islands' borders are grown by, with nearest"
+        "--margin",
+        type=int,
+        help=f"texels that the islands' borders are grown by, with nearest; {MARGIN} unless given",
     )
     parser.add_argument(
         "--bits",
@@ -52,13 +56,24 @@ def add_texture(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def texture_settings(options: argparse.Namespace) -> dict[str, Any]:
-    """Options of :func:`add_texture` as `bake_sheets` takes them. Raises InputError where one is out of range."""
-    from mpsnet_core.surface.bake import check_texture
+def asked_baking(options: argparse.Namespace, feather: float) -> "Baking":
+    """How options of :func:`add_texture`, and --strength, ask for textures to be baked.
 
-    settings = {name: getattr(options, name) for name in ("size", "space", "margin", "padding", "samples")}
-    check_texture(**settings)
-    return settings
+    Raises InputError where one is out of range, or a margin is given that the padding does not use.
+    """
+    from mpsnet_core.surface.baking import Baking
+
+    if options.margin is not None and options.padding in ("push-pull", "none"):
+        raise InputError(f"--margin goes with --padding nearest, not with {options.padding}; leave it out")
+    return Baking(
+        size=options.size,
+        space=options.space,
+        margin=MARGIN if options.margin is None else options.margin,
+        padding=options.padding,
+        samples=options.samples,
+        feather=feather,
+        strength=options.strength,
+    )
 
 
 def add_meshes(parser: argparse.ArgumentParser) -> None:

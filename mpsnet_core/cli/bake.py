@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mpsnet_core import __version__
-from mpsnet_core.cli.arguments import Help, Verbs, add_level, add_meshes, add_texture, level_scale, texture_settings
+from mpsnet_core.cli.arguments import Help, Verbs, add_level, add_meshes, add_texture, asked_baking, level_scale
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.cli.sheets import planned, textures_in_words, told_textures, write_textures
 from mpsnet_core.cli.textures import add_detail, add_preset, asked_present, note_shown, settle
@@ -18,6 +18,7 @@ from mpsnet_core.progress import Progress, part
 
 if TYPE_CHECKING:
     from mpsnet_core.surface.bake import View
+    from mpsnet_core.surface.baking import Baking
     from mpsnet_core.surface.mesh import Mesh
     from mpsnet_core.surface.sheets import Sheet
     from mpsnet_core.surface.shown import Present
@@ -97,10 +98,10 @@ def _bake(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     confidences = options.confidence or [None] * len(views)
     if len(confidences) != len(views):
         raise InputError(f"there are {len(views)} views but {len(confidences)} confidence maps; give one for each view")
+    _asked_baking(options)
     if sequence:
         return _bake_frames(options, views, reporter)
     checked_bits(writable_path(options.output), options.bits)
-    texture_settings(options)
     job = _Job(
         Path(options.output),
         tuple(map(Path, options.mesh)),
@@ -110,7 +111,7 @@ def _bake(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     )
     reporter.progress(0.0, "reading the mesh")
     plan = planned(options, job.files)
-    seen, _ = _views(job, plan.meshes, plan.present, options, part(reporter.progress, 0.05, 0.15))
+    seen, _ = _views(job, plan.meshes, plan.presents.in_photos(), options, part(reporter.progress, 0.05, 0.15))
     baked = _baked(seen, plan.meshes, plan.sheets, options, part(reporter.progress, 0.15, 1.0))
     made = [one for one, _ in write_textures(plan, baked, options)]
     return {"output": options.output, **told_textures(made), "text": textures_in_words(made, _facts(options))}
@@ -119,12 +120,12 @@ def _bake(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
 def _views(
     job: _Job,
     meshes: "Sequence[Mesh]",
-    present: "Present | None",
+    presents: "Sequence[Present]",
     options: argparse.Namespace,
     progress: Progress,
-    known: Sequence[float] | None = None,
-) -> "tuple[list[View], list[float]]":
-    """The views as they are baked, and the share of the present map's relief that was taken out of each.
+    known: Sequence[Sequence[float]] | None = None,
+) -> "tuple[list[View], list[Sequence[float]]]":
+    """The views as they are baked, and for each the shares of the present maps' relief that were taken out of it.
 
     known: these shares, where they have been found before.
     """
@@ -134,22 +135,22 @@ def _views(
     from mpsnet_core.surface.bake import View
     from mpsnet_core.surface.joined import joined
     from mpsnet_core.surface.level import levelled
-    from mpsnet_core.surface.shown import without_present
+    from mpsnet_core.surface.shown import without_presents
 
     level = level_scale(options.level)
     whole = joined(meshes)
-    scene = RayScene(whole.world_vertices, whole.triangles) if level or present is not None else None
-    views, shares = list[View](), list[float]()
+    scene = RayScene(whole.world_vertices, whole.triangles) if level or presents else None
+    views, shares = list[View](), list[Sequence[float]]()
     for number, ((camera, normals), confidence) in enumerate(zip(job.views, job.confidences, strict=True)):
         progress(number / len(job.views), f"reading {normals.name}")
         try:
             normal_map = read_normals(normals, convention=options.normals_convention, confidence=confidence)
             view = View(read_camera(camera), normal_map)
-            if present is not None and scene is not None:
-                share = None if known is None else known[number]
-                normal_map, share = without_present(view.normals, view.camera, whole, scene, present, share)
+            if presents and scene is not None:
+                before = None if known is None else known[number]
+                normal_map, found = without_presents(view.normals, view.camera, whole, scene, presents, before)
                 view = View(view.camera, normal_map)
-                shares.append(share)
+                shares.append(found)
             if level and scene is not None:
                 view = View(view.camera, levelled(view.normals, view.camera, whole, scene, scale=level))
             views.append(view)
@@ -168,18 +169,15 @@ def _baked(
     progress: Progress,
 ) -> "Iterator[tuple[Sheet, Texture]]":
     from mpsnet_core.surface.bake import bake_sheets
+
+    return bake_sheets(meshes, views, sheets, _asked_baking(options), progress=progress)
+
+
+def _asked_baking(options: argparse.Namespace) -> "Baking":
     from mpsnet_core.surface.feather import FEATHER
 
-    return bake_sheets(
-        meshes,
-        views,
-        sheets,
-        # Views that are levelled are meant to leave no seam.
-        feather=FEATHER if level_scale(options.level) else 0.0,
-        strength=options.strength,
-        progress=progress,
-        **texture_settings(options),
-    )
+    # Views that are levelled are meant to leave no seam.
+    return asked_baking(options, FEATHER if level_scale(options.level) else 0.0)
 
 
 def _facts(options: argparse.Namespace) -> str:
@@ -211,6 +209,7 @@ def _bake_frames(options: argparse.Namespace, views: Sequence[tuple[str, str]], 
     check_apart({file for job in jobs.values() for file in job.files}, [job.output for job in jobs.values()])
     remove_abandoned(made_folder(options.output, "textures"))
     present = asked_present(options)
+    presents = [] if present is None else [present]
     made, seen, mesh, mesh_file = 0, 0.0, None, None
     # A share that was found anew for each frame would flicker: all have that of the first one.
     first_job, shares = next(iter(jobs.values())), None
@@ -226,8 +225,8 @@ def _bake_frames(options: argparse.Namespace, views: Sequence[tuple[str, str]], 
             mesh, mesh_file = read_mesh(job.meshes[0]), job.meshes[0]
         try:
             if present is not None and shares is None and job is not first_job:
-                _, shares = _views(first_job, [read_mesh(first_job.meshes[0])], present, options, part(step, 0.0, 0.0))
-            frame, shares = _views(job, [mesh], present, options, part(step, 0.0, 0.1), shares)
+                _, shares = _views(first_job, [read_mesh(first_job.meshes[0])], presents, options, part(step, 0.0, 0.0))
+            frame, shares = _views(job, [mesh], presents, options, part(step, 0.0, 0.1), shares)
             ((_, texture),) = _baked(frame, [mesh], sheets([mesh]), options, part(step, 0.1, 1.0))
             if present is not None:
                 texture = laid_onto(texture, present.vectors)

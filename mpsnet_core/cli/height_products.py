@@ -73,7 +73,8 @@ def _height(options: argparse.Namespace, surface: Surface, progress: Progress) -
         "strength": scale.strength,
         "midlevel": scale.midlevel,
     }
-    words = f"{scale}; Blender's Displace: strength {scale.strength:.6g}, midlevel {scale.midlevel:.6g}"
+    from_camera = "; height 0 is at the camera" if heights.camera.projection == "perspective" else ""
+    words = f"{scale}{from_camera}; Blender's Displace: strength {scale.strength:.6g}, midlevel {scale.midlevel:.6g}"
     files = _height_files(options)
     return Made(files[:2] if heights.mask.all() else files, words, facts)
 
@@ -100,7 +101,8 @@ def _mesh(options: argparse.Namespace, surface: Surface, progress: Progress) -> 
     up: Up = options.up or ("z" if options.camera else "y")
     write_surface_mesh(options.mesh, mesh, up=up)
     facts = {"vertices": len(mesh.vertices), "faces": len(mesh.triangles), "up": up}
-    return Made([Path(options.mesh)], f"{len(mesh.triangles)} faces, in {surface.unit}", facts)
+    count = "1 face" if facts["faces"] == 1 else f"{facts['faces']} faces"
+    return Made([Path(options.mesh)], f"{count}, in {surface.unit}", facts)
 
 
 # --- curvature --------------------------------------------------------------------------------------------------------
@@ -211,11 +213,12 @@ def _image(path: str | Path) -> list[Path]:
     return [path]
 
 
-# In the order in which they are made; each is asked for by the option of its name.
+# In the order in which they are made; each is asked for by the option of its name. The mesh comes last: that no face
+# is left for it is only known once it is made, and shall cost none of the others.
 PRODUCTS = {
     "height": Product(_height_files, _height),
-    "mesh": Product(_mesh_files, _mesh),
     "curvature": Product(_curvature_files, _curvature),
     "occlusion": Product(_occlusion_files, _occlusion),
     "relit": Product(_relit_files, _relit),
+    "mesh": Product(_mesh_files, _mesh),
 }

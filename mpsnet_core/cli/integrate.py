@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from mpsnet_core.cli.arguments import Help, Verbs
 from mpsnet_core.cli.height_products import PRODUCTS, Surface
-from mpsnet_core.cli.onto import add_onto, integrate_onto
+from mpsnet_core.cli.on_uvs import add_on_uvs, integrate_on_uvs
 from mpsnet_core.cli.reporter import Reporter
+from mpsnet_core.defaults import CURVATURE_RADIUS, FACES
 from mpsnet_core.errors import InputError
 from mpsnet_core.progress import Progress, part
 
@@ -24,7 +25,7 @@ _NEEDED = {
     **dict.fromkeys(("curvature_radius", "curvature_range"), "curvature"),
     "occlusion_reach": "occlusion",
     **dict.fromkeys(("light", "albedo", "turntable"), "relit"),
-    **dict.fromkeys(("space", "base", "scale", "mean", "margin"), "onto"),
+    **dict.fromkeys(("space", "base", "scale", "mean", "margin"), "uvs"),
 }
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
         "integrate", parents=[common], formatter_class=Help, help="normal map to heights, a mesh, curvature and more"
     )
     parser.add_argument(
-        "normals", help="normal map in camera space, as `mpsnet estimate` writes it; or with --onto a texture"
+        "normals", help="normal map in camera space, as `mpsnet estimate` writes it; or with --uvs a texture"
     )
     parser.add_argument("--convention", default="opengl", help="of the normal map: opengl (green up) or directx")
     place = parser.add_argument_group("what the photo was taken with")
@@ -59,7 +60,7 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
         help="fast: one smooth surface; bilateral: breaks where one thing stands before another",
     )
     _add_outputs(parser.add_argument_group("what to make, at least one of them"))
-    add_onto(parser.add_argument_group("heights on a mesh's UVs, from the normal texture that was baked onto them"))
+    add_on_uvs(parser.add_argument_group("heights on a mesh's UVs, from the normal texture that was baked onto them"))
     parser.set_defaults(verb=partial(_integrate, parser))
 
 
@@ -72,7 +73,7 @@ def _add_outputs(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--height-bits", type=int, metavar="BITS", help="32 for float heights in .tif")
     group.add_argument("--mesh", metavar="FILE", help=".ply, .glb or .obj, with the photo's UVs")
     group.add_argument(
-        "--faces", type=int, default=200_000, help="of the mesh, at most so many, small ones where it bends"
+        "--faces", type=int, default=FACES, help="of the mesh, at most so many, small ones where it bends"
     )
     group.add_argument(
         "--open", type=float, metavar="ANGLE", help="leave out faces this steep or more to the line of sight, as 85"
@@ -85,7 +86,9 @@ def _add_outputs(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--curvature", metavar="FILE", help="edges bright and creases dark; .exr: sum of both curvatures, 1 / unit"
     )
-    group.add_argument("--curvature-radius", type=int, default=8, metavar="PIXELS", help="the broadest shapes it shows")
+    group.add_argument(
+        "--curvature-radius", type=int, default=CURVATURE_RADIUS, metavar="PIXELS", help="the broadest shapes it shows"
+    )
     group.add_argument("--curvature-range", type=float, metavar="C", help="the curvature, per unit, that is white")
     group.add_argument("--occlusion", metavar="FILE", help="ambient occlusion: white where all light comes in")
     group.add_argument(
@@ -109,9 +112,9 @@ def _check_together(parser: argparse.ArgumentParser, options: argparse.Namespace
         for name, value in vars(options).items()
         if value != parser.get_default(name)
     }
-    for name in _OF_PHOTOS if options.onto else ():
+    for name in _OF_PHOTOS if options.uvs else ():
         if name in given:
-            raise InputError(f"{given[name]} goes with a photo's normals, not with --onto; leave it out")
+            raise InputError(f"{given[name]} goes with a photo's normals, not with --uvs; leave it out")
     for name, needed in _NEEDED.items():
         if name in given and not getattr(options, needed):
             raise InputError(f"{given[name]} goes with --{needed}, which is not given; leave it out, or give both")
@@ -120,12 +123,16 @@ def _check_together(parser: argparse.ArgumentParser, options: argparse.Namespace
 def _integrate(parser: argparse.ArgumentParser, options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.frames import check_apart, is_several
     from mpsnet_core.heights.integrate import METHODS
+    from mpsnet_core.heights.surface_mesh import check_has_faces
     from mpsnet_core.normals import OUTWARDS_SHARE, check_convention, read_normals
+    from mpsnet_core.surface.texture_names import check_one_texture
 
     check_convention(options.convention)
     _check_together(parser, options)
-    if options.onto:
-        return integrate_onto(options, reporter)
+    for file in (options.normals, options.height or ""):
+        check_one_texture(file)
+    if options.uvs:
+        return integrate_on_uvs(options, reporter)
     if options.method not in METHODS:
         raise InputError(f"method {options.method!r} is not known; choose {' or '.join(METHODS)}")
     asked = {name: product for name, product in PRODUCTS.items() if getattr(options, name)}
@@ -144,8 +151,13 @@ def _integrate(parser: argparse.ArgumentParser, options: argparse.Namespace, rep
     if (normals.vectors[normals.mask, 2] >= 0).mean() < OUTWARDS_SHARE:
         raise InputError(
             f"{options.normals} is not in camera space: many of its normals point away from the camera; give a photo's "
-            "normals, or for a texture its mesh with --onto"
+            "normals, or for a texture its mesh with --uvs"
         )
+    if options.mesh:
+        try:
+            check_has_faces(normals.mask)
+        except InputError as error:
+            raise InputError(f"{options.normals}: {error}") from None
     surface = _asked_surface(options, normals, part(reporter.progress, 0.05, 0.75))
     result: dict[str, Any] = {"outputs": [], "unit": surface.unit}
     lines = []

@@ -17,6 +17,7 @@ from mpsnet_core.cli.arguments import (
     read_files,
 )
 from mpsnet_core.cli.reporter import Reporter
+from mpsnet_core.defaults import BEND, OVERLAP
 from mpsnet_core.errors import InputError
 
 # Of cloth and leather, which are matt and lit by all three lights, equation 2 tells more than the networks, which
@@ -43,11 +44,13 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--size", type=int, help="side of the square pictures in pixels; those of the photo unless given"
     )
-    parser.add_argument("--overlap", type=float, default=0.2, help="share of the tile that its borders are joined over")
+    parser.add_argument(
+        "--overlap", type=float, default=OVERLAP, help="share of the tile that its borders are joined over"
+    )
     parser.add_argument(
         "--bend",
         type=int,
-        default=4,
+        default=BEND,
         help="half waves across the photo up to which bends and uneven brightness are taken out; 0 for the tilt alone",
     )
     parser.add_argument("--grey", action="store_true", help="an albedo without colour")
@@ -62,9 +65,9 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
 
 def _material(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.capture import capture_from, note_doubts
-    from mpsnet_core.files import makeable_folder
+    from mpsnet_core.files import IMAGE_SUFFIXES, makeable_folder
     from mpsnet_core.frames import check_apart
-    from mpsnet_core.images import WRITABLE_BITS, read_image
+    from mpsnet_core.images import read_image
     from mpsnet_core.material.material import check_material, filled_part, flat_material
     from mpsnet_core.material.material_files import material_files, write_material
     from mpsnet_core.normals import check_convention
@@ -79,7 +82,7 @@ def _material(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
     name = photo.stem if options.name is None else options.name
     if Path(name).name != name:
         raise InputError(f"--name {name} is not a file's name; give the folder with -o")
-    if Path(options.output).suffix.lower() in WRITABLE_BITS:
+    if Path(options.output).suffix.lower() in IMAGE_SUFFIXES:
         raise InputError(f"--output {options.output} ends like a picture; give the folder for all of them")
     folder = makeable_folder(options.output, "material")
     check_apart([photo, options.rig, *read_files(options)], material_files(folder, name).values())

@@ -13,8 +13,8 @@ from mpsnet_core.errors import InputError
 
 if TYPE_CHECKING:
     from mpsnet_core.surface.mesh import Mesh
+    from mpsnet_core.surface.present_maps import PresentMaps
     from mpsnet_core.surface.sheets import Sheet
-    from mpsnet_core.surface.shown import Present
     from mpsnet_core.surface.texture import Texture
 
 log = logging.getLogger(__name__)
@@ -27,14 +27,14 @@ LISTED = 12
 class Plan:
     """Textures to be made of meshes: a sheet and a file for each.
 
-    patterns: the files with <UDIM> in place of the tile's number. present: the map that goes beneath the only texture.
+    patterns: the files with <UDIM> in place of the tile's number. presents: the maps that go beneath them.
     """
 
     meshes: "Sequence[Mesh]"
     sheets: "Sequence[Sheet]"
     files: Sequence[Path]
     patterns: Sequence[Path]
-    present: "Present | None"
+    presents: "PresentMaps"
 
 
 @dataclass(frozen=True)
@@ -49,16 +49,16 @@ class Made:
 
 
 def planned(options: argparse.Namespace, taken: Sequence[Path]) -> Plan:
-    """The textures that --mesh, --output and --onto ask for; meshes and present map are read.
+    """The textures that --mesh, --output and --onto ask for; meshes are read.
 
     taken: what no texture may overwrite.
 
-    Raises InputError where a mesh or the present map cannot be read, or a texture has no place.
+    Raises InputError where a mesh cannot be read, no texture has a present map, or a texture has no place.
     """
-    from mpsnet_core.cli.textures import asked_present
     from mpsnet_core.files import writable_path
     from mpsnet_core.frames import check_apart
     from mpsnet_core.surface.mesh import read_mesh
+    from mpsnet_core.surface.present_maps import PresentMaps, maps_beneath
     from mpsnet_core.surface.sheets import sheets
     from mpsnet_core.surface.texture_names import split_by, texture_files, tile_patterns
 
@@ -70,10 +70,10 @@ def planned(options: argparse.Namespace, taken: Sequence[Path]) -> Plan:
         raise InputError(f"{' and '.join(options.mesh)}: there are no materials; leave <MATERIAL> out of --output")
     chosen = sheets(meshes, tiles="tile" in by, materials="material" in by, objects="object" in by)
     files = texture_files(options.output, chosen)
-    if options.onto and by:
-        raise InputError("--onto goes beneath one texture; leave <UDIM>, <MATERIAL> and <OBJECT> out of --output")
-    check_apart(taken, map(writable_path, files))
-    return Plan(meshes, chosen, files, tile_patterns(options.output, chosen), asked_present(options))
+    beneath = maps_beneath(options.onto, options.onto_convention, chosen) if options.onto else [None] * len(chosen)
+    check_apart([*taken, *(one.file for one in beneath if one)], map(writable_path, files))
+    presents = PresentMaps(beneath, chosen, meshes, options.onto_shown)
+    return Plan(meshes, chosen, files, tile_patterns(options.output, chosen), presents)
 
 
 def _named(mesh: "Mesh", name: str) -> "Mesh":
@@ -97,8 +97,9 @@ def write_textures(
     try:
         for sheet, texture in baked:
             place = plan.sheets.index(sheet)
-            if plan.present is not None:
-                texture = laid_onto(texture, plan.present.vectors)
+            beneath = plan.presents.beneath(sheet)
+            if beneath is not None:
+                texture = laid_onto(texture, beneath)
             write_texture(plan.files[place], texture, convention=options.convention, bits=options.bits)
             made += 1
             seen, covered = int(texture.seen.sum()), int(texture.covered.sum())

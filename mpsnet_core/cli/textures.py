@@ -32,7 +32,10 @@ def add_detail(parser: argparse.ArgumentParser) -> None:
         "--strength", type=float, default=1.0, help="of what the photos add to the mesh's own normals: 0 to 2"
     )
     parser.add_argument(
-        "--onto", metavar="MAP", help="the object's present normal map (tangent space, same UVs), to add detail to"
+        "--onto",
+        metavar="MAP",
+        help="the object's present normal map (tangent space, same UVs), to add detail to; with <UDIM>, <MATERIAL> or "
+        "<OBJECT> in its name as in the output's, or a .json file that lists several",
     )
     parser.add_argument("--onto-convention", default="opengl", help="of the present map: opengl (green up) or directx")
     parser.add_argument(
@@ -48,16 +51,14 @@ def settle(options: argparse.Namespace, *, sequence: bool = False) -> None:
 
     sequence: the output is a folder of frames, which have names of their own.
 
-    Raises InputError where the preset is not known, what is asked for does not fit the output's ending, or the detail
-    cannot be had.
+    Raises InputError where the preset is not known, what is asked for does not fit the output's ending, the detail
+    cannot be had, or a folder is given for what several meshes share, which no preset has a name for.
     """
     from mpsnet_core.normals import check_convention
-    from mpsnet_core.surface.bake import check_strength
     from mpsnet_core.surface.onto import check_onto
     from mpsnet_core.surface.presets import preset_named, preset_output
     from mpsnet_core.surface.shown import check_shown
 
-    check_strength(options.strength)
     check_convention(options.onto_convention)
     check_shown(options.onto_shown)
     if options.onto:
@@ -73,6 +74,11 @@ def settle(options: argparse.Namespace, *, sequence: bool = False) -> None:
         if options.convention is None:
             options.convention = preset.convention
         if not sequence:
+            if len(options.mesh) > 1 and (Path(options.output).is_dir() or options.output.endswith(("/", "\\"))):
+                raise InputError(
+                    f"a preset names a texture after its mesh, and {len(options.mesh)} share this one; give its file "
+                    f"with --output, as {options.output.rstrip('/')}/{preset.stem('name')}{preset.suffix}"
+                )
             suffix = f".{ending}" if ending else None
             target = preset_output(preset, options.output, Path(options.mesh[0]).stem, suffix)
             if options.output.endswith(("/", "\\")):
@@ -94,15 +100,17 @@ def asked_present(options: argparse.Namespace) -> "Present | None":
     """The normal map that --onto means, None where it is not given. Raises InputError where it cannot be read."""
     from mpsnet_core.surface.onto import read_present_map
     from mpsnet_core.surface.shown import Present
+    from mpsnet_core.surface.texture_names import check_one_texture
 
     if options.onto is None:
         return None
+    check_one_texture(options.onto)
     return Present(read_present_map(options.onto, convention=options.onto_convention), options.onto_shown)
 
 
-def note_shown(shares: Sequence[float]) -> None:
-    """Tell of views that show the present map's relief. shares: of it that was taken out of each view."""
-    taken = [share for share in shares if share]
+def note_shown(shares: Sequence[Sequence[float]]) -> None:
+    """Tell of views that show the present maps' relief. shares: for each view, what of each map was taken out of it."""
+    taken = [share for of_view in shares for share in of_view if share]
     if taken:
-        share, views = sum(taken) / len(taken), f"{len(taken)} of {len(shares)} view(s)"
+        share, views = sum(taken) / len(taken), f"{sum(map(any, shares))} of {len(shares)} view(s)"
         log.info("%s show %.0f%% of the present map's relief, which is not added to it again", views, 100 * share)

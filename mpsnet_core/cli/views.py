@@ -18,11 +18,11 @@ from mpsnet_core.cli.arguments import (
     add_network,
     add_reading,
     add_texture,
+    asked_baking,
     asked_correction,
     asked_estimator,
     level_scale,
     read_files,
-    texture_settings,
 )
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.cli.sheets import planned, seen_share, textures_in_words, told_textures, write_textures
@@ -114,7 +114,7 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     settle(options)
     check_convention(options.convention)
     checked_bits(writable_path(options.output), options.bits)
-    texture_settings(options)
+    baking = asked_baking(options, FEATHER)
     level = level_scale(options.level)
     if options.report:
         report_path(options.report)
@@ -150,7 +150,7 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         else:
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="mpsnet-views-")))
         kept = [KeptView(folder, view.name) for view in views]
-        stored = KeptViews(kept, [view.camera for view in views], mesh, scene, level, plan.present)
+        stored = KeptViews(kept, [view.camera for view in views], mesh, scene, level, plan.presents.in_photos())
         agreed = agreement(mesh, scene, FEATHER)
         known = 0
         for number, (view, source) in enumerate(zip(views, sources, strict=True)):
@@ -165,15 +165,7 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
             agreed.add(view.name, estimated, levelled, angle)
             del estimated, levelled
         note_shown(stored.shares)
-        baked = bake_sheets(
-            plan.meshes,
-            stored,
-            plan.sheets,
-            feather=FEATHER,
-            strength=options.strength,
-            progress=part(reporter.progress, 0.72, 1.0),
-            **texture_settings(options),
-        )
+        baked = bake_sheets(plan.meshes, stored, plan.sheets, baking, progress=part(reporter.progress, 0.72, 1.0))
         made, maps = [], []
         for one, texture in write_textures(plan, baked, options):
             made.append(one)

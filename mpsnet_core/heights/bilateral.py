@@ -4,20 +4,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.bands import bands
-from mpsnet_core.heights.fast import fast
+from mpsnet_core.heights.fast import equations, fast
 from mpsnet_core.heights.gradients import LEAST_FACING, Gradients
 from mpsnet_core.heights.multigrid import Links, sums_of_blocks
-from mpsnet_core.heights.poisson import solved
+from mpsnet_core.heights.poisson import relaxed, solved
 from mpsnet_core.progress import Progress, part, silent
+from mpsnet_core.regions import grown
 
 # How sharply a pixel decides for one of its neighbours; the paper's value, for changes in pixels.
 SHARPNESS = np.float32(2)
 # What a neighbour counts at least: a part that is cut off all around stays where least squares put it.
 LEAST = np.float32(1e-5)
+# A pixel's equation that is off by this many pixels, times `facing`, on the side that it decided for counts half.
+OFF = np.float32(2)
+# Of the search for breaks around those of a smaller picture: a link below this share of its full weight is cut, the
+# true break is so many pixels from there at most, and so many steps fit these pixels in with what is around them.
+CUT, BESIDE, SEARCHING = np.float32(0.1), 2, 24
+# In it a link counts half where what its two pixels ask for differs by so many pixels, times `facing`.
+APART = np.float32(0.1)
 # The longest side of a picture that is begun without a smaller one.
 SMALL = 256
-# Passes, on the picture and on each smaller one; iterations of the solver in each.
-PASSES, ITERATIONS = 12, 6
+# Passes on the smallest picture, which has the longest way to go, and on each larger one; iterations of the solver.
+FIRST_PASSES, PASSES, ITERATIONS = 24, 12, 6
 # The share of a picture's work that is done before its own passes.
 STARTED = 0.25
 
@@ -31,16 +39,17 @@ def bilateral(wanted: Gradients, progress: Progress = silent) -> NDArray[np.floa
     weights and the depth are found in turns. The paper takes up to a hundred turns, with a solver from scratch in each.
     Here a picture of half the size is done first, so that wide parts are in their places, the smallest one begins at
     what :func:`fast` gives, which knows where loops do not close, and each turn makes a few multigrid iterations from
-    where the one before ended.
+    where the one before ended. A smaller picture knows where breaks are to its own pixel only; see :func:`_searched`.
+    Other than in the paper, a pixel whose equation neither side fulfils counts less.
     """
     before = part(progress, 0.0, STARTED, "finding depth's edges")
     if max(wanted.mask.shape) <= SMALL:
-        depth = fast(wanted, before)
+        depth, passes = fast(wanted, before), FIRST_PASSES
     else:
         smaller = _halved(wanted)
-        depth = _doubled(bilateral(smaller, before), smaller, wanted.mask)
-    for number in range(PASSES):
-        done, all_done = (STARTED + (1 - STARTED) * count / PASSES for count in (number, number + 1))
+        depth, passes = _searched(wanted, _doubled(bilateral(smaller, before), smaller, wanted.mask)), PASSES
+    for number in range(passes):
+        done, all_done = (STARTED + (1 - STARTED) * count / passes for count in (number, number + 1))
         told = part(progress, done, all_done, "finding depth's edges")
         weights, pulls = chosen_sides(wanted, depth)
         depth = solved(weights, pulls, depth, most=ITERATIONS, progress=told)
@@ -67,6 +76,46 @@ def _doubled(depth: NDArray[np.float32], smaller: Gradients, mask: NDArray[np.bo
         pixels[:] = blocks[: pixels.shape[0], : pixels.shape[1]]
     doubled[~mask] = 0
     return doubled
+
+
+def _searched(wanted: Gradients, depth: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Depth of which the few pixels beside each break have left either side.
+
+    After doubling, breaks run in steps of two pixels, and a pixel on the wrong side would stay there: it goes on as its
+    neighbours on that side do, and its link to the right side is cut. With every doubling the steps would grow. So
+    these pixels are laid between the surfaces on both sides, which stay, with most of the change where two neighbours
+    ask for different slopes or loops do not close; the passes that follow decide anew.
+    """
+    beside = grown(_breaks(wanted, chosen_sides(wanted, depth)[0]), BESIDE - 1)
+    weights, pulls = equations(wanted)
+    slope_right, slope_down = (
+        np.divide(values, wanted.facing, out=np.zeros_like(values), where=wanted.mask)
+        for values in (wanted.right, wanted.down)
+    )
+    alike = _alike(slope_right.T, wanted.facing.T).T, _alike(slope_down, wanted.facing)
+    for links in (weights, pulls):
+        links.right[:] *= alike[0]
+        links.down[:] *= alike[1]
+    return relaxed(weights, pulls, depth, beside, SEARCHING)
+
+
+def _breaks(wanted: Gradients, weights: Links) -> NDArray[np.bool_]:
+    """(H, W) the pixels at both ends of the links that are cut."""
+    mask, square = wanted.mask, np.square(wanted.facing)
+    broken = np.zeros_like(mask)
+    for links, one, other in (
+        (weights.right, np.s_[:, :-1], np.s_[:, 1:]),
+        (weights.down, np.s_[:-1, :], np.s_[1:, :]),
+    ):
+        cut = (links < CUT * (square[one] + square[other])) & mask[one] & mask[other]
+        broken[one] |= cut
+        broken[other] |= cut
+    return broken
+
+
+def _alike(slope: NDArray[np.float32], facing: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(N - 1, M) 0 to 1: how well the pixels (N, M) at both ends of links along the first axis agree."""
+    return 1 / (1 + np.square((slope[1:] - slope[:-1]) * np.minimum(facing[1:], facing[:-1]) / APART))
 
 
 def chosen_sides(wanted: Gradients, depth: NDArray[np.float32]) -> tuple[Links, Links]:
@@ -100,7 +149,9 @@ def _along(
     steeper[:-1] -= np.square(facing[:-1] * change)
     # tanh, which does not overflow, is the same curve.
     ahead = np.tanh(steeper * (SHARPNESS / 2)) * np.float32(0.5) + np.float32(0.5)
-    counts = np.maximum(ahead, LEAST)[:-1] * facing[:-1], np.maximum(1 - ahead, LEAST)[1:] * facing[1:]
+    first = ahead[:-1] / (1 + np.square((facing[:-1] * change - wanted[:-1]) / OFF))
+    second = (1 - ahead[1:]) / (1 + np.square((facing[1:] * change - wanted[1:]) / OFF))
+    counts = np.maximum(first, LEAST) * facing[:-1], np.maximum(second, LEAST) * facing[1:]
     weight = (counts[0] * facing[:-1] + counts[1] * facing[1:]) * linked
     pull = (counts[0] * wanted[:-1] + counts[1] * wanted[1:]) * linked
     return weight, pull

@@ -16,7 +16,9 @@ from mpsnet_core.surface.mesh import smooth_corner_normals
 from mpsnet_core.surface.texture import Space
 
 # Slopes steeper than this (cosine of the angle between the surface and the one it is displaced from; 80°) are taken to
-# be as steep as this: a normal at right angles to the mesh's would ask for an infinite height.
+# be as steep as this: a normal at right angles to the mesh's would ask for an infinite height. Less steep than what
+# heights before a camera may be (gradients.LEAST_FACING): here steep texels count as much as all others, and what bends
+# away further from its own mesh is no height over it.
 LEAST_FACING = 0.17
 ROWS = 64
 

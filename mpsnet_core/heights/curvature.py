@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.bands import bands
 from mpsnet_core.camera import Camera
+from mpsnet_core.defaults import CURVATURE_RADIUS
 from mpsnet_core.errors import InputError
 from mpsnet_core.heights.sizes import check_size
 from mpsnet_core.normals import NormalMap
@@ -24,7 +25,7 @@ def curvature(
     camera: Camera,
     depth: NDArray[np.floating] | None = None,
     *,
-    radius: int = 8,
+    radius: int = CURVATURE_RADIUS,
     progress: Progress = silent,
 ) -> NDArray[np.float32]:
     """(H, W) the sum of the two principal curvatures (twice the mean curvature) in 1 / the camera's unit; 0 outside.

@@ -10,7 +10,8 @@ from mpsnet_core.camera import Camera
 from mpsnet_core.normals import NormalMap
 
 # A surface steeper than this (cosine of the angle to the line of sight; 87°) is taken to be as steep as this. Normals
-# that face away from the camera, which no camera sees, are taken likewise, and count next to nothing.
+# that face away from the camera, which no camera sees, are taken likewise, and count next to nothing. Close to 90°, for
+# the rims of round things are as steep as that, and little harm is done: equations count by the square of this cosine.
 LEAST_FACING = 0.05
 
 

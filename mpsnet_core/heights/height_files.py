@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.camera import camera_data, camera_from_data
+from mpsnet_core.camera import Camera, camera_data, camera_from_data
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import MAX_JSON_BYTES, existing_file, read_json, writable_path, write_json
 from mpsnet_core.heights.height_map import HeightMap
@@ -84,15 +84,20 @@ def height_files(path: str | os.PathLike[str], bits: int | None = None) -> list[
 
 
 def write_height(
-    path: str | os.PathLike[str], heights: HeightMap, *, bits: int | None = None, unit: str = "unit"
+    path: str | os.PathLike[str],
+    heights: HeightMap,
+    *,
+    bits: int | None = None,
+    unit: str = "unit",
+    on_uvs: bool = False,
 ) -> HeightScale:
     """Write heights, their scale as ``NAME.json`` and their mask as ``NAME_mask.png``; each whole or not at all.
 
     path: .exr, or .tif with `bits` 32: float32 heights in the unit itself. .png or .tif: 16 bits from black, the lowest
     height, to white, the highest. The file itself keeps the scale too, as its description. unit: what the camera's
-    unit is called, for people.
+    unit is called, for people. on_uvs: they are a texture, which no camera saw, and none is told.
 
-    Returns what the values mean. Raises InputError as :func:`height_files` does.
+    Returns what the values mean. Raises InputError as :func:`height_files` does, and where the disk is full.
     """
     path, scale_file, mask_file = height_files(path, bits)
     bits = checked_bits(path, bits)
@@ -112,7 +117,7 @@ def write_height(
         "pixels_per_unit": _pixels_per_unit(heights, zero),
         "displace": {"strength": scale.strength, "midlevel": scale.midlevel},
         "mask": None if heights.mask.all() else mask_file.name,
-        "camera": camera_data(heights.camera),
+        "camera": None if on_uvs else camera_data(heights.camera),
     }
     values = push_pull(heights.values, heights.mask)
     if bits != 32:
@@ -130,7 +135,8 @@ def write_height(
 def read_height(path: str | os.PathLike[str]) -> HeightMap:
     """Read heights that :func:`write_height` wrote, with the scale, mask and camera that stand beside them.
 
-    Of 16 bits they are right to half a step, ``(white - black) / 131070``.
+    Of 16 bits they are right to half a step, ``(white - black) / 131070``. Heights on UVs come with an orthographic
+    camera whose pixels are as large as their texels.
 
     Raises InputError where a file is missing or broken, or they do not belong together.
     """
@@ -142,13 +148,19 @@ def read_height(path: str | os.PathLike[str]) -> HeightMap:
         black, white = _number(data, "black"), _number(data, "white")
         if _kept_scale(path) not in (None, [black, white]):
             raise InputError("its black and white are not those that the picture itself keeps; write both again")
-        if not isinstance(data.get("camera"), dict):
-            raise InputError('it lacks "camera"; add it')
-        camera = camera_from_data(data["camera"])
+        camera = _camera(data, values.shape)
         mask = _read_mask_beside(scale_file, data.get("mask"), values.shape)
         return HeightMap((black + values.astype(np.float64) * (white - black)).astype(np.float32), mask, camera)
     except InputError as error:
         raise InputError(f"height map {path} with {scale_file.name}: {error}") from None
+
+
+def _camera(data: dict[str, Any], shape: tuple[int, ...]) -> Camera:
+    if "camera" in data and data["camera"] is None:
+        return Camera("orthographic", shape[1], shape[0], np.full(2, _number(data, "pixels_per_unit")))
+    if not isinstance(data.get("camera"), dict):
+        raise InputError('it lacks "camera"; add it')
+    return camera_from_data(data["camera"])
 
 
 def _kept_scale(path: Path) -> list[Any] | None:

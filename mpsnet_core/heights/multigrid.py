@@ -38,10 +38,10 @@ def grids_of(weights: Links) -> list[Grid]:
     """The grid itself and ever coarser ones, each of blocks of 2 x 2 pixels of the one before."""
     grids = []
     while max(shape := (weights.right.shape[0], weights.down.shape[1])) > COARSEST:
-        grids.append(Grid(weights, _steps(weights)))
+        grids.append(Grid(weights, steps_of(weights)))
         weights = _of_blocks(weights)
     matrix = _matrix(weights, *shape)
-    return [*grids, Grid(weights, _steps(weights), np.linalg.pinv(matrix, 1e-6, hermitian=True).astype(np.float32))]
+    return [*grids, Grid(weights, steps_of(weights), np.linalg.pinv(matrix, 1e-6, hermitian=True).astype(np.float32))]
 
 
 def residual(
@@ -78,9 +78,9 @@ def corrected(grids: list[Grid], left: NDArray[np.float32]) -> NDArray[np.float3
         return (grid.inverse @ left.ravel()).reshape(left.shape)
     u = left * grid.step
     still = np.empty_like(u)
-    _smooth(grid, u, left, still, STEPS - 1)
+    smooth(grid, u, left, still, STEPS - 1)
     add_blocks(u, corrected(grids[1:], sums_of_blocks(residual(grid, u, left, still))))
-    _smooth(grid, u, left, still, STEPS)
+    smooth(grid, u, left, still, STEPS)
     return u
 
 
@@ -102,16 +102,16 @@ def add_blocks(values: NDArray[np.float32], blocks: NDArray[np.float32]) -> None
             part += blocks[: part.shape[0], : part.shape[1]]
 
 
-def _smooth(
-    grid: Grid, u: NDArray[np.float32], aim: NDArray[np.float32], room: NDArray[np.float32], times: int
-) -> None:
+def smooth(grid: Grid, u: NDArray[np.float32], aim: NDArray[np.float32], room: NDArray[np.float32], times: int) -> None:
+    """So many Jacobi steps of u towards A u = aim, in place; what is in `room` (H, W) is lost."""
     for _ in range(times):
         residual(grid, u, aim, room)
         room *= grid.step
         u += room
 
 
-def _steps(links: Links) -> NDArray[np.float32]:
+def steps_of(links: Links) -> NDArray[np.float32]:
+    """(H, W) what a Jacobi step multiplies a residual by, 0 where nothing is linked."""
     sums = np.zeros((links.right.shape[0], links.down.shape[1]), np.float32)
     sums[:, 1:] += links.right
     sums[:, :-1] += links.right

@@ -13,7 +13,7 @@ from mpsnet_core.heights.height_map import HeightMap
 from mpsnet_core.heights.layout import Layout, layout_of
 from mpsnet_core.heights.sewn import Graph, Solver, graph_of
 from mpsnet_core.progress import Progress, part, silent
-from mpsnet_core.surface.bake import check_texture
+from mpsnet_core.surface.baking import check_texture
 from mpsnet_core.surface.mesh import Mesh
 from mpsnet_core.surface.push_pull import push_pull
 from mpsnet_core.surface.raster import grown

@@ -8,7 +8,7 @@ import logging
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.heights.multigrid import Links, corrected, grids_of, residual
+from mpsnet_core.heights.multigrid import Grid, Links, corrected, grids_of, residual, smooth, steps_of
 from mpsnet_core.progress import Progress, silent
 
 log = logging.getLogger(__name__)
@@ -40,7 +40,7 @@ def solved(
     left = gathered(pulls)
     residual(grids[0], u, left, left)
     towards, along = np.zeros_like(u), np.empty_like(u)
-    before, first = np.float32(1), 0.0
+    before, first, done = np.float32(1), 0.0, 0.0
     for number in range(most):
         correction = corrected(grids, left)
         remaining = float(np.abs(correction).max())
@@ -48,7 +48,9 @@ def solved(
             break
         first = max(first, remaining)
         gained = np.log(first / remaining) / max(np.log(first / tolerance), 1e-6)
-        progress(max(number / most, min(float(gained), 1.0)), "integrating")
+        # A correction can be larger than the one before it; progress does not go back.
+        done = max(done, number / most, min(float(gained), 1.0))
+        progress(done, "integrating")
         now = np.vdot(left, correction)
         towards *= now / before
         towards += correction
@@ -62,6 +64,19 @@ def solved(
             log.info(
                 "the heights may be off where the surface hangs together by thin strips: %d steps were too few", most
             )
+    return u
+
+
+def relaxed(
+    weights: Links, pulls: Links, start: NDArray[np.float32], free: NDArray[np.bool_], times: int
+) -> NDArray[np.float32]:
+    """(H, W) what is nearer to :func:`solved` where `free` (H, W); elsewhere `start`. By so many Jacobi steps, each of
+    which tells a pixel of its neighbours alone: for strips of a few pixels.
+    """
+    u = start.copy()
+    steps = steps_of(weights)
+    steps[~free] = 0
+    smooth(Grid(weights, steps), u, gathered(pulls), np.empty_like(u), times)
     return u
 
 

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.defaults import FACES
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import writable_path, written_whole
 from mpsnet_core.heights.adaptive import adaptive_triangles
@@ -19,7 +20,6 @@ from mpsnet_core.progress import Progress, silent
 
 Up = Literal["y", "z"]
 MESH_SUFFIXES = (".ply", ".glb", ".obj")
-FACES = 200_000
 MAX_FACES = 10_000_000
 
 
@@ -55,6 +55,7 @@ def surface_mesh(
     """
     check_size("height map", heights.mask.shape, normals)
     check_surface_mesh(faces, open_from)
+    check_has_faces(heights.mask)
     corners = adaptive_triangles(parallel_heights(heights), heights.mask, pixel_size(heights), faces, progress)
     pixels, triangles = np.unique(corners, return_inverse=True)
     triangles = triangles.reshape(-1, 3)
@@ -88,6 +89,13 @@ def check_surface_mesh(faces: int, open_from: float | None = None) -> None:
         raise InputError(f"steps are left open from an angle between 0 and 90 degrees on, not {open_from:g}")
 
 
+def check_has_faces(mask: NDArray[np.bool_]) -> None:
+    """Raises InputError where no triangle of neighbouring pixels is within the mask, (H, W)."""
+    ones = mask.astype(np.int8)
+    if not (ones[:-1, :-1] + ones[:-1, 1:] + ones[1:, :-1] + ones[1:, 1:] >= 3).any():
+        raise InputError("the surface is nowhere two pixels wide and high, so it has no face; leave the mesh out")
+
+
 def writable_mesh(path: str | os.PathLike[str]) -> Path:
     """`path` as a Path, or InputError where no mesh can be written there."""
     path = writable_path(path)
@@ -102,6 +110,7 @@ def write_surface_mesh(path: str | os.PathLike[str], mesh: SurfaceMesh, *, up: U
 
     PLY keeps the world's axes. GLB and OBJ are y up by their conventions: where `up` says that z is up in the world, as
     in Blender, (x, y, z) is written as (x, z, -y), which Blender's importers turn back. "y" writes all as it stands.
+    The object is called as the file is.
 
     Raises InputError where the suffix is another, or the file cannot be written.
     """
@@ -115,7 +124,7 @@ def write_surface_mesh(path: str | os.PathLike[str], mesh: SurfaceMesh, *, up: U
         if path.suffix.lower() == ".obj":
             _write_obj(unfinished, vertices, normals, mesh)
         else:
-            _write_with_trimesh(unfinished, vertices, normals, mesh)
+            _write_with_trimesh(unfinished, path.stem, vertices, normals, mesh)
 
 
 def _write_obj(path: Path, vertices: NDArray[np.floating], normals: NDArray[np.floating], mesh: SurfaceMesh) -> None:
@@ -128,8 +137,9 @@ def _write_obj(path: Path, vertices: NDArray[np.floating], normals: NDArray[np.f
 
 
 def _write_with_trimesh(
-    path: Path, vertices: NDArray[np.floating], normals: NDArray[np.floating], mesh: SurfaceMesh
+    path: Path, name: str, vertices: NDArray[np.floating], normals: NDArray[np.floating], mesh: SurfaceMesh
 ) -> None:
+    """name: what the object in the file is called; PLY has no place for it."""
     import trimesh  # takes a while to load
 
     material = trimesh.visual.material.PBRMaterial(name="Surface", metallicFactor=0.0, roughnessFactor=0.8)
@@ -143,4 +153,6 @@ def _write_with_trimesh(
     if path.suffix.lower() == ".ply":
         path.write_bytes(trimesh.exchange.ply.export_ply(made, vertex_normal=True))
     else:
-        path.write_bytes(trimesh.exchange.gltf.export_glb(trimesh.Scene(made), include_normals=True))
+        scene = trimesh.Scene()
+        scene.add_geometry(made, node_name=name, geom_name=name)
+        path.write_bytes(trimesh.exchange.gltf.export_glb(scene, include_normals=True))

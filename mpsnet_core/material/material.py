@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.camera import Camera
 from mpsnet_core.capture import Capture
+from mpsnet_core.defaults import BEND, CURVATURE_RADIUS, OVERLAP
 from mpsnet_core.errors import InputError
 from mpsnet_core.heights.curvature import curvature
 from mpsnet_core.material.albedo import estimated_albedo
@@ -23,7 +24,6 @@ from mpsnet_core.progress import Progress, silent
 LEAST_SIDE, LARGEST_SIDE = 64, 8192
 LEAST_OVERLAP, LARGEST_OVERLAP = 0.05, 0.5
 MOST_BEND = 12
-CURVATURE_RADIUS = 8
 # Brighter albedos are not seen in nature; where photographed so, all are darkened.
 BRIGHTEST = 0.95
 
@@ -63,8 +63,8 @@ def flat_material(
     pixel_mm: float,
     *,
     size: int | None = None,
-    overlap: float = 0.2,
-    bend: int = 4,
+    overlap: float = OVERLAP,
+    bend: int = BEND,
     grey: bool = False,
     progress: Progress = silent,
 ) -> Material:
@@ -150,10 +150,15 @@ def filled_part(capture: Capture, crop: tuple[int, int, int, int] | None = None)
     """
     rows, columns = capture.mask.shape
     left, top, width, height = crop or (0, 0, columns, rows)
-    if min(left, top) < 0 or min(width, height) < 1 or left + width > columns or top + height > rows:
+    if min(width, height) < 1:
         raise InputError(
-            f"the crop {left},{top},{width},{height} (left, top, width, height) is not within the photo, which is "
-            f"{columns} x {rows}"
+            f"the crop leaves nothing of the photo's {columns} x {rows} pixels: its width and height are {width} and "
+            f"{height}; give 1 or more"
+        )
+    if min(left, top) < 0 or left + width > columns or top + height > rows:
+        raise InputError(
+            f"the crop of {width} x {height} pixels from {left} on across and from {top} on down is not within the "
+            f"photo, which is {columns} x {rows}; give places that it has"
         )
     if min(width, height) < LEAST_SIDE:
         raise InputError(f"{width} x {height} pixels are too few for a material; take {LEAST_SIDE} or more each way")
@@ -204,7 +209,7 @@ def _repeated_curvature(normals: NDArray[np.float32], pitch: tuple[float, float]
     around = CURVATURE_RADIUS + 1
     vectors = np.pad(normals, ((around, around), (around, around), (0, 0)), mode="wrap")
     shape = vectors.shape[:2]
-    found = curvature(NormalMap(vectors, np.ones(shape, bool)), _camera(shape, pitch), radius=CURVATURE_RADIUS)
+    found = curvature(NormalMap(vectors, np.ones(shape, bool)), _camera(shape, pitch))
     return found[around:-around, around:-around]
 
 

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.files import made_folder, write_json
+from mpsnet_core.errors import InputError
+from mpsnet_core.files import made_folder, read_json, write_json
 from mpsnet_core.heights.curvature import curvature_picture, curvature_range
 from mpsnet_core.heights.relight import relit
 from mpsnet_core.images import linear_to_srgb, write_image
@@ -18,6 +19,19 @@ from mpsnet_core.normals import Convention, NormalMap, encode
 
 MATERIAL_FORMAT = "mpsnet-material"
 MATERIAL_VERSION = 1
+MATERIAL_KEYS = (
+    "width_mm",
+    "height_mm",
+    "pixels",
+    "height_of_black_mm",
+    "height_of_white_mm",
+    "curvature_of_white_per_mm",
+    "photo",
+    "seam",
+    "convention",
+    "files",
+)
+_MEND = "give another folder or name"
 PICTURES = {
     "normal": ".png",
     "height": ".png",
@@ -33,9 +47,22 @@ PREVIEW_LIGHT = (-0.6, 0.6, 0.6)
 
 
 def material_files(folder: str | os.PathLike[str], name: str) -> dict[str, Path]:
-    """The files that :func:`write_material` writes, by what they hold: the PICTURES, and "material"."""
-    files = {what: Path(folder) / f"{name}_{what}{suffix}" for what, suffix in PICTURES.items()}
-    return {**files, "material": Path(folder) / f"{name}_material.json"}
+    """The files that :func:`write_material` writes, by what they hold: the PICTURES, and "material".
+
+    Raises InputError where one of them is there already and is not of a material that was written there before.
+    """
+    pictures = {what: Path(folder) / f"{name}_{what}{suffix}" for what, suffix in PICTURES.items()}
+    told, own = Path(folder) / f"{name}_material.json", set[str]()
+    if told.exists():
+        try:
+            files = read_json(told, MATERIAL_FORMAT, MATERIAL_VERSION, MATERIAL_KEYS).get("files")
+        except InputError:
+            raise InputError(f"the result would overwrite {told}, which is another file; {_MEND}") from None
+        own = set(map(str, files.values())) if isinstance(files, dict) else own
+    for picture in pictures.values():
+        if picture.exists() and picture.name not in own:
+            raise InputError(f"the result would overwrite {picture}, which is not of this material; {_MEND}")
+    return {**pictures, "material": told}
 
 
 def write_material(
@@ -45,22 +72,22 @@ def write_material(
 
     normal: 0.5 + 0.5 n, 16 bits. height: 16 bits from black, the lowest, to white, the highest. height_mm: float,
     millimetres. curvature: grey where flat, lighter where it bulges, of the range that material.json tells. albedo:
-    sRGB. preview: 3 x 3 tiles under a low light. material: JSON, written last, when all else is there.
+    sRGB. preview: 3 x 3 tiles under a low light. material: JSON, written first: the others are known as its own by it.
 
-    Raises InputError where the folder cannot be made or written.
+    Raises InputError where the folder cannot be made or written, and as :func:`material_files` does.
     """
     files = material_files(made_folder(folder, "material"), name)
     mask = np.ones(material.height.shape, bool)
     low, high = float(material.height.min()), float(material.height.max())
     bend = curvature_range(material.curvature, mask)
+    told = {**_told(material, low, high, bend), "convention": convention}
+    write_json(files["material"], {**told, "files": {what: files[what].name for what in PICTURES}})
     write_image(files["normal"], encode(material.normals, convention))
     write_image(files["height"], (material.height - low) / max(high - low, 1e-9))
     write_image(files["height_mm"], material.height)
     write_image(files["curvature"], curvature_picture(material.curvature, bend), bits=8)
     write_image(files["albedo"], linear_to_srgb(material.albedo), bits=8, color_space="sRGB")
     write_image(files["preview"], repeated_picture(material), bits=8, color_space="sRGB")
-    told = _told(material, low, high, bend)
-    write_json(files["material"], {**told, "convention": convention, "files": {k: files[k].name for k in PICTURES}})
     return files
 
 

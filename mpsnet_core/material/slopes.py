@@ -5,7 +5,9 @@ from numpy.typing import NDArray
 
 from mpsnet_core.normals import normalised
 
-# The tangent of 79°: what is steeper is hardly seen, and one such pixel would weigh as much as many others.
+# The tangent of 79°: what is steeper is hardly seen, and one such pixel would weigh as much as many others. Slopes are
+# averaged as they are, so this limit is lower than that of heights before a camera (gradients.LEAST_FACING, 87°), whose
+# steep pixels count less.
 STEEPEST = 5.0
 
 

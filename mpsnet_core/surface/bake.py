@@ -11,26 +11,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.bands import bands
+from mpsnet_core.defaults import MARGIN, TEXTURE_SIZE
 from mpsnet_core.errors import InputError
 from mpsnet_core.normals import normalised
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.rays import RayScene
+from mpsnet_core.surface.baking import Baking
 from mpsnet_core.surface.joined import joined
 from mpsnet_core.surface.looks import Looks, Projectors, seen_triangles
 from mpsnet_core.surface.mesh import Mesh
-from mpsnet_core.surface.padding import PADDINGS, Padding, padded
+from mpsnet_core.surface.padding import Padding, padded
 from mpsnet_core.surface.projection import Projector, View
 from mpsnet_core.surface.raster import texel_areas, triangle_of_texel
 from mpsnet_core.surface.sheets import Sheet, sheets
-from mpsnet_core.surface.texture import SPACES, Space, Texture
+from mpsnet_core.surface.texture import Space, Texture
 from mpsnet_core.surface.under_texels import Place, UnderTexels
 
 log = logging.getLogger(__name__)
 
-MAX_SIZE = 16384
-MAX_STRENGTH = 2.0
-# Points a texel, along each side.
-SAMPLES = (1, 2, 4)
 # Points worked on at once: small enough to stay in a core's cache.
 POINTS_AT_ONCE = 1 << 16
 # The weight of the mesh's own normal where views fade out: that of a view at 80 degrees.
@@ -41,9 +39,9 @@ def bake_normals(
     mesh: Mesh,
     views: Sequence[View],
     *,
-    size: int = 2048,
+    size: int = TEXTURE_SIZE,
     space: Space = "tangent",
-    margin: int = 16,
+    margin: int = MARGIN,
     padding: Padding = "nearest",
     samples: int = 1,
     feather: float = 0.0,
@@ -56,29 +54,13 @@ def bake_normals(
     surface. Texels that none sees keep the mesh's own shading normal.
 
     views: asked for one after the other, and more than once where they are too large to be held all at once.
-    size: the texture's side in texels. space: "tangent" is MikkTSpace, "object" the mesh's own axes. margin: texels
-    that the islands' borders are grown by where the padding is "nearest"; :mod:`mpsnet_core.surface.padding` has the
-    others. samples: 1, 2 or 4; a texel is the mean of samples x samples points in it, those that lie on the surface.
-    feather: a share of the mesh's size; over this distance each view fades out towards its borders
-    (:mod:`mpsnet_core.surface.feather`), into the others or into the mesh's own normals. strength: what the slopes
-    against the mesh's own normals are multiplied by; 0 leaves nothing of the views.
+    size, space, margin, padding, samples, feather, strength: of :class:`mpsnet_core.surface.baking.Baking`.
 
     Raises InputError where there is no view, a number is out of range or no texel is seen; Cancelled where `progress`
     does.
     """
-    ((_, texture),) = bake_sheets(
-        [mesh],
-        views,
-        sheets([mesh]),
-        size=size,
-        space=space,
-        margin=margin,
-        padding=padding,
-        samples=samples,
-        feather=feather,
-        strength=strength,
-        progress=progress,
-    )
+    baking = Baking(size, space, margin, padding, samples, feather, strength)
+    ((_, texture),) = bake_sheets([mesh], views, sheets([mesh]), baking, progress=progress)
     return texture
 
 
@@ -86,14 +68,8 @@ def bake_sheets(
     meshes: Sequence[Mesh],
     views: Sequence[View],
     chosen: Sequence[Sheet],
+    baking: Baking,
     *,
-    size: int = 2048,
-    space: Space = "tangent",
-    margin: int = 16,
-    padding: Padding = "nearest",
-    samples: int = 1,
-    feather: float = 0.0,
-    strength: float = 1.0,
     progress: Progress = silent,
 ) -> Iterator[tuple[Sheet, Texture]]:
     """Bake the views' normals onto the UVs of several meshes, which hide one another, a texture for each sheet.
@@ -101,23 +77,19 @@ def bake_sheets(
     One texture is made at a time, when it is asked for. Sheets that hold no texel have none. What has been seen once is
     not forgotten: views are held in memory from one texture to the next as far as they fit.
 
-    chosen: of :func:`mpsnet_core.surface.sheets.sheets`, of the same meshes. All else as in :func:`bake_normals`.
+    chosen: of :func:`mpsnet_core.surface.sheets.sheets`, of the same meshes. views: as in :func:`bake_normals`.
 
     Raises InputError as it does; for what no view sees only where none sees any of the meshes.
     """
     if not len(views):
         raise InputError("there is no view to bake; give at least one camera with its normal map")
-    check_texture(size, space, margin, padding, samples)
-    if not 0 <= feather <= 1:
-        raise InputError(f"a feather of {feather:g} times the mesh's size cannot be baked; choose 0 to 1")
-    check_strength(strength)
     progress(0.0, "laying out the UVs")
     whole = joined(meshes)
     scene = RayScene(whole.world_vertices, whole.triangles)
     del whole
-    projectors = Projectors(views, scene, feather)
+    projectors = Projectors(views, scene, baking.feather)
     seen = seen_triangles(meshes, projectors, scene, part(progress, 0.0, 0.1))
-    bake = _Bake(meshes, projectors, seen, scene.middle, size, space, samples, strength)
+    bake = _Bake(meshes, projectors, seen, scene.middle, baking)
     # Before anything is known to be seen, textures that are not seen wait: it may be that none is.
     any_seen, any_covered, waiting = any(one.any() for one in seen), False, list[Sheet]()
     for number, sheet in enumerate(chosen):
@@ -132,40 +104,21 @@ def bake_sheets(
             waiting.append(sheet)
             continue
         step(0.9, "growing the margin")
-        yield sheet, _finished(texture, padding, margin)
+        yield sheet, _finished(texture, baking)
         step(1.0, "baked")
     if not any_covered:
+        size = baking.size
         raise InputError(f"no texel of a {size} x {size} texture lies on the mesh's UVs; choose a larger size")
     if not any_seen:
         raise InputError("no view sees any of the mesh; check that the cameras and the mesh share one world")
     for sheet in waiting:
         texture = bake.texture(sheet, part(progress, 1.0, 1.0))
         if texture is not None:
-            yield sheet, _finished(texture, padding, margin)
+            yield sheet, _finished(texture, baking)
 
 
-def check_texture(size: int, space: str, margin: int, padding: str = "nearest", samples: int = 1) -> None:
-    """Raises InputError where :func:`bake_normals` would bake no texture of that size, space, margin and so on."""
-    if not 1 <= size <= MAX_SIZE:
-        raise InputError(f"a texture of {size} texels cannot be baked; choose a size from 1 to {MAX_SIZE}")
-    if not 0 <= margin <= size:
-        raise InputError(f"a margin of {margin} texels does not fit a texture of {size}; choose 0 to {size}")
-    if space not in SPACES:
-        raise InputError(f"space {space!r} is not known; choose {' or '.join(SPACES)}")
-    if padding not in PADDINGS:
-        raise InputError(f"padding {padding!r} is not known; choose {', '.join(PADDINGS[:-1])} or {PADDINGS[-1]}")
-    if samples not in SAMPLES:
-        raise InputError(f"{samples} x {samples} samples a texel cannot be baked; choose 1, 2 or 4")
-
-
-def check_strength(strength: float) -> None:
-    """Raises InputError where :func:`bake_normals` would bake no detail of that strength."""
-    if not 0 <= strength <= MAX_STRENGTH:
-        raise InputError(f"a strength of {strength:g} cannot be baked; choose 0 to {MAX_STRENGTH:g}")
-
-
-def _finished(texture: Texture, padding: Padding, margin: int) -> Texture:
-    return replace(texture, vectors=padded(texture.vectors, texture.covered, padding, margin))
+def _finished(texture: Texture, baking: Baking) -> Texture:
+    return replace(texture, vectors=padded(texture.vectors, texture.covered, baking.padding, baking.margin))
 
 
 @dataclass(frozen=True)
@@ -176,39 +129,32 @@ class _Bake:
     projectors: Projectors
     seen: Sequence[NDArray[np.bool_]]
     middle: NDArray[np.float64]
-    size: int
-    space: Space
-    samples: int
-    strength: float
+    baking: Baking
 
     def texture(self, sheet: Sheet, progress: Progress) -> Texture | None:
         """The sheet's texture, without padding; None where no texel lies on it."""
+        size, samples = self.baking.size, self.baking.samples
         surfaces, seen = [], []
         for mesh, triangles, seen_of in zip(self.meshes, sheet.parts, self.seen, strict=True):
             if triangles is None or len(triangles):
-                surfaces.append(UnderTexels(mesh, triangles, sheet.corner, self.middle, self.size * self.samples))
+                surfaces.append(UnderTexels(mesh, triangles, sheet.corner, self.middle, size * samples))
                 seen.append(seen_of if triangles is None else seen_of[triangles])
         # Where UVs overlap (mirrored halves, say), the triangle that a view sees wins: the last one laid down.
         order = np.argsort(np.concatenate(seen), kind="stable")
         corners = np.concatenate([surface.corners for surface in surfaces])
         # With several points a texel, so many rows at once that they have no more points than the texture has texels.
-        rows = list(bands(self.size, -(-self.size // self.samples**2)))
+        rows = list(bands(size, -(-size // samples**2)))
         baked = []
         for number, band in enumerate(rows):
             told = part(progress, 0.9 * number / len(rows), 0.9 * (number + 1) / len(rows))
-            fine = slice(band.start * self.samples, band.stop * self.samples)
-            laid = triangle_of_texel(corners[order], self.size * self.samples, fine)
-            baked.append(
-                _averaged(self._points(_patches(surfaces, order, laid), laid >= 0, fine.start, told), self.samples)
-            )
+            fine = slice(band.start * samples, band.stop * samples)
+            laid = triangle_of_texel(corners[order], size * samples, fine)
+            baked.append(_averaged(self._points(_patches(surfaces, order, laid), laid >= 0, fine.start, told), samples))
             del laid
         texture = _stacked(baked)
         if not texture.covered.any():
             return None
-        if (
-            texel_areas(_within(corners, self.size * self.samples)).sum()
-            > 1.05 * texture.covered.sum() * self.samples**2
-        ):
+        if texel_areas(_within(corners, size * samples)).sum() > 1.05 * texture.covered.sum() * samples**2:
             mend = (
                 ""
                 if len(surfaces) == 1
@@ -245,7 +191,7 @@ class _Bake:
                             looked.add(*projector.look(point, normal))
                         if last:
                             vectors[texels] = patch.surface.encoded(
-                                place, looked.sums[:, :3] + normal * fade, self.space, self.strength
+                                place, looked.sums[:, :3] + normal * fade, self.baking.space, self.baking.strength
                             )
                             spread[texels] = looked.spread()
 
@@ -260,7 +206,9 @@ class _Bake:
             count[patch.texels] = patch.looks.views
         shape = covered.shape
         counts = count.reshape(shape)
-        return Texture(vectors.reshape(*shape, 3), counts > 0, covered, self.space, counts, spread.reshape(shape))
+        return Texture(
+            vectors.reshape(*shape, 3), counts > 0, covered, self.baking.space, counts, spread.reshape(shape)
+        )
 
 
 @dataclass(frozen=True)

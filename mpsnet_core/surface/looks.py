@@ -24,7 +24,10 @@ class Projectors:
         self.all: list[Projector] = []
 
     def batches(self) -> Iterator[list[Projector]]:
-        """All projectors in the views' order, in groups of about HELD_BYTES; a group is let go before the next."""
+        """All projectors in the views' order, in groups of about HELD_BYTES; a group is let go before the next.
+
+        Raises InputError where a view that is not held in memory cannot be read again.
+        """
         if self.all:
             yield self.all
             return

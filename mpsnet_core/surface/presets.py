@@ -72,9 +72,10 @@ def preset_output(preset: Preset, output: str, name: str, suffix: str | None = N
     if target.is_dir() or output.endswith(("/", "\\")):
         return target / f"{preset.stem(name)}{suffix}"
     if target.suffix.lower() != suffix:
+        ends = f"ends in {target.suffix}" if target.suffix else f"has no ending (for a new folder write {target}/)"
         raise InputError(
-            f"the preset for {preset.label} writes {suffix}, but {target} ends in {target.suffix or 'nothing'}; "
-            "change the ending, or leave the preset out"
+            f"the preset for {preset.label} writes {suffix}, but {target} {ends}; change the ending, or leave the "
+            "preset out"
         )
     return target
 

@@ -72,6 +72,8 @@ def grown(values: NDArray[np.float32], filled: NDArray[np.bool_], distance: int)
     flat = done.ravel()
     reached = [np.empty(0, np.int64)]
     for _ in range(distance):
+        if not len(front):
+            break
         neighbours = (front[:, None] + steps).T.ravel()
         origins = np.tile(front, len(steps))
         new = ~flat[neighbours]

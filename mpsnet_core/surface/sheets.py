@@ -173,11 +173,12 @@ def _note_outside(meshes: Sequence[Mesh], where: str, width: int, height: int) -
     bounds = [(mesh.uvs.min(axis=(0, 1)), mesh.uvs.max(axis=(0, 1))) for mesh in meshes]
     if all((high <= 0).any() or (low >= limit).any() for low, high in bounds):
         raise InputError(
-            f"all of the mesh's UVs lie outside the texture ({where}); move the UV islands into it, or bake UDIM tiles"
+            f"all of the mesh's UVs lie outside the texture ({where}); move the UV islands into it, or bake UDIM tiles "
+            "(<UDIM> in the file's name)"
         )
     if count:
         total = sum(len(mesh.triangles) for mesh in meshes)
-        tiles = "" if width * height > 1 else "; bake UDIM tiles to have them too"
+        tiles = "" if width * height > 1 else "; bake UDIM tiles (<UDIM> in the file's name) to have them too"
         log.info(
             "%d of %d triangles have UVs outside %s, which the texture does not reach%s", count, total, where, tiles
         )

@@ -3,6 +3,7 @@
 A map that was sculpted is not to be seen in a photo; one that was made of the same object is.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -35,16 +36,37 @@ class Present:
     """The normal map that an object wears, to add detail to.
 
     vectors: (H, W, 3) float32 unit vectors in tangent space, row 0 at v = 1. shown: whether the photos show its relief
-    as well; "auto" finds out, and how much of it.
+    as well; "auto" finds out, and how much of it. triangles: (T,) which of the mesh's triangles wear it, None for all.
+    corner: the lower left corner of the only unit square of UV space where it lies, None where it lies from 0 to 1.
 
     Raises InputError where `shown` is none of these words.
     """
 
     vectors: NDArray[np.float32]
     shown: Shown = "auto"
+    triangles: NDArray[np.bool_] | None = None
+    corner: tuple[int, int] | None = None
 
     def __post_init__(self) -> None:
         check_shown(self.shown)
+
+
+def without_presents(
+    normals: NormalMap,
+    camera: Camera,
+    mesh: Mesh,
+    scene: RayScene,
+    presents: Sequence[Present],
+    shares: Sequence[float] | None = None,
+) -> tuple[NormalMap, tuple[float, ...]]:
+    """:func:`without_present` for each of several maps that parts of the mesh wear, with the shares of all."""
+    found = []
+    for number in range(len(presents)):
+        share = None if shares is None else shares[number]
+        if share != 0:  # else it need not even be read
+            normals, share = without_present(normals, camera, mesh, scene, presents[number], share)
+        found.append(share)
+    return normals, tuple(found)
 
 
 def without_present(
@@ -60,12 +82,14 @@ def without_present(
         share = float(present.shown == "yes")
     if share == 0:
         return normals, 0.0
-    worn_map = _as_fine_as_seen(present.vectors, normals.mask, camera, mesh, scene)
-    own, worn, seen = _normals_worn(normals.mask, camera, mesh, scene, worn_map)
+    mask = _where_worn(normals.mask, camera, mesh, present)
+    worn_map = _as_fine_as_seen(present, mask, camera, mesh, scene)
+    own, worn, seen = _normals_worn(mask, camera, mesh, scene, replace(present, vectors=worn_map))
     if not seen.any():
         return normals, 0.0
     if share is None:
-        view, relief = (levelled(given, camera, mesh, scene).vectors for given in (normals, NormalMap(worn, seen)))
+        given = normals if present.triangles is None else replace(normals, mask=seen)
+        view, relief = (levelled(one, camera, mesh, scene).vectors for one in (given, NormalMap(worn, seen)))
         share = _share(view[seen] - own[seen], relief[seen] - own[seen])
         if share == 0:
             return normals, 0.0
@@ -114,11 +138,38 @@ def _seen_by(camera: Camera, scene: RayScene, pixels: NDArray[np.floating]) -> _
     return _Seen(hit, hits.triangle, weights, directions[hit] @ camera.rotation)
 
 
+def _where_worn(mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, present: Present) -> NDArray[np.bool_]:
+    """(H, W) the mask within the rectangle in which the camera sees the triangles that wear the map, if any."""
+    if present.triangles is None:
+        return mask
+    points = mesh.world_vertices[np.unique(mesh.triangles[present.triangles])]
+    x, y, w = camera.projection_rows() @ np.concatenate([points, np.ones((len(points), 1))], axis=1).T
+    if (w <= 0).any():  # some are behind the camera, and their pixels are not where these numbers say
+        return mask
+    height, width = mask.shape
+    (left, right), (top, bottom) = (
+        np.clip([np.floor((c / w).min()), np.ceil((c / w).max())], 0, end).astype(int)
+        for c, end in ((x, width), (y, height))
+    )
+    inside = np.zeros_like(mask)
+    inside[top:bottom, left:right] = mask[top:bottom, left:right]
+    return inside
+
+
+def _wears(seen: _Seen, mesh: Mesh, present: Present) -> NDArray[np.bool_]:
+    """(M,) whether what is seen wears the map."""
+    worn = np.ones(len(seen.triangle), bool) if present.triangles is None else present.triangles[seen.triangle]
+    if present.corner is None:
+        return worn
+    worn &= (np.floor(seen.at(mesh.uvs)) == present.corner).all(axis=1)
+    return worn
+
+
 def _normals_worn(
-    mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, scene: RayScene, present: NDArray[np.float32]
+    mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, scene: RayScene, present: Present
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
     """The mesh's own shading normals (H, W, 3), those with its present map, in camera space, and (H, W) where it is
-    seen within the mask."""
+    seen within the mask and wears the map."""
     own, worn = np.zeros((2, *mask.shape, 3), np.float32)
     visible = np.zeros_like(mask)
     # Normals are carried by the inverse transpose; a row times a matrix transposes once more.
@@ -127,18 +178,19 @@ def _normals_worn(
         row, column = np.nonzero(mask[rows])
         row += rows.start
         seen = _seen_by(camera, scene, np.stack([column, row], axis=1) + 0.5)
+        wears = _wears(seen, mesh, present)
         normal, tangent = seen.at(mesh.corner_normals), seen.at(mesh.tangents[..., :3])
         bitangent = np.cross(normal, tangent) * mesh.tangents[seen.triangle, 0, 3:]
-        x, y, z = _sampled(present, seen.at(mesh.uvs)).T[..., None]
+        x, y, z = _sampled(present.vectors, seen.at(mesh.uvs) - (present.corner or (0, 0))).T[..., None]
         place = row[seen.hit], column[seen.hit]
         own[place] = normalised(normal @ to_camera)
         worn[place] = normalised((x * tangent + y * bitangent + z * normal) @ to_camera)
-        visible[place] = np.einsum("ni,ni->n", own[place], seen.directions) < 0
+        visible[place] = wears & (np.einsum("ni,ni->n", own[place], seen.directions) < 0)
     return own, worn, visible
 
 
 def _as_fine_as_seen(
-    present: NDArray[np.float32], mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, scene: RayScene
+    present: Present, mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, scene: RayScene
 ) -> NDArray[np.float32]:
     """The map with about as many pixels as the photo has on the surface: finer relief is not seen in it."""
     height, width = mask.shape
@@ -148,13 +200,15 @@ def _as_fine_as_seen(
     first, second = (_seen_by(camera, scene, pixels + step) for step in ((0, 0), (1, 0)))
     _, of_first, of_second = np.intersect1d(first.hit, second.hit, assume_unique=True, return_indices=True)
     together = first.triangle[of_first] == second.triangle[of_second]
+    together &= _wears(first, mesh, present)[of_first]
+    vectors = present.vectors
     if not together.any():
-        return present
-    steps = (second.at(mesh.uvs)[of_second] - first.at(mesh.uvs)[of_first])[together] * present.shape[1::-1]
+        return vectors
+    steps = (second.at(mesh.uvs)[of_second] - first.at(mesh.uvs)[of_first])[together] * vectors.shape[1::-1]
     texels = float(np.median(np.linalg.norm(steps, axis=1)))
     if texels <= 1:
-        return present
-    return normalised(resampled(present, *(max(1, round(side / texels)) for side in present.shape[:2])))
+        return vectors
+    return normalised(resampled(vectors, *(max(1, round(side / texels)) for side in vectors.shape[:2])))
 
 
 def _sampled(values: NDArray[np.float32], uv: NDArray[np.float32]) -> NDArray[np.float32]:

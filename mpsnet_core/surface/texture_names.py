@@ -48,12 +48,29 @@ def texture_files(pattern: str | os.PathLike[str], sheets: Sequence[Sheet]) -> l
     return files
 
 
+def check_one_texture(file: str | os.PathLike[str]) -> None:
+    """Raises InputError where a token in the file's name makes it stand for several textures, where one is needed."""
+    called = {"tile": "a tile's number", "material": "a material's name", "object": "an object's name"}
+    name = "" if Path(file).is_file() else Path(file).name
+    for token, what in TOKENS.items():
+        if token in name:
+            raise InputError(f"{file} stands for several textures; name one of them, with {called[what]} for {token}")
+
+
 def tile_patterns(pattern: str | os.PathLike[str], sheets: Sequence[Sheet]) -> list[Path]:
     """The same with <UDIM> left as it is: the name that programs know all tiles of a texture by, for each sheet.
 
     Raises InputError where the pattern has a token in a folder's name or one that is not known.
     """
     return _named(pattern, sheets, ["<UDIM>"] * len(sheets))
+
+
+def map_files(pattern: str | os.PathLike[str], sheets: Sequence[Sheet]) -> list[Path]:
+    """The same for maps that are read, of which several sheets may share one.
+
+    Raises InputError where the pattern has other tokens than the sheets are parted by.
+    """
+    return _named(pattern, sheets, [str(sheet.tile) for sheet in sheets])
 
 
 def _named(pattern: str | os.PathLike[str], sheets: Sequence[Sheet], tiles: Sequence[str]) -> list[Path]:

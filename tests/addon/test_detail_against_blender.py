@@ -9,6 +9,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
+from mathutils import Matrix, Vector
 
 from mpsnet_core.camera import write_camera
 from mpsnet_core.cli import main
@@ -20,6 +21,7 @@ from mpsnet_core.surface.raster import texel_coordinates, triangle_of_texel
 
 from .test_bake_against_blender import (
     SIDES,
+    activate,
     array_of,
     blenders_bake,
     core_mesh,
@@ -36,13 +38,13 @@ FLAT = np.array([0, 0, 1.0])
 EXTRUSION = 0.04
 
 
-def ball(large: bool, fine: bool) -> "bpy.types.Object":
-    """A smooth ball, about 2 across, with large relief, fine relief, both or neither."""
+def ball(large: bool, fine: bool, phase: float = 0.0) -> "bpy.types.Object":
+    """A smooth ball, about 2 across, with large relief, fine relief, both or neither. phase: of the large waves."""
     bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=7)
     obj = bpy.context.object
     points = array_of(obj.data.vertices, "co", 3).astype(np.float64)
     x, y, z = points.T
-    height = large * 0.02 * np.sin(9 * x) * np.sin(10 * y + 1) * np.cos(9 * z)
+    height = large * 0.02 * np.sin(9 * x + phase) * np.sin(10 * y + 1) * np.cos(9 * z)
     height = height + fine * 0.006 * np.sin(43 * x + 3) * np.sin(39 * y) * np.sin(45 * z + 1)
     obj.data.vertices.foreach_set("co", (0.95 * points * (1 + height)[:, None]).astype(np.float32).ravel())
     obj.data.update()
@@ -135,6 +137,39 @@ def test_on_top_of_a_present_map_it_is_the_bake_of_both(scene: "bpy.types.Scene"
     assert error.mean() < 1
     assert bare.mean() > 4
     assert (simply.mean() > 2) == (shows == "all of the relief")
+
+
+def test_each_of_two_objects_is_the_bake_of_its_own_map_and_the_detail(
+    scene: "bpy.types.Scene", tmp_path: Path
+) -> None:
+    """The photos show the relief of the first one's map, and on the second one the detail alone."""
+    set_up_cycles(SIZE)
+    seen, references = [], []
+    for number, phase in enumerate((0.0, 2.0)):
+        low, large, both = low_poly(), ball(True, False, phase), ball(True, True, phase)
+        save_map(blenders_bake(large, low, SIZE, "TANGENT", EXTRUSION), tmp_path / f"was_ball_{number}.png")
+        references.append(blenders_bake(both, low, SIZE, "TANGENT", EXTRUSION))
+        seen.append(both if number == 0 else ball(False, True))
+        place = Matrix.LocRotScale(Vector((1.0 * number - 0.5, 0.1 * number, 0)), None, Vector([0.45] * 3))
+        low.matrix_world = seen[-1].matrix_world = place
+        bpy.context.view_layer.update()
+        core_mesh(low, tmp_path / f"ball_{number}.npz")
+    activate(*seen)
+    bpy.ops.object.join()
+    with_materials(seen[0])
+    meshes = [word for number in range(2) for word in ("--mesh", str(tmp_path / f"ball_{number}.npz"))]
+    command = ["bake", *meshes, *photographed(seen[0], tmp_path), "--size", str(SIZE)]
+    for shown in ("auto", "no"):
+        texture = str(tmp_path / f"{shown}_<OBJECT>.png")
+        onto = ["--onto", str(tmp_path / "was_<OBJECT>.png"), "--onto-shown", shown]
+        assert main([*command, *onto, "-o", texture]) == 0
+        for number, reference in enumerate(references):
+            mesh = read_mesh(tmp_path / f"ball_{number}.npz")
+            there = triangle_of_texel(texel_coordinates(mesh.uvs, SIZE), SIZE) >= 0
+            found = read_present_map(tmp_path / f"{shown}_ball_{number}.png")
+            error = degrees_between(found, reference)[there & reference.any(axis=-1)]
+            print(f"{shown}, ball {number}: {error.mean():.2f}° from Blender's bake of both")
+            assert (error.mean() < 1.2) == (shown == "auto" or number == 1)
 
 
 def test_detail_only_is_right_where_the_estimates_are_bent(scene: "bpy.types.Scene", tmp_path: Path) -> None:

@@ -83,11 +83,29 @@ def test_results_of_an_unsaved_file_are_packed_and_outlive_it(sphere, scene, tmp
 
 
 def test_a_folder_takes_what_is_written_by_a_name_of_its_own(tmp_path):
-    (tmp_path / "there").mkdir()
-    for given in ("there", "there/", "new/", "v1.2/"):
+    for folder in ("there", "v1.1", "scan.png"):
+        (tmp_path / folder).mkdir()
+    for given in ("there", "there/", "new/", "v1.1", "v1.2/", "scan.png"):
         path = output_path(f"{tmp_path}/{given}", "Scene normals", "PNG")
         assert path == tmp_path / given / "Scene_normals.png" and path.parent.is_dir()
     assert output_path(f"{tmp_path}/new_file", "Scene", "EXR") == tmp_path / "new_file.exr"
+
+
+def test_an_ending_that_is_not_of_the_chosen_format_wins_and_is_told(photographed, scene, tmp_path):
+    bpy.ops.mps.estimate(output=str(tmp_path / "n.exr"))
+    told = {"estimate": scene.mps.records["estimate"].notes}
+    assert "ending" not in told["estimate"], "no format was chosen"
+    bpy.ops.mps.estimate(file_format="TIFF")
+    bpy.ops.mps.bake(preset="UNREAL", size=32, output=str(tmp_path / "t.exr"))
+    bpy.ops.mps.integrate(file_format="PNG", mesh=False, output=str(tmp_path / "h.tif"))
+    told = {verb: scene.mps.records[verb].notes for verb in ("estimate", "bake", "integrate")}
+    assert "n.exr is written as its ending says, not as TIFF" in told["estimate"]
+    assert "t.exr is written as its ending says, not as PNG" in told["bake"]
+    assert "h.tif is written as its ending says, not as PNG" in told["integrate"]
+    kinds = {name: (tmp_path / name).read_bytes()[:3] for name in ("n.exr", "t.exr", "h.tif")}
+    assert kinds == {"n.exr": b"v/1", "t.exr": b"v/1", "h.tif": b"II*"}
+    bpy.ops.mps.integrate(output=str(tmp_path / "h.png"))
+    assert "integrate" not in scene.mps.records or "ending" not in scene.mps.records["integrate"].notes
 
 
 @pytest.mark.parametrize("is_float", [False, True])

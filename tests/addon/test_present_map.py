@@ -6,7 +6,8 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.present_map import base_to_keep, keep_base
+from blender_addon.present_map import keep_base, present_map
+from blender_addon.textures import Onto
 from mpsnet_core import read_image
 
 from .test_bake_against_blender import degrees_between
@@ -177,6 +178,10 @@ def two_maps(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) ->
     texture.image = saved_map(folder / "other.png", waves())
 
 
+def of_tiles(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> None:
+    normal.inputs["Color"].links[0].from_node.image.source = "TILED"
+
+
 def gone(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> None:
     (folder / "waves.png").unlink()
 
@@ -198,7 +203,11 @@ def gone(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) -> Non
         (weak, '"waves.png" is not worn at strength 1; set it to 1'),
         (baked_here, 'the only normal map is "MPS Sphere", which was baked here; choose the file'),
         (painted, 'the normal map "waves.png" has changes that are not in its file; save it first'),
-        (two_maps, r'have different normal maps \("other.png", "waves.png"\); choose the file'),
+        (
+            two_maps,
+            r'have different normal maps \("other.png", "waves.png"\); set Textures to By Material or By Object',
+        ),
+        (of_tiles, r'"waves.png" has UDIM tiles; switch UDIM Tiles on'),
         (
             gone,
             r'the normal map "waves.png" has no file on disk \(.*waves.png is missing\); save it, or choose the file',
@@ -227,7 +236,7 @@ def test_the_map_is_remembered_whatever_it_is_called_by_then(
     worn: "bpy.types.Node", estimated: "bpy.types.Object", tmp_path: Path
 ) -> None:
     """Between the beginning of a bake and its end people go on working."""
-    base = base_to_keep(estimated, "UVMap")
+    base = present_map([estimated], [Onto(0, estimated.name, "UVMap", ("Matte",))], (None, None))
     present = worn.inputs["Color"].links[0].from_node.image
     present.name = "Renamed"
     other = bpy.data.images.new("waves.png", 8, 8)
@@ -261,12 +270,89 @@ def test_strength_and_detail_only_reach_the_core(
     assert degrees_between(detail, flat).mean() < 0.5 * degrees_between(plain, flat).mean()
 
 
-@pytest.mark.parametrize(
-    ("asked", "sentence"),
-    [({"split": "OBJECT"}, "one texture at a time"), ({"tiles": True}, "switch UDIM Tiles off")],
-)
-def test_several_textures_go_on_top_of_nothing(
-    worn: "bpy.types.Node", tmp_path: Path, asked: dict, sentence: str
+def leaning(path: Path, x: float, y: float) -> "bpy.types.Image":
+    """A normal map that leans the same way everywhere."""
+    vector = np.array([x, y, np.sqrt(1 - x * x - y * y)])
+    return saved_map(path, np.broadcast_to(vector, (16, 16, 3)))
+
+
+def leans(path: Path) -> tuple[float, float]:
+    """Which way a texture leans that was baked with a strength of 0: as the map beneath it."""
+    vectors = vectors_in(path).reshape(-1, 3).astype(float)
+    assert np.ptp(vectors, axis=0).max() < 1e-3
+    return tuple(np.round(vectors[0, :2], 2) + 0)
+
+
+NOTHING_OF_THE_PHOTO = {"onto": True, "onto_shown": "NO", "level": False, "strength": 0.0, "padding": "PUSH_PULL"}
+
+
+@pytest.fixture
+def second(estimated: "bpy.types.Object") -> "bpy.types.Object":
+    """A smaller sphere within sight, with a mesh and material of its own; both are selected."""
+    other = estimated.copy()
+    other.data, other.name = estimated.data.copy(), "Second"
+    other.data.materials[0] = estimated.data.materials[0].copy()
+    other.data.materials[0].name = "Other"
+    other.scale, other.location = [0.2] * 3, bpy.context.scene.mps.rig.camera.location / 2
+    bpy.context.scene.collection.objects.link(other)
+    other.select_set(True)
+    return other
+
+
+def test_each_object_keeps_its_own_map_beneath_and_runs_do_not_add_up(
+    estimated: "bpy.types.Object", second: "bpy.types.Object", scene: object, tmp_path: Path
 ) -> None:
-    with pytest.raises(RuntimeError, match=sentence):
-        bpy.ops.mps.bake(size=32, onto=True, output=str(tmp_path / "texture.png"), **asked)
+    dress(estimated, leaning(tmp_path / "a.png", 0.3, 0.1))
+    dress(second, leaning(tmp_path / "b.png", -0.2, 0.4))
+    for split, names in (("OBJECT", ("Sphere", "Second")), ("MATERIAL", ("Matte", "Other"))):
+        for _ in range(2):
+            bpy.ops.mps.bake(size=16, objects="SELECTED", split=split, output=f"{tmp_path}/", **NOTHING_OF_THE_PHOTO)
+            found = [leans(tmp_path / f"{name}_normal.png") for name in names]
+            assert found == [(0.3, 0.1), (-0.2, 0.4)]
+            assert "bake" not in scene.mps.records
+    with pytest.raises(RuntimeError, match="what shares one texture has different normal maps"):
+        bpy.ops.mps.bake(split="ONE", objects="SELECTED")
+    file = str(tmp_path / "a.png")
+    bpy.ops.mps.bake(split="ONE", objects="SELECTED", onto_file=file, output=str(tmp_path / "one.png"))
+    assert leans(tmp_path / "one.png") == (0.3, 0.1)
+
+
+def test_what_wears_no_map_is_baked_as_it_is_and_told(
+    estimated: "bpy.types.Object", second: "bpy.types.Object", scene: object, tmp_path: Path
+) -> None:
+    dress(second, leaning(tmp_path / "b.png", -0.2, 0.4))
+    bpy.ops.mps.bake(size=16, objects="SELECTED", split="OBJECT", output=f"{tmp_path}/", **NOTHING_OF_THE_PHOTO)
+    assert leans(tmp_path / "Sphere_normal.png") == (0, 0) and leans(tmp_path / "Second_normal.png") == (-0.2, 0.4)
+    assert '"Sphere" wears no normal map, so nothing lies beneath its texture' in scene.mps.records["bake"].notes
+
+
+def test_maps_of_another_name_are_named_by_tokens(
+    estimated: "bpy.types.Object", second: "bpy.types.Object", tmp_path: Path
+) -> None:
+    for name, lean in (("Sphere", (0.1, 0.2)), ("Second", (0.3, 0.4))):
+        leaning(tmp_path / f"was_{name}.png", *lean)
+    named = {"onto_file": str(tmp_path / "was_<OBJECT>.png"), "output": f"{tmp_path}/"}
+    bpy.ops.mps.bake(size=16, objects="SELECTED", split="OBJECT", **named, **NOTHING_OF_THE_PHOTO)
+    found = [leans(tmp_path / f"{name}_normal.png") for name in ("Sphere", "Second")]
+    assert found == [(0.1, 0.2), (0.3, 0.4)]
+
+
+def test_tiles_go_on_top_of_tiles(estimated: "bpy.types.Object", scene: object, tmp_path: Path) -> None:
+    layer = estimated.data.uv_layers.active.uv
+    uvs = np.empty(2 * len(layer), np.float32)
+    layer.foreach_get("vector", uvs)
+    layer.foreach_set("vector", (uvs.reshape(-1, 2) * [2, 1]).astype(np.float32).ravel())
+    leaning(tmp_path / "t.1002.png", 0.3, 0.1)
+    image = leaning(tmp_path / "t.1001.png", -0.2, 0.4)
+    image.source = "TILED"
+    image.filepath = str(tmp_path / "t.<UDIM>.png")
+    dress(estimated, image)
+    for _ in range(2):
+        bpy.ops.mps.bake(size=16, tiles=True, output=f"{tmp_path}/", **NOTHING_OF_THE_PHOTO)
+        found = [leans(tmp_path / f"Sphere_normal.{tile}.png") for tile in (1001, 1002)]
+        assert found == [(-0.2, 0.4), (0.3, 0.1)]
+    assert scene.mps.bake.image["mpsnet_base"] == image
+    for tile in (1001, 1002):
+        (tmp_path / f"t.{tile}.png").unlink()
+    with pytest.raises(RuntimeError, match=r'"t\.1001\.png" has no tile on disk'):
+        bpy.ops.mps.bake()

@@ -138,6 +138,20 @@ def test_what_is_set_after_or_beside_the_preset_wins(
     assert (settings.convention, settings.bits) == ("DIRECTX", "8")
 
 
+def test_a_format_that_cannot_hold_the_presets_depth_takes_its_own(
+    seen: "bpy.types.Object", scene: "bpy.types.Scene", tmp_path: Path
+) -> None:
+    settings = scene.mps.bake
+    settings.preset = "GLTF"
+    bpy.ops.mps.bake(preset="CUSTOM", file_format="EXR", size=32, output=f"{tmp_path}/")
+    assert (settings.bits, settings.convention) == ("AUTO", "OPENGL") and (tmp_path / "Old_Oak_normal.exr").exists()
+    settings.bits = "32"
+    settings.file_format = "TIFF"
+    assert settings.bits == "32"
+    settings.file_format = "PNG"
+    assert settings.bits == "AUTO"
+
+
 def glb(path: Path) -> tuple[dict, bytes]:
     """The JSON and the binary chunk of a GLB file."""
     data = path.read_bytes()

@@ -1,8 +1,13 @@
 """How each step of the panel stands: what is missing, what went wrong, what is out of date, how long it will take."""
 
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
 import bpy
 import pytest
 
+from blender_addon.made_from import seen_lately
 from blender_addon.panels.bake import MPS_PT_bake
 from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.photo import MPS_PT_photo
@@ -111,6 +116,34 @@ def test_what_has_changed_since_makes_one_step_out_of_date(baked, estimated, tmp
     change(baked, tmp_path)
     assert stands(step) == (Kind.OUT_OF_DATE, f"Changed since: {named}")
     assert [one for one in steps if stands(one)[0] is Kind.OUT_OF_DATE] == [step]
+
+
+def test_files_are_looked_at_once_a_second_however_often_the_panel_is_drawn(baked, tmp_path, monkeypatch):
+    looked, clock = [], [time.monotonic() + 10]
+    stat = Path.stat
+
+    def counted(path, **how):
+        looked.append(path.name)
+        return stat(path, **how)
+
+    monkeypatch.setattr(Path, "stat", counted)
+    monkeypatch.setattr("blender_addon.made_from.time", SimpleNamespace(monotonic=lambda: clock[0]))
+
+    def drawn():
+        with seen_lately():
+            return [stands(one)[0] for one in (MPS_PT_photo, MPS_PT_estimate, MPS_PT_bake)]
+
+    for _ in range(3):
+        clock[0] += 0.3
+        assert drawn() == [Kind.DONE] * 3
+    assert sorted(looked) == ["normals.png", "photo.exr"]
+    export_the_photo_again(baked, tmp_path)
+    looked.clear()
+    clock[0] += 0.5
+    assert drawn() == [Kind.DONE, Kind.OUT_OF_DATE, Kind.DONE]
+    assert looked.count("photo.exr") == 1
+    bpy.ops.mps.estimate()  # what is made is made of the files as they are
+    assert drawn() == [Kind.DONE, Kind.DONE, Kind.OUT_OF_DATE]
 
 
 def test_what_was_made_stays_done_when_things_are_renamed_and_the_file_is_opened_again(baked, estimated, tmp_path):

@@ -42,6 +42,7 @@ def test_a_surface_stands_where_the_camera_saw_it(tmp_path: Path, suffix: str) -
     made = surface_mesh(BALL.heights, BALL.normals, faces=2000)
     write_surface_mesh(tmp_path / f"m{suffix}", made)
     thing = read(tmp_path / f"m{suffix}")
+    assert thing.name == "m"
     world = np.array(thing.matrix_world)
     turn, data = world[:3, :3], thing.data
     points = np.array([vertex.co for vertex in data.vertices]) @ turn.T + world[:3, 3]

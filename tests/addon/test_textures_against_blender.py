@@ -10,6 +10,7 @@ from mathutils import Matrix, Vector
 
 from mpsnet_core.images import write_image
 from mpsnet_core.surface.bake import bake_sheets
+from mpsnet_core.surface.baking import Baking
 from mpsnet_core.surface.labels import Labels
 from mpsnet_core.surface.mesh import Mesh
 from mpsnet_core.surface.sheets import Sheet, sheets
@@ -35,7 +36,7 @@ SIZE = 256
 def textures(meshes: list[Mesh], tmp_path: Path, seen: "bpy.types.Object", **by: bool) -> list[tuple[Sheet, Texture]]:
     """What is baked of eight renders of an object's normals."""
     views = [normal_view(side, seen, tmp_path / "view.exr", "ORTHO") for side in SIDES]
-    return list(bake_sheets(meshes, views, sheets(meshes, **by), size=SIZE, margin=0))
+    return list(bake_sheets(meshes, views, sheets(meshes, **by), Baking(size=SIZE, margin=0)))
 
 
 def image_for(material: "bpy.types.Material", path: Path, tiles: list[int]) -> "bpy.types.Image":

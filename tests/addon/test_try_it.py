@@ -76,18 +76,32 @@ def test_a_second_demo_stands_beside_the_first(scene):
 
 
 def test_what_a_step_says_is_what_the_demo_says(scene, tmp_path):
-    (tmp_path / "MPS_Demo_photo.exr").mkdir()
+    (tmp_path / "MPS_Demo_photo.rig.json").mkdir()
     with pytest.raises(RuntimeError) as told:
         bpy.ops.mps.try_it(pixels=32, samples=1, output=str(tmp_path))
-    assert "Traceback" not in str(told.value) and "MPS_Demo_photo.exr" in str(told.value)
-    # The window shows the demo's scene by now, so that is where its panel tells it.
-    assert "MPS_Demo_photo.exr" in bpy.context.scene.mps.records["try_it"].error
+    assert "Traceback" not in str(told.value) and "MPS_Demo_photo.rig.json" in str(told.value)
+    assert "MPS_Demo_photo.rig.json" in scene.mps.records["try_it"].error
 
 
 def test_a_folder_that_cannot_be_leaves_no_half_made_demo(scene, tmp_path):
     with pytest.raises(RuntimeError, match="nowhere does not exist"):
         bpy.ops.mps.try_it(output=str(tmp_path / "nowhere" / "demo"))
     assert bpy.data.scenes[:] == [scene] and bpy.context.scene == scene
+
+
+@pytest.mark.parametrize("stuck", ["photo.exr/MPS_Demo_photo", "texture.png/Demo_Low_Poly_normal"])
+def test_a_demo_that_comes_to_no_end_leaves_nothing(scene, tmp_path, stuck):
+    (tmp_path / f"MPS_Demo_{stuck}{Path(stuck).parent.suffix}").mkdir(parents=True)
+    before = everything()
+    with pytest.raises(RuntimeError, match=stuck):
+        bpy.ops.mps.try_it(pixels=32, samples=1, size=16, output=str(tmp_path))
+    assert bpy.context.scene == scene and everything() == before
+
+
+def everything():
+    """The names of all datablocks but the picture that Blender keeps of any render."""
+    kinds = ("scenes", "objects", "meshes", "materials", "images", "lights", "cameras", "collections", "textures")
+    return {kind: set(getattr(bpy.data, kind).keys()) - {"Render Result"} for kind in kinds}
 
 
 @pytest.fixture
@@ -97,8 +111,9 @@ def pressed():
     manager.mps.running, manager.mps.cancel = MPS_OT_try_it.bl_idname, False
     timer = manager.event_timer_add(0.1, window=bpy.context.window)
     one = SimpleNamespace(bl_idname=MPS_OT_try_it.bl_idname, _ticks=2, _timer=timer, report=lambda *_: None)
+    one._scene_uid = one._before = bpy.context.scene.session_uid
     one._failed = one.report
-    for name in ("done", "_end"):
+    for name in ("done", "_end", "_step", "_take_away"):
         setattr(one, name, partial(getattr(MPS_OT_try_it, name), one))
     yield one
     manager.mps.running, manager.mps.cancel = "", False

@@ -926,7 +926,7 @@ BAKES: list[Case] = [
     ("size 0", lambda b: b.bake("--size", "0"), "texture of 0 texels…choose a size from 1 to 16384"),
     ("size beyond reason", lambda b: b.bake("--size", "1000000"), "texture of 1000000 texels"),
     ("size in words", lambda b: b.bake("--size", "large"), "--size…'large'…see mpsnet bake --help"),
-    ("negative margin", lambda b: b.bake("--margin", "-1"), "margin of -1 texels…choose 0 to 32"),
+    ("negative margin", lambda b: b.bake("--margin", "-1"), "margin of -1 texels…choose 0 to 16384"),
     ("unknown space", lambda b: b.bake("--space", "world"), "space 'world' is not known; choose tangent or object"),
     (
         "unknown convention",

@@ -1,6 +1,7 @@
 """Several textures and several meshes in one bake, and several points a texel, where the answer is known."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,9 @@ from uv_squares import squares
 from mpsnet_core.camera import Camera
 from mpsnet_core.errors import InputError
 from mpsnet_core.normals import NormalMap
+from mpsnet_core.progress import Progress, silent
 from mpsnet_core.surface.bake import View, bake_normals, bake_sheets
+from mpsnet_core.surface.baking import Baking
 from mpsnet_core.surface.joined import joined
 from mpsnet_core.surface.mesh import Mesh
 from mpsnet_core.surface.sheets import sheets
@@ -21,9 +24,12 @@ SIZE = 64
 SIDES = [(1, 0.1, 0), (-1, 0, 0.1), (0, 1, 0.1), (0.1, -1, 0), (0.1, 0, 1), (0, 0.1, -1)]
 
 
-def baked(meshes: list[Mesh], views: list[View], *, by: tuple[str, ...] = (), **settings: object) -> list[Texture]:
+def baked(
+    meshes: list[Mesh], views: list[View], *, by: tuple[str, ...] = (), progress: Progress = silent, **settings: Any
+) -> list[Texture]:
+    baking = Baking(**{"size": SIZE, "margin": 0, **settings})
     chosen = sheets(meshes, **dict.fromkeys(by, True))
-    return [texture for _, texture in bake_sheets(meshes, views, chosen, **{"size": SIZE, "margin": 0, **settings})]
+    return [texture for _, texture in bake_sheets(meshes, views, chosen, baking, progress=progress)]
 
 
 def same(one: Texture, other: Texture) -> bool:
@@ -187,7 +193,7 @@ def test_where_only_a_later_tile_is_seen_none_is_missing() -> None:
     camera = Camera("orthographic", 16, 16, [100, 100], world_from_camera=pose((1, 1, 1), (2.1, 0.9, 5), 0))
     view = View(camera, NormalMap(np.broadcast_to([0.6, 0, 0.8], (16, 16, 3)), np.ones((16, 16), bool)))
     chosen = sheets([mesh], tiles=True)
-    made = {sheet.tile: texture for sheet, texture in bake_sheets([mesh], [view], chosen, size=64)}
+    made = {sheet.tile: texture for sheet, texture in bake_sheets([mesh], [view], chosen, Baking(64))}
     assert set(made) == {1001, 1002}
     assert not made[1001].seen.any() and 0 < made[1002].seen.sum() < 200
 

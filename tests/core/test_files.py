@@ -2,13 +2,14 @@
 
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from synthetic import listing
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import remove_unfinished, write_json, written_whole
+from mpsnet_core.files import makeable_folder, remove_unfinished, writable_path, write_json, written_whole
 
 
 def test_a_file_appears_only_once_it_is_whole(tmp_path: Path) -> None:
@@ -31,6 +32,17 @@ def test_what_stops_the_writing_leaves_the_old_file_and_no_litter(
         raise stopped_by
     assert target.read_text() == "old"
     assert listing(tmp_path) == ["a.txt"]
+
+
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="a folder that takes no files, whoever asks")
+@pytest.mark.parametrize("place", [writable_path, lambda path: makeable_folder(path, "pictures")])
+def test_a_folder_that_takes_no_files_is_told_before_the_work(place: Callable[[str], Path], tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="takes no files; choose another folder"):
+        place("/proc/new")
+    with pytest.raises(InputError, match=r"^cannot put the pictures into /proc: the folder /proc takes no files"):
+        makeable_folder("/proc", "pictures")
+    assert place(str(tmp_path / "new")) == tmp_path / "new"
+    assert listing(tmp_path) == []
 
 
 FULL_DISK = """

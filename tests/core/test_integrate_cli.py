@@ -39,7 +39,8 @@ def result(capsys: pytest.CaptureFixture[str], words: str) -> dict:
 
 def test_all_at_once(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     found = result(capsys, f"n.png --camera camera.json --unit mm --faces 3000 --distance 5 {ALL}")
-    assert found["outputs"] == ["h.png", "h.json", "m.ply", "c.exr", "ao.png", "r.png"]
+    assert "at the camera" not in found["text"]
+    assert found["outputs"] == ["h.png", "h.json", "c.exr", "ao.png", "r.png", "m.ply"]
     assert found["unit"] == "mm"
     truth = BALL.heights.values - BALL.heights.values.mean()
     heights = read_height("h.png").values
@@ -53,7 +54,7 @@ def test_all_at_once(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert found["occlusion"]["mean"] > 0.99
     assert read_image("r.png").pixels.shape == (64, 72, 3)
     lines = found["text"].splitlines()
-    assert [line.split(":")[0] for line in lines] == ["h.png", "m.ply", "c.exr", "ao.png", "r.png"]
+    assert [line.split(":")[0] for line in lines] == ["h.png", "c.exr", "ao.png", "r.png", "m.ply"]
     assert lines[0].startswith("h.png: black is -") and " mm, white " in lines[0]
 
 
@@ -64,6 +65,7 @@ def test_heights_may_be_called_after_a_mask(here: Path, capsys: pytest.CaptureFi
 def test_a_lens_and_a_distance_give_the_size(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mean = float(NEAR.depth[NEAR.mask].mean())
     found = result(capsys, f"near.exr --camera near.json --distance {mean} --height h.exr --curvature c.exr")
+    assert "heights in unit; height 0 is at the camera; Blender's Displace: strength 1, midlevel -" in found["text"]
     heights = read_height("h.exr")
     assert np.abs(heights.values - NEAR.heights.values)[NEAR.mask].max() < 0.02
     assert np.median(read_channel("c.exr")[NEAR.mask]) == pytest.approx(2 / 2.6, rel=0.01)
@@ -98,6 +100,15 @@ def test_a_turntable_is_one_picture_or_frames(here: Path, capsys: pytest.Capture
     assert first[:20].mean() > 1.5 * second[:20].mean()  # the light stands above, then below
 
 
+def test_a_mesh_without_a_face_costs_none_of_the_others(here: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert (
+        main(["integrate", *["n.png", "--mesh", "m.ply", "--faces", "1", "--height", "h.exr", "--curvature", "c.exr"]])
+        == 2
+    )
+    assert "no face is left of the surface; allow more faces" in capfd.readouterr().err
+    assert {"h.exr", "c.exr"} < set(listing(here)) and not Path("m.ply").exists()
+
+
 def test_the_curvature_picture_states_its_range(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     found = result(capsys, "n.png --curvature c.png --curvature-range 0.1 --curvature-radius 4")
     assert found["curvature"]["range"] == 0.1
@@ -112,15 +123,15 @@ def test_blenders_world_is_turned_for_y_up_formats(here: Path, capsys: pytest.Ca
 
 
 BAD: list[tuple[str, str]] = [
-    ("n.png", "nothing is asked for; give at least one of --height, --mesh, --curvature, --occlusion, --relit"),
+    ("n.png", "nothing is asked for; give at least one of --height, --curvature, --occlusion, --relit, --mesh"),
     ("gone.png --height h.png", "image gone.png does not exist"),
     ("camera.json --height h.png", "camera.json cannot be read as an image"),
     ("flat.png --height h.png", "flat.png is not a normal map"),
     ("n_##.png --height h.png", "means several normal maps; integrate them one by one"),
     (". --height h.png", "means several normal maps"),
     ("inwards.png --height h.png", "inwards.png is not in camera space: many of its normals point away from the"),
-    ("n.png --height h.png --base gone.obj", "--base goes with --onto, which is not given; leave it out, or give both"),
-    ("n.png --height h.png --space object", "--space goes with --onto, which is not given"),
+    ("n.png --height h.png --base gone.obj", "--base goes with --uvs, which is not given; leave it out, or give both"),
+    ("n.png --height h.png --space object", "--space goes with --uvs, which is not given"),
     ("n.png --height h.png --turntable 4", "--turntable goes with --relit, which is not given"),
     ("n.png --height h.png --albedo gone.png", "--albedo goes with --relit, which is not given"),
     ("n.png --curvature c.png --height-bits 32", "--height-bits goes with --height, which is not given"),
@@ -132,6 +143,9 @@ BAD: list[tuple[str, str]] = [
     ("n.png --camera near.json --height near.png", "near.json, where its scale belongs, is another file"),
     ("n.png --height oak.png", "oak_mask.png, where its mask belongs, is another file; choose another name"),
     ("n.png --height h.png --occlusion h_mask.png", "the result would overwrite h_mask.png"),
+    ("thin.png --height h.png --mesh m.ply", "thin.png: the surface is nowhere two pixels wide and high"),
+    ("n_<UDIM>.png --uvs m.obj --height h.png", "n_<UDIM>.png stands for several textures; name one of them, with a"),
+    ("n.png --uvs m.obj --height h_<UDIM>.png", "h_<UDIM>.png stands for several textures; name one of them, with a"),
     ("n.png --mesh m.stl", ".stl is not a mesh format of ours"),
     ("n.png --mesh m.ply --faces 0", "a mesh of 0 faces cannot be made"),
     ("n.png --mesh m.ply --faces many", "invalid int value: 'many'"),
@@ -168,6 +182,7 @@ def test_bad_input(here: Path, capfd: pytest.CaptureFixture[str], words: str, sa
     write_file(here / "flat.png", np.full((8, 8, 3), 0.1), "uint8")
     half = np.where(np.arange(16) < 8, 1, -1)[:, None, None] * (0, 0, 0.5) + 0.5
     write_file(here / "inwards.png", np.broadcast_to(half, (16, 16, 3)), "uint16")
+    write_file(here / "thin.png", np.broadcast_to((0.5, 0.5, 1.0), (1, 30, 3)), "uint16")
     (here / "oak_mask.png").write_bytes(b"somebody's own")
     write_camera(here / "small.json", orthographic(8, 8))
     before = {name: (here / name).read_bytes() for name in listing(here)}

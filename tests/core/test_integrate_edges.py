@@ -7,7 +7,9 @@ from height_shapes import Surface, off, square_camera, torus, two_spheres
 from mpsnet_core.camera import Camera
 from mpsnet_core.heights.bilateral import chosen_sides
 from mpsnet_core.heights.gradients import Gradients
+from mpsnet_core.heights.height_map import HeightMap
 from mpsnet_core.heights.integrate import METHODS, Method, integrate
+from mpsnet_core.heights.occlusion import ambient_occlusion
 from mpsnet_core.regions import grown
 
 
@@ -59,6 +61,29 @@ def test_bilateral_steps_are_narrow() -> None:
                 steps.append(abs(heights[row - 2, column] - heights[row + 1, column]) / true)
         share[method] = np.median(steps)
     assert share["bilateral"] > 0.9 and share["fast"] < 0.4
+
+
+def test_steps_of_large_pictures_are_where_they_are() -> None:
+    """Not in blocks of the smaller pictures that it is begun with, nor is the occlusion that these heights tell."""
+    camera = Camera("orthographic", 1024, 384, [512.0, 512.0], [512.0, 312.0])
+    true = two_spheres(camera)
+    heights = integrate(true.normals, camera, method="bilateral")
+    found = Surface(true.normals, heights.values, camera)
+    high, half, low = (step / 512 for step in (24, 12, 6))
+    steps = beside_steps(true, high, 0)
+    assert steps.sum() > 80
+    assert beside_steps(found, half, 1)[steps].mean() > 0.97
+    assert beside_steps(true, low, 1)[beside_steps(found, half, 0)].mean() > 0.99
+    near = beside_steps(true, high, 4)
+    known = HeightMap(true.heights.astype(np.float32), true.mask, camera)
+    occlusions = [ambient_occlusion(of, true.normals, reach=64)[near] for of in (heights, known)]
+    assert np.abs(np.subtract(*occlusions)).mean() < 0.02
+
+
+def test_pixels_between_two_surfaces_tie_neither_to_the_other() -> None:
+    """Steep pixels at a step's rim hang half way: each pulls little, but all of them move a ring's arm by pixels."""
+    ring = torus(256, 72)
+    assert errors(ring, "bilateral")[ring.mask].mean() < 0.8
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -296,6 +296,22 @@ def test_all_three_ways_to_tell_the_size_tell_the_same(photo, tmp_path):
     assert told[0]["width_mm"] == pytest.approx(told[1]["width_mm"]) == pytest.approx(told[2]["width_mm"])
 
 
+def test_made_again_it_takes_the_place_of_its_own_pictures_and_of_no_others(photo, tmp_path, capfd):
+    made = ["--width", "66mm", "-o", tmp_path / "out"]
+    assert run(tmp_path, *made, "--size", "64") == 0 == run(tmp_path, *made, "--size", "80")
+    assert read_image(tmp_path / "out" / "weave_albedo.png").pixels.shape == (80, 80, 3)
+    (tmp_path / "out" / "mine_albedo.png").write_bytes(b"painted")
+    (tmp_path / "out" / "notes_material.json").write_text('{"format": "notes"}')
+    capfd.readouterr()
+    for name, foreign in (("mine", "mine_albedo.png"), ("notes", "notes_material.json")):
+        before = (tmp_path / "out" / foreign).read_bytes()
+        assert run(tmp_path, *made, "--name", name) == 2
+        (line,) = capfd.readouterr().err.splitlines()
+        assert f"the result would overwrite {tmp_path / 'out' / foreign}, which" in line
+        assert (tmp_path / "out" / foreign).read_bytes() == before
+        assert len(list((tmp_path / "out").glob(f"{name}_*"))) == 1
+
+
 def test_directx_turns_green_and_nothing_else(photo, tmp_path):
     for name in ("opengl", "directx"):
         assert run(tmp_path, "--width", "66mm", "--convention", name, "--name", name, "-o", tmp_path) == 0
@@ -317,9 +333,9 @@ BAD = {
     "ruler before the photo": (["--ruler=-9,1,50,1=5mm"], "its places are not within the photo, which is 330 x 260"),
     "crop of halves": (["--width", "1m", "--crop", "1.5,0,99,99"], "--crop 1.5,0,99,99 is not of whole pixels"),
     "crop of words": (["--width", "1m", "--crop", "all"], "--crop all is not x,y,width,height"),
-    "crop outside": (["--width", "1m", "--crop", "300,0,100,100"], "weave.exr: the crop 300,0,100,100 (left, top"),
+    "crop outside": (["--width", "1m", "--crop", "300,0,100,100"], "weave.exr: the crop of 100 x 100 pixels"),
     "crop before": (["--width", "1m", "--crop=-1,0,100,100"], "is not within the photo, which is 330 x 260"),
-    "crop of nothing": (["--width", "1m", "--crop", "10,10,0,100"], "is not within the photo"),
+    "crop of nothing": (["--width", "1m", "--crop", "10,10,0,100"], "the crop leaves nothing of the photo's 330 x"),
     "crop too small": (["--width", "1m", "--crop", "0,0,63,200"], "63 x 200 pixels are too few for a material"),
     "size too large": (["--width", "1m", "--size", "8193"], "64 to 8192 pixels a side, not 8193"),
     "size too small": (["--width", "1m", "--size", "63"], "64 to 8192 pixels a side, not 63"),

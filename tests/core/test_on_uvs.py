@@ -1,5 +1,6 @@
 """Heights on UVs, where they are known: spheres and tori displaced by waves in space, in several islands."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -251,7 +252,7 @@ def test_heights_larger_than_the_mesh_are_told(
     for slope, told in ((0.02, False), (4.0, True)):
         row, column = np.indices((64, 64)) / 64 - 0.5
         write_image("t.png", encode(unit(np.stack([-slope * column, slope * row, np.full((64, 64), 0.2)], axis=-1))))
-        assert main(["integrate", "t.png", "--onto", "mesh.npz", "--height", "h.exr"]) == 0
+        assert main(["integrate", "t.png", "--uvs", "mesh.npz", "--height", "h.exr"]) == 0
         assert ("and the whole mesh 3.46; check" in capsys.readouterr().err) == told
 
 
@@ -296,28 +297,30 @@ def test_the_command_line_writes_what_the_package_finds(tmp_path: Path, capsys: 
     vectors = tangent_normals(mesh, 64, lambda points, _: bumpy_sphere(points))
     write_mesh(tmp_path / "mesh.npz", mesh)
     write_image(tmp_path / "t.png", encode(vectors, "directx"))
-    command = ["integrate", str(tmp_path / "t.png"), "--onto", str(tmp_path / "mesh.npz"), "--convention", "directx"]
+    command = ["integrate", str(tmp_path / "t.png"), "--uvs", str(tmp_path / "mesh.npz"), "--convention", "directx"]
     assert main([*command, "--height", str(tmp_path / "h.png"), "--unit", "mm"]) == 0
     assert "Displace: strength" in capsys.readouterr().out
     found = displacement(vectors, mesh)
-    read = read_height(tmp_path / "h.png").values
-    assert read[found.covered] == pytest.approx(found.values[found.covered], abs=0.01 * AMPLITUDE)
+    read = read_height(tmp_path / "h.png")
+    assert json.loads((tmp_path / "h.json").read_text())["camera"] is None
+    assert read.camera.focal == pytest.approx(1 / found.texel)
+    assert read.values[found.covered] == pytest.approx(found.values[found.covered], abs=0.01 * AMPLITUDE)
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--onto", "mesh.npz"], "name their file with --height"),
-        (["--onto", "mesh.npz", "--height", "h.exr", "--focal", "50"], "--focal goes with a photo's normals"),
-        (["--onto", "mesh.npz", "--height", "h.exr", "--faces", "9"], "--faces goes with --mesh, which is not given"),
-        (["--onto", "mesh.npz", "--height", "h.exr", "--scale", "-1"], "a scale of -1 times"),
-        (["--onto", "mesh.npz", "--height", "h.exr", "--mean", "nan"], "the mean height must be a number"),
-        (["--onto", "mesh.npz", "--height", "h.exr", "--margin", "999"], "a margin of 999 texels does not fit"),
-        (["--onto", "mesh.npz", "--height", "h.exr", "--space", "world"], "space 'world' is not known"),
-        (["--onto", "mesh.npz", "--height", "mesh.npz"], ".npz is not an image format"),
-        (["--onto", "gone.npz", "--height", "h.exr"], "mesh file gone.npz does not exist"),
-        (["--onto", "mesh.npz", "--base", "gone.obj", "--height", "h.exr"], "mesh file gone.obj does not exist"),
-        (["--onto", "mesh.npz", "--height", "texture.png"], "would overwrite texture.png"),
+        (["--uvs", "mesh.npz"], "name their file with --height"),
+        (["--uvs", "mesh.npz", "--height", "h.exr", "--focal", "50"], "--focal goes with a photo's normals"),
+        (["--uvs", "mesh.npz", "--height", "h.exr", "--faces", "9"], "--faces goes with --mesh, which is not given"),
+        (["--uvs", "mesh.npz", "--height", "h.exr", "--scale", "-1"], "a scale of -1 times"),
+        (["--uvs", "mesh.npz", "--height", "h.exr", "--mean", "nan"], "the mean height must be a number"),
+        (["--uvs", "mesh.npz", "--height", "h.exr", "--margin", "99999"], "a margin of 99999 texels; choose 0"),
+        (["--uvs", "mesh.npz", "--height", "h.exr", "--space", "world"], "space 'world' is not known"),
+        (["--uvs", "mesh.npz", "--height", "mesh.npz"], ".npz is not an image format"),
+        (["--uvs", "gone.npz", "--height", "h.exr"], "mesh file gone.npz does not exist"),
+        (["--uvs", "mesh.npz", "--base", "gone.obj", "--height", "h.exr"], "mesh file gone.obj does not exist"),
+        (["--uvs", "mesh.npz", "--height", "texture.png"], "would overwrite texture.png"),
     ],
 )
 def test_bad_input_is_one_sentence(

@@ -81,6 +81,14 @@ def test_what_is_given_wins_over_the_preset(tilted: list[str], tmp_path: Path) -
     assert stored(out / "t.png")[0] == "uint8"
 
 
+@pytest.mark.parametrize("padding", [[], ["--padding", "push-pull"]])
+def test_no_texture_is_too_small_for_a_margin_that_nobody_gave(
+    padding: list[str], tilted: list[str], tmp_path: Path
+) -> None:
+    assert main([*tilted, "--size", "8", *padding, "-o", str(tmp_path / "small.png")]) == 0
+    assert stored(tmp_path / "small.png")[1].shape[:2] == (8, 8)
+
+
 def test_without_a_preset_all_is_as_before(tilted: list[str], tmp_path: Path) -> None:
     assert main([*tilted, "-o", str(tmp_path / "plain.png")]) == 0
     assert stored(tmp_path / "plain.png")[0] == "uint16" and middle_green(tmp_path / "plain.png") > 0.5
@@ -99,9 +107,16 @@ def test_godots_names_are_in_snake_case(given: str, stem: str) -> None:
     assert PRESETS["godot"].stem(given) == f"{stem}_normal"
 
 
-@pytest.mark.parametrize("output", ["texture.exr", "texture.jpg", "texture"])
-def test_an_ending_that_contradicts_the_preset_is_refused(output: str) -> None:
-    with pytest.raises(InputError, match=r"the preset for glTF writes \.png, but texture\S* ends in"):
+@pytest.mark.parametrize(
+    ("output", "said"),
+    [
+        ("texture.exr", r"texture\.exr ends in \.exr; change"),
+        ("texture.jpg", r"texture\.jpg ends in \.jpg; change"),
+        ("texture", r"texture has no ending \(for a new folder write texture/\); change"),
+    ],
+)
+def test_an_ending_that_contradicts_the_preset_is_refused(output: str, said: str) -> None:
+    with pytest.raises(InputError, match=r"the preset for glTF writes \.png, but " + said):
         preset_output(PRESETS["gltf"], output, "HeroHead")
 
 
@@ -113,6 +128,12 @@ def test_an_ending_that_contradicts_the_preset_is_refused(output: str) -> None:
         (["--preset", "unity", "--bits", "32"], "hold 8 or 16 bits a channel, not 32"),
         (["--preset", "unity", "--convention", "metal"], "convention 'metal' is not known"),
         (["-o", "{folder}"], "it is a folder; give a file name"),
+        (
+            ["--preset", "unity", "--mesh", "b.obj", "-o", "{folder}/"],
+            "2 share this one; give its file with --output, as",
+        ),
+        (["--padding", "none", "--margin", "4"], "--margin goes with --padding nearest, not with none; leave it out"),
+        (["--padding", "push-pull", "--margin", "0"], "--margin goes with --padding nearest, not with push-pull"),
     ],
 )
 def test_bad_presets_get_one_sentence(

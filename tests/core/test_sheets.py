@@ -34,6 +34,11 @@ def test_each_triangle_is_in_the_tile_that_its_uvs_lie_in(caplog: pytest.LogCapt
     assert [record.getMessage() for record in caplog.records] == [
         "2 of 10 triangles have UVs outside the UDIM tiles, which the texture does not reach"
     ]
+    caplog.clear()
+    with caplog.at_level("INFO", "mpsnet_core"):
+        sheets([mesh])
+    assert caplog.records[0].getMessage().startswith("8 of 10 triangles have UVs outside 0 to 1")
+    assert caplog.records[0].getMessage().endswith("; bake UDIM tiles (<UDIM> in the file's name) to have them too")
 
 
 def test_what_crosses_a_border_is_in_both_tiles_and_told(caplog: pytest.LogCaptureFixture) -> None:
@@ -88,7 +93,11 @@ def test_triangles_without_a_material_are_told_apart() -> None:
         (squares((11, 0)), True, "all UVs lie outside the UDIM tiles"),
         (squares((0, 0), side=20.0), True, "in 200 UDIM tiles, more than the 100"),
         (squares((0, 0), side=1e30), True, "in 1000 UDIM tiles"),
-        (squares((1, 0)), False, r"outside the texture \(0 to 1\); move the UV islands into it, or bake UDIM tiles"),
+        (
+            squares((1, 0)),
+            False,
+            r"outside the texture \(0 to 1\); move the UV islands into it, or bake UDIM tiles \(<UDIM> in",
+        ),
     ],
     ids=["left", "beyond ten", "scaled", "scaled beyond reason", "no tiles asked for"],
 )

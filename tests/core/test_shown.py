@@ -1,5 +1,6 @@
 """A present map's relief in a view is found, and taken out, where there is some; a sphere whose normals are known."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from mpsnet_core.rays import RayScene
 from mpsnet_core.surface.bake import View
 from mpsnet_core.surface.mesh import write_mesh
 from mpsnet_core.surface.onto import read_present_map
-from mpsnet_core.surface.shown import Present, without_present
+from mpsnet_core.surface.shown import Present, without_present, without_presents
 
 POSE = np.diag([1.2, 1.2, 1.2, 1.0])
 POSE[:3, 3] = (4, -2, 1)
@@ -97,6 +98,32 @@ def test_where_the_relief_is_not_shown_the_view_stays(what: str) -> None:
     left, share = taken_out(vectors, view, present())
     assert share == 0
     assert np.array_equal(left, NormalMap(vectors, view.normals.mask).vectors)
+
+
+def test_of_two_maps_each_has_a_share_of_its_own() -> None:
+    """The upper half's relief is in the photo, that of the lower half is another; each is found on its triangles."""
+    view = smooth_view()
+    upper = MESH.uvs[..., 1].min(axis=1) >= 0.5 - 1e-6
+    other = replace(present(), vectors=np.flip(present().vectors, (0, 1)), triangles=~upper)
+    both = [replace(present(), triangles=upper), other]
+    normals, shares = without_presents(NormalMap(worn(view), view.normals.mask), view.camera, MESH, SCENE, both)
+    assert shares[0] == pytest.approx(1, abs=0.05) and shares[1] == 0
+    height = (view.normals.vectors @ view.camera.rotation.T)[..., 2]
+    apart = degrees_between(normals.vectors, view.normals.vectors)
+    assert apart[inner(view) & (height > 0.05)].mean() < 1 and apart[inner(view) & (height < -0.05)].mean() > 10
+    again, same = without_presents(NormalMap(worn(view), view.normals.mask), view.camera, MESH, SCENE, both, shares)
+    assert same == shares and np.array_equal(again.vectors, normals.vectors)
+
+
+def test_a_map_of_another_tile_is_taken_out_as_that_of_the_first() -> None:
+    view = smooth_view()
+    moved = replace(MESH, uvs=MESH.uvs + np.array([2, 1], np.float32))
+    given = NormalMap(worn(view), view.normals.mask)
+    expected, share = without_present(given, view.camera, MESH, SCENE, present())
+    found, same = without_present(given, view.camera, moved, SCENE, replace(present(), corner=(2, 1)))
+    assert same == pytest.approx(share, abs=1e-3)
+    assert degrees_between(found.vectors, expected.vectors)[inner(view)].max() < 0.1
+    assert without_present(given, view.camera, moved, SCENE, replace(present(), corner=(0, 1)))[1] == 0
 
 
 def test_as_told_it_is_left_in() -> None:

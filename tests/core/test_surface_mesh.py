@@ -142,6 +142,7 @@ def test_files_come_back(tmp_path: Path, suffix: str, up: str) -> None:
     mesh = of(ball(NEAR, (0.2, 0.1, -5), 1.6), 800)
     write_surface_mesh(tmp_path / f"m{suffix}", mesh, up=up)  # type: ignore[arg-type]
     found = read_mesh(tmp_path / f"m{suffix}")
+    assert found.objects is None or found.objects.names == ("m",)
     assert listing(tmp_path) == [f"m{suffix}"]
     turned = up == "z" and suffix != ".ply"
     # With y up in the file, the world's z is the file's y, and the world's y points away: the file's -z.
@@ -168,7 +169,7 @@ def test_what_cannot_be_made(tmp_path: Path) -> None:
         (lambda: of(surface, open_from=float("nan")), "between 0 and 90 degrees on, not nan"),
         (lambda: of(surface, 1), "no face is left of the surface"),
         *(
-            (lambda s=s: of(plane(orthographic(*s), (0, 0), 0)), "no face is left")
+            (lambda s=s: of(plane(orthographic(*s), (0, 0), 0)), "nowhere two pixels wide and high, so it has no face")
             for s in ((1, 1), (1, 300), (300, 1))
         ),
         (

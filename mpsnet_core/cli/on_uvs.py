@@ -1,4 +1,4 @@
-"""The verb integrate with --onto: a normal texture to heights on the same mesh's UVs."""
+"""The verb integrate with --uvs: a normal texture to heights on the same mesh's UVs."""
 
 import argparse
 import logging
@@ -6,16 +6,17 @@ from pathlib import Path
 from typing import Any
 
 from mpsnet_core.cli.reporter import Reporter
+from mpsnet_core.defaults import MARGIN
 from mpsnet_core.errors import InputError
 from mpsnet_core.progress import part
 
 log = logging.getLogger(__name__)
 
 
-def add_onto(group: argparse._ArgumentGroup) -> None:
-    """The options that go with --onto alone."""
+def add_on_uvs(group: argparse._ArgumentGroup) -> None:
+    """The options that go with --uvs alone."""
     group.add_argument(
-        "--onto", metavar="MESH", help="the mesh with UVs that the texture was baked onto; needs --height"
+        "--uvs", metavar="MESH", help="the mesh that the texture was baked onto; makes --height on its UVs"
     )
     group.add_argument("--space", default="tangent", help="of the texture: tangent (MikkTSpace) or object")
     group.add_argument("--base", metavar="MESH", help="what is to be displaced, where that is the same mesh subdivided")
@@ -26,11 +27,15 @@ def add_onto(group: argparse._ArgumentGroup) -> None:
         help="leave bumps wider than this share of the mesh's size to the mesh; 0 keeps all",
     )
     group.add_argument("--mean", type=float, help="of the heights; unless given, the surface stays where it is")
-    group.add_argument("--margin", type=int, default=16, help="texels that the islands' borders are grown by")
+    group.add_argument("--margin", type=int, default=MARGIN, help="texels that the islands' borders are grown by")
 
 
-def integrate_onto(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
-    """Write the heights that the options ask for; what is told of them. Raises InputError where they cannot be had."""
+def integrate_on_uvs(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
+    """Write the heights that the options ask for, and give what is told of them, as plain data.
+
+    Raises InputError where a file cannot be read or written, a number is out of range, or the texture does not fit the
+    mesh.
+    """
     import numpy as np
 
     from mpsnet_core.frames import check_apart
@@ -40,11 +45,11 @@ def integrate_onto(options: argparse.Namespace, reporter: Reporter) -> dict[str,
     from mpsnet_core.surface.mesh import read_mesh
 
     if not options.height:
-        raise InputError("--onto makes heights; name their file with --height")
+        raise InputError("--uvs makes heights; name their file with --height")
     files = height_files(options.height, options.height_bits)
-    check_apart([file for file in (options.normals, options.onto, options.base) if file], files)
+    check_apart([file for file in (options.normals, options.uvs, options.base) if file], files)
     reporter.progress(0.0, "reading the mesh")
-    mesh = read_mesh(options.onto)
+    mesh = read_mesh(options.uvs)
     base = read_mesh(options.base) if options.base else None
     reporter.progress(0.05, f"reading {Path(options.normals).name}")
     texture = read_normals(options.normals, convention=options.convention)
@@ -60,7 +65,7 @@ def integrate_onto(options: argparse.Namespace, reporter: Reporter) -> dict[str,
     )
     reporter.progress(0.9, f"writing {Path(options.height).name}")
     unit = options.unit or "unit"
-    scale = write_height(options.height, found.as_height_map(), bits=options.height_bits, unit=unit)
+    scale = write_height(options.height, found.as_height_map(), bits=options.height_bits, unit=unit, on_uvs=True)
     inside = found.values[found.covered]
     lowest, highest = float(inside.min()), float(inside.max())
     across = float(np.linalg.norm(np.ptp(mesh.world_vertices, axis=0)))
