@@ -13,6 +13,7 @@ import bpy
 from mpsnet_core.errors import InputError
 
 from .operators import CANCELLED
+from .render_beside import render_job
 from .training_data import samples_folder, standing
 
 COMMAND = "mpsnet"
@@ -52,6 +53,8 @@ def main(argv: Sequence[str]) -> int:
         verb = options.pop("verb")
         if verb == "work":
             return _work(options["folder"])
+        if verb == "render":
+            return render_job(Path(options["folder"]))
         with _window():
             _do(verb, options)
     except (InputError, RuntimeError) as error:
@@ -178,6 +181,10 @@ def _parser() -> argparse.ArgumentParser:
     work = verbs.add_parser("work")  # without help and so not listed: the farm's own
     work.add_argument("folder")
     work.set_defaults(verb="work")
+    render = verbs.add_parser("render")  # likewise: what a live window starts, see render_beside.py
+    render.add_argument("folder")
+    render.add_argument("--progress", choices=["json"])
+    render.set_defaults(verb="render")
     return parser
 
 

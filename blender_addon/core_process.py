@@ -1,4 +1,7 @@
-"""The core as a child process: it cannot freeze Blender's window, cannot crash it, and is cancelled by ending it."""
+"""The core as a child process: it cannot freeze Blender's window, cannot crash it, and is cancelled by ending it.
+
+So can be another Blender that answers as the core does, see render_beside.py.
+"""
 
 import json
 import os
@@ -9,7 +12,7 @@ import threading
 import time
 import weakref
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
@@ -26,7 +29,22 @@ LAST_WORDS = 20
 
 
 class CoreCrashed(Exception):
-    """The core ended without a result. The message holds its last words."""
+    """A child process ended without a result. The message holds its last words."""
+
+
+@dataclass(frozen=True)
+class Program:
+    """What a child process runs: it is called as the core is, with ``--progress json``, and answers as that does.
+
+    name: for people. environment: variables that it has in place of this process's.
+    """
+
+    command: tuple[str, ...]
+    name: str
+    environment: Mapping[str, str] = field(default_factory=dict)
+
+
+CORE = Program((sys.executable, "-m", "mpsnet_core"), "the core")
 
 
 @dataclass
@@ -40,29 +58,30 @@ class _Said:
 
 
 class CoreProcess:
-    """One run of ``python -m mpsnet_core``, from the moment it is made until it ends or nobody holds it any more.
+    """One run of a program, from the moment it is made until it ends or nobody holds it any more.
 
     arguments: verb and options as on the command line.
     outputs: files that the run writes; their folders are cleared of unfinished files after a kill.
+    program: what is run, ``python -m mpsnet_core`` unless given.
 
     Attributes `progress` (0 to 1) and `message` say how far it is.
     """
 
-    def __init__(self, arguments: Sequence[str], outputs: Sequence[Path] = ()) -> None:
-        self._said = _Said()
+    def __init__(self, arguments: Sequence[str], outputs: Sequence[Path] = (), program: Program = CORE) -> None:
+        self._said, self._name = _Said(), program.name
         self._folders = {output.parent for output in outputs}
         flags = 0
         if sys.platform == "win32":
             # A group of its own, so that the child can be asked to end and not Blender with it.
             flags = subprocess.CREATE_NEW_PROCESS_GROUP
         self._child = subprocess.Popen(
-            [sys.executable, "-m", "mpsnet_core", *arguments, "--progress", "json"],
+            [*program.command, *arguments, "--progress", "json"],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             encoding="utf-8",
             errors="replace",
-            env=_environment(),
+            env={**_environment(), **program.environment},
             creationflags=flags,
         )
         # Also runs when Blender quits in the middle of the work.
@@ -106,7 +125,7 @@ class CoreProcess:
         if code == 130:
             raise Cancelled
         words = self._said.last_words[-1] if self._said.last_words else "it said nothing"
-        raise CoreCrashed(f"the core ended unexpectedly (exit code {code}); its last words: {words}")
+        raise CoreCrashed(f"{self._name} ended unexpectedly (exit code {code}); its last words: {words}")
 
     def cancel(self) -> None:
         """End the child within a second; nothing half-written stays behind."""

@@ -2,7 +2,8 @@
 
 import logging
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -12,8 +13,9 @@ import bpy
 from bpy.props import StringProperty
 
 from mpsnet_core.errors import Cancelled, InputError
+from mpsnet_core.progress import Progress
 
-from .core_process import CoreCrashed, CoreProcess, run
+from .core_process import CORE, CoreCrashed, CoreProcess, Program, run
 from .made_from import Ingredients, keep_made_from
 from .settings.record import keep_record
 from .time_left import Pace, in_words
@@ -125,7 +127,7 @@ def _sentence(error: OSError) -> str:
 
 @dataclass(eq=False)
 class _Job:
-    """A run of the core beside the live window. It outlives Blender's operator, whose data goes when it is removed."""
+    """A child process beside the live window. It outlives Blender's operator, whose data goes when it is removed."""
 
     process: CoreProcess
     folder: "TemporaryDirectory[str]"
@@ -161,6 +163,10 @@ class RunsCore(SaysWhy):
 
     _notes: Sequence[str] = ()  # what `prepare` has to say beside the core's notes
 
+    def program(self, folder: Path) -> Program:
+        """What runs beside a live window, with what `prepare` gave. folder: that of `prepare`."""
+        return CORE
+
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         """Write what the core reads into `folder`; give its arguments and the files it will write."""
         raise NotImplementedError
@@ -176,11 +182,8 @@ class RunsCore(SaysWhy):
         manager = context.window_manager
         with TemporaryDirectory(prefix="mpsnet-") as folder:
             arguments, outputs = self._prepared(context, Path(folder))
-            manager.progress_begin(0, 100)
-            try:
-                result = run(arguments, outputs, _Teller(manager))
-            finally:
-                manager.progress_end()
+            with at_the_pointer(manager) as told:
+                result = run(arguments, outputs, told)
         self._finished(context, result)
 
     def _prepared(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
@@ -205,7 +208,7 @@ class RunsCore(SaysWhy):
         folder = TemporaryDirectory(prefix="mpsnet-")
         try:
             arguments, outputs = self._prepared(context, Path(folder.name))
-            process = CoreProcess(arguments, outputs)
+            process = CoreProcess(arguments, outputs, self.program(Path(folder.name)))
         except BaseException:
             folder.cleanup()
             raise
@@ -255,6 +258,16 @@ class _Teller:
         if time.monotonic() - self.told >= TELL_SECONDS:
             log.info("%.0f%%: %s", 100 * done, message)
             self.told = time.monotonic()
+
+
+@contextmanager
+def at_the_pointer(manager: Any) -> Iterator[Progress]:
+    """Progress for a script's work: at the mouse pointer, and in the log."""
+    manager.progress_begin(0, 100)
+    try:
+        yield _Teller(manager)
+    finally:
+        manager.progress_end()
 
 
 def redraw(manager: Any) -> None:

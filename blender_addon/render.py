@@ -1,71 +1,80 @@
 """The photo: rendered from the scene under the rig alone, or opened from a file; and the true normals of its view."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import bpy
 from bpy.props import StringProperty
 
-from mpsnet_core.camera import write_camera
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import PHOTO_SUFFIXES, RAW_SUFFIXES, VIDEO_SUFFIXES, written_whole
-from mpsnet_core.rig import write_rig
+from mpsnet_core.files import PHOTO_SUFFIXES, RAW_SUFFIXES, VIDEO_SUFFIXES
 
-from .core_process import run
+from .core_process import Program, run
 from .made_from import Ingredients, chosen, rounded
-from .operators import SaysWhy, told_by
-from .outputs import (
-    beside,
-    frame_pattern,
-    literally,
-    load_photo,
-    output_frames,
-    output_path,
-    read_beside,
-    remember,
-    render_path,
-)
-from .rig import drawn_rig, light_rig, rig_camera, rig_parts, scene_camera, view_layer
-from .rigs import result_name
+from .operators import RunsCore, SaysWhy, at_the_pointer
+from .outputs import frame_pattern, load_photo, output_frames, output_path, read_beside, remember, render_path
+from .render_beside import rendering_blender, written_job
+from .rig import drawn_rig, light_rig, rig_camera
+from .rigs import result_name, rig_at
 from .settings.declared import take_given
 from .settings.photo import PhotoSettings
+from .studio import What, render
 
-_NORMAL_SAMPLES = 16
+
+class _Renders(RunsCore):
+    """An operator that renders: from a button in a Blender beside this one, from a script here."""
+
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        return "" if context.scene.mps.rig.lights else "Add a rig first"
+
+    def target(self, scene: Any) -> tuple[What, Path]:
+        """What is rendered with the operator's settings, and into which file or folder."""
+        raise NotImplementedError
+
+    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+        what, output = self.target(context.scene)
+        light_rig(context.scene)  # what is wrong with it is said at once
+        return written_job(context, what, output, folder), [output / "frames" if what == "frames" else output]
+
+    def program(self, folder: Path) -> Program:
+        return rendering_blender(folder)
+
+    def act(self, context: Any) -> None:
+        what, output = self.target(context.scene)
+        with at_the_pointer(context.window_manager) as told:
+            first = render(what, context.scene, output, lambda done, of, words: told(done / of, words))
+        self._made_from = self.made_from(context)
+        self._finished(context, {"output": str(first)})
 
 
-class MPS_OT_render_photo(SaysWhy, PhotoSettings, bpy.types.Operator):
-    """Render the object with Cycles, lit by the rig's red, green and blue light alone. The window waits for it.
+class MPS_OT_render_photo(_Renders, PhotoSettings, bpy.types.Operator):
+    """Render the object with Cycles, lit by the rig's red, green and blue light alone, beside the live window.
 
-    Other lights and the world are off. The scene's own render settings stay as they are. The rig and the camera, as
-    they stand, are written beside the photo"""
+    Other lights and the world are off. The scene is rendered as it is now and stays as it is. The rig and the camera,
+    as they stand, are written beside the photo"""
 
     bl_idname = "mps.render_photo"
     bl_label = "Render Photo"
     bl_options = {"UNDO"}
 
     @classmethod
-    def lacks(cls, context: Any) -> str:
-        return "" if context.scene.mps.rig.lights else "Add a rig first"
-
-    @classmethod
     def made_from(cls, context: Any) -> Ingredients:
         return {**_drawn(context.scene), **chosen(PhotoSettings, context.scene.mps.photo)}
 
-    def act(self, context: Any) -> None:
-        scene = context.scene
+    def target(self, scene: Any) -> tuple[What, Path]:
         take_given(self, PhotoSettings, scene.mps.photo)
-        if self.animation:
-            folder = output_frames(self.output, result_name(scene, "photo"))
-            path = render_frames(scene, folder)
-        else:
-            path = output_path(self.output, result_name(scene, "photo"), "EXR")
-            render_photo(scene, path)
-        self._made_from = self.made_from(context)
-        scene.mps.photo.image = image = load_photo(path, "MPS Photo Frames" if self.animation else "MPS Photo")
-        if self.animation:
+        self._moves = self.animation
+        if self._moves:
+            return "frames", output_frames(self.output, result_name(scene, "photo"))
+        return "photo", render_path(output_path(self.output, result_name(scene, "photo"), "EXR"))
+
+    def finish(self, context: Any, result: dict[str, Any]) -> None:
+        result_is = f"its photo is in {result['output']}"
+        photo = rig_at(self.scene(result_is), self._rig_place, result_is).photo
+        photo.image = image = load_photo(Path(result["output"]), "MPS Photo Frames" if self._moves else "MPS Photo")
+        if self._moves:
             image.source = "SEQUENCE"
         self.made(image)
 
@@ -131,7 +140,7 @@ def load_raw(path: Path) -> bpy.types.Image:
     return image
 
 
-class MPS_OT_render_truth(SaysWhy, bpy.types.Operator):
+class MPS_OT_render_truth(_Renders, bpy.types.Operator):
     """Render the true normals of the photo's view, as an OpenEXR with Blender's Normal pass, to compare with"""
 
     bl_idname = "mps.render_truth"
@@ -145,199 +154,11 @@ class MPS_OT_render_truth(SaysWhy, bpy.types.Operator):
         options={"SKIP_SAVE"},
     )
 
-    @classmethod
-    def lacks(cls, context: Any) -> str:
-        return "" if context.scene.mps.rig.lights else "Add a rig first"
+    def target(self, scene: Any) -> tuple[What, Path]:
+        return "normals", render_path(output_path(self.output, result_name(scene, "true_normals"), "EXR"))
 
-    def act(self, context: Any) -> None:
-        path = output_path(self.output, result_name(context.scene, "true_normals"), "EXR")
-        render_normals(context.scene, path)
-        self.report({"INFO"}, f"True normals written to {path}")
-
-
-def render_photo(scene: Any, path: Path) -> None:
-    """Render what the rig's camera sees under the rig's lights alone, as a linear float EXR with alpha.
-
-    Size and samples are those of ``scene.mps.photo``. The rig and the camera are written beside the photo, see
-    :func:`.outputs.beside`. Nothing in the .blend file changes.
-
-    Raises InputError where the rig is incomplete, something else shines or the file cannot be written.
-    """
-    render_path(path)
-    rig, photo = light_rig(scene), scene.mps.photo
-    camera, _, lights = rig_parts(scene)
-    with _studio(scene) as studio, TemporaryDirectory(prefix="mpsnet-") as folder, _progress(len(lights)) as done:
-        _refuse_other_light(studio)
-        studio.cycles.samples = photo.samples
-        # Each Cycles sample draws one of the lights by chance; with one light at a time there is no such noise.
-        parts = [Path(folder) / f"{number}.exr" for number in range(len(lights))]
-        for number, (light, part) in enumerate(zip(lights, parts, strict=True)):
-            done(number)
-            others = [other for other in lights if other != light]
-            for other in others:
-                studio.collection.objects.unlink(other)
-            _render(studio, part, "OPEN_EXR")
-            for other in others:
-                studio.collection.objects.link(other)
-        run(["superpose", *map(str, parts), "--output", str(path)], [path])
-    write_rig(beside(path, "rig"), rig)
-    write_camera(beside(path, "camera"), scene_camera(camera, scene, (photo.width, photo.height)))
-
-
-def render_frames(scene: Any, folder: Path) -> Path:
-    """:func:`render_photo` of each frame of the scene into `folder`, called by their numbers; gives the first's file.
-
-    Raises InputError as that does.
-    """
-    current, digits = scene.frame_current, max(4, len(str(scene.frame_end)))
-    files = []
-    try:
-        for number in range(scene.frame_start, scene.frame_end + 1):
-            scene.frame_set(number)
-            files.append(folder / f"{folder.name}_{number:0{digits}d}.exr")
-            render_photo(scene, files[-1])
-    finally:
-        scene.frame_set(current)
-    return files[0]
-
-
-def render_normals(scene: Any, path: Path) -> None:
-    """Render the true normals of the photo's view as a float multi-layer EXR, H x W as the photo.
-
-    Channels ``ViewLayer.Normal.X``, ``.Y``, ``.Z`` hold the normal in WORLD space (rotate by the transpose of
-    ``Camera.rotation`` to come to camera space), averaged over each pixel and so a little shorter than 1 at edges;
-    ``ViewLayer.Combined.A`` holds the alpha. Blender 4.5 writes one part with these names, 5.x a part for each pass.
-
-    Raises InputError where the rig is incomplete or the file cannot be written.
-    """
-    render_path(path)
-    with _studio(scene) as studio:
-        studio.cycles.samples = _NORMAL_SAMPLES
-        studio.cycles.max_bounces = 0
-        studio.view_layers[0].use_pass_normal = True
-        _render(studio, path, "OPEN_EXR_MULTILAYER")
-
-
-@contextmanager
-def _progress(steps: int) -> Iterator[Callable[[int], None]]:
-    """Blender's progress at the mouse pointer; called with the number of steps that are done."""
-    manager = bpy.context.window_manager
-    manager.progress_begin(0, steps)
-    try:
-        yield manager.progress_update
-    finally:
-        manager.progress_end()
-
-
-@contextmanager
-def _studio(scene: Any) -> Iterator[Any]:
-    """A scene that lives as long as the context: the objects of `scene` under its rig's lights and nothing else.
-
-    It has no simulation of rigid bodies: apply or bake to keyframes what shall stand where physics brought it.
-    """
-    camera, _, lights = rig_parts(scene)
-    photo = scene.mps.photo
-    studio = bpy.data.scenes.new("MPS Studio")
-    try:
-        # In order and each once: the order decides how Cycles numbers things, and so its noise.
-        for obj in dict.fromkeys([*_rendered(view_layer(scene).layer_collection), *lights, camera]):
-            studio.collection.objects.link(obj)
-        studio.camera = camera
-        studio.frame_set(scene.frame_current, subframe=scene.frame_subframe)
-        studio.view_layers[0].name = "ViewLayer"
-        render = studio.render
-        render.engine = "CYCLES"
-        render.resolution_x, render.resolution_y, render.resolution_percentage = photo.width, photo.height, 100
-        render.film_transparent = True
-        render.use_compositing = render.use_sequencer = False
-        render.use_simplify = False
-        cycles = studio.cycles
-        cycles.device = scene.cycles.device
-        cycles.use_denoising = cycles.use_adaptive_sampling = False
-        cycles.sample_clamp_indirect = 0.0
-        yield studio
-    finally:
-        bpy.data.scenes.remove(studio)
-
-
-def _rendered(layer: Any, special: str = "") -> Iterator[Any]:
-    """Objects of a view layer that its render shows, lights apart.
-
-    special: the collection above that the view layer shows as holdout or only indirectly, which a photo cannot.
-    """
-    if layer.collection.hide_render:
-        return
-    if layer.holdout or layer.indirect_only:
-        special = layer.collection.name
-    # A collection within an excluded one may be included again.
-    for obj in () if layer.exclude else layer.collection.objects:
-        if obj.type == "LIGHT" or obj.hide_render:
-            continue
-        if special:
-            raise InputError(
-                f'"{obj.name}" is in the collection "{special}", which this view layer shows as holdout or indirect '
-                "only; switch that off or exclude the collection"
-            )
-        yield obj
-    for child in layer.children:
-        yield from _rendered(child, special)
-
-
-def _refuse_other_light(studio: Any) -> None:
-    """A photo under the three lights alone cannot have a fourth in it, not even one that an instance brings."""
-    for obj in studio.objects:  # also those that the viewport, and so the dependency graph, hides
-        refuse_glow(obj, obj.name)
-    for instance in studio.view_layers[0].depsgraph.object_instances:
-        owner = (instance.parent or instance.object).name
-        if instance.object.original.hide_render:
-            continue
-        if instance.is_instance and instance.object.type == "LIGHT":
-            raise InputError(
-                f'"{owner}" holds the light "{instance.object.name}", but the photo shows the three lights alone; '
-                "hide it from renders"
-            )
-        refuse_glow(instance.object, owner)
-
-
-def refuse_glow(obj: Any, owner: str) -> None:
-    """Raises InputError where one of the object's materials glows. owner: the object's name for people."""
-    for slot in obj.material_slots:
-        if slot.material and slot.material.node_tree and _glows(slot.material.node_tree):
-            raise InputError(
-                f'material "{slot.material.name}" of "{owner}" glows, but the three lights alone shall shine; '
-                "set its emission to 0"
-            )
-
-
-def _glows(tree: Any) -> bool:
-    for node in tree.nodes:
-        if node.type == "GROUP" and node.node_tree and _glows(node.node_tree):
-            return True
-        prefix = "" if node.type == "EMISSION" else "Emission "
-        strength, colour = node.inputs.get(f"{prefix}Strength"), node.inputs.get(f"{prefix}Color")
-        if strength is None or colour is None or not node.outputs[0].is_linked:
-            continue
-        bright = strength.is_linked or strength.default_value > 0
-        if bright and (colour.is_linked or max(colour.default_value[:3]) > 0):
-            return True
-    return False
-
-
-def _render(studio: Any, path: Path, file_format: str) -> None:
-    settings = studio.render.image_settings
-    if bpy.app.version >= (5, 0):
-        settings.media_type = "MULTI_LAYER_IMAGE" if file_format == "OPEN_EXR_MULTILAYER" else "IMAGE"
-    settings.file_format = file_format
-    settings.color_mode, settings.color_depth, settings.exr_codec = "RGBA", "32", "ZIP"
-    studio.render.use_file_extension = False
-    with written_whole(path) as unfinished:
-        studio.render.filepath = literally(unfinished)
-        try:
-            bpy.ops.render.render(write_still=True, scene=studio.name)
-        except RuntimeError as error:
-            raise InputError(f"Blender could not render {path}: {told_by(error)}") from None
-        if not unfinished.is_file():
-            raise InputError(f"Blender did not write {path}: the render was cancelled or its disk is full; try again")
+    def finish(self, context: Any, result: dict[str, Any]) -> None:
+        self.report({"INFO"}, f"True normals written to {result['output']}")
 
 
 CLASSES = (MPS_OT_render_photo, MPS_OT_open_photo, MPS_OT_render_truth)

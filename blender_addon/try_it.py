@@ -59,7 +59,7 @@ class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
     def act(self, context: Any) -> None:
         try:
             self._build(context)
-            self._photograph(context)
+            self._photograph(context, "EXEC_DEFAULT")
             self._estimate(context, "EXEC_DEFAULT")
             self._bake(context, "EXEC_DEFAULT")
             self._present(context)
@@ -144,14 +144,16 @@ class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
         for view in _viewports(context):
             view.view_location, view.view_distance, view.view_rotation = Vector(), _AWAY, _LOOK
             view.view_perspective = "PERSP"
-        context.window_manager.mps.message = "rendering its photo; the window waits"
 
-    def _photograph(self, context: Any) -> None:
-        _run(bpy.ops.mps.render_photo, samples=self.samples, output=self._file(context, "photo.exr"))
-        self._forget_files(context)
+    def _photograph(self, context: Any, how: str = "INVOKE_DEFAULT") -> None:
         context.window_manager.mps.running = ""
+        _run(bpy.ops.mps.render_photo, how, samples=self.samples, output=self._file(context, "photo.exr"))
 
     def _estimate(self, context: Any, how: str = "INVOKE_DEFAULT") -> None:
+        demo = self._demo(context)
+        self._forget_files(context)
+        if demo.mps.photo.image is None:
+            raise _why(demo, "render_photo")
         _run(bpy.ops.mps.estimate, how, output=self._file(context, "normals.png"))
 
     def _bake(self, context: Any, how: str = "INVOKE_DEFAULT") -> None:

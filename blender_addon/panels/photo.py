@@ -8,7 +8,7 @@ from .step import Step
 
 class MPS_PT_photo(Step):
     bl_label = "2  Photo"
-    verbs = ("render_photo", "open_photo")
+    verbs = ("render_photo", "open_photo", "render_truth")
 
     @classmethod
     def result(cls, context: Any) -> Any:
@@ -30,8 +30,10 @@ class MPS_PT_photo(Step):
         column.prop(photo, "animation")
         column.prop(photo, "output", text="Folder" if photo.animation else "File", placeholder="Automatic")
         self.progress_or(context, "render_photo", "RENDER_STILL")
+        self.progress_of(context, "render_truth")
         self.layout.template_ID(photo, "image", open="mps.open_photo")
-        self.failure(context.scene, "open_photo")
+        for verb in ("open_photo", "render_truth"):
+            self.failure(context.scene, verb)
         self.picture(photo.image)
 
 

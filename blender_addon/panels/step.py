@@ -105,9 +105,7 @@ class Step(bpy.types.Panel):
 
         While its work runs: how far it is, how long it will still take, and a way to stop it.
         """
-        job = context.window_manager.mps
-        if verb_of(job.running) == verb:
-            self._running(job)
+        if self.progress_of(context, verb):
             return
         scene = context.scene
         lacking = self.lacks(context) if self.verbs[:1] == (verb,) else _operator(verb).lacks(context)
@@ -123,12 +121,17 @@ class Step(bpy.types.Panel):
         for note in notes_of(scene, verb):
             wrapped(self.layout, sentence(note), icon="INFO")
 
-    def _running(self, job: Any) -> None:
+    def progress_of(self, context: Any, verb: str) -> bool:
+        """How far an operator's work is, where it runs; whether it does."""
+        job = context.window_manager.mps
+        if verb_of(job.running) != verb:
+            return False
         row = self.layout.row(align=True)
         row.scale_y = 1.3
         row.progress(factor=job.progress, text=f"{job.progress:.0%}  {job.left}".strip())
         row.operator("mps.cancel", text="", icon="X")
         wrapped(self.layout, sentence(job.message))
+        return True
 
     def failure(self, scene: Any, verb: str) -> None:
         """Why the operator's last run failed, until the next one or until it is dismissed."""

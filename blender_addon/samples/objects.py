@@ -16,7 +16,7 @@ from mpsnet_core.files import existing_file
 from mpsnet_core.synthesis.recipe import Recipe
 
 from ..mesh_file import as_rendered
-from ..render import refuse_glow
+from ..studio import refuse_glow
 
 
 @dataclass(frozen=True)

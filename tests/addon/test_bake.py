@@ -84,7 +84,7 @@ def low_poly_shot(scene, direction, path):
         light.data.color = colour
     constraint.enabled = False
     lights[0].matrix_world = direction.to_track_quat("Z", "Y").to_matrix().to_4x4()
-    from blender_addon.render import _render, _studio
+    from blender_addon.studio import _render, _studio
 
     with _studio(scene) as studio:
         studio.cycles.samples = 64

@@ -5,8 +5,8 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from blender_addon.render import render_normals
 from blender_addon.rig import light_rig, scene_camera
+from blender_addon.studio import render_normals
 from mpsnet_core.images import read_image
 
 from .conftest import matte
@@ -261,7 +261,8 @@ def test_an_animation_gives_a_photo_and_normals_of_each_frame(sphere, scene, tmp
     for number in range(3, 6):
         sphere.scale = [1 + (number - 3) / 10] * 3
         sphere.keyframe_insert("scale", frame=number)
-    scene.frame_start, scene.frame_end, scene.frame_current = 3, 5, 4
+    scene.frame_start, scene.frame_end = 3, 5
+    scene.frame_set(4, subframe=0.25)
     photo = {"width": 64, "height": 64, "samples": 1}
     with pytest.raises(RuntimeError, match="no folder is named for the frames"):
         bpy.ops.mps.render_photo(animation=True, **photo)  # the file is not saved, and frames cannot be packed
@@ -270,7 +271,8 @@ def test_an_animation_gives_a_photo_and_normals_of_each_frame(sphere, scene, tmp
     assert [file.name for file in files] == [f"shots_{number:04d}.exr" for number in range(3, 6)]
     areas = [(read_image(file).alpha > 0.5).sum() for file in files]
     np.testing.assert_allclose(np.sqrt(np.array(areas) / areas[0]), [1, 1.1, 1.2], rtol=0.02)
-    assert scene.frame_current == 4 and scene.mps.photo.image.source == "SEQUENCE"
+    assert (scene.frame_current, scene.frame_subframe) == (4, 0.25)
+    assert scene.mps.photo.image.source == "SEQUENCE"
 
     bpy.ops.mps.estimate(model="LAMBERTIAN", output=str(tmp_path / "normals"))
     assert (scene.mps.estimate.first_frame, scene.mps.estimate.last_frame) == (3, 5)

@@ -1,5 +1,8 @@
 """The panel in a real window: drawn, and clicked through as a person would."""
 
+import os
+from pathlib import Path
+
 import numpy as np
 import pytest
 from live import STEP, TITLE
@@ -61,6 +64,52 @@ def test_the_steps_run_beside_a_live_window(window, tmp_path):
     window.wait(lambda state: state["nodes"] == plain, 60, "undo of the bake")
     window.input("key", "ctrl+shift+z")
     window.wait(lambda state: "MPS Normal" in state["nodes"], 60, "redo of the bake")
+
+
+def test_a_photo_is_rendered_beside_a_live_window(window, tmp_path):
+    """Pressed with the mouse, cancelled by Esc, by the panel's X and by another file, and once let come to its end."""
+    window.ask("invoke", "add_rig", {})
+    slow = {"width": 1024, "height": 1024, "samples": 100, "output": str(tmp_path / "slow.exr")}
+    window.ask("set", "photo", slow)
+    window.ask("alone", "MPS_PT_photo")
+    x, y = window.find("mps.render_photo")
+    scenes = "from pathlib import Path; Path({!r}).write_text(repr([*bpy.data.scenes.keys(), bpy.data.is_dirty]))"
+    window.ask("run", scenes.format(str(tmp_path / "before")))
+
+    window.click(x, y)
+    before = window.wait(lambda state: state["running"] and state["progress"] > 0.001, 120, "progress")
+    # The window ticks on, shows how far it is, and the time left once that can be told.
+    window.wait(lambda state: state["ticks"] > before["ticks"] + 10 and state["left"], 60, "time left")
+    window.input("mousemove", 500, 500, "sleep", "1")
+    folder = Path(os.environ.get("MPSNET_SCREENSHOTS") or tmp_path)
+    folder.mkdir(parents=True, exist_ok=True)
+    window.screenshot(folder / "photo_running.png")
+    window.ask("run", scenes.format(str(tmp_path / "meanwhile")))
+    assert (tmp_path / "meanwhile").read_text() == (tmp_path / "before").read_text()
+    window.input("key", "Escape")
+    window.wait(lambda state: not state["running"], 10, "end by Esc")
+
+    window.ask("invoke", "render_photo", {})
+    window.wait(lambda state: state["running"], 60, "running photo")
+    left, _, width, _ = window.state["sidebar"]
+    assert window.under_mouse(left + width - 50, y).startswith("bpy.ops.mps.cancel(")  # right of the progress
+    window.click(left + width - 50, y)
+    window.wait(lambda state: not state["running"], 10, "end by the X")
+    window.ask("invoke", "render_truth", {"output": str(tmp_path / "slow_truth.exr")})
+    assert window.state["running"] == "MPS_OT_render_truth"
+    window.ask("run", "bpy.ops.mps.cancel()")
+    window.wait(lambda state: not state["running"], 10, "end of the true normals")
+    assert not [path.name for path in tmp_path.iterdir() if "slow" in path.name]
+
+    quick = {"width": 64, "height": 64, "samples": 1, "output": str(tmp_path / "quick.exr")}
+    window.ask("invoke", "render_photo", quick)
+    window.wait(lambda state: "MPS Photo" in state["images"] and not state["running"], 120, "photo")
+    assert (tmp_path / "quick.exr").is_file() and (tmp_path / "quick.rig.json").is_file()
+    window.ask("invoke", "render_photo", slow)
+    window.wait(lambda state: state["running"] and state["progress"] > 0, 120, "another running photo")
+    window.ask("run", "bpy.ops.wm.read_homefile()")
+    window.wait(lambda state: state["sidebar"] and not state["running"], 30, "another file")
+    assert not [path.name for path in tmp_path.iterdir() if "slow" in path.name]
 
 
 def test_training_data_grows_in_its_section(window, tmp_path):

@@ -118,6 +118,7 @@ def tick():
         if number != answered:
             answered = number
             answer(*request)
+            return 0.1  # where that opened another file, its window is not yet to be asked
     unfinished = state_file.with_suffix(".unfinished")
     unfinished.write_text(json.dumps(state()), encoding="utf-8")
     unfinished.replace(state_file)
@@ -126,4 +127,4 @@ def tick():
 
 if unfolded:
     alone(*(panel.__name__ for panel in EVERY_PANEL))
-bpy.app.timers.register(tick, first_interval=0.5)
+bpy.app.timers.register(tick, first_interval=0.5, persistent=True)  # whatever file is opened

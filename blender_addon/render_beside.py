@@ -1,0 +1,228 @@
+"""Rendering beside the live window: a second Blender without a window renders a copy of the file.
+
+It is the one way that is safe in all versions. Blender's own render job reads the scene while people go on working in
+it: an edit, an undo or another file then ends or crashes it, and the frames of an animation, the lights that are taken
+out in turn and the scene that is rendered would all be seen, saved and undone in the person's own file. A copy is as
+the file was when the button was pressed whatever happens to that, nothing has to be put back, and ending the process is
+all that cancelling takes. The price is a start of two or three seconds, and the scene is in memory twice.
+
+`written_job` and `rendering_blender` are for the Blender that asks, `render_job` for the one that renders. That answers
+as the core does, by JSON on stdout: ``{"progress": 0.4, "message": "..."}``, then ``{"result": {...}}`` or ``{"error":
+"..."}``.
+"""
+
+import json
+import os
+import re
+import signal
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import IO, Any
+
+import bpy
+import numpy as np
+from bpy.app.handlers import render_stats
+
+from mpsnet_core.errors import Cancelled, InputError
+
+from .core_process import Program
+from .operators import told_by
+from .studio import Told, What, render
+
+SCENE_FILE, JOB_FILE = "scene.blend", "render.json"
+TELL_SECONDS = 0.5
+EXIT_CANCELLED = 130
+
+_REMAINING = re.compile(r"Remaining: ?(?:(\d+):)?(\d+):(\d+\.\d+)")  # as Cycles writes hours, minutes and seconds
+# A render that takes longer than it should have never looks done.
+_MOST = 0.98
+
+
+@dataclass(frozen=True)
+class RenderJob:
+    """What the other Blender shall render.
+
+    output: the file, or the frames' folder. painted: files of images as they are in memory only, by the images' names.
+    """
+
+    what: What
+    scene: str
+    view_layer: str
+    output: str
+    use_scripts: bool
+    painted: dict[str, str] = field(default_factory=dict)
+
+
+# --- in the Blender that asks -----------------------------------------------------------------------------------------
+
+
+def written_job(context: Any, what: What, output: Path, folder: Path) -> list[str]:
+    """Write a copy of the open file and the job into `folder`; give the arguments for :func:`rendering_blender`.
+
+    Raises InputError where the copy cannot be written.
+    """
+    painted = {image.name: str(_painted(image, folder)) for image in bpy.data.images if _only_in_memory(image)}
+    copy = folder / SCENE_FILE
+    try:
+        bpy.ops.wm.save_as_mainfile(filepath=str(copy), copy=True, compress=False)
+    except RuntimeError as error:
+        raise InputError(f"cannot write {copy} ({told_by(error)}); make room for a copy of this file") from None
+    # The copy may run scripts where the file itself may: Blender says when it has kept one from it.
+    trusted = not bpy.app.autoexec_fail
+    job = RenderJob(what, context.scene.name, context.view_layer.name, str(output), trusted, painted)
+    (folder / JOB_FILE).write_text(json.dumps(asdict(job)), encoding="utf-8")
+    return [str(folder)]
+
+
+def _only_in_memory(image: bpy.types.Image) -> bool:
+    """Whether pixels were painted that neither a file nor the copy holds."""
+    return image.is_dirty and image.library is None and image.source in {"FILE", "GENERATED", "TILED"}
+
+
+def _painted(image: bpy.types.Image, folder: Path) -> Path:
+    """The image's pixels as they are, in a file: Blender's own way to save an image converts colours beyond 1."""
+    if image.source == "TILED":
+        raise InputError(f'the tiles of the image "{image.name}" were changed and not saved; save or pack them first')
+    width, height = image.size
+    found = np.empty((height, width, image.channels), np.float32)
+    image.pixels.foreach_get(found.ravel())
+    pixels = np.ones((height, width, 4), np.float32)
+    pixels[..., : 4 if image.channels == 4 else 3] = found
+    path = folder / f"painted_{image.session_uid}.npy"
+    np.save(path, pixels)
+    return path
+
+
+def _paint(image: bpy.types.Image, file: str) -> None:
+    pixels = np.load(file)
+    is_float = image.is_float
+    if image.packed_file:
+        image.unpack(method="REMOVE")
+    image.source = "GENERATED"
+    image.generated_height, image.generated_width = pixels.shape[:2]
+    image.use_generated_float = is_float
+    image.pixels.foreach_set(pixels.ravel())
+
+
+def rendering_blender(folder: Path) -> Program:
+    """A Blender without a window that renders what is asked for; what it writes on its way goes to `folder`."""
+    command = [sys.executable, "-m", "blender_addon"]
+    if not bpy.app.module:
+        # Where the extension was enabled just now, the preferences may not be saved yet.
+        command = [bpy.app.binary_path, "-b", "--addons", __package__ or "", "--command", "mpsnet"]
+    places = {name: str(folder) for name in ("TMPDIR", "TEMP", "TMP")}
+    return Program((*command, "render"), "the rendering Blender", places)
+
+
+# --- in the one that renders ------------------------------------------------------------------------------------------
+
+
+def render_job(folder: Path) -> int:
+    """Render the job in `folder`, tell how far it is and the result on stdout, and give the exit code."""
+    for name in ("SIGTERM", "SIGBREAK"):  # SIGBREAK is how Windows asks a process group to end
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), _cancel)
+    sys.stdout.flush()
+    answers = os.fdopen(os.dup(1), "w", encoding="ascii", newline="\n")
+    os.dup2(2, 1)  # Blender prints there
+    tempfile.tempdir = str(folder)  # not as the preferences say: this folder goes, however this process ends
+    try:
+        job = RenderJob(**json.loads((folder / JOB_FILE).read_text(encoding="utf-8")))
+        _answer(answers, progress=0.0, message="opening a copy of the file")
+        scene = _opened(job, folder / SCENE_FILE)
+        window = bpy.context.window_manager.windows[0]
+        with bpy.context.temp_override(window=window), _telling(answers) as told:
+            first = render(job.what, scene, Path(job.output), told)
+    except InputError as error:
+        _answer(answers, error=" ".join(str(error).split()))
+        return 2
+    except OSError as error:
+        _answer(answers, error=f"{error.filename or job.output}: {error.strerror or error}; check the path")
+        return 2
+    except Cancelled:
+        return EXIT_CANCELLED
+    _answer(answers, result={"output": str(first)})
+    return 0
+
+
+def _cancel(*_: Any) -> None:
+    raise Cancelled
+
+
+def _answer(answers: IO[str], **said: Any) -> None:
+    answers.write(json.dumps(said) + "\n")
+    answers.flush()
+
+
+def _opened(job: RenderJob, path: Path) -> Any:
+    """The copy's scene, in the window as it was there."""
+    try:
+        bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=job.use_scripts)
+    except RuntimeError as error:
+        raise InputError(f"the copy of this file cannot be opened ({told_by(error)}); save it and try again") from None
+    scene = bpy.data.scenes[job.scene]
+    window = bpy.context.window_manager.windows[0]
+    window.scene, window.view_layer = scene, scene.view_layers[job.view_layer]
+    for name, file in job.painted.items():
+        _paint(bpy.data.images[name], file)
+    return scene
+
+
+@contextmanager
+def _telling(answers: IO[str]) -> Iterator[Told]:
+    """Tell how far the renders are twice a second; Cycles says little of it without a window."""
+    teller, ended = _Teller(answers), threading.Event()
+    hear = teller.hear
+
+    def tell() -> None:
+        while not ended.wait(TELL_SECONDS):
+            teller.tell()
+
+    clock = threading.Thread(target=tell, daemon=True)
+    clock.start()
+    render_stats.append(hear)  # not before the file is open, which takes all handlers away
+    try:
+        yield teller.begin
+    finally:
+        ended.set()
+        clock.join()
+        render_stats.remove(hear)
+
+
+class _Teller:
+    """How far the renders are: by their number, and within one by how long it should take.
+
+    That is what Cycles guesses after the first sample of the first, and later what the one before took.
+    """
+
+    def __init__(self, answers: IO[str]) -> None:
+        self._answers = answers
+        self._done, self._renders, self._words = 0, 1, "preparing the scene"
+        self._begun, self._takes = time.monotonic(), 0.0
+
+    def begin(self, done: int, renders: int, words: str) -> None:
+        now = time.monotonic()
+        if done:
+            self._takes = now - self._begun
+        self._done, self._renders, self._words, self._begun = done, renders, words, now
+        self.tell()
+
+    def hear(self, told: str, *_: Any) -> None:
+        """Called by Blender, from a thread of Cycles."""
+        found = _REMAINING.search(told)
+        if found and (self._done == 0 or self._seconds() > self._takes):
+            hours, minutes, seconds = (float(number or 0) for number in found.groups())
+            self._takes = self._seconds() + 3600 * hours + 60 * minutes + seconds
+
+    def tell(self) -> None:
+        within = min(self._seconds() / self._takes, _MOST) if self._takes else 0.0
+        _answer(self._answers, progress=(self._done + within) / self._renders, message=self._words)
+
+    def _seconds(self) -> float:
+        return time.monotonic() - self._begun
