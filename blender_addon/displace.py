@@ -23,7 +23,7 @@ from .made_from import Ingredients, chosen, stamp
 from .mesh_file import DISPLACE, write_mesh
 from .nodes import TEXTURE_NODE
 from .operators import same
-from .outputs import fine_preview, image_file, load_image, load_tiles, output_path, remembered, tile_files
+from .outputs import ending_wins, fine_preview, image_file, load_image, load_tiles, output_path, remembered, tile_files
 from .settings.declared import take_given
 from .settings.displace import DisplaceSettings
 from .textures import Worn, own_materials, with_tokens
@@ -63,6 +63,7 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
         self._target = target.session_uid
         path = output_path(self.output, f"{target.name}_height", self.file_format)
         self._output = with_tokens(path, "ONE", tiled)
+        self._notes = ending_wins(self._output, context.scene.mps.displace)
         self._size = _size(target)
         context.view_layer.update()
         # In the object's own axes, as large as in the world: modifiers move vertices there, however it is stretched.

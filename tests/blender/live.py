@@ -11,7 +11,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-STEP = 8  # pixels; a button is about 20 high
+STEP = 8  # pixels; a button is about 20 high, so that every other step finds it
 TITLE = 16  # from a panel's top to the middle of its title
 
 
@@ -32,7 +32,7 @@ class Window:
             state = self.state
             if until(state):
                 return state
-            time.sleep(0.1)
+            time.sleep(0.02)
         pytest.fail(f"after {seconds} s still no {what}: {self.state}")
 
     def input(self, *arguments: str | int) -> None:
@@ -57,7 +57,7 @@ class Window:
         """Where in the sidebar, looking from `below` its top to its bottom, the button of `operator` is."""
         left, top, width, height = self.state["sidebar"]
         x = left + width // 2
-        for y in range(top + below, top + height, STEP):
+        for y in range(top + below, top + height, 2 * STEP):
             if self.under_mouse(x, y).startswith(f"bpy.ops.{operator}("):
                 return x, y
         pytest.fail(f"no button for {operator} in the sidebar")

@@ -1,4 +1,4 @@
-"""Runs inside a Blender with a window: opens the sidebar's MPS tab, says ten times a second how things stand, and
+"""Runs inside a Blender with a window: opens the sidebar's MPS tab, says many times a second how things stand, and
 does what it is asked to.
 
 Arguments: the JSON file to write the state to, the JSON file of the request, and "unfolded" where no panel shall be
@@ -17,6 +17,7 @@ import bpy
 
 state_file, request_file, *unfolded = map(Path, sys.argv[sys.argv.index("--") + 1 :])
 answered, ticks = 0, 0
+TICK = 0.03  # seconds
 
 bpy.context.preferences.view.show_splash = False
 bpy.context.preferences.use_preferences_save = False  # the next window has them as they come
@@ -118,11 +119,11 @@ def tick():
         if number != answered:
             answered = number
             answer(*request)
-            return 0.1  # where that opened another file, its window is not yet to be asked
+            return TICK  # where that opened another file, its window is not yet to be asked
     unfinished = state_file.with_suffix(".unfinished")
     unfinished.write_text(json.dumps(state()), encoding="utf-8")
     unfinished.replace(state_file)
-    return 0.1
+    return TICK
 
 
 if unfolded:
