@@ -3,6 +3,7 @@
 MPSNET_BLENDER         the command of a Blender; without it every test here is skipped
 MPSNET_EXTENSION_ZIP   the zip to install; built for that Blender's Python where it is not given
 MPSNET_BLENDER_UI      the command that opens that Blender with a window; without it the window is not tested
+MPSNET_SCREENSHOTS     the folder to leave pictures of the window in, those of the guided tour among them
 MPSNET_SCREEN          what goes before `xdotool` and `import` to reach that window's screen, "env DISPLAY=:1" or so
 """
 
@@ -121,3 +122,11 @@ def unfolded(blender: Blender, tmp_path: Path) -> Iterator[Window]:
     """A window whose panels are all unfolded."""
     with opened(blender, tmp_path, "unfolded") as window:
         yield window
+
+
+@pytest.fixture
+def album(tmp_path: Path) -> Path:
+    """Where pictures go that people look at."""
+    folder = Path(os.environ.get("MPSNET_SCREENSHOTS") or tmp_path)
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder

@@ -11,6 +11,8 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
+EDITORS = 1310  # where Blender's other editors begin, right of the viewport and its sidebar, in pixels
+BELOW = 905  # and below it
 STEP = 8  # pixels; a button is about 20 high, so that every other step finds it
 TITLE = 16  # from a panel's top to the middle of its title
 
@@ -76,3 +78,20 @@ class Window:
         """(H, W, 3) values 0 to 1 of the whole screen."""
         subprocess.run([*self.screen, "import", "-window", "root", path], check=True)
         return oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT)[..., :3]
+
+    def photograph(self, path: Path, *panels: str, beside: int = EDITORS) -> None:
+        """The viewport beside these panels alone, or beside the sidebar as it is, for a person to look at.
+
+        beside: how many pixels of the viewport, at most.
+        """
+        if panels:
+            self.ask("alone", *panels)
+        self.input("mousemove", 300, 880, "sleep", "3" if panels else "1")
+        left = max(self.state["sidebar"][0] - beside, 0)
+        save(path, np.ascontiguousarray(self.screenshot(path.with_name("screen.png"))[24:BELOW, left:EDITORS]))
+
+
+def save(path: Path, picture: np.ndarray) -> None:
+    image = oiio.ImageBuf(oiio.ImageSpec(picture.shape[1], picture.shape[0], 3, oiio.UINT8))
+    image.set_pixels(oiio.ROI(), picture)
+    assert image.write(str(path)), image.geterror()

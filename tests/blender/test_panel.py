@@ -1,8 +1,5 @@
 """The panel in a real window: drawn, and clicked through as a person would."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 from live import STEP, TITLE
@@ -66,7 +63,7 @@ def test_the_steps_run_beside_a_live_window(window, tmp_path):
     window.wait(lambda state: "MPS Normal" in state["nodes"], 60, "redo of the bake")
 
 
-def test_a_photo_is_rendered_beside_a_live_window(window, tmp_path):
+def test_a_photo_is_rendered_beside_a_live_window(window, album, tmp_path):
     """Pressed with the mouse, cancelled by Esc, by the panel's X and by another file, and once let come to its end."""
     window.ask("invoke", "add_rig", {})
     slow = {"width": 1024, "height": 1024, "samples": 100, "output": str(tmp_path / "slow.exr")}
@@ -80,10 +77,7 @@ def test_a_photo_is_rendered_beside_a_live_window(window, tmp_path):
     before = window.wait(lambda state: state["running"] and state["progress"] > 0.001, 120, "progress")
     # The window ticks on, shows how far it is, and the time left once that can be told.
     window.wait(lambda state: state["ticks"] > before["ticks"] + 10 and state["left"], 60, "time left")
-    window.input("mousemove", 500, 500, "sleep", "1")
-    folder = Path(os.environ.get("MPSNET_SCREENSHOTS") or tmp_path)
-    folder.mkdir(parents=True, exist_ok=True)
-    window.screenshot(folder / "photo_running.png")
+    window.photograph(album / "panel_photo_running.png", beside=200)
     window.ask("run", scenes.format(str(tmp_path / "meanwhile")))
     assert (tmp_path / "meanwhile").read_text() == (tmp_path / "before").read_text()
     window.input("key", "Escape")
@@ -112,9 +106,9 @@ def test_a_photo_is_rendered_beside_a_live_window(window, tmp_path):
     assert not [path.name for path in tmp_path.iterdir() if "slow" in path.name]
 
 
-def test_training_data_grows_in_its_section(window, tmp_path):
+def test_training_data_grows_in_its_section(window, album, tmp_path):
     folder, count = tmp_path / "samples", 24
-    settings = {"count": count, "size": 32, "samples": 1, "kinds": ["BLOBS"], "processes": 2, "output": str(folder)}
+    settings = {"count": count, "size": 64, "samples": 1, "kinds": ["BLOBS"], "processes": 2, "output": str(folder)}
     window.ask("set", "samples", settings)
     window.ask("alone", "MPS_PT_samples")
     left, top, width, height = window.state["sidebar"]
@@ -125,7 +119,8 @@ def test_training_data_grows_in_its_section(window, tmp_path):
 
     window.click(x, y)
     window.wait(lambda state: state["running"] and "MPS Samples" in state["images"], 120, "contact sheet")
-    window.input("mousemove", 500, 500, "sleep", "1", "key", "Escape")
+    window.photograph(album / "panel_training_data.png", beside=200)
+    window.input("mousemove", 500, 500, "key", "Escape")
     window.wait(lambda state: not state["running"], 60, "end of the cancelled rendering")
     there = samples_there(folder)
     assert 0 < len(there) < count
@@ -149,7 +144,7 @@ def test_training_data_grows_in_its_section(window, tmp_path):
     assert colourful(window.screenshot(tmp_path / "grown.png")) > 1.5 * colourful(shown)
 
 
-def test_real_lights_are_found_and_undone(window, tmp_path):
+def test_real_lights_are_found_and_undone(window, album, tmp_path):
     angles = [(30, 90), (35, 205), (25, 335)]
     directions = np.array([around(*angle) for angle in angles])
     scene = Scene([((0.0, 0.0, 0.0), 97.4)], lamps_around((0, 0, 0), 2e4, angles=angles), (300, 300))
@@ -169,6 +164,10 @@ def test_real_lights_are_found_and_undone(window, tmp_path):
     assert "MPS Calibration" in window.state["images"]
     assert "Slant" in window.state["found"].splitlines()[0]
     assert degrees_between(read_rig(rig).directions, directions).max() < 1
+    over = ("mousemove", *lights, "sleep", "0.4", "click", "--repeat", 12, "--delay", 30)
+    window.input(*over, 5)
+    window.photograph(album / "panel_calibrate.png", beside=200)
+    window.input(*over, 4, "sleep", "1")
 
     window.click(*window.find("mps.calibrate_mixing", below=lights[1] + 4 * STEP - top))
     after = window.wait(lambda state: "Channel" in state["found"] and not state["running"], 60, "mixing")

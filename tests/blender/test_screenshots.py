@@ -4,14 +4,12 @@ The pictures are left in the folder that MPSNET_SCREENSHOTS names, to look at; w
 panel is drawn at all, that its text can be told from what is behind it, and that no line of text is cut off.
 """
 
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import OpenImageIO as oiio
 import pytest
-from live import Window
+from live import Window, save
 
 SETTLE = "0.7"  # seconds in which Blender draws what has changed
 LOOKS = {
@@ -52,7 +50,7 @@ STEPS = {
 
 
 @dataclass
-class Album:
+class Photographer:
     """Photographs steps of the panel, and collects what is wrong with them."""
 
     window: Window
@@ -100,12 +98,6 @@ class Album:
         for row, column in self.ellipsis.found(picture.mean(axis=-1)):
             self.faults.append(f"{name}: text that does not fit is cut off near row {row}, column {column}")
         return picture
-
-
-def save(path: Path, picture: np.ndarray) -> None:
-    image = oiio.ImageBuf(oiio.ImageSpec(picture.shape[1], picture.shape[0], 3, oiio.UINT8))
-    image.set_pixels(oiio.ROI(), picture)
-    assert image.write(str(path)), image.geterror()
 
 
 def drawn(picture: np.ndarray) -> np.ndarray:
@@ -184,15 +176,13 @@ def test_text_that_is_cut_off_is_seen(unfolded, look):
 
 
 @pytest.mark.parametrize("look", LOOKS)
-def test_every_state_of_every_step(unfolded, tmp_path, look):
+def test_every_state_of_every_step(unfolded, album, tmp_path, look):
     window = unfolded
-    folder = Path(os.environ.get("MPSNET_SCREENSHOTS") or tmp_path)
-    folder.mkdir(parents=True, exist_ok=True)
     if LOOKS[look]:
         window.ask("run", LOOKS[look])
         window.input("sleep", "1")
     ellipsis = Ellipsis.photographed(window, 2 if look == "2x" else 1)
-    album = Album(window, folder, look, ellipsis)
+    photographer = Photographer(window, album, look, ellipsis)
 
     def run(code: str) -> None:
         window.ask("run", code)
@@ -202,60 +192,65 @@ def test_every_state_of_every_step(unfolded, tmp_path, look):
         window.wait(lambda state: not state["running"], 120, f"end of {operator}")
 
     run("for obj in bpy.data.objects: obj.select_set(False)\nbpy.context.view_layer.objects.active = None")
-    album.photograph("to_do")
+    photographer.photograph("to_do")
     work("add_rig")
-    album.photograph("failed", "rig")
+    photographer.photograph("failed", "rig")
     run(
         "bpy.ops.mps.dismiss(verb='add_rig'); cube = bpy.data.objects['Cube']; cube.select_set(True)\n"
         "bpy.context.view_layer.objects.active = cube"
     )
-    album.photograph("ready", "rig")
+    photographer.photograph("ready", "rig")
     work("add_rig", light_type="AREA", projection="PERSPECTIVE")
-    album.photograph("done", "rig")
-    album.photograph("ready", "photo")
+    photographer.photograph("done", "rig")
+    photographer.photograph("ready", "photo")
     run(EMISSION.format(1))
     work("render_photo", width=1024, height=1024, samples=4, output=str(tmp_path / "photo.exr"))
-    album.photograph("failed", "photo")
+    photographer.photograph("failed", "photo")
     run(EMISSION.format(0))
-    work("render_photo")
+    window.ask("invoke", "render_photo", {"samples": 1000})
+    window.wait(lambda state: state["left"] or not state["running"], 120, "time left of the photo")
+    photographer.photograph("running", "photo")
+    window.input("mousemove", 500, 500, "key", "Escape")
+    window.wait(lambda state: not state["running"], 60, "end of the cancelled photo")
+    work("render_photo", samples=4)
     work("show_mask", mask="FIND")
-    album.photograph("done", "photo")
-    album.photograph("ready", "estimate")
+    photographer.photograph("done", "photo")
+    photographer.photograph("ready", "estimate")
     work("estimate", model="FILE", model_file=str(tmp_path / "a model that is not there.onnx"))
-    album.photograph("failed", "estimate")
+    photographer.photograph("failed", "estimate")
     window.ask("invoke", "estimate", {"model": "MULTISCALE_AVERAGED"})
     window.wait(lambda state: state["progress"] > 0.05, 60, "progress of the estimate")
-    album.photograph("running", "estimate")
+    photographer.photograph("running", "estimate")
     window.wait(lambda state: not state["running"], 120, "normals")
-    album.photograph("done", "estimate")
-    album.photograph("ready", "bake")
+    photographer.photograph("done", "estimate")
+    photographer.photograph("ready", "bake")
     run("bpy.context.scene.mps.bake.uv_map = 'Gone'")
     work("bake")
-    album.photograph("failed", "bake")
+    photographer.photograph("failed", "bake")
     window.ask("invoke", "bake", {"uv_map": "", "size": 8192, "output": str(tmp_path / "large.png")})
     window.wait(lambda state: state["left"] or not state["running"], 120, "time left of the bake")
-    album.photograph("running", "bake")
+    photographer.photograph("running", "bake")
     window.input("mousemove", 500, 500, "key", "Escape")
     window.wait(lambda state: not state["running"], 60, "end of the cancelled bake")
     work("bake", size=256, output=str(tmp_path / "texture.png"))
-    album.photograph("done", "bake")
-    album.photograph("ready", "heights", "material")
+    photographer.photograph("done", "bake")
+    photographer.photograph("ready", "heights", "material")
     work("integrate", distance=5, faces=1000, output=str(tmp_path / "height.exr"))
     work("displace", levels=1, output=str(tmp_path / "missing" / "displacement.exr"))
-    album.photograph("failed", "heights")
+    photographer.photograph("failed", "heights")
     work("displace", output=str(tmp_path / "displacement.exr"))
-    album.photograph("done", "heights")
+    photographer.photograph("done", "heights")
     work("make_material", output=str(tmp_path / "material"))
-    album.photograph("failed", "material")
+    photographer.photograph("failed", "material")
     sides = {f"crop_{side}": 400 for side in ("left", "right", "top", "bottom")}
     work("make_material", width=2.0, **sides)
-    album.photograph("done", "material")
+    photographer.photograph("done", "material")
     run(
         "light = bpy.data.objects['MPS Red']; light.location.x += 1\nmps = bpy.context.scene.mps\n"
         "mps.estimate.model = 'LAMBERTIAN'; mps.bake.size = 512\n"
         "mps.heights.method = 'BILATERAL'; mps.displace.levels = 2; mps.material.bend = 2"
     )
-    album.photograph("out_of_date", "photo", "estimate", "bake", "heights", "material")
+    photographer.photograph("out_of_date", "photo", "estimate", "bake", "heights", "material")
     run("bpy.ops.mps.new_rig()")
-    album.photograph("several", "rig", "photo", "bake")
-    assert not album.faults, "\n".join(album.faults)
+    photographer.photograph("several", "rig", "photo", "bake")
+    assert not photographer.faults, "\n".join(photographer.faults)

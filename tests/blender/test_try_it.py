@@ -1,35 +1,15 @@
 """Try It and Relight, pressed with the mouse; what the guided tour shows is photographed on the way."""
 
-import os
 from pathlib import Path
 
 import numpy as np
-import pytest
 from live import Window
-from test_screenshots import save
-
-EDITORS = 1310  # where Blender's other editors begin, right of the viewport and its sidebar, in pixels
-BELOW = 905  # and below it
-
-
-@pytest.fixture
-def album(tmp_path):
-    folder = Path(os.environ.get("MPSNET_SCREENSHOTS") or tmp_path)
-    folder.mkdir(parents=True, exist_ok=True)
-    return folder
 
 
 def viewport(window: Window, path: Path) -> np.ndarray:
     """(H, W, 3) of the viewport without its sidebar."""
     left, top, _, height = window.state["sidebar"]
     return window.screenshot(path)[top : top + height, :left]
-
-
-def photograph(window: Window, path: Path, *panels: str) -> None:
-    """The viewport beside these panels alone."""
-    window.ask("alone", *panels)
-    window.input("mousemove", 300, 880, "sleep", "3")
-    save(path, np.ascontiguousarray(window.screenshot(path.with_name("screen.png"))[24:BELOW, :EDITORS]))
 
 
 def work(window: Window, operator: str, **settings) -> None:
@@ -48,9 +28,9 @@ def test_try_it_shows_all_steps_and_relight_ends(window, album, tmp_path):
     first = viewport(window, tmp_path / "first.png")
     window.input("sleep", "1.5")
     assert (np.abs(viewport(window, tmp_path / "later.png") - first).max(axis=-1) > 0.1).sum() > 5000  # the lamp swings
-    photograph(window, album / "tour_try_it.png", "MPS_PT_start", "MPS_PT_rig", "MPS_PT_photo")
-    photograph(window, album / "tour_estimate.png", "MPS_PT_photo", "MPS_PT_estimate")
-    photograph(window, album / "tour_bake.png", "MPS_PT_bake")
+    window.photograph(album / "tour_try_it.png", "MPS_PT_start", "MPS_PT_rig", "MPS_PT_photo")
+    window.photograph(album / "tour_estimate.png", "MPS_PT_photo", "MPS_PT_estimate")
+    window.photograph(album / "tour_bake.png", "MPS_PT_bake")
     window.click(*window.find("mps.relight", below=100))
     window.wait(lambda state: "MPS White Lamp" not in state["objects"], 60, "end of Relight")
     window.input("mousemove", 300, 880, "sleep", "2")
@@ -69,7 +49,7 @@ def test_the_demo_is_displaced_and_a_material_is_made(unfolded, album, tmp_path)
         "surface = bpy.data.objects['MPS Surface']\nsurface.hide_set(True)\nsurface.hide_render = True\n"
         "bpy.ops.object.select_all(action='DESELECT')",
     )
-    photograph(window, album / "tour_height.png", "MPS_PT_heights", "MPS_PT_displace")
+    window.photograph(album / "tour_height.png", "MPS_PT_heights", "MPS_PT_displace")
     window.ask(
         "run",
         "mps = bpy.context.scene.mps\n"
@@ -95,5 +75,41 @@ def test_the_demo_is_displaced_and_a_material_is_made(unfolded, album, tmp_path)
         "view.view_rotation = mathutils.Euler((math.radians(45), 0, math.radians(20))).to_quaternion()",
     )
     window.input("sleep", "6")
-    photograph(window, album / "tour_material.png", "MPS_PT_material")
+    window.photograph(album / "tour_material.png", "MPS_PT_material")
+    assert not any(window.state["errors"].values())
+
+
+def test_the_demo_is_baked_from_all_around(unfolded, album, tmp_path):
+    window = unfolded
+    window.ask("run", "bpy.ops.mps.try_it(size=512)")
+    window.ask(
+        "run",
+        "import math, mathutils\nscene = bpy.context.scene\nrig = scene.mps.rig\n"
+        "front = rig.target.matrix_world.copy()\n"
+        "detailed, low = bpy.data.objects['Demo Detailed'], bpy.data.objects['Demo Low Poly']\n"
+        "detailed.hide_render, low.hide_render = False, True\n"
+        "for number in range(4):\n"
+        "    rig.target.matrix_world = mathutils.Matrix.Rotation(math.pi / 2 * number, 4, 'Z') @ front\n"
+        "    bpy.context.view_layer.update()\n"
+        f"    name = {str(tmp_path / 'side')!r} + f'{{number}}.exr'\n"
+        "    bpy.ops.mps.render_photo(width=512, height=512, samples=8, output=name)\n"
+        "    camera = bpy.data.objects.new(f'Side {number}', rig.camera.data.copy())\n"
+        "    camera.matrix_world = rig.camera.matrix_world\n"
+        "    scene.collection.objects.link(camera)\n"
+        "    camera.data.background_images.new().image = bpy.data.images.load(name)\n"
+        "for obj in (*(light.object for light in rig.lights), rig.camera): obj.hide_set(True)",
+    )
+    window.ask("set", "bake", {"size": 1024, "output": str(tmp_path / "around.png")})
+    work(window, "bake_views")
+    window.ask(
+        "run",
+        "area = next(area for area in bpy.context.screen.areas if area.type == 'VIEW_3D')\n"
+        "shading = area.spaces.active.shading\n"
+        "shading.type, shading.use_scene_lights, shading.use_scene_world = 'MATERIAL', True, False\n"
+        "shading.studiolight_intensity = 0.2\n"
+        "area.spaces.active.region_3d.view_distance = 9",
+    )
+    window.input("sleep", "6")
+    window.photograph(album / "panel_views.png", "MPS_PT_views")
+    assert (tmp_path / "around_report.html").is_file()
     assert not any(window.state["errors"].values())
