@@ -13,7 +13,7 @@ from mpsnet_core.surface.map_list import ListedMap, write_map_list
 
 from .nodes import GREEN_NODE, TEXTURE_NODE
 from .operators import same
-from .outputs import image_file, tiles_file
+from .outputs import image_file, tile_files
 from .textures import MATERIAL, OBJECT, TILE, Onto
 
 # Kept with a baked image: what the object wore before it, and which way that one's green points.
@@ -79,7 +79,7 @@ def present_map(targets: Sequence[Any], onto: Sequence[Onto], part: Part, *, til
         return PresentMap(image.session_uid, image_file(image, "normal map", _BY_FILE), convention)
     if not tiles:
         raise InputError(f'the present normal map "{image.name}" has UDIM tiles; switch UDIM Tiles on')
-    return PresentMap(image.session_uid, tiles_file(image, "normal map", _BY_FILE), convention)
+    return PresentMap(image.session_uid, tile_files(image, "normal map", _BY_FILE), convention)
 
 
 def keep_base(image: Any, base: PresentMap | None) -> None:
