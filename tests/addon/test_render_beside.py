@@ -50,6 +50,8 @@ def paint(obj, colour, *, is_float=False):
 def test_the_photo_is_the_same_and_this_file_does_not_change(small, scene, tmp_path):
     """With a second scene, which is not the one that is rendered, and paint that was never saved."""
     image = paint(small, (0.9, 0.1, 0.3))
+    for tiled in (False, True):  # painted and of no use any more: the copy does not have them
+        bpy.data.images.new("Unused", 4, 4, tiled=tiled).pixels[0] = 0.5
     bpy.data.scenes.new("Another")
     bpy.context.view_layer.name = "Mine"
     scene.frame_set(7, subframe=0.25)
