@@ -111,5 +111,5 @@ def test_tiles_that_are_too_many_are_refused_when_one_is_read() -> None:
         yield np.zeros((1025, 1025, 3), np.float32)
         pytest.fail("another one was read")
 
-    with pytest.raises(InputError, match="50 tiles of 1025 texels a side are too many .* 1024 at most"):
+    with pytest.raises(InputError, match=r"50 tiles of 1025 texels a side are too many .* 1024 at most"):
         Tiles(np.zeros((50, 2), np.int64)).joined(textures())
