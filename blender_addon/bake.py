@@ -140,7 +140,8 @@ class BakesOnto(RunsCore):
         images = loaded(result["outputs"], self._onto[0].name)
         for part, image in images.items():
             self.made(image)
-            keep_base(image, self._bases.get(part))
+            if part in self._bases:
+                keep_base(image, self._bases[part])
         scene.mps.bake.image = next(iter(images.values()))
         worn = [found for one, target in there if target and (found := worn_by(one, target, images))]
         bake = scene.mps.bake
@@ -292,7 +293,8 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         image = load_frames(Path(result["first_output"]), f"MPS {target.name} Frames")
         self.made(image)
         scene.mps.bake.image = image
-        keep_base(image, self._bases[None, None])
+        if (None, None) in self._bases:
+            keep_base(image, self._bases[None, None])
         for sentence in wear_textures([Worn(target, (image,), onto.uv_map)], self.space, self.convention, self._frames):
             self.report({"INFO"}, sentence)
         self.report({"INFO"}, f"{result['count']} textures are in {self._output}, {result['made']} made now{turned}")

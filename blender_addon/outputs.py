@@ -260,7 +260,7 @@ def fine_preview(image: bpy.types.Image, *, stretched: bool = False) -> None:
 def tile_files(image: bpy.types.Image, what: str, mend: str) -> Path:
     """The files that a tiled image comes from, as their name with <UDIM> in it.
 
-    Raises InputError where one is not on disk, nor packed.
+    Raises InputError where none is on disk, nor packed.
     """
     pattern = Path(bpy.path.abspath(image.filepath, library=image.library))
 
@@ -274,9 +274,9 @@ def tile_files(image: bpy.types.Image, what: str, mend: str) -> Path:
         pattern = folder / pattern.name
         for number, file in packed.items():
             of(number).write_bytes(file.data)
-    missing = [of(tile.number) for tile in image.tiles if not of(tile.number).is_file()]
-    if missing:
-        raise InputError(f'the {what} "{image.name}" has no file on disk ({missing[0]} is missing); {mend}')
+    files = [of(tile.number) for tile in image.tiles]
+    if "<UDIM>" not in pattern.name or not any(file.is_file() for file in files):
+        raise InputError(f'the {what} "{image.name}" has no file on disk ({files[0]} is missing); save it, or {mend}')
     return pattern
 
 
@@ -300,13 +300,3 @@ def image_file(image: bpy.types.Image | None, what: str, mend: str) -> Path:
         missing = f" ({path} is missing)" if image.filepath else ""
         raise InputError(f'the {what} "{image.name}" has no file on disk{missing}; save it, or {mend}')
     return path
-
-
-def tiles_file(image: bpy.types.Image, what: str, mend: str) -> Path:
-    """The file of an image of UDIM tiles, with <UDIM> in its name. Raises InputError where no tile is on disk."""
-    pattern = Path(bpy.path.abspath(image.filepath, library=image.library))
-    if "<UDIM>" not in pattern.name or not any(
-        pattern.with_name(pattern.name.replace("<UDIM>", str(tile.number))).is_file() for tile in image.tiles
-    ):
-        raise InputError(f'the {what} "{image.name}" has no tile on disk ({pattern}); save it, or {mend}')
-    return pattern

@@ -13,7 +13,7 @@ from mpsnet_core.surface.map_list import ListedMap, write_map_list
 
 from .nodes import GREEN_NODE, TEXTURE_NODE
 from .operators import same
-from .outputs import image_file, tiles_file
+from .outputs import image_file, tile_files
 from .textures import MATERIAL, OBJECT, TILE, Onto
 
 # Kept with a baked image: what the object wore before it, and which way that one's green points.
@@ -22,15 +22,18 @@ _BY_FILE = "choose the file of a present map"
 
 
 @dataclass(frozen=True)
-class PresentMap:
-    """A normal map: the session number of its image, its file, and its convention, OPENGL or DIRECTX.
-
-    The file of UDIM tiles has <UDIM> in its name.
-    """
+class WornMap:
+    """A normal map: the session number of its image, and its convention, OPENGL or DIRECTX."""
 
     uid: int
-    file: Path
     convention: str
+
+
+@dataclass(frozen=True)
+class PresentMap(WornMap):
+    """One with its file; that of UDIM tiles has <UDIM> in its name."""
+
+    file: Path
 
     def listed(self, part: "Part") -> ListedMap:
         """As the map of a part, for the core."""
@@ -56,46 +59,38 @@ def present_map(targets: Sequence[Any], onto: Sequence[Onto], part: Part, *, til
 
     Raises InputError where it wears several, or one that detail cannot be laid onto.
     """
-    found: dict[tuple[Any, str], str] = {}
-    for target, one in zip(targets, onto, strict=True):
-        layers = target.data.uv_layers
-        rendered = next((layer.name for layer in layers if layer.active_render), one.uv_map)
-        for normal in _normal_maps(target, one, part):
-            found.setdefault(_source(normal, one.uv_map, rendered), target.name)
-    if not found:
+    found = _worn_map(targets, onto, part)
+    if found is None:
         return None
-    if len(found) > 1:
-        names = ", ".join(sorted(f'"{image.name}"' for image, _ in found))
-        several = f'the materials of "{next(iter(found.values()))}" have'
-        if len(set(found.values())) > 1:
-            several = "what shares one texture has"
-        raise InputError(
-            f"{several} different normal maps ({names}); set Textures to By Material or By Object, or {_BY_FILE}"
-        )
-    ((image, convention),) = found
+    image, convention = found
     if image.is_dirty:
         raise InputError(f'the normal map "{image.name}" has changes that are not in its file; save it first')
     if image.source != "TILED":
-        return PresentMap(image.session_uid, image_file(image, "normal map", _BY_FILE), convention)
+        return PresentMap(image.session_uid, convention, image_file(image, "normal map", _BY_FILE))
     if not tiles:
         raise InputError(f'the present normal map "{image.name}" has UDIM tiles; switch UDIM Tiles on')
-    return PresentMap(image.session_uid, tiles_file(image, "normal map", _BY_FILE), convention)
+    return PresentMap(image.session_uid, convention, tile_files(image, "normal map", _BY_FILE))
 
 
-def keep_base(image: Any, base: PresentMap | None) -> None:
-    """Have a baked image remember what the object wore before it."""
-    found = same(bpy.data.images, base.uid) if base is not None else None
-    if base is not None and found is not None and found != image:
+def keep_base(image: Any, base: WornMap | None) -> None:
+    """Have a baked image remember what the object wore before it; None: that it wore nothing."""
+    if base is None:
+        for key in {_BASE, _BASE_CONVENTION} & set(image.keys()):
+            del image[key]
+        return
+    found = same(bpy.data.images, base.uid)
+    if found is not None and found != image:
         image[_BASE], image[_BASE_CONVENTION] = found, base.convention
 
 
-def bases_to_keep(targets: Sequence[Any], onto: Sequence[Onto], file: Path) -> dict[Part, PresentMap | None]:
-    """:func:`present_map` of each part, None where there is none to be had."""
-    bases: dict[Part, PresentMap | None] = {}
+def bases_to_keep(targets: Sequence[Any], onto: Sequence[Onto], file: Path) -> dict[Part, WornMap | None]:
+    """The map that each part wears, as :func:`present_map` finds it, None for those that wear none; those that wear
+    what cannot be gone on top of are left out."""
+    bases: dict[Part, WornMap | None] = {}
     for part in parts_of(onto, file):
-        bases[part] = None
         with suppress(InputError):
-            bases[part] = present_map(targets, onto, part, tiles=True)
+            found = _worn_map(targets, onto, part)
+            bases[part] = None if found is None else WornMap(found[0].session_uid, found[1])
     return bases
 
 
@@ -121,6 +116,27 @@ def maps_to_go_on(targets: Sequence[Any], onto: Sequence[Onto], file: Path) -> t
 def write_maps(path: Path, maps: Mapping[Part, PresentMap]) -> None:
     """Write the maps beneath the parts' textures as the core reads them."""
     write_map_list(path, [one.listed(part) for part, one in maps.items()])
+
+
+def _worn_map(targets: Sequence[Any], onto: Sequence[Onto], part: Part) -> tuple[Any, str] | None:
+    """The image of :func:`present_map` and its convention, whether or not it has a file."""
+    found: dict[tuple[Any, str], str] = {}
+    for target, one in zip(targets, onto, strict=True):
+        layers = target.data.uv_layers
+        rendered = next((layer.name for layer in layers if layer.active_render), one.uv_map)
+        for normal in _normal_maps(target, one, part):
+            found.setdefault(_source(normal, one.uv_map, rendered), target.name)
+    if not found:
+        return None
+    if len(found) > 1:
+        names = ", ".join(sorted(f'"{image.name}"' for image, _ in found))
+        several = f'the materials of "{next(iter(found.values()))}" have'
+        if len(set(found.values())) > 1:
+            several = "what shares one texture has"
+        raise InputError(
+            f"{several} different normal maps ({names}); set Textures to By Material or By Object, or {_BY_FILE}"
+        )
+    return next(iter(found))
 
 
 def _normal_maps(target: Any, onto: Onto, part: Part) -> Iterator[Any]:

@@ -14,6 +14,7 @@ as the core does, by JSON on stdout: ``{"progress": 0.4, "message": "..."}``, th
 import json
 import os
 import re
+import shutil
 import signal
 import sys
 import tempfile
@@ -35,7 +36,7 @@ from .core_process import Program
 from .operators import told_by
 from .studio import Told, What, render
 
-SCENE_FILE, JOB_FILE = "scene.blend", "render.json"
+JOB_FILE = "render.json"
 TELL_SECONDS = 0.5
 EXIT_CANCELLED = 130
 
@@ -48,9 +49,11 @@ _MOST = 0.98
 class RenderJob:
     """What the other Blender shall render.
 
-    output: the file, or the frames' folder. painted: files of images as they are in memory only, by the images' names.
+    file: the copy. output: the file, or the frames' folder. painted: files of images as they are in memory only, by the
+    images' names.
     """
 
+    file: str
     what: What
     scene: str
     view_layer: str
@@ -65,24 +68,31 @@ class RenderJob:
 def written_job(context: Any, what: What, output: Path, folder: Path) -> list[str]:
     """Write a copy of the open file and the job into `folder`; give the arguments for :func:`rendering_blender`.
 
-    Raises InputError where the copy cannot be written.
+    What simulations have on disk is copied too, not linked to: the other Blender may clear what is not baked.
+
+    Raises InputError where the copy of the file cannot be written, OSError where something else cannot.
     """
     painted = {image.name: str(_painted(image, folder)) for image in bpy.data.images if _only_in_memory(image)}
-    copy = folder / SCENE_FILE
+    original = Path(bpy.data.filepath or "scene.blend")
+    copy = folder / original.name
     try:
         bpy.ops.wm.save_as_mainfile(filepath=str(copy), copy=True, compress=False)
     except RuntimeError as error:
         raise InputError(f"cannot write {copy} ({told_by(error)}); make room for a copy of this file") from None
+    caches = original.with_name(f"blendcache_{original.stem}")  # beside a file and called after it, as the copy is
+    if bpy.data.filepath and caches.is_dir():
+        shutil.copytree(caches, folder / caches.name)
     # The copy may run scripts where the file itself may: Blender says when it has kept one from it.
     trusted = not bpy.app.autoexec_fail
-    job = RenderJob(what, context.scene.name, context.view_layer.name, str(output), trusted, painted)
+    job = RenderJob(str(copy), what, context.scene.name, context.view_layer.name, str(output), trusted, painted)
     (folder / JOB_FILE).write_text(json.dumps(asdict(job)), encoding="utf-8")
     return [str(folder)]
 
 
 def _only_in_memory(image: bpy.types.Image) -> bool:
-    """Whether pixels were painted that neither a file nor the copy holds."""
-    return image.is_dirty and image.library is None and image.source in {"FILE", "GENERATED", "TILED"}
+    """Whether pixels were painted that no file holds; the copy has no images that nothing uses."""
+    ours = image.library is None and image.users > 0
+    return image.is_dirty and ours and image.source in {"FILE", "GENERATED", "TILED"}
 
 
 def _painted(image: bpy.types.Image, folder: Path) -> Path:
@@ -135,7 +145,7 @@ def render_job(folder: Path) -> int:
     try:
         job = RenderJob(**json.loads((folder / JOB_FILE).read_text(encoding="utf-8")))
         _answer(answers, progress=0.0, message="opening a copy of the file")
-        scene = _opened(job, folder / SCENE_FILE)
+        scene = _opened(job)
         window = bpy.context.window_manager.windows[0]
         with bpy.context.temp_override(window=window), _telling(answers) as told:
             first = render(job.what, scene, Path(job.output), told)
@@ -160,10 +170,10 @@ def _answer(answers: IO[str], **said: Any) -> None:
     answers.flush()
 
 
-def _opened(job: RenderJob, path: Path) -> Any:
+def _opened(job: RenderJob) -> Any:
     """The copy's scene, in the window as it was there."""
     try:
-        bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=job.use_scripts)
+        bpy.ops.wm.open_mainfile(filepath=job.file, load_ui=False, use_scripts=job.use_scripts)
     except RuntimeError as error:
         raise InputError(f"the copy of this file cannot be opened ({told_by(error)}); save it and try again") from None
     scene = bpy.data.scenes[job.scene]

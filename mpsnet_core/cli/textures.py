@@ -97,7 +97,10 @@ def settle(options: argparse.Namespace, *, sequence: bool = False) -> None:
 
 
 def asked_present(options: argparse.Namespace) -> "Present | None":
-    """The normal map that --onto means, None where it is not given. Raises InputError where it cannot be read."""
+    """The one normal map that --onto means, None where it is not given.
+
+    Raises InputError where it stands for several, or cannot be read.
+    """
     from mpsnet_core.surface.onto import read_present_map
     from mpsnet_core.surface.shown import Present
     from mpsnet_core.surface.texture_names import check_one_texture
@@ -105,6 +108,8 @@ def asked_present(options: argparse.Namespace) -> "Present | None":
     if options.onto is None:
         return None
     check_one_texture(options.onto)
+    if Path(options.onto).suffix.lower() == ".json":
+        raise InputError(f"{options.onto} lists present maps for several textures; name the one image to go on top of")
     return Present(read_present_map(options.onto, convention=options.onto_convention), options.onto_shown)
 
 

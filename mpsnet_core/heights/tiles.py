@@ -1,12 +1,14 @@
 """UDIM tiles as one texture, for what is solved over all of them at once."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError
+from mpsnet_core.heights.on_uvs import MAX_SIZE
 from mpsnet_core.surface.mesh import Mesh
 from mpsnet_core.surface.sheets import Sheet
 
@@ -35,18 +37,24 @@ class Tiles:
         # Tangents are those of the UVs as they were, which may hang together over a tile's border.
         return replace(mesh, uvs=uvs, given_tangents=mesh.tangents)
 
-    def joined(self, textures: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
-        """(side S, side S, K) of the tiles' textures (S, S, K); 0 where there is no tile.
+    def joined(self, textures: Iterable[NDArray[np.float32]]) -> NDArray[np.float32]:
+        """(side S, side S, K) of the tiles' textures (S, S, K), asked for one by one; 0 where there is no tile.
 
-        Raises InputError where they are not of one size.
+        Raises InputError where they are not of one size, or too large together.
         """
-        shapes = {texture.shape for texture in textures}
-        if len(shapes) > 1:
-            sizes = " and ".join(f"{width} x {height}" for height, width, *_ in sorted(shapes))
-            raise InputError(f"the tiles' textures have several sizes, {sizes}; bake them all with one")
-        height, width, *more = textures[0].shape
+        ahead = iter(textures)
+        first = next(ahead)
+        height, width, *more = first.shape
+        if self.side > 1 and height * self.side > MAX_SIZE:
+            raise InputError(
+                f"{len(self.corners)} tiles of {height} texels a side are too many for heights on UVs; bake them with "
+                f"{MAX_SIZE // self.side} at most"
+            )
         whole = np.zeros((height * self.side, width * self.side, *more), np.float32)
-        for place, texture in zip(self._places(height), textures, strict=True):
+        for place, texture in zip(self._places(height), chain([first], ahead), strict=True):
+            if texture.shape != first.shape:
+                sizes = " and ".join(f"{w} x {h}" for h, w, *_ in sorted((first.shape, texture.shape)))
+                raise InputError(f"the tiles' textures have several sizes, {sizes}; bake them all with one")
             whole[place] = texture
         return whole
 

@@ -75,6 +75,8 @@ def map_files(pattern: str | os.PathLike[str], sheets: Sequence[Sheet]) -> list[
 
 def _named(pattern: str | os.PathLike[str], sheets: Sequence[Sheet], tiles: Sequence[str]) -> list[Path]:
     path = Path(pattern)
+    if not path.name:
+        raise InputError(f"{path} names no file; give one")
     parted = split_by(pattern)
     names = {what: _file_names([getattr(sheet, what) for sheet in sheets]) for what in ("material", "object")}
     files = []

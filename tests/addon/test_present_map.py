@@ -245,6 +245,21 @@ def test_the_map_is_remembered_whatever_it_is_called_by_then(
     assert baked["mpsnet_base"] == present != other
 
 
+def test_a_map_with_unsaved_paint_is_remembered_and_one_that_was_taken_off_is_not(
+    worn: "bpy.types.Node", estimated: "bpy.types.Object", scene: object, tmp_path: Path
+) -> None:
+    present = worn.inputs["Color"].links[0].from_node.image
+    present.pixels[0] = 0.3
+    texture = str(tmp_path / "texture.png")
+    bpy.ops.mps.bake(size=16, output=texture)
+    assert scene.mps.bake.image["mpsnet_base"] == present
+    with pytest.raises(RuntimeError, match=f'"{present.name}" has changes that are not in its file; save it first'):
+        bpy.ops.mps.bake(onto=True)
+    estimated.material_slots[0].material.node_tree.links.clear()
+    bpy.ops.mps.bake(onto=False)
+    assert scene.mps.bake.image.get("mpsnet_base") is None
+
+
 def test_what_the_core_refuses_is_told_too(worn: "bpy.types.Node", tmp_path: Path) -> None:
     with pytest.raises(RuntimeError, match="bake in tangent space"):
         bpy.ops.mps.bake(size=32, onto=True, space="OBJECT", output=str(tmp_path / "texture.png"))
@@ -347,12 +362,15 @@ def test_tiles_go_on_top_of_tiles(estimated: "bpy.types.Object", scene: object, 
     image.source = "TILED"
     image.filepath = str(tmp_path / "t.<UDIM>.png")
     dress(estimated, image)
-    for _ in range(2):
+    for time in ("first", "again", "packed"):
+        if time == "packed":
+            image.pack()
+            for tile in (1001, 1002):
+                (tmp_path / f"t.{tile}.png").unlink()
         bpy.ops.mps.bake(size=16, tiles=True, output=f"{tmp_path}/", **NOTHING_OF_THE_PHOTO)
         found = [leans(tmp_path / f"Sphere_normal.{tile}.png") for tile in (1001, 1002)]
         assert found == [(-0.2, 0.4), (0.3, 0.1)]
     assert scene.mps.bake.image["mpsnet_base"] == image
-    for tile in (1001, 1002):
-        (tmp_path / f"t.{tile}.png").unlink()
-    with pytest.raises(RuntimeError, match=r'"t\.1001\.png" has no tile on disk'):
+    image.unpack(method="REMOVE")
+    with pytest.raises(RuntimeError, match=r'"t\.1001\.png" has no file on disk \(.*t\.1001\.png is missing\)'):
         bpy.ops.mps.bake()

@@ -50,6 +50,8 @@ def paint(obj, colour, *, is_float=False):
 def test_the_photo_is_the_same_and_this_file_does_not_change(small, scene, tmp_path):
     """With a second scene, which is not the one that is rendered, and paint that was never saved."""
     image = paint(small, (0.9, 0.1, 0.3))
+    for tiled in (False, True):  # painted and of no use any more: the copy does not have them
+        bpy.data.images.new("Unused", 4, 4, tiled=tiled).pixels[0] = 0.5
     bpy.data.scenes.new("Another")
     bpy.context.view_layer.name = "Mine"
     scene.frame_set(7, subframe=0.25)
@@ -87,6 +89,26 @@ def test_what_a_file_beside_this_one_holds_is_found_from_the_copy(small, scene, 
     np.testing.assert_allclose(pixels(tmp_path / "beside.exr"), here, atol=1e-5)
 
 
+def test_what_simulations_have_on_disk_is_there_in_the_copy(small, scene, tmp_path):
+    """Cloth that has fallen beside the sphere, a frame at a time, is as far down as here."""
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=4, y_subdivisions=4, size=1, location=(0.7, -1.2, 0))
+    cloth = bpy.context.object
+    cache = cloth.modifiers.new("Cloth", "CLOTH").point_cache
+    cache.frame_end = scene.frame_end = 12
+    bpy.ops.wm.save_mainfile()
+    cache.use_disk_cache = True
+    with bpy.context.temp_override(point_cache=cache):
+        bpy.ops.ptcache.bake(bake=True)
+    scene.frame_set(12)
+    kept = sorted((tmp_path / "blendcache_mine").iterdir())
+    begin("normals", tmp_path / "beside.exr", tmp_path / "job").result()
+    bpy.ops.mps.render_truth(output=str(tmp_path / "here.exr"))
+    np.testing.assert_allclose(pixels(tmp_path / "beside.exr"), pixels(tmp_path / "here.exr"), atol=1e-5)
+    # Geometry nodes name the folder in full, by where it lies from the file.
+    assert (tmp_path / "job" / "mine.blend").is_file() and (tmp_path / "job" / "blendcache_mine").is_dir()
+    assert kept and sorted((tmp_path / "blendcache_mine").iterdir()) == kept
+
+
 def test_frames_and_true_normals_too(small, scene, tmp_path):
     scene.frame_start, scene.frame_end = 3, 4
     small.keyframe_insert("scale", frame=3)
@@ -111,7 +133,7 @@ def test_what_the_other_blender_refuses_is_its_own_sentence(small, tmp_path):
 
 
 def test_a_copy_that_cannot_be_written_is_said_in_one_sentence(small, tmp_path):
-    with pytest.raises(InputError, match=r"cannot write .*scene\.blend \(.*\); make room for a copy"):
+    with pytest.raises(InputError, match=r"cannot write .*mine\.blend \(.*\); make room for a copy"):
         written_job(bpy.context, "photo", tmp_path / "photo.exr", tmp_path / "nowhere")
 
 

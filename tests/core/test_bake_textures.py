@@ -186,8 +186,10 @@ def test_each_wrong_present_map_gets_one_sentence(bench: Bench) -> None:
         ("3.json", "s.png", "is not a mpsnet-present-maps file"),
         ("4.json", "s.png", "convention 'metal' is not known"),
         ("5.json", "s.png", "there is no present map for any of the textures"),
+        ("..", "s.png", "is a folder, not a file"),
     ]:
         assert said in bench.refused("--onto", bench / given, "--space", "tangent", output=output), given
+    assert "names no file" in bench.refused("--onto", ".", "--space", "tangent", output="s.png")
     assert not (bench / "s.1001.png").exists()
 
 
@@ -235,6 +237,8 @@ def test_sequences_are_refused_in_one_sentence(bench: Bench) -> None:
         assert "a sequence is baked onto one mesh and into one texture a frame" in bench.refused(
             *arguments, output=output, view=view
         )
+    said = bench.refused("--onto", "maps.json", "--space", "tangent", output="frames", view=view)
+    assert "maps.json lists present maps for several textures; name the one image" in said
 
 
 def test_samples_and_padding_reach_the_bake(bench: Bench) -> None:

@@ -1,5 +1,6 @@
 """Heights on UDIM tiles: those of the same surface in one texture, tile by tile."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +10,9 @@ from relief_shapes import cube_sphere, tangent_normals
 from test_on_uvs import AMPLITUDE, bumpy_sphere
 
 from mpsnet_core.cli import main
+from mpsnet_core.errors import InputError
 from mpsnet_core.heights.height_files import read_height
+from mpsnet_core.heights.tiles import Tiles
 from mpsnet_core.images import read_channel, write_image
 from mpsnet_core.normals import encode
 from mpsnet_core.surface.mesh import Mesh, write_mesh
@@ -99,3 +102,14 @@ def test_tiles_of_several_sizes_are_refused(files: None, capsys: pytest.CaptureF
     write_image("b_1015.exr", encode(np.broadcast_to([0.0, 0, 1], (16, 16, 3))))
     assert main(["integrate", "b_<UDIM>.exr", "--uvs", "b.npz", "--height", "h_<UDIM>.exr"]) == 2
     assert "the tiles' textures have several sizes, 16 x 16 and 64 x 64; bake them all" in capsys.readouterr().err
+
+
+def test_tiles_that_are_too_many_are_refused_when_one_is_read() -> None:
+    """Before the others, and the texture of them all, take up memory."""
+
+    def textures() -> Iterator[np.ndarray]:
+        yield np.zeros((1025, 1025, 3), np.float32)
+        pytest.fail("another one was read")
+
+    with pytest.raises(InputError, match=r"50 tiles of 1025 texels a side are too many .* 1024 at most"):
+        Tiles(np.zeros((50, 2), np.int64)).joined(textures())
