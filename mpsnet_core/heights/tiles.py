@@ -38,13 +38,14 @@ class Tiles:
     def joined(self, textures: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
         """(side S, side S, K) of the tiles' textures (S, S, K); 0 where there is no tile.
 
-        Raises InputError where they are not of one size.
+        Raises InputError where they are not of one size, or not square.
         """
         shapes = {texture.shape for texture in textures}
         if len(shapes) > 1:
             sizes = " and ".join(f"{width} x {height}" for height, width, *_ in sorted(shapes))
             raise InputError(f"the tiles' textures have several sizes, {sizes}; bake them all with one")
         height, width, *more = textures[0].shape
+        check_square(height, width)
         whole = np.zeros((height * self.side, width * self.side, *more), np.float32)
         for place, texture in zip(self._places(height), textures, strict=True):
             whole[place] = texture
@@ -61,6 +62,12 @@ class Tiles:
             top = self.side - 1 - row
             places.append((slice(top * size, (top + 1) * size), slice(column * size, (column + 1) * size)))
         return places
+
+
+def check_square(height: int, width: int) -> None:
+    """Raises InputError where a texture of that size was not baked onto UVs: those lie in a square."""
+    if height != width:
+        raise InputError(f"a texture of {width} x {height} texels does not fit UVs; give a square one, as it was baked")
 
 
 def tiles_of(sheets: Sequence[Sheet]) -> Tiles:

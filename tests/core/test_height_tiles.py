@@ -99,3 +99,14 @@ def test_tiles_of_several_sizes_are_refused(files: None, capsys: pytest.CaptureF
     write_image("b_1015.exr", encode(np.broadcast_to([0.0, 0, 1], (16, 16, 3))))
     assert main(["integrate", "b_<UDIM>.exr", "--uvs", "b.npz", "--height", "h_<UDIM>.exr"]) == 2
     assert "the tiles' textures have several sizes, 16 x 16 and 64 x 64; bake them all" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("texture", "height"), [("one.exr", "h.exr"), ("b_<UDIM>.exr", "h_<UDIM>.exr")])
+def test_textures_that_are_not_square_are_refused(
+    files: None, texture: str, height: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for file in ("one.exr", *(f"b_{tile}.exr" for tile in ANYWHERE.values())):
+        write_image(file, encode(np.broadcast_to([0.0, 0, 1], (16, 32, 3))))
+    assert main(["integrate", texture, "--uvs", "b.npz", "--height", height]) == 2
+    said = capsys.readouterr().err
+    assert said.endswith("a texture of 32 x 16 texels does not fit UVs; give a square one, as it was baked\n")
