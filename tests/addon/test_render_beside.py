@@ -87,6 +87,14 @@ def test_what_a_file_beside_this_one_holds_is_found_from_the_copy(small, scene, 
     np.testing.assert_allclose(pixels(tmp_path / "beside.exr"), here, atol=1e-5)
 
 
+def test_paint_that_nothing_uses_does_not_matter(small, tmp_path):
+    """A copy of the file does not hold it."""
+    for tiled in (False, True):
+        bpy.data.images.new("Left over", 4, 4, tiled=tiled).pixels[:] = [0.5] * 64
+    assert all(image.is_dirty for image in bpy.data.images if image.name.startswith("Left over"))
+    begin("normals", tmp_path / "truth.exr", tmp_path / "job").result()
+
+
 def test_frames_and_true_normals_too(small, scene, tmp_path):
     scene.frame_start, scene.frame_end = 3, 4
     small.keyframe_insert("scale", frame=3)
