@@ -11,7 +11,7 @@ import bpy
 from mpsnet_core.errors import InputError
 from mpsnet_core.surface.map_list import ListedMap, write_map_list
 
-from .nodes import GREEN_NODE, TEXTURE_NODE
+from .nodes import GREEN_NODE, NORMAL_NODE, TEXTURE_NODE
 from .operators import same
 from .outputs import image_file, tiles_file
 from .textures import MATERIAL, OBJECT, TILE, Onto
@@ -124,7 +124,10 @@ def write_maps(path: Path, maps: Mapping[Part, PresentMap]) -> None:
 
 
 def _normal_maps(target: Any, onto: Onto, part: Part) -> Iterator[Any]:
-    """The Normal Map nodes that the shaders of a part of an object have their normals from; bumps may be between."""
+    """The Normal Map nodes that the shaders of a part of an object have their normals from; bumps may be between.
+
+    A baked one counts where the shaders have none: a displacement took it off.
+    """
     obj, material = part
     if obj not in (None, onto.name):
         return
@@ -132,14 +135,20 @@ def _normal_maps(target: Any, onto: Onto, part: Part) -> Iterator[Any]:
         tree = slot.material and slot.material.node_tree
         if material not in (None, label):
             continue
-        for shader in tree.nodes if tree else ():
-            if not (shader.type.startswith("BSDF") and "Normal" in shader.inputs):
-                continue
-            node = _before(shader, "Normal")
-            while node is not None and node.type == "BUMP":
-                node = _before(node, "Normal")
-            if node is not None and node.type == "NORMAL_MAP":
-                yield node
+        if tree:
+            baked = tree.nodes.get(NORMAL_NODE)
+            yield from list(_shaders_normal_maps(tree)) or ([baked] if baked else [])
+
+
+def _shaders_normal_maps(tree: Any) -> Iterator[Any]:
+    for shader in tree.nodes:
+        if not (shader.type.startswith("BSDF") and "Normal" in shader.inputs):
+            continue
+        node = _before(shader, "Normal")
+        while node is not None and node.type == "BUMP":
+            node = _before(node, "Normal")
+        if node is not None and node.type == "NORMAL_MAP":
+            yield node
 
 
 def _source(normal: Any, uv_map: str, rendered: str) -> tuple[Any, str]:
