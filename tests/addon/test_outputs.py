@@ -91,6 +91,15 @@ def test_a_folder_takes_what_is_written_by_a_name_of_its_own(tmp_path):
     assert output_path(f"{tmp_path}/new_file", "Scene", "EXR") == tmp_path / "new_file.exr"
 
 
+def test_names_that_differ_in_their_letters_alone_are_files_of_their_own(tmp_path):
+    names = ("Bär 1.5", "Bör/1.5", "熊-1")
+    assert [output_path(f"{tmp_path}/", name, "PNG").name for name in names] == [
+        "Bär_1_5.png",
+        "Bör_1_5.png",
+        "熊-1.png",
+    ]
+
+
 def test_an_ending_that_is_not_of_the_chosen_format_wins_and_is_told(photographed, scene, tmp_path):
     bpy.ops.mps.estimate(output=str(tmp_path / "n.exr"))
     told = {"estimate": scene.mps.records["estimate"].notes}
