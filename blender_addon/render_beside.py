@@ -81,7 +81,7 @@ def written_job(context: Any, what: What, output: Path, folder: Path) -> list[st
 
 
 def _only_in_memory(image: bpy.types.Image) -> bool:
-    """Whether pixels were painted that neither a file nor the copy holds. What nothing uses is not in the copy at all."""
+    """Whether pixels were painted that neither a file nor the copy holds; an image that nothing uses is not in it."""
     painted = image.is_dirty and image.source in {"FILE", "GENERATED", "TILED"}
     return painted and image.library is None and image.users > 0
 
