@@ -99,23 +99,17 @@ def bases_to_keep(targets: Sequence[Any], onto: Sequence[Onto], file: Path) -> d
     return bases
 
 
-def maps_to_go_on(targets: Sequence[Any], onto: Sequence[Onto], file: Path) -> tuple[dict[Part, PresentMap], list[str]]:
-    """The map beneath each part's texture, and a sentence for each part without one.
+def maps_to_go_on(targets: Sequence[Any], onto: Sequence[Onto], file: Path) -> dict[Part, PresentMap]:
+    """The map beneath each part's texture; the core tells which parts have none.
 
     Raises InputError where no part has one, or as :func:`present_map` does.
     """
-    worn, bare = {}, []
-    for part in parts_of(onto, file):
-        found = present_map(targets, onto, part, tiles=TILE in file.name)
-        if found is None:
-            name = ", ".join(filter(None, part))
-            bare.append(f'"{name}" wears no normal map, so nothing lies beneath its texture')
-        else:
-            worn[part] = found
+    found = {part: present_map(targets, onto, part, tiles=TILE in file.name) for part in parts_of(onto, file)}
+    worn = {part: one for part, one in found.items() if one is not None}
     if not worn:
         whose = f'"{targets[0].name}"' if len(targets) == 1 else "the selected objects"
         raise InputError(f"no material of {whose} has a Normal Map node with a texture; {_BY_FILE}")
-    return worn, bare
+    return worn
 
 
 def write_maps(path: Path, maps: Mapping[Part, PresentMap]) -> None:
