@@ -100,8 +100,7 @@ class BakesOnto(RunsCore):
         if settings.onto_file:
             file, convention = bpy.path.abspath(settings.onto_file), settings.onto_convention
             return [*arguments, "--onto", file, "--onto-convention", convention.lower()]
-        maps, bare = maps_to_go_on(targets, self._onto, self._output)
-        self._notes = [*self._notes, *bare]
+        maps = maps_to_go_on(targets, self._onto, self._output)
         if list(maps) == [(None, None)]:
             one = maps[None, None]
             return [*arguments, "--onto", str(one.file), "--onto-convention", one.convention.lower()]

@@ -7,7 +7,7 @@ ingredient does. They go with the image wherever it goes: renamed, saved and loa
 import json
 import math
 import time
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from datetime import datetime
@@ -17,6 +17,8 @@ import bpy
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mpsnet_core.errors import InputError
+
 from .outputs import remembered
 
 Ingredients = dict[str, str]
@@ -24,6 +26,9 @@ Ingredients = dict[str, str]
 _MADE = "mpsnet_made"
 _MADE_BY = "mpsnet_made_by"
 _MADE_FROM = "mpsnet_made_from"
+
+# What later steps take from those who make it.
+_TAKEN_ON = {"render_photo": "photo", "open_photo": "photo", "estimate": "normals"}
 
 _SIZE_SECONDS = 1.0
 # When files were looked at, and their sizes: for the panel alone, see `seen_lately`.
@@ -97,6 +102,21 @@ def keep_made_from(image: bpy.types.Image, verb: str, ingredients: Ingredients) 
 def made_by(image: bpy.types.Image) -> str:
     """The operator that made an image; "" where none is known."""
     return str(image.get(_MADE_BY, ""))
+
+
+def refuse_to_overwrite(verb: str, outputs: Iterable[Path]) -> None:
+    """Raises InputError where a result of `verb` would be written over a photo or its normals that this file uses.
+
+    Each may be made anew in its place.
+    """
+    files = {path.resolve() for path in outputs}
+    for image in bpy.data.images:
+        what = _TAKEN_ON.get(made_by(image), "")
+        if not image.users or what in ("", _TAKEN_ON.get(verb)):
+            continue
+        path = Path(remembered(image, "source") or bpy.path.abspath(image.filepath, library=image.library))
+        if path.resolve() in files:
+            raise InputError(f'the result would overwrite {path}, the {what} "{image.name}"; choose another output')
 
 
 def changed_since(image: bpy.types.Image, ingredients: Ingredients) -> list[str]:

@@ -16,7 +16,7 @@ from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.progress import Progress
 
 from .core_process import CORE, CoreCrashed, CoreProcess, Program, run
-from .made_from import Ingredients, keep_made_from
+from .made_from import Ingredients, keep_made_from, refuse_to_overwrite
 from .settings.record import keep_record
 from .time_left import Pace, in_words
 
@@ -187,9 +187,10 @@ class RunsCore(SaysWhy):
         self._finished(context, result)
 
     def _prepared(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
-        prepared = self.prepare(context, folder)
+        arguments, outputs = self.prepare(context, folder)
+        refuse_to_overwrite(verb_of(self.bl_idname), outputs)
         self._made_from = self.made_from(context)
-        return prepared
+        return arguments, outputs
 
     def _finished(self, context: Any, result: dict[str, Any]) -> None:
         notes = [*self._notes, *result.get("notes", [])]

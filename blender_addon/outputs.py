@@ -14,6 +14,7 @@ from mpsnet_core.rig import read_rig
 
 from .preferences import output_folder
 
+_NOT_IN_NAMES = re.compile(r"[^\w-]")
 FORMATS = {"PNG": "png", "TIFF": "tif", "EXR": "exr"}
 _FORMAT_OF = {".png": "PNG", ".tif": "TIFF", ".tiff": "TIFF", ".exr": "EXR"}
 _FINE_PREVIEW = 512
@@ -28,12 +29,20 @@ def output_path(given: str, name: str, file_format: str) -> Path:
     Raises InputError where no file can be put there or the ending is of no format that can be written.
     """
     folder = given_folder(given)
-    path = Path(bpy.path.abspath(given)) if folder is None else folder / bpy.path.clean_name(name)
+    path = Path(bpy.path.abspath(given)) if folder is None else folder / file_name(name)
     if not path.suffix:
         path = path.with_name(f"{path.name}.{FORMATS[file_format]}")
     if path.suffix.lower() not in _FORMAT_OF:
         raise InputError(f"cannot write {path}: the ending {path.suffix} is not known; use .png, .tif or .exr")
     return writable_path(path)
+
+
+def file_name(name: str) -> str:
+    """`name` as a file can have it; letters stay what they are (`bpy.path.clean_name` makes "ä" and "ö" the same).
+
+    Dots do not: what follows one would be the file's ending.
+    """
+    return _NOT_IN_NAMES.sub("_", name)
 
 
 def given_folder(given: str) -> Path | None:
@@ -68,7 +77,7 @@ def output_frames(given: str, name: str) -> Path:
 
     Raises InputError where it would go with Blender: the frames of a sequence cannot be packed into the .blend file.
     """
-    folder = Path(bpy.path.abspath(given)) if given else output_folder() / bpy.path.clean_name(name)
+    folder = Path(bpy.path.abspath(given)) if given else output_folder() / file_name(name)
     if not lasting(folder):
         raise InputError("no folder is named for the frames; name one, or save this file and they go beside it")
     return made_folder(folder, "frames")
@@ -292,9 +301,7 @@ def image_file(image: bpy.types.Image | None, what: str, mend: str) -> Path:
         # What was painted and packed never had a name; two that came from elsewhere may have the same.
         folder = Path(bpy.app.tempdir) / f"packed_{image.session_uid}"
         folder.mkdir(exist_ok=True)
-        path = folder / (
-            path.name or f"{bpy.path.clean_name(what)}.{'exr' if image.file_format == 'OPEN_EXR' else 'png'}"
-        )
+        path = folder / (path.name or f"{file_name(what)}.{'exr' if image.file_format == 'OPEN_EXR' else 'png'}")
         path.write_bytes(image.packed_file.data)
     if not path.is_file():
         missing = f" ({path} is missing)" if image.filepath else ""

@@ -11,7 +11,7 @@ import bpy
 from mpsnet_core.errors import InputError
 from mpsnet_core.surface.map_list import ListedMap, write_map_list
 
-from .nodes import GREEN_NODE, TEXTURE_NODE
+from .nodes import GREEN_NODE, NORMAL_NODE, TEXTURE_NODE
 from .operators import same
 from .outputs import image_file, tile_files
 from .textures import MATERIAL, OBJECT, TILE, Onto
@@ -94,23 +94,17 @@ def bases_to_keep(targets: Sequence[Any], onto: Sequence[Onto], file: Path) -> d
     return bases
 
 
-def maps_to_go_on(targets: Sequence[Any], onto: Sequence[Onto], file: Path) -> tuple[dict[Part, PresentMap], list[str]]:
-    """The map beneath each part's texture, and a sentence for each part without one.
+def maps_to_go_on(targets: Sequence[Any], onto: Sequence[Onto], file: Path) -> dict[Part, PresentMap]:
+    """The map beneath each part's texture; the core tells which parts have none.
 
     Raises InputError where no part has one, or as :func:`present_map` does.
     """
-    worn, bare = {}, []
-    for part in parts_of(onto, file):
-        found = present_map(targets, onto, part, tiles=TILE in file.name)
-        if found is None:
-            name = ", ".join(filter(None, part))
-            bare.append(f'"{name}" wears no normal map, so nothing lies beneath its texture')
-        else:
-            worn[part] = found
+    found = {part: present_map(targets, onto, part, tiles=TILE in file.name) for part in parts_of(onto, file)}
+    worn = {part: one for part, one in found.items() if one is not None}
     if not worn:
         whose = f'"{targets[0].name}"' if len(targets) == 1 else "the selected objects"
         raise InputError(f"no material of {whose} has a Normal Map node with a texture; {_BY_FILE}")
-    return worn, bare
+    return worn
 
 
 def write_maps(path: Path, maps: Mapping[Part, PresentMap]) -> None:
@@ -140,7 +134,10 @@ def _worn_map(targets: Sequence[Any], onto: Sequence[Onto], part: Part) -> tuple
 
 
 def _normal_maps(target: Any, onto: Onto, part: Part) -> Iterator[Any]:
-    """The Normal Map nodes that the shaders of a part of an object have their normals from; bumps may be between."""
+    """The Normal Map nodes that the shaders of a part of an object have their normals from; bumps may be between.
+
+    A baked one that has its texture counts where the shaders have none: a displacement took it off.
+    """
     obj, material = part
     if obj not in (None, onto.name):
         return
@@ -148,14 +145,21 @@ def _normal_maps(target: Any, onto: Onto, part: Part) -> Iterator[Any]:
         tree = slot.material and slot.material.node_tree
         if material not in (None, label):
             continue
-        for shader in tree.nodes if tree else ():
-            if not (shader.type.startswith("BSDF") and "Normal" in shader.inputs):
-                continue
-            node = _before(shader, "Normal")
-            while node is not None and node.type == "BUMP":
-                node = _before(node, "Normal")
-            if node is not None and node.type == "NORMAL_MAP":
-                yield node
+        if tree:
+            baked = tree.nodes.get(NORMAL_NODE)
+            taken_off = [baked] if baked and _before(baked, "Color") else []
+            yield from list(_shaders_normal_maps(tree)) or taken_off
+
+
+def _shaders_normal_maps(tree: Any) -> Iterator[Any]:
+    for shader in tree.nodes:
+        if not (shader.type.startswith("BSDF") and "Normal" in shader.inputs):
+            continue
+        node = _before(shader, "Normal")
+        while node is not None and node.type == "BUMP":
+            node = _before(node, "Normal")
+        if node is not None and node.type == "NORMAL_MAP":
+            yield node
 
 
 def _source(normal: Any, uv_map: str, rendered: str) -> tuple[Any, str]:

@@ -11,8 +11,8 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.files import PHOTO_SUFFIXES, RAW_SUFFIXES, VIDEO_SUFFIXES
 
 from .core_process import Program, run
-from .made_from import Ingredients, chosen, rounded
-from .operators import RunsCore, SaysWhy, at_the_pointer
+from .made_from import Ingredients, chosen, refuse_to_overwrite, rounded
+from .operators import RunsCore, SaysWhy, at_the_pointer, verb_of
 from .outputs import frame_pattern, load_photo, output_frames, output_path, read_beside, remember, render_path
 from .render_beside import rendering_blender, written_job
 from .rig import drawn_rig, light_rig, rig_camera
@@ -43,6 +43,7 @@ class _Renders(RunsCore):
 
     def act(self, context: Any) -> None:
         what, output = self.target(context.scene)
+        refuse_to_overwrite(verb_of(self.bl_idname), [output])
         with at_the_pointer(context.window_manager) as told:
             first = render(what, context.scene, output, lambda done, of, words: told(done / of, words))
         self._made_from = self.made_from(context)

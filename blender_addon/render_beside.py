@@ -90,9 +90,9 @@ def written_job(context: Any, what: What, output: Path, folder: Path) -> list[st
 
 
 def _only_in_memory(image: bpy.types.Image) -> bool:
-    """Whether pixels were painted that no file holds; the copy has no images that nothing uses."""
-    ours = image.library is None and image.users > 0
-    return image.is_dirty and ours and image.source in {"FILE", "GENERATED", "TILED"}
+    """Whether pixels were painted that neither a file nor the copy holds; an image that nothing uses is not in it."""
+    painted = image.is_dirty and image.source in {"FILE", "GENERATED", "TILED"}
+    return painted and image.library is None and image.users > 0
 
 
 def _painted(image: bpy.types.Image, folder: Path) -> Path:

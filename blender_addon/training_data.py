@@ -13,7 +13,7 @@ from mpsnet_core.files import written_whole
 from mpsnet_core.synthesis.job import CONTACT_SHEET, JOB_FILE, SHAPES, SampleJob, place_job, read_job, samples_there
 
 from .operators import RunsCore, same
-from .outputs import fine_preview, lasting, load_image, output_folder
+from .outputs import file_name, fine_preview, lasting, load_image, output_folder
 from .settings.declared import take_given
 from .settings.samples import SamplesSettings
 
@@ -117,7 +117,7 @@ def samples_folder(scene: Any) -> Path:
     given = scene.mps.samples.output
     if given:
         return Path(bpy.path.abspath(given)).resolve()
-    return output_folder() / bpy.path.clean_name(f"{scene.name}_samples")
+    return output_folder() / file_name(f"{scene.name}_samples")
 
 
 def can_denoise() -> bool:

@@ -14,6 +14,7 @@ from mpsnet_core.files import made_folder
 
 from .demo import make_demo, remove_demo
 from .operators import TICK_SECONDS, SaysWhy, idle, redraw, same, told_by
+from .outputs import file_name
 from .settings.declared import PATH
 from .settings.record import error_of
 
@@ -187,7 +188,7 @@ class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
     def _file(self, context: Any, name: str) -> str:
         """Images from Blender's temporary folder are packed into the .blend file."""
         folder = made_folder(bpy.path.abspath(self.output), "files") if self.output else Path(bpy.app.tempdir)
-        return str(folder / f"{bpy.path.clean_name(self._demo(context).name)}_{name}")
+        return str(folder / f"{file_name(self._demo(context).name)}_{name}")
 
     def _forget_files(self, context: Any) -> None:
         """What is done next in the demo's scene goes where it goes in any scene."""

@@ -17,7 +17,7 @@ from mpsnet_core.world_lights import in_world, write_world_lights
 from .bake import BakesOnto, bits, sampling, targets_place
 from .estimate import network, reading
 from .made_from import Ingredients, chosen, file_stamp, rounded, stamp
-from .outputs import image_file
+from .outputs import file_name, image_file
 from .rig import drawn_rig, light_rig, rig_camera, scene_camera
 from .settings.bake import BakeSettings
 from .settings.declared import take_given
@@ -92,7 +92,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
         views = []
         for obj, image in _with_photos(scene):
             photo = image_file(image, f"background image of {obj.name}", "choose another")
-            name = bpy.path.clean_name(obj.name)
+            name = file_name(obj.name)
             views.append((name, photo, scene_camera(obj, scene, tuple(image.size))))
         if not views:
             raise InputError(

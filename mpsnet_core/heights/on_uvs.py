@@ -12,6 +12,7 @@ from mpsnet_core.heights.chords import chords
 from mpsnet_core.heights.height_map import HeightMap
 from mpsnet_core.heights.layout import Layout, layout_of
 from mpsnet_core.heights.sewn import Graph, Solver, graph_of
+from mpsnet_core.heights.sizes import MAX_SIZE, check_square
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.surface.baking import check_texture
 from mpsnet_core.surface.mesh import Mesh
@@ -27,8 +28,6 @@ STRAY = 0.2
 # Texels that heights are carried on beyond an island with their slope; from there on as they are.
 CARRIED = 1.5
 MAX_SCALE = 10.0
-# Takes about 11 GB.
-MAX_SIZE = 8192
 # The share of its texels that a base has in common with its mesh, at least.
 COMMON = 0.5
 
@@ -132,9 +131,7 @@ def displacement(
 
 def _checked_size(vectors: NDArray[np.float32], space: str, margin: int, scale: float, mean: float | None) -> int:
     size = len(vectors)
-    if vectors.shape != (size, size, 3):
-        height, width = vectors.shape[:2]
-        raise InputError(f"a texture of {width} x {height} texels does not fit UVs; give a square one, as it was baked")
+    check_square(*vectors.shape[:2])
     check_texture(size, space, margin)
     if size > MAX_SIZE:
         raise InputError(f"heights on UVs have {MAX_SIZE} texels a side at most, not {size}; bake a smaller texture")

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.heights.on_uvs import MAX_SIZE
+from mpsnet_core.heights.sizes import MAX_SIZE, check_square
 from mpsnet_core.surface.mesh import Mesh
 from mpsnet_core.surface.sheets import Sheet
 
@@ -40,11 +40,12 @@ class Tiles:
     def joined(self, textures: Iterable[NDArray[np.float32]]) -> NDArray[np.float32]:
         """(side S, side S, K) of the tiles' textures (S, S, K), asked for one by one; 0 where there is no tile.
 
-        Raises InputError where they are not of one size, or too large together.
+        Raises InputError where they are not of one size, not square, or too large together.
         """
         ahead = iter(textures)
         first = next(ahead)
         height, width, *more = first.shape
+        check_square(height, width)
         if self.side > 1 and height * self.side > MAX_SIZE:
             raise InputError(
                 f"{len(self.corners)} tiles of {height} texels a side are too many for heights on UVs; bake them with "

@@ -43,22 +43,25 @@ def maps_beneath(
     a map.
     """
     beneath: list[MapFile | None] = [None] * len(sheets)
-    single = [ListedMap(Path(given), convention=convention)]
-    for one in read_map_list(given) if Path(given).suffix.lower() == ".json" else single:
+    is_list = Path(given).suffix.lower() == ".json"
+    listed = read_map_list(given) if is_list else [ListedMap(Path(given), convention=convention)]
+    sought: list[Path | None] = [None] * len(sheets)
+    for one in listed:
         check_convention(one.convention)
         for number, (sheet, file) in enumerate(zip(sheets, map_files(one.file, sheets), strict=True)):
             meant = one.object in (None, sheet.object) and one.material in (None, sheet.material)
             # Not every object or tile need have a map; of one that is named in full it is told where it is read.
-            if meant and beneath[number] is None and (file == one.file or file.is_file()):
-                beneath[number] = MapFile(file, one.convention)
-    bare = [sheet.named for sheet, one in zip(sheets, beneath, strict=True) if one is None]
-    if len(bare) == len(sheets):
-        tokens = ", ".join(TOKENS)
-        raise InputError(
-            f"{given}: there is no present map for any of the textures; check the path, and {tokens} in it"
-        )
-    for named in bare:
-        log.info("%s: there is no present map, so nothing lies beneath its texture", named)
+            if meant and beneath[number] is None:
+                sought[number] = file
+                if file == one.file or file.is_file():
+                    beneath[number] = MapFile(file, one.convention)
+    if not any(beneath):
+        check = "the objects, materials and files in it" if is_list else f"the path, and {', '.join(TOKENS)} in it"
+        raise InputError(f"{given}: there is no present map for any of the textures; check {check}")
+    for sheet, found, missing in zip(sheets, beneath, sought, strict=True):
+        if found is None:
+            named = f" {missing}" if missing else ""
+            log.info("%s: there is no present map%s, so nothing lies beneath its texture", sheet.named, named)
     return beneath
 
 

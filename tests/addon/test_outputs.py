@@ -91,6 +91,32 @@ def test_a_folder_takes_what_is_written_by_a_name_of_its_own(tmp_path):
     assert output_path(f"{tmp_path}/new_file", "Scene", "EXR") == tmp_path / "new_file.exr"
 
 
+def test_names_that_differ_in_their_letters_alone_are_files_of_their_own(tmp_path):
+    names = ("Bär 1.5", "Bör/1.5", "熊-1")
+    assert [output_path(f"{tmp_path}/", name, "PNG").name for name in names] == [
+        "Bär_1_5.png",
+        "Bör_1_5.png",
+        "熊-1.png",
+    ]
+
+
+def test_a_result_is_not_written_over_what_another_step_made(photographed, scene, tmp_path):
+    """But a step may make its own anew in its place."""
+    bpy.ops.mps.estimate(output=str(tmp_path / "n.exr"))
+    photo, normals = str(tmp_path / "photo.exr"), str(tmp_path / "n.exr")
+    kept = [Path(file).read_bytes() for file in (photo, normals)]
+    for verb, file, what in (
+        ("render_truth", photo, "photo"),
+        ("render_photo", normals, "normals"),
+        ("bake", photo, "photo"),
+        ("integrate", photo, "photo"),
+    ):
+        with pytest.raises(RuntimeError, match=f'would overwrite {file}, the {what} "MPS .*"; choose another output'):
+            getattr(bpy.ops.mps, verb)(output=file)
+    assert [Path(file).read_bytes() for file in (photo, normals)] == kept
+    assert bpy.ops.mps.render_photo(output=photo) == bpy.ops.mps.estimate(output=normals) == {"FINISHED"}
+
+
 def test_an_ending_that_is_not_of_the_chosen_format_wins_and_is_told(photographed, scene, tmp_path):
     bpy.ops.mps.estimate(output=str(tmp_path / "n.exr"))
     told = {"estimate": scene.mps.records["estimate"].notes}

@@ -332,13 +332,29 @@ def test_each_object_keeps_its_own_map_beneath_and_runs_do_not_add_up(
     assert leans(tmp_path / "one.png") == (0.3, 0.1)
 
 
+@pytest.mark.parametrize("method", ["MATERIAL", "MODIFIER"])
+def test_a_displacement_does_not_hide_the_map_from_before_the_first_bake(
+    estimated: "bpy.types.Object", tmp_path: Path, method: str
+) -> None:
+    dress(estimated, leaning(tmp_path / "a.png", 0.3, 0.1))
+    bpy.ops.mps.bake(size=16, output=str(tmp_path / "t.png"), **NOTHING_OF_THE_PHOTO)
+    bpy.ops.mps.displace(method=method, levels=1, output=str(tmp_path / "h.exr"))
+    bpy.ops.mps.bake(size=16, output=str(tmp_path / "again.png"), **NOTHING_OF_THE_PHOTO)
+    assert leans(tmp_path / "again.png") == (0.3, 0.1)
+    bpy.ops.mps.displace(output=str(tmp_path / "h.exr"))
+    bpy.ops.mps.bake(onto=False, output=str(tmp_path / "plain.png"))
+    bpy.ops.mps.bake(size=16, output=str(tmp_path / "on_top.png"), **NOTHING_OF_THE_PHOTO)
+    assert leans(tmp_path / "on_top.png") == (0.3, 0.1)
+
+
 def test_what_wears_no_map_is_baked_as_it_is_and_told(
     estimated: "bpy.types.Object", second: "bpy.types.Object", scene: object, tmp_path: Path
 ) -> None:
     dress(second, leaning(tmp_path / "b.png", -0.2, 0.4))
     bpy.ops.mps.bake(size=16, objects="SELECTED", split="OBJECT", output=f"{tmp_path}/", **NOTHING_OF_THE_PHOTO)
     assert leans(tmp_path / "Sphere_normal.png") == (0, 0) and leans(tmp_path / "Second_normal.png") == (-0.2, 0.4)
-    assert '"Sphere" wears no normal map, so nothing lies beneath its texture' in scene.mps.records["bake"].notes
+    told = scene.mps.records["bake"].notes
+    assert told.count("nothing lies beneath its texture") == told.count("object Sphere: there is no present map") == 1
 
 
 def test_maps_of_another_name_are_named_by_tokens(

@@ -132,7 +132,8 @@ def test_each_texture_goes_on_top_of_its_own_map(bench: Bench) -> None:
     (bench / "was_b_c.png").unlink()
     _, result, _ = bench.run(*two, "--onto", bench / "was_<OBJECT>.png", *FULL, output="o_<OBJECT>.png")
     assert beneath(result) == {"o_a.png": (0.3, 0.1), "o_b_c.png": (0, 0)}
-    assert "object b/c: there is no present map, so nothing lies beneath its texture" in result["notes"]
+    missing = bench / "was_b_c.png"
+    assert f"object b/c: there is no present map {missing}, so nothing lies beneath its texture" in result["notes"]
     uniform_map(bench / "t.1001.png", 0.1, 0.5)
     uniform_map(bench / "t.1002.png", -0.4, 0)
     _, result, _ = bench.run("--onto", bench / "t.<UDIM>.png", *FULL, output="n.<UDIM>.png")
@@ -185,7 +186,7 @@ def test_each_wrong_present_map_gets_one_sentence(bench: Bench) -> None:
         ("2.json", "s.png", needs),
         ("3.json", "s.png", "is not a mpsnet-present-maps file"),
         ("4.json", "s.png", "convention 'metal' is not known"),
-        ("5.json", "s.png", "there is no present map for any of the textures"),
+        ("5.json", "s.png", "present map for any of the textures; check the objects, materials and files in it"),
         ("..", "s.png", "is a folder, not a file"),
     ]:
         assert said in bench.refused("--onto", bench / given, "--space", "tangent", output=output), given
