@@ -75,9 +75,14 @@ def _label(settings: bpy.types.PropertyGroup) -> str:
 def output_frames(given: str, name: str) -> Path:
     """The folder for a sequence's frames: `given`, or `name` in the output folder.
 
-    Raises InputError where it would go with Blender: the frames of a sequence cannot be packed into the .blend file.
+    Raises InputError where `given` is a picture's name, or where the folder would go with Blender: the frames of a
+    sequence cannot be packed into the .blend file.
     """
     folder = Path(bpy.path.abspath(given)) if given else output_folder() / file_name(name)
+    if folder.suffix.lower() in _FORMAT_OF and not folder.is_dir():
+        raise InputError(
+            f"{folder.name} is a picture's name, and frames go into a folder; name one, or ask for one frame"
+        )
     if not lasting(folder):
         raise InputError("no folder is named for the frames; name one, or save this file and they go beside it")
     return made_folder(folder, "frames")

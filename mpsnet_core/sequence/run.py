@@ -100,7 +100,8 @@ def estimate_sequence(
     except InputError as error:
         if not outcome.made:
             raise
-        raise InputError(f"{error}; {outcome.made} frames were made, and the same command goes on from them") from None
+        made = f"{outcome.made} frame{'s were' if outcome.made > 1 else ' was'} made"
+        raise InputError(f"{error}; {made}, and the same command goes on from there") from None
     progress(1.0, "done")
     return outcome
 
