@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass
 
-# Before so much is done, in at least so long, a guess would be worth nothing and is not made.
-_LEAST_SHARE = 0.03
-_LEAST_SECONDS = 2.0
+# Before so much is done, in at least so long, a guess would be worth nothing and is not made. In longer work it is made
+# after less of it.
+_LEAST_SHARE, _LEAST_SECONDS = 0.03, 2.0
+_LEAST_SHARE_LATER, _LATER_SECONDS = 0.005, 20.0
 
 
 @dataclass
@@ -29,7 +30,7 @@ class Pace:
             self._begun = now, done
         self._last = done
         since, share = now - self._begun[0], done - self._begun[1]
-        if share < _LEAST_SHARE or since < _LEAST_SECONDS:
+        if since < _LEAST_SECONDS or share < (_LEAST_SHARE if since < _LATER_SECONDS else _LEAST_SHARE_LATER):
             return None
         return since * (1 - done) / share
 

@@ -204,6 +204,9 @@ def test_time_left_is_told_once_it_can_be_known():
     assert pace.left(19.0, 0.21) == pytest.approx(14.0 * 0.79 / 0.20)
     # A second part that begins anew is measured anew.
     assert pace.left(20.0, 0.1) is None
+    # Long work tells it after less of it.
+    assert pace.left(39.0, 0.11) is None
+    assert pace.left(41.0, 0.11) == pytest.approx(21.0 * 0.89 / 0.01)
 
 
 @pytest.mark.parametrize(

@@ -53,13 +53,15 @@ class Window:
         self.ask("clear")
         self.input("mousemove", x, y, "sleep", "0.1", "key", "ctrl+c")
         sent = self.state["ticks"]
-        return self.wait(lambda state: state["ticks"] >= sent + 3, 60, "answer to Ctrl C")["clipboard"]
+        done = self.wait(lambda state: state["clipboard"] or state["ticks"] >= sent + 10, 60, "answer to Ctrl C")
+        return done["clipboard"]
 
     def find(self, operator: str, below: int = STEP) -> tuple[int, int]:
         """Where in the sidebar, looking from `below` its top to its bottom, the button of `operator` is."""
         left, top, width, height = self.state["sidebar"]
         x = left + width // 2
-        for y in range(top + below, top + height, 2 * STEP):
+        every_other = range(top + below, top + height, 2 * STEP)
+        for y in (*every_other, *(y + STEP for y in every_other)):
             if self.under_mouse(x, y).startswith(f"bpy.ops.{operator}("):
                 return x, y
         pytest.fail(f"no button for {operator} in the sidebar")

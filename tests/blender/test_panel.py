@@ -108,7 +108,7 @@ def test_a_photo_is_rendered_beside_a_live_window(window, album, tmp_path):
 
 def test_training_data_grows_in_its_section(window, album, tmp_path):
     folder, count = tmp_path / "samples", 24
-    settings = {"count": count, "size": 64, "samples": 1, "kinds": ["BLOBS"], "processes": 2, "output": str(folder)}
+    settings = {"count": count, "size": 32, "samples": 1, "kinds": ["BLOBS"], "processes": 2, "output": str(folder)}
     window.ask("set", "samples", settings)
     window.ask("alone", "MPS_PT_samples")
     left, top, width, height = window.state["sidebar"]
@@ -119,8 +119,7 @@ def test_training_data_grows_in_its_section(window, album, tmp_path):
 
     window.click(x, y)
     window.wait(lambda state: state["running"] and "MPS Samples" in state["images"], 120, "contact sheet")
-    window.photograph(album / "panel_training_data.png", beside=200)
-    window.input("mousemove", 500, 500, "key", "Escape")
+    window.input("mousemove", 500, 500, "sleep", "1", "key", "Escape")
     window.wait(lambda state: not state["running"], 60, "end of the cancelled rendering")
     there = samples_there(folder)
     assert 0 < len(there) < count
@@ -137,6 +136,7 @@ def test_training_data_grows_in_its_section(window, album, tmp_path):
     kept = {number: sample_path(folder, number).stat().st_mtime_ns for number in there}
     window.click(x, y)
     window.wait(lambda state: state["running"], 60, "rendering that goes on")
+    window.photograph(album / "panel_training_data.png", beside=200)
     window.wait(lambda state: not state["running"], 240, "end of the rendering")
     assert samples_there(folder) == set(range(count))
     assert {number: sample_path(folder, number).stat().st_mtime_ns for number in there} == kept

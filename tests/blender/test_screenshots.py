@@ -208,7 +208,7 @@ def test_every_state_of_every_step(unfolded, album, tmp_path, look):
     photographer.photograph("failed", "photo")
     run(EMISSION.format(0))
     window.ask("invoke", "render_photo", {"samples": 1000})
-    window.wait(lambda state: state["left"] or not state["running"], 120, "time left of the photo")
+    window.wait(lambda state: state["progress"] > 0 or not state["running"], 120, "progress of the photo")
     photographer.photograph("running", "photo")
     window.input("mousemove", 500, 500, "key", "Escape")
     window.wait(lambda state: not state["running"], 60, "end of the cancelled photo")
