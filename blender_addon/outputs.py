@@ -283,15 +283,20 @@ def tile_files(image: bpy.types.Image, what: str, mend: str) -> Path:
 
     packed = {one.tile_number: one.packed_file for one in image.packed_files}
     if packed and not all(of(tile.number).is_file() for tile in image.tiles):
-        folder = Path(bpy.app.tempdir) / f"packed_{image.session_uid}"
-        folder.mkdir(exist_ok=True)
-        pattern = folder / pattern.name
+        pattern = _folder_to_unpack(image) / pattern.name
         for number, file in packed.items():
             of(number).write_bytes(file.data)
     files = [of(tile.number) for tile in image.tiles]
     if "<UDIM>" not in pattern.name or not any(file.is_file() for file in files):
         raise InputError(f'the {what} "{image.name}" has no file on disk ({files[0]} is missing); save it, or {mend}')
     return pattern
+
+
+def _folder_to_unpack(image: bpy.types.Image) -> Path:
+    """A folder of the image's own: two that came from elsewhere may have files of one name."""
+    folder = Path(bpy.app.tempdir) / f"packed_{image.session_uid}"
+    folder.mkdir(exist_ok=True)
+    return folder
 
 
 def image_file(image: bpy.types.Image | None, what: str, mend: str) -> Path:
@@ -303,10 +308,9 @@ def image_file(image: bpy.types.Image | None, what: str, mend: str) -> Path:
         return Path(source)
     path = Path(bpy.path.abspath(image.filepath, library=image.library))
     if image.packed_file and not path.is_file():
-        # What was painted and packed never had a name; two that came from elsewhere may have the same.
-        folder = Path(bpy.app.tempdir) / f"packed_{image.session_uid}"
-        folder.mkdir(exist_ok=True)
-        path = folder / (path.name or f"{file_name(what)}.{'exr' if image.file_format == 'OPEN_EXR' else 'png'}")
+        # What was painted and packed never had a name.
+        unnamed = f"{file_name(what)}.{'exr' if image.file_format == 'OPEN_EXR' else 'png'}"
+        path = _folder_to_unpack(image) / (path.name or unnamed)
         path.write_bytes(image.packed_file.data)
     if not path.is_file():
         missing = f" ({path} is missing)" if image.filepath else ""

@@ -170,7 +170,7 @@ def _trust(
 
     Where the mesh is folded, where the photo shows something else than lies there, and where its view ends, the normals
     are of no surface that stands out from the mesh: heights that follow them are torn, and their cliffs pull at all
-    around. Slopes of one that does agree, however steep they are. steps: (N,) from texel to texel in the world.
+    around. Slopes that do agree are trusted however steep they are. steps: (N,) from texel to texel in the world.
     """
     asked = np.stack([right, below])
     apart = (heights[graph.neighbours[:2]] - heights - asked) * (graph.weights[:2] > 0) / steps
