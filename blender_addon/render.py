@@ -14,6 +14,7 @@ from .core_process import Program, run
 from .made_from import Ingredients, chosen, refuse_to_overwrite, rounded
 from .operators import RunsCore, SaysWhy, at_the_pointer, verb_of
 from .outputs import frame_pattern, load_photo, output_frames, output_path, read_beside, remember, render_path
+from .outside import not_found
 from .render_beside import rendering_blender, written_job
 from .rig import drawn_rig, light_rig, rig_camera
 from .rigs import result_name, rig_at
@@ -36,6 +37,7 @@ class _Renders(RunsCore):
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         what, output = self.target(context.scene)
         light_rig(context.scene)  # what is wrong with it is said at once
+        self._notes = not_found(context.scene)
         return written_job(context, what, output, folder), [output / "frames" if what == "frames" else output]
 
     def program(self, folder: Path) -> Program:
@@ -44,6 +46,7 @@ class _Renders(RunsCore):
     def act(self, context: Any) -> None:
         what, output = self.target(context.scene)
         refuse_to_overwrite(verb_of(self.bl_idname), [output])
+        self._notes = not_found(context.scene)
         with at_the_pointer(context.window_manager) as told:
             first = render(what, context.scene, output, lambda done, of, words: told(done / of, words))
         self._made_from = self.made_from(context)

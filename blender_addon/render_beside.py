@@ -34,6 +34,7 @@ from mpsnet_core.errors import Cancelled, InputError
 
 from .core_process import Program
 from .operators import told_by
+from .outside import BakeFolder, bake_folders, is_gone, missing_links, name_bake_folders, refuse_lost_links
 from .studio import Told, What, render
 
 JOB_FILE = "render.json"
@@ -50,7 +51,7 @@ class RenderJob:
     """What the other Blender shall render.
 
     file: the copy. output: the file, or the frames' folder. painted: files of images as they are in memory only, by the
-    images' names.
+    images' names. missing: linked data that the open file has not found itself. bakes: folders that the copy may not.
     """
 
     file: str
@@ -60,6 +61,8 @@ class RenderJob:
     output: str
     use_scripts: bool
     painted: dict[str, str] = field(default_factory=dict)
+    missing: list[str] = field(default_factory=list)
+    bakes: list[BakeFolder] = field(default_factory=list)
 
 
 # --- in the Blender that asks -----------------------------------------------------------------------------------------
@@ -84,15 +87,29 @@ def written_job(context: Any, what: What, output: Path, folder: Path) -> list[st
         shutil.copytree(caches, folder / caches.name)
     # The copy may run scripts where the file itself may: Blender says when it has kept one from it.
     trusted = not bpy.app.autoexec_fail
-    job = RenderJob(str(copy), what, context.scene.name, context.view_layer.name, str(output), trusted, painted)
+    job = RenderJob(
+        str(copy),
+        what,
+        context.scene.name,
+        context.view_layer.name,
+        str(output),
+        trusted,
+        painted,
+        missing_links(),
+        bake_folders(besides=caches) if bpy.data.filepath else [],
+    )
     (folder / JOB_FILE).write_text(json.dumps(asdict(job)), encoding="utf-8")
     return [str(folder)]
 
 
 def _only_in_memory(image: bpy.types.Image) -> bool:
-    """Whether pixels were painted that neither a file nor the copy holds; an image that nothing uses is not in it."""
+    """Whether neither a file nor the copy holds the pixels: they were painted, or the file is gone since it was read.
+
+    An image that nothing uses is not in the copy.
+    """
     painted = image.is_dirty and image.source in {"FILE", "GENERATED", "TILED"}
-    return painted and image.library is None and image.users > 0
+    outlived = image.source == "FILE" and image.has_data and is_gone(image)
+    return (painted or outlived) and image.library is None and image.users > 0
 
 
 def _painted(image: bpy.types.Image, folder: Path) -> Path:
@@ -105,19 +122,20 @@ def _painted(image: bpy.types.Image, folder: Path) -> Path:
     pixels = np.ones((height, width, 4), np.float32)
     pixels[..., : 4 if image.channels == 4 else 3] = found
     path = folder / f"painted_{image.session_uid}.npy"
-    np.save(path, pixels)
+    # The copy cannot tell what numbers the file had that is gone.
+    np.save(path, pixels if image.is_float else np.rint(pixels * 255).astype(np.uint8))
     return path
 
 
 def _paint(image: bpy.types.Image, file: str) -> None:
     pixels = np.load(file)
-    is_float = image.is_float
+    is_float = pixels.dtype == np.float32
     if image.packed_file:
         image.unpack(method="REMOVE")
     image.source = "GENERATED"
     image.generated_height, image.generated_width = pixels.shape[:2]
     image.use_generated_float = is_float
-    image.pixels.foreach_set(pixels.ravel())
+    image.pixels.foreach_set((pixels if is_float else pixels / np.float32(255)).ravel())
 
 
 def rendering_blender(folder: Path) -> Program:
@@ -143,12 +161,13 @@ def render_job(folder: Path) -> int:
     os.dup2(2, 1)  # Blender prints there
     tempfile.tempdir = str(folder)  # not as the preferences say: this folder goes, however this process ends
     try:
-        job = RenderJob(**json.loads((folder / JOB_FILE).read_text(encoding="utf-8")))
+        told = json.loads((folder / JOB_FILE).read_text(encoding="utf-8"))
+        job = RenderJob(**{**told, "bakes": [BakeFolder(**one) for one in told["bakes"]]})
         _answer(answers, progress=0.0, message="opening a copy of the file")
         scene = _opened(job)
         window = bpy.context.window_manager.windows[0]
-        with bpy.context.temp_override(window=window), _telling(answers) as told:
-            first = render(job.what, scene, Path(job.output), told)
+        with bpy.context.temp_override(window=window), _telling(answers) as tell:
+            first = render(job.what, scene, Path(job.output), tell)
     except InputError as error:
         _answer(answers, error=" ".join(str(error).split()))
         return 2
@@ -171,17 +190,25 @@ def _answer(answers: IO[str], **said: Any) -> None:
 
 
 def _opened(job: RenderJob) -> Any:
-    """The copy's scene, in the window as it was there."""
+    """The copy's scene, in the window as it was there. Raises InputError where what was linked into it is lost."""
+    _open(job)
+    if name_bake_folders(job.bakes):  # they are looked into when the file is opened, and not again
+        bpy.ops.wm.save_mainfile()
+        _open(job)
+    scene = bpy.data.scenes[job.scene]
+    window = bpy.context.window_manager.windows[0]
+    window.scene, window.view_layer = scene, scene.view_layers[job.view_layer]
+    refuse_lost_links(scene, job.missing)
+    for name, file in job.painted.items():
+        _paint(bpy.data.images[name], file)
+    return scene
+
+
+def _open(job: RenderJob) -> None:
     try:
         bpy.ops.wm.open_mainfile(filepath=job.file, load_ui=False, use_scripts=job.use_scripts)
     except RuntimeError as error:
         raise InputError(f"the copy of this file cannot be opened ({told_by(error)}); save it and try again") from None
-    scene = bpy.data.scenes[job.scene]
-    window = bpy.context.window_manager.windows[0]
-    window.scene, window.view_layer = scene, scene.view_layers[job.view_layer]
-    for name, file in job.painted.items():
-        _paint(bpy.data.images[name], file)
-    return scene
 
 
 @contextmanager

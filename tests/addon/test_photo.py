@@ -7,7 +7,7 @@ import pytest
 
 from blender_addon.rig import light_rig, scene_camera
 from blender_addon.studio import render_normals
-from mpsnet_core.images import read_image
+from mpsnet_core.images import read_image, write_image
 
 from .conftest import matte
 
@@ -279,3 +279,23 @@ def test_an_animation_gives_a_photo_and_normals_of_each_frame(sphere, scene, tmp
     bpy.ops.mps.estimate(model="LAMBERTIAN", output=str(tmp_path / "normals"))
     assert (scene.mps.estimate.first_frame, scene.mps.estimate.last_frame) == (3, 5)
     assert len(list((tmp_path / "normals").glob("*.png"))) == 3
+
+
+def test_files_that_are_gone_are_told_with_the_photo(sphere, scene, tmp_path):
+    """A picture that is on the sphere; not one that nothing in the photo uses, and not one that is packed."""
+    bpy.ops.mps.add_rig()
+    for name in ("gone.png", "elsewhere.png", "packed.png"):
+        write_image(tmp_path / name, np.zeros((4, 4, 3), np.float32))
+        image = bpy.data.images.load(str(tmp_path / name))
+        image.use_fake_user = True
+        if name == "packed.png":
+            image.pack()
+        if name != "elsewhere.png":
+            sphere.active_material.node_tree.nodes.new("ShaderNodeTexImage").image = image
+        (tmp_path / name).unlink()
+    bpy.ops.mps.render_photo(width=16, height=16, samples=1, output=str(tmp_path / "photo.exr"))
+    told = scene.mps.records["render_photo"].notes
+    assert told == "not found, and what they bring may be missing from the render: gone.png"
+    write_image(tmp_path / "gone.png", np.zeros((4, 4, 3), np.float32))
+    bpy.ops.mps.render_photo(output=str(tmp_path / "photo.exr"))
+    assert "render_photo" not in scene.mps.records

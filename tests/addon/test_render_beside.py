@@ -1,5 +1,7 @@
 """Renders by a second Blender, a real one: it renders what this one would, and this one stays as it is."""
 
+import itertools
+import re
 import time
 
 import bpy
@@ -11,6 +13,7 @@ from blender_addon.core_process import CoreProcess
 from blender_addon.render_beside import rendering_blender, written_job
 from mpsnet_core.camera import read_camera
 from mpsnet_core.errors import InputError
+from mpsnet_core.images import write_image
 from mpsnet_core.rig import read_rig
 
 from .test_photo import everything, glowing
@@ -39,12 +42,17 @@ def paint(obj, colour, *, is_float=False):
     """Give the object a texture of one colour that is in memory alone."""
     image = bpy.data.images.new("Painted", 4, 4, float_buffer=is_float)
     image.pixels[:] = [*colour, 1] * 16
+    textured(obj).image = image
+    return image
+
+
+def textured(obj):
+    """A node for a picture that colours the object."""
     tree = obj.active_material.node_tree
     texture = tree.nodes.new("ShaderNodeTexImage")
-    texture.image = image
     shader = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
     tree.links.new(texture.outputs["Color"], shader.inputs["Base Color"])
-    return image
+    return texture
 
 
 def test_the_photo_is_the_same_and_this_file_does_not_change(small, scene, tmp_path):
@@ -89,6 +97,58 @@ def test_what_a_file_beside_this_one_holds_is_found_from_the_copy(small, scene, 
     np.testing.assert_allclose(pixels(tmp_path / "beside.exr"), here, atol=1e-5)
 
 
+@pytest.fixture
+def linked(small, scene, tmp_path):
+    """An object "Part" that is linked beside the sphere, from a library and in a collection of its own."""
+    mesh = small.data.copy()
+    mesh.transform(small.matrix_world.Translation((0.5, 0.3, 0)))
+    part = bpy.data.objects.new("Part", mesh)
+    bpy.data.libraries.write(str(tmp_path / "parts.blend"), {part}, fake_user=True)
+    bpy.data.objects.remove(part)
+    with bpy.data.libraries.load(str(tmp_path / "parts.blend"), link=True, relative=True) as (_, here):
+        here.objects = ["Part"]
+    parts = bpy.data.collections.new("Parts")
+    parts.objects.link(here.objects[0])
+    scene.collection.children.link(parts)
+
+
+def test_a_library_that_is_gone_since_is_told_and_nothing_is_rendered(linked, scene, tmp_path):
+    """This Blender has it in memory, so nobody sees that the copy lacks it."""
+    (tmp_path / "parts.blend").rename(tmp_path / "moved.blend")
+    lost = f'the library {tmp_path / "parts.blend"}, from which this scene takes "Part", was not found; put it back'
+    with pytest.raises(InputError, match=f"^{re.escape(lost)}, find it with .*Find Missing Files, or make .* local$"):
+        begin("photo", tmp_path / "photo.exr", tmp_path / "job").result()
+    assert not list(tmp_path.glob("*photo*"))
+
+    bpy.data.libraries.write(str(tmp_path / "parts.blend"), {bpy.data.objects["Sphere"]})
+    with pytest.raises(InputError, match=r'^"Part" is no longer in the library .*parts\.blend, .*make it local$'):
+        begin("photo", tmp_path / "photo.exr", tmp_path / "again").result()
+
+
+def test_a_library_that_the_photo_does_not_use_or_that_was_missing_before_stops_nothing(linked, scene, tmp_path):
+    (tmp_path / "parts.blend").unlink()
+    layer = bpy.context.view_layer.layer_collection.children["Parts"]
+    layer.exclude = True
+    begin("normals", tmp_path / "excluded.exr", tmp_path / "excluded").result()
+    layer.exclude = False
+    bpy.ops.wm.save_mainfile()
+    bpy.ops.wm.open_mainfile(filepath=bpy.data.filepath)
+    assert bpy.context.scene.objects["Part"].is_missing
+    begin("normals", tmp_path / "missing.exr", tmp_path / "missing").result()
+
+
+@pytest.mark.parametrize(("ending", "colour"), [("png", (0.9, 0.1, 0.3)), ("exr", (3.0, 0.5, 2.0))])
+def test_a_picture_whose_file_is_gone_since_is_as_it_is_here(small, tmp_path, ending, colour):
+    node = textured(small)
+    write_image(tmp_path / f"paint.{ending}", np.full((4, 4, 3), colour, np.float32))
+    node.image = bpy.data.images.load(str(tmp_path / f"paint.{ending}"))
+    begin("photo", tmp_path / "there.exr", tmp_path / "there").result()
+    assert node.image.pixels[0] and node.image.has_data
+    (tmp_path / f"paint.{ending}").unlink()
+    begin("photo", tmp_path / "gone.exr", tmp_path / "gone").result()
+    np.testing.assert_allclose(pixels(tmp_path / "gone.exr"), pixels(tmp_path / "there.exr"), atol=1e-5)
+
+
 def test_what_simulations_have_on_disk_is_there_in_the_copy(small, scene, tmp_path):
     """Cloth that has fallen beside the sphere, a frame at a time, is as far down as here."""
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=4, y_subdivisions=4, size=1, location=(0.7, -1.2, 0))
@@ -107,6 +167,52 @@ def test_what_simulations_have_on_disk_is_there_in_the_copy(small, scene, tmp_pa
     # Geometry nodes name the folder in full, by where it lies from the file.
     assert (tmp_path / "job" / "mine.blend").is_file() and (tmp_path / "job" / "blendcache_mine").is_dir()
     assert kept and sorted((tmp_path / "blendcache_mine").iterdir()) == kept
+
+
+def lifting(obj, folder, *, by_hand):
+    """Geometry nodes that lift the object by a bake alone: `folder` has it, for all bakes or for this one by hand."""
+    tree = bpy.data.node_groups.new("Lift", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    kinds = ("NodeGroupInput", "GeometryNodeTransform", "GeometryNodeBake", "NodeGroupOutput")
+    nodes = [tree.nodes.new(kind) for kind in kinds]
+    if not nodes[2].bake_items:
+        nodes[2].bake_items.new("GEOMETRY", "Geometry")
+    for one, other in itertools.pairwise(nodes):
+        tree.links.new(one.outputs[0], other.inputs[0])
+    nodes[1].inputs["Translation"].default_value = (0, 0, 0.5)
+    modifier = obj.modifiers.new("Lift", "NODES")
+    modifier.node_group = tree
+    bpy.context.view_layer.update()
+    bake = modifier.bakes[0]
+    bake.bake_mode, bake.bake_target, bake.use_custom_path = "STILL", "DISK", by_hand
+    setattr(*((bake, "directory") if by_hand else (modifier, "bake_directory")), folder)
+    bpy.ops.object.geometry_node_bake_single(session_uid=obj.session_uid, modifier_name="Lift", bake_id=bake.bake_id)
+    nodes[1].inputs["Translation"].default_value = (0, 0, 0)
+
+
+def test_caches_and_bakes_in_folders_that_were_named_by_hand_are_found_from_the_copy(small, scene, tmp_path):
+    """Cloth that has fallen, read from an external folder, and two cubes that a bake of geometry nodes lifts."""
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=4, y_subdivisions=4, size=1, location=(0.7, -1.2, 0))
+    cache = bpy.context.object.modifiers.new("Cloth", "CLOTH").point_cache
+    cache.frame_end = scene.frame_end = 12
+    cache.use_disk_cache = True
+    bpy.ops.wm.save_mainfile()
+    with bpy.context.temp_override(point_cache=cache):
+        bpy.ops.ptcache.bake(bake=True)
+    (tmp_path / "blendcache_mine").rename(tmp_path / "ext")
+    cache.use_external, cache.index, cache.filepath = True, 0, "//ext"
+    cache.name = next((tmp_path / "ext").iterdir()).name.split("_")[0]
+    for by_hand in (False, True):
+        bpy.ops.mesh.primitive_cube_add(size=0.3, location=(0.6 * by_hand - 0.3, -1.2, 0.2))
+        lifting(bpy.context.object, f"//bakes/{by_hand}", by_hand=by_hand)
+    scene.frame_set(12)
+    kept = sorted((tmp_path / "ext").iterdir()) + sorted((tmp_path / "bakes").rglob("*"))
+    assert "points found" in cache.info and len(kept) > 12
+    begin("normals", tmp_path / "beside.exr", tmp_path / "job").result()
+    bpy.ops.mps.render_truth(output=str(tmp_path / "here.exr"))
+    np.testing.assert_allclose(pixels(tmp_path / "beside.exr"), pixels(tmp_path / "here.exr"), atol=1e-5)
+    assert sorted((tmp_path / "ext").iterdir()) + sorted((tmp_path / "bakes").rglob("*")) == kept
 
 
 def test_frames_and_true_normals_too(small, scene, tmp_path):
