@@ -42,7 +42,7 @@ from .textures import (
     with_tokens,
     worn_by,
 )
-from .wearing import wear_textures
+from .wearing import files_for, refuse_anothers, wear_textures
 
 BITS = {".png": "16", ".tif": "16", ".tiff": "16", ".exr": "32"}
 
@@ -60,10 +60,16 @@ class BakesOnto(RunsCore):
         settings = context.scene.mps.bake
         before = settings.target
         try:
-            return super()._prepared(context, folder)
+            prepared = super()._prepared(context, folder)
+            refuse_anothers(self.written_for())
+            return prepared
         except BaseException:
             settings.target = before  # one that is refused would be refused ever after
             raise
+
+    def written_for(self) -> dict[Path, list[Any]]:
+        """What will be written, with <UDIM> in the names of tiles, and the objects that it is for."""
+        return files_for(self._onto, self._output)
 
     def baked_object(self, context: Any) -> Any:
         """The object to bake onto. Raises InputError where there is none, or it is another file's."""

@@ -27,6 +27,7 @@ from .outputs import ending_wins, fine_preview, image_file, load_image, load_til
 from .settings.declared import take_given
 from .settings.displace import DisplaceSettings
 from .textures import Worn, own_materials, with_tokens
+from .wearing import keep_wearers
 
 # Vertices of a subdivided mesh lie on the limit surface at any level; a finer one tells hardly more.
 MOST_BASE_LEVELS = 3
@@ -81,6 +82,9 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
             arguments += ["--base", str(folder / "base.npz")]
         return arguments, [self._output]
 
+    def written_for(self) -> dict[Path, list[Any]]:
+        return {self._output: [same(bpy.data.objects, self._target)]}
+
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         scene = self.scene(f"its heights are in {self._output}")
         target = same(bpy.data.objects, self._target)
@@ -104,7 +108,9 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
             move_by_modifier(target, image, self._uv_map, strength, midlevel)
         normals = self.keep_normals or self._space == "OBJECT"
         taken_off, told = False, []
-        for material in own_materials([Worn(target, (image,), self._uv_map)]):
+        worn = [Worn(target, (image,), self._uv_map)]
+        keep_wearers(worn)
+        for material in own_materials(worn):
             if by_material:
                 for name in wear_heights(material, image, self._uv_map, strength, midlevel):
                     told.append(f'The heights took the place of "{name}" in material "{material.name}"')

@@ -46,7 +46,7 @@ def render_photo(scene: Any, path: Path, told: Told = untold) -> None:
     Size and samples are those of ``scene.mps.photo``. The rig and the camera are written beside the photo, see
     :func:`.outputs.beside`. Nothing in the .blend file changes.
 
-    Raises InputError where the rig is incomplete, something else shines or the file cannot be written.
+    Raises InputError where the rig is incomplete, something else shines, nothing is seen or the file cannot be written.
     """
     render_path(path)
     rig, photo = light_rig(scene), scene.mps.photo
@@ -85,7 +85,10 @@ def render_frames(scene: Any, folder: Path, told: Told = untold) -> Path:
             def of_all(done: int, renders: int, words: str, number: int = number, place: int = place) -> None:
                 told(place * renders + done, len(files) * renders, f"frame {number}: {words}")
 
-            render_photo(scene, file, of_all)
+            try:
+                render_photo(scene, file, of_all)
+            except InputError as error:
+                raise InputError(f"frame {number}: {error}") from None
     finally:
         scene.frame_set(current, subframe=subframe)
     return files[0]

@@ -1,14 +1,23 @@
 """Textures on materials: what an object wears of a bake."""
 
-from collections.abc import Sequence
+import json
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+import bpy
+
 from mpsnet_core.errors import InputError
+from mpsnet_core.surface.sheets import FIRST_TILE, Sheet
+from mpsnet_core.surface.texture_names import tile_patterns
 
 from .displaced import undisplaced
-from .nodes import GREEN_NODE, NORMAL_NODE, TEXTURE_NODE, UV_NODE, own_node
-from .outputs import remember
-from .textures import Worn, own_materials
+from .mesh_file import DISPLACE
+from .nodes import GREEN_NODE, HEIGHT_NODE, NORMAL_NODE, TEXTURE_NODE, UV_NODE, own_node
+from .operators import same
+from .outputs import remember, remembered
+from .present_map import parts_of
+from .textures import TILE, Onto, Worn, own_materials
 
 
 def wear_textures(worn: Sequence[Worn], space: str, convention: str, frames: range = range(0)) -> list[str]:
@@ -18,6 +27,7 @@ def wear_textures(worn: Sequence[Worn], space: str, convention: str, frames: ran
     frames: of the timeline, where the texture is an image sequence whose files have their numbers.
     """
     materials = own_materials(worn)
+    keep_wearers(worn)
     sentences = [
         f'The displacement of "{one.target.name}" is off, it would show the relief twice; displace the object again'
         for one in worn
@@ -72,3 +82,54 @@ def wear(material: Any, image: Any, uv_map: str, space: str, convention: str) ->
     for shader in shaders:
         links.new(normal.outputs["Normal"], shader.inputs["Normal"])
     return list(dict.fromkeys(other.name for other in before if other != normal))
+
+
+def keep_wearers(worn: Sequence[Worn]) -> None:
+    """Note with each image the names of the objects that it was made for."""
+    for image in {image for one in worn for image in one.images}:
+        remember(image, "onto", json.dumps([one.target.name for one in worn if image in one.images]))
+
+
+def files_for(onto: Sequence[Onto], file: Path) -> dict[Path, list[Any]]:
+    """The files that the tokens in `file` stand for, with <UDIM> left as it is, and the objects that each is for."""
+    parts, tile = parts_of(onto, file), FIRST_TILE if TILE in file.name else None
+    sheets = [Sheet((), tile, material, name) for name, material in parts]
+    found: dict[Path, list[Any]] = {}
+    for pattern, (name, material) in zip(tile_patterns(file, sheets), parts, strict=True):
+        for one in onto:
+            if name in (None, one.name) and (material is None or material in one.labels):
+                found.setdefault(pattern, []).append(same(bpy.data.objects, one.uid))
+    return found
+
+
+def refuse_anothers(files: Mapping[Path, Collection[Any]]) -> None:
+    """Raises InputError where a result would be written over a texture or heights that were made for another object.
+
+    Names that differ in a space or a dot alone become one in a file's name. An object that wears what was made for
+    another, as duplicates share their material, may go on to; it gets a file of its own.
+
+    files: what will be written (tiles by their name with <UDIM>, frames by their folder), and the objects it is for.
+    """
+    for image in bpy.data.images:
+        path = Path(bpy.path.abspath(image.filepath, library=image.library))
+        targets = next((files[file] for file in files if image.filepath and file in (path, path.parent)), None)
+        if targets is None:
+            continue
+        wearers = [obj for obj in bpy.data.objects if obj.users_scene and image in _images_on(obj)]
+        names = remembered(image, "onto")
+        own = [obj for obj in targets if obj in wearers and (names is None or obj.name in json.loads(names))]
+        others = [obj for obj in wearers if obj not in targets]
+        if others and not own:
+            raise InputError(
+                f'the result would overwrite {path}, which is for "{others[0].name}"; choose another file, or bake '
+                "both at once"
+            )
+
+
+def _images_on(obj: Any) -> Iterator[Any]:
+    """What an object wears of bakes and displacements."""
+    trees = [slot.material.node_tree for slot in obj.material_slots if slot.material and slot.material.node_tree]
+    yield from (tree.nodes[name].image for tree in trees for name in (TEXTURE_NODE, HEIGHT_NODE) if name in tree.nodes)
+    modifier = obj.modifiers.get(DISPLACE)
+    if modifier and modifier.texture and modifier.texture.type == "IMAGE":
+        yield modifier.texture.image

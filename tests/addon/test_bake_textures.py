@@ -1,5 +1,6 @@
 """The operator bakes onto several objects, materials and UDIM tiles; each material wears its own texture."""
 
+import re
 from pathlib import Path
 
 import bpy
@@ -124,6 +125,47 @@ def test_by_object_each_wears_its_own(spheres, scene, tmp_path):
     for obj in spheres:
         shown, truth = shown_normals(scene, tmp_path, obj)
         assert angular_error(shown / np.linalg.norm(shown, axis=1, keepdims=True), truth).mean() < 2
+
+
+@pytest.mark.parametrize("split", ["ONE", "OBJECT", "MATERIAL"])
+def test_names_that_become_one_in_a_file_do_not_cost_the_first_its_texture(spheres, scene, tmp_path, split):
+    """Both share a material, so the second wears the first's texture when it is baked."""
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "mine.blend"))
+    left, right = spheres
+    left.name, right.name = "Oak 1", "Oak_1"
+    right.select_set(False)
+    given = {"objects": "SELECTED", "split": split, "size": 16}
+    bpy.ops.mps.bake(**given)
+    (file,) = (path for path in tmp_path.glob("*.png") if "normal" in path.name)
+    before = file.read_bytes()
+    left.select_set(False)
+    right.select_set(True)
+    sentence = f'would overwrite {file}, which is for "Oak 1"; choose another file, or bake both at once'
+    with pytest.raises(RuntimeError, match=re.escape(sentence)):
+        bpy.ops.mps.bake(**given)
+    assert file.read_bytes() == before
+    bpy.ops.mps.bake(output=str(tmp_path / "other.png"), **given)
+    # Each goes over its own as often as one likes.
+    for obj in (left, right):
+        bpy.ops.object.select_all(action="DESELECT")
+        obj.select_set(True)
+        bpy.ops.mps.bake(output="" if obj == left else str(tmp_path / "other.png"), **given)
+    assert worn(left)[0] != worn(right)[0]
+    # What nothing wears any more is free.
+    scene.collection.objects.unlink(left)
+    bpy.ops.mps.bake(output="", **given)
+
+
+def test_heights_of_a_name_that_becomes_the_same_file_do_not_go_over_the_first(spheres, scene, tmp_path):
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "mine.blend"))
+    for obj, name in zip(spheres, ("Oak 1", "Oak_1"), strict=True):
+        obj.name = name
+        obj.data.materials[0] = obj.data.materials[0].copy()
+        bpy.ops.mps.bake(target=name, size=16, output=str(tmp_path / f"{obj.location.x}.png"))
+    for method in ("MODIFIER", "MATERIAL"):
+        bpy.ops.mps.displace(target="Oak 1", levels=0, method=method)
+        with pytest.raises(RuntimeError, match=r'would overwrite .*Oak_1_height\.\w+, which is for "Oak 1"; choose'):
+            bpy.ops.mps.displace(target="Oak_1", levels=0, method=method)
 
 
 def test_with_one_texture_for_all_they_share_their_material(spheres, tmp_path):

@@ -91,10 +91,38 @@ def test_only_the_rig_lights_the_photo(sphere, scene, tmp_path):
 
 
 def test_what_the_scenes_render_hides_is_not_in_the_photo(sphere, scene, tmp_path):
+    """With a cube far beside it that is left in the photo's corner."""
     bpy.ops.mps.add_rig()
+    bpy.ops.mesh.primitive_cube_add(size=0.4, location=(-1, 0, 1))
     sphere.hide_render = True
     bpy.ops.mps.render_photo(width=16, height=16, samples=1, output=str(tmp_path / "photo.exr"))
-    assert not pixels(tmp_path / "photo.exr").any()
+    photo = pixels(tmp_path / "photo.exr")
+    assert photo[:5, :5].any() and not photo[6:, 6:].any()
+
+
+def test_a_photo_that_would_show_nothing_is_refused_and_the_one_before_it_stays(sphere, scene, tmp_path):
+    """The object is hidden from renders, or the camera looks past it; in an animation, from the second frame on."""
+    bpy.ops.mps.add_rig()
+    given = {"width": 16, "height": 16, "samples": 1, "output": str(tmp_path / "photo.exr")}
+    bpy.ops.mps.render_photo(**given)
+    before = (tmp_path / "photo.exr").read_bytes()
+    sentence = "the photo shows nothing, all of it is transparent; show the object in renders, and let the camera see"
+    sphere.hide_render = True
+    with pytest.raises(RuntimeError, match=sentence):
+        bpy.ops.mps.render_photo(**given)
+    sphere.hide_render = False
+    sphere.location.x = 30
+    with pytest.raises(RuntimeError, match=sentence):
+        bpy.ops.mps.render_photo(**given)
+    assert (tmp_path / "photo.exr").read_bytes() == before
+
+    sphere.keyframe_insert("location", frame=2)
+    sphere.location.x = 0
+    sphere.keyframe_insert("location", frame=1)
+    scene.frame_end = 3
+    with pytest.raises(RuntimeError, match=f"frame 2: {sentence}"):
+        bpy.ops.mps.render_photo(**{**given, "output": str(tmp_path / "shots"), "animation": True})
+    assert [file.name for file in (tmp_path / "shots").glob("*.exr")] == ["shots_0001.exr"]
 
 
 def test_rendering_leaves_no_trace(sphere, scene, tmp_path):
@@ -227,8 +255,8 @@ def test_a_collection_within_an_excluded_one_is_in_the_photo(sphere, scene, tmp_
     bpy.ops.mps.add_rig()
     layer = scene.view_layers[0].layer_collection.children["Outer"]
     layer.exclude = True
-    small_photo(tmp_path)
-    assert not pixels(tmp_path / "photo.exr").any()
+    with pytest.raises(RuntimeError, match="the photo shows nothing"):
+        small_photo(tmp_path)
     layer.children["Inner"].exclude = False
     small_photo(tmp_path)
     assert pixels(tmp_path / "photo.exr")[..., 3].mean() > 0.5
