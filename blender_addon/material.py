@@ -16,7 +16,7 @@ from .estimate import MPS_OT_estimate, lit_and_seen, network, unmasked_reading
 from .made_from import Ingredients, chosen, stamp
 from .nodes import own_node
 from .operators import RunsCore
-from .outputs import fine_preview, image_file, load_image, output_folder, picture_size, remembered
+from .outputs import asked_place, fine_preview, image_file, load_image, output_folder, picture_size, remembered
 from .settings.declared import take_given
 from .settings.estimate import EstimateSettings
 from .settings.material import MaterialSettings
@@ -59,7 +59,7 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         if image.source in {"SEQUENCE", "MOVIE"}:
             raise InputError("a flat material is made of one photo, and this is a sequence; open one of its frames")
         photo = image_file(image, "photo", "render or open one first")
-        output = Path(bpy.path.abspath(self.output)) if self.output else output_folder() / f"{photo.stem}_material"
+        output = asked_place(self.output) if self.output else output_folder() / f"{photo.stem}_material"
         makeable_folder(output, "material")
         width, height = picture_size(image)
         arguments = ["material", str(photo), *lit_and_seen(context, image, folder)]

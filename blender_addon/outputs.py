@@ -29,12 +29,22 @@ def output_path(given: str, name: str, file_format: str) -> Path:
     Raises InputError where no file can be put there or the ending is of no format that can be written.
     """
     folder = given_folder(given)
-    path = Path(bpy.path.abspath(given)) if folder is None else folder / file_name(name)
+    path = asked_place(given) if folder is None else folder / file_name(name)
     if not path.suffix:
         path = path.with_name(f"{path.name}.{FORMATS[file_format]}")
     if path.suffix.lower() not in _FORMAT_OF:
         raise InputError(f"cannot write {path}: the ending {path.suffix} is not known; use .png, .tif or .exr")
     return writable_path(path)
+
+
+def asked_place(given: str) -> Path:
+    """The file or folder that is asked for. Raises InputError where it lies beside this file and that is nowhere yet.
+
+    Blender takes "//" of a file that was never saved for the folder that it was started in.
+    """
+    if given.startswith("//") and not bpy.data.filepath:
+        raise InputError(f"{given} is beside this file, which was never saved; save it, or give a path in full")
+    return Path(bpy.path.abspath(given))
 
 
 def file_name(name: str) -> str:
@@ -50,11 +60,11 @@ def given_folder(given: str) -> Path | None:
 
     What ends in a slash is a folder, which is made, and so is what exists as one; "" is the output folder.
 
-    Raises InputError where the folder cannot be made.
+    Raises InputError where the folder cannot be made, or as :func:`asked_place` does.
     """
     if not given:
         return output_folder()
-    path = Path(bpy.path.abspath(given))
+    path = asked_place(given)
     if given.endswith(("/", "\\")):
         return made_folder(path, "files")
     return path if path.is_dir() else None
@@ -78,7 +88,7 @@ def output_frames(given: str, name: str) -> Path:
     Raises InputError where `given` is a picture's name, or where the folder would go with Blender: the frames of a
     sequence cannot be packed into the .blend file.
     """
-    folder = Path(bpy.path.abspath(given)) if given else output_folder() / file_name(name)
+    folder = asked_place(given) if given else output_folder() / file_name(name)
     if folder.suffix.lower() in _FORMAT_OF and not folder.is_dir():
         raise InputError(
             f"{folder.name} is a picture's name, and frames go into a folder; name one, or ask for one frame"

@@ -53,9 +53,12 @@ def preference(name: str) -> Any:
 
 
 def output_folder() -> Path:
-    """The preferences' folder, else that of the saved .blend file, else Blender's temporary one."""
+    """The preferences' folder, else that of the saved .blend file, else Blender's temporary one.
+
+    Of a file that was never saved, "//" is no folder.
+    """
     chosen = preference("output_folder")
-    if chosen:
+    if chosen and (bpy.data.filepath or not chosen.startswith("//")):
         return Path(bpy.path.abspath(chosen))
     return Path(bpy.data.filepath).parent if bpy.data.filepath else Path(bpy.app.tempdir)
 

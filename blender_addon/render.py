@@ -18,7 +18,7 @@ from .outside import not_found
 from .render_beside import rendering_blender, written_job
 from .rig import drawn_rig, light_rig, rig_camera
 from .rigs import result_name, rig_at
-from .settings.declared import take_given
+from .settings.declared import PATH, take_given
 from .settings.photo import PhotoSettings
 from .studio import What, render
 
@@ -93,7 +93,7 @@ class MPS_OT_open_photo(SaysWhy, bpy.types.Operator):
     bl_options = {"UNDO"}
 
     filepath: StringProperty(
-        name="File", description="Photo under red, green and blue light", subtype="FILE_PATH", options={"SKIP_SAVE"}
+        name="File", description="Photo under red, green and blue light", subtype="FILE_PATH", options=PATH
     )
     sequence: bpy.props.BoolProperty(
         name="All Frames",
@@ -155,7 +155,7 @@ class MPS_OT_render_truth(_Renders, bpy.types.Operator):
         name="File",
         description="OpenEXR file to write. Empty: a name of its own in the output folder",
         subtype="FILE_PATH",
-        options={"SKIP_SAVE"},
+        options=PATH,
     )
 
     def target(self, scene: Any) -> tuple[What, Path]:

@@ -13,7 +13,7 @@ from mpsnet_core.files import written_whole
 from mpsnet_core.synthesis.job import CONTACT_SHEET, JOB_FILE, SHAPES, SampleJob, place_job, read_job, samples_there
 
 from .operators import RunsCore, same
-from .outputs import file_name, fine_preview, lasting, load_image, output_folder
+from .outputs import asked_place, file_name, fine_preview, lasting, load_image, output_folder
 from .settings.declared import take_given
 from .settings.samples import SamplesSettings
 
@@ -32,6 +32,8 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         scene = context.scene
         take_given(self, SamplesSettings, scene.mps.samples)
+        if self.output:
+            asked_place(self.output)
         target = samples_folder(scene)
         if not (self.output or lasting(target)):
             raise InputError("no folder is named for the samples; name one, or save this file and they go beside it")

@@ -14,7 +14,7 @@ from mpsnet_core.files import made_folder
 
 from .demo import make_demo, remove_demo
 from .operators import TICK_SECONDS, SaysWhy, idle, redraw, same, told_by
-from .outputs import file_name
+from .outputs import asked_place, file_name
 from .settings.declared import PATH
 from .settings.record import error_of
 
@@ -133,7 +133,7 @@ class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
 
     def _build(self, context: Any) -> None:
         if self.output:  # a folder that cannot be is said before there is a scene
-            made_folder(bpy.path.abspath(self.output), "files")
+            made_folder(asked_place(self.output), "files")
         self._before = context.scene.session_uid
         scene, detailed, low = make_demo()
         self._scene_uid, self._shown = scene.session_uid, {detailed.session_uid: False, low.session_uid: True}
@@ -187,7 +187,7 @@ class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
 
     def _file(self, context: Any, name: str) -> str:
         """Images from Blender's temporary folder are packed into the .blend file."""
-        folder = made_folder(bpy.path.abspath(self.output), "files") if self.output else Path(bpy.app.tempdir)
+        folder = made_folder(asked_place(self.output), "files") if self.output else Path(bpy.app.tempdir)
         return str(folder / f"{file_name(self._demo(context).name)}_{name}")
 
     def _forget_files(self, context: Any) -> None:

@@ -17,7 +17,7 @@ from mpsnet_core.world_lights import in_world, write_world_lights
 from .bake import BakesOnto, bits, sampling, targets_place
 from .estimate import network, reading
 from .made_from import Ingredients, chosen, file_stamp, rounded, stamp
-from .outputs import file_name, image_file
+from .outputs import asked_place, file_name, image_file
 from .rig import drawn_rig, light_rig, rig_camera, scene_camera
 from .settings.bake import BakeSettings
 from .settings.declared import take_given
@@ -76,7 +76,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
         arguments += self.detail(bake, targets, folder)
         outputs = [output]
         if self.keep:
-            arguments += ["--keep", bpy.path.abspath(self.keep)]
+            arguments += ["--keep", str(asked_place(self.keep))]
         self._report = ""
         if self.write_report:
             outputs.append(output.with_name(f"{without_tokens(output.stem) or 'textures'}_report.html"))

@@ -231,8 +231,10 @@ def _bake_frames(options: argparse.Namespace, views: Sequence[tuple[str, str]], 
             if present is not None:
                 texture = laid_onto(texture, present.vectors)
         except InputError as error:
-            done = f"; {made} textures were made, and the same command goes on from them" if made else ""
-            raise InputError(f"{error}{done}") from None
+            if not made:
+                raise
+            done = f"{made} texture{'s were' if made > 1 else ' was'} made"
+            raise InputError(f"{error}; {done}, and the same command goes on from there") from None
         write_texture(job.output, texture, convention=options.convention, bits=options.bits, description=line)
         made += 1
         seen += texture.seen_fraction

@@ -58,7 +58,7 @@ def _height_files(options: argparse.Namespace) -> list[Path]:
 
 
 def _height(options: argparse.Namespace, surface: Surface, progress: Progress) -> Made:
-    from mpsnet_core.heights.height_files import write_height
+    from mpsnet_core.heights.height_files import height_names, write_height
 
     heights = surface.heights
     assert heights is not None
@@ -75,7 +75,7 @@ def _height(options: argparse.Namespace, surface: Surface, progress: Progress) -
     }
     from_camera = "; height 0 is at the camera" if heights.camera.projection == "perspective" else ""
     words = f"{scale}{from_camera}; Blender's Displace: strength {scale.strength:.6g}, midlevel {scale.midlevel:.6g}"
-    files = _height_files(options)
+    files = height_names(options.height)
     return Made(files[:2] if heights.mask.all() else files, words, facts)
 
 

@@ -65,11 +65,10 @@ def height_files(path: str | os.PathLike[str], bits: int | None = None) -> list[
     Raises InputError where they cannot be written there, or what stands in the place of the scale or of the mask is not
     of heights that were written there before.
     """
-    path = writable_path(path)
+    path, scale, mask = height_names(writable_path(path))
     bits = checked_bits(path, bits)
     if bits not in HEIGHT_BITS or (path.suffix.lower() == ".exr" and bits == 16):
         raise InputError(f"cannot write {path}: heights in {bits} bits show steps; take 16 bits in PNG or TIFF, or 32")
-    scale, mask = path.with_suffix(".json"), path.with_name(f"{path.stem}_mask.png")
     kept_mask = None
     if scale.exists():
         try:
@@ -81,6 +80,12 @@ def height_files(path: str | os.PathLike[str], bits: int | None = None) -> list[
     if kept_mask != mask.name and mask.exists():
         raise InputError(f"cannot write {path}: {mask}, where its mask belongs, is another file; choose another name")
     return [path, scale, mask]
+
+
+def height_names(path: str | os.PathLike[str]) -> list[Path]:
+    """The same, whether or not they can be written."""
+    path = Path(path)
+    return [path, path.with_suffix(".json"), path.with_name(f"{path.stem}_mask.png")]
 
 
 def write_height(

@@ -225,3 +225,27 @@ def test_paths_beside_the_blend_file_are_understood(photographed, scene, tmp_pat
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     bpy.ops.mps.estimate(rig_file="//photo.rig.json", output="//normals.exr")
     assert (tmp_path / "normals.exr").is_file()
+
+
+def test_beside_a_file_that_was_never_saved_is_nowhere(estimated, scene, tmp_path, monkeypatch):
+    """Blender would take the folder that it was started in."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "sub").mkdir()
+    before = sorted(tmp_path.iterdir())
+    for verb, output in {
+        "render_photo": "//x.exr",
+        "render_truth": "//x.exr",
+        "estimate": "//x.png",
+        "bake": "//sub/",
+        "integrate": "//sub",
+        "make_material": "//x",
+        "render_samples": "//x",
+        "try_it": "//x",
+    }.items():
+        sentence = f"^Error: {output} is beside this file, which was never saved; save it, or give a path in full$"
+        with pytest.raises(RuntimeError, match=sentence):
+            getattr(bpy.ops.mps, verb)(output=output)
+    assert sorted(tmp_path.iterdir()) == before and not list((tmp_path / "sub").iterdir())
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "sub" / "mine.blend"))
+    bpy.ops.mps.estimate(model="LAMBERTIAN", output="//x.png")
+    assert (tmp_path / "sub" / "x.png").is_file()
