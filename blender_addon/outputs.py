@@ -9,7 +9,7 @@ import numpy as np
 
 from mpsnet_core.camera import read_camera
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import made_folder, writable_path
+from mpsnet_core.files import PHOTO_SUFFIXES, made_folder, writable_path
 from mpsnet_core.rig import read_rig
 
 from .preferences import output_folder
@@ -89,7 +89,7 @@ def output_frames(given: str, name: str) -> Path:
     sequence cannot be packed into the .blend file.
     """
     folder = asked_place(given) if given else output_folder() / file_name(name)
-    if folder.suffix.lower() in _FORMAT_OF and not folder.is_dir():
+    if folder.suffix.lower() in PHOTO_SUFFIXES and not folder.is_dir():
         raise InputError(
             f"{folder.name} is a picture's name, and frames go into a folder; name one, or ask for one frame"
         )

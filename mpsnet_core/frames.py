@@ -159,15 +159,17 @@ def output_files(photos: Sequence[Path], output: str | os.PathLike[str], suffix:
     return files
 
 
-def results_folder(output: str | os.PathLike[str], given: str) -> Path:
+def results_folder(output: str | os.PathLike[str], given: str, what: str = "normals") -> Path:
     """The folder for the normals of several pictures, which is made with the first of them.
 
-    given: what asks for a folder, for people. Raises InputError where `output` names a file, or cannot be made.
+    given: what asks for a folder, for people. what: what goes into it, if not normals.
+
+    Raises InputError where `output` names a file, or cannot be made.
     """
     target = Path(output)
     if not target.is_dir() and (target.exists() or target.suffix.lower() in PHOTO_SUFFIXES):
         raise InputError(f"{target} is one file, but {given}; give a folder")
-    return makeable_folder(target, "normals")
+    return makeable_folder(target, what)
 
 
 def check_apart(taken: Iterable[str | os.PathLike[str]], outputs: Iterable[str | os.PathLike[str]]) -> None:

@@ -190,7 +190,7 @@ def _facts(options: argparse.Namespace) -> str:
 def _bake_frames(options: argparse.Namespace, views: Sequence[tuple[str, str]], reporter: Reporter) -> dict[str, Any]:
     """A texture for each frame. What is there already, made of the same files and settings, is not made again."""
     from mpsnet_core.files import made_folder, remove_abandoned
-    from mpsnet_core.frames import check_apart
+    from mpsnet_core.frames import check_apart, results_folder
     from mpsnet_core.images import image_description
     from mpsnet_core.surface.mesh import read_mesh
     from mpsnet_core.surface.onto import laid_onto
@@ -207,7 +207,8 @@ def _bake_frames(options: argparse.Namespace, views: Sequence[tuple[str, str]], 
         raise InputError("--confidence takes one normal map a view; leave it out for a sequence")
     jobs = _jobs(options, views)
     check_apart({file for job in jobs.values() for file in job.files}, [job.output for job in jobs.values()])
-    remove_abandoned(made_folder(options.output, "textures"))
+    folder = results_folder(options.output, "a sequence is baked", "textures")
+    remove_abandoned(made_folder(folder, "textures"))
     present = asked_present(options)
     presents = [] if present is None else [present]
     made, seen, mesh, mesh_file = 0, 0.0, None, None

@@ -294,8 +294,9 @@ def test_an_animation_gives_a_photo_and_normals_of_each_frame(sphere, scene, tmp
     photo = {"width": 64, "height": 64, "samples": 1}
     with pytest.raises(RuntimeError, match="no folder is named for the frames"):
         bpy.ops.mps.render_photo(animation=True, **photo)  # the file is not saved, and frames cannot be packed
-    with pytest.raises(RuntimeError, match=r"shot\.exr is a picture's name, and frames go into a folder"):
-        bpy.ops.mps.render_photo(animation=True, output=str(tmp_path / "shot.exr"), **photo)
+    for name in ("shot.exr", "shot.JPG"):
+        with pytest.raises(RuntimeError, match=f"{name} is a picture's name, and frames go into a folder"):
+            bpy.ops.mps.render_photo(animation=True, output=str(tmp_path / name), **photo)
     bpy.ops.mps.render_photo(animation=True, output=str(tmp_path / "shots"), **photo)
     files = sorted((tmp_path / "shots").glob("*.exr"))
     assert [file.name for file in files] == [f"shots_{number:04d}.exr" for number in range(3, 6)]

@@ -96,7 +96,8 @@ def test_meshes_and_cameras_may_move_along(bench: Path, capsys: pytest.CaptureFi
     ("arguments", "sentence"),
     [
         (("none/*.png", "skin"), "no normal map matches .*; check the pattern"),
-        (("normals", "normals/f_7_normals.png"), "is a file; name a folder for the textures"),
+        (("normals", "normals/f_7_normals.png"), "is one file, but a sequence is baked; give a folder"),
+        (("normals", "skin.PNG"), "skin.PNG is one file, but a sequence is baked; give a folder"),
         (("normals", "none/skin"), "none does not exist; create it first"),
         (("normals", "skin", "--confidence", "c.png"), "--confidence takes one normal map a view"),
         (("normals", "skin", "--format", "gif"), "not an image format of ours"),
