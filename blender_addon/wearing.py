@@ -105,25 +105,31 @@ def files_for(onto: Sequence[Onto], file: Path) -> dict[Path, list[Any]]:
 def refuse_anothers(files: Mapping[Path, Collection[Any]]) -> None:
     """Raises InputError where a result would be written over a texture or heights that were made for another object.
 
-    Names that differ in a space or a dot alone become one in a file's name. An object that wears what was made for
-    another, as duplicates share their material, may go on to; it gets a file of its own.
+    Names that differ in a space or a dot alone become one in a file's name. What an object wears because it shares a
+    material with the one that it was made for is not its own.
 
     files: what will be written (tiles by their name with <UDIM>, frames by their folder), and the objects it is for.
     """
-    for image in bpy.data.images:
+    for image in (image for image in bpy.data.images if image.filepath):
         path = Path(bpy.path.abspath(image.filepath, library=image.library))
-        targets = next((files[file] for file in files if image.filepath and file in (path, path.parent)), None)
+        targets = next((files[file] for file in files if _holds(file, path, image)), None)
         if targets is None:
             continue
         wearers = [obj for obj in bpy.data.objects if obj.users_scene and image in _images_on(obj)]
-        names = remembered(image, "onto")
-        own = [obj for obj in targets if obj in wearers and (names is None or obj.name in json.loads(names))]
-        others = [obj for obj in wearers if obj not in targets]
-        if others and not own:
-            raise InputError(
-                f'the result would overwrite {path}, which is for "{others[0].name}"; choose another file, or bake '
-                "both at once"
-            )
+        made_for = json.loads(remembered(image, "onto") or "[]")
+        owners = [obj for obj in wearers if obj.name in made_for] or wearers  # all, where it was renamed since
+        if owners and not any(obj in owners for obj in targets):
+            raise InputError(f'the result would overwrite {path}, which is for "{owners[0].name}"; choose another file')
+
+
+def _holds(file: Path, path: Path, image: Any) -> bool:
+    """Whether what will be written is an image's file, or the folder of its frames; "Oak" and "oak" are one on some
+    systems."""
+    tile = str(image.tiles[0].number) if image.source == "TILED" and image.tiles else "<UDIM>"
+    one, other = (Path(str(name).replace("<UDIM>", tile)) for name in (file, path))
+    if one in (other, other.parent):
+        return True
+    return one.exists() and any(there.exists() and one.samefile(there) for there in (other, other.parent))
 
 
 def _images_on(obj: Any) -> Iterator[Any]:
