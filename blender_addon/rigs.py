@@ -13,6 +13,7 @@ from bpy.props import IntProperty
 from mpsnet_core.errors import InputError
 
 from .operators import idle
+from .outputs import file_name
 from .rig import remove_rig
 from .settings.estimate import EstimateSettings
 from .settings.photo import PhotoSettings
@@ -147,7 +148,8 @@ def result_name(scene: Any, what: str) -> str:
     if not names:
         return f"{scene.name}_{what}"
     chosen = scene.mps.chosen_rig
-    name = names[chosen] if names.count(names[chosen]) == 1 else f"{names[chosen]}_{chosen + 1}"
+    in_files = [file_name(name).casefold() for name in names]  # on some system at least
+    name = names[chosen] if in_files.count(in_files[chosen]) == 1 else f"{names[chosen]}_{chosen + 1}"
     return f"{scene.name}_{name}_{what}"
 
 

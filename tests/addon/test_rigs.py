@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from blender_addon.estimate import MPS_OT_estimate
+from blender_addon.outputs import file_name
 from blender_addon.panels.photo import MPS_PT_photo
 from blender_addon.panels.step import Kind
 from blender_addon.rig import light_rig
@@ -157,12 +158,13 @@ def test_another_camera_takes_the_photo_and_stays_when_the_rig_goes(sphere, scen
     assert mine.name in bpy.data.objects and own not in set(bpy.data.objects)
 
 
-def test_rigs_that_are_called_the_same_have_files_of_their_own(sphere, scene):
+@pytest.mark.parametrize("second", ["Front 1", "Front_1", "front.1"])
+def test_rigs_that_are_called_the_same_in_a_file_have_files_of_their_own(sphere, scene, second):
     bpy.ops.mps.new_rig()
     names = set()
-    for one in scene.mps.rigs:
-        one.name = "Front"
+    for one, name in zip(scene.mps.rigs, ("Front 1", second), strict=True):
+        one.name = name
     for number in (0, 1):
         bpy.ops.mps.choose_rig(index=number)
-        names.add(result_name(scene, "photo"))
+        names.add(file_name(result_name(scene, "photo")).casefold())
     assert len(names) == 2
