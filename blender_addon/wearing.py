@@ -3,12 +3,11 @@
 import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import bpy
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.surface.sheets import FIRST_TILE, Sheet
 from mpsnet_core.surface.texture_names import tile_patterns
 
 from .displaced import undisplaced
@@ -90,10 +89,16 @@ def keep_wearers(worn: Sequence[Worn]) -> None:
         remember(image, "onto", json.dumps([one.target.name for one in worn if image in one.images]))
 
 
+class _Sheet(NamedTuple):
+    tile: int | None
+    material: str | None
+    object: str | None
+
+
 def files_for(onto: Sequence[Onto], file: Path) -> dict[Path, list[Any]]:
     """The files that the tokens in `file` stand for, with <UDIM> left as it is, and the objects that each is for."""
-    parts, tile = parts_of(onto, file), FIRST_TILE if TILE in file.name else None
-    sheets = [Sheet((), tile, material, name) for name, material in parts]
+    parts, tile = parts_of(onto, file), 1001 if TILE in file.name else None  # whichever: the token stays
+    sheets = [_Sheet(tile, material, name) for name, material in parts]
     found: dict[Path, list[Any]] = {}
     for pattern, (name, material) in zip(tile_patterns(file, sheets), parts, strict=True):
         for one in onto:

@@ -4,14 +4,25 @@ import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Protocol
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.surface.sheets import Sheet
 
 # The tokens, and what of a sheet they stand for.
 TOKENS = {"<UDIM>": "tile", "<MATERIAL>": "material", "<OBJECT>": "object"}
 # Longer names are cut: file systems allow 255 bytes, and there is more in a file's name.
 LONGEST_NAME = 80
+
+
+class Parted(Protocol):
+    """What has a texture of its own, as a sheet does: each is None where textures are not parted by it."""
+
+    @property
+    def tile(self) -> int | None: ...
+    @property
+    def material(self) -> str | None: ...
+    @property
+    def object(self) -> str | None: ...
 
 
 def split_by(pattern: str | os.PathLike[str]) -> set[str]:
@@ -31,7 +42,7 @@ def split_by(pattern: str | os.PathLike[str]) -> set[str]:
     return {TOKENS[token] for token in found}
 
 
-def texture_files(pattern: str | os.PathLike[str], sheets: Sequence[Sheet]) -> list[Path]:
+def texture_files(pattern: str | os.PathLike[str], sheets: Sequence[Parted]) -> list[Path]:
     """Each sheet's file: the pattern with its tile's number, and its material's and object's names as files can have.
 
     Names that become the same that way, on some system at least, are numbered.
@@ -57,7 +68,7 @@ def check_one_texture(file: str | os.PathLike[str]) -> None:
             raise InputError(f"{file} stands for several textures; name one of them, with {called[what]} for {token}")
 
 
-def tile_patterns(pattern: str | os.PathLike[str], sheets: Sequence[Sheet]) -> list[Path]:
+def tile_patterns(pattern: str | os.PathLike[str], sheets: Sequence[Parted]) -> list[Path]:
     """The same with <UDIM> left as it is: the name that programs know all tiles of a texture by, for each sheet.
 
     Raises InputError where the pattern has a token in a folder's name or one that is not known.
@@ -65,7 +76,7 @@ def tile_patterns(pattern: str | os.PathLike[str], sheets: Sequence[Sheet]) -> l
     return _named(pattern, sheets, ["<UDIM>"] * len(sheets))
 
 
-def map_files(pattern: str | os.PathLike[str], sheets: Sequence[Sheet]) -> list[Path]:
+def map_files(pattern: str | os.PathLike[str], sheets: Sequence[Parted]) -> list[Path]:
     """The same for maps that are read, of which several sheets may share one.
 
     Raises InputError where the pattern has other tokens than the sheets are parted by.
@@ -73,7 +84,7 @@ def map_files(pattern: str | os.PathLike[str], sheets: Sequence[Sheet]) -> list[
     return _named(pattern, sheets, [str(sheet.tile) for sheet in sheets])
 
 
-def _named(pattern: str | os.PathLike[str], sheets: Sequence[Sheet], tiles: Sequence[str]) -> list[Path]:
+def _named(pattern: str | os.PathLike[str], sheets: Sequence[Parted], tiles: Sequence[str]) -> list[Path]:
     path = Path(pattern)
     if not path.name:
         raise InputError(f"{path} names no file; give one")
