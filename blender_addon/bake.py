@@ -12,6 +12,7 @@ from mpsnet_core.camera import write_camera
 from mpsnet_core.errors import InputError
 from mpsnet_core.surface.presets import PRESETS
 
+from .made_for import files_for, refuse_anothers
 from .made_from import Ingredients, chosen, rounded, stamp
 from .mesh_file import write_mesh
 from .operators import RunsCore, same
@@ -42,7 +43,7 @@ from .textures import (
     with_tokens,
     worn_by,
 )
-from .wearing import files_for, refuse_anothers, wear_textures
+from .wearing import wear_textures
 
 BITS = {".png": "16", ".tif": "16", ".tiff": "16", ".exr": "32"}
 

@@ -19,6 +19,7 @@ from .displaced import (
     take_heights_off,
     wear_heights,
 )
+from .made_for import keep_wearers
 from .made_from import Ingredients, chosen, stamp
 from .mesh_file import DISPLACE, write_mesh
 from .nodes import TEXTURE_NODE
@@ -27,7 +28,6 @@ from .outputs import ending_wins, fine_preview, image_file, load_image, load_til
 from .settings.declared import take_given
 from .settings.displace import DisplaceSettings
 from .textures import Worn, own_materials, with_tokens
-from .wearing import keep_wearers
 
 # Vertices of a subdivided mesh lie on the limit surface at any level; a finer one tells hardly more.
 MOST_BASE_LEVELS = 3
