@@ -8,13 +8,21 @@ import logging
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.bands import bands
 from mpsnet_core.heights.multigrid import Grid, Links, corrected, grids_of, residual, smooth, steps_of
 from mpsnet_core.progress import Progress, silent
+from mpsnet_core.regions import labelled
 
 log = logging.getLogger(__name__)
 
-# Iterations at most. One smooth surface takes about ten; one that hangs together by little alone, more.
-MOST = 40
+# Iterations at most, up to a megapixel; of larger pictures fewer, so that they take no longer, but at least LEAST. One
+# smooth surface takes about ten; one that hangs together by little alone, more than a hundred.
+MOST, LEAST = 250, 60
+# After so many, again and again, what rounding has added up to is taken out.
+ROUNDED = 16
+# A correction of so many pixels that is left after all of them is told: along strips heights are off by up to a hundred
+# times as much.
+TOLD = 0.02
 
 
 def solved(
@@ -23,7 +31,7 @@ def solved(
     start: NDArray[np.float32],
     *,
     tolerance: float = 1e-4,
-    most: int = MOST,
+    most: int | None = None,
     progress: Progress = silent,
 ) -> NDArray[np.float32]:
     """(H, W) values u whose change over each link is as close as can be to pull / weight: least squares, so weighted.
@@ -33,15 +41,21 @@ def solved(
 
     Conjugate gradients with a multigrid cycle as preconditioner (Tatebe, "The multigrid preconditioned conjugate
     gradient method", 1993). It ends when the correction that is left is nowhere above `tolerance`, or above what
-    float32 can hold, or after `most` iterations; after MOST a note says so.
+    float32 can hold, or after `most` iterations; unless these are given there are many, and a note says so where much
+    is left after them.
     """
+    told, most = most is None, most or max(LEAST, MOST * min(2**20, start.size) // start.size)
     grids = grids_of(weights)
     u = start.copy()
     left = gathered(pulls)
     residual(grids[0], u, left, left)
     towards, along = np.zeros_like(u), np.empty_like(u)
     before, first, done = np.float32(1), 0.0, 0.0
+    parts: tuple[NDArray[np.int32], NDArray[np.int64]] | None = None
     for number in range(most):
+        if number % ROUNDED == ROUNDED - 1:
+            parts = parts or labelled(grids[0].step > 0)
+            _balance(left, *parts)
         correction = corrected(grids, left)
         remaining = float(np.abs(correction).max())
         if remaining <= tolerance + 1e-6 * float(np.abs(u).max()):
@@ -60,11 +74,26 @@ def solved(
         left += step * along
         before = now
     else:
-        if most >= MOST:
+        if told and remaining > TOLD:
             log.info(
-                "the heights may be off where the surface hangs together by thin strips: %d steps were too few", most
+                "the heights may be off by a few pixels where the surface hangs together by thin strips alone; "
+                "a mask without these strips, or a smaller picture, mends it"
             )
     return u
+
+
+def _balance(left: NDArray[np.float32], labels: NDArray[np.int32], sizes: NDArray[np.int64]) -> None:
+    """Take the mean of each part (:func:`labelled`) out of a residual (H, W) that is 0 outside, in place.
+
+    A part that hangs together has a constant of its own, for which nothing pulls. What rounding leaves there would grow
+    with every iteration, until it is all that the solver follows.
+    """
+    sums = np.zeros(len(sizes))
+    for rows in bands(len(left)):
+        sums += np.bincount(labels[rows].ravel(), left[rows].ravel(), len(sizes))
+    means = (sums / np.maximum(sizes, 1)).astype(np.float32)
+    for rows in bands(len(left)):
+        left[rows] -= means[labels[rows]]
 
 
 def relaxed(

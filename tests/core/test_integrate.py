@@ -11,7 +11,9 @@ from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.heights.fast import LOOSE
 from mpsnet_core.heights.gradients import LEAST_FACING
 from mpsnet_core.heights.integrate import METHODS, Method, integrate
-from mpsnet_core.normals import NormalMap, normalised
+from mpsnet_core.heights.multigrid import Links
+from mpsnet_core.heights.poisson import solved
+from mpsnet_core.normals import NormalMap
 from mpsnet_core.regions import labelled
 
 # Its axis does not meet the picture's middle, and its pixels are not square.
@@ -232,17 +234,55 @@ def test_what_does_not_fit_is_told(settings: dict, said: str) -> None:
         integrate(normals, **settings)
 
 
-def test_a_strip_too_long_for_the_solver_is_told(caplog: pytest.LogCaptureFixture) -> None:
-    """Rows of three pixels, each joined to the next at one end: far away where hanging together is concerned."""
-    size = 256
+def strip(size: int, wide: int) -> np.ndarray:
+    """Rows of so many pixels, each joined to the next at one end: far away where hanging together is concerned."""
     mask = np.zeros((size, size), bool)
-    for number, row in enumerate(range(0, size - 3, 4)):
-        mask[row : row + 3] = True
-        mask[row + 3, slice(0, 3) if number % 2 else slice(size - 3, size)] = True
-    x = np.arange(size, dtype=np.float32) / 20
-    vectors = normalised(np.stack(np.broadcast_arrays(np.cos(x), np.sin(x)[:, None], np.float32(1)), axis=-1))
+    for number, row in enumerate(range(0, size - wide, wide + 1)):
+        mask[row : row + wide] = True
+        mask[row + wide, slice(0, 3) if number % 2 else slice(size - 3, size)] = True
+    return mask
+
+
+def test_a_long_strip_is_right(caplog: pytest.LogCaptureFixture) -> None:
+    """To half a pixel, and so nothing is said; the iterations that many photos need are too few for it."""
+    surface = saddle(square_camera(256)).masked(strip(256, 3))
     with caplog.at_level("INFO"):
-        integrate(NormalMap(vectors, np.ones_like(mask)))
+        heights, truth = found(surface, "fast")[surface.mask], surface.heights[surface.mask]
+    assert np.abs(heights - (truth - truth.mean())).max() * 128 < 0.5
+    assert not caplog.messages
+
+
+def test_heights_that_are_off_are_told(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
+    """As the solver leaves them where it ends too early."""
+    for name in ("MOST", "LEAST"):
+        monkeypatch.setattr(f"mpsnet_core.heights.poisson.{name}", 10)
+    surface = saddle(square_camera(128))
+    with caplog.at_level("INFO"):
+        found(surface, "fast")
         assert not caplog.messages
-        integrate(NormalMap(vectors, mask))
-    assert "hangs together by thin strips" in " ".join(caplog.messages)
+        found(surface.masked(strip(128, 3)), "fast")
+    assert "a mask without these strips, or a smaller picture, mends it" in " ".join(caplog.messages)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_rounding_does_not_add_up(seed: int) -> None:
+    """Two parts whose links differ by seven orders of magnitude, solved long after float32 knows no better."""
+    size, rng = 20, np.random.default_rng(seed)
+    shapes = (size, size - 1), (size - 1, size)
+    right, down = ((10 ** rng.uniform(-7, 0, shape)).astype(np.float32) for shape in shapes)
+    down[size // 2] = 0
+    pulls = [(links * rng.normal(size=links.shape) * 20).astype(np.float32) for links in (right, down)]
+    heights = solved(Links(right, down), Links(*pulls), np.zeros((size, size), np.float32), most=400)
+    number = np.arange(size * size).reshape(size, size)
+    weight, pull, *ends = (
+        np.concatenate([part.ravel() for part in pair])
+        for pair in ((right, down), pulls, (number[:, :-1], number[:-1]), (number[:, 1:], number[1:]))
+    )
+    weight = weight.astype(float)
+    rows = np.zeros((len(weight), size * size))
+    for sign, end in zip((-1, 1), ends, strict=True):
+        rows[np.arange(len(weight)), end] = sign * np.sqrt(weight)
+    aims = np.divide(pull, np.sqrt(weight), out=np.zeros_like(weight), where=weight > 0)
+    off = heights - np.linalg.lstsq(rows, aims, rcond=1e-14)[0].reshape(size, size)
+    for part in (off[: size // 2 + 1], off[size // 2 + 1 :]):
+        assert np.abs(part - part.mean()).max() < 1

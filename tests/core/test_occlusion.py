@@ -34,8 +34,8 @@ def test_in_a_bowl_all_points_see_the_same_share_of_the_sky(camera: Camera) -> N
     a cap to 60° from its axis, a quarter of the sphere."""
     surface = bowl(camera, (0.1, -0.1, -4), 1.3)
     found = of(surface)[surface.mask]
-    assert found.mean() == pytest.approx(0.75, abs=0.01)
-    assert np.abs(found - 0.75).max() < 0.03
+    assert found.mean() == pytest.approx(0.75, abs=0.008)
+    assert np.abs(found - 0.75).max() < 0.018
 
 
 def test_a_groove_of_a_right_angle() -> None:
@@ -48,6 +48,52 @@ def test_a_groove_of_a_right_angle() -> None:
     t = np.abs(x[0])
     expected = (1 + t / np.hypot(t, wide // 2)) / 2
     assert np.abs(found - expected)[t > 0].max() < 0.02
+
+
+def level(z: np.ndarray, reach: int | None = None) -> np.ndarray:
+    """Of upright steps, which no normal shows: all is level."""
+    up = NormalMap(np.tile([0.0, 0, 1], (*z.shape, 1)), np.ones(z.shape, bool))
+    return ambient_occlusion(HeightMap(z, up.mask, orthographic(*z.shape)), up, reach=reach)
+
+
+def test_the_foot_of_a_long_wall() -> None:
+    """At t from a wall of height h it hides (1 - t / sqrt(t² + h²)) / 2; it stands between the pixels at -1 and 0."""
+    long, high = 801, 50
+    x = np.arange(-60.0, 140)
+    found = level(np.broadcast_to(np.where(x < 0, high, 0.0), (long, len(x))))[long // 2]
+    t = x[x >= 0]
+    least, most = ((1 + away / np.hypot(away, high)) / 2 for away in (t, t + 1))
+    assert (found[x >= 0] > least - 0.002).all() and (found[x >= 0] < most + 0.01).all()
+    assert found[x < 0].min() > 0.99
+
+
+def beside_disc(distance: float, radius: float, height: float) -> float:
+    """What is open at a distance from the axis of an upright cylinder: of each azimuth 1 - sin² of its elevation."""
+    half = np.arcsin(radius / distance)
+    azimuth = (np.arange(10_000) + 0.5) / 10_000 * half
+    away = distance * np.cos(azimuth) - np.sqrt(radius**2 - (distance * np.sin(azimuth)) ** 2)
+    return float(1 - half / np.pi * np.mean(height**2 / (height**2 + away**2)))
+
+
+def test_a_tall_disc_casts_no_straight_shadows() -> None:
+    """All around it, it is as light as its distance says, and not in rays, one to each direction that is looked in."""
+    y, x = np.mgrid[-90:91, -90:91]
+    away = np.hypot(x - 0.3, y + 0.2)
+    found = level(np.where(away < 20, 80.0, 0.0))
+    for distance, spread in ((26, 0.008), (40, 0.005), (60, 0.004), (80, 0.003)):
+        ring = found[np.abs(away - distance) < 0.5]
+        assert ring.mean() == pytest.approx(beside_disc(distance, 20, 80), abs=0.006)
+        assert ring.std() < spread
+    assert found[away < 20].min() > 0.99
+
+
+def test_pictures_smaller_than_a_block() -> None:
+    """One row or column of pixels, with a wall at its end."""
+    row = np.zeros((1, 7))
+    row[0, 0] = 5
+    found = level(row)
+    assert 0.5 < found[0, 1] < found[0, 6] < 1 and found[0, 0] > 0.9
+    assert pytest.approx(found, abs=0.06) == level(row.T).T
 
 
 @CAMERAS
