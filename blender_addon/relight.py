@@ -2,6 +2,7 @@
 
 import json
 import math
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -128,19 +129,26 @@ def _set(shading: Any, values: dict[str, Any]) -> None:
         setattr(shading, name, value)
 
 
+_swung_at = 0.0  # time.monotonic()
+
+
 def _swing() -> float | None:
-    """Turn the lamps of all scenes a little; ends itself where there are none."""
+    """Turn the lamps of all scenes by what has passed since the last call; ends itself where there are none."""
+    global _swung_at
+    before, _swung_at = _swung_at, time.monotonic()
     pivots = [scene.mps.relight.pivot for scene in bpy.data.scenes if scene.mps.relight.lamp is not None]
     for pivot in pivots:
         if pivot is not None:
-            pivot.rotation_euler.rotate_axis("Z", math.tau * TICK_SECONDS / SECONDS_A_TURN)
+            pivot.rotation_euler.rotate_axis("Z", math.tau * (_swung_at - before) / SECONDS_A_TURN)
     return TICK_SECONDS if pivots else None
 
 
 @persistent
 def _swing_on(*_: Any) -> None:
     """Also called when a file is opened whose lamp was swinging when it was saved."""
+    global _swung_at
     if not bpy.app.background and not bpy.app.timers.is_registered(_swing):
+        _swung_at = time.monotonic()
         bpy.app.timers.register(_swing)
 
 

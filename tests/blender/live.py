@@ -13,7 +13,7 @@ import pytest
 
 EDITORS = 1310  # where Blender's other editors begin, right of the viewport and its sidebar, in pixels
 BELOW = 905  # and below it
-STEP = 8  # pixels; a button is about 20 high, so that every other step finds it
+STEP = 8  # pixels; a button is about 20 high
 TITLE = 16  # from a panel's top to the middle of its title
 
 
@@ -51,19 +51,24 @@ class Window:
     def under_mouse(self, x: int, y: int) -> str:
         """The Python command of the button at (x, y), which Blender copies on Ctrl C; "" where there is none."""
         self.ask("clear")
-        self.input("mousemove", x, y, "sleep", "0.1", "key", "ctrl+c")
-        sent = self.state["ticks"]
-        done = self.wait(lambda state: state["clipboard"] or state["ticks"] >= sent + 10, 60, "answer to Ctrl C")
+        # The first move may only leave the button before.
+        self.input("mousemove", x - 2, y, "sleep", "0.05", "mousemove", x, y, "sleep", "0.05", "key", "ctrl+c")
+        sent, answer_by = self.state["ticks"], time.monotonic() + 0.3
+
+        def over(state: dict[str, Any]) -> bool:
+            return state["clipboard"] or (state["ticks"] >= sent + 3 and time.monotonic() > answer_by)
+
+        done = self.wait(over, 60, "answer to Ctrl C")
         return done["clipboard"]
 
     def find(self, operator: str, below: int = STEP) -> tuple[int, int]:
         """Where in the sidebar, looking from `below` its top to its bottom, the button of `operator` is."""
         left, top, width, height = self.state["sidebar"]
         x = left + width // 2
-        every_other = range(top + below, top + height, 2 * STEP)
-        for y in (*every_other, *(y + STEP for y in every_other)):
-            if self.under_mouse(x, y).startswith(f"bpy.ops.{operator}("):
-                return x, y
+        picture = self.screenshot(self.file.with_name("sidebar.png"))[top : top + height, left : left + width]
+        for y in lines(picture):
+            if y >= below and self.under_mouse(x, top + y).startswith(f"bpy.ops.{operator}("):
+                return x, top + y
         pytest.fail(f"no button for {operator} in the sidebar")
 
     def click(self, x: int, y: int) -> None:
@@ -77,9 +82,20 @@ class Window:
         self.input("sleep", "2")
 
     def screenshot(self, path: Path) -> np.ndarray:
-        """(H, W, 3) values 0 to 1 of the whole screen."""
+        """(H, W, 3) values 0 to 1 of the whole screen, once Blender has drawn what it was asked for before."""
+        seen = self.state.get("ticks", 0)
+        self.wait(lambda state: state.get("ticks", 0) >= seen + 3, 60, "tick")  # it draws between two of them
         subprocess.run([*self.screen, "import", "-window", "root", path], check=True)
         return oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT)[..., :3]
+
+    def see(self, look: Callable[[], Any], until: Callable[[Any], Any], what: str) -> Any:
+        """What `look` shows as soon as it is as it should be: how long Blender takes to draw, nobody knows."""
+        deadline = time.monotonic() + 60
+        while not until(seen := look()):
+            if time.monotonic() > deadline:
+                pytest.fail(f"after 60 s still no {what} to be seen")
+            time.sleep(0.5)
+        return seen
 
     def photograph(self, path: Path, *panels: str, beside: int = EDITORS) -> None:
         """The viewport beside these panels alone, or beside the sidebar as it is, for a person to look at.
@@ -91,6 +107,22 @@ class Window:
         self.input("mousemove", 300, 880, "sleep", "3" if panels else "1")
         left = max(self.state["sidebar"][0] - beside, 0)
         save(path, np.ascontiguousarray(self.screenshot(path.with_name("screen.png"))[24:BELOW, left:EDITORS]))
+
+
+def drawn(picture: np.ndarray) -> np.ndarray:
+    """(H,) whether a row of the sidebar (H, W, 3) shows text: has an edge of some contrast, left of the tabs."""
+    grey = picture.mean(axis=-1)[:, : picture.shape[1] * 9 // 10]
+    return np.abs(np.diff(grey, axis=1)).max(axis=1) > 0.25
+
+
+def lines(picture: np.ndarray) -> list[int]:
+    """The middle row of each line of text of the sidebar (H, W, 3), and every STEP rows of what is higher."""
+    ends = np.flatnonzero(np.diff(np.r_[False, drawn(picture), False]))
+    return [
+        y
+        for start, end in zip(ends[::2], ends[1::2], strict=True)
+        for y in ([int(start + end) // 2] if end - start < 3 * STEP else range(start, end, STEP))
+    ]
 
 
 def save(path: Path, picture: np.ndarray) -> None:

@@ -81,18 +81,18 @@ def test_a_photo_is_rendered_beside_a_live_window(window, album, tmp_path):
     window.ask("run", scenes.format(str(tmp_path / "meanwhile")))
     assert (tmp_path / "meanwhile").read_text() == (tmp_path / "before").read_text()
     window.input("key", "Escape")
-    window.wait(lambda state: not state["running"], 10, "end by Esc")
+    window.wait(lambda state: not state["running"], 60, "end by Esc")
 
     window.ask("invoke", "render_photo", {})
     window.wait(lambda state: state["running"], 60, "running photo")
     left, _, width, _ = window.state["sidebar"]
     assert window.under_mouse(left + width - 50, y).startswith("bpy.ops.mps.cancel(")  # right of the progress
     window.click(left + width - 50, y)
-    window.wait(lambda state: not state["running"], 10, "end by the X")
+    window.wait(lambda state: not state["running"], 60, "end by the X")
     window.ask("invoke", "render_truth", {"output": str(tmp_path / "slow_truth.exr")})
     assert window.state["running"] == "MPS_OT_render_truth"
     window.ask("run", "bpy.ops.mps.cancel()")
-    window.wait(lambda state: not state["running"], 10, "end of the true normals")
+    window.wait(lambda state: not state["running"], 60, "end of the true normals")
     assert not [path.name for path in tmp_path.iterdir() if "slow" in path.name]
 
     quick = {"width": 64, "height": 64, "samples": 1, "output": str(tmp_path / "quick.exr")}
@@ -130,8 +130,10 @@ def test_training_data_grows_in_its_section(window, album, tmp_path):
         below = picture[y + 2 * STEP : top + height, left : left + width - 40]
         return (np.ptp(below, axis=-1) > 0.2).sum()
 
-    shown = window.screenshot(tmp_path / "shown.png")
-    assert colourful(shown) > colourful(before) + 500
+    def look():
+        return colourful(window.screenshot(tmp_path / "shown.png"))
+
+    shown = window.see(look, lambda pixels: pixels > colourful(before) + 500, "contact sheet")
 
     kept = {number: sample_path(folder, number).stat().st_mtime_ns for number in there}
     window.click(x, y)
@@ -140,8 +142,8 @@ def test_training_data_grows_in_its_section(window, album, tmp_path):
     window.wait(lambda state: not state["running"], 240, "end of the rendering")
     assert samples_there(folder) == set(range(count))
     assert {number: sample_path(folder, number).stat().st_mtime_ns for number in there} == kept
-    window.input("mousemove", 500, 500, "sleep", "1")
-    assert colourful(window.screenshot(tmp_path / "grown.png")) > 1.5 * colourful(shown)
+    window.input("mousemove", 500, 500)
+    window.see(look, lambda pixels: pixels > 1.5 * shown, "contact sheet of all")
 
 
 def test_real_lights_are_found_and_undone(window, album, tmp_path):
@@ -199,7 +201,7 @@ def test_the_mask_is_shown_below_its_button(window, tmp_path):
     before = below()
     window.click(x, y)
     window.wait(lambda state: "MPS Mask" in state["images"] and not state["running"], 60, "mask")
-    assert (np.abs(below() - before).max(axis=-1) > 0.1).sum() > 5000
+    window.see(below, lambda now: (np.abs(now - before).max(axis=-1) > 0.1).sum() > 5000, "mask")
 
     window.input("mousemove", 500, 500, "key", "ctrl+z")
     window.wait(lambda state: "MPS Mask" not in state["images"], 60, "undo of the mask")

@@ -36,7 +36,8 @@ def viewport():
 def sidebar():
     """The 3D viewport's sidebar once it shows the tab."""
     _, area = viewport()
-    area.spaces.active.show_region_ui = True
+    if not area.spaces.active.show_region_ui:  # to set it draws all anew
+        area.spaces.active.show_region_ui = True
     region = next(region for region in area.regions if region.type == "UI")
     if region.active_panel_category == "MPS":
         return region
