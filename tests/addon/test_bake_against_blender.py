@@ -21,10 +21,13 @@ from mpsnet_core.surface.texture import write_texture
 SIDES = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1), (1, 1, 0.6), (-1, -1, 0.6)]
 
 
-def detailed_object(path: Path | None = None) -> "bpy.types.Object":
-    """A mesh from a file, or one of our own with bumps of two sizes; about 2 across, smooth, at the origin."""
+def detailed_object(path: Path | None = None, subdivisions: int = 6) -> "bpy.types.Object":
+    """A mesh from a file, or one of our own with bumps of two sizes; about 2 across, smooth, at the origin.
+
+    subdivisions: of the ball that our own is made of; its faces are four times as many with each, 20480 with 6.
+    """
     if path is None:
-        bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=6)
+        bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=subdivisions)
         obj = bpy.context.object
         points = array_of(obj.data.vertices, "co", 3).astype(np.float64)
         x, y, z = points.T
