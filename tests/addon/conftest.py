@@ -1,10 +1,15 @@
 """Blender as pip's bpy module, with the add-on registered; every test gets a scene of its own."""
 
+import os
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+# Before NumPy is imported, and for the processes that tests start: matrices here are small, and threads that wait for
+# each other cost more than they save.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
