@@ -134,11 +134,13 @@ def _circles(image: NDArray[np.float32], bright: NDArray[np.bool_]) -> list[Circ
     found = []
     radii = np.arange(max(5.0, SMALLEST * shorter), LARGEST * shorter)
     for size in radii:
-        votes = np.zeros((height // 2 + 1, width // 2 + 1))
+        shape = height // 2 + 1, width // 2 + 1
+        votes = np.zeros(shape)
         for side in (-size, size):
             column, row = (x + side * across[0]).astype(int) // 2, (y + side * across[1]).astype(int) // 2
             within = (column >= 0) & (column < votes.shape[1]) & (row >= 0) & (row < votes.shape[0])
-            np.add.at(votes, (row[within], column[within]), 1)
+            place = np.ravel_multi_index((row[within], column[within]), shape)
+            votes += np.bincount(place, minlength=votes.size).reshape(shape)
         votes = box_sums(votes, 1 + int(size) // 40)
         for _ in range(2):  # a second ball of the same size stands elsewhere
             row, column = (int(place) for place in np.unravel_index(votes.argmax(), votes.shape))

@@ -120,10 +120,10 @@ def _mesh_seen(
     """
     origins, directions, _ = scene.rays_of(camera, pixels)
     hits = scene.hits(origins, directions)
-    weights = np.stack([1 - hits.u - hits.v, hits.u, hits.v], axis=1)[..., None]
+    weights = np.stack([1 - hits.u - hits.v, hits.u, hits.v], axis=1)
     # Normals are carried by the inverse transpose; a row times a matrix transposes once more.
     to_camera = (np.linalg.inv(mesh.world_from_object[:3, :3]) @ camera.rotation).astype(np.float32)
-    own = normalised((mesh.corner_normals[hits.triangle] * weights).sum(axis=1) @ to_camera)
+    own = normalised(np.einsum("nci,nc->ni", mesh.corner_normals[hits.triangle], weights) @ to_camera)
     hit = (hits.triangle >= 0) & (np.einsum("ni,ni->n", own, directions @ camera.rotation) < 0)
     points = np.full_like(origins, np.nan)
     points[hit] = origins[hit] - scene.middle + directions[hit] * hits.distance[hit, None]
@@ -147,16 +147,19 @@ def _smoothed_turns(
     # Only cells that a point lies between are asked for.
     corner = np.floor(place).astype(np.int64)
     step = place - corner
-    asked = np.zeros(shape, bool)
+    first = np.ravel_multi_index(tuple(corner.T), shape)
+    asked = np.zeros(count, bool)
     for offset in np.ndindex(2, 2, 2):
-        asked[tuple((corner + offset).T)] = True
+        asked[first + np.ravel_multi_index(offset, shape)] = True
     cells = np.flatnonzero(asked)
     solved = np.zeros((count, 3), np.float32)
     solved[cells] = _rotation(grid[:, cells])
     turns = np.zeros_like(points)
     for offset in np.ndindex(2, 2, 2):
-        share = np.where(offset, step, 1 - step).prod(axis=1)
-        turns += share[:, None] * solved[np.ravel_multi_index(tuple((corner + offset).T), shape)]
+        along = np.where(offset, step, 1 - step)
+        # NumPy's own product is slow along so short an axis.
+        share = along[:, 0] * along[:, 1] * along[:, 2]
+        turns += share[:, None] * solved[first + np.ravel_multi_index(offset, shape)]
     return turns
 
 

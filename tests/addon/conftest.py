@@ -1,9 +1,15 @@
-"""Blender as pip's bpy module, with the add-on registered; every test gets a factory scene of its own."""
+"""Blender as pip's bpy module, with the add-on registered; every test gets a scene of its own."""
 
+import os
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+# Before NumPy is imported, and for the processes that tests start: matrices here are small, and threads that wait for
+# each other cost more than they save.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
@@ -17,22 +23,62 @@ def registered() -> Iterator[None]:
     blender_addon.unregister()
 
 
-@pytest.fixture(autouse=True)
-def scene() -> "bpy.types.Scene":
-    """An empty factory scene."""
+# What a test may begin with beside an empty scene, the furthest first; see the fixtures of these names.
+BEGINNINGS = ("estimated", "photographed", "sphere")
+
+
+@pytest.fixture(scope="session")
+def beginnings(registered: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with NAME.blend of each beginning and a folder NAME of its results, made once; tests open copies."""
+    folder = tmp_path_factory.mktemp("beginnings")
+    results = folder / "estimated"
+    results.mkdir()
+
+    def keep(name: str) -> None:
+        if name != results.name:
+            shutil.copytree(results, folder / name)
+        bpy.ops.wm.save_as_mainfile(filepath=str(folder / f"{name}.blend"), copy=True, relative_remap=False)
+
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=128, ring_count=64)
+    bpy.ops.object.shade_smooth()
+    bpy.context.object.data.materials.append(matte())
+    keep("sphere")
+    bpy.ops.mps.add_rig()
+    bpy.ops.mps.render_photo(width=96, height=96, samples=16, output=str(results / "photo.exr"))
+    keep("photographed")
+    bpy.ops.mps.estimate(model="LAMBERTIAN", output=str(results / "normals.png"))
+    keep("estimated")
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def scene(request: pytest.FixtureRequest) -> "bpy.types.Scene":
+    """A scene that is saved nowhere: empty as it comes from the factory, or with what the test's fixtures name."""
+    name = next((one for one in BEGINNINGS if one in request.fixturenames), "")
+    if name:
+        begin(name, request.getfixturevalue("beginnings"), request.getfixturevalue("tmp_path"))
+    else:
+        bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     bpy.context.scene.render.threads_mode = "AUTO"
     return bpy.context.scene
+
+
+def begin(name: str, beginnings: Path, here: Path) -> None:
+    """Open a beginning as Blender opens its startup file, its results as if they had been made `here`."""
+    bpy.ops.wm.read_homefile(filepath=str(beginnings / f"{name}.blend"))
+    shutil.copytree(beginnings / name, here, dirs_exist_ok=True)
+    steps = (bpy.context.scene.mps.photo, bpy.context.scene.mps.estimate)
+    for step in steps:
+        step.output = str(here / Path(step.output).name) if step.output else ""
+    for image in filter(None, (step.image for step in steps)):
+        image.filepath = str(here / Path(image.filepath).name)
 
 
 @pytest.fixture
 def sphere(scene: "bpy.types.Scene") -> "bpy.types.Object":
     """A matte white unit sphere with UVs, selected and active."""
-    bpy.ops.mesh.primitive_uv_sphere_add(segments=128, ring_count=64)
-    bpy.ops.object.shade_smooth()
-    obj = bpy.context.object
-    obj.data.materials.append(matte())
-    return obj
+    return bpy.data.objects["Sphere"]
 
 
 def matte() -> "bpy.types.Material":
@@ -47,15 +93,12 @@ def matte() -> "bpy.types.Material":
 
 
 @pytest.fixture
-def photographed(sphere: "bpy.types.Object", tmp_path: Path) -> "bpy.types.Object":
-    """The sphere with a rig and its photo, 96 x 96."""
-    bpy.ops.mps.add_rig()
-    bpy.ops.mps.render_photo(width=96, height=96, samples=64, output=str(tmp_path / "photo.exr"))
+def photographed(sphere: "bpy.types.Object") -> "bpy.types.Object":
+    """The sphere with a rig and its photo, 96 x 96, photo.exr in the test's folder."""
     return sphere
 
 
 @pytest.fixture
-def estimated(photographed: "bpy.types.Object", tmp_path: Path) -> "bpy.types.Object":
-    """The sphere with rig, photo and estimated normals."""
-    bpy.ops.mps.estimate(model="LAMBERTIAN", output=str(tmp_path / "normals.png"))
+def estimated(photographed: "bpy.types.Object") -> "bpy.types.Object":
+    """The sphere with rig, photo and estimated normals, normals.png in the test's folder."""
     return photographed

@@ -21,10 +21,13 @@ from mpsnet_core.surface.texture import write_texture
 SIDES = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1), (1, 1, 0.6), (-1, -1, 0.6)]
 
 
-def detailed_object(path: Path | None = None) -> "bpy.types.Object":
-    """A mesh from a file, or one of our own with bumps of two sizes; about 2 across, smooth, at the origin."""
+def detailed_object(path: Path | None = None, subdivisions: int = 6) -> "bpy.types.Object":
+    """A mesh from a file, or one of our own with bumps of two sizes; about 2 across, smooth, at the origin.
+
+    subdivisions: of the ball that our own is made of; its faces are four times as many with each, 20480 with 6.
+    """
     if path is None:
-        bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=7)
+        bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=subdivisions)
         obj = bpy.context.object
         points = array_of(obj.data.vertices, "co", 3).astype(np.float64)
         x, y, z = points.T
@@ -240,13 +243,13 @@ def bunny(scene: "bpy.types.Scene") -> "bpy.types.Object":
 
 
 def test_a_70k_mesh_baked_onto_7k_agrees_with_blenders_bake(bunny: "bpy.types.Object", tmp_path: Path) -> None:
-    set_up_cycles(768)
+    set_up_cycles(512)
     simple = simplified(bunny, 7000)
     with_materials(bunny, simple)
     assert 69_000 < len(bunny.data.polygons) < 71_000 and 6_900 < len(simple.data.polygons) < 7_100
     views = [normal_view(side, bunny, tmp_path / "view.exr", "ORTHO") for side in SIDES]
-    texture = bake_normals(core_mesh(simple, tmp_path / "mesh.npz"), views, size=2048)
-    reference = blenders_bake(bunny, simple, 2048, "TANGENT")
+    texture = bake_normals(core_mesh(simple, tmp_path / "mesh.npz"), views, size=1024)
+    reference = blenders_bake(bunny, simple, 1024, "TANGENT")
     both = texture.seen & reference.any(axis=-1)
     assert both.sum() > 0.99 * texture.seen.sum() and texture.seen_fraction > 0.99
     error = degrees_between(texture.vectors, reference)[both]
@@ -369,7 +372,7 @@ def test_with_the_texture_it_looks_more_like_the_original(
         return float(np.abs(picture - original)[inside][:, :3].mean())
 
     for space in ("TANGENT", "OBJECT"):
-        texture = bake_normals(mesh, views, size=1024, space=space.lower())
+        texture = bake_normals(mesh, views, size=512, space=space.lower())
         for convention in ("opengl", "directx"):
             path = tmp_path / f"{space}-{convention}.png"
             write_texture(path, texture, convention=convention)

@@ -329,14 +329,8 @@ CASES = [
 
 
 @pytest.mark.parametrize(("wrong", "sentence"), CASES, ids=[case.__name__ for case, _ in CASES])
-def test_bad_input_is_one_sentence(wrong, sentence, scene, tmp_path):
-    bpy.ops.mesh.primitive_uv_sphere_add(segments=16, ring_count=8)
-    sphere = bpy.context.object
-    bpy.ops.mps.add_rig()
-    bpy.ops.mps.render_photo(width=16, height=16, samples=1, output=str(tmp_path / "photo.exr"))
-    bpy.ops.mps.estimate(output=str(tmp_path / "normals.png"))
+def test_bad_input_is_one_sentence(wrong, sentence, estimated, scene, tmp_path):
     scene.mps.estimate.output = ""
-    bpy.context.view_layer.objects.active = sphere
     refused(wrong, sentence, scene, tmp_path)
 
 

@@ -30,7 +30,7 @@ def texel_normals(size: int) -> np.ndarray:
 def around(sphere, scene, tmp_path):
     """Photos of the sphere from four sides under lights that go with the camera, behind a camera each."""
     scene.mps.photo.width = scene.mps.photo.height = SIZE
-    scene.mps.photo.samples = 16
+    scene.mps.photo.samples = 4
     bpy.ops.mps.add_rig(projection="PERSPECTIVE", focal_length=60, slant=25)
     target = scene.mps.rig.target
     front = target.matrix_world.copy()

@@ -7,6 +7,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+
+# Before NumPy is imported, and for the processes that tests start: matrices here are small, and threads that wait for
+# each other cost more than they save.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 from synthetic import Sphere, shaded_sphere, write_file
 
 from mpsnet_core.rig import write_rig

@@ -14,6 +14,11 @@ from mpsnet_core.images import Image
 CROSSTALK = np.array([[1.0, 0.3, 0.3], [0.3, 1.0, 0.3], [0.3, 0.3, 1.0]])
 
 
+def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Of the vectors along the last axis; much faster than a sum along it."""
+    return np.einsum("...i,...i->...", a, b)
+
+
 @dataclass(frozen=True)
 class Scene:
     """Balls (middle and radius), lamps (middle and radius), and the camera. focal: in pixels; None is orthographic."""
@@ -37,8 +42,8 @@ class Scene:
         normals = np.zeros_like(starts)
         for middle, radius in self.balls:
             from_middle = starts - np.asarray(middle)
-            half = (from_middle * aims).sum(-1)
-            root = half**2 - (from_middle**2).sum(-1) + radius**2
+            half = dot(from_middle, aims)
+            root = half**2 - dot(from_middle, from_middle) + radius**2
             distance = -half - np.sqrt(np.maximum(root, 0))
             nearer = (root > 0) & (distance > 0) & (distance < nearest)
             nearest = np.where(nearer, distance, nearest)
@@ -49,8 +54,8 @@ class Scene:
     def lamp_seen(self, starts: np.ndarray, aims: np.ndarray, lamp: int) -> np.ndarray:
         middle, radius = self.lamps[lamp]
         towards = np.asarray(middle) - starts
-        along = (towards * aims).sum(-1)
-        return (along > 0) & ((towards**2).sum(-1) - along**2 < radius**2)
+        along = dot(towards, aims)
+        return (along > 0) & (dot(towards, towards) - along**2 < radius**2)
 
     def samples(self, fine: int):
         """x, y of a fine × fine grid of points within each pixel."""
@@ -85,18 +90,20 @@ def photograph(
     x, y = scene.samples(fine)
     starts, aims = scene.eye_rays(x, y)
     met, places, normals = scene.hits(starts, aims)
-    mirrored = aims - 2 * (aims * normals).sum(-1, keepdims=True) * normals
+    places, aims, normals = places[met], aims[met], normals[met]
+    mirrored = aims - 2 * dot(aims, normals)[:, None] * normals
     # Walls with a floor that begins below the horizon, a stripe and a lighter corner.
-    walls = room * (0.3 + 0.3 * (mirrored[..., 1] > -0.2) + 0.2 * (np.abs(mirrored[..., 0] - 0.3) < 0.1))
+    walls = room * (0.3 + 0.3 * (mirrored[:, 1] > -0.2) + 0.2 * (np.abs(mirrored[:, 0] - 0.3) < 0.1))
     behind = room * (1.2 + 0.5 * np.sin(x / 17) * np.cos(y / 23) + 0.8 * (y > 0.72 * scene.size[1]))
-    values = np.repeat(np.where(met, walls, behind)[..., None], 3, -1)
+    ball = np.repeat(walls[:, None], 3, -1)
     for lamp in range(len(scene.lamps)) if on is None else on:
-        seen = met & scene.lamp_seen(places, mirrored, lamp)
-        values += seen[..., None] * brightness * colours[:, lamp]
+        ball += scene.lamp_seen(places, mirrored, lamp)[:, None] * brightness * colours[:, lamp]
     if white_lamp is not None:
         middle, radius, power = white_lamp
         other = Scene(scene.balls, [(middle, radius)], scene.size, scene.focal)
-        values += (met & other.lamp_seen(places, mirrored, 0))[..., None] * power
+        ball += other.lamp_seen(places, mirrored, 0)[:, None] * power
+    values = np.repeat(behind[..., None], 3, -1)
+    values[met] = ball
     return developed(scene.averaged(values, fine), noise, levels, seed)
 
 

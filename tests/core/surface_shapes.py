@@ -108,21 +108,28 @@ class Texels:
 
 
 def texels_of(uvs: np.ndarray, size: int) -> Texels:
-    """Every texel's centre against every triangle; of several, the last one holds it."""
-    row, column = np.mgrid[:size, :size].reshape(2, -1)
-    centres = np.stack([(column + 0.5) / size, 1 - (row + 0.5) / size], axis=1)
-    triangle, weights = np.full(len(centres), -1), np.zeros((len(centres), 3))
+    """Every texel's centre against every triangle whose bounds are near; of several, the last one holds it."""
+    row, column = np.mgrid[:size, :size]
+    centres = np.stack([(column + 0.5) / size, 1 - (row + 0.5) / size], axis=-1)
+    triangle, weights = np.full((size, size), -1), np.zeros((size, size, 3))
     for number, (a, b, c) in enumerate(uvs.astype(np.float64)):
         area = _cross(b - a, c - a)
         if area == 0:
             continue
-        inside = (
-            np.stack([_cross(c - b, centres - b), _cross(a - c, centres - c), _cross(b - a, centres - a)], 1) / area
-        )
-        held = (inside >= 0).all(axis=1)
-        triangle[held], weights[held] = number, inside[held]
+        corners = np.stack([a, b, c]) * [1, -1] + [0, 1]  # u and v from the top
+        low, high = (np.clip(edge, 0, size).astype(int) for edge in _bounds(corners * size))
+        near = np.s_[low[1] : high[1], low[0] : high[0]]
+        middles = centres[near]
+        inside = np.stack([_cross(end - start, middles - start) for start, end in ((b, c), (c, a), (a, b))], -1) / area
+        held = (inside >= 0).all(axis=-1)
+        triangle[near][held], weights[near][held] = number, inside[held]
     covered = triangle >= 0
-    return Texels(np.stack([row, column], axis=1)[covered], triangle[covered], weights[covered])
+    return Texels(np.stack([row[covered], column[covered]], axis=1), triangle[covered], weights[covered])
+
+
+def _bounds(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(2,) the lowest and the highest whole numbers around (N, 2) points, and one more."""
+    return np.floor(points.min(axis=0)) - 1, np.ceil(points.max(axis=0)) + 1
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
