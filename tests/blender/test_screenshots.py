@@ -68,10 +68,10 @@ class Photographer:
             left, top, _, height = self.window.state["sidebar"]
             if self.look == "2x" and drawn(picture)[-60:].any():  # there is more below
                 over = ("mousemove", left + 100, top + height // 2)
-                self.window.input(*over, "sleep", "0.4", "click", "--repeat", 30, "--delay", 30, 5)
+                self.window.input(*over, "sleep", "0.2", "click", "--repeat", 20, "--delay", 12, 5)
                 self.window.input("mousemove", 20, 980, "sleep", SETTLE)
                 self._look(f"{self.look}_{state}_{step}_below.png")
-                self.window.input(*over, "sleep", "0.4", "click", "--repeat", 30, "--delay", 30, 4)
+                self.window.input(*over, "sleep", "0.2", "click", "--repeat", 20, "--delay", 12, 4)
 
     def _look(self, name: str) -> np.ndarray:
         left, top, width, height = self.window.state["sidebar"]
