@@ -58,19 +58,21 @@ class Photographer:
     look: str
     ellipsis: "Ellipsis"
     faults: list[str] = field(default_factory=list)
+    still: list[str] = field(default_factory=list)  # panels that do not scroll
 
     def photograph(self, state: str, *steps: str) -> None:
         for step in steps or STEPS:
             self.window.ask("alone", *STEPS[step])
-            # A message of Blender's goes once the mouse has left it.
-            self.window.input("mousemove", 300, 300, "sleep", "0.2", "mousemove", 20, 980, "sleep", SETTLE)
+            self.window.input("mousemove", 20, 980, "sleep", SETTLE)
             picture = self._look(f"{self.look}_{state}_{step}.png")
             left, top, _, height = self.window.state["sidebar"]
             if self.look == "2x" and drawn(picture)[-60:].any():  # there is more below
                 over = ("mousemove", left + 100, top + height // 2)
                 self.window.input(*over, "sleep", "0.2", "click", "--repeat", 20, "--delay", 12, 5)
                 self.window.input("mousemove", 20, 980, "sleep", SETTLE)
-                self._look(f"{self.look}_{state}_{step}_below.png")
+                below = self._look(f"{self.look}_{state}_{step}_below.png")
+                if np.abs(below - picture).max(axis=-1).mean() < 0.01:
+                    self.still.append(f"{state}_{step}")
                 self.window.input(*over, "sleep", "0.2", "click", "--repeat", 20, "--delay", 12, 4)
 
     def _look(self, name: str) -> np.ndarray:
@@ -173,8 +175,10 @@ def test_every_state_of_every_step(unfolded, album, tmp_path, look):
         window.ask("run", code)
 
     def work(operator: str, **settings) -> None:
+        window.input("mousemove", 300, 300)
         window.ask("invoke", operator, settings)
         window.wait(lambda state: not state["running"], 120, f"end of {operator}")
+        window.input("sleep", SETTLE, "key", "Escape")  # takes away Blender's message, which covers the panel at 2x
 
     run("for obj in bpy.data.objects: obj.select_set(False)\nbpy.context.view_layer.objects.active = None")
     photographer.photograph("to_do")
@@ -239,3 +243,5 @@ def test_every_state_of_every_step(unfolded, album, tmp_path, look):
     run("bpy.ops.mps.new_rig()")
     photographer.photograph("several", "rig", "photo", "bake")
     assert not photographer.faults, "\n".join(photographer.faults)
+    # A panel may end where the picture does; many such mean that a message covers them, or keeps the mouse.
+    assert len(photographer.still) < 6, photographer.still
