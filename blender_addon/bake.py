@@ -12,7 +12,7 @@ from mpsnet_core.camera import write_camera
 from mpsnet_core.errors import InputError
 from mpsnet_core.surface.presets import PRESETS
 
-from .made_for import files_for, refuse_anothers
+from .made_for import FRAME, files_for, refuse_anothers
 from .made_from import Ingredients, chosen, rounded, stamp
 from .mesh_file import write_mesh
 from .operators import RunsCore, same
@@ -69,7 +69,7 @@ class BakesOnto(RunsCore):
             raise
 
     def written_for(self) -> dict[Path, list[Any]]:
-        """What will be written, with <UDIM> in the names of tiles, and the objects that it is for."""
+        """What will be written, and the objects that it is for, as :func:`.made_for.refuse_anothers` takes it."""
         return files_for(self._onto, self._output)
 
     def baked_object(self, context: Any) -> Any:
@@ -225,6 +225,12 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         arguments += ["--level", f"{self.level_scale:g}" if self.level else "off"]
         arguments += self.detail(self, targets, folder)
         return arguments, [self._output / "frames" if self._frames else self._output]
+
+    def written_for(self) -> dict[Path, list[Any]]:
+        if not self._frames:
+            return super().written_for()
+        frames = self._output / f"{self._output.name}_{FRAME}.{FORMATS[self.file_format]}"
+        return {frames: [same(bpy.data.objects, self._onto[0].uid)]}
 
     def _onto_for_frames(self, context: Any) -> Any:
         if self.objects == "SELECTED" or self.split != "ONE" or self.tiles:
