@@ -127,7 +127,8 @@ def _views(heights: HeightMap, normals: NormalMap) -> _Views:
         upright[rows] = (normals.vectors[rows] * towards).sum(axis=-1) / length
         right[rows], up[rows] = towards[..., 0] / length, towards[..., 1] / length
         scale[rows] = depth / middle * length
-    return _Views(*map(to_cells, (x, y, upright, right, up, scale)))
+    # Where blocks go beyond the picture there is a line of sight too, for what is worked out and cut off there.
+    return _Views(*map(to_cells, (x, y, upright, right, up)), to_cells(scale, outside=1))
 
 
 def _ground(heights: HeightMap, views: _Views) -> Ground:
