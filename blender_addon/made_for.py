@@ -15,7 +15,7 @@ from .mesh_file import DISPLACE
 from .nodes import HEIGHT_NODE, TEXTURE_NODE
 from .operators import same
 from .outputs import remember, remembered
-from .present_map import parts_of
+from .present_map import Part, parts_of
 from .textures import TILE, Onto, Worn
 
 # Stands for the number in the names of a sequence's frames.
@@ -37,14 +37,18 @@ class _Sheet(NamedTuple):
 
 def files_for(onto: Sequence[Onto], file: Path) -> dict[Path, list[Any]]:
     """The files that the tokens in `file` stand for, with <UDIM> left as it is, and the objects that each is for."""
-    parts, tile = parts_of(onto, file), 1001 if TILE in file.name else None  # whichever: the token stays
+    parts = [part for part in parts_of(onto, file) if any(_has_faces(one, part) for one in onto)]
+    tile = 1001 if TILE in file.name else None  # whichever: the token stays
     sheets = [_Sheet(tile, material, name) for name, material in parts]
     found: dict[Path, list[Any]] = {}
-    for pattern, (name, material) in zip(tile_patterns(file, sheets), parts, strict=True):
-        for one in onto:
-            if name in (None, one.name) and (material is None or material in one.labels):
-                found.setdefault(pattern, []).append(same(bpy.data.objects, one.uid))
+    for pattern, part in zip(tile_patterns(file, sheets), parts, strict=True):
+        found.setdefault(pattern, []).extend(same(bpy.data.objects, one.uid) for one in onto if _has_faces(one, part))
     return found
+
+
+def _has_faces(onto: Onto, part: Part) -> bool:
+    name, material = part
+    return name in (None, onto.name) and (material is None or material in onto.used)
 
 
 def refuse_anothers(files: Mapping[Path, Collection[Any]]) -> None:

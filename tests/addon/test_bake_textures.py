@@ -203,6 +203,19 @@ def test_no_object_loses_its_part_of_a_texture_that_several_share(spheres, scene
     bpy.ops.mps.bake(**given)
 
 
+def test_a_slot_without_faces_asks_for_no_file(spheres, scene, tmp_path):
+    given = {"objects": "SELECTED", "split": "MATERIAL", "size": 16, "output": str(tmp_path / "<MATERIAL>.png")}
+    spheres[1].data.materials[0] = glaze = matte()
+    glaze.name = "Glaze"
+    spheres[0].data.materials.append(glaze)
+    spheres[0].select_set(False)
+    bpy.ops.mps.bake(**given)
+    spheres[0].select_set(True)
+    spheres[1].select_set(False)
+    bpy.ops.mps.bake(**given)
+    assert {file.name for file in tmp_path.glob("*.png")} == {"Glaze.png", "Matte.png"}
+
+
 def test_what_a_collection_brings_by_instances_keeps_its_texture(spheres, scene, tmp_path):
     bpy.ops.mps.bake(target="Left", size=16, output=str(tmp_path / "t.png"))
     asset, instance = bpy.data.collections.new("Asset"), bpy.data.objects.new("Instance", None)
@@ -312,7 +325,7 @@ def test_an_object_that_is_gone_before_the_end_leaves_the_others_theirs(spheres,
     from blender_addon.wearing import wear_textures
 
     image = bpy.data.images.new("Texture", 8, 8)
-    onto = [Onto(obj.session_uid, obj.name, "UVMap", ("Matte",)) for obj in spheres]
+    onto = [Onto(obj.session_uid, obj.name, "UVMap", ("Matte",), frozenset({"Matte"})) for obj in spheres]
     images = {("Left", None): image}
     assert worn_by(onto[1], spheres[1], images) is None
     wear_textures([worn_by(onto[0], spheres[0], images)], "TANGENT", "OPENGL")
