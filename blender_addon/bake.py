@@ -12,9 +12,9 @@ from mpsnet_core.camera import write_camera
 from mpsnet_core.errors import InputError
 from mpsnet_core.surface.presets import PRESETS
 
-from .made_for import files_for, refuse_anothers
+from .made_for import FRAME, files_for, refuse_anothers
 from .made_from import Ingredients, chosen, rounded, stamp
-from .mesh_file import write_mesh
+from .mesh_file import used_materials, write_mesh
 from .operators import RunsCore, same
 from .outputs import (
     FORMATS,
@@ -69,7 +69,7 @@ class BakesOnto(RunsCore):
             raise
 
     def written_for(self) -> dict[Path, list[Any]]:
-        """What will be written, with <UDIM> in the names of tiles, and the objects that it is for."""
+        """What will be written, and the objects that it is for, as :func:`.made_for.refuse_anothers` takes it."""
         return files_for(self._onto, self._output)
 
     def baked_object(self, context: Any) -> Any:
@@ -121,7 +121,7 @@ class BakesOnto(RunsCore):
         for number, target in enumerate(targets):
             path = folder / f"mesh_{number}.npz"
             worn_on = write_mesh(path, target, context.evaluated_depsgraph_get(), uv_map, turn)
-            self._onto.append(Onto(target.session_uid, target.name, worn_on, tuple(slot_labels(target))))
+            self._onto.append(_onto(target, worn_on, path))
             arguments += ["--mesh", str(path)]
         return arguments
 
@@ -160,6 +160,10 @@ class BakesOnto(RunsCore):
         one = f"Texture written to {result['outputs'][0]['output']}"
         what = one if count == 1 else f"{count} textures written to {self._output}"
         return f"{what}; {result['seen']:.0%} of the surface seen"
+
+
+def _onto(target: Any, uv_map: str, mesh: Path) -> Onto:
+    return Onto(target.session_uid, target.name, uv_map, tuple(slot_labels(target)), used_materials(mesh))
 
 
 def targets_place(settings: Any) -> Ingredients:
@@ -226,6 +230,12 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         arguments += self.detail(self, targets, folder)
         return arguments, [self._output / "frames" if self._frames else self._output]
 
+    def written_for(self) -> dict[Path, list[Any]]:
+        if not self._frames:
+            return super().written_for()
+        frames = self._output / f"{self._output.name}_{FRAME}.{FORMATS[self.file_format]}"
+        return {frames: [same(bpy.data.objects, self._onto[0].uid)]}
+
     def _onto_for_frames(self, context: Any) -> Any:
         if self.objects == "SELECTED" or self.split != "ONE" or self.tiles:
             raise InputError(
@@ -249,7 +259,7 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         def write(mesh: str, camera: str) -> None:
             context.view_layer.update()
             uv_map = write_mesh(folder / mesh, target, context.evaluated_depsgraph_get(), self.uv_map)
-            self._onto = [Onto(target.session_uid, target.name, uv_map, tuple(slot_labels(target)))]
+            self._onto = [_onto(target, uv_map, folder / mesh)]
             self._write_camera(scene, folder / camera, normals_image)
 
         if not self.animated:

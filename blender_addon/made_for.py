@@ -1,6 +1,7 @@
 """Whom a texture or heights were made for, so that no result goes over those of another object."""
 
 import json
+import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,14 +15,18 @@ from .mesh_file import DISPLACE
 from .nodes import HEIGHT_NODE, TEXTURE_NODE
 from .operators import same
 from .outputs import remember, remembered
-from .present_map import parts_of
+from .present_map import Part, parts_of
 from .textures import TILE, Onto, Worn
+
+# Stands for the number in the names of a sequence's frames.
+FRAME = "<FRAME>"
 
 
 def keep_wearers(worn: Sequence[Worn]) -> None:
-    """Note with each image the names of the objects that it was made for."""
+    """Note with each image the names of the meshes that it was made for. Duplicates of an object wear what it wears,
+    but have meshes of their own unless they are to be the same; objects are renamed more often."""
     for image in {image for one in worn for image in one.images}:
-        remember(image, "onto", json.dumps([one.target.name for one in worn if image in one.images]))
+        remember(image, "onto", json.dumps(sorted({one.target.data.name for one in worn if image in one.images})))
 
 
 class _Sheet(NamedTuple):
@@ -32,44 +37,67 @@ class _Sheet(NamedTuple):
 
 def files_for(onto: Sequence[Onto], file: Path) -> dict[Path, list[Any]]:
     """The files that the tokens in `file` stand for, with <UDIM> left as it is, and the objects that each is for."""
-    parts, tile = parts_of(onto, file), 1001 if TILE in file.name else None  # whichever: the token stays
+    parts = [part for part in parts_of(onto, file) if any(_has_faces(one, part) for one in onto)]
+    tile = 1001 if TILE in file.name else None  # whichever: the token stays
     sheets = [_Sheet(tile, material, name) for name, material in parts]
     found: dict[Path, list[Any]] = {}
-    for pattern, (name, material) in zip(tile_patterns(file, sheets), parts, strict=True):
-        for one in onto:
-            if name in (None, one.name) and (material is None or material in one.labels):
-                found.setdefault(pattern, []).append(same(bpy.data.objects, one.uid))
+    for pattern, part in zip(tile_patterns(file, sheets), parts, strict=True):
+        found.setdefault(pattern, []).extend(same(bpy.data.objects, one.uid) for one in onto if _has_faces(one, part))
     return found
+
+
+def _has_faces(onto: Onto, part: Part) -> bool:
+    name, material = part
+    return name in (None, onto.name) and (material is None or material in onto.used)
 
 
 def refuse_anothers(files: Mapping[Path, Collection[Any]]) -> None:
     """Raises InputError where a result would be written over a texture or heights that were made for another object.
 
-    Names that differ in a space or a dot alone become one in a file's name. What an object wears because it shares a
-    material with the one that it was made for is not its own.
+    Names that differ in a space or a dot alone become one in a file's name. Objects that share a mesh share what was
+    made for it. What an object wears because it shares a material with the one that it was made for, or is a duplicate
+    of it, is not its own.
 
-    files: what will be written (tiles by their name with <UDIM>, frames by their folder), and the objects it is for.
+    files: what will be written (tiles by their name with <UDIM>, frames by theirs with :data:`FRAME`), and the objects
+    it is for.
     """
     for image in (image for image in bpy.data.images if image.filepath):
         path = Path(bpy.path.abspath(image.filepath, library=image.library))
         targets = next((files[file] for file in files if _holds(file, path, image)), None)
         if targets is None:
             continue
-        wearers = [obj for obj in bpy.data.objects if obj.users_scene and image in _images_on(obj)]
-        made_for = json.loads(remembered(image, "onto") or "[]")
-        owners = [obj for obj in wearers if obj.name in made_for] or wearers  # all, where it was renamed since
-        if owners and not any(obj in owners for obj in targets):
-            raise InputError(f'the result would overwrite {path}, which is for "{owners[0].name}"; choose another file')
+        wearers = [obj for obj in _placed() if image in _images_on(obj)]
+        its_own, meshes = any(_meant(image, obj) for obj in targets), {obj.data for obj in targets}
+        others = [obj for obj in wearers if _meant(image, obj) and obj.data not in meshes]
+        if not (its_own or others or any(obj.data in meshes for obj in wearers)):
+            others = wearers  # their meshes were renamed or replaced since
+        if others:
+            name = min(obj.name for obj in others)
+            too, mend = (" too", "bake onto it as well, ") if its_own else ("", "")
+            raise InputError(
+                f'the result would overwrite {path}, which is for "{name}"{too}; {mend}choose another file, or take it '
+                f'off "{name}" first'
+            )
+
+
+def _meant(image: Any, obj: Any) -> bool:
+    return obj.data.name in json.loads(remembered(image, "onto") or "[]") and obj.data.library == image.library
+
+
+def _placed() -> set[Any]:
+    """The objects of scenes, and of collections that are instanced."""
+    instanced = {obj.instance_collection for obj in bpy.data.objects} - {None}
+    groups = [scene.objects for scene in bpy.data.scenes] + [collection.all_objects for collection in instanced]
+    return {obj for objects in groups for obj in objects}
 
 
 def _holds(file: Path, path: Path, image: Any) -> bool:
-    """Whether what will be written is an image's file, or the folder of its frames; "Oak" and "oak" are one on some
-    systems."""
+    """Whether what will be written is an image's file; "Oak" and "oak" are one on some systems."""
     tile = str(image.tiles[0].number) if image.source == "TILED" and image.tiles else "<UDIM>"
-    one, other = (Path(str(name).replace("<UDIM>", tile)) for name in (file, path))
-    if one in (other, other.parent):
-        return True
-    return one.exists() and any(there.exists() and one.samefile(there) for there in (other, other.parent))
+    number = re.findall("[0-9]*$", path.stem)[0]
+    one, other = (each.with_name(each.name.replace("<UDIM>", tile)) for each in (file, path))
+    one = one.with_name(one.name.replace(FRAME, number))
+    return one == other or (one.exists() and other.exists() and one.samefile(other))
 
 
 def _images_on(obj: Any) -> Iterator[Any]:

@@ -80,6 +80,12 @@ def write_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: M
     return uv_map or ""
 
 
+def used_materials(path: Path) -> frozenset[str]:
+    """The names of the materials that the faces of a mesh file have, see :func:`.textures.slot_labels`."""
+    with np.load(path) as mesh:
+        return frozenset(mesh["materials"][np.unique(mesh["triangle_material"])].tolist())
+
+
 @contextmanager
 def as_rendered(obj: Any) -> Iterator[None]:
     """Within, the object's modifiers show in the viewport, and so in the dependency graph, what a render shows; without

@@ -68,13 +68,14 @@ def _label(material: Any, obj: Any) -> str:
 class Onto:
     """An object that was baked onto, by numbers and names that hold whatever happens to the file meanwhile.
 
-    uid: its session number. labels: of its slots, see :func:`slot_labels`.
+    uid: its session number. labels: of its slots, see :func:`slot_labels`. used: those of slots that have faces.
     """
 
     uid: int
     name: str
     uv_map: str
     labels: tuple[str, ...]
+    used: frozenset[str]
 
 
 @dataclass(frozen=True)

@@ -127,7 +127,9 @@ def _views(heights: HeightMap, normals: NormalMap) -> _Views:
         upright[rows] = (normals.vectors[rows] * towards).sum(axis=-1) / length
         right[rows], up[rows] = towards[..., 0] / length, towards[..., 1] / length
         scale[rows] = depth / middle * length
-    return _Views(*map(to_cells, (x, y, upright, right, up, scale)))
+    # Where blocks go beyond the picture there is a line of sight too, for what is worked out and cut off there.
+    parts = ((x, 0), (y, 0), (upright, 0), (right, 0), (up, 0), (scale, 1))
+    return _Views(*(to_cells(part, outside) for part, outside in parts))
 
 
 def _ground(heights: HeightMap, views: _Views) -> Ground:

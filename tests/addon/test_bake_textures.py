@@ -1,13 +1,14 @@
 """The operator bakes onto several objects, materials and UDIM tiles; each material wears its own texture."""
 
 import re
+import shutil
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
 
-from blender_addon.outputs import load_image, remember
+from blender_addon.outputs import load_frames, load_image, remember
 from mpsnet_core import Camera, NormalMap, write_camera, write_normals
 from mpsnet_core.normals import angular_error
 
@@ -140,7 +141,7 @@ def test_names_that_become_one_in_a_file_do_not_cost_the_first_its_texture(spher
     before = file.read_bytes()
     left.select_set(False)
     right.select_set(True)
-    sentence = f'would overwrite {file}, which is for "Oak 1"; choose another file'
+    sentence = f'would overwrite {file}, which is for "Oak 1"; choose another file, or take it off "Oak 1" first'
     with pytest.raises(RuntimeError, match=re.escape(sentence)):
         bpy.ops.mps.bake(**given)
     assert file.read_bytes() == before
@@ -170,6 +171,77 @@ def test_heights_of_a_name_that_becomes_the_same_file_do_not_go_over_the_first(s
         bpy.ops.mps.displace(target="Oak 1", levels=0, method=method)
         with pytest.raises(RuntimeError, match=r'would overwrite .*Oak_1_height\.\w+, which is for "Oak 1"; choose'):
             bpy.ops.mps.displace(target="Oak_1", levels=0, method=method)
+
+
+def test_what_is_for_a_mesh_may_be_made_again_whichever_duplicates_wear_it_too(spheres, scene, tmp_path):
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "mine.blend"))
+    bpy.ops.mps.bake(target="Left", size=16)
+    bpy.ops.mps.displace(target="Left", levels=0, method="MODIFIER")
+    copies = []
+    for linked in (False, True):
+        bpy.ops.object.select_all(action="DESELECT")
+        spheres[0].select_set(True)
+        bpy.ops.object.duplicate(linked=linked)
+        copies += bpy.context.selected_objects
+    bpy.ops.mps.bake(target="Left", size=16)  # takes the heights off, which both copies wear still
+    bpy.ops.mps.displace(target="Left", levels=0, method="MODIFIER")
+    duplicate, twin = (obj.name for obj in copies)
+    bpy.ops.mps.bake(target=twin, size=16, output=str(tmp_path / "Left_normal.png"))
+    with pytest.raises(RuntimeError, match='which is for "Left'):
+        bpy.ops.mps.bake(target=duplicate, size=16, output=str(tmp_path / "Left_normal.png"))
+
+
+def test_no_object_loses_its_part_of_a_texture_that_several_share(spheres, scene, tmp_path):
+    given = {"objects": "SELECTED", "size": 16, "output": str(tmp_path / "atlas.png")}
+    bpy.ops.mps.bake(**given)
+    spheres[1].select_set(False)
+    with pytest.raises(
+        RuntimeError, match='is for "Right" too; bake onto it as well, choose another file, or take it off'
+    ):
+        bpy.ops.mps.bake(**given)
+    spheres[1].data.materials.clear()
+    bpy.ops.mps.bake(**given)
+
+
+def test_a_slot_without_faces_asks_for_no_file(spheres, scene, tmp_path):
+    given = {"objects": "SELECTED", "split": "MATERIAL", "size": 16, "output": str(tmp_path / "<MATERIAL>.png")}
+    spheres[1].data.materials[0] = glaze = matte()
+    glaze.name = "Glaze"
+    spheres[0].data.materials.append(glaze)
+    spheres[0].select_set(False)
+    bpy.ops.mps.bake(**given)
+    spheres[0].select_set(True)
+    spheres[1].select_set(False)
+    bpy.ops.mps.bake(**given)
+    assert {file.name for file in tmp_path.glob("*.png")} == {"Glaze.png", "Matte.png"}
+
+
+def test_what_a_collection_brings_by_instances_keeps_its_texture(spheres, scene, tmp_path):
+    bpy.ops.mps.bake(target="Left", size=16, output=str(tmp_path / "t.png"))
+    asset, instance = bpy.data.collections.new("Asset"), bpy.data.objects.new("Instance", None)
+    asset.objects.link(spheres[0])
+    scene.collection.objects.unlink(spheres[0])
+    instance.instance_type, instance.instance_collection = "COLLECTION", asset
+    scene.collection.objects.link(instance)
+    with pytest.raises(RuntimeError, match='is for "Left"; choose'):
+        bpy.ops.mps.bake(target="Right", size=16, output=str(tmp_path / "t.png"))
+
+
+def test_frames_go_beside_the_textures_of_others_but_not_over_them(spheres, scene, tmp_path):
+    folder = tmp_path / "textures"
+    folder.mkdir()
+    bpy.ops.mps.bake(target="Right", size=16, output=f"{folder}/right.png")
+    for number in (1, 2):
+        shutil.copy(tmp_path / "normals.exr", tmp_path / f"n_{number:04d}.exr")
+    frames = load_frames(tmp_path / "n_0001.exr", "Frames")
+    remember(frames, "camera", (tmp_path / "c.json").read_text())
+    estimate = scene.mps.estimate
+    estimate.image, estimate.first_frame, estimate.last_frame = frames, 1, 2
+    for _ in range(2):
+        bpy.ops.mps.bake(target="Left", size=16, output=str(folder))
+    assert {file.name for file in folder.iterdir()} == {"right.png", "textures_0001.png", "textures_0002.png"}
+    with pytest.raises(RuntimeError, match=r'textures_0001\.png, which is for "Left"; choose another file'):
+        bpy.ops.mps.bake(target="Right", size=16, output=str(folder))
 
 
 def test_with_one_texture_for_all_they_share_their_material(spheres, tmp_path):
@@ -253,7 +325,7 @@ def test_an_object_that_is_gone_before_the_end_leaves_the_others_theirs(spheres,
     from blender_addon.wearing import wear_textures
 
     image = bpy.data.images.new("Texture", 8, 8)
-    onto = [Onto(obj.session_uid, obj.name, "UVMap", ("Matte",)) for obj in spheres]
+    onto = [Onto(obj.session_uid, obj.name, "UVMap", ("Matte",), frozenset({"Matte"})) for obj in spheres]
     images = {("Left", None): image}
     assert worn_by(onto[1], spheres[1], images) is None
     wear_textures([worn_by(onto[0], spheres[0], images)], "TANGENT", "OPENGL")

@@ -236,7 +236,7 @@ def test_the_map_is_remembered_whatever_it_is_called_by_then(
     worn: "bpy.types.Node", estimated: "bpy.types.Object", tmp_path: Path
 ) -> None:
     """Between the beginning of a bake and its end people go on working."""
-    base = present_map([estimated], [Onto(0, estimated.name, "UVMap", ("Matte",))], (None, None))
+    base = present_map([estimated], [Onto(0, estimated.name, "UVMap", ("Matte",), frozenset({"Matte"}))], (None, None))
     present = worn.inputs["Color"].links[0].from_node.image
     present.name = "Renamed"
     other = bpy.data.images.new("waves.png", 8, 8)

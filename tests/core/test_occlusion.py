@@ -87,6 +87,13 @@ def test_a_tall_disc_casts_no_straight_shadows() -> None:
     assert found[away < 20].min() > 0.99
 
 
+def test_a_near_picture_that_blocks_do_not_fill() -> None:
+    """Nothing that NumPy would warn of is worked out beyond it."""
+    camera = Camera("perspective", 33, 30, (40.0, 40.0), (16.0, 15.0))
+    with np.errstate(divide="raise", over="raise", invalid="raise"):
+        assert of(plane(camera, (0.3, -0.2), 4)).min() > 0.9999
+
+
 def test_pictures_smaller_than_a_block() -> None:
     """One row or column of pixels, with a wall at its end."""
     row = np.zeros((1, 7))
