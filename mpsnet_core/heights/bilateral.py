@@ -15,8 +15,10 @@ from mpsnet_core.regions import grown
 SHARPNESS = np.float32(2)
 # What a neighbour counts at least: a part that is cut off all around stays where least squares put it.
 LEAST = np.float32(1e-5)
-# A pixel's equation that is off by this many pixels, times `facing`, on the side that it decided for counts half.
-OFF = np.float32(2)
+# A pixel's equation that is off by this many pixels, times `facing`, on the side that it decided for counts half. The
+# first two are the first and the last pass's on the smallest picture, for what is cut early is seldom joined again; the
+# third is that of all passes on larger ones, for breaks are about where they belong by then.
+FIRST_OFF, SMALL_OFF, OFF = 8.0, 2.0, 0.5
 # Of the search for breaks around those of a smaller picture: a link below this share of its full weight is cut, the
 # true break is so many pixels from there at most, and so many steps fit these pixels in with what is around them.
 CUT, BESIDE, SEARCHING = np.float32(0.1), 2, 24
@@ -40,18 +42,23 @@ def bilateral(wanted: Gradients, progress: Progress = silent) -> NDArray[np.floa
     Here a picture of half the size is done first, so that wide parts are in their places, the smallest one begins at
     what :func:`fast` gives, which knows where loops do not close, and each turn makes a few multigrid iterations from
     where the one before ended. A smaller picture knows where breaks are to its own pixel only; see :func:`_searched`.
-    Other than in the paper, a pixel whose equation neither side fulfils counts less.
+    Other than in the paper, a pixel whose equation neither side fulfils counts less, and ever less from pass to pass on
+    the smallest picture (Blake and Zisserman's "Visual Reconstruction", 1987, calls it graduated non-convexity): else
+    false breaks across what hangs together by little would stay, and straight ones grow out of the ends of true ones.
     """
     before = part(progress, 0.0, STARTED, "finding depth's edges")
     if max(wanted.mask.shape) <= SMALL:
-        depth, passes = fast(wanted, before), FIRST_PASSES
+        depth, offs = fast(wanted, before), np.geomspace(FIRST_OFF, SMALL_OFF, FIRST_PASSES)
     else:
         smaller = _halved(wanted)
-        depth, passes = _searched(wanted, _doubled(bilateral(smaller, before), smaller, wanted.mask)), PASSES
-    for number in range(passes):
-        done, all_done = (STARTED + (1 - STARTED) * count / passes for count in (number, number + 1))
+        depth, offs = (
+            _searched(wanted, _doubled(bilateral(smaller, before), smaller, wanted.mask)),
+            np.full(PASSES, OFF),
+        )
+    for number, off in enumerate(offs):
+        done, all_done = (STARTED + (1 - STARTED) * count / len(offs) for count in (number, number + 1))
         told = part(progress, done, all_done, "finding depth's edges")
-        weights, pulls = chosen_sides(wanted, depth)
+        weights, pulls = chosen_sides(wanted, depth, off)
         depth = solved(weights, pulls, depth, most=ITERATIONS, progress=told)
     return depth
 
@@ -118,18 +125,21 @@ def _alike(slope: NDArray[np.float32], facing: NDArray[np.float32]) -> NDArray[n
     return 1 / (1 + np.square((slope[1:] - slope[:-1]) * np.minimum(facing[1:], facing[:-1]) / APART))
 
 
-def chosen_sides(wanted: Gradients, depth: NDArray[np.float32]) -> tuple[Links, Links]:
-    """Each link's weight, and its wanted change times that, as the depth found so far decides."""
+def chosen_sides(wanted: Gradients, depth: NDArray[np.float32], off: float = OFF) -> tuple[Links, Links]:
+    """Each link's weight, and its wanted change times that, as the depth found so far decides.
+
+    off: by how many pixels, times `facing`, a pixel's equation is off that counts half.
+    """
     height, width = depth.shape
     weights = Links(np.zeros((height, width - 1), np.float32), np.zeros((height - 1, width), np.float32))
     pulls = Links(np.zeros_like(weights.right), np.zeros_like(weights.down))
     for rows in bands(height):
-        weight, pull = _along(depth[rows].T, wanted.facing[rows].T, wanted.right[rows].T, wanted.mask[rows].T)
+        weight, pull = _along(depth[rows].T, wanted.facing[rows].T, wanted.right[rows].T, wanted.mask[rows].T, off)
         weights.right[rows], pulls.right[rows] = weight.T, pull.T
         # A link's two pixels ask what the change is on their other side: a row more, above and below.
         top = max(rows.start - 1, 0)
         near = slice(top, rows.stop + 2)
-        weight, pull = _along(depth[near], wanted.facing[near], wanted.down[near], wanted.mask[near])
+        weight, pull = _along(depth[near], wanted.facing[near], wanted.down[near], wanted.mask[near], off)
         links = slice(rows.start, min(rows.stop, height - 1))
         weights.down[links], pulls.down[links] = (
             found[rows.start - top : links.stop - top] for found in (weight, pull)
@@ -138,7 +148,11 @@ def chosen_sides(wanted: Gradients, depth: NDArray[np.float32]) -> tuple[Links, 
 
 
 def _along(
-    depth: NDArray[np.float32], facing: NDArray[np.float32], wanted: NDArray[np.float32], mask: NDArray[np.bool_]
+    depth: NDArray[np.float32],
+    facing: NDArray[np.float32],
+    wanted: NDArray[np.float32],
+    mask: NDArray[np.bool_],
+    off: float,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Weights and pulls, each (N - 1, M), of the links along the first axis of (N, M) pixels."""
     linked = mask[1:] & mask[:-1]
@@ -149,8 +163,8 @@ def _along(
     steeper[:-1] -= np.square(facing[:-1] * change)
     # tanh, which does not overflow, is the same curve.
     ahead = np.tanh(steeper * (SHARPNESS / 2)) * np.float32(0.5) + np.float32(0.5)
-    first = ahead[:-1] / (1 + np.square((facing[:-1] * change - wanted[:-1]) / OFF))
-    second = (1 - ahead[1:]) / (1 + np.square((facing[1:] * change - wanted[1:]) / OFF))
+    first = ahead[:-1] / (1 + np.square((facing[:-1] * change - wanted[:-1]) / np.float32(off)))
+    second = (1 - ahead[1:]) / (1 + np.square((facing[1:] * change - wanted[1:]) / np.float32(off)))
     counts = np.maximum(first, LEAST) * facing[:-1], np.maximum(second, LEAST) * facing[1:]
     weight = (counts[0] * facing[:-1] + counts[1] * facing[1:]) * linked
     pull = (counts[0] * wanted[:-1] + counts[1] * wanted[1:]) * linked
