@@ -43,8 +43,9 @@ def find_balls(
     each holds some of the brightest pixels.
 
     Edges vote for the middles of circles along their gradients (after Yuen et al., "Comparative study of Hough
-    transform methods for circle finding", 1990); of the circles with most of an outline, the largest are fitted to
-    what edge is nearest, by :func:`fit_ball`. Raises InputError where not as many are found.
+    transform methods for circle finding", 1990); those that are voted for are moved to the outline that is nearest, and
+    the largest that are seen all around are taken. Another circle in a ball's place that is nearly as likely to be it
+    is told as a warning. Raises InputError where not as many are found.
     """
     if min(image.shape[:2]) < LEAST_SIDE:
         raise InputError(f"a photo of {image.shape[1]} x {image.shape[0]} pixels is too small to show a ball")
@@ -55,7 +56,10 @@ def find_balls(
     near: list[tuple[Circle, Ball]] = []
     for circle in _circles(small, bright):
         whole = Circle(circle.x * step, circle.y * step, circle.radius * step)
-        ball = near_outline(photo, fit_ball(whole.points(), camera, radius))
+        try:
+            ball = near_outline(photo, fit_ball(whole.points(), camera, radius))
+        except InputError:
+            continue
         outline = ball.circle
         if all(_differ(outline, other, SAME) for other, _ in near):
             near.append((outline, ball))
