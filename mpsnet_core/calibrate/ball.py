@@ -59,10 +59,9 @@ class Ball:
     covariance: NDArray[np.float64]
     by_hand: bool = False
 
-    @property
-    def outline(self) -> NDArray[np.float64]:
-        """(180, 2) points of its outline in the photo: a circle, or the ellipse that perspective makes of it."""
-        turn = 2 * np.pi * np.arange(HAND_POINTS) / HAND_POINTS
+    def outline(self, count: int = HAND_POINTS) -> NDArray[np.float64]:
+        """(count, 2) points of its outline in the photo: a circle, or the ellipse that perspective makes of it."""
+        turn = 2 * np.pi * np.arange(count) / count
         if self.camera.projection == "orthographic":
             rim = self.radius * np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=-1)
             return projected(self.camera, self.centre + rim)
@@ -77,7 +76,7 @@ class Ball:
     @property
     def circle(self) -> Circle:
         """The circle of the outline's own middle and area."""
-        x, y = self.outline.T
+        x, y = self.outline().T
         after_x, after_y = np.roll(x, -1), np.roll(y, -1)
         area = abs((x * after_y - after_x * y).sum()) / 2
         return Circle(float(x.mean()), float(y.mean()), float(np.sqrt(area / np.pi)))

@@ -1,12 +1,13 @@
 """Finding balls in a photo: circles by the Hough transform along gradients, then their outlines to parts of a pixel."""
 
-from dataclasses import replace
+import logging
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.block_means import block_means
 from mpsnet_core.calibrate.ball import Ball, Circle, fit_ball
+from mpsnet_core.calibrate.outlines import Pyramid, near_outline, sharp_outline
 from mpsnet_core.camera import Camera
 from mpsnet_core.errors import InputError
 from mpsnet_core.regions import box_sums, grown
@@ -17,21 +18,20 @@ LEAST_SIDE = 16
 # A ball's radius, as a share of the photo's shorter side.
 SMALLEST, LARGEST = 0.04, 0.75
 CANDIDATES = 12
-# How far from a circle its outline is looked for, as shares of the radius, round after round, and at last.
-REACHES = (0.12, 0.04)
-CLOSE = 0.012
-# A mirror's rim fades into what stands behind it, as all surfaces mirror fully at grazing angles: so many pixels of its
-# radius may be lost.
-FADING = 0.3
-# Pixels from place to place on a line across the outline, and the weights of lines beside each other.
-STEP = 0.5
-BESIDE = (0.1, 0.2, 0.4, 0.2, 0.1)
+# Circles whose middles and radii are no further apart than so, as a share of the radius, are one: as edges vote for
+# them, and once they were moved to the same outline.
+ALIKE, SAME = 0.1, 0.02
 # With less of its outline, or one that is rougher (as a share of the radius), a circle is not a ball that was found.
 LEAST_SEEN = 0.2
 ROUGHEST = 0.01
 # Above this share of the brightest pixel one belongs to a mirrored light, if those are a small part of the photo.
 BRIGHT = 0.5
 MOST_BRIGHT = 0.03
+
+# With so much of its score, another circle in its place may be the ball instead.
+RIVAL = 0.6
+
+log = logging.getLogger(__name__)
 
 
 def find_balls(
@@ -43,54 +43,59 @@ def find_balls(
     each holds some of the brightest pixels.
 
     Edges vote for the middles of circles along their gradients (after Yuen et al., "Comparative study of Hough
-    transform methods for circle finding", 1990); of the circles with most of an outline, the largest are fitted to
-    what edge is nearest, by :func:`fit_ball`. Raises InputError where not as many are found.
+    transform methods for circle finding", 1990); those that are voted for are moved to the outline that is nearest, and
+    the largest that are seen all around are taken. Another circle in a ball's place that is nearly as likely to be it
+    is told as a warning. Raises InputError where not as many are found.
     """
     if min(image.shape[:2]) < LEAST_SIDE:
         raise InputError(f"a photo of {image.shape[1]} x {image.shape[0]} pixels is too small to show a ball")
     step = max(1, int(np.ceil(max(image.shape[:2]) / SEARCHED_SIDE)))
     small = block_means(image, step)
     bright = _bright(small) if mirror else np.zeros(small.shape[:2], bool)
-    found: list[tuple[float, Ball]] = []
+    photo = Pyramid(image)
+    near: list[tuple[Circle, Ball]] = []
     for circle in _circles(small, bright):
         whole = Circle(circle.x * step, circle.y * step, circle.radius * step)
         try:
-            ball = outlined(image, whole, camera, radius=radius, mirror=mirror)
+            ball = near_outline(photo, fit_ball(whole.points(), camera, radius))
+        except InputError:
+            continue
+        outline = ball.circle
+        if all(_differ(outline, other, SAME) for other, _ in near):
+            near.append((outline, ball))
+    found: list[tuple[float, Ball]] = []
+    for _, ball in near:
+        try:
+            ball = sharp_outline(photo, ball, mirror=mirror)
         except InputError:
             continue
         if ball.seen >= LEAST_SEEN and ball.residual <= ROUGHEST * ball.circle.radius:
             found.append((_score(ball), ball))
-    balls: list[Ball] = []
-    for _, ball in sorted(found, key=lambda pair: -pair[0]):
-        if len(balls) < count and all(_apart(ball.circle, other.circle) for other in balls):
-            balls.append(ball)
+    found.sort(key=lambda pair: -pair[0])
+    chosen: list[tuple[float, Ball]] = []
+    for score, ball in found:
+        if len(chosen) < count and all(_apart(ball.circle, other.circle) for _, other in chosen):
+            chosen.append((score, ball))
+    balls = [ball for _, ball in chosen]
     if len(balls) < count:
         told = "no ball was" if not balls else f"only {len(balls)} of {count} balls were"
         raise InputError(f"{told} found in the photo; give the circle by hand (x,y,r), or a mask of the ball")
+    for score, ball in chosen:
+        _note_rival(score, ball, found)
     return sorted(balls, key=lambda ball: ball.circle.x)
 
 
-def outlined(
-    image: NDArray[np.float32], circle: Circle, camera: Camera, *, radius: float = 1.0, mirror: bool = True
-) -> Ball:
-    """The ball near a circle, by the edges next to it, to parts of a pixel. Raises InputError where no ball fits.
-
-    First the outline is moved to where most of it lies on edges, however faint (after Daugman's integro-differential
-    operator, "High confidence visual recognition of persons", PAMI 1993): a mirror ball's rim blends with what stands
-    behind it, and what it mirrors has stronger edges. Then the steepest places along it are fitted.
-    """
-    brightness = image.sum(axis=-1)
-    ball = fit_ball(circle.points(), camera, radius)
-    for share in REACHES:
-        edges = _Edges(brightness, ball, max(share * ball.circle.radius, 2.0))
-        ball = fit_ball(edges.best_outline(), camera, radius)
-    edges = _Edges(brightness, ball, max(CLOSE * ball.circle.radius, 1.5))
-    points, clear = edges.steepest()
-    ball = fit_ball(points[clear], camera, radius)
-    away = np.linalg.norm(points[:, None] - ball.outline[None], axis=2).min(axis=1)
-    seen = clear & (away < max(CLOSE / 2 * ball.circle.radius, 0.75))
-    fading = np.diag([0, 0, FADING**2 if mirror else 0.0])
-    return replace(ball, seen=float(seen.mean()), covariance=ball.covariance + fading)
+def _note_rival(score: float, ball: Ball, found: list[tuple[float, Ball]]) -> None:
+    """Tell of another circle in the ball's place that is nearly as likely to be it."""
+    for other_score, other in found:
+        a, b = ball.circle, other.circle
+        if other_score > RIVAL * score and _differ(a, b, ALIKE) and not _apart(a, b):
+            log.warning(
+                "the ball may be the circle %.0f,%.0f,%.0f or %.0f,%.0f,%.0f; the first was taken: look at the "
+                "overlay, and give the circle by hand (x,y,r) if it is not the ball's",
+                *(a.x, a.y, a.radius, b.x, b.y, b.radius),
+            )
+            return
 
 
 def _score(ball: Ball) -> float:
@@ -152,15 +157,16 @@ def _circles(image: NDArray[np.float32], bright: NDArray[np.bool_]) -> list[Circ
     for _, circle in sorted(found, key=lambda pair: -pair[0]):
         if bright.any() and not (np.hypot(columns + 0.5 - circle.x, rows + 0.5 - circle.y) < circle.radius).any():
             continue
-        if all(_differ(circle, other) for other in chosen):
+        if all(_differ(circle, other, ALIKE) for other in chosen):
             chosen.append(circle)
         if len(chosen) == CANDIDATES:
             break
     return chosen
 
 
-def _differ(a: Circle, b: Circle) -> bool:
-    limit = 0.1 * max(a.radius, b.radius)
+def _differ(a: Circle, b: Circle, share: float) -> bool:
+    """Whether their middles or radii are apart by over a share of the larger radius."""
+    limit = share * max(a.radius, b.radius)
     return float(np.hypot(a.x - b.x, a.y - b.y)) > limit or abs(a.radius - b.radius) > limit
 
 
@@ -175,64 +181,3 @@ def _ridge(steep: NDArray[np.float32], slope_x: NDArray[np.float32], slope_y: ND
         behind = around[1 - row : 1 - row + height, 1 - column : 1 - column + width]
         top |= (eighth == number) & (steep >= ahead) & (steep > behind)
     return top
-
-
-class _Edges:
-    """How steep a picture is along lines across a ball's outline."""
-
-    def __init__(self, brightness: NDArray[np.float32], ball: Ball, reach: float) -> None:
-        self.outline = ball.outline
-        along = np.roll(self.outline, -1, axis=0) - np.roll(self.outline, 1, axis=0)
-        self.across = np.stack([along[:, 1], -along[:, 0]], axis=-1)
-        self.across /= np.linalg.norm(self.across, axis=1, keepdims=True)
-        offsets = np.arange(-reach - 1.5, reach + 1.75, STEP)
-        places = self.outline[:, None] + offsets[:, None] * self.across[:, None]
-        profile = _sampled(brightness, places)
-        # Neighbouring lines cross the same edge; their mean has less noise.
-        around = np.stack([np.roll(profile, turn, axis=0) for turn in range(-2, 3)])
-        profile = np.tensordot(BESIDE, around, axes=1)
-        self.steep = np.abs(profile[:, 2:] - profile[:, :-2])
-        self.offsets, self.reach = offsets[1:-1], reach
-        height, width = brightness.shape
-        self.whole = ((places > 1) & (places < [width - 1, height - 1])).all(axis=(1, 2))
-        # Half of what is steepest anywhere: what is steeper counts little more, however strong it is.
-        self.usual = max(float(np.median(self.steep[self.whole])) if self.whole.any() else 0.0, 1e-12)
-
-    def best_outline(self) -> NDArray[np.float64]:
-        """(N, 2) the outline shifted and grown, within reach, to where most of it lies on an edge."""
-        evidence = self.steep / (self.steep + 2 * self.usual)
-        evidence[~self.whole] = 0
-        line = np.arange(len(evidence))
-        best, span = np.zeros(3), self.reach / 2
-        while span > 0.2:
-            grid = np.linspace(-span, span, 7)
-            nudges = best + np.stack(np.meshgrid(grid, grid, grid, indexing="ij"), axis=-1).reshape(-1, 3)
-            offsets = nudges[:, :2] @ self.across.T + nudges[:, 2:]
-            place = np.rint((offsets - self.offsets[0]) / STEP).astype(int)
-            within = (place >= 0) & (place < evidence.shape[1])
-            total = np.where(within, evidence[line, np.clip(place, 0, evidence.shape[1] - 1)], 0).sum(axis=1)
-            best = nudges[total.argmax()]
-            span /= 2.5
-        return (self.outline + (self.across @ best[:2] + best[2])[:, None] * self.across)[self.whole]
-
-    def steepest(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """(N, 2) the steepest place on each line, to parts of a step, and (N,) whether it is an edge."""
-        liked = self.steep * np.exp(-((self.offsets / self.reach) ** 2))
-        best = np.clip(liked.argmax(axis=1), 1, len(self.offsets) - 2)
-        line = np.arange(len(best))
-        before, here, after = (self.steep[line, best + k] for k in (-1, 0, 1))
-        bend = np.minimum(before - 2 * here + after, -1e-12)
-        part = np.clip(0.5 * (before - after) / bend, -0.5, 0.5)
-        points = self.outline + (self.offsets[best] + STEP * part)[:, None] * self.across
-        return points, self.whole & (here > 1.5 * np.median(self.steep, axis=1)) & (here > 0.05 * np.median(here))
-
-
-def _sampled(picture: NDArray[np.float32], places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Bilinear values of a picture (H, W) at places (..., 2) in pixels."""
-    height, width = picture.shape
-    x, y = np.clip(places[..., 0] - 0.5, 0, width - 1.001), np.clip(places[..., 1] - 0.5, 0, height - 1.001)
-    column, row = x.astype(int), y.astype(int)
-    fx, fy = x - column, y - row
-    above = picture[row, column] * (1 - fx) + picture[row, column + 1] * fx
-    below = picture[row + 1, column] * (1 - fx) + picture[row + 1, column + 1] * fx
-    return above * (1 - fy) + below * fy

@@ -133,7 +133,8 @@ def find_coloured_highlights(photo: Image, ball: Ball) -> tuple[Highlight, Highl
 
 def _window(photo: Image, ball: Ball) -> _Window:
     height, width = photo.pixels.shape[:2]
-    (low_x, low_y), (high_x, high_y) = ball.outline.min(axis=0), ball.outline.max(axis=0)
+    outline = ball.outline()
+    (low_x, low_y), (high_x, high_y) = outline.min(axis=0), outline.max(axis=0)
     left, right = max(int(low_x), 0), min(int(high_x) + 1, width)
     top, bottom = max(int(low_y), 0), min(int(high_y) + 1, height)
     if right - left < 5 or bottom - top < 5:

@@ -83,7 +83,7 @@ class _Canvas:
         resized = oiio.ImageBufAlgo.resize(source, roi=wanted).get_pixels(oiio.FLOAT)
         self.pixels: NDArray[np.float32] = np.clip(np.asarray(resized, np.float32), 0, 1)
         self.taken: list[tuple[float, float, float]] = []
-        self.loop(ball.outline, OUTLINE)
+        self.loop(ball.outline(), OUTLINE)
         self.cross((circle.x, circle.y), OUTLINE, 6)
 
     def line(self, start: Point, end: Point, colour: Colour, half_width: float = 0.8, strength: float = 1.0) -> None:

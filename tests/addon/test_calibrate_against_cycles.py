@@ -48,7 +48,7 @@ def lamp(scene: "bpy.types.Scene", place: Vector, target: Vector, colour: tuple[
 
 def render(scene: "bpy.types.Scene", path: Path) -> None:
     scene.render.engine = "CYCLES"
-    scene.cycles.samples, scene.cycles.use_denoising = 32, False
+    scene.cycles.samples, scene.cycles.use_denoising = 12, False
     scene.render.resolution_x, scene.render.resolution_y = SIZE
     if bpy.app.version >= (5, 0):
         scene.render.image_settings.media_type = "IMAGE"

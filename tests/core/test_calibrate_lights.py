@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mirror_ball import CROSSTALK, Scene, around, lamps_around, photograph, taken
+from mirror_ball import CROSSTALK, Scene, around, developed, lamps_around, photograph, taken
 from synthetic import degrees_between
 
 from mpsnet_core.calibrate.ball import Circle, ball_from_circle, ball_from_mask, distant_camera, fit_ball, mirrored
@@ -42,6 +42,37 @@ def test_a_ball_is_found_to_a_part_of_a_pixel() -> None:
     scene = afar()
     circle = find_balls(photograph(scene), distant_camera(*scene.size))[0].circle
     assert (circle.x, circle.y, circle.radius) == pytest.approx((220.3, 161.7, 97.4), abs=0.15)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_ball_in_much_noise_is_found(clean: np.ndarray, seed: int) -> None:
+    """The noise is three times as strong as the outline, pixel by pixel; edges of noise fit many circles."""
+    circle = find_balls(developed(clean, 0.3, 65535, seed), distant_camera(400, 300))[0].circle
+    assert (circle.x, circle.y, circle.radius) == pytest.approx((220.3, 161.7, 97.4), abs=0.5)
+
+
+@pytest.fixture(scope="module")
+def clean() -> np.ndarray:
+    return photograph(afar(), noise=0, levels=None)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_lamp_in_noise_is_no_ball(seed: int) -> None:
+    room = np.full((300, 400, 3), 0.1)
+    room[150:158, 200:208] = 0.9
+    with pytest.raises(InputError, match="no ball was found"):
+        find_balls(developed(room, 0.1, None, seed), distant_camera(400, 300))
+
+
+def test_a_circle_in_the_balls_place_that_may_be_the_ball_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    x, y = np.meshgrid(np.arange(240) + 0.5, np.arange(200) + 0.5)
+    ball, window, lamp = (np.hypot(x - a, y - b) < r for a, b, r in [(120, 100, 80), (110, 108, 55), (105, 105, 4)])
+    image = np.float32(0.1 + 0.05 * ball + 0.9 * lamp)
+    camera = distant_camera(240, 200)
+    assert find_balls(np.dstack([image] * 3), camera)[0].circle.radius == pytest.approx(80, abs=0.5)
+    assert "may be" not in caplog.text
+    find_balls(np.dstack([image + np.float32(0.05 * window)] * 3), camera)
+    assert "the ball may be the circle 120,100,80 or 110,108,55" in caplog.text
 
 
 @pytest.mark.parametrize("levels", [255, 65535, None])
@@ -91,8 +122,8 @@ def test_an_outline_in_perspective_is_the_ellipse_that_the_formulas_give() -> No
     """The outline's points are where rays touch the ball: their distance from its middle is the radius."""
     camera = Camera("perspective", 400, 300, (500.0, 500.0))
     middle, radius = np.array([0.5, 0.2, -1.4]), 0.2
-    ball = fit_ball(ball_from_circle(Circle(378, 78, 74), camera, radius).outline, camera, radius)
-    for x, y in ball.outline[::20]:
+    ball = fit_ball(ball_from_circle(Circle(378, 78, 74), camera, radius).outline(), camera, radius)
+    for x, y in ball.outline()[::20]:
         ray = np.array([(x - 200) / 500, (150 - y) / 500, -1.0])
         ray /= np.linalg.norm(ray)
         assert np.linalg.norm(np.cross(ray, ball.centre)) == pytest.approx(radius, rel=1e-6)
