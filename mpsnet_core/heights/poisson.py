@@ -18,6 +18,9 @@ log = logging.getLogger(__name__)
 # Iterations at most, up to a megapixel; of larger pictures fewer, so that they take no longer, but at least LEAST. One
 # smooth surface takes about ten; one that hangs together by little alone, more than a hundred.
 MOST, LEAST = 250, 60
+# After LEAST of them a correction of so many pixels on the mean is enough: noise cuts single pixels off at rims, which
+# alone would take a hundred more.
+ENOUGH = 1e-3
 # After so many, again and again, what rounding has added up to is taken out.
 ROUNDED = 16
 # A correction of so many pixels that is left after all of them is told: along strips heights are off by up to a hundred
@@ -41,11 +44,12 @@ def solved(
 
     Conjugate gradients with a multigrid cycle as preconditioner (Tatebe, "The multigrid preconditioned conjugate
     gradient method", 1993). It ends when the correction that is left is nowhere above `tolerance`, or above what
-    float32 can hold, or after `most` iterations; unless these are given there are many, and a note says so where much
-    is left after them.
+    float32 can hold, or after `most` iterations; unless these are given there are many, as long as it is above ENOUGH
+    on the mean, and a note says so where much is left after them.
     """
-    told, most = most is None, most or max(LEAST, MOST * min(2**20, start.size) // start.size)
     grids = grids_of(weights)
+    linked = np.count_nonzero(grids[0].step)
+    unasked, most = most is None, most or max(LEAST, MOST * min(2**20, start.size) // start.size)
     u = start.copy()
     left = gathered(pulls)
     residual(grids[0], u, left, left)
@@ -59,6 +63,8 @@ def solved(
         correction = corrected(grids, left)
         remaining = float(np.abs(correction).max())
         if remaining <= tolerance + 1e-6 * float(np.abs(u).max()):
+            break
+        if unasked and number >= LEAST and float(np.abs(correction).sum()) <= ENOUGH * linked:
             break
         first = max(first, remaining)
         gained = np.log(first / remaining) / max(np.log(first / tolerance), 1e-6)
@@ -74,7 +80,7 @@ def solved(
         left += step * along
         before = now
     else:
-        if told and remaining > TOLD:
+        if unasked and remaining > TOLD:
             log.info(
                 "the heights may be off by a few pixels where the surface hangs together by thin strips alone; "
                 "a mask without these strips, or a smaller picture, mends it"
