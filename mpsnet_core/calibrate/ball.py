@@ -73,6 +73,16 @@ class Ball:
         around = np.cos(turn)[:, None] * right + np.sin(turn)[:, None] * up
         return projected(self.camera, axis * np.sqrt(1 - sine**2) + sine * around)
 
+    def window(self, width: int, height: int) -> tuple[int, int, int, int]:
+        """Where its outline lies in a photo of that size: columns from left to right, rows from top to bottom, without
+        the last ones. Where it lies outside there are none.
+        """
+        outline = self.outline()
+        (low_x, low_y), (high_x, high_y) = outline.min(axis=0), outline.max(axis=0)
+        left, right = max(int(low_x), 0), min(int(high_x) + 1, width)
+        top, bottom = max(int(low_y), 0), min(int(high_y) + 1, height)
+        return left, right, top, bottom
+
     @property
     def circle(self) -> Circle:
         """The circle of the outline's own middle and area."""

@@ -133,10 +133,7 @@ def find_coloured_highlights(photo: Image, ball: Ball) -> tuple[Highlight, Highl
 
 def _window(photo: Image, ball: Ball) -> _Window:
     height, width = photo.pixels.shape[:2]
-    outline = ball.outline()
-    (low_x, low_y), (high_x, high_y) = outline.min(axis=0), outline.max(axis=0)
-    left, right = max(int(low_x), 0), min(int(high_x) + 1, width)
-    top, bottom = max(int(low_y), 0), min(int(high_y) + 1, height)
+    left, right, top, bottom = ball.window(width, height)
     if right - left < 5 or bottom - top < 5:
         raise InputError("the ball lies outside the photo, or is smaller than five pixels; check the circle")
     x, y = np.meshgrid(np.arange(left, right) + 0.5, np.arange(top, bottom) + 0.5)

@@ -150,12 +150,8 @@ def _three_photos(photos: Sequence[Image]) -> Sequence[Image]:
 def _ball_pixels(photo: Image, ball: Ball) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Points (P, 2) well inside the ball and their colours (P, 3), without those that are clipped."""
     height, width = photo.pixels.shape[:2]
-    outline = ball.outline()
-    (low_x, low_y), (high_x, high_y) = outline.min(axis=0), outline.max(axis=0)
-    x, y = np.meshgrid(
-        np.arange(max(int(low_x), 0), min(int(high_x) + 1, width)),
-        np.arange(max(int(low_y), 0), min(int(high_y) + 1, height)),
-    )
+    left, right, top, bottom = ball.window(width, height)
+    x, y = np.meshgrid(np.arange(left, right), np.arange(top, bottom))
     x, y = x.ravel(), y.ravel()
     points = np.stack([x, y], axis=-1) + 0.5
     if len(points):

@@ -76,8 +76,8 @@ class _Edges:
 
     outline, across: (LINES, 2) where the lines cross it, and their directions, in the photo's pixels. offsets: (N,)
     pixels along each. steep: (LINES, N). usual: (LINES,) the median of it about there. sure: (LINES,) whether the arc
-    about it has an edge within reach that is no noise. whole: (LINES,) whether all of the
-    line lies in the photo. reach, step: pixels.
+    about it has an edge within reach that is no noise. whole: (LINES,) whether all of the line lies in the photo.
+    reach, step: pixels.
     """
 
     outline: NDArray[np.float64]
