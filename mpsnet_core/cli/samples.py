@@ -60,7 +60,7 @@ def _add_synthesize(parser: argparse.ArgumentParser) -> None:
         help="all, or training (four in five of the measured materials) or validation (the fifth that was left out)",
     )
     parser.add_argument("--views", type=int, default=1, help="samples in a row that show the same shape")
-    parser.add_argument("--bounces", type=int, default=1, help="of light between surfaces: 0 or 1")
+    parser.add_argument("--bounces", type=int, default=1, help="of light between surfaces: 0 to 3")
     parser.add_argument("--supersampling", type=int, default=1, help="rays along a pixel's side")
     _add_workers(parser)
     parser.add_argument("-o", "--output", required=True, metavar="FOLDER", help="new, or begun by the same command")

@@ -19,9 +19,9 @@ from mpsnet_core.synthesis.recipe import Bump, Colour, Dirt, Material, Paint, Pa
 from mpsnet_core.synthesis.reflectance import material_names
 from mpsnet_core.synthesis.shapes import draw_shape, mesh_files
 
-# How often each kind of shape is drawn, relative to the others that a job asks for. Composites lead: the largest errors
-# on photographs lie in the wide shadows that one part of an object throws on another.
-SHAPE_SHARES = {"blobs": 2, "drapery": 1.5, "reliefs": 1, "composites": 4, "groups": 2, "meshes": 2, "scene": 2}
+# How often each kind of shape is drawn, relative to the others that a job asks for. Real meshes lead where there are
+# some; the largest errors on photographs lie in hollows and in the wide shadows that one part throws on another.
+SHAPE_SHARES = {"blobs": 3, "drapery": 1.5, "reliefs": 1, "composites": 3, "groups": 1.5, "meshes": 6, "scene": 2}
 
 SENSOR_WIDTH = 36.0  # mm
 ORTHOGRAPHIC_SHARE = 0.3
@@ -35,10 +35,20 @@ SLANT_SPREAD, TILT_SPREAD = 4.0, 8.0  # degrees, standard deviation of each ligh
 TILT_REACH = 30.0  # degrees, the most that a light's tilt leaves its place
 SHARP_LIGHT_SHARE = 0.4
 SHARP_LIGHT, SOFT_LIGHT = (0.0, 1.0), (1.0, 20.0)  # degrees, angular diameter
-BOUNCE_SHARE = 0.8  # of the samples have light between surfaces, where the job asks for it
+# Of the samples have light over no, one, two and three bounces between surfaces, as far as the job asks for them.
+BOUNCE_SHARES = (0.2, 0.55, 0.15, 0.1)
 
 UPRIGHT_ELEVATION, UPRIGHT_ROLL = (-10.0, 55.0), 8.0  # degrees
 FRONT_TURN = 40.0  # degrees
+
+# What things are made of as a whole: plain matt ones, as plaster, clay and unglazed stone; softly glossy paint; dark
+# engraved metal; or any materials side by side.
+FINISH_SHARES = {"plain": 0.33, "satin": 0.12, "metal": 0.07, "mixed": 0.48}
+PLAIN_ROUGHNESS, PLAIN_SPECULAR, PLAIN_BRIGHTNESS = (0.7, 1.0), (0.0, 0.5), (0.12, 0.9)
+LAMBERTIAN_SHARE = 0.5  # of the plain ones have no gloss at all
+SATIN_ROUGHNESS = (0.25, 0.6)
+METAL_ROUGHNESS, DARK_METAL = (0.15, 0.5), (0.05, 0.35)
+ENGRAVED_SHARE = 0.8
 
 MATERIAL_COUNT_SHARES = (0.22, 0.26, 0.2, 0.15, 0.1, 0.07)  # for 1 to 6
 HELD_OUT = 5  # one measured material in so many is for validation
@@ -54,6 +64,8 @@ BUMP_SHARE, BUMP_SLOPE, BUMP_SCALE = 0.35, (0.03, 0.3), (8.0, 60.0)
 
 ONE_TONE_SHARE = 0.4  # of the samples have materials of one hue that differ in brightness only
 GREY_SHARE = 0.35  # of the colours
+# Of the coloured ones are those of skin, wood, clay, leather and brass: orange, seldom strong.
+NATURAL_SHARE, NATURAL_HUE, NATURAL_SPREAD, NATURAL_SATURATION = 0.5, 0.08, 0.04, (0.1, 0.6)
 BRIGHTNESS = (0.04, 0.9)
 ROUGHNESS = ((0.5, (0.6, 1.0)), (0.35, (0.25, 0.6)), (0.15, (0.06, 0.25)))  # share, range
 METAL_SHARE, METAL_BRIGHTNESS = 0.15, (0.05, 0.9)
@@ -69,7 +81,8 @@ def draw_recipe(job: SampleJob, number: int) -> Recipe:
     """
     rng = _generator(job.seed, 1, number)
     shape = _draw_shape(job, number // job.views)
-    count = 1 + _pick(rng, MATERIAL_COUNT_SHARES)
+    finish = list(FINISH_SHARES)[_pick(rng, list(FINISH_SHARES.values()))]
+    count = 1 + _pick(rng, MATERIAL_COUNT_SHARES) if finish == "mixed" else 1
     return Recipe(
         seed=job.seed,
         number=number,
@@ -78,12 +91,12 @@ def draw_recipe(job: SampleJob, number: int) -> Recipe:
         camera=_camera(rng, job.size),
         light_directions=_light_directions(rng),
         light_sizes=np.full(3, _light_size(rng)),
-        materials=() if shape["kind"] == "scene" else _materials(rng, count, _measured(job)),
+        materials=() if shape["kind"] == "scene" else _materials(rng, finish, count, _measured(job)),
         pattern=_pattern(rng, count),
-        paint=_paint(rng),
-        dirt=_dirt(rng),
-        bump=_bump(rng),
-        bounces=job.bounces if rng.random() < BOUNCE_SHARE else 0,
+        paint=_paint(rng, PAINT_SHARE if finish in ("mixed", "metal") else 0.0),
+        dirt=_dirt(rng, DIRT_SHARE if finish in ("mixed", "metal") else 0.0),
+        bump=_bump(rng, ENGRAVED_SHARE if finish == "metal" else BUMP_SHARE),
+        bounces=min(job.bounces, _pick(rng, BOUNCE_SHARES)),
     )
 
 
@@ -204,8 +217,10 @@ def _measured(job: SampleJob) -> list[tuple[Literal["merl", "fit"], str]]:
 
 
 def _materials(
-    rng: np.random.Generator, count: int, measured: list[tuple[Literal["merl", "fit"], str]]
+    rng: np.random.Generator, finish: str, count: int, measured: list[tuple[Literal["merl", "fit"], str]]
 ) -> tuple[Material, ...]:
+    if finish != "mixed":
+        return (_uniform_material(rng, finish),)
     tone = _colour(rng, BRIGHTNESS) if rng.random() < ONE_TONE_SHARE else None
     materials = []
     for _ in range(count):
@@ -216,6 +231,26 @@ def _materials(
         else:
             materials.append(_principled(rng, tone))
     return tuple(materials)
+
+
+def _uniform_material(rng: np.random.Generator, finish: str) -> Material:
+    """The one material of a thing that is plain, satin or of metal."""
+    if finish == "plain":
+        return Material(
+            base_color=_colour(rng, PLAIN_BRIGHTNESS),
+            roughness=_between(rng, PLAIN_ROUGHNESS),
+            specular=_between(rng, PLAIN_SPECULAR) * (rng.random() >= LAMBERTIAN_SHARE),
+        )
+    if finish == "satin":
+        coated = rng.random() < 0.5
+        return Material(
+            base_color=_colour(rng, BRIGHTNESS),
+            roughness=_between(rng, SATIN_ROUGHNESS),
+            specular=_between(rng, SPECULAR),
+            coat=_between(rng, (0.2, 1.0)) * coated,
+            coat_roughness=_between(rng, (0.1, 0.4)),
+        )
+    return Material(base_color=_colour(rng, DARK_METAL), roughness=_between(rng, METAL_ROUGHNESS), metallic=1.0)
 
 
 def _principled(rng: np.random.Generator, tone: Colour | None) -> Material:
@@ -244,11 +279,14 @@ def _principled(rng: np.random.Generator, tone: Colour | None) -> Material:
 
 
 def _colour(rng: np.random.Generator, brightness: tuple[float, float]) -> Colour:
-    """A linear colour whose brightest channel is within `brightness`: grey, or of any hue, pale to strong."""
+    """A linear colour whose brightest channel is within `brightness`: grey, natural, or of any hue, pale to strong."""
     value = _between_log(rng, brightness)
-    saturation = 0.0 if rng.random() < GREY_SHARE else rng.random()
-    hue = np.abs((6 * rng.random() + np.array([0, 4, 2])) % 6 - 3) - 1  # the HSV hexagon, red at 0
-    red, green, blue = value * (1 - saturation * (1 - np.clip(hue, 0, 1)))
+    saturation, hue = 0.0 if rng.random() < GREY_SHARE else rng.random(), rng.random()
+    if rng.random() < NATURAL_SHARE and saturation:
+        low, high = NATURAL_SATURATION
+        saturation, hue = low + (high - low) * saturation, NATURAL_HUE + NATURAL_SPREAD * float(rng.normal())
+    hexagon = np.abs((6 * hue + np.array([0, 4, 2])) % 6 - 3) - 1  # HSV, red at 0
+    red, green, blue = value * (1 - saturation * (1 - np.clip(hexagon, 0, 1)))
     return float(red), float(green), float(blue)
 
 
@@ -267,8 +305,8 @@ def _pattern(rng: np.random.Generator, count: int) -> Pattern:
     )
 
 
-def _paint(rng: np.random.Generator) -> Paint:
-    painted, coloured = rng.random(2) < (PAINT_SHARE, 0.5)
+def _paint(rng: np.random.Generator, share: float) -> Paint:
+    painted, coloured = rng.random(2) < (share, 0.5)
     return Paint(
         amount=_between(rng, PAINT_AMOUNT) * bool(painted),
         hue=rng.random() * bool(coloured),
@@ -277,8 +315,8 @@ def _paint(rng: np.random.Generator) -> Paint:
     )
 
 
-def _dirt(rng: np.random.Generator) -> Dirt:
-    dirty = rng.random() < DIRT_SHARE
+def _dirt(rng: np.random.Generator, share: float) -> Dirt:
+    dirty = rng.random() < share
     return Dirt(
         amount=_between(rng, DIRT_AMOUNT) * dirty,
         color=_colour(rng, (0.03, 0.4)),
@@ -287,7 +325,7 @@ def _dirt(rng: np.random.Generator) -> Dirt:
     )
 
 
-def _bump(rng: np.random.Generator) -> Bump:
-    bumpy = rng.random() < BUMP_SHARE
+def _bump(rng: np.random.Generator, share: float) -> Bump:
+    bumpy = rng.random() < share
     slope, scale = _between_log(rng, BUMP_SLOPE), _between_log(rng, BUMP_SCALE)
     return Bump(height=slope / scale * bumpy, scale=scale, seed=_seed(rng))

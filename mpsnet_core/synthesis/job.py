@@ -19,6 +19,7 @@ RENDERERS = ("synthesis", "cycles")
 MERL_PARTS = ("all", "training", "validation")
 SHAPES = ("blobs", "drapery", "reliefs", "composites", "groups", "meshes", "scene")
 MAX_COUNT = 10_000_000
+MAX_BOUNCES = 3  # that the synthesis follows
 # Samples claim their own numbers; this one is for the folder's other files.
 FOLDER_CLAIM = MAX_COUNT
 FOLDER_SECONDS = 20.0
@@ -44,7 +45,7 @@ class SampleJob:
     "scene" (cycles only). merl: folder of MERL ``.binary`` files, or the ``.npz`` of neural fits; with "" all materials
     are principled (synthesis only). merl_part: which of the measured materials: every fifth, in the order of their
     names, is kept for "validation"; "training" has the others. views: how many samples in a row show the same shape.
-    bounces: of light between surfaces, 0 or more; for synthesis 0 or 1. samples: Cycles samples a pixel. denoise:
+    bounces: the most that light makes between surfaces, 0 or more; for synthesis up to 3. samples: Cycles samples a pixel. denoise:
     whether Cycles' light is denoised where it bounces between surfaces. supersampling: rays along a pixel's side.
 
     Raises InputError where a value is out of its range or two of them do not go together.
@@ -105,8 +106,10 @@ class SampleJob:
             )
         if self.renderer == "synthesis" and "scene" in self.shapes:
             raise InputError("a scene's objects are rendered by Blender alone; take other shapes for synthesis")
-        if self.renderer == "synthesis" and self.bounces > 1:
-            raise InputError(f"synthesis follows light over one bounce, not {self.bounces}; choose bounces 0 or 1")
+        if self.renderer == "synthesis" and self.bounces > MAX_BOUNCES:
+            raise InputError(
+                f"synthesis follows light over {MAX_BOUNCES} bounces, not {self.bounces}; choose 0 to {MAX_BOUNCES}"
+            )
         if self.renderer == "cycles" and self.merl:
             raise InputError("measured materials (merl) are for synthesis alone; leave them out for Blender")
 

@@ -1,4 +1,4 @@
-"""Light between surfaces: one diffuse bounce, gathered at every second pixel and smoothed along the surface."""
+"""Light between surfaces: diffuse bounces, gathered at every second pixel and smoothed along the surface."""
 
 from collections.abc import Callable, Sequence
 
@@ -30,17 +30,19 @@ def indirect(
     stride: int,
     footprint: float,
     albedo: Albedo,
+    bounces: int = 1,
 ) -> NDArray[np.float32]:
     """(N, lights, 3) radiance that a white matt surface at the points would have from light off other surfaces.
 
     pixels: (N,) which pixels of an image of `shape` show the points. stride: light is gathered at every so manieth
     pixel. footprint: size of a pixel on the surface. albedo: tells the (M, 3) diffuse colour of points that rays meet.
+    bounces: how many surfaces light may meet on its way to the points.
     """
     row, column = np.divmod(pixels, shape[1])
     chosen = np.flatnonzero((row % stride == stride // 2) & (column % stride == stride // 2))
     small = (-(-shape[0] // stride), -(-shape[1] // stride))
     at = row[chosen] // stride * small[1] + column[chosen] // stride
-    gathered = _gathered(surface, lights, points.chosen(chosen), tiled(_TILE, small).ravel()[at], albedo)
+    gathered = _gathered(surface, lights, points.chosen(chosen), tiled(_TILE, small).ravel()[at], albedo, bounces)
     grid = _Grid(small, at, points.smooth[chosen], points.position[chosen], gathered, footprint * stride)
     grid.smooth()
     down, right = (row - stride // 2) / stride, (column - stride // 2) / stride
@@ -53,25 +55,41 @@ def _gathered(
     points: SurfacePoints,
     tile: NDArray[np.int64],
     albedo: Albedo,
+    bounces: int,
 ) -> NDArray[np.float32]:
-    """(N, 3 lights) mean radiance that comes in along a few cosine-distributed rays."""
-    first, second = frames(points.smooth)
+    """(N, 3 lights) mean radiance that comes in along a few cosine-distributed paths."""
     total = np.zeros((len(points), len(lights), 3), np.float32)
-    for places in disc(RAYS, _TILE**2).astype(np.float32).swapaxes(0, 1):
-        x, y = places[tile].T[..., None]
-        heading = x * first + y * second + np.sqrt(np.maximum(1 - x * x - y * y, 0)) * points.smooth
-        hits = surface.scene.hits(points.start, heading)
-        found = np.flatnonzero(hits.triangle >= 0)
-        met = surface.points(hits.chosen(found), -heading[found], bump=False)
-        colour = albedo(met)
-        for number, light in enumerate(lights):
-            direction = light.direction.astype(np.float32)
-            cosine = met.smooth @ direction
-            facing = np.flatnonzero(cosine > 0)
-            free = facing[~surface.scene.occluded(met.start[facing], direction[None])]
-            total[found[free], number] += cosine[free, None] * colour[free]
+    places = disc(RAYS, _TILE**2).astype(np.float32)
+    for ray in range(RAYS):
+        owner, here = np.arange(len(points)), points
+        colour = np.ones((len(points), 3), np.float32)
+        for bounce in range(bounces):
+            # Each bounce takes another set's place, so that a path's directions are independent of one another.
+            heading = _cosine_distributed(places[(tile[owner] + 5 * bounce) % _TILE**2, (ray + 3 * bounce) % RAYS], here)
+            hits = surface.scene.hits(here.start, heading)
+            found = np.flatnonzero(hits.triangle >= 0)
+            if not len(found):
+                break
+            owner, here = owner[found], surface.points(hits.chosen(found), -heading[found], bump=False)
+            colour = colour[found] * albedo(here)
+            for number, light in enumerate(lights):
+                direction = light.direction.astype(np.float32)
+                cosine = here.smooth @ direction
+                facing = np.flatnonzero(cosine > 0)
+                free = facing[~surface.scene.occluded(here.start[facing], direction[None])]
+                total[owner[free], number] += cosine[free, None] * colour[free]
     total /= RAYS
     return total.reshape(len(points), -1)
+
+
+def _cosine_distributed(places: NDArray[np.float32], points: SurfacePoints) -> NDArray[np.float32]:
+    """(N, 3) directions above the points, from places (N, 2) on the unit disc (Malley's method)."""
+    first, second = frames(points.smooth)
+    x, y = places.T[..., None]
+    heading: NDArray[np.float32] = (
+        x * first + y * second + np.sqrt(np.maximum(1 - x * x - y * y, 0)) * points.smooth
+    )
+    return heading
 
 
 class _Grid:

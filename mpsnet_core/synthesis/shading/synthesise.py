@@ -49,7 +49,7 @@ def synthesise(recipe: Recipe, shape: Shape, reflectances: Sequence[Reflectance]
     reflectances: one for each of the recipe's materials. supersampling: rays a pixel's side; radiance, coverage, depth
     and normals are their means (a box filter).
 
-    Light comes straight from the lights, past whatever hides them, and, where the recipe has bounces, once more off
+    Light comes straight from the lights, past whatever hides them, and, where the recipe has bounces, so often off
     other surfaces: all surfaces send it on as matt ones of their albedo at normal incidence, and receive it so. The
     same recipe gives the same bytes.
     """
@@ -85,6 +85,7 @@ def synthesise(recipe: Recipe, shape: Shape, reflectances: Sequence[Reflectance]
             STRIDE * supersampling,
             float(footprint),
             lambda met: _colouring(recipe, met).albedo(recipe, lobes),
+            recipe.bounces,
         )
         radiance += received * colouring.albedo(recipe, lobes)[:, None]
 

@@ -35,7 +35,9 @@ def draw_shape(rng: np.random.Generator, kind: str, meshes: Sequence[str] = ()) 
     """
     seed = new_seed(rng)
     if kind == "blobs":
-        return {"kind": kind, "seed": seed, "pose": "any", "character": picked(rng, blobs.CHARACTERS)}
+        character = picked(rng, blobs.CHARACTERS, (2, 4, 1, 1, 1, 1))
+        pose = "front" if character == "hollowed" else "any"
+        return {"kind": kind, "seed": seed, "pose": pose, "character": character}
     if kind == "drapery":
         character = picked(rng, drapery.CHARACTERS, (4, 3, 3, 2))
         pose = "upright" if character == "draped" else "front"

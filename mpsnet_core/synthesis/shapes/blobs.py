@@ -1,4 +1,4 @@
-"""Blobs: closed bodies without parts: smooth, folded, ridged, finely wrinkled or faceted."""
+"""Blobs: closed bodies without parts: smooth, hollowed, folded, ridged, finely wrinkled or faceted."""
 
 from collections.abc import Callable
 
@@ -15,7 +15,7 @@ from mpsnet_core.synthesis.shapes.surfaces import bent, displaced, sphere, stack
 
 Array = NDArray[np.float64]
 
-CHARACTERS = ("smooth", "folded", "ridged", "wrinkled", "faceted")
+CHARACTERS = ("smooth", "hollowed", "folded", "ridged", "wrinkled", "faceted")
 
 
 def build_blob(character: str, rng: np.random.Generator, cells: int) -> Shape:
@@ -24,6 +24,8 @@ def build_blob(character: str, rng: np.random.Generator, cells: int) -> Shape:
         return _faceted(rng)
     if character == "smooth":
         return _body(rng, cells)
+    if character == "hollowed":
+        return _hollowed(rng, cells)
     if character == "folded":
         return bent(_ball(cells), _folds(rng))
     if character == "ridged":
@@ -60,6 +62,26 @@ def _body(rng: np.random.Generator, cells: int) -> Shape:
         return (points * out[:, None] + push * _vectors(points * 1.1, seed + 1)) * stretch
 
     return bent(_ball(cells), form)
+
+
+def _hollowed(rng: np.random.Generator, cells: int) -> Shape:
+    """A few lumps with deep bowls, holes and gaps, which one light reaches and bounces fill; they open towards +z."""
+    soft = between(rng, 0.05, 0.4)
+    solids = [ellipsoid((0, 0, 0), [between(rng, 0.6, 1.0) for _ in range(3)], turned(rng), blend=soft)]
+    for _ in range(count(rng, 0, 4)):
+        radii = [between(rng, 0.25, 0.6) for _ in range(3)]
+        solids.append(ellipsoid(direction(rng) * between(rng, 0.3, 0.9), radii, turned(rng), blend=soft))
+    for _ in range(count(rng, 1, 4)):
+        towards = normalised(direction(rng) * 0.9 + np.array([0.0, 0.0, 1.0]))
+        aside = between(rng, 0.0, 0.5) * direction(rng) * [1, 1, 0]
+        edge, radius = between(rng, 0.01, 0.15), between(rng, 0.15, 0.5)
+        if chance(rng, 0.5):
+            radii = radius * np.array([between(rng, 0.6, 1.6) for _ in range(3)])
+            solids.append(ellipsoid(aside + towards * between(rng, 0.4, 0.8), radii, turned(rng), blend=edge, carve=True))
+        else:
+            deep = aside + towards * between(rng, -0.2, 0.4)
+            solids.append(limb(deep, aside + towards * 1.4, radius * 0.6, radius, blend=edge, carve=True))
+    return isosurface(solids, 2.2 / cells)
 
 
 def _folds(rng: np.random.Generator) -> Callable[[Array], Array]:
