@@ -29,6 +29,13 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
     parser.add_argument("--resume", metavar="FILE", help="a checkpoint to go on from, or a network to train further")
     parser.add_argument("--logs", metavar="DIR", help="for TensorBoard")
     parser.add_argument("--stop-after", type=int, default=0, metavar="STEPS", help="to go on later; 0: at the end")
+    parser.add_argument(
+        "--anneal",
+        type=int,
+        default=0,
+        metavar="STEPS",
+        help="from the checkpoint to resume, which stays: lower the learning rate to nothing over so many steps",
+    )
     parser.add_argument("--workers", type=int, default=1, help="processes that make examples")
     parser.add_argument("--threads", type=int, default=0, help="of the processor, 0 for all cores")
     parser.add_argument("--precision", default="auto", help="auto, float32 or bfloat16")
@@ -56,7 +63,7 @@ def _train(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     output = _model_path(options.output)
     if options.precision not in PRECISIONS:
         raise InputError(f"precision {options.precision!r} is not known; choose {', '.join(PRECISIONS)}")
-    for name in ("workers", "threads", "stop_after"):
+    for name in ("workers", "threads", "stop_after", "anneal"):
         if getattr(options, name) < 0:
             raise InputError(f"--{name.replace('_', '-')} cannot be {getattr(options, name)}; choose 0 or more")
     if options.threads:
@@ -78,12 +85,13 @@ def _train(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         workers=options.workers,
         precision=options.precision,
         stop_after=options.stop_after,
+        anneal=options.anneal,
         keep=options.keep,
         progress=reporter.progress,
     )
     if trained.rank:  # of several processes one writes
         return {"step": trained.step}
-    if trained.step < trained.recipe.steps:
+    if trained.step < trained.recipe.steps and not options.anneal:
         text = f"stopped after {trained.step} of {trained.recipe.steps} steps; go on with --resume {places.checkpoint}"
         return {"checkpoint": str(places.checkpoint), "step": trained.step, "text": text}
     export_onnx(trained, output)

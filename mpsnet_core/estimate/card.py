@@ -20,14 +20,15 @@ class ModelCard:
     """What an ONNX file says of itself.
 
     name, network, licence: for people. network names the architecture.
-    kind: "dense" maps (N, C, H, W) to (N, 3, H, W); "patch" maps (N, C, patch, patch) to (N, 3), one pixel a patch.
+    kind: "dense" maps (N, C, H, W) to (N, 3, H, W); "pyramid" does so on one scale after the other, coarse to fine,
+        with its answer on the scale before as an input; "patch" maps (N, C, patch, patch) to (N, 3), one pixel a patch.
     inputs: for each ONNX input the features that are stacked along its channels, see
         :data:`mpsnet_core.estimate.features.FEATURE_CHANNELS`. Constants ("lights") are one pixel and stand alone:
-        (N, 9, 1, 1).
-    halo: dense only; how many pixels around it an output pixel depends on at most (receptive field radius).
-    multiple: dense only; height and width must be a multiple of this (pooling).
+        (N, 9, 1, 1), or beside each other.
+    halo: dense and pyramid; how many pixels around it an output pixel depends on at most (receptive field radius).
+    multiple: dense and pyramid; height and width must be a multiple of this (pooling).
     patch: patch only; the side of a patch in pixels, odd.
-    frame: dense only; "camera", or "canonical" for a network that always sees the first light straight up in the
+    frame: dense and pyramid; "camera", or "canonical" for a network that always sees the first light straight up in the
         picture and the others counter-clockwise from it, see :mod:`mpsnet_core.estimate.light_frame`.
     passes: canonical only; 3 to give each of the lights its turn at being the first and average the answers, else 1.
     """
@@ -35,7 +36,7 @@ class ModelCard:
     name: str
     network: str
     licence: str
-    kind: Literal["dense", "patch"]
+    kind: Literal["dense", "patch", "pyramid"]
     inputs: Mapping[str, tuple[str, ...]]
     halo: int = 0
     multiple: int = 1
@@ -47,12 +48,12 @@ class ModelCard:
         for key in ("name", "network", "licence"):
             if not isinstance(getattr(self, key), str) or not getattr(self, key):
                 raise InputError(f'its card needs a text for "{key}"')
-        if self.kind not in ("dense", "patch"):
-            raise InputError(f'its card\'s "kind" is {self.kind!r}; expected "dense" or "patch"')
+        if self.kind not in ("dense", "patch", "pyramid"):
+            raise InputError(f'its card\'s "kind" is {self.kind!r}; expected "dense", "patch" or "pyramid"')
         if self.frame not in ("camera", "canonical"):
             raise InputError(f'its card\'s "frame" is {self.frame!r}; expected "camera" or "canonical"')
-        if self.frame == "canonical" and self.kind != "dense":
-            raise InputError('its card\'s "frame" is "canonical", which only a dense network can have')
+        if self.frame == "canonical" and self.kind == "patch":
+            raise InputError('its card\'s "frame" is "canonical", which a network that sees patches cannot have')
         if self.passes not in (1, 3) or isinstance(self.passes, bool):
             raise InputError(f'its card\'s "passes" is {self.passes!r}; expected 1 or 3')
         if self.passes == 3 and self.frame != "canonical":
@@ -65,7 +66,7 @@ class ModelCard:
             for feature in features:
                 if not isinstance(feature, str) or feature not in FEATURE_CHANNELS:
                     raise InputError(f"its card asks for {feature!r}; this program makes {', '.join(FEATURE_CHANNELS)}")
-            if len(features) > 1 and (constants := CONSTANTS.intersection(features)):
+            if (constants := CONSTANTS.intersection(features)) and constants != set(features):
                 raise InputError(
                     f"its card stacks {', '.join(constants)}, which is one pixel, with maps in input {name!r}; "
                     "give it an input of its own"

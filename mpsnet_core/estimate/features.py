@@ -16,11 +16,15 @@ FEATURE_CHANNELS = {
     "initial_normals": 3,  # equation 2 on "photo"
     "initial_normals_grey_world": 3,  # equation 2 on "grey_world"
     "mask": 1,
+    "white": 3,  # the white photo, each channel divided by its own mean over the mask; zero where it tells nothing
+    "previous": 4,  # of pyramids: normals and expected error (radians) on the scale before; zero on the first
     "lights": 9,  # the three directions (x, y, z each); one pixel, for an input of its own
+    "channel_means": 3,  # of "photo" over the mask; one pixel
+    "given": 2,  # 1 where there is an answer of the scale before, and where there is a white photo, else 0; one pixel
 }
 
 # Not maps: one pixel that holds for the whole capture, so they cannot be stacked with maps.
-CONSTANTS = frozenset({"lights"})
+CONSTANTS = frozenset({"lights", "channel_means", "given"})
 
 
 def feature_maps(capture: Capture, names: Iterable[str]) -> dict[str, NDArray[np.float32]]:

@@ -36,7 +36,7 @@ _DAMAGED = (
 
 
 class Checkpoint(NamedTuple):
-    """step: how many are done. weights, mean_weights: the network's, and their running mean. optimiser: its state.
+    """step: how many are done. weights, mean_weights: the network's, and their running mean. optimisers: their states.
     seconds: trained so far. samples: fingerprint of the samples. precision, keep: as they were asked for.
     continues: record of the network that it began with. See :class:`mpsnet_core.training.loop.Trained`."""
 
@@ -44,7 +44,7 @@ class Checkpoint(NamedTuple):
     step: int
     weights: dict[str, Tensor]
     mean_weights: dict[str, Tensor]
-    optimiser: dict[str, Any]
+    optimisers: list[dict[str, Any]]
     seconds: float
     samples: str
     precision: str
@@ -58,7 +58,7 @@ _KINDS: dict[str, Any] = {
     "step": int,
     "weights": dict,
     "mean_weights": dict,
-    "optimiser": dict,
+    "optimisers": list,
     "seconds": float,
     "samples": str,
     "precision": str,

@@ -4,7 +4,7 @@ import multiprocessing
 import signal
 import threading
 import traceback
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +14,6 @@ from torch.utils.data import DataLoader, Dataset, Sampler
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.features import CONSTANTS, feature_maps
-from mpsnet_core.synthesis.photographs.capture_model import CaptureModel
 from mpsnet_core.synthesis.photographs.dataset import SampleDataset
 from mpsnet_core.training.networks import Network
 
@@ -35,7 +34,6 @@ class Examples(Dataset[Arrays]):
 
     crop: pixels a side of the square that is cut out, around a pixel that counts; 0 for the whole picture. It is cut
     from the finished feature maps, so that means over the mask are the whole object's, as they are in use.
-    photographs: pairs of a number and the capture model that holds from that example on; none for the samples' own.
     """
 
     def __init__(
@@ -44,10 +42,8 @@ class Examples(Dataset[Arrays]):
         inputs: dict[str, tuple[str, ...]],
         crop: int = 0,
         shuffled: bool = True,
-        photographs: Sequence[tuple[int, CaptureModel]] = (),
     ) -> None:
         self.samples, self.inputs, self.crop, self.shuffled = samples, inputs, crop, shuffled
-        self.photographs = tuple(photographs)
         self._order: tuple[int, np.ndarray] = (-1, np.empty(0, np.int64))
 
     def __len__(self) -> int:
@@ -56,9 +52,6 @@ class Examples(Dataset[Arrays]):
     def __getitem__(self, number: int) -> Arrays:
         epoch, place = divmod(number, len(self.samples))
         index = self._index(epoch, place)
-        for start, model in self.photographs:
-            if number >= start:
-                self.samples.capture_model = model
         capture, truth = self.samples.capture(index, epoch)
         maps = feature_maps(capture, {name for names in self.inputs.values() for name in names})
         counts = capture.mask & truth.any(axis=-1)

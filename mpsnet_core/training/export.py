@@ -98,14 +98,14 @@ class _Answer(nn.Module):
 
 def _onnx_of(network: Network) -> onnx.ModelProto:
     answer = _Answer(network)
-    inputs = _examples(network, 2, 64 if network.kind == "dense" else network.patch)
+    inputs = _examples(network, 2, network.patch if network.kind == "patch" else 64)
     outputs = ["normals", "confidence"] if isinstance(answer(*inputs), tuple) else ["normals"]
     axes: dict[str, dict[int, str]] = {}
     for name, features in network.inputs.items():
-        free = network.kind == "dense" and not _constant(features)
+        free = network.kind != "patch" and not _constant(features)
         axes[name] = {0: "batch", **({2: "height", 3: "width"} if free else {})}
     for name in outputs:
-        axes[name] = {0: "batch", **({2: "height", 3: "width"} if network.kind == "dense" else {})}
+        axes[name] = {0: "batch", **({2: "height", 3: "width"} if network.kind != "patch" else {})}
     with warnings.catch_warnings(), tempfile.TemporaryDirectory() as folder:
         warnings.simplefilter("ignore")  # of the exporter, about itself
         file = Path(folder) / "model.onnx"
@@ -124,7 +124,7 @@ def _onnx_of(network: Network) -> onnx.ModelProto:
 
 def _prove(network: Network, model: onnx.ModelProto) -> None:
     session = onnxruntime.InferenceSession(model.SerializeToString(), providers=["CPUExecutionProvider"])
-    sides = (64, 96) if network.kind == "dense" else (network.patch,)
+    sides = (network.patch,) if network.kind == "patch" else (64, 96)
     for side in sides:
         inputs = _examples(network, 3, side)
         with torch.no_grad():
@@ -145,8 +145,9 @@ def _examples(network: Network, count: int, side: int) -> tuple[Tensor, ...]:
         channels = sum(FEATURE_CHANNELS[name] for name in features)
         size = 1 if _constant(features) else side
         values = torch.rand((count, channels, size, size), generator=generator)
-        if _constant(features):
-            values = nn.functional.normalize((values - 0.5).view(count, 3, 3), dim=2).reshape(count, 9, 1, 1)
+        if features[0] == "lights":
+            directions = nn.functional.normalize((values[:, :9] - 0.5).view(count, 3, 3), dim=2)
+            values = torch.cat([directions.reshape(count, 9, 1, 1), values[:, 9:]], dim=1)
         made.append(values)
     return tuple(made)
 

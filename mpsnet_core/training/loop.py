@@ -1,4 +1,4 @@
-"""The training loop: AdamW with warm-up and cosine, a running mean of the weights, checkpoints that resume bit-exactly.
+"""The training loop: warm-up, constant rate, decay; a running mean of the weights; checkpoints that resume bit-exactly.
 
 Started by ``torchrun``, it shares every step's batch between the processes.
 """
@@ -11,9 +11,9 @@ import platform
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 import torch
 from torch import Tensor, nn
@@ -29,10 +29,14 @@ from mpsnet_core.training.checkpoint import Checkpoint, read_checkpoint, write_c
 from mpsnet_core.training.examples import Batch, Examples, batches, collated, on_device, patches_of
 from mpsnet_core.training.further import read_exported, take_weights
 from mpsnet_core.training.loss import Loss, loss_of
+from mpsnet_core.training.muon import Muon
 from mpsnet_core.training.networks import Network, build_network
+from mpsnet_core.training.packed import PackedSamples
+from mpsnet_core.training.photographing import Photographer, Scale
+from mpsnet_core.training.pyramid import joined, with_previous
 from mpsnet_core.training.recipe import TrainingRecipe
 from mpsnet_core.training.signals import held_signals
-from mpsnet_core.training.validation import Figures, validate
+from mpsnet_core.training.validation import Figures, validate, validate_scales
 
 log = logging.getLogger(__name__)
 
@@ -41,6 +45,7 @@ PRECISIONS = ("auto", "float32", "bfloat16")
 LOGGED_EVERY = 50  # steps
 VALIDATION_SEED = 1  # of its photographs
 VALIDATION_CROP = 128
+MUON_MAPS = 32  # the least of a weight matrix's two sides for Muon
 NORM_EXAMPLES = 64  # from which a network that is trained further has its batch norms' means
 
 
@@ -84,6 +89,7 @@ def train(
     workers: int = 1,
     precision: Precision = "auto",
     stop_after: int = 0,
+    anneal: int = 0,
     keep: bool = False,
     minutes_between_checkpoints: float = 5.0,
     validations: int = 8,
@@ -93,9 +99,10 @@ def train(
 
     validation: folders of samples that are held out; none for no validation. workers: processes that make examples.
     precision: of the layers; "auto" is bfloat16 where the processor or GPU computes with it. stop_after: steps, when to
-    stop before the recipe's end (0: at its end), to go on later. keep: hold what was read in memory, cut to the object
-    and in half floats, so that photographs differ a little from those without. validations: how
-    many, evenly over the run, the last at its end.
+    stop before the recipe's end (0: at its end), to go on later. anneal: from the checkpoint that is resumed, let the
+    learning rate fall to nothing over so many steps, and end; the checkpoint stays as it is, to go on from. keep: hold
+    what was read in memory, cut to the object and in half floats, so that photographs differ a little from those
+    without. validations: how many, evenly over the run, the last at its end.
 
     A run that was resumed from a checkpoint gives the same weights, bit for bit, as one that was never stopped, on the
     same machine with the same number of threads. Of several processes the first that is asked to stop ends the others,
@@ -113,28 +120,30 @@ def train(
         network = build_network(recipe.network, dict(recipe.options)).to(device)
         _check_fit(recipe, network)
         nn.utils.convert_conv2d_weight_memory_format(network, torch.channels_last)
-        examples, held_out = _examples(recipe, network, samples, validation, keep)
-        run = _Run(recipe, network, device, precision, _fingerprint(samples, examples.samples), keep)
-        _check_earlier(places)
+        source: Source
+        if network.kind == "pyramid":
+            source = _Photographs(recipe, network, samples, validation, device, progress)
+        else:
+            source = _Pictures(recipe, network, samples, validation, keep, device, workers)
+        run = _Run(recipe, network, device, precision, _fingerprint(samples, source.names), keep)
+        if anneal and places.resume is None:
+            raise InputError("there is nothing to anneal; name a checkpoint to resume from")
+        if not anneal:
+            _check_earlier(places)
         if places.resume is not None and places.resume.suffix.lower() == ".onnx":
-            run.train_further(places.resume, examples)
+            run.train_further(places.resume, source)
         elif places.resume is not None:
             run.resume(places.resume)
         end = min(recipe.steps, stop_after or recipe.steps)
+        if anneal:
+            places = replace(places, checkpoint=None)
+            run.anneal, end = (run.step, anneal), run.step + anneal
         writer = SummaryWriter(str(places.logs)) if places.logs is not None and rank == 0 else None
         model = network if processes == 1 else DistributedDataParallel(network)
         figures, saved, started, before = None, time.monotonic(), time.monotonic(), run.seconds
         told = recipe.steps // max(validations, 1) or 1
         try:
-            for batch in batches(
-                examples,
-                start=run.step,
-                steps=end,
-                batch=recipe.batch,
-                workers=workers,
-                rank=rank,
-                processes=processes,
-            ):
+            for batch in source.batches(run.step, end, rank, processes):
                 with held_signals():
                     try:
                         loss = run.advance(model, batch, rank)
@@ -151,9 +160,9 @@ def train(
                     if writer is not None:
                         writer.add_scalar("training/angle_deg", math.degrees(float(loss.angle)), run.step)
                         writer.add_scalar("training/expected_error", float(loss.expected), run.step)
-                        writer.add_scalar("training/learning_rate", learning_rate(recipe, run.step - 1), run.step)
-                if held_out is not None and rank == 0 and (run.step % told == 0 or run.step == end):
-                    figures = validate(run.mean(), held_out, device)
+                        writer.add_scalar("training/learning_rate", run.rate(run.step - 1), run.step)
+                if validation and rank == 0 and (run.step % told == 0 or run.step == end):
+                    figures = source.validate(run.mean())
                     log.info("step %d: %s on held-out samples", run.step, figures)
                     if writer is not None:
                         writer.add_scalar("validation/mae_deg", figures.mae_deg, run.step)
@@ -166,15 +175,15 @@ def train(
                 writer.close()
         hardware = _hardware(device)
         hardware = hardware if processes == 1 else f"{processes} x {hardware}"
-        if figures is None and held_out is not None and rank == 0:  # resumed at the recipe's end
-            figures = validate(run.mean(), held_out, device)
+        if figures is None and validation and rank == 0:  # resumed at the recipe's end
+            figures = source.validate(run.mean())
         return Trained(
             run.mean().cpu(),
             recipe,
             run.step,
             run.seconds,
             figures,
-            len(examples.samples),
+            len(source.names),
             run.samples,
             hardware,
             run.precision,
@@ -198,7 +207,7 @@ def _check_earlier(places: Places) -> None:
 
 def _check_fit(recipe: TrainingRecipe, network: Network) -> None:
     """Raise InputError where the pictures that a step sees are none that the network takes."""
-    if network.kind == "dense":
+    if network.kind != "patch":
         least = 2 * network.multiple  # batch norm needs two pixels on the coarsest scale
         if recipe.crop < least or recipe.crop % network.multiple:
             raise InputError(
@@ -214,14 +223,100 @@ def _check_fit(recipe: TrainingRecipe, network: Network) -> None:
 
 
 def learning_rate(recipe: TrainingRecipe, step: int) -> float:
-    """Of step `step`, 0 to steps - 1: a straight rise, then half a cosine; after a restart once more, half as high."""
-    highest, steps = recipe.learning_rate, recipe.restart or recipe.steps
-    if step >= steps:
-        highest, step, steps = highest / 2, step - steps, recipe.steps - steps
+    """Of step `step`, 0 to steps - 1: a straight rise, then constant, then a straight fall to nothing."""
     if step < recipe.warm_up:
-        return highest * (step + 1) / recipe.warm_up
-    done = (step - recipe.warm_up) / max(1, steps - recipe.warm_up)
-    return highest * 0.5 * (1 + math.cos(math.pi * min(1.0, done)))
+        return recipe.learning_rate * (step + 1) / recipe.warm_up
+    left = (recipe.steps - step) / recipe.decay if recipe.decay else 1.0
+    return recipe.learning_rate * min(1.0, left)
+
+
+class Source(Protocol):
+    """What a run learns from. names: of the samples."""
+
+    names: list[str]
+
+    def batches(self, start: int, end: int, rank: int, processes: int) -> "Iterator[Batch] | Iterator[list[Scale]]":
+        """The batches of steps `start` to `end` - 1, of this process' share."""
+
+    def first(self, count: int) -> Batch:
+        """The first examples, as one batch."""
+
+    def validate(self, network: Network) -> Figures:
+        """How well a network does on the held-out samples."""
+
+
+class _Photographs:
+    """For networks that go from coarse to fine: photographed on the device."""
+
+    def __init__(
+        self,
+        recipe: TrainingRecipe,
+        network: Network,
+        samples: list[Path],
+        validation: list[Path],
+        device: torch.device,
+        progress: Progress,
+    ) -> None:
+        packed = PackedSamples(samples, recipe.kinds, progress)
+        self.names, self.recipe, self.network = packed.names, recipe, network
+        self.photographer = Photographer(packed, CaptureModel(), seed=recipe.seed, window=recipe.crop, device=device)
+        self.held_out = Photographer(
+            PackedSamples(validation, (), progress) if validation else packed,
+            CaptureModel(),
+            seed=VALIDATION_SEED,
+            window=VALIDATION_CROP,
+            shuffled=False,
+            device=device,
+        )
+
+    def batches(self, start: int, end: int, rank: int, processes: int) -> Iterator[list[Scale]]:
+        for step in range(start, end):
+            yield self.photographer.batch(step * processes + rank, self.recipe.batch // processes)
+
+    def first(self, count: int) -> Batch:
+        scales = self.photographer.batch(0, count)
+        return joined(scales, with_previous(self.network, scales))[0]
+
+    def validate(self, network: Network) -> Figures:
+        return validate_scales(network, self.held_out)
+
+
+class _Pictures:
+    """For networks that see a picture once: made by processes of their own."""
+
+    def __init__(
+        self,
+        recipe: TrainingRecipe,
+        network: Network,
+        samples: list[Path],
+        validation: list[Path],
+        keep: bool,
+        device: torch.device,
+        workers: int,
+    ) -> None:
+        dataset = SampleDataset(samples, seed=recipe.seed, keep=keep)
+        self.names = [f"{path.parent.name}/{path.name}" for path in dataset.paths]
+        self.examples = Examples(dataset, network.inputs, recipe.crop)
+        self.held_out = held_out_examples(network, validation, VALIDATION_CROP) if validation else None
+        self.recipe, self.device, self.workers = recipe, device, workers
+
+    def batches(self, start: int, end: int, rank: int, processes: int) -> Iterator[Batch]:
+        return batches(
+            self.examples,
+            start=start,
+            steps=end,
+            batch=self.recipe.batch,
+            workers=self.workers,
+            rank=rank,
+            processes=processes,
+        )
+
+    def first(self, count: int) -> Batch:
+        return collated([self.examples[number] for number in range(count)])
+
+    def validate(self, network: Network) -> Figures:
+        assert self.held_out is not None
+        return validate(network, self.held_out, self.device)
 
 
 class _Run:
@@ -244,36 +339,59 @@ class _Run:
         self.whole = True  # False within a step
         decayed = [value for value in network.parameters() if value.ndim > 1]
         others = [value for value in network.parameters() if value.ndim <= 1]
-        self.optimiser = torch.optim.AdamW(
-            [{"params": decayed, "weight_decay": recipe.weight_decay}, {"params": others, "weight_decay": 0.0}],
-            lr=recipe.learning_rate,
-        )
+        self.anneal: tuple[int, int] | None = None  # the step at which it begins, and over how many
+        # Muon is for the layers between; what sees and says directions, of few maps, is AdamW's as single numbers are.
+        inner = [value for value in decayed if recipe.optimiser == "muon" and min(value.flatten(1).shape) >= MUON_MAPS]
+        rest = [value for value in decayed if all(value is not other for other in inner)]
+        self.optimisers: list[torch.optim.Optimizer] = [
+            torch.optim.AdamW(
+                [{"params": rest, "weight_decay": recipe.weight_decay}, {"params": others, "weight_decay": 0.0}],
+                lr=recipe.learning_rate,
+            )
+        ]
+        if inner:
+            self.optimisers.append(Muon(inner, lr=recipe.learning_rate, weight_decay=recipe.weight_decay))
         self.mean_weights = {name: value.detach().clone() for name, value in network.state_dict().items()}
 
-    def advance(self, model: nn.Module, batch: Batch, rank: int) -> Loss:
+    def rate(self, step: int) -> float:
+        """The learning rate of a step."""
+        if self.anneal is None:
+            return learning_rate(self.recipe, step)
+        begun, over = self.anneal
+        return learning_rate(self.recipe, begun) * (1 - (step - begun) / over)
+
+    def advance(self, model: nn.Module, batch: Batch | list[Scale], rank: int) -> Loss:
         recipe, seed = self.recipe, _seed(self.recipe.seed, self.step, rank)
         self.whole = False
         # What dropout and permutation draw depends on the step alone, so that a resumed run draws the same.
         torch.manual_seed(seed)
-        batch = on_device(batch, self.device)
+        lit: Tensor | None = None
+        autocast = torch.autocast(self.device.type, torch.bfloat16, enabled=self.precision == "bfloat16")
+        if isinstance(batch, list):
+            with autocast:
+                batch, lit = joined(batch, with_previous(self.network, batch))
+        else:
+            batch = on_device(batch, self.device)
         if self.network.kind == "patch":
             batch = patches_of(batch, self.network, recipe.patches, torch.Generator().manual_seed(seed))
-        for group in self.optimiser.param_groups:
-            group["lr"] = learning_rate(recipe, self.step)
+        for optimiser in self.optimisers:
+            for group in optimiser.param_groups:
+                group["lr"] = self.rate(self.step)
+            optimiser.zero_grad(set_to_none=True)
         model.train()
-        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.precision == "bfloat16"):
+        with autocast:
             prediction = model(*(channels_last(values) for values in batch.inputs))
-        loss = loss_of(prediction, batch.truth, batch.weights, recipe.error_weight)
-        self.optimiser.zero_grad(set_to_none=True)
+        loss = loss_of(prediction, batch.truth, batch.weights, recipe.error_weight, recipe.gradient_weight, lit)
         loss.total.backward()
-        slope = nn.utils.clip_grad_norm_(self.network.parameters(), 1.0)
-        for what, value in (("loss", loss.total), ("slopes", slope)):
+        gradients = nn.utils.clip_grad_norm_(self.network.parameters(), 1.0)
+        for what, value in (("loss", loss.total), ("gradients", gradients)):
             if not torch.isfinite(value):
                 raise InputError(
                     f"{what} of step {self.step} not finite; begin anew with a lower learning rate, or with "
                     "--precision float32"
                 )
-        self.optimiser.step()
+        for optimiser in self.optimisers:
+            optimiser.step()
         self.step += 1
         self._follow()
         self.whole = True
@@ -305,7 +423,7 @@ class _Run:
                     self.step,
                     self.network.state_dict(),
                     self.mean_weights,
-                    self.optimiser.state_dict(),
+                    [optimiser.state_dict() for optimiser in self.optimisers],
                     self.seconds,
                     self.samples,
                     self.precision,
@@ -330,19 +448,20 @@ class _Run:
         try:
             self.network.load_state_dict(found.weights)
             self.mean_weights = {name: value.to(self.device) for name, value in found.mean_weights.items()}
-            self.optimiser.load_state_dict(found.optimiser)
+            for optimiser, state in zip(self.optimisers, found.optimisers, strict=True):
+                optimiser.load_state_dict(state)
         except (RuntimeError, ValueError, KeyError) as error:
             reason = " ".join(str(error).split())[:200]
             raise InputError(f"checkpoint {path} does not fit the network: {reason}; resume from another") from None
         self.step, self.seconds, self.continues = found.step, found.seconds, found.continues
 
-    def train_further(self, path: Path, examples: Examples) -> None:
+    def train_further(self, path: Path, source: Source) -> None:
         exported = read_exported(path)
         if exported.step >= self.recipe.steps:
             raise InputError(
                 f"model {path} has had {exported.step} steps already, the recipe has {self.recipe.steps}; give it more"
             )
-        batch = on_device(collated([examples[number] for number in range(NORM_EXAMPLES)]), self.device)
+        batch = on_device(source.first(NORM_EXAMPLES), self.device)
         if self.network.kind == "patch":
             batch = patches_of(batch, self.network, self.recipe.patches, torch.Generator().manual_seed(0))
         take_weights(self.network, exported, batch.inputs)
@@ -350,31 +469,18 @@ class _Run:
         self.step, self.continues = exported.step, exported.record
 
 
-def _examples(
-    recipe: TrainingRecipe, network: Network, samples: list[Path], validation: list[Path], keep: bool
-) -> tuple[Examples, Examples | None]:
-    canonical = network.frame == "canonical"
-    training = SampleDataset(samples, seed=recipe.seed, canonical=canonical, keep=keep)
-    held_out = held_out_examples(network, validation, VALIDATION_CROP) if validation else None
-    starts = (0, recipe.restart * recipe.batch)
-    photographs = [
-        (start, CaptureModel(calibrated=chance)) for start, chance in zip(starts, recipe.calibrated, strict=False)
-    ]
-    return Examples(training, network.inputs, recipe.crop, photographs=photographs), held_out
-
-
 def held_out_examples(network: Network, folders: list[Path], crop: int) -> Examples:
-    """Examples that are the same whenever and for whatever network they are asked for, but for the network's frame.
+    """Examples that are the same whenever and for whatever network they are asked for.
 
     crop: as of :class:`Examples`. Raises InputError where a folder is missing or holds no whole sample.
     """
-    samples = SampleDataset(folders, seed=VALIDATION_SEED, augment=False, canonical=network.frame == "canonical")
+    samples = SampleDataset(folders, seed=VALIDATION_SEED, augment=False)
     return Examples(samples, network.inputs, crop, shuffled=False)
 
 
-def _fingerprint(folders: list[Path], samples: SampleDataset) -> str:
+def _fingerprint(folders: list[Path], names: list[str]) -> str:
     """Of the samples' names, and of what each folder says they were drawn from."""
-    digest = hashlib.sha256("\n".join(f"{path.parent.name}/{path.name}" for path in samples.paths).encode())
+    digest = hashlib.sha256("\n".join(names).encode())
     for folder in folders:
         if (folder / JOB_FILE).is_file():
             digest.update((folder / JOB_FILE).read_bytes())

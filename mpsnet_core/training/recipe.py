@@ -9,9 +9,11 @@ from typing import Any
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import existing_file
+from mpsnet_core.synthesis.job import SHAPES
 
 RECIPES = Path(__file__).parent / "recipes"
 MAX_RECIPE_BYTES = 1 << 16
+OPTIMISERS = ("adamw", "muon")
 
 # Smallest and largest value of each number of a recipe.
 _RANGES: dict[str, tuple[float, float]] = {
@@ -23,9 +25,10 @@ _RANGES: dict[str, tuple[float, float]] = {
     "learning_rate": (1e-8, 1.0),
     "weight_decay": (0.0, 1.0),
     "warm_up": (0, 1_000_000),
-    "restart": (0, 100_000_000),
+    "decay": (0, 100_000_000),
     "ema": (0.0, 0.99999),
     "error_weight": (0.0, 100.0),
+    "gradient_weight": (0.0, 100.0),
 }
 
 
@@ -38,14 +41,14 @@ class TrainingRecipe:
     steps: of the optimiser. batch: pictures a step (over all processes). crop: side of a picture in pixels, 0 for whole
     pictures (patch-wise networks alone). patches: places taken from each picture where the network is patch-wise, so
     that a step sees batch * patches of them.
-    learning_rate: AdamW's highest; it rises over `warm_up` steps and falls to nothing along a cosine. restart: the step
-    at which it rises once more, to half its highest, and falls again (Loshchilov and Hutter, "SGDR", ICLR 2017); 0 for
-    never. weight_decay: of
-    weights, not of biases and batch norm. ema: decay of the weights' running mean, which is what becomes the model.
-    error_weight: of the squared error of the expected error in the loss, for networks that give one.
-    calibrated: chance that a photograph's mixing is known (:class:`mpsnet_core.synthesis.photographs.capture_model.
-    CaptureModel`); a second number holds from the restart on. seed: of the first weights, the photographs and their
-    order.
+    optimiser: "adamw", or "muon" for the weights of convolutions and AdamW for the rest.
+    learning_rate: it rises over `warm_up` steps, stays, and falls to nothing over the last `decay` steps, in a straight
+    line (Hägele et al., "Scaling laws and compute-optimal training beyond fixed training durations", 2024).
+    weight_decay: of weights, not of biases and batch norm. ema: decay of the weights' running mean, which is what
+    becomes the model. error_weight: of the squared error of the expected error in the loss, for networks that give one.
+    gradient_weight: of the difference between the normals' steps from pixel to pixel and the true ones.
+    kinds: of shapes to train on, of those in the samples; empty for all. seed: of the first weights, the photographs
+    and their order.
 
     Raises InputError where a value is out of its range.
     """
@@ -62,10 +65,12 @@ class TrainingRecipe:
     learning_rate: float = 1e-3
     weight_decay: float = 1e-2
     warm_up: int = 200
-    restart: int = 0
+    decay: int = 0
     ema: float = 0.999
     error_weight: float = 1.0
-    calibrated: tuple[float, ...] = (0.9,)
+    gradient_weight: float = 0.0
+    optimiser: str = "adamw"
+    kinds: tuple[str, ...] = ()
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -77,18 +82,19 @@ class TrainingRecipe:
             raise InputError(f"the recipe's options must be a table, not {self.options!r}")
         if not all(isinstance(line, str) for line in self.samples):
             raise InputError("the recipe's samples must be a list of texts")
-        chances = [isinstance(chance, float) and 0 <= chance <= 1 for chance in self.calibrated]
-        if not all(chances) or len(chances) not in ((1, 2) if self.restart else (1,)):
-            raise InputError(
-                f"the recipe's calibrated must be a chance from 0.0 to 1.0, or two where there is a restart, not "
-                f"{list(self.calibrated)}"
-            )
+        if self.optimiser not in OPTIMISERS:
+            raise InputError(f"the recipe's optimiser must be {' or '.join(OPTIMISERS)}, not {self.optimiser!r}")
+        for kind in self.kinds:
+            if kind not in SHAPES:
+                raise InputError(f"the recipe's kinds must be some of {', '.join(SHAPES)}, not {kind!r}")
         for name, (low, high) in _RANGES.items():
             value, kind = getattr(self, name), type(getattr(self, name))
             if kind not in (int, float) or (kind is float and isinstance(low, int)) or not low <= value <= high:
                 raise InputError(f"the recipe's {name} must be from {low:g} to {high:g}, not {value!r}")
-        if self.restart >= self.steps:
-            raise InputError(f"the recipe's restart must come before its {self.steps} steps, not at {self.restart}")
+        if self.warm_up + self.decay > self.steps:
+            raise InputError(
+                f"the recipe's warm_up and decay take {self.warm_up + self.decay} steps of {self.steps}; give it more"
+            )
 
     def to_json(self) -> dict[str, Any]:
         """The recipe as plain data, which :func:`recipe_from_data` takes."""
@@ -96,7 +102,7 @@ class TrainingRecipe:
             **asdict(self),
             "options": dict(self.options),
             "samples": list(self.samples),
-            "calibrated": list(self.calibrated),
+            "kinds": list(self.kinds),
         }
 
 
@@ -133,7 +139,7 @@ def recipe_from_data(data: Mapping[str, Any]) -> TrainingRecipe:
     for name in ("name", "title", "network", "steps"):
         if name not in data:
             raise InputError(f'the recipe lacks "{name}"; add it')
-    lists = {name: data[name] for name in ("samples", "calibrated") if name in data}
+    lists = {name: data[name] for name in ("samples", "kinds") if name in data}
     for name, values in lists.items():
         if not isinstance(values, list | tuple):
             raise InputError(f"the recipe's {name} must be a list, not {values!r}")

@@ -11,9 +11,12 @@ from mpsnet_core.evaluation.confidence import rank_correlation
 from mpsnet_core.training.examples import Examples, collated, on_device, patches_of
 from mpsnet_core.training.loss import angle_between
 from mpsnet_core.training.networks import Network
+from mpsnet_core.training.photographing import Photographer
+from mpsnet_core.training.pyramid import with_previous
 
 PATCHES_A_PICTURE = 200
 PATCHES_AT_ONCE = 1000
+PICTURES_AT_ONCE = 8
 
 
 class Figures(NamedTuple):
@@ -27,6 +30,23 @@ class Figures(NamedTuple):
     def __str__(self) -> str:
         rank = "" if self.rank_correlation is None else f", rank correlation {self.rank_correlation:.2f}"
         return f"{self.mae_deg:.2f}°{rank}"
+
+
+@torch.no_grad()
+def validate_scales(network: Network, photographer: Photographer) -> Figures:
+    """Over all windows on all scales of each held-out sample, photographed once."""
+    network.eval()
+    errors, expected = [], []
+    for start in range(0, len(photographer.samples), PICTURES_AT_ONCE):
+        scales = photographer.batch(start // PICTURES_AT_ONCE, PICTURES_AT_ONCE)
+        for scale, inputs in zip(scales, with_previous(network, scales), strict=True):
+            prediction = network(*inputs)
+            counted = scale.weights > 0
+            assert prediction.expected_error is not None
+            errors.append(angle_between(prediction.normals, scale.truth)[counted].float().cpu().numpy())
+            expected.append(prediction.expected_error.squeeze(1)[counted].float().cpu().numpy())
+    error = np.degrees(np.concatenate(errors), dtype=np.float64)
+    return Figures(float(error.mean()), float(error.max()), rank_correlation(np.concatenate(expected), error))
 
 
 @torch.no_grad()

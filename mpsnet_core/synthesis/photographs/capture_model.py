@@ -28,8 +28,9 @@ class CaptureDraw:
         what channel i sees of a surface's red, green and blue; rows sum to 1. known_mixing: (3, 3) what whoever
         estimates takes the mixing for. direction_errors: (3, 3) radians, how far the light directions that
         are known are off; of each row only the part across the light's direction counts.
-    exposure, highlights, full_well, read_noise, bits, srgb, halved_chroma, blur, mask_error: see :class:`CaptureModel`.
-    jpeg_quality: 0 for none. noise_seed: what the noise is drawn from.
+    exposure, highlights, full_well, read_noise, bits, srgb, halved_chroma, blur, mosaic, white, mask_error: see
+        :class:`CaptureModel`. jpeg_quality: 0 for none. noise_seed: what the noise is drawn from.
+    white_mixing: (3, 3) the mixing matrix of the white photo.
     """
 
     mixing: NDArray[np.float64]
@@ -45,8 +46,11 @@ class CaptureDraw:
     jpeg_quality: int
     halved_chroma: bool
     blur: float
+    mosaic: bool
     mask_error: int
     noise_seed: int
+    white: bool
+    white_mixing: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -64,14 +68,16 @@ class CaptureModel:
         seldom brought to one brightness; our estimate.
     channel_gains: of each camera channel, log-uniform. Daylight multipliers of cameras' raw files are some 2, 1 and 1.5
         (the "pre_mul" of dcraw's tables); white balance undoes a part of it.
-    calibrated: chance that the mixing was measured, on a grey sphere, and so is known to whoever estimates. Else the
-        mixing is taken for the identity, as the program does where a rig file tells nothing. Our estimate: a rig in
-        Blender is exact, and who builds one measures it. A network that expects unknown crosstalk more often than it
-        occurs exaggerates every slope.
-    mixing_error: standard deviation of a measured mixing's entries, as a share of its largest; our estimate.
-    direction_error: degrees, standard deviation across two axes by which the known light directions are off. A
-        highlight found one pixel off on a mirror ball of 100 pixels' radius is 1.1° off (twice its normal's error);
-        rigs put up by protractor are off by some 3°.
+    exact: chance that mixing and light directions are known exactly, as those of a rig in Blender are. rendered: chance
+        that such a photo is a render: lights of one colour each, no noise, no blur, no JPEG, an exact mask.
+    measured: chance that they were measured well; our estimates are below. What is left was measured badly, or the
+        mixing not at all: then it is taken for the identity, as the program does where a rig file tells nothing. A
+        network that expects unknown crosstalk more often than it occurs exaggerates every gradient.
+    mixing_error: standard deviation of a mixing's entries, as a share of its largest, and direction_error: degrees,
+        standard deviation across two axes by which the known light directions are off; of rigs that were measured well.
+        A highlight found one pixel off on a mirror ball of 100 pixels' radius is 1.1° off (twice its normal's error).
+    bad_mixing_error, bad_direction_error: the same of rigs that were measured badly; those put up by protractor are off
+        by some 3°. unknown: the chance that such a rig's mixing is not known at all.
     exposure: the brightness that the object's highlights exceed, as a share of the sensor's full well, log-uniform;
         above 1 they are saturated. highlights: the share of the object's pixels that counts so, log-uniform: who
         photographs a dark glossy thing lets its highlights burn, who exposes for a histogram's right end does not.
@@ -88,6 +94,8 @@ class CaptureModel:
         and more, messengers 60 to 80. halved_chroma: chance that JPEG keeps colour at half the resolution (4:2:0).
     blur: pixels, standard deviation of a Gaussian. Lenses and demosaicing that leave half the contrast at 0.16 to 0.5
         cycles a pixel (MTF50) have 1.2 to 0.4.
+    mosaic: chance that the camera's sensor sees one colour a pixel (Bayer) and the others are interpolated.
+    white: chance that a second photo shows the same under white light. white_strengths: of each light in it.
     mask_error: pixels by which the mask is too large, or too small where negative; our estimate for masks by threshold
         and by hand.
     """
@@ -98,9 +106,14 @@ class CaptureModel:
     colours: Rows | None = None
     light_strengths: Range = (0.7, 1.4)
     channel_gains: Range = (0.6, 1.6)
-    calibrated: float = 0.9
+    exact: float = 0.33
+    rendered: float = 0.5
+    measured: float = 0.33
     mixing_error: Range = (0.0, 0.03)
-    direction_error: Range = (0.0, 3.0)
+    direction_error: Range = (0.0, 1.5)
+    bad_mixing_error: Range = (0.03, 0.1)
+    bad_direction_error: Range = (1.5, 4.0)
+    unknown: float = 0.5
     exposure: Range = (0.25, 1.2)
     highlights: Range = (0.005, 0.15)
     full_well: Range = (1500.0, 40_000.0)
@@ -111,6 +124,9 @@ class CaptureModel:
     jpeg_quality: tuple[int, int] = (60, 98)
     halved_chroma: float = 0.5
     blur: Range = (0.0, 1.2)
+    mosaic: float = 0.3
+    white: float = 0.25
+    white_strengths: Range = (0.3, 1.4)
     mask_error: tuple[int, int] = (-3, 2)
 
     @classmethod
@@ -121,8 +137,8 @@ class CaptureModel:
             colour_overlap=(0.0, 0.0),
             light_strengths=(1.0, 1.0),
             channel_gains=(1.0, 1.0),
-            calibrated=0.0,
-            direction_error=(0.0, 0.0),
+            exact=1.0,
+            rendered=0.0,
             exposure=(1.0, 1.0),
             highlights=(0.01, 0.01),
             full_well=(np.inf, np.inf),
@@ -131,6 +147,8 @@ class CaptureModel:
             srgb=0.0,
             jpeg=0.0,
             blur=(0.0, 0.0),
+            mosaic=0.0,
+            white=0.0,
             mask_error=(0, 0),
         )
 
@@ -146,18 +164,27 @@ class CaptureModel:
         colours = colours / colours.sum(axis=1, keepdims=True) if self.colours is None else np.array(self.colours)
         strengths = [_log_uniform(rng, self.light_strengths) for _ in range(3)]
         gains = [_log_uniform(rng, self.channel_gains) for _ in range(3)]
-        mixing = np.diag(gains) @ mixing @ np.diag(strengths)
-        measured = mixing + _uniform(rng, self.mixing_error) * mixing.max() * rng.normal(size=(3, 3))
-        calibrated = rng.random() < self.calibrated
-        direction_error = np.radians(_uniform(rng, self.direction_error))
-        jpeg = rng.random() < self.jpeg
+        kind, rendered, unknown = rng.random(3) < (self.exact, self.rendered, self.unknown)
+        rendered &= kind
+        well = rng.random() < self.measured / max(1 - self.exact, 1e-9)
+        mixing = np.diag(strengths) if rendered else np.diag(gains) @ mixing @ np.diag(strengths)
+        spread = _uniform(rng, self.mixing_error if well else self.bad_mixing_error)
+        direction_error = np.radians(_uniform(rng, self.direction_error if well else self.bad_direction_error))
+        known = mixing + spread * mixing.max() * rng.normal(size=(3, 3))
+        if kind:
+            known, direction_error = mixing, 0.0
+        elif unknown and not well:
+            known = np.eye(3)
+        jpeg = rng.random() < self.jpeg and not rendered
         bits = self.bits[_whole(rng, (0, len(self.bits) - 1))]
         srgb = rng.random() < self.srgb
         quality = _whole(rng, self.jpeg_quality)
-        return CaptureDraw(
+        white_strengths = [_log_uniform(rng, self.white_strengths) for _ in range(3)]
+        white_gains = [_log_uniform(rng, self.channel_gains) for _ in range(3)]
+        draw = CaptureDraw(
             mixing=mixing,
             colours=colours,
-            known_mixing=measured if calibrated else np.eye(3),
+            known_mixing=known,
             direction_errors=direction_error * rng.normal(size=(3, 3)),
             exposure=_log_uniform(rng, self.exposure),
             highlights=_log_uniform(rng, self.highlights),
@@ -168,8 +195,17 @@ class CaptureModel:
             jpeg_quality=quality if jpeg else 0,
             halved_chroma=rng.random() < self.halved_chroma,
             blur=_uniform(rng, self.blur),
+            mosaic=rng.random() < self.mosaic,
             mask_error=_whole(rng, self.mask_error),
             noise_seed=int(rng.integers(1 << 62)),
+            white=rng.random() < self.white,
+            white_mixing=np.outer(white_gains, white_strengths),
+        )
+        if not rendered:
+            return draw
+        bits = 16 if self.bits != (0,) else 0
+        return replace(
+            draw, full_well=np.inf, read_noise=0.0, bits=bits, srgb=False, blur=0.0, mosaic=False, mask_error=0
         )
 
 
@@ -201,7 +237,7 @@ def photograph(
     # Channel by channel in memory, like the lights.
     image = (_stored(well, draw) if draw.bits else well).transpose(1, 2, 0)
     shown = _grown(mask, draw.mask_error)
-    rig = LightRig(_turned(directions, draw.direction_errors), draw.known_mixing)
+    rig = LightRig(turned(directions, draw.direction_errors), draw.known_mixing)
     return Capture(image, shown if shown.any() else mask, rig, clip=1.0 if draw.bits else np.inf)
 
 
@@ -228,18 +264,11 @@ def _stored(well: NDArray[np.float32], draw: CaptureDraw) -> NDArray[np.float32]
 
 
 def _blurred(planes: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
-    """Planes (C, H, W) under a Gaussian; what lies beyond their border is like the border.
-
-    Its weights are the discrete Gaussian of Lindeberg, "Scale-space for discrete signals" (PAMI 1990), which has the
-    right width where a sampled one, narrower than a pixel, would vanish.
-    """
-    reach = int(np.ceil(3 * sigma))
+    """Planes (C, H, W) under a Gaussian; what lies beyond their border is like the border."""
+    weights = blur_weights(sigma)
+    reach = len(weights) // 2
     if reach == 0:
         return planes
-    frequency = 2 * np.pi * np.arange(8 * reach + 1) / (16 * reach)
-    half = np.fft.irfft(np.exp(sigma**2 * (np.cos(frequency) - 1)))[: reach + 1]
-    weights = np.concatenate([half[:0:-1], half])
-    weights = (weights / weights.sum()).astype(np.float32)
     for _ in range(2):  # along rows, then along columns
         around = np.pad(planes, [(0, 0), (0, 0), (reach, reach)], mode="edge")
         width = planes.shape[2]
@@ -248,6 +277,21 @@ def _blurred(planes: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
             blurred += weight * around[..., place : place + width]
         planes = blurred.transpose(0, 2, 1)
     return planes
+
+
+def blur_weights(sigma: float) -> NDArray[np.float32]:
+    """Weights (2 reach + 1,) of a Gaussian with standard deviation `sigma` in pixels; a single 1 where that is 0.
+
+    The discrete Gaussian of Lindeberg, "Scale-space for discrete signals" (PAMI 1990), which has the right width where
+    a sampled one, narrower than a pixel, would vanish.
+    """
+    reach = int(np.ceil(3 * sigma))
+    if reach == 0:
+        return np.ones(1, np.float32)
+    frequency = 2 * np.pi * np.arange(8 * reach + 1) / (16 * reach)
+    half = np.fft.irfft(np.exp(sigma**2 * (np.cos(frequency) - 1)))[: reach + 1]
+    weights = np.concatenate([half[:0:-1], half])
+    return (weights / weights.sum()).astype(np.float32)
 
 
 def _grown(mask: NDArray[np.bool_], pixels: int) -> NDArray[np.bool_]:
@@ -261,7 +305,7 @@ def _grown(mask: NDArray[np.bool_], pixels: int) -> NDArray[np.bool_]:
     return ~region if pixels < 0 else region
 
 
-def _turned(directions: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray[np.float64]:
+def turned(directions: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray[np.float64]:
     """Unit vectors (N, 3) turned by the angles that the errors (N, 3) have across them."""
     across = errors - (errors * directions).sum(axis=1, keepdims=True) * directions
     angle = np.linalg.norm(across, axis=1, keepdims=True)

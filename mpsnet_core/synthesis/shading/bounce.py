@@ -65,7 +65,9 @@ def _gathered(
         colour = np.ones((len(points), 3), np.float32)
         for bounce in range(bounces):
             # Each bounce takes another set's place, so that a path's directions are independent of one another.
-            heading = _cosine_distributed(places[(tile[owner] + 5 * bounce) % _TILE**2, (ray + 3 * bounce) % RAYS], here)
+            heading = _cosine_distributed(
+                places[(tile[owner] + 5 * bounce) % _TILE**2, (ray + 3 * bounce) % RAYS], here
+            )
             hits = surface.scene.hits(here.start, heading)
             found = np.flatnonzero(hits.triangle >= 0)
             if not len(found):
@@ -86,9 +88,7 @@ def _cosine_distributed(places: NDArray[np.float32], points: SurfacePoints) -> N
     """(N, 3) directions above the points, from places (N, 2) on the unit disc (Malley's method)."""
     first, second = frames(points.smooth)
     x, y = places.T[..., None]
-    heading: NDArray[np.float32] = (
-        x * first + y * second + np.sqrt(np.maximum(1 - x * x - y * y, 0)) * points.smooth
-    )
+    heading: NDArray[np.float32] = x * first + y * second + np.sqrt(np.maximum(1 - x * x - y * y, 0)) * points.smooth
     return heading
 
 

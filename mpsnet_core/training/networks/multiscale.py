@@ -1,15 +1,21 @@
-"""Multiscale: our own network, the default.
+"""Multiscale: our own network, the default. One network for every scale of a photo, coarse to fine.
 
-A U-Net over five scales, from the photo's own pixels to a sixteenth. What it stands on:
+First it sees the whole object, small; then, at each doubling of the resolution, the photo there and its own answer on
+the scale before (after the multi-scale networks of Ikehata, "Scalable, detailed and mask-free universal photometric
+stereo", CVPR 2023, and Hardy et al., "MS-PS", 2023). So every pixel knows the whole object, however large the photo is.
+On each scale it is a U-Net over five resolutions. What it stands on:
 
-* *Canonical frame*: the picture is turned, before the network sees it, so that the first light stands straight up and
-  the lights run counter-clockwise. The network learns one arrangement instead of all, and turning the scene turns the
-  answer by construction.
-* *Grey world*: it sees each channel divided by its own mean, and equation 2 on that. Exposure, the lights' strengths,
-  and the object's overall colour therefore cannot change the answer.
+* *Canonical frame*: the picture is turned by quarters, before the network sees it, so that the first light stands
+  nearly straight up and the lights run counter-clockwise. The network learns one arrangement instead of all.
+* *Two views of the photo*: each channel divided by its own mean (grey world), where exposure, the lights' strengths and
+  the object's overall colour cannot change the answer; and the photo as it was calibrated, where equation 2 is exact
+  on anything grey. A white photo, where there is one, gives a third: the photo divided by it has no colour left.
 * *Logarithms*: a surface's colour is a factor of all that is seen, in logarithms an offset, which convolutions remove.
-* *Light directions* scale and shift the maps where each scale begins (Perez et al., "FiLM", AAAI 2018).
-* *Expected error*: a second output, learned as the mean of the angular error (squared loss).
+* *The formula inside*: the network predicts a gain for each channel, and a weight. By the weight its answer is equation
+  2 on the calibrated photo times the gains, which keeps the finest relief, and else what it makes up itself.
+* *Light directions* scale and shift the maps where each resolution begins (Perez et al., "FiLM", AAAI 2018).
+* *Expected error*: a further output, learned as the mean of the angular error (squared loss).
+* *Which lights reach* a pixel: learned beside, in training alone.
 """
 
 from collections.abc import Sequence
@@ -20,28 +26,39 @@ from torch.nn import functional
 
 from mpsnet_core.training.networks.network import Network, Prediction, convolution, unit
 
-# Added to grey-world values before their logarithm: shadows of a 30th of the mean are as good as black.
+# Added to values before their logarithm: shadows of a 30th of the mean are as good as black.
 DARKEST = 0.03
-SEEN = 7  # channels of "pixels"
-FINE_MAPS = 9
+SEEN = 24  # maps that are made of the inputs
+FINE_MAPS, JOINED = 10, 16
+ANSWER = 8  # normals, expected error, gains, weight of the formula
+MAX_GAIN = 2.0  # of the gains' logarithms
+RIG = 14  # light directions, channel means, what is given
 
 
 class Multiscale(Network):
-    """widths: maps at a half, a quarter, an eighth and a sixteenth of the photo's resolution."""
+    """widths: maps at a half, a quarter, an eighth and a sixteenth of the photo's resolution. formula: whether equation
+    2 is a part of the answer. calibrated: whether the calibrated photo is seen beside grey world."""
 
-    inputs = {"pixels": ("grey_world", "initial_normals_grey_world", "mask"), "lights": ("lights",)}
+    inputs = {
+        "pixels": ("photo", "mask", "white", "previous"),
+        "rig": ("lights", "channel_means", "given"),
+    }
+    kind = "pyramid"
     frame = "canonical"
     multiple = 16
-    halo = 144
+    halo = 96
 
-    def __init__(self, widths: Sequence[int] = (32, 64, 128, 152)) -> None:
+    def __init__(
+        self, widths: Sequence[int] = (32, 64, 128, 152), formula: bool = True, calibrated: bool = True
+    ) -> None:
         super().__init__()
         numbers = isinstance(widths, list | tuple) and all(type(maps) is int and 1 <= maps <= 4096 for maps in widths)
         if not numbers or len(widths) != 4:
             raise ValueError(f"widths {widths!r} are not four whole numbers from 1 to 4096")
         half, quarter, eighth, sixteenth = widths
-        self.lights = nn.Sequential(convolution(9, 64, 1), nn.ReLU())
-        self.down1 = _Down(SEEN, half, side=4)
+        self.formula, self.calibrated = formula, calibrated
+        self.rig = nn.Sequential(convolution(RIG, 64, 1), nn.ReLU())
+        self.down1 = _Down(SEEN, half, side=4, residual=False)
         self.down2 = _Down(half, quarter)
         self.down3 = _Down(quarter, eighth)
         self.down4 = _Down(eighth, sixteenth)
@@ -50,24 +67,73 @@ class Multiscale(Network):
         self.up3 = _Up(eighth, quarter)
         self.up2 = _Up(quarter, half)
         self.fine = nn.Sequential(convolution(half, 4 * FINE_MAPS, 1), nn.PixelShuffle(2))
-        self.joined = nn.Sequential(convolution(FINE_MAPS + SEEN, 16, bias=False), nn.BatchNorm2d(16), nn.ReLU())
-        self.answer = convolution(16, 4)
+        self.joined = nn.Sequential(
+            convolution(FINE_MAPS + SEEN, JOINED, bias=False), nn.BatchNorm2d(JOINED), nn.ReLU()
+        )
+        self.answer = convolution(JOINED, ANSWER)
+        self.lit = convolution(JOINED, 3, 1)
         with torch.no_grad():
             self.answer.get_parameter("bias")[3] = -2.0  # 7 degrees by softplus: of the right size from the start
 
     def predict(self, *inputs: Tensor) -> Prediction:
-        pixels, lights = inputs
-        grey_world, initial, mask = pixels[:, 0:3], pixels[:, 3:6], pixels[:, 6:7]
-        seen = torch.cat([0.5 * torch.log(grey_world.clamp(min=0) + DARKEST) * mask, initial, mask], dim=1)
-        told = self.lights(lights)
-        scale2 = self.down1(seen, told)
-        scale4 = self.down2(scale2, told)
-        scale8 = self.down3(scale4, told)
-        scale16 = self.bottom(self.down4(scale8, told))
+        pixels, rig = inputs
+        photo, mask, white, previous = pixels[:, 0:3], pixels[:, 3:4], pixels[:, 4:7], pixels[:, 7:11]
+        lights, means, given = rig[:, 0:9], rig[:, 9:12], rig[:, 12:14]
+        there = given[:, 0:1]
+        grey_world = photo / means
+        own = unit(_solved(lights, grey_world)) * mask
+        pseudo = _solved(lights, photo)
+        calibrated = unit(pseudo) * mask
+        size = 0.5 * torch.log(torch.sqrt((pseudo * pseudo).sum(dim=1, keepdim=True) + 1e-12) + DARKEST) * mask
+        uncoloured = photo / (white + DARKEST) * (white > 0)
+        told = [
+            _logarithm(grey_world) * mask,
+            own,
+            _logarithm(photo) * mask if self.calibrated else 0 * own,
+            calibrated if self.calibrated else 0 * own,
+            size if self.calibrated else 0 * mask,
+            mask,
+            previous,
+            _logarithm(white) * mask * given[:, 1:2],
+            unit(_solved(lights, uncoloured)) * mask * given[:, 1:2],
+        ]
+        seen = torch.cat(told, dim=1)
+        rig_maps = self.rig(rig)
+        scale2 = self.down1(seen, rig_maps)
+        scale4 = self.down2(scale2, rig_maps)
+        scale8 = self.down3(scale4, rig_maps)
+        scale16 = self.bottom(self.down4(scale8, rig_maps))
         maps = self.up2(self.up3(self.up4(scale16, scale8), scale4), scale2)
         maps = self.joined(torch.cat([self.fine(maps), seen], dim=1))
         answer = self.answer(maps).float()
-        return Prediction(unit(initial + answer[:, 0:3]), functional.softplus(answer[:, 3:4]))
+        normals = unit(previous[:, 0:3] * there + own * (1 - there) + answer[:, 0:3])
+        if self.formula:
+            gains = torch.exp(MAX_GAIN * torch.tanh(answer[:, 4:7]))
+            weight = torch.sigmoid(answer[:, 7:8])
+            normals = unit(weight * unit(_solved(lights, photo * gains)) + (1 - weight) * normals)
+        lit = self.lit(maps).float() if self.training else None
+        return Prediction(normals, functional.softplus(answer[:, 3:4]), lit)
+
+
+def _logarithm(values: Tensor) -> Tensor:
+    return 0.5 * torch.log(values.clamp(min=0) + DARKEST)
+
+
+def _solved(lights: Tensor, light: Tensor) -> Tensor:
+    """Equation 2, not normalised: for directions (N, 9, 1, 1) and what each light gives (N, 3, H, W)."""
+    first, second, third = lights[:, 0:3], lights[:, 3:6], lights[:, 6:9]
+    across = _cross(second, third)
+    volume = (first * across).sum(dim=1, keepdim=True)
+    # In the plane of the three lights no normal can be told.
+    volume = torch.where(volume.abs() < 1e-6, torch.full_like(volume, 1e-6), volume)
+    total = light[:, 0:1] * across + light[:, 1:2] * _cross(third, first) + light[:, 2:3] * _cross(first, second)
+    return total / volume
+
+
+def _cross(a: Tensor, b: Tensor) -> Tensor:
+    ax, ay, az = a[:, 0:1], a[:, 1:2], a[:, 2:3]
+    bx, by, bz = b[:, 0:1], b[:, 1:2], b[:, 2:3]
+    return torch.cat([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], dim=1)
 
 
 class _Residual(nn.Module):
@@ -81,19 +147,20 @@ class _Residual(nn.Module):
 
 
 class _Down(nn.Module):
-    """To half the resolution; the lights scale and shift what comes out."""
+    """To half the resolution; the rig scales and shifts what comes out."""
 
-    def __init__(self, channels: int, maps: int, side: int = 2) -> None:
+    def __init__(self, channels: int, maps: int, side: int = 2, residual: bool = True) -> None:
         super().__init__()
         self.shrink = nn.Sequential(
             convolution(channels, maps, side, stride=2, padding=side // 2 - 1, bias=False), nn.BatchNorm2d(maps)
         )
         self.told = convolution(64, 2 * maps, 1)
-        self.residual = _Residual(maps)
+        self.residual = _Residual(maps) if residual else nn.Identity()
 
     def forward(self, maps: Tensor, told: Tensor) -> Tensor:
         scale, shift = self.told(told).chunk(2, dim=1)
-        return self.residual(functional.relu(self.shrink(maps) * (1 + scale) + shift))
+        result: Tensor = self.residual(functional.relu(self.shrink(maps) * (1 + scale) + shift))
+        return result
 
 
 class _Up(nn.Module):

@@ -11,11 +11,12 @@ class Prediction(NamedTuple):
     """What a network says. normals: (N, 3, H, W) unit vectors in the network's frame, or (N, 3) for patches.
 
     expected_error: (N, 1, H, W) radians, the angular error that the network expects of itself; None where it gives
-    none.
+    none. lit: (N, 3, H, W) logits of whether each light reaches a pixel; in training, where the network says so.
     """
 
     normals: Tensor
     expected_error: Tensor | None = None
+    lit: Tensor | None = None
 
 
 class Network(nn.Module, ABC):
@@ -27,7 +28,7 @@ class Network(nn.Module, ABC):
     """
 
     inputs: ClassVar[dict[str, tuple[str, ...]]]
-    kind: ClassVar[Literal["dense", "patch"]] = "dense"
+    kind: ClassVar[Literal["dense", "patch", "pyramid"]] = "dense"
     frame: ClassVar[Literal["camera", "canonical"]] = "camera"
     multiple: int = 1
     halo: int = 0

@@ -1,0 +1,60 @@
+"""What JPEG compression does to pictures, computed and not written, for a batch at once.
+
+ITU-T T.81 with its example quantisation tables (annex K), scaled by quality as libjpeg scales them, and JFIF's colours.
+Entropy coding loses nothing and is left out.
+"""
+
+import math
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+_LUMINANCE = torch.tensor(
+    [
+        [16, 11, 10, 16, 24, 40, 51, 61],
+        [12, 12, 14, 19, 26, 58, 60, 55],
+        [14, 13, 16, 24, 40, 57, 69, 56],
+        [14, 17, 22, 29, 51, 87, 80, 62],
+        [18, 22, 37, 56, 68, 109, 103, 77],
+        [24, 35, 55, 64, 81, 104, 113, 92],
+        [49, 64, 78, 87, 103, 121, 120, 101],
+        [72, 92, 95, 98, 112, 100, 103, 99],
+    ],
+    dtype=torch.float32,
+)
+_CHROMINANCE = torch.full((8, 8), 99.0)
+_CHROMINANCE[:4, :4] = torch.tensor([[17, 18, 24, 47], [18, 21, 26, 66], [24, 26, 56, 99], [47, 66, 99, 99]])
+_FREQUENCY, _PLACE = torch.meshgrid(torch.arange(8), torch.arange(8), indexing="ij")
+_DCT = torch.cos((2 * _PLACE + 1) * _FREQUENCY * math.pi / 16) * torch.where(_FREQUENCY == 0, math.sqrt(1 / 8), 0.5)
+
+
+def jpeg_losses(levels: Tensor, quality: Tensor, halved_chroma: Tensor) -> Tensor:
+    """8-bit pictures after they were stored as JPEG.
+
+    levels: (N, 3, H, W) whole numbers 0 to 255, R, G, B; H and W multiples of 16. quality: (N,) 1 to 100, libjpeg's.
+    halved_chroma: (N,) bool, whether colour is stored at half the resolution both ways (4:2:0), else in full (4:4:4).
+    """
+    red, green, blue = levels.unbind(1)
+    luma = 0.299 * red + 0.587 * green + 0.114 * blue
+    chroma = torch.stack([(blue - luma) / 1.772, (red - luma) / 1.402], dim=1)
+    full = _kept(torch.round(chroma), _CHROMINANCE, quality)
+    half = _kept(torch.round(functional.avg_pool2d(chroma, 2)), _CHROMINANCE, quality)
+    half = torch.round(functional.interpolate(half, scale_factor=2, mode="bilinear", align_corners=False))
+    chroma = torch.where(halved_chroma[:, None, None, None], half, full)
+    luma = _kept(torch.round(luma)[:, None] - 128, _LUMINANCE, quality)[:, 0] + 128
+    red, blue = luma + 1.402 * chroma[:, 1], luma + 1.772 * chroma[:, 0]
+    green = (luma - 0.299 * red - 0.114 * blue) / 0.587
+    return torch.round(torch.stack([red, green, blue], dim=1)).clamp(0, 255)
+
+
+def _kept(planes: Tensor, table: Tensor, quality: Tensor) -> Tensor:
+    """Planes (N, C, H, W) centred on 0 whose blocks of 8 x 8 went through the quantised cosine transform and back."""
+    scale = torch.where(quality < 50, torch.floor(5000 / quality), 200 - 2 * quality)[:, None, None]
+    table, transform = table.to(planes.device), _DCT.to(planes.device)
+    steps = torch.floor((table * scale + 50) / 100).clamp(1, 255)[:, None, None, None]
+    count, channels, height, width = planes.shape
+    blocks = planes.reshape(count, channels, height // 8, 8, width // 8, 8).permute(0, 1, 2, 4, 3, 5)
+    kept = torch.round(transform @ blocks @ transform.T / steps) * steps
+    restored = (transform.T @ kept @ transform).permute(0, 1, 2, 4, 3, 5).reshape(planes.shape)
+    return torch.round(restored).clamp(-128, 127)
