@@ -69,15 +69,17 @@ def test_fine_relief_is_the_share_of_the_detail_that_is_kept() -> None:
 
 def test_fine_relief_counts_where_all_lights_reach_and_the_object_is_all_around() -> None:
     truth, lit = ripples(0.2), np.ones((SIZE, SIZE), bool)
-    lit[40:60, 30:90] = False
-    wrong = np.where(lit[..., None], truth, np.array([0.7, 0.7, 0.1], np.float32))
-    assert kept(wrong, lit) == pytest.approx(1)
-    assert abs(kept(wrong) - 1) > 0.05
+    lit[30:100, 60:100] = False  # where the plane is bent
+    nonsense = np.array([0.7, 0.7, 0.1], np.float32)
+    for share in (1.0, 0.5):
+        wrong = np.where(lit[..., None], ripples(0.2 * share), nonsense)
+        assert kept(wrong, lit) == pytest.approx(share, abs=0.01)
+        assert abs(kept(wrong) - share) > 0.05
     outline = np.zeros((SIZE, SIZE), bool)
     outline[10:-10, 10:-10] = True
     beside = outline.copy()
     beside[12:-12, 12:-12] = False
-    wrong = np.where(beside[..., None], np.array([0.7, 0.7, 0.1], np.float32), truth)
+    wrong = np.where(beside[..., None], nonsense, truth)
     assert fine_relief(wrong, truth, outline, outline & ~beside, SIGMA) == pytest.approx(1)
     assert fine_relief(truth, np.full_like(truth, (0, 0, 1)), outline, outline, SIGMA) is None
 
