@@ -98,7 +98,7 @@ class Statues(Evaluation):
         """What was photographed."""
         tilts = ", ".join(f"{tilt:g}°" for tilt in dict.fromkeys(row["tilt"] for row in rows))
         return [
-            f"matt grey with cast shadows, {self.bounces} bounces of light, no noise; the rig is exact; first light's "
+            f"matt grey with cast shadows, no noise; the rig is exact; bounces of light: {self.bounces}; first light's "
             f"tilt: {tilts}"
         ]
 
