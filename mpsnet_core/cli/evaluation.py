@@ -17,6 +17,7 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
     _add_diligent(_test(tests, told, "diligent", _diligent, "the DiLiGenT photographs, multiplexed"))
     _add_materials(_test(tests, told, "materials", _materials, "one blob under each measured material"))
     _add_rendered(_test(tests, told, "rendered", _rendered, "meshes from files, of one and of several materials"))
+    _add_statues(_test(tests, told, "statues", _statues, "matt grey meshes with cast shadows; fine relief kept"))
     _add_synthetic(_test(tests, told, "colour", _colour, "one blob in many colours: their edges, their influence"))
     _add_samples(_test(tests, told, "samples", _samples, "held-out samples as training photographs them"))
     sizes = tests.add_parser(
@@ -75,6 +76,16 @@ def _add_protocol(parser: argparse.ArgumentParser, unless: str) -> None:
     )
 
 
+def _add_magnify(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--magnify",
+        action="append",
+        type=int,
+        metavar="N",
+        help="magnify the photographs N times before the estimate; repeatable; 1 unless given",
+    )
+
+
 def _add_synthetic(parser: argparse.ArgumentParser) -> None:
     _add_protocol(parser, "published")
     parser.add_argument("--size", type=int, default=256, help="side of a picture in pixels")
@@ -88,6 +99,7 @@ def _add_diligent(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--object", action="append", metavar="NAME", help="repeatable; all ten unless given")
     parser.add_argument("--lights", action="append", metavar="A,B,C", help="lights giving R, G, B; repeatable")
     _add_protocol(parser, "all three")
+    _add_magnify(parser)
 
 
 def _diligent(options: argparse.Namespace) -> Any:
@@ -99,6 +111,7 @@ def _diligent(options: argparse.Namespace) -> Any:
         objects=options.object or OBJECTS,
         lights=[_triple(text) for text in options.lights] if options.lights else PUBLISHED_LIGHTS,
         protocols=options.protocol or tuple(PROTOCOLS),
+        magnify=options.magnify or (1,),
     )
 
 
@@ -134,6 +147,36 @@ def _rendered(options: argparse.Namespace) -> Any:
     return Rendered(options.mesh, merl=options.merl, views=options.views, **_synthetic(options))
 
 
+def _add_statues(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("mesh", nargs="+", help="mesh files, or folders of them")
+    parser.add_argument("--views", type=int, default=2, help="of each mesh, from all around")
+    parser.add_argument("--slant", type=float, default=30.0, metavar="DEGREES", help="of the three lights")
+    parser.add_argument(
+        "--tilt",
+        action="append",
+        type=float,
+        metavar="DEGREES",
+        help="of the first light, the others 120° apart; repeatable; 90, 107 and 131 unless given",
+    )
+    parser.add_argument("--bounces", type=int, default=0, help="of light between surfaces: 0 to 3")
+    parser.add_argument("--size", type=int, default=640, help="side of a picture in pixels")
+    _add_magnify(parser)
+
+
+def _statues(options: argparse.Namespace) -> Any:
+    from mpsnet_core.evaluation.statues import TILTS, Statues
+
+    return Statues(
+        options.mesh,
+        views=options.views,
+        slant=options.slant,
+        tilts=options.tilt or TILTS,
+        bounces=options.bounces,
+        magnify=options.magnify or (1,),
+        size=options.size,
+    )
+
+
 def _colour(options: argparse.Namespace) -> Any:
     from mpsnet_core.evaluation.colour import ColourChanges
 
@@ -147,12 +190,13 @@ def _synthetic(options: argparse.Namespace) -> dict[str, Any]:
 def _add_samples(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", nargs="+", help="folders of samples that training does not see")
     parser.add_argument("--count", type=int, default=0, help="how many, evenly spread; 0 for all")
+    _add_magnify(parser)
 
 
 def _samples(options: argparse.Namespace) -> Any:
     from mpsnet_core.evaluation.samples import Samples
 
-    return Samples(options.folder, count=options.count)
+    return Samples(options.folder, count=options.count, magnify=options.magnify or (1,))
 
 
 # --- patch sizes: the only test that trains ---------------------------------------------------------------------------

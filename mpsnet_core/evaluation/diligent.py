@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from mpsnet_core.capture import Capture
 from mpsnet_core.errors import InputError
+from mpsnet_core.estimate.lambertian import usable_channels
 from mpsnet_core.evaluation.evaluation import Evaluation
+from mpsnet_core.evaluation.magnify import check_magnify
 from mpsnet_core.evaluation.matfile import read_mat_array
 from mpsnet_core.evaluation.measure import Case
 from mpsnet_core.evaluation.published import PUBLISHED_LIGHTS, Lights, diligent_figures
@@ -31,6 +33,7 @@ PROTOCOLS: dict[str, NDArray[np.float64]] = {
 }
 # The data set's authors say so of its bear.
 DAMAGED_PHOTOGRAPHS = 20
+BRIGHT_FACING = "bright_facing_mae_deg"
 
 
 def protocol_weights(protocol: str) -> NDArray[np.float64]:
@@ -91,7 +94,13 @@ class Diligent(Evaluation):
     """The photographs of DiLiGenT under a root folder, multiplexed.
 
     objects: of :data:`OBJECTS`; those that are absent are skipped and named. lights, protocols: as for
-    :func:`read_diligent`.
+    :func:`read_diligent`. magnify: how many times the photographs are magnified, see
+    :func:`mpsnet_core.evaluation.magnify.estimate_magnified`.
+
+    Which pixels all lights reach is not known, as the data has true normals and no shape that casts shadows. Rows have
+    "bright_facing_mae_deg" for the nearest thing to it: the mean over the pixels whose true normal faces all three
+    lights and whose channels are all above 2% of their 99th percentile. Light between surfaces may make a cast shadow
+    so bright.
 
     Raises InputError where an object or a protocol is not known, or none of the objects is there.
     """
@@ -105,7 +114,9 @@ class Diligent(Evaluation):
         objects: Sequence[str] = OBJECTS,
         lights: Sequence[Lights] = PUBLISHED_LIGHTS,
         protocols: Sequence[str] = tuple(PROTOCOLS),
+        magnify: Sequence[int] = (1,),
     ) -> None:
+        check_magnify(magnify)
         for name in objects:
             if name not in OBJECTS:
                 raise InputError(f"DiLiGenT has no object {name!r}; choose {', '.join(OBJECTS)}")
@@ -118,15 +129,19 @@ class Diligent(Evaluation):
         self.lights = list(lights)
         self.absent = [name for name, folder in folders.items() if folder is None]
         self.cases = [
-            partial(_case, name, folder, triple, protocol)
+            partial(_case, name, folder, triple, protocol, times)
             for name, folder in folders.items()
             if folder is not None
             for triple in lights
             for protocol in protocols
+            for times in magnify
         ]
 
     def table(self, rows: Sequence[dict[str, Any]]) -> str:
-        """A line for each protocol, model and triple, and for the means over the triples; the paper's figures below."""
+        """A line for each protocol, model and triple, and for the means over the triples; the paper's figures below.
+
+        Below that a line for each protocol and model, of the pixels that face all lights and are bright.
+        """
         lines: list[dict[str, Any]] = []
         for protocol in dict.fromkeys(row["protocol"] for row in rows):
             published = self.published(rows) if protocol == "published" else []
@@ -136,7 +151,11 @@ class Diligent(Evaluation):
                 lines += _with_means([row for row in measured if row["model"] == model])
             lines += _with_means([{**row, "model": f"paper: {row['model']}"} for row in table_2])
             lines += [{**row, "model": f"paper: {row['model']}", "lights": "figure 8"} for row in figure_8]
-        return table_of_means(lines, ("protocol", "model", "lights"), "object")
+        table = table_of_means(lines, ("protocol", "model", "lights"), "object")
+        if not any(BRIGHT_FACING in row for row in rows):
+            return table
+        bright = table_of_means(rows, ("protocol", "model"), "object", BRIGHT_FACING)
+        return f"{table}\n\nwhere the true normal faces all three lights and no channel is dark\n{bright}"
 
     def published(self, rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
         """The paper's table 2 and figure 8 of the objects and lights measured; under its own protocol only."""
@@ -161,12 +180,13 @@ class Diligent(Evaluation):
         return [f"absent, skipped: {', '.join(self.absent)}"] if self.absent else []
 
 
-def _case(name: str, folder: Path, lights: Lights, protocol: str) -> Case:
+def _case(name: str, folder: Path, lights: Lights, protocol: str, magnify: int) -> Case:
     labels = {"object": name, "lights": list(lights), "protocol": protocol}
     capture, truth = read_diligent(folder, lights, protocol), _truth(folder)
     if truth.shape != capture.image.shape:
         raise InputError(f"{folder}: the truth is {truth.shape}, the photos {capture.image.shape}")
-    return Case(labels, capture, truth)
+    bright_facing = usable_channels(capture).all(axis=-1) & (truth @ capture.rig.directions.T > 0).all(axis=-1)
+    return Case(labels, capture, truth, {BRIGHT_FACING.removesuffix("_deg"): bright_facing}, magnify)
 
 
 # Many cases in a row are of one object.

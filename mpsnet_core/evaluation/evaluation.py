@@ -8,6 +8,7 @@ from typing import Any
 
 from mpsnet_core.evaluation.charts import Curve, line_chart
 from mpsnet_core.evaluation.confidence import GROUPS, ConfidencePool, calibration_lines
+from mpsnet_core.evaluation.magnify import magnified_name
 from mpsnet_core.evaluation.measure import Case, Result, chosen_models, measure
 from mpsnet_core.evaluation.report import begun_report
 from mpsnet_core.evaluation.tables import text_table
@@ -75,7 +76,8 @@ def evaluate(
             rows += evaluation.rows(results)
             for result in results:
                 scored = result.case.scored
-                pool.add(result.model, result.estimate.confidence[scored], result.error[scored])
+                name = magnified_name(result.model, result.case.magnify)
+                pool.add(name, result.estimate.confidence[scored], result.error[scored])
             if page:
                 page.add(results)
         confidence = pool.calibration()
@@ -85,8 +87,9 @@ def evaluate(
             "confidence": confidence,
             "skipped": evaluation.skipped(),
         }
+        named = [{**row, "model": magnified_name(row["model"], row["magnify"])} for row in rows]
         table = "\n\n".join(
-            ["mean angular error in degrees\n" + evaluation.table(rows), *_confidence_table(confidence)]
+            ["mean angular error in degrees\n" + evaluation.table(named), *_confidence_table(confidence)]
         )
         notes = [*evaluation.notes(rows), *evaluation.skipped()]
         if json:

@@ -12,6 +12,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.estimate import Estimator
 from mpsnet_core.estimate.shelf import shelf
 from mpsnet_core.evaluation.confidence import error_by_confidence, rank_correlation
+from mpsnet_core.evaluation.magnify import estimate_magnified, magnified_name
 from mpsnet_core.normals import NormalMap, angular_error
 from mpsnet_core.progress import Progress, part, silent
 
@@ -24,7 +25,8 @@ class Case:
 
     labels: what it shows, as its rows say it. truth: (H, W, 3) true unit normals in camera space, zero where there are
     none (a mask that is too large reaches there). regions: parts of the picture, (H, W) bool, whose mean errors are
-    told as well, by name.
+    told as well, by name. magnify: how many times the photo is magnified before the estimate, which is measured on the
+    photo's own pixels all the same; see :func:`mpsnet_core.evaluation.magnify.estimate_magnified`.
 
     Raises InputError where truth and photo differ in size, or no pixel of the mask has a true normal.
     """
@@ -33,6 +35,7 @@ class Case:
     capture: Capture
     truth: NDArray[np.float32]
     regions: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    magnify: int = 1
 
     def __post_init__(self) -> None:
         if self.truth.shape != self.capture.image.shape:
@@ -46,7 +49,7 @@ class Case:
     @property
     def title(self) -> str:
         """The labels in one line."""
-        return ", ".join(_told(value) for value in self.labels.values())
+        return magnified_name(", ".join(_told(value) for value in self.labels.values()), self.magnify)
 
     @property
     def scored(self) -> NDArray[np.bool_]:
@@ -71,15 +74,17 @@ class Result:
     def row(self) -> dict[str, Any]:
         """The result as a row of the table that ``--json`` writes.
 
-        Beside the case's labels and the model: "mae_deg", "median_deg", "NAME_deg" for each region that has pixels,
-        and for models that give a confidence "confidence_rank_correlation" (Spearman's, of 1 - confidence and error)
-        and "confidence_decile_deg", the mean errors of ten equally large groups of pixels, the most trusted first.
+        Beside the case's labels, the model and "magnify": "mae_deg", "median_deg", "NAME_deg" for each region that has
+        pixels, and for models that give a confidence "confidence_rank_correlation" (Spearman's, of 1 - confidence and
+        error) and "confidence_decile_deg", the mean errors of ten equally large groups of pixels, the most trusted
+        first.
         """
         scored = self.case.scored
         error, confidence = self.error[scored], self.estimate.confidence[scored]
         row = {
             **self.case.labels,
             "model": self.model,
+            "magnify": self.case.magnify,
             "mae_deg": _rounded(error.mean(dtype=np.float64)),
             "median_deg": _rounded(np.median(error)),
         }
@@ -116,7 +121,8 @@ def measure(
         for place, estimator in enumerate(estimators, start + 1):
             told = f"{case.title}, {estimator.name}"
             progress(place / total, told)
-            estimate = estimator(case.capture, part(progress, place / total, (place + 1) / total, told))
+            share = part(progress, place / total, (place + 1) / total, told)
+            estimate = estimate_magnified(estimator, case.capture, case.magnify, share)
             error = np.where(case.scored, angular_error(estimate.vectors, case.truth), 0).astype(np.float32)
             results.append(Result(case, estimator.name, estimate, error))
         yield results

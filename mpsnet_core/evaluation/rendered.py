@@ -3,32 +3,24 @@
 import os
 from collections.abc import Sequence
 from functools import lru_cache, partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
 from mpsnet_core.evaluation.diligent import protocol_weights
 from mpsnet_core.evaluation.evaluation import Evaluation
 from mpsnet_core.evaluation.measure import Case
+from mpsnet_core.evaluation.mesh_views import VIEWS, MeshView, mesh_views
 from mpsnet_core.evaluation.published import FIGURE_6
-from mpsnet_core.evaluation.scenes import HELD_OUT_SEED, SIZE, ideal_photograph, published_view
+from mpsnet_core.evaluation.scenes import HELD_OUT_SEED, SIZE, ideal_photograph
 from mpsnet_core.evaluation.tables import table_of_means
 from mpsnet_core.synthesis.drawing import HELD_OUT, draw_recipe
 from mpsnet_core.synthesis.job import SampleJob
 from mpsnet_core.synthesis.recipe import Material, Pattern
-from mpsnet_core.synthesis.reflectance import load_reflectance, material_names
+from mpsnet_core.synthesis.reflectance import material_names
 from mpsnet_core.synthesis.sample import Sample
-from mpsnet_core.synthesis.shading.synthesise import synthesise
-from mpsnet_core.synthesis.shapes.meshes import load_mesh, mesh_files
-from mpsnet_core.synthesis.shapes.shape import turn_about
 
 SEVERAL = 4  # materials
-VIEWS = 2
-ELEVATION, FIRST_TURN = 15.0, 20.0  # degrees
-MAX_VIEWS = 360
 
 
 class Rendered(Evaluation):
@@ -51,16 +43,13 @@ class Rendered(Evaluation):
         views: int = VIEWS,
         size: int = SIZE,
     ) -> None:
-        if not 1 <= views <= MAX_VIEWS:
-            raise InputError(f"{views} views of a mesh cannot be shown; choose 1 to {MAX_VIEWS}")
         for protocol in protocols:
             protocol_weights(protocol)
         source = os.fspath(merl)
         self.measured = bool(source)
-        pictures = [(file, view) for file in _files(paths) for view in range(views)]
         self.cases = [
-            partial(_case, file, view, 360 * view / views, count, number, source, protocol, size)
-            for number, (file, view) in enumerate(pictures)
+            partial(_case, view, count, number, source, protocol, size)
+            for number, view in enumerate(mesh_views(paths, views))
             for count in (1, SEVERAL)
             for protocol in protocols
         ]
@@ -84,44 +73,16 @@ class Rendered(Evaluation):
         ]
 
 
-def _files(paths: Sequence[str | os.PathLike[str]]) -> list[Path]:
-    files: list[Path] = []
-    for path in map(Path, paths):
-        files += [path / name for name in mesh_files(path)] if path.is_dir() else [path]
-    for file in files:
-        if not file.is_file():
-            raise InputError(f"the mesh file or folder {file} does not exist; check the path")
-    return files
-
-
-def _case(file: Path, view: int, turn: float, count: int, number: int, merl: str, protocol: str, size: int) -> Case:
-    sample = _sample(file, turn, count, number, merl, size)
-    labels = {
-        "object": file.stem,
-        "view": view + 1,
-        "materials": "one" if count == 1 else "several",
-        "protocol": protocol,
-    }
+def _case(view: MeshView, count: int, number: int, merl: str, protocol: str, size: int) -> Case:
+    sample = _sample(view, count, number, merl, size)
+    labels = {**view.labels, "materials": "one" if count == 1 else "several", "protocol": protocol}
     return Case(labels, ideal_photograph(sample, protocol), sample.normals)
 
 
 @lru_cache(maxsize=1)
-def _sample(file: Path, turn: float, count: int, number: int, merl: str, size: int) -> Sample:
-    materials = _materials(number, count, merl)
-    recipe = published_view(
-        {"kind": "meshes", "seed": HELD_OUT_SEED, "pose": "upright", "files": [file.name], "deformed": False},
-        materials,
-        size,
-        _standing(FIRST_TURN + turn),
-        pattern=Pattern("voronoi" if number % 2 else "noise", scale=2.5, seed=number),
-        bounces=1,
-    )
-    return synthesise(recipe, load_mesh(str(file)), [load_reflectance(material, merl) for material in materials])
-
-
-def _standing(turn: float) -> NDArray[np.float64]:
-    """The object's z upwards in the picture, seen from a little above, turned about it."""
-    return turn_about((1, 0, 0), ELEVATION - 90).T @ turn_about((0, 0, 1), turn).T
+def _sample(view: MeshView, count: int, number: int, merl: str, size: int) -> Sample:
+    pattern = Pattern("voronoi" if number % 2 else "noise", scale=2.5, seed=number)
+    return view.sample(view.recipe(_materials(number, count, merl), size, pattern=pattern, bounces=1), merl)
 
 
 def _materials(number: int, count: int, merl: str) -> tuple[Material, ...]:

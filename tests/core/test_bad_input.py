@@ -57,7 +57,9 @@ from mpsnet_core import (
 )
 from mpsnet_core.cli import main
 from mpsnet_core.estimate.card import CARD_VERSION
+from mpsnet_core.estimate.lambertian import lambertian_normals
 from mpsnet_core.evaluation.diligent import read_diligent, read_truth
+from mpsnet_core.evaluation.magnify import estimate_magnified
 from mpsnet_core.frames import output_files
 from mpsnet_core.surface.mesh import write_mesh
 from mpsnet_core.synthesis.job import SampleJob, write_job
@@ -1215,6 +1217,38 @@ EVALUATIONS: list[Case] = [
         "no views",
         lambda b: b.run("evaluate", "rendered", b.text("a.obj", ""), "--views", "0"),
         "0 views of a mesh cannot be shown; choose 1 to 360",
+    ),
+    (
+        "no such statue",
+        lambda b: b.run("evaluate", "statues", b / "no.ply"),
+        "mesh file or folder…no.ply does not exist; check the path",
+    ),
+    (
+        "statues magnified 100 times",
+        lambda b: b.run("evaluate", "statues", b.text("a.obj", ""), "--magnify", "100"),
+        "photographs cannot be magnified 100 times; choose 1, which is not at all, to 8",
+    ),
+    (
+        "light on statues after many bounces",
+        lambda b: b.run("evaluate", "statues", b.text("a.obj", ""), "--bounces", "9"),
+        "light cannot be followed over 9 bounces; choose 0 to 3",
+    ),
+    (
+        "lights behind statues",
+        lambda b: b.run("evaluate", "statues", b.text("a.obj", ""), "--slant", "95"),
+        "the first light is behind the object",
+    ),
+    (
+        "photographs magnified 0 times",
+        lambda b: b.evaluate("--magnify", "0"),
+        "photographs cannot be magnified 0 times; choose 1, which is not at all, to 8",
+    ),
+    (
+        "a photograph magnified beyond all bounds",
+        lambda b: estimate_magnified(
+            lambertian_normals, Capture(np.ones((20, 1200, 3), np.float32), np.ones((20, 1200)), published_rig()), 8
+        ),
+        "the object's 1200 x 20 pixels cannot be magnified 8 times…more than 8192 a side; magnify less",
     ),
     (
         "a mesh without faces",

@@ -1,0 +1,46 @@
+"""Fine relief: how much of the surface's detail an estimate keeps, whatever its errors at large are."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+# A pixel counts where so much of its neighbourhood, by the Gaussian's weight, is the object.
+LEAST_INSIDE = 0.999
+
+
+def fine_relief(
+    estimate: NDArray[np.float32],
+    truth: NDArray[np.float32],
+    mask: NDArray[np.bool_],
+    lit: NDArray[np.bool_],
+    sigma: float,
+) -> float | None:
+    """The slope of the estimate's detail against the truth's: 1 where all is kept, 0 where it is flattened.
+
+    estimate, truth: (H, W, 3) unit normals. mask, lit: (H, W) the object's pixels, and those that all lights reach.
+    sigma: of the Gaussian in pixels.
+
+    Detail is what the normals' x and y differ by from their Gaussian mean over lit pixels, so that errors in shadow do
+    not spread; it counts at lit pixels whose neighbourhood is the object. The slope is that of least squares through
+    the origin: noise does not change it, and above 1 detail is exaggerated. None where the truth has no detail.
+    """
+    lit = lit & mask
+    counted = lit & (_blurred(mask[..., None], sigma)[..., 0] > LEAST_INSIDE)
+    weight = np.maximum(_blurred(lit[..., None], sigma), 1e-6)
+
+    def detail(normals: NDArray[np.float32]) -> NDArray[np.float64]:
+        across = np.where(lit[..., None], normals[..., :2], 0)
+        return (across - _blurred(across, sigma) / weight)[counted]
+
+    found, there = detail(estimate), detail(truth)
+    size = float((there**2).sum())
+    return float((found * there).sum()) / size if size > 1e-9 else None
+
+
+def _blurred(values: NDArray[np.generic], sigma: float) -> NDArray[np.float64]:
+    """Values (H, W, C) under a Gaussian, zero beyond their border."""
+    height, width, _ = values.shape
+    size = [side + int(np.ceil(4 * sigma)) for side in (height, width)]
+    frequency = np.hypot(np.fft.fftfreq(size[0])[:, None], np.fft.rfftfreq(size[1]))
+    passed = np.exp(-2 * (np.pi * sigma * frequency) ** 2)[..., None]
+    spectrum = np.fft.rfft2(values.astype(np.float64), size, axes=(0, 1))
+    return np.fft.irfft2(spectrum * passed, size, axes=(0, 1))[:height, :width]

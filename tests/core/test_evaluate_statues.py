@@ -1,0 +1,174 @@
+"""The test on matt grey statues, how much fine relief is kept, and what magnified photographs cost."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from conftest import Mpsnet
+from sphere_sample import sphere_sample
+from synthetic import diligent_object, shaded_sphere
+
+from mpsnet_core.capture import Capture
+from mpsnet_core.estimate.lambertian import lambertian_normals
+from mpsnet_core.evaluation.diligent import Diligent
+from mpsnet_core.evaluation.evaluation import evaluate
+from mpsnet_core.evaluation.fine_relief import fine_relief
+from mpsnet_core.evaluation.magnify import estimate_magnified
+from mpsnet_core.evaluation.samples import Samples
+from mpsnet_core.evaluation.statues import Statues
+from mpsnet_core.normals import NormalMap
+from mpsnet_core.progress import Progress
+from mpsnet_core.synthesis.job import sample_path
+from mpsnet_core.synthesis.sample import write_sample
+
+SIZE = 128
+SIGMA = 6.0
+
+
+@pytest.fixture(scope="module")
+def bumpy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A sphere with bumps that throw shadows, as a file."""
+    ball = trimesh.creation.icosphere(subdivisions=5)
+    x, y, z = ball.vertices.T
+    ball.vertices *= (1 + 0.12 * np.sin(9 * x) * np.sin(9 * y) * np.sin(9 * z))[:, None]
+    path = tmp_path_factory.mktemp("meshes") / "bumpy.ply"
+    ball.export(path)
+    return path
+
+
+def ripples(amplitude: float, phase: float = 0.0) -> np.ndarray:
+    """A plane with ripples 10 pixels long, on top of a bend as wide as the picture."""
+    x = np.broadcast_to(np.arange(SIZE), (SIZE, SIZE))
+    across = amplitude * np.sin(2 * np.pi * x / 10 + phase) + 0.3 * np.sin(np.pi * (x / SIZE - 0.5))
+    return np.stack([across, np.zeros_like(across), np.sqrt(1 - across**2)], axis=-1).astype(np.float32)
+
+
+def kept(estimate: np.ndarray, lit: np.ndarray | None = None) -> float:
+    everywhere = np.ones((SIZE, SIZE), bool)
+    found = fine_relief(estimate, ripples(0.2), everywhere, everywhere if lit is None else lit, SIGMA)
+    assert found is not None
+    return found
+
+
+def test_fine_relief_is_the_share_of_the_detail_that_is_kept() -> None:
+    truth = ripples(0.2)
+    assert kept(truth) == pytest.approx(1)
+    assert kept(ripples(0.1)) == pytest.approx(0.5, abs=0.01)
+    assert kept(ripples(0.3)) == pytest.approx(1.5, abs=0.01)
+    assert kept(ripples(0.0)) == pytest.approx(0, abs=0.01)
+    assert kept(np.full_like(truth, (0, 0, 1))) == 0
+    assert kept(ripples(0.2, phase=np.pi / 2)) == pytest.approx(0, abs=0.03), "detail in the wrong place"
+    # A mean of 5 pixels leaves sin(5 π/10) / (5 sin(π/10)) of a wave of 10.
+    blurred = np.mean([np.roll(truth, step, axis=1) for step in range(-2, 3)], axis=0)
+    assert kept(blurred) == pytest.approx(0.647, abs=0.01)
+    noise = np.random.default_rng(0).normal(scale=0.1, size=truth.shape)
+    assert kept(truth + noise) == pytest.approx(1, abs=0.03)
+
+
+def test_fine_relief_counts_where_all_lights_reach_and_the_object_is_all_around() -> None:
+    truth, lit = ripples(0.2), np.ones((SIZE, SIZE), bool)
+    lit[30:100, 60:100] = False  # where the plane is bent
+    nonsense = np.array([0.7, 0.7, 0.1], np.float32)
+    for share in (1.0, 0.5):
+        wrong = np.where(lit[..., None], ripples(0.2 * share), nonsense)
+        assert kept(wrong, lit) == pytest.approx(share, abs=0.01)
+        assert abs(kept(wrong) - share) > 0.05
+    outline = np.zeros((SIZE, SIZE), bool)
+    outline[10:-10, 10:-10] = True
+    beside = outline.copy()
+    beside[12:-12, 12:-12] = False
+    wrong = np.where(beside[..., None], nonsense, truth)
+    assert fine_relief(wrong, truth, outline, outline & ~beside, SIGMA) == pytest.approx(1)
+    assert fine_relief(truth, np.full_like(truth, (0, 0, 1)), outline, outline, SIGMA) is None
+
+
+def test_equation_2_is_right_where_all_lights_reach_a_statue_and_magnified_too(bumpy: Path, tmp_path: Path) -> None:
+    test = Statues([bumpy.parent], views=2, tilts=[90, 101], magnify=[1, 2, 5], size=SIZE)
+    told = evaluate(test, ["lambertian"], report=tmp_path / "report.html")
+    rows = {(row["view"], row["tilt"], row["magnify"]): row for row in told["rows"]}
+    assert sorted(rows) == [(view, tilt, times) for view in (1, 2) for tilt in (90, 101) for times in (1, 2, 5)]
+    for (view, tilt, _), row in rows.items():
+        assert (row["object"], row["model"]) == ("bumpy", "lambertian")
+        assert row["lit_mae_deg"] < 0.5 and row["elsewhere_mae_deg"] > 5
+        assert row["fine_relief"] == pytest.approx(1, abs=0.01)
+        for key in ("mae_deg", "lit_mae_deg", "elsewhere_mae_deg"):
+            assert row[key] == pytest.approx(rows[view, tilt, 1][key], abs=0.3)
+    lines = told["text"].splitlines()
+    relief = next(line for line in lines if line.startswith("lambertian ×5") and "fine relief" in line)
+    assert relief.split()[-2:] == ["1.00", "1.00"]
+
+
+def test_the_lights_reach_a_ball_where_it_faces_them(tmp_path: Path) -> None:
+    trimesh.creation.icosphere(subdivisions=6).export(tmp_path / "ball.ply")
+    case = Statues([tmp_path / "ball.ply"], views=1, slant=40, tilts=[25], size=SIZE).cases[0]()
+    slant, tilts = np.radians(40), np.radians([25, 145, 265])
+    lights = np.stack([np.sin(slant) * np.cos(tilts), np.sin(slant) * np.sin(tilts), np.full(3, np.cos(slant))], axis=1)
+    np.testing.assert_allclose(case.capture.rig.directions, lights, atol=1e-9)
+    facing = (case.truth @ lights.T).min(axis=-1)
+    clear = case.scored & (np.abs(facing) > 0.05)
+    np.testing.assert_array_equal(case.regions["lit_mae"][clear], facing[clear] > 0)
+
+
+def test_statues_throw_shadows_and_their_light_bounces_when_asked(bumpy: Path) -> None:
+    direct, bounced = (Statues([bumpy], views=1, tilts=[90], bounces=count, size=SIZE).cases[0]() for count in (0, 1))
+    faces_all = (direct.truth @ direct.capture.rig.directions.T > 0.05).all(axis=-1)
+    shadow = faces_all & direct.regions["elsewhere_mae"] & direct.scored
+    assert shadow.sum() > 100
+    assert direct.capture.image[shadow].min(axis=-1).max() == 0 < bounced.capture.image[shadow].min(axis=-1).max()
+
+
+@pytest.mark.parametrize("times", [2, 3, 8])
+def test_a_magnified_photograph_is_linear_between_its_own_pixels(times: int) -> None:
+    sphere = shaded_sphere(32)
+    image, mask = np.pad(sphere.image, [(20, 5), (0, 40), (0, 0)]), np.pad(sphere.mask, [(20, 5), (0, 40)])
+    capture, seen = Capture(image, mask, sphere.rig), []
+
+    def estimator(photo: Capture, progress: Progress) -> NormalMap:
+        seen.append(photo)
+        return lambertian_normals(photo)
+
+    estimate, plain = estimate_magnified(estimator, capture, times), lambertian_normals(capture)
+    np.testing.assert_array_equal(estimate.mask, mask)
+    np.testing.assert_allclose(estimate.vectors, plain.vectors, atol=1e-6)
+    (large,) = seen
+    # The sphere's box with 2 pixels around it, as far as the picture goes.
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    low, high = rows[0] - 2, columns[-1] + 2
+    assert large.mask.shape == ((rows[-1] + 2 - low) * times + 1, high * times + 1)
+    for row in (10, 16):
+        for channel in range(3):
+            between = np.interp(
+                np.arange(high * times + 1) / times, np.arange(high + 1), image[row + low, : high + 1, channel]
+            )
+            np.testing.assert_allclose(large.image[row * times, :, channel], between, atol=1e-6)
+    middle = image[16 + low, 16] + (image[17 + low, 16] - image[16 + low, 16]) / times
+    np.testing.assert_allclose(large.image[16 * times + 1, 16 * times], middle, atol=1e-6)
+
+
+def test_diligent_is_magnified_and_told_where_it_faces_all_lights(tmp_path: Path, mpsnet: Mpsnet) -> None:
+    sphere = diligent_object(tmp_path / "pmsData", "ball")
+    out = tmp_path / "rows.json"
+    done = mpsnet(
+        *("evaluate", "diligent", tmp_path / "pmsData", "--lights", "1,2,3", "--protocol", "white"),
+        *("--magnify", "1", "--magnify", "4", "--model", "lambertian", "--json", out),
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    one, four = json.loads(out.read_text())["rows"]
+    assert (one["magnify"], four["magnify"]) == (1, 4)
+    assert four["mae_deg"] == pytest.approx(one["mae_deg"], abs=0.01) and one["mae_deg"] > 1
+    assert max(one["bright_facing_mae_deg"], four["bright_facing_mae_deg"]) < 0.02
+    assert ["white", "lambertian", "×4", "1,2,3", *2 * [f"{four['mae_deg']:.2f}"]] in map(
+        str.split, done.stdout.splitlines()
+    )
+    (region,) = Diligent(tmp_path, lights=[(1, 2, 3)], protocols=["white"]).cases[0]().regions.values()
+    brightest = np.percentile(sphere.image[sphere.mask], 99, axis=0)
+    np.testing.assert_array_equal(region, sphere.lit & (sphere.image > 0.02 * brightest).all(axis=-1))
+
+
+def test_samples_are_magnified(tmp_path: Path) -> None:
+    write_sample(sample_path(tmp_path, 0), sphere_sample(48))
+    rows = evaluate(Samples([tmp_path], magnify=[1, 3]), ["lambertian"])["rows"]
+    assert [row["magnify"] for row in rows] == [1, 3]
+    assert rows[1]["mae_deg"] == pytest.approx(rows[0]["mae_deg"], abs=0.3)
