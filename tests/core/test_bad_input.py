@@ -38,6 +38,7 @@ from mpsnet_core import (
     Mesh,
     NormalMap,
     View,
+    albedo_from_white,
     bake_normals,
     estimate_normals,
     images,
@@ -609,6 +610,73 @@ CAPTURES: list[Case] = [
         "a camera of another size",
         lambda b: SPHERE.capture(camera=Camera("orthographic", 20, 10, (8, 8))),
         "camera is 20 x 10 but the photo is 16 x 16",
+    ),
+]
+
+WHITE: list[Case] = [
+    (
+        "missing",
+        lambda b: b.estimate(white=b / "white.png"),
+        "image…white.png does not exist; check the path",
+    ),
+    (
+        "of another size",
+        lambda b: b.estimate(white=b.photo("white.exr", SPHERE.image[:8])),
+        "white.exr: the white photo is 16 x 8 but the photo is 16 x 16; take both with the same camera",
+    ),
+    (
+        "black",
+        lambda b: b.estimate(white=b.photo("white.exr", 0 * SPHERE.image)),
+        "white.exr: the white photo is black inside the mask; was the light on",
+    ),
+    (
+        "not finite",
+        lambda b: b.estimate(white=b.photo("white.exr", with_pixel(NAN))),
+        "white.exr: the white photo holds values that are not finite inside the mask; export it again",
+    ),
+    (
+        "of one channel",
+        lambda b: SPHERE.capture(white=SPHERE.image[..., 0]),
+        "a white photo has three channels a pixel; this one has shape (16, 16)",
+    ),
+    (
+        "clipped elsewhere",
+        lambda b: SPHERE.capture(white=SPHERE.image, white_clipped=np.zeros((4, 4, 3), bool)),
+        "what is clipped in the white photo is 4 x 4 but that is 16 x 16",
+    ),
+    ("that is the photo", lambda b: b.estimate(white=b.photo()), "photo.exr: the white photo is the photo itself"),
+    (
+        "of several photos",
+        lambda b: b.estimate(b.photo("a.exr"), b.photo("b.exr"), output="out", white=b.photo("white.exr")),
+        "--white is a second photo of one still pose; leave it out, or give one photo",
+    ),
+    ("albedo without one", lambda b: b.estimate(albedo=b / "a.png"), "--albedo is made from a photo under white light"),
+    (
+        "albedo without one, in Python",
+        lambda b: albedo_from_white(SPHERE.capture(), NormalMap(SPHERE.normals, SPHERE.mask)),
+        "the albedo is made from a white photo, and there is none; give one",
+    ),
+    (
+        "albedo over it",
+        lambda b: b.estimate(white=b.photo("white.exr"), albedo=b / "white.exr"),
+        "would overwrite…white.exr",
+    ),
+    (
+        "light without an albedo",
+        lambda b: b.estimate(**{"white": b.photo("white.exr"), "white-light": "rig"}),
+        "--white-light tells what lit the photo that --albedo is made from; give both, or neither",
+    ),
+    (
+        "light from nowhere",
+        lambda b: b.estimate(**{"white": b.photo("w.exr"), "albedo": b / "a.png", "white-light": "left"}),
+        "--white-light left is not known; give slant (0 to 90) and tilt in degrees, as 45,135",
+    ),
+    (
+        "light from behind",
+        lambda b: albedo_from_white(
+            SPHERE.capture(white=SPHERE.image), NormalMap(SPHERE.normals, SPHERE.mask), (0, 1, -1)
+        ),
+        "the white light is not in front of the object",
     ),
 ]
 
@@ -1581,6 +1649,7 @@ TOPICS = {
     "camera": CAMERAS,
     "image": IMAGES,
     "capture": CAPTURES,
+    "white photo": WHITE,
     "normals": NORMALS,
     "model": MODELS,
     "mesh": MESHES,
