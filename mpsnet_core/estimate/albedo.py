@@ -33,6 +33,8 @@ GRAZING = 0.1
 # Shares of a light, as against the light that arrives best: below the first a shadow keeps it off, above the second it
 # arrives in full. Normals that are wrong by some degrees stay above, bounced light and noise in shadows below.
 SHADOW, FULL = 0.2, 0.6
+# So much brighter than what all three lights reach (its 95th percentile) nothing is that a shadow is found on.
+BRIGHTER = 1.25
 # Below this share of its channel's 99th percentile inside the mask a pixel of the white photo tells nothing of shadows.
 DARK = 0.02
 # The albedo is brought to this scale: its brightest channel's 99.5th percentile inside the mask.
@@ -127,8 +129,13 @@ def _by_rig(capture: Capture, white: NDArray[np.float32], normals: NDArray[np.fl
         share = np.where(comparable, ratio / (strength.astype(np.float32) * np.maximum(cosines, GRAZING)), 0)
         best = np.maximum(share.max(axis=-1, keepdims=True), np.float32(1e-9))
         arrives = np.where(comparable, np.clip((share / best - SHADOW) / (FULL - SHADOW), 0, 1), np.float32(1))
-    shading = (arrives * cosines).sum(axis=-1)
-    return shading
+    lit = (comparable & (arrives == 1)).all(axis=-1)
+    if not lit.any():
+        return shading
+    # A highlight of one light looks like a shadow of the others, but is brighter than what is lit by all.
+    ceiling = BRIGHTER * np.percentile(white[lit] / shading[lit][:, None], 95, axis=0)
+    least = (white / np.maximum(ceiling, 1e-9).astype(np.float32)).max(axis=-1)
+    return np.minimum(np.maximum((arrives * cosines).sum(axis=-1), least), shading)
 
 
 def _comparable(capture: Capture, white: NDArray[np.float32]) -> NDArray[np.bool_]:

@@ -88,6 +88,20 @@ def test_normals_that_are_some_degrees_wrong_make_no_shadows() -> None:
     assert errors.max() < 0.2
 
 
+def test_a_highlight_of_one_light_is_not_taken_for_a_shadow_of_the_others() -> None:
+    """It stays in the albedo, as bright as it is, and does not come out several times as bright."""
+    painted = Painted()
+    shine = np.zeros((64, 64))
+    shine[30:34, 20:24] = 20
+    image = painted.image + shine[..., None] * [1, 0, 0]
+    capture = replace(painted.capture, image=image, white=painted.white + shine[..., None])
+    found = albedo_from_white(capture, painted.normals)
+    cosines = (painted.normals.vectors @ capture.rig.directions.T).sum(axis=-1)[..., None]
+    by_all, dull = capture.white / cosines, painted.reached & (shine == 0)
+    scale = np.median(by_all[dull] / found[dull])
+    np.testing.assert_allclose(scale * found[shine > 0], by_all[shine > 0], rtol=0.01)
+
+
 def test_the_white_photo_may_have_been_lit_from_one_other_side() -> None:
     painted = Painted()
     light = direction_from_angles(20, 300)

@@ -978,6 +978,32 @@ MESHES: list[Case] = [
 ]
 
 BAKES: list[Case] = [
+    (
+        "more albedos than views",
+        lambda b: b.bake("--albedo", b / "a.png", "--albedo", b / "b.png"),
+        "there are 1 views but 2 albedos; give one for each view, or none",
+    ),
+    (
+        "albedo of another size",
+        lambda b: b.bake("--albedo", b.photo("a.exr", SPHERE.image[:8])),
+        "the colours are 16 x 8 but the normal map is 16 x 16; they must be the same size",
+    ),
+    (
+        "albedo where the baked one goes",
+        lambda b: b.bake("--albedo", b.photo("texture_albedo.png", kind="uint8")),
+        "overwrite…texture_albedo.png",
+    ),
+    (
+        "colours of some views only",
+        lambda b: bake_normals(
+            Mesh(**SQUARE),
+            [
+                View(read_camera(b.camera()), read_normals(b.normals()), colours)
+                for colours in (None, np.ones((16, 16, 3), np.float32))
+            ],
+        ),
+        "some views have colours and others none; give colours for all of them, or for none",
+    ),
     ("no views", lambda b: bake_normals(Mesh(**SQUARE), []), "no view to bake; give at least one camera"),
     (
         "sizes differ",
