@@ -97,7 +97,7 @@ def test_a_highlight_of_one_light_is_not_taken_for_a_shadow_of_the_others() -> N
     capture = replace(painted.capture, image=image, white=painted.white + shine[..., None])
     found = albedo_from_white(capture, painted.normals)
     cosines = (painted.normals.vectors @ capture.rig.directions.T).sum(axis=-1)[..., None]
-    by_all, dull = capture.white / cosines, painted.reached & (shine == 0)
+    by_all, dull = capture.white / np.maximum(cosines, 0.01), painted.reached & (shine == 0)
     scale = np.median(by_all[dull] / found[dull])
     np.testing.assert_allclose(scale * found[shine > 0], by_all[shine > 0], rtol=0.01)
 
