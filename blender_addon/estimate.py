@@ -1,6 +1,7 @@
 """The estimate: the photo becomes a normal map in camera space, in the core's process."""
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -58,7 +59,8 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         settings = context.scene.mps.estimate
         return {
             "Photo": stamp(context.scene.mps.photo.image),
-            **chosen(EstimateSettings, settings, without=("output", "confidence")),
+            **chosen(EstimateSettings, settings, without=("output", "confidence", "albedo")),
+            "White Photo": file_stamp(settings.white),
             "Rig File": file_stamp(rig_file_for(context.scene.mps.photo.image, settings)),
         }
 
@@ -80,6 +82,10 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
             output = output_path(self.output, result_name(scene, "normals"), self.file_format)
             notes += ending_wins(output, scene.mps.estimate)
         self._notes = notes
+        if self.albedo and not self.white and not self._moves:
+            raise InputError(
+                "the albedo is made from a white photo and none is named; choose one in Photo > Real Photo"
+            )
         if self.surface:
             scene.mps.estimate.surface = named_object(scene, self.surface)
         arguments = ["estimate", str(photo), "--output", str(output)]
@@ -88,9 +94,14 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         if self._moves:
             arguments += ["--smooth", str(self.smooth), "--format", FORMATS[self.file_format]]
         outputs = [output / "frames" if self._moves else output]
-        if self.confidence and not self._moves:
-            outputs.append(output.with_name(f"{output.stem}_confidence{output.suffix}"))
-            arguments += ["--confidence", str(outputs[1])]
+        if self.white and self._moves:
+            notes.append(f"{Path(self.white).name} not used: a white photo goes with one still photo")
+        elif self.white:
+            arguments += ["--white", bpy.path.abspath(self.white)]
+        asked = () if self._moves else ("confidence", "albedo")
+        for also in filter(partial(getattr, self), asked):
+            outputs.append(output.with_name(f"{output.stem}_{also}{output.suffix}"))
+            arguments += [f"--{also}", str(outputs[-1])]
         self._output, self._camera, self._lens = output, remembered(image, "camera"), self.lens
         return arguments, outputs
 
@@ -107,6 +118,10 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         remember(image, "lens", f"{self._lens:g}")
         self.made(image)
         estimate.image = image
+        estimate.albedo_image = None
+        if "albedo" in result:
+            estimate.albedo_image = load_image(Path(result["albedo"]), "MPS Albedo", is_data=False)
+            self.made(estimate.albedo_image)
         self.report({"INFO"}, f"Normals written to {self._output}")
 
 

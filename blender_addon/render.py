@@ -120,7 +120,10 @@ class MPS_OT_open_photo(SaysWhy, bpy.types.Operator):
             image.source = "SEQUENCE"
         self._made_from = self.made_from(context)
         self.made(image)
-        context.scene.mps.photo.image = image
+        mps = context.scene.mps
+        if mps.photo.image not in (None, image):
+            mps.estimate.white = ""  # it is of the other photo's pose
+        mps.photo.image = image
 
 
 def _drawn(scene: Any) -> Ingredients:

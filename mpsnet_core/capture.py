@@ -1,8 +1,9 @@
-"""Capture: the one photo as linear values, with its mask, rig and camera."""
+"""Capture: the one photo as linear values, with its mask, rig and camera, and a white photo where there is one."""
 
 import logging
 import os
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,8 @@ from mpsnet_core.bands import bands
 from mpsnet_core.camera import Camera, camera_of_lens
 from mpsnet_core.correction import Correction, corrected
 from mpsnet_core.errors import InputError
-from mpsnet_core.images import Encoding, Image, read_image, saturated
+from mpsnet_core.frames import expand_images
+from mpsnet_core.images import Encoding, Image, layer_in, read_image, saturated
 from mpsnet_core.masks import Notes, find_mask
 from mpsnet_core.rig import LightRig, NearLights
 from mpsnet_core.surface.raster import grown
@@ -28,7 +30,7 @@ DEPTH_MARGIN = 32
 
 @dataclass(frozen=True)
 class Capture:
-    """One photo under three lights at once.
+    """One photo under three lights at once, and a second one under white light where it could be had.
 
     image: (H, W, 3) float32, linear; channel i is camera channel R, G, B.
     mask: (H, W) bool, the pixels of the object.
@@ -38,6 +40,9 @@ class Capture:
     depth: (H, W) how far in front of the camera, along its axis, each pixel's surface is, in the unit of the camera's
         pose; needed where the rig's lights are near.
     clipped: (H, W, 3) bool, where a channel is at its end, or None where `clip` tells it.
+    white: (H, W, 3) float32, linear RGB of the same pose under white light; zero where it is not finite,
+        outside the mask. What is clipped in it keeps its value, the least that it can be.
+    white_clipped: (H, W, 3) bool, where a channel of `white` is at its end; None where none is.
 
     Raises InputError where the shapes do not agree, the mask is empty, a value is not finite or the depth is lacking.
     """
@@ -49,6 +54,8 @@ class Capture:
     clip: float = np.inf
     depth: NDArray[np.float32] | None = None
     clipped: NDArray[np.bool_] | None = None
+    white: NDArray[np.float32] | None = None
+    white_clipped: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         image, mask = np.asarray(self.image, np.float32), np.asarray(self.mask, bool)
@@ -84,6 +91,8 @@ class Capture:
             if not (np.isfinite(depth) & (depth > 0)).all(where=mask):
                 raise InputError("the object's depth is not above 0 everywhere inside the mask; check camera and mesh")
             object.__setattr__(self, "depth", depth)
+        if self.white is not None:
+            object.__setattr__(self, "white", _checked_white(self.white, self.white_clipped, mask))
         # Outside the mask nothing counts; inside, everything is finite.
         object.__setattr__(self, "image", np.where(finite, image, np.float32(0)))
         object.__setattr__(self, "mask", mask)
@@ -92,6 +101,27 @@ class Capture:
     def saturated(self) -> NDArray[np.bool_]:
         """(H, W, 3) where a channel is at its end, and so wrong."""
         return saturated(self.image, self.clip) if self.clipped is None else self.clipped
+
+
+def _checked_white(
+    white: NDArray[np.float32], clipped: NDArray[np.bool_] | None, mask: NDArray[np.bool_]
+) -> NDArray[np.float32]:
+    white = np.asarray(white, np.float32)
+    if white.ndim != 3 or white.shape[2] != 3:
+        raise InputError(f"a white photo has three channels a pixel; this one has shape {white.shape}")
+    if white.shape[:2] != mask.shape:
+        raise InputError(
+            f"the white photo is {_size(white)} but the photo is {_size(mask)}; take both with the same camera, held "
+            "alike"
+        )
+    finite = np.isfinite(white)
+    if not finite.all(where=mask[..., None]):
+        raise InputError("the white photo holds values that are not finite inside the mask; export it again")
+    if not (white > 0).any(where=mask[..., None]):
+        raise InputError("the white photo is black inside the mask; was the light on, and is it of the same pose?")
+    if clipped is not None and clipped.shape != white.shape:
+        raise InputError(f"what is clipped in the white photo is {_size(clipped)} but that is {_size(white)}")
+    return np.where(finite, white, np.float32(0))
 
 
 def _size(array: NDArray[np.generic]) -> str:
@@ -108,6 +138,7 @@ def read_capture(
     camera: Camera | float | None = None,
     depth: NDArray[np.float32] | float | None = None,
     correction: Correction | None = None,
+    white: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None = None,
 ) -> Capture:
     """Read a photo as a capture.
 
@@ -118,9 +149,11 @@ def read_capture(
     depth: (H, W) how far in front of the camera the surface is, with infinity where that is not known (see
         :func:`mpsnet_core.surface.depth.depth_of_mesh`), or one distance for all. Under near lights, unless given, that
         of the lights' target.
-    correction: dark frame and flat field (:func:`mpsnet_core.correction.read_correction`).
+    correction: dark frame and flat field (:func:`mpsnet_core.correction.read_correction`), of the white photo too.
+    white: a photo of the same pose under white light, or several to be added up: one for each light, turned white.
 
-    Raises InputError where a file is missing or broken, or photo, mask, camera and depth do not fit each other.
+    Raises InputError where a file is missing or broken, or photo, mask, camera, depth and white photo do not fit each
+    other.
     """
     image = read_image(path, encoding=encoding, layer=layer)
     try:
@@ -129,8 +162,39 @@ def read_capture(
         )
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
+    if white is not None:
+        several = [white] if isinstance(white, str | os.PathLike) else white
+        capture = with_white(capture, several, encoding=encoding, layer=layer, correction=correction)
     note_doubts(capture)
     return capture
+
+
+def with_white(
+    capture: Capture,
+    photos: Sequence[str | os.PathLike[str]],
+    *,
+    encoding: Encoding = "auto",
+    layer: str | None = None,
+    correction: Correction | None = None,
+) -> Capture:
+    """The capture with the sum of `photos`, read as the photo was, as its white photo; folders and patterns count for
+    what is in them.
+
+    Raises InputError where one is missing, broken or does not fit the photo.
+    """
+    total, clipped = np.zeros_like(capture.image), np.zeros(capture.image.shape, bool)
+    for file in expand_images(photos):
+        image = read_image(file, encoding=encoding, layer=layer_in(file, layer))
+        try:
+            image = image if correction is None else corrected(image, correction)
+            # Checked one by one: the sum would not tell which of them does not fit.
+            total += _checked_white(image.pixels, None, capture.mask)
+        except InputError as error:
+            raise InputError(f"{file}: {error}") from None
+        clipped |= image.saturated
+    if np.array_equal(total, capture.image):
+        raise InputError(f"{photos[0]}: the white photo is the photo itself; give the one under white light")
+    return replace(capture, white=total, white_clipped=clipped if clipped.any() else None)
 
 
 def capture_from(
@@ -261,6 +325,12 @@ def note_doubts(capture: Capture, name: str = "") -> None:
     if spoilt > 0.05 * pixels:
         share = 100 * spoilt / pixels
         log.info("%s%.0f%% of the object's pixels are saturated, and wrong; expose shorter", which, share)
+    if capture.white_clipped is not None:
+        spoilt = int(capture.white_clipped[capture.mask].any(axis=1).sum())
+        if spoilt > 0.05 * pixels:
+            log.info(
+                "%s%.0f%% of the white photo's pixels are saturated; expose it shorter", which, 100 * spoilt / pixels
+            )
     means = total / pixels
     if np.array_equal(capture.rig.mixing, np.eye(3)) and means.min() > 0 and means.max() > 1.5 * means.min():
         log.info(

@@ -24,9 +24,16 @@ class MPS_PT_estimate(Step):
         moves = photo is not None and photo.source in {"SEQUENCE", "MOVIE"}
         column.prop(estimate, "output", text="Folder" if moves else "File", placeholder="Automatic")
         column.prop(estimate, "smooth" if moves else "confidence")
+        if not moves:
+            row = column.row()
+            row.active = bool(estimate.white)
+            row.prop(estimate, "albedo")
         self.progress_or(context, "estimate", "NORMALS_FACE")
         self.layout.template_ID(estimate, "image", open="image.open")
         self.picture(estimate.image)
+        if estimate.albedo_image:
+            self.layout.label(text="Albedo")
+            self.picture(estimate.albedo_image)
 
 
 CLASSES = (MPS_PT_estimate,)

@@ -52,6 +52,7 @@ class MPS_PT_real(Step):
         column.prop(estimate, "encoding")
         column.prop(estimate, "dark", placeholder="None")
         column.prop(estimate, "flat", placeholder="None")
+        column.prop(estimate, "white", placeholder="None")
 
 
 class MPS_PT_near(Step):

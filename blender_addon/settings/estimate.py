@@ -74,6 +74,13 @@ class EstimateSettings:
         subtype="FILE_PATH",
         options=PATH,
     )
+    white: StringProperty(
+        name="White Photo",
+        description="Second photo of the same pose, under white light: the three lights turned white. It tells the "
+        "colour of the surface. A folder or pattern of one photo for each light is added up. For one still photo only",
+        subtype="FILE_PATH",
+        options=PATH,
+    )
     rig_file: StringProperty(
         name="Rig File",
         description="Measured rig (.json or .lp) of photos that you open. A photo that was rendered in this scene is "
@@ -119,6 +126,13 @@ class EstimateSettings:
         default=False,
         options=GIVEN,
     )
+    albedo: BoolProperty(
+        name="Albedo",
+        description="Also write the surface's colour without light and shadow on it, beside the normal map. It is made "
+        "from the white photo of Photo > Real Photo",
+        default=False,
+        options=GIVEN,
+    )
     smooth: IntProperty(
         name="Smooth Frames",
         description="Frames of a sequence or video before and behind, with which each is averaged where they show "
@@ -155,4 +169,5 @@ class MPS_PG_estimate(EstimateSettings, bpy.types.PropertyGroup):
     mesh: PointerProperty(
         name="Mesh", description="Mesh that was made of the normals and their heights", type=bpy.types.Object
     )
+    albedo_image: PointerProperty(name="Albedo", description="The surface's colour", type=bpy.types.Image)
     image: PointerProperty(name="Normals", description="Normal map in camera space", type=bpy.types.Image)

@@ -200,9 +200,20 @@ def asked_place(options: argparse.Namespace) -> tuple[Any, Any]:
     return camera, options.distance
 
 
+def slant_and_tilt(option: str, given: str) -> tuple[float, float]:
+    """Slant and tilt in degrees, as an option of the command line gives them. Raises InputError where it does not."""
+    try:
+        slant, tilt = map(float, given.split(","))
+    except ValueError:
+        slant = tilt = float("nan")
+    if not (0 <= slant <= 90 and abs(tilt) <= 360):
+        raise InputError(f"{option} {given} is not known; give slant (0 to 90) and tilt in degrees, as 45,135")
+    return slant, tilt
+
+
 def read_files(options: argparse.Namespace) -> list[Path]:
-    """The files that options of :func:`add_reading` and :func:`add_place`, and --onto, mean, in folders and patterns
-    one by one: what no result may overwrite.
+    """The files that options of :func:`add_reading` and :func:`add_place`, --white and --onto mean, in folders and
+    patterns one by one: what no result may overwrite.
 
     Raises InputError where a folder or a pattern means none.
     """
@@ -213,6 +224,7 @@ def read_files(options: argparse.Namespace) -> list[Path]:
     meshes = getattr(options, "mesh", None) or []
     files = [Path(given) for given in ([meshes] if isinstance(meshes, str) else meshes)]
     files += [Path(given) for name in ("camera", "onto") if (given := getattr(options, name, None))]
-    for given in filter(None, (mask, options.dark, options.flat)):
+    white = getattr(options, "white", None) or []
+    for given in filter(None, (mask, options.dark, options.flat, *white)):
         files += expand_images([given]) if is_several(given) else [Path(given)]
     return files

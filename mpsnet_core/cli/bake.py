@@ -4,7 +4,7 @@ import argparse
 import hashlib
 import logging
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 # Options that change nothing in the texels, or stand for files that count by what they are at the time.
-NOT_IN_RECIPE = ("confidence", "mesh", "onto", "output", "preset", "progress", "verb", "view")
+NOT_IN_RECIPE = ("albedo", "confidence", "mesh", "onto", "output", "preset", "progress", "verb", "view")
 
 
 def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
@@ -48,6 +48,12 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--confidence", action="append", metavar="FILE", help="confidence map of a view, in the views' order"
     )
+    parser.add_argument(
+        "--albedo",
+        action="append",
+        metavar="FILE",
+        help="albedo of a view (of estimate --albedo), in the views' order: baked as well, to TEXTURE_albedo",
+    )
     add_level(parser, None)
     add_detail(parser)
     parser.add_argument("--format", help="png (unless given), tif or exr, where the output is a folder")
@@ -63,18 +69,19 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
 
 @dataclass(frozen=True)
 class _Job:
-    """Normal maps to bake. views: camera file and normal map each. confidences: of each view, or None.
+    """Normal maps to bake. views: camera file and normal map each. confidences, albedos: of each view, or None.
     onto: the present map."""
 
     output: Path
     meshes: tuple[Path, ...]
     views: tuple[tuple[Path, Path], ...]
     confidences: tuple[str | None, ...]
+    albedos: tuple[str | None, ...]
     onto: str | None
 
     @property
     def files(self) -> list[Path]:
-        others = map(Path, filter(None, (*self.confidences, self.onto)))
+        others = map(Path, filter(None, (*self.confidences, *self.albedos, self.onto)))
         return [*self.meshes, *(file for view in self.views for file in view), *others]
 
 
@@ -98,6 +105,9 @@ def _bake(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     confidences = options.confidence or [None] * len(views)
     if len(confidences) != len(views):
         raise InputError(f"there are {len(views)} views but {len(confidences)} confidence maps; give one for each view")
+    albedos = options.albedo or [None] * len(views)
+    if len(albedos) != len(views):
+        raise InputError(f"there are {len(views)} views but {len(albedos)} albedos; give one for each view, or none")
     _asked_baking(options)
     if sequence:
         return _bake_frames(options, views, reporter)
@@ -107,6 +117,7 @@ def _bake(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         tuple(map(Path, options.mesh)),
         tuple((Path(camera), Path(normals)) for camera, normals in views),
         tuple(confidences),
+        tuple(albedos),
         options.onto,
     )
     reporter.progress(0.0, "reading the mesh")
@@ -130,6 +141,7 @@ def _views(
     known: these shares, where they have been found before.
     """
     from mpsnet_core.camera import read_camera
+    from mpsnet_core.estimate.albedo import read_albedo
     from mpsnet_core.normals import read_normals
     from mpsnet_core.rays import RayScene
     from mpsnet_core.surface.bake import View
@@ -141,18 +153,19 @@ def _views(
     whole = joined(meshes)
     scene = RayScene(whole.world_vertices, whole.triangles) if level or presents else None
     views, shares = list[View](), list[Sequence[float]]()
-    for number, ((camera, normals), confidence) in enumerate(zip(job.views, job.confidences, strict=True)):
+    given = zip(job.views, job.confidences, job.albedos, strict=True)
+    for number, ((camera, normals), confidence, albedo) in enumerate(given):
         progress(number / len(job.views), f"reading {normals.name}")
         try:
             normal_map = read_normals(normals, convention=options.normals_convention, confidence=confidence)
-            view = View(read_camera(camera), normal_map)
+            view = View(read_camera(camera), normal_map, None if albedo is None else read_albedo(albedo))
             if presents and scene is not None:
                 before = None if known is None else known[number]
                 normal_map, found = without_presents(view.normals, view.camera, whole, scene, presents, before)
-                view = View(view.camera, normal_map)
+                view = replace(view, normals=normal_map)
                 shares.append(found)
             if level and scene is not None:
-                view = View(view.camera, levelled(view.normals, view.camera, whole, scene, scale=level))
+                view = replace(view, normals=levelled(view.normals, view.camera, whole, scene, scale=level))
             views.append(view)
         except InputError as error:
             raise InputError(f"view {camera}={normals}: {error}") from None
@@ -205,6 +218,8 @@ def _bake_frames(options: argparse.Namespace, views: Sequence[tuple[str, str]], 
         )
     if options.confidence:
         raise InputError("--confidence takes one normal map a view; leave it out for a sequence")
+    if options.albedo:
+        raise InputError("--albedo is of one still photo a view; leave it out for a sequence")
     jobs = _jobs(options, views)
     check_apart({file for job in jobs.values() for file in job.files}, [job.output for job in jobs.values()])
     folder = results_folder(options.output, "a sequence is baked", "textures")
@@ -278,6 +293,7 @@ def _jobs(options: argparse.Namespace, views: Sequence[tuple[str, str]]) -> dict
             target / f"{target.name}_{number:0{digits}d}.{options.format.lstrip('.')}",
             (_file_of(meshes, number),),
             tuple((_file_of(cameras, number), _file_of(normals, number)) for cameras, normals in pairs),
+            (None,) * len(pairs),
             (None,) * len(pairs),
             options.onto,
         )

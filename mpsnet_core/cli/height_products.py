@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mpsnet_core.cli.arguments import slant_and_tilt
 from mpsnet_core.errors import InputError
 from mpsnet_core.progress import Progress
 
@@ -160,7 +161,7 @@ def _relit_files(options: argparse.Namespace) -> list[Path]:
 
     tilts = turntable_tilts(options.turntable, 0) if options.turntable is not None else [0.0]
     output = Path(options.relit)
-    _light(options)
+    slant_and_tilt("--light", options.light)
     if output.suffix.lower() == ".exr":
         raise InputError(f"cannot write {output}: a relit picture is for the screen; use .png or .tif")
     if "#" not in output.name:
@@ -172,23 +173,12 @@ def _relit_files(options: argparse.Namespace) -> list[Path]:
     return [file for name in names for file in _image(output.with_name(name))]
 
 
-def _light(options: argparse.Namespace) -> tuple[float, float]:
-    """Slant and tilt in degrees."""
-    try:
-        slant, tilt = map(float, options.light.split(","))
-    except ValueError:
-        slant = tilt = float("nan")
-    if not (0 <= slant <= 90 and abs(tilt) <= 360):
-        raise InputError(f"--light {options.light} is not known; give slant (0 to 90) and tilt in degrees, as 45,135")
-    return slant, tilt
-
-
 def _relit(options: argparse.Namespace, surface: Surface, progress: Progress) -> Made:
     from mpsnet_core.heights.relight import relit, turntable_sheet, turntable_tilts
     from mpsnet_core.images import write_image
     from mpsnet_core.rig import direction_from_angles
 
-    slant, tilt = _light(options)
+    slant, tilt = slant_and_tilt("--light", options.light)
     shown = {"occlusion": surface.occlusion, "albedo": surface.albedo}
     files = _relit_files(options)
     tilts = [tilt] if options.turntable is None else turntable_tilts(options.turntable, tilt)

@@ -3,7 +3,7 @@
 import argparse
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mpsnet_core.cli.arguments import (
     Help,
@@ -15,9 +15,14 @@ from mpsnet_core.cli.arguments import (
     asked_estimator,
     asked_place,
     read_files,
+    slant_and_tilt,
 )
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 
 def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
@@ -48,6 +53,22 @@ def _add_estimate(parser: argparse.ArgumentParser) -> None:
     add_network(parser)
     add_place(parser)
     add_reading(parser)
+    parser.add_argument(
+        "--white",
+        action="append",
+        metavar="PHOTO",
+        help="second photo, of the same pose under white light, which tells the colour of the surface; repeated, the "
+        "photos are added up: one for each of the lights, turned white (one still photo only)",
+    )
+    parser.add_argument(
+        "--albedo", metavar="FILE", help="also write the surface's colour without light and shadow; with --white"
+    )
+    parser.add_argument(
+        "--white-light",
+        metavar="rig|SLANT,TILT",
+        help="what lit the white photo, for --albedo: the rig's three lights turned white (rig, unless given), or one "
+        "light in this direction in degrees",
+    )
     parser.add_argument("--convention", default="opengl", help="opengl (green up) or directx (green down)")
     parser.add_argument("--confidence", metavar="FILE", help="also write the confidence map (one photo only)")
     parser.add_argument("--format", default="png", help="png, tif or exr, where the output is a folder")
@@ -65,6 +86,7 @@ def _add_estimate(parser: argparse.ArgumentParser) -> None:
 
 def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.capture import read_capture
+    from mpsnet_core.estimate.albedo import albedo_from_white, write_albedo
     from mpsnet_core.files import writable_path
     from mpsnet_core.frames import check_apart, expand_images, is_several, output_files
     from mpsnet_core.images import checked_bits, write_image
@@ -74,6 +96,11 @@ def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
     from mpsnet_core.sequence.video import is_video
 
     check_convention(options.convention)
+    if options.albedo and not options.white:
+        raise InputError("--albedo is made from a photo under white light; give it with --white")
+    if options.white_light and not options.albedo:
+        raise InputError("--white-light tells what lit the photo that --albedo is made from; give both, or neither")
+    white_light = _white_light(options.white_light or "rig")
     rig = read_rig(options.rig)
     photos = expand_images(options.image)
     # A folder or a pattern is a sequence, be there one frame in it so far; but only one photo's confidence is written.
@@ -87,9 +114,11 @@ def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
     [photo], [output] = photos, output_files(photos, options.output, f".{options.format.lstrip('.')}")
     inputs = [photo, options.rig, *read_files(options)]
     check_apart(inputs, [output])
-    if options.confidence:
-        checked_bits(writable_path(options.confidence))
-        check_apart([*inputs, output], [options.confidence])
+    outputs = [output]
+    for other in filter(None, (options.confidence, options.albedo)):
+        checked_bits(writable_path(other))
+        check_apart([*inputs, *outputs], [other])
+        outputs.append(Path(other))
     correction, (camera, depth) = asked_correction(options), asked_place(options)
     estimator = asked_estimator(options)
     reporter.progress(0.0, f"reading {photo.name}")
@@ -102,6 +131,7 @@ def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
         camera=camera,
         depth=depth,
         correction=correction,
+        white=options.white,
     )
     normals = estimator(capture, part(reporter.progress, 0.1, 0.9))
     reporter.progress(0.9, f"writing {output.name}")
@@ -109,12 +139,22 @@ def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
     write_normals(output, normals, convention=options.convention)
     if options.confidence:
         write_image(options.confidence, normals.confidence)
+    if options.albedo:
+        write_albedo(options.albedo, albedo_from_white(capture, normals, white_light), capture.mask)
     reporter.progress(1.0, "done")
     return {
         "outputs": [str(output)],
         "pixels": int(normals.mask.sum()),
-        "text": f"{output}: normals by {estimator.name}",
+        **({"albedo": options.albedo} if options.albedo else {}),
+        "text": f"{output}: normals by {estimator.name}" + (f"\n{options.albedo}: albedo" if options.albedo else ""),
     }
+
+
+def _white_light(given: str) -> "NDArray[np.float64] | None":
+    """(3,) the direction of the white photo's one light, None where it was the rig's lights."""
+    from mpsnet_core.rig import direction_from_angles
+
+    return None if given == "rig" else direction_from_angles(*slant_and_tilt("--white-light", given))
 
 
 # --- superpose --------------------------------------------------------------------------------------------------------

@@ -23,8 +23,22 @@ from mpsnet_core.sequence.video import is_video, read_video_header, video_frames
 
 log = logging.getLogger(__name__)
 
-# Options that change nothing in the normals, or that the frames themselves tell of; all others make other normals.
-NOT_IN_RECIPE = ("confidence", "image", "mask", "model", "output", "progress", "provider", "threads", "verb")
+# Options that change nothing in the normals, are refused, or that the frames themselves tell of; all others make other
+# normals.
+NOT_IN_RECIPE = (
+    "albedo",
+    "confidence",
+    "image",
+    "mask",
+    "model",
+    "output",
+    "progress",
+    "provider",
+    "threads",
+    "verb",
+    "white",
+    "white_light",
+)
 
 
 def estimate_frames(
@@ -33,6 +47,8 @@ def estimate_frames(
     """Normals of several photos, or of a video's frames."""
     if options.confidence:
         raise InputError("--confidence takes one photo at a time; leave it out or give one photo")
+    if options.white:
+        raise InputError("--white is a second photo of one still pose; leave it out, or give one photo")
     if not 0 <= options.smooth <= MAX_REACH:
         raise InputError(f"--smooth {options.smooth} cannot be; choose 0 to {MAX_REACH} frames")
     if not any(is_video(photo) for photo in photos):

@@ -39,13 +39,15 @@ class Plan:
 
 @dataclass(frozen=True)
 class Made:
-    """A texture that was written. pattern: see :class:`Plan`. seen, covered: how many texels a view saw, and all."""
+    """A texture that was written. pattern: see :class:`Plan`. seen, covered: how many texels a view saw, and all.
+    albedo: the file of the colours, where the views have them."""
 
     file: Path
     pattern: Path
     sheet: "Sheet"
     seen: int
     covered: int
+    albedo: Path | None = None
 
 
 def planned(options: argparse.Namespace, taken: Sequence[Path]) -> Plan:
@@ -71,9 +73,15 @@ def planned(options: argparse.Namespace, taken: Sequence[Path]) -> Plan:
     chosen = sheets(meshes, tiles="tile" in by, materials="material" in by, objects="object" in by)
     files = texture_files(options.output, chosen)
     beneath = maps_beneath(options.onto, options.onto_convention, chosen) if options.onto else [None] * len(chosen)
-    check_apart([*taken, *(one.file for one in beneath if one)], map(writable_path, files))
+    coloured = map(albedo_file, files) if getattr(options, "albedo", None) else ()
+    check_apart([*taken, *(one.file for one in beneath if one)], map(writable_path, [*files, *coloured]))
     presents = PresentMaps(beneath, chosen, meshes, options.onto_shown)
     return Plan(meshes, chosen, files, tile_patterns(options.output, chosen), presents)
+
+
+def albedo_file(texture: Path) -> Path:
+    """Where the albedo goes that is baked beside a normal texture: NAME_albedo."""
+    return texture.with_name(f"{texture.stem}_albedo{texture.suffix}")
 
 
 def _named(mesh: "Mesh", name: str) -> "Mesh":
@@ -90,6 +98,7 @@ def write_textures(
 
     Raises InputError where one cannot be baked or written; it tells how many are there already.
     """
+    from mpsnet_core.estimate.albedo import write_albedo
     from mpsnet_core.surface.onto import laid_onto
     from mpsnet_core.surface.texture import write_texture
 
@@ -101,9 +110,13 @@ def write_textures(
             if beneath is not None:
                 texture = laid_onto(texture, beneath)
             write_texture(plan.files[place], texture, convention=options.convention, bits=options.bits)
+            albedo = None
+            if texture.colours is not None:
+                albedo = albedo_file(plan.files[place])
+                write_albedo(albedo, texture.colours[..., :3], bits=options.bits)
             made += 1
             seen, covered = int(texture.seen.sum()), int(texture.covered.sum())
-            yield Made(plan.files[place], plan.patterns[place], sheet, seen, covered), texture
+            yield Made(plan.files[place], plan.patterns[place], sheet, seen, covered, albedo), texture
             del texture
     except (InputError, OSError) as error:
         if not made:
@@ -123,6 +136,8 @@ def told_textures(made: Sequence[Made]) -> dict[str, Any]:
         known = {what: value for what, value in shows.items() if value is not None}
         if one.sheet.tile is not None:
             known["tiles"] = str(one.pattern)
+        if one.albedo is not None:
+            known["albedo"] = str(one.albedo)
         outputs.append({"output": str(one.file), **known, "seen": round(one.seen / one.covered, 4)})
     return {"outputs": outputs, "seen": round(seen_share(made), 4)}
 
@@ -134,7 +149,11 @@ def seen_share(made: Sequence[Made]) -> float:
 
 def textures_in_words(made: Sequence[Made], facts: str) -> str:
     """A line for each texture: where it is, what it is, how much of it was seen. facts: what is true of all."""
-    lines = [f"{one.file}: {facts}, {one.seen / one.covered:.1%} of its surface seen" for one in made]
+    lines = [
+        f"{one.file}: {facts}, {one.seen / one.covered:.1%} of its surface seen"
+        + (f"; albedo in {one.albedo.name}" if one.albedo is not None else "")
+        for one in made
+    ]
     if len(lines) > LISTED:
         lines = [lines[0], f"... {len(lines) - 2} more ...", lines[-1]]
     return "\n".join(lines)

@@ -53,7 +53,7 @@ def turn_back(normals: NDArray[np.float32], camera: Camera | None) -> None:
 
 def _relit(capture: Capture, *, turned: bool) -> Capture:
     image = np.zeros_like(capture.image)
-    for rows, lights in _lights(capture):
+    for rows, lights in lights_by_rows(capture):
         normals = pseudo_normals(capture.rig.unmixed(capture.image[rows]), lights)
         if turned and _is_perspective(capture.camera):
             normals = _turned(normals, _turn_to_z(capture.camera, rows))
@@ -62,8 +62,9 @@ def _relit(capture: Capture, *, turned: bool) -> Capture:
     return replace(capture, image=image, rig=LightRig(capture.rig.directions), clip=np.inf)
 
 
-def _lights(capture: Capture) -> Iterator[tuple[slice, NDArray[np.float64]]]:
-    """Bands of rows, and the lights there: (h, W, 3, 3), or (3, 3) where they are the same for all."""
+def lights_by_rows(capture: Capture) -> Iterator[tuple[slice, NDArray[np.float64]]]:
+    """Bands of rows, and the lights there: (h, W, 3, 3), or (3, 3) where they are the same for all. A light a row, its
+    direction times its brightness."""
     near, camera, depth = capture.rig.near, capture.camera, capture.depth
     for rows in bands(len(capture.mask), ROWS):
         if near is None:

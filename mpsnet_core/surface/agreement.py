@@ -59,7 +59,7 @@ class Agreement:
     def _look(self, view: View) -> NDArray[np.float32]:
         look = np.zeros((len(self.points), 4), np.float32)
         seen, samples = Projector(view, self.scene, self.feather).look(self.points, self.normals)
-        look[seen] = samples
+        look[seen] = samples[:, :4]
         return look
 
     def views(self) -> list[ViewAgreement]:

@@ -22,6 +22,7 @@ from mpsnet_core.surface.looks import Looks, Projectors, seen_triangles
 from mpsnet_core.surface.mesh import Mesh
 from mpsnet_core.surface.padding import Padding, padded
 from mpsnet_core.surface.projection import Projector, View
+from mpsnet_core.surface.push_pull import push_pull
 from mpsnet_core.surface.raster import texel_areas, triangle_of_texel
 from mpsnet_core.surface.sheets import Sheet, sheets
 from mpsnet_core.surface.texture import Space, Texture
@@ -51,7 +52,8 @@ def bake_normals(
     """Bake the views' normals onto the mesh's UVs, those from 0 to 1.
 
     Every texel takes the mean of the views that see it, weighted by confidence and by how squarely they look at the
-    surface. Texels that none sees keep the mesh's own shading normal.
+    surface. Texels that none sees keep the mesh's own shading normal. Where the views have colours, so has the texture,
+    by the same weights; where no view tells them, and beyond the islands, they go on smoothly.
 
     views: asked for one after the other, and more than once where they are too large to be held all at once.
     size, space, margin, padding, samples, feather, strength: of :class:`mpsnet_core.surface.baking.Baking`.
@@ -118,7 +120,15 @@ def bake_sheets(
 
 
 def _finished(texture: Texture, baking: Baking) -> Texture:
-    return replace(texture, vectors=padded(texture.vectors, texture.covered, baking.padding, baking.margin))
+    colours = texture.colours
+    if colours is not None:
+        # No mesh tells the colour of what no view sees: it goes on smoothly, there and beyond the islands.
+        known = colours[..., 3] > 0
+        colours = np.concatenate([push_pull(colours[..., :3], known), known[..., None]], axis=-1, dtype=np.float32)
+        if baking.padding == "none":
+            colours[~texture.covered] = 0
+    vectors = padded(texture.vectors, texture.covered, baking.padding, baking.margin)
+    return replace(texture, vectors=vectors, colours=colours)
 
 
 @dataclass(frozen=True)
@@ -149,7 +159,8 @@ class _Bake:
             told = part(progress, 0.9 * number / len(rows), 0.9 * (number + 1) / len(rows))
             fine = slice(band.start * samples, band.stop * samples)
             laid = triangle_of_texel(corners[order], size * samples, fine)
-            baked.append(_averaged(self._points(_patches(surfaces, order, laid), laid >= 0, fine.start, told), samples))
+            patches = _patches(surfaces, order, laid, self.projectors.values)
+            baked.append(_averaged(self._points(patches, laid >= 0, fine.start, told), samples))
             del laid
         texture = _stacked(baked)
         if not texture.covered.any():
@@ -171,6 +182,7 @@ class _Bake:
         vectors = np.zeros((covered.size, 3), np.float32)
         vectors[:, 2] = 1
         spread = np.zeros(covered.size, np.float32)
+        colours = np.zeros((covered.size, 4), np.float32) if self.projectors.values > 4 else None
         chunks = [(patch, start) for patch in patches for start in range(0, len(patch.texels), POINTS_AT_ONCE)]
         views, done = len(self.projectors.views), 0
         fade = np.float32(FADE * (self.projectors.feather > 0))
@@ -194,6 +206,9 @@ class _Bake:
                                 place, looked.sums[:, :3] + normal * fade, self.baking.space, self.baking.strength
                             )
                             spread[texels] = looked.spread()
+                            if colours is not None:
+                                weight = looked.sums[:, 7:]
+                                colours[texels] = looked.sums[:, 4:] / np.where(weight > 0, weight, 1)
 
                     for _ in pool.map(work, chunks):
                         progress(done / (views * len(chunks)), "baking")
@@ -207,7 +222,13 @@ class _Bake:
         shape = covered.shape
         counts = count.reshape(shape)
         return Texture(
-            vectors.reshape(*shape, 3), counts > 0, covered, self.baking.space, counts, spread.reshape(shape)
+            vectors.reshape(*shape, 3),
+            counts > 0,
+            covered,
+            self.baking.space,
+            counts,
+            spread.reshape(shape),
+            None if colours is None else colours.reshape(*shape, 4),
         )
 
 
@@ -221,24 +242,27 @@ class _Patch:
     looks: Looks
 
 
-def _patches(surfaces: Sequence[UnderTexels], order: NDArray[np.int64], laid: NDArray[np.int32]) -> list[_Patch]:
-    """laid: (R, C) what of the `order` lies under each point, -1 for nothing."""
+def _patches(
+    surfaces: Sequence[UnderTexels], order: NDArray[np.int64], laid: NDArray[np.int32], values: int
+) -> list[_Patch]:
+    """laid: (R, C) what of the `order` lies under each point, -1 for nothing. values: of :meth:`Looks.none`."""
     texels = np.flatnonzero(laid >= 0)
     triangle = order[laid.ravel()[texels]]
     if len(surfaces) == 1:
-        return [_Patch(surfaces[0], triangle, texels, Looks.none(len(texels)))]
+        return [_Patch(surfaces[0], triangle, texels, Looks.none(len(texels), values))]
     ends = np.cumsum([len(surface.corners) for surface in surfaces])
     owner = np.searchsorted(ends, triangle, side="right")
     patches = []
     for number, surface in enumerate(surfaces):
         mine = np.flatnonzero(owner == number)
         of_surface = triangle[mine] - (ends[number] - len(surface.corners))
-        patches.append(_Patch(surface, of_surface, texels[mine], Looks.none(len(mine))))
+        patches.append(_Patch(surface, of_surface, texels[mine], Looks.none(len(mine), values)))
     return patches
 
 
 def _averaged(points: Texture, samples: int) -> Texture:
-    """Texels of samples x samples points: the mean of those on the surface, as vectors; its length is brought to 1."""
+    """Texels of samples x samples points: the mean of those on the surface, as vectors; its length is brought to 1.
+    Of colours the mean of those that are known."""
     if samples == 1:
         return points
     height, width = (length // samples for length in points.covered.shape)
@@ -248,6 +272,11 @@ def _averaged(points: Texture, samples: int) -> Texture:
 
     weight = blocks(points.covered).sum(axis=(1, 3), dtype=np.float32)
     vectors = blocks(np.where(points.covered[..., None], points.vectors, 0)).sum(axis=(1, 3))
+    colours = None
+    if points.colours is not None:
+        # Unknown colours are zero, and so is what they count for.
+        total = blocks(points.colours).sum(axis=(1, 3))
+        colours = total / np.maximum(total[..., 3:], 1)
     assert points.views is not None and points.spread is not None
     return Texture(
         normalised(vectors),
@@ -256,6 +285,7 @@ def _averaged(points: Texture, samples: int) -> Texture:
         points.space,
         blocks(points.views).max(axis=(1, 3)),
         (blocks(points.spread).sum(axis=(1, 3)) / np.maximum(weight, 1)).astype(np.float32),
+        colours,
     )
 
 
@@ -268,7 +298,13 @@ def _stacked(textures: list[Texture]) -> Texture:
         return np.concatenate([getattr(texture, name) for texture in textures])
 
     return Texture(
-        stacked("vectors"), stacked("seen"), stacked("covered"), textures[0].space, stacked("views"), stacked("spread")
+        stacked("vectors"),
+        stacked("seen"),
+        stacked("covered"),
+        textures[0].space,
+        stacked("views"),
+        stacked("spread"),
+        None if textures[0].colours is None else stacked("colours"),
     )
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.errors import InputError
 from mpsnet_core.normals import normalised
 from mpsnet_core.progress import Progress
 from mpsnet_core.rays import RayScene
@@ -22,11 +23,13 @@ class Projectors:
     def __init__(self, views: Sequence[View], scene: RayScene, feather: float) -> None:
         self.views, self.scene, self.feather = views, scene, feather
         self.all: list[Projector] = []
+        # How many values a view says at a point, see `Projector.look`; known once views were asked for.
+        self.values = 0
 
     def batches(self) -> Iterator[list[Projector]]:
         """All projectors in the views' order, in groups of about HELD_BYTES; a group is let go before the next.
 
-        Raises InputError where a view that is not held in memory cannot be read again.
+        Raises InputError where a view that is not held in memory cannot be read again, or only some have colours.
         """
         if self.all:
             yield self.all
@@ -35,6 +38,10 @@ class Projectors:
         held = 0
         for number in range(len(self.views)):
             batch.append(Projector(self.views[number], self.scene, self.feather))
+            values = batch[-1].samples.shape[2]
+            if self.values not in (0, values):
+                raise InputError("some views have colours and others none; give colours for all of them, or for none")
+            self.values = values
             held += _held_bytes(batch[-1])
             if number + 1 == len(self.views) == len(batch):
                 self.all = batch
@@ -53,15 +60,17 @@ def _held_bytes(projector: Projector) -> int:
 class Looks:
     """What the views so far say of N texels.
 
-    sums: (N, 4) their weighted normals in world space, and those vectors' lengths. views: (N,) how many see the texel.
+    sums: (N, 4) their weighted normals in world space, and those vectors' lengths; (N, 8) with their weighted colours
+    and those weights. views: (N,) how many see the texel.
     """
 
     sums: NDArray[np.float32]
     views: NDArray[np.uint16]
 
     @classmethod
-    def none(cls, count: int) -> "Looks":
-        return cls(np.zeros((count, 4), np.float32), np.zeros(count, np.uint16))
+    def none(cls, count: int, values: int) -> "Looks":
+        """values: how many a view says at a texel."""
+        return cls(np.zeros((count, values), np.float32), np.zeros(count, np.uint16))
 
     def of(self, chunk: slice) -> "Looks":
         """Some of the texels; what is added to them is added here."""

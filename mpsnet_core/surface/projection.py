@@ -24,14 +24,22 @@ FACING_POWER = 4
 class View:
     """One photo's normals and the camera that took it.
 
-    Raises InputError where the two differ in size.
+    colours: (H, W, 3) float32, linear, what is baked beside the normals: an albedo, say; NaN where it is not known.
+
+    Raises InputError where they differ in size.
     """
 
     camera: Camera
     normals: NormalMap
+    colours: NDArray[np.float32] | None = None
 
     def __post_init__(self) -> None:
         height, width = self.normals.mask.shape
+        if self.colours is not None and self.colours.shape != (height, width, 3):
+            raise InputError(
+                f"the colours are {self.colours.shape[1]} x {self.colours.shape[0]} but the normal map is {width} x "
+                f"{height}; they must be the same size"
+            )
         if (self.camera.width, self.camera.height) != (width, height):
             raise InputError(
                 f"the camera is {self.camera.width} x {self.camera.height} but its normal map is {width} x {height}; "
@@ -58,10 +66,14 @@ class Projector:
             for rows in bands(len(weight)):
                 weight[rows] *= upsampled(share, weight.shape, rows) ** FACING_POWER
         world = normals.vectors @ view.camera.rotation.T.astype(np.float32)
-        # (H + 2, W + 2, 4): world normals and a 1, times their weight. The border of nothing spares sampling at the
-        # image's edge a special case.
+        layers = [world, np.ones_like(world[..., :1])]
+        if view.colours is not None:
+            known = np.isfinite(view.colours).all(axis=-1, keepdims=True)
+            layers += [np.where(known, view.colours, 0), known]
+        # (H + 2, W + 2, 4): world normals and a 1, times their weight; with colours (..., 8), these and a 1 likewise.
+        # The border of nothing spares sampling at the image's edge a special case.
         self.samples = np.pad(
-            np.concatenate([world, np.ones_like(world[..., :1])], -1) * weight[..., None], [(1, 1), (1, 1), (0, 0)]
+            np.concatenate(layers, axis=-1, dtype=np.float32) * weight[..., None], [(1, 1), (1, 1), (0, 0)]
         )
 
     def look(
@@ -69,8 +81,9 @@ class Projector:
     ) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
         """Which of the surface's points (N, 3), of unit normals (N, 3), the view sees: (M,) their numbers.
 
-        And (M, 4) what it sees there: the weighted normal in world space and its weight. The points are relative to
-        the scene's middle, the normals in world space.
+        And (M, 4) what it sees there: the weighted normal in world space and its weight; (M, 8) of views with colours,
+        the weighted colour and its weight behind them. The points are relative to the scene's middle, the normals in
+        world space.
         """
         if self.camera.projection == "orthographic":
             facing = normals @ self.camera.rotation[:, 2].astype(np.float32)
@@ -104,7 +117,7 @@ class Projector:
         x, y = (place - corner).astype(np.float32).T[..., None]
         stride = self.samples.shape[1]
         index = corner[:, 1] * stride + corner[:, 0]
-        flat = self.samples.reshape(-1, 4)
+        flat = self.samples.reshape(-1, self.samples.shape[2])
         above = flat[index] * (1 - x) + flat[index + 1] * x
         below = flat[index + stride] * (1 - x) + flat[index + stride + 1] * x
         result: NDArray[np.float32] = above * (1 - y) + below * y

@@ -23,6 +23,7 @@ class Texture:
     space: "tangent" (MikkTSpace) or "object".
     views: (S, S) uint16, how many views saw each texel. spread: (S, S) float32, degrees that their normals lie apart:
     the angle whose cosine is the weighted mean cosine between them and their mean; 0 where fewer than two saw it.
+    colours: (S, S, 4) float32, where the views have colours: linear, and 1 where some view tells them, else 0.
     """
 
     vectors: NDArray[np.float32]
@@ -31,6 +32,7 @@ class Texture:
     space: Space
     views: NDArray[np.uint16] | None = None
     spread: NDArray[np.float32] | None = None
+    colours: NDArray[np.float32] | None = None
 
     @property
     def seen_fraction(self) -> float:

@@ -181,3 +181,11 @@ def test_a_confidence_map_is_left_out_where_there_are_frames(shots, scene, tmp_p
     bpy.ops.mps.open_photo(filepath=str(shots / "shot_0008.exr"), sequence=True)
     bpy.ops.mps.estimate(model="LAMBERTIAN", rig_file=str(tmp_path / "rig.json"), confidence=True)
     assert len(list((tmp_path / "Scene_normals").iterdir())) == 4
+
+
+def test_a_white_photo_is_told_to_be_of_no_use_to_frames(shots, scene, tmp_path):
+    bpy.ops.mps.open_photo(filepath=str(shots / "shot_0008.exr"), sequence=True)
+    settings = {"rig_file": str(tmp_path / "rig.json"), "white": str(shots / "shot_0008.exr"), "albedo": True}
+    bpy.ops.mps.estimate(model="LAMBERTIAN", **settings)
+    assert len(list((tmp_path / "Scene_normals").iterdir())) == 4
+    assert "shot_0008.exr not used: a white photo goes with one still photo" in scene.mps.records["estimate"].notes

@@ -38,6 +38,7 @@ from mpsnet_core import (
     Mesh,
     NormalMap,
     View,
+    albedo_from_white,
     bake_normals,
     estimate_normals,
     images,
@@ -614,6 +615,73 @@ CAPTURES: list[Case] = [
     ),
 ]
 
+WHITE: list[Case] = [
+    (
+        "missing",
+        lambda b: b.estimate(white=b / "white.png"),
+        "image…white.png does not exist; check the path",
+    ),
+    (
+        "of another size",
+        lambda b: b.estimate(white=b.photo("white.exr", SPHERE.image[:8])),
+        "white.exr: the white photo is 16 x 8 but the photo is 16 x 16; take both with the same camera",
+    ),
+    (
+        "black",
+        lambda b: b.estimate(white=b.photo("white.exr", 0 * SPHERE.image)),
+        "white.exr: the white photo is black inside the mask; was the light on",
+    ),
+    (
+        "not finite",
+        lambda b: b.estimate(white=b.photo("white.exr", with_pixel(NAN))),
+        "white.exr: the white photo holds values that are not finite inside the mask; export it again",
+    ),
+    (
+        "of one channel",
+        lambda b: SPHERE.capture(white=SPHERE.image[..., 0]),
+        "a white photo has three channels a pixel; this one has shape (16, 16)",
+    ),
+    (
+        "clipped elsewhere",
+        lambda b: SPHERE.capture(white=SPHERE.image, white_clipped=np.zeros((4, 4, 3), bool)),
+        "what is clipped in the white photo is 4 x 4 but that is 16 x 16",
+    ),
+    ("that is the photo", lambda b: b.estimate(white=b.photo()), "photo.exr: the white photo is the photo itself"),
+    (
+        "of several photos",
+        lambda b: b.estimate(b.photo("a.exr"), b.photo("b.exr"), output="out", white=b.photo("white.exr")),
+        "--white is a second photo of one still pose; leave it out, or give one photo",
+    ),
+    ("albedo without one", lambda b: b.estimate(albedo=b / "a.png"), "--albedo is made from a photo under white light"),
+    (
+        "albedo without one, in Python",
+        lambda b: albedo_from_white(SPHERE.capture(), NormalMap(SPHERE.normals, SPHERE.mask)),
+        "the albedo is made from a white photo, and there is none; give one",
+    ),
+    (
+        "albedo over it",
+        lambda b: b.estimate(white=b.photo("white.exr"), albedo=b / "white.exr"),
+        "would overwrite…white.exr",
+    ),
+    (
+        "light without an albedo",
+        lambda b: b.estimate(**{"white": b.photo("white.exr"), "white-light": "rig"}),
+        "--white-light tells what lit the photo that --albedo is made from; give both, or neither",
+    ),
+    (
+        "light from nowhere",
+        lambda b: b.estimate(**{"white": b.photo("w.exr"), "albedo": b / "a.png", "white-light": "left"}),
+        "--white-light left is not known; give slant (0 to 90) and tilt in degrees, as 45,135",
+    ),
+    (
+        "light from behind",
+        lambda b: albedo_from_white(
+            SPHERE.capture(white=SPHERE.image), NormalMap(SPHERE.normals, SPHERE.mask), (0, 1, -1)
+        ),
+        "the white light is not in front of the object",
+    ),
+]
+
 NORMALS: list[Case] = [
     (
         "not a normal map",
@@ -912,6 +980,32 @@ MESHES: list[Case] = [
 ]
 
 BAKES: list[Case] = [
+    (
+        "more albedos than views",
+        lambda b: b.bake("--albedo", b / "a.png", "--albedo", b / "b.png"),
+        "there are 1 views but 2 albedos; give one for each view, or none",
+    ),
+    (
+        "albedo of another size",
+        lambda b: b.bake("--albedo", b.photo("a.exr", SPHERE.image[:8])),
+        "the colours are 16 x 8 but the normal map is 16 x 16; they must be the same size",
+    ),
+    (
+        "albedo where the baked one goes",
+        lambda b: b.bake("--albedo", b.photo("texture_albedo.png", kind="uint8")),
+        "overwrite…texture_albedo.png",
+    ),
+    (
+        "colours of some views only",
+        lambda b: bake_normals(
+            Mesh(**SQUARE),
+            [
+                View(read_camera(b.camera()), read_normals(b.normals()), colours)
+                for colours in (None, np.ones((16, 16, 3), np.float32))
+            ],
+        ),
+        "some views have colours and others none; give colours for all of them, or for none",
+    ),
     ("no views", lambda b: bake_normals(Mesh(**SQUARE), []), "no view to bake; give at least one camera"),
     (
         "sizes differ",
@@ -1615,6 +1709,7 @@ TOPICS = {
     "camera": CAMERAS,
     "image": IMAGES,
     "capture": CAPTURES,
+    "white photo": WHITE,
     "normals": NORMALS,
     "model": MODELS,
     "mesh": MESHES,

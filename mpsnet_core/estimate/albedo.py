@@ -1,0 +1,151 @@
+"""Albedo from a second photo, under white light: the surface's own colour, without the light and shadow on it.
+
+One shot under three coloured lights has three values a pixel, and its normals are made of them: what of it is colour
+and what is shape, no pixel tells. A photo of the same pose under white light does, once the normals are known: it is
+the albedo times the shading, ``w = a Σ v_k max(n·l_k, 0)``, so dividing by the shading leaves the albedo.
+
+Which of the lights a shadow keeps off (``v_k``, 0 to 1) both photos tell together. The coloured one is ``c = a M s``,
+channel by channel, with ``s_k = κ_k v_k max(n·l_k, 0)`` of each light k: in ``c / w`` the albedo cancels out, and with
+it all colour. Unmixed, and divided by ``κ_k n·l_k``, it is the smaller for one light than for the others the more of
+that light a shadow keeps off.
+
+What it takes for granted: that the surface is matt (highlights stay in the albedo, and are too bright in it); that the
+three lights are equally bright when they are white; and that what light bounces between surfaces is little.
+"""
+
+import os
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mpsnet_core.bands import bands
+from mpsnet_core.capture import Capture
+from mpsnet_core.errors import InputError
+from mpsnet_core.estimate.afar import lights_by_rows
+from mpsnet_core.images import linear_to_srgb, read_image, write_image
+from mpsnet_core.normals import NormalMap
+
+# Where less light than this arrives (a cosine), a surface is taken to be as bright as if so much did: its albedo comes
+# out too dark there, and not as noise.
+LEAST_SHADING = 0.1
+# A light that arrives at less than this cosine tells nothing of its shadows, and adds little.
+GRAZING = 0.1
+# Shares of a light, as against the light that arrives best: below the first a shadow keeps it off, above the second it
+# arrives in full. Normals that are wrong by some degrees stay above, bounced light and noise in shadows below.
+SHADOW, FULL = 0.2, 0.6
+# So much brighter than what all three lights reach (its 95th percentile) nothing is that a shadow is found on.
+BRIGHTER = 1.25
+# Below this share of its channel's 99th percentile inside the mask a pixel of the white photo tells nothing of shadows.
+DARK = 0.02
+# The albedo is brought to this scale: its brightest channel's 99.5th percentile inside the mask.
+BRIGHTEST, BRIGHTEST_PERCENTILE = 0.9, 99.5
+
+
+def albedo_from_white(capture: Capture, normals: NormalMap, light: ArrayLike | None = None) -> NDArray[np.float32]:
+    """(H, W, 3) float32, linear: the albedo of a matt surface by the capture's white photo, zero outside the mask.
+
+    It is relative, as no photo tells its own exposure: scaled so that the 99.5th percentile of its brightest channel
+    inside the mask is 0.9. Channels keep their proportions: where the light was not white, so is the albedo not.
+
+    normals: of the capture, in camera space. light: (3,) where the one light of the white photo was, from the surface
+    to it in camera space; unless given, the rig's three lights were turned white, and shadows that keep one or two of
+    them off are allowed for. What is shadowed from that one light, or from all three, comes out too dark.
+
+    Raises InputError where there is no white photo, or the light is behind the object.
+    """
+    if capture.white is None:
+        raise InputError("the albedo is made from a white photo, and there is none; give one")
+    white = np.maximum(capture.white, 0)
+    if light is None:
+        shading = _by_rig(capture, white, normals.vectors)
+    else:
+        shading = np.maximum(normals.vectors @ _towards(light), 0)
+    albedo = white
+    for rows in bands(len(albedo)):
+        albedo[rows] /= np.maximum(shading[rows, :, None], np.float32(LEAST_SHADING))
+        albedo[rows][~capture.mask[rows]] = 0
+    # What hardly any light reaches, or what clips, is no measure of the rest, unless there is nothing else.
+    measure = capture.mask & (shading > LEAST_SHADING)
+    if capture.white_clipped is not None:
+        measure &= ~capture.white_clipped.any(axis=-1)
+    told = albedo[measure if measure.any() else capture.mask]
+    brightest = float(np.percentile(told, BRIGHTEST_PERCENTILE, axis=0).max())
+    albedo *= np.float32(BRIGHTEST / max(brightest, 1e-9))
+    return albedo
+
+
+def write_albedo(
+    path: str | os.PathLike[str],
+    albedo: NDArray[np.float32],
+    mask: NDArray[np.bool_] | None = None,
+    *,
+    bits: int | None = None,
+) -> None:
+    """Write an albedo (H, W, 3), linear: as sRGB in PNG or TIFF (16 bits unless told), where above 1 is 1, or linear in
+    EXR (float unless told). mask: (H, W), kept as alpha.
+
+    Raises InputError as :func:`mpsnet_core.images.write_image` does.
+    """
+    linear = os.fspath(path).lower().endswith(".exr")
+    values = albedo if linear else linear_to_srgb(albedo)
+    if mask is not None:
+        values = np.concatenate([values, mask[..., None]], axis=-1)
+    write_image(path, values, bits=bits, color_space="lin_rec709_scene" if linear else "sRGB")
+
+
+def read_albedo(path: str | os.PathLike[str]) -> NDArray[np.float32]:
+    """(H, W, 3) float32, linear: an albedo that was written, or any such picture; NaN where it is transparent.
+
+    Raises InputError where the file is missing, broken or no colour picture.
+    """
+    image = read_image(path)
+    if image.alpha is None:
+        return image.pixels
+    return np.where(image.alpha[..., None] > 0.5, image.pixels, np.float32(np.nan))
+
+
+def _towards(light: ArrayLike) -> NDArray[np.float32]:
+    direction = np.asarray(light, np.float32)
+    if direction.shape != (3,) or not np.isfinite(direction).all() or direction[2] <= 0:
+        raise InputError(f"the white light is not in front of the object ({light!r}); give where it was, z above 0")
+    return np.asarray(direction / np.linalg.norm(direction), np.float32)
+
+
+def _by_rig(capture: Capture, white: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(H, W) the shading by the rig's three lights, as far as no shadow keeps them off."""
+    cosines = np.empty_like(normals)
+    for rows, lights in lights_by_rows(capture):
+        cosines[rows] = np.maximum(np.einsum("...ki,...i->...k", lights, normals[rows]), 0)
+    shading: NDArray[np.float32] = cosines.sum(axis=-1)
+    ratio = capture.rig.unmixed(capture.image / np.maximum(white, np.float32(1e-9)))
+    comparable = _comparable(capture, white) & (cosines > GRAZING)
+    arrives = np.ones_like(cosines)
+    # First as if there were no shadow; then the lights' strengths are measured where none was found.
+    for _ in range(2):
+        lit = (comparable & (arrives == 1)).all(axis=-1)
+        strength = np.median(ratio[lit] * shading[lit][:, None] / cosines[lit], axis=0) if lit.any() else np.zeros(3)
+        if not (strength > 0).all():
+            break
+        share = np.where(comparable, ratio / (strength.astype(np.float32) * np.maximum(cosines, GRAZING)), 0)
+        best = np.maximum(share.max(axis=-1, keepdims=True), np.float32(1e-9))
+        arrives = np.where(comparable, np.clip((share / best - SHADOW) / (FULL - SHADOW), 0, 1), np.float32(1))
+    lit = (comparable & (arrives == 1)).all(axis=-1)
+    if not lit.any():
+        return shading
+    # A highlight of one light looks like a shadow of the others, but is brighter than what is lit by all.
+    ceiling = BRIGHTER * np.percentile(white[lit] / shading[lit][:, None], 95, axis=0)
+    least = (white / np.maximum(ceiling, 1e-9).astype(np.float32)).max(axis=-1)
+    return np.minimum(np.maximum((arrives * cosines).sum(axis=-1), least), shading)
+
+
+def _comparable(capture: Capture, white: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """(H, W, 3) where the photos tell how much of each light arrives: not clipped, nor too dark under white light."""
+    told = (
+        capture.mask[..., None] & ~capture.saturated & (white > DARK * np.percentile(white[capture.mask], 99, axis=0))
+    )
+    if capture.white_clipped is not None:
+        told &= ~capture.white_clipped
+    if not np.array_equal(capture.rig.mixing, np.eye(3)):
+        # Every light's share is drawn from all channels.
+        told = np.broadcast_to(told.all(axis=-1, keepdims=True), told.shape)
+    return told

@@ -1,0 +1,52 @@
+"""A second photo, under white light, in the panel: it reaches the estimate, and the albedo comes back."""
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon.panels.estimate import MPS_PT_estimate
+from blender_addon.panels.step import Kind
+from mpsnet_core.estimate.albedo import read_albedo
+from mpsnet_core.images import read_image, write_image
+
+COLOUR = np.array([0.6, 0.3, 0.15])
+
+
+@pytest.fixture
+def white(photographed, tmp_path):
+    """The grey sphere's photo as if it were painted and the lights had been white."""
+    pixels = read_image(tmp_path / "photo.exr").pixels
+    write_image(tmp_path / "white.exr", pixels.sum(axis=-1, keepdims=True) * COLOUR)
+    return str(tmp_path / "white.exr")
+
+
+def test_the_albedo_is_made_from_the_white_photo_and_shown(white, scene, tmp_path):
+    bpy.ops.mps.estimate(model="LAMBERTIAN", white=white, albedo=True, output=str(tmp_path / "n.png"))
+    assert scene.mps.estimate.albedo_image.filepath == str(tmp_path / "n_albedo.png")
+    assert scene.mps.estimate.albedo_image.colorspace_settings.name == "sRGB"
+    found = np.nanmedian(read_albedo(tmp_path / "n_albedo.png"), axis=(0, 1))
+    np.testing.assert_allclose(found / found.sum(), COLOUR / COLOUR.sum(), rtol=0.02)
+    bpy.ops.mps.estimate(albedo=False)
+    assert scene.mps.estimate.albedo_image is None, "it is not of the normals beside it"
+
+
+def test_another_white_photo_makes_the_estimate_out_of_date(white, scene, tmp_path):
+    bpy.ops.mps.estimate(model="LAMBERTIAN", white=white, output=str(tmp_path / "n.png"))
+    assert MPS_PT_estimate.state(bpy.context).kind is Kind.DONE
+    write_image(white, np.ones((96, 96, 3)))
+    state = MPS_PT_estimate.state(bpy.context)
+    assert (state.kind, state.why) == (Kind.OUT_OF_DATE, "Changed since: White Photo")
+
+
+def test_what_is_wrong_with_the_white_photo_is_said_in_the_panel(white, scene, tmp_path):
+    write_image(white, np.ones((8, 8, 3)))
+    with pytest.raises(RuntimeError, match="the white photo is 8 x 8 but the photo is 96 x 96"):
+        bpy.ops.mps.estimate(model="LAMBERTIAN", white=white)
+    with pytest.raises(RuntimeError, match="the albedo is made from a white photo and none is named"):
+        bpy.ops.mps.estimate(white="", albedo=True)
+
+
+def test_a_white_photo_does_not_stay_for_another_photo(white, scene, tmp_path):
+    scene.mps.estimate.white = white
+    bpy.ops.mps.open_photo(filepath=white)
+    assert scene.mps.estimate.white == ""

@@ -1,0 +1,102 @@
+"""Colours baked beside the normals: on spheres and plates that are painted by where they are."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from conftest import Mpsnet
+from surface_shapes import camera_looking, sphere_mesh, sphere_view, texels_of
+from test_bake import SIX_SIDES, SIZE, plane
+from test_cli import events
+
+from mpsnet_core.camera import Camera, write_camera
+from mpsnet_core.estimate.albedo import write_albedo
+from mpsnet_core.images import linear_to_srgb
+from mpsnet_core.normals import NormalMap, write_normals
+from mpsnet_core.surface.bake import View, bake_normals
+from mpsnet_core.surface.mesh import Mesh, write_mesh
+
+
+def paint(points: np.ndarray) -> np.ndarray:
+    """(..., 3) the colour of points on a unit sphere: another one everywhere, smooth, between 0.1 and 0.9."""
+    return 0.5 + 0.4 * points
+
+
+def painted_view(side: tuple[float, float, float], brightness: float = 1.0) -> View:
+    view = sphere_view(camera_looking(side, size=384))
+    colours = paint(view.normals.vectors @ view.camera.rotation.T).astype(np.float32)
+    return replace(view, colours=np.where(view.normals.mask[..., None], brightness * colours, np.nan))
+
+
+def unit(points: np.ndarray) -> np.ndarray:
+    return points / np.linalg.norm(points, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("samples", [1, 2])
+def test_each_texel_has_the_colour_that_the_views_show_there(samples: int) -> None:
+    mesh = sphere_mesh(48, 24)
+    texture = bake_normals(mesh, [painted_view(side) for side in SIX_SIDES], size=SIZE, samples=samples)
+    texels = texels_of(mesh.uvs, SIZE)
+    truth = paint(unit(texels.of(mesh.vertices[mesh.triangles])))
+    place = tuple(texels.place.T)
+    assert texture.colours is not None
+    np.testing.assert_array_equal(texture.colours[..., 3] > 0, texture.seen)
+    assert texture.seen[place].mean() > 0.99
+    assert np.abs(texture.colours[place][:, :3] - truth).max() < 0.02
+
+
+def test_views_that_differ_in_brightness_are_blended_in_linear_light() -> None:
+    """Seen squarely by two alike: the mean."""
+    mesh = sphere_mesh(48, 24)
+    views = [painted_view((0, 0, 1), 0.5), painted_view((0, 0, 1), 1.0)]
+    texture, texels = bake_normals(mesh, views, size=SIZE), texels_of(mesh.uvs, SIZE)
+    points = unit(texels.of(mesh.vertices[mesh.triangles]))
+    ahead = points[:, 2] > 0.5
+    assert texture.colours is not None
+    found = texture.colours[tuple(texels.place[ahead].T)][:, :3]
+    assert np.abs(found - 0.75 * paint(points[ahead])).max() < 0.02
+
+
+def test_what_no_view_sees_takes_its_colour_from_what_is_near() -> None:
+    texture = bake_normals(sphere_mesh(), [painted_view((1, 0, 0))], size=SIZE)
+    assert texture.colours is not None
+    unseen = texture.colours[..., 3] == 0
+    assert unseen[texture.covered].mean() > 0.3
+    assert texture.colours[unseen][:, :3].min() > 0.05
+
+
+def test_normals_are_the_same_with_colours_and_without() -> None:
+    views = [painted_view(side) for side in SIX_SIDES[:3]]
+    coloured = bake_normals(sphere_mesh(), views, size=SIZE, feather=0.05)
+    plain = bake_normals(sphere_mesh(), [View(one.camera, one.normals) for one in views], size=SIZE, feather=0.05)
+    np.testing.assert_array_equal(coloured.vectors, plain.vectors)
+    assert plain.colours is None
+
+
+def test_bake_writes_the_albedo_beside_the_texture(tmp_path: Path, mpsnet: Mpsnet) -> None:
+    """A plate of two colours before two cameras; where one albedo is transparent, the other one tells."""
+    mesh: Mesh = plane()
+    write_mesh(tmp_path / "plate.npz", mesh)
+    camera: Camera = camera_looking((0, 0, 1), size=64, reach=1.0)
+    write_camera(tmp_path / "camera.json", camera)
+    mask = np.ones((64, 64), bool)
+    write_normals(tmp_path / "n.png", NormalMap(np.broadcast_to([0, 0, 1.0], (64, 64, 3)), mask))
+    colours = np.where(np.arange(64)[None, :, None] < 32, [0.6, 0.3, 0.1], [0.1, 0.2, 0.5]) * np.ones((64, 1, 1))
+    holed = mask.copy()
+    holed[10:20, 10:20] = False
+    write_albedo(tmp_path / "holed.png", colours * holed[..., None], holed)
+    write_albedo(tmp_path / "whole.exr", colours, mask)
+    view = ["--view", f"{tmp_path / 'camera.json'}={tmp_path / 'n.png'}"]
+    command = ["bake", "--mesh", tmp_path / "plate.npz", *view, *view, "--albedo", tmp_path / "holed.png"]
+    command += ["--albedo", tmp_path / "whole.exr", "--size", "64", "--level", "off"]
+    done = mpsnet(*command, "-o", tmp_path / "plate.png", "--progress", "json")
+    assert done.returncode == 0, done.stderr
+    _, last = events(done.stdout)
+    assert last["result"]["outputs"][0]["albedo"] == str(tmp_path / "plate_albedo.png")
+    picture = oiio.ImageBuf(str(tmp_path / "plate_albedo.png"))
+    assert picture.spec().get_string_attribute("oiio:ColorSpace").lower().startswith("srgb")
+    found, inner = picture.get_pixels(oiio.FLOAT), np.r_[1:30, 34:63]
+    expected = linear_to_srgb(colours)
+    np.testing.assert_allclose(found[1:63, inner], expected[1:63, inner], atol=0.005)
