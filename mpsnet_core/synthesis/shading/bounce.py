@@ -64,20 +64,24 @@ def _gathered(
         owner, here = np.arange(len(points)), points
         colour = np.ones((len(points), 3), np.float32)
         for bounce in range(bounces):
-            # Each bounce takes another set's place, so that a path's directions are independent of one another.
-            heading = _cosine_distributed(places[(tile[owner] + 5 * bounce) % _TILE**2, (ray + 3 * bounce) % RAYS], here)
+            # A ray's number tells how steep it is, and steep rays leave a hollow for good. Over a tile's sets each number
+            # is followed by each as often, or else some ways through a hollow would count too much.
+            chosen = (2 * bounce + 1) * tile[owner] + bounce
+            number = ray + bounce * (bounce + 1) // 2 * tile[owner]
+            place = places[chosen % _TILE**2, number % RAYS]
+            heading = _cosine_distributed(place, here)
             hits = surface.scene.hits(here.start, heading)
             found = np.flatnonzero(hits.triangle >= 0)
             if not len(found):
                 break
             owner, here = owner[found], surface.points(hits.chosen(found), -heading[found], bump=False)
             colour = colour[found] * albedo(here)
-            for number, light in enumerate(lights):
+            for light, brought in zip(lights, total.swapaxes(0, 1), strict=True):
                 direction = light.direction.astype(np.float32)
                 cosine = here.smooth @ direction
                 facing = np.flatnonzero(cosine > 0)
                 free = facing[~surface.scene.occluded(here.start[facing], direction[None])]
-                total[owner[free], number] += cosine[free, None] * colour[free]
+                brought[owner[free]] += cosine[free, None] * colour[free]
     total /= RAYS
     return total.reshape(len(points), -1)
 
@@ -86,9 +90,7 @@ def _cosine_distributed(places: NDArray[np.float32], points: SurfacePoints) -> N
     """(N, 3) directions above the points, from places (N, 2) on the unit disc (Malley's method)."""
     first, second = frames(points.smooth)
     x, y = places.T[..., None]
-    heading: NDArray[np.float32] = (
-        x * first + y * second + np.sqrt(np.maximum(1 - x * x - y * y, 0)) * points.smooth
-    )
+    heading: NDArray[np.float32] = x * first + y * second + np.sqrt(np.maximum(1 - x * x - y * y, 0)) * points.smooth
     return heading
 
 
