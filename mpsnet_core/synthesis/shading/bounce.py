@@ -64,8 +64,8 @@ def _gathered(
         owner, here = np.arange(len(points)), points
         colour = np.ones((len(points), 3), np.float32)
         for bounce in range(bounces):
-            # A ray's number tells how steep it is, and steep rays leave a hollow for good. Over a tile's sets each number
-            # is followed by each as often, or else some ways through a hollow would count too much.
+            # A ray's number tells how steep it is, and steep rays leave a hollow for good. Over a tile each number is
+            # followed by each equally often, or else some ways through a hollow would count for others.
             chosen = (2 * bounce + 1) * tile[owner] + bounce
             number = ray + bounce * (bounce + 1) // 2 * tile[owner]
             place = places[chosen % _TILE**2, number % RAYS]
