@@ -1077,6 +1077,16 @@ COMMANDS: list[Case] = [
         lambda b: b.estimate(encoding="log"),
         "encoding 'log' is not known; choose auto, linear, srgb",
     ),
+    (
+        "a number of passes that no network takes",
+        lambda b: b.run("estimate", "p.png", "--rig", "r.json", "--passes", "2", "-o", "n.png"),
+        "--passes…invalid choice: 2…see mpsnet estimate --help",
+    ),
+    (
+        "passes in turn of a network that knows no turns",
+        lambda b: estimate_normals(SPHERE.capture(), "psfcn", passes=3),
+        'psfcn.onnx…needs the "frame" "canonical"',
+    ),
     ("unknown progress", lambda b: b.run("models", "--progress", "loud"), "--progress…'loud'…auto"),
 ]
 
