@@ -93,6 +93,8 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         arguments += [*reading(self), *network(self)]
         if self._moves:
             arguments += ["--smooth", str(self.smooth), "--format", FORMATS[self.file_format]]
+        elif not self.average_passes:
+            arguments += ["--passes", "1"]
         outputs = [output / "frames" if self._moves else output]
         if self.white and self._moves:
             notes.append(f"{Path(self.white).name} not used: a white photo goes with one still photo")

@@ -2,11 +2,11 @@
 
 import bpy
 
-from . import bake, estimate, heights, material, photo, rig, samples, start, views
+from . import bake, estimate, heights, material, models, photo, rig, samples, start, views
 
 # In the order of the sidebar.
 _STEPS = (start, rig, photo, estimate, bake, heights, views, material, samples)
 
-CLASSES = [cls for step in _STEPS for cls in step.CLASSES]
+CLASSES = [*models.CLASSES, *(cls for step in _STEPS for cls in step.CLASSES)]
 
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -2,6 +2,8 @@
 
 from typing import Any
 
+from ..settings.estimate import MODELS
+from .models import MPS_MT_estimate_models, model_menu
 from .step import Step
 
 
@@ -15,13 +17,15 @@ class MPS_PT_estimate(Step):
 
     def draw(self, context: Any) -> None:
         estimate = context.scene.mps.estimate
-        column = self.column()
-        column.prop(estimate, "model")
-        if estimate.model == "FILE":
-            column.prop(estimate, "model_file")
-        column.prop(estimate, "file_format")
         photo = context.scene.mps.photo.image
         moves = photo is not None and photo.source in {"SEQUENCE", "MOVIE"}
+        model_menu(self.layout, estimate, MPS_MT_estimate_models)
+        column = self.column()
+        if estimate.model == "FILE":
+            column.prop(estimate, "model_file")
+        elif MODELS[estimate.model].passes and not moves:
+            column.prop(estimate, "average_passes")
+        column.prop(estimate, "file_format")
         column.prop(estimate, "output", text="Folder" if moves else "File", placeholder="Automatic")
         column.prop(estimate, "smooth" if moves else "confidence")
         if not moves:

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from .models import MPS_MT_material_models, model_menu
 from .step import Step
 from .text import wrapped
 
@@ -18,7 +19,7 @@ class MPS_PT_material(Step):
 
     def draw(self, context: Any) -> None:
         material = context.scene.mps.material
-        self.layout.prop(material, "model", text="")  # its names are longer than half the panel
+        model_menu(self.layout, material, MPS_MT_material_models)
         column = self.column()
         column.prop(material, "width")
         column.prop(material, "size")

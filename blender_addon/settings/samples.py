@@ -81,10 +81,10 @@ class SamplesSettings:
     )
     bounces: IntProperty(
         name="Bounces",
-        description="How often light goes from surface to surface. 0: direct light only",
+        description="How often light goes from surface to surface at most, drawn anew for each sample. 0: none",
         default=3,
         min=0,
-        max=32,
+        max=3,
         options=GIVEN,
     )
     views: IntProperty(

@@ -2,7 +2,7 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
 from mpsnet_core.defaults import MARGIN, TEXTURE_SIZE
 from mpsnet_core.errors import InputError
@@ -148,13 +148,19 @@ def add_network(parser: argparse.ArgumentParser, model: str = "multiscale") -> N
     parser.add_argument("--tile", type=int, help="tile side in pixels for networks (default: 448)")
 
 
-def asked_estimator(options: argparse.Namespace, model: str | None = None) -> "Estimator":
-    """The estimator that options of :func:`add_network` ask for. model: where they name none; the default model."""
+def asked_estimator(
+    options: argparse.Namespace, model: str | None = None, passes: Literal[1, 3] | None = None
+) -> "Estimator":
+    """The estimator that options of :func:`add_network` ask for.
+
+    model: where they name none; the default model. passes: as :class:`mpsnet_core.estimate.Estimator` takes them.
+    """
     from mpsnet_core.estimate import Estimator
     from mpsnet_core.estimate.shelf import DEFAULT_MODEL, DEFAULT_TILE
 
     return Estimator(
         options.model or model or DEFAULT_MODEL,
+        passes=passes,
         provider=options.provider,
         threads=options.threads,
         tile=DEFAULT_TILE if options.tile is None else options.tile,

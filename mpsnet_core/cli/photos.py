@@ -51,6 +51,13 @@ def _add_estimate(parser: argparse.ArgumentParser) -> None:
         "whole photo; `mpsnet mask` shows what comes of it",
     )
     add_network(parser)
+    parser.add_argument(
+        "--passes",
+        type=int,
+        choices=(1, 3),
+        help="of the network: 3 takes each light first once and averages the answers. Unless given, the default model "
+        "takes 3 for one photo and 1 for each of several or of a video",
+    )
     add_place(parser)
     add_reading(parser)
     parser.add_argument(
@@ -120,7 +127,7 @@ def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
         check_apart([*inputs, *outputs], [other])
         outputs.append(Path(other))
     correction, (camera, depth) = asked_correction(options), asked_place(options)
-    estimator = asked_estimator(options)
+    estimator = asked_estimator(options, passes=options.passes)
     reporter.progress(0.0, f"reading {photo.name}")
     capture = read_capture(
         photo,
@@ -193,17 +200,17 @@ def _models(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         return _card(options.model)
     entries = shelf()
     width = max(len(entry.name) for entry in entries)
-    return {
-        "models": [{"name": entry.name, "title": entry.title} for entry in entries],
-        "text": "\n".join(f"{entry.name.ljust(width)}  {entry.title}" for entry in entries),
-    }
+    lists: dict[bool, list[str]] = {False: [], True: ["", "to compare with, and for scripts:"]}
+    for entry in entries:
+        lists[entry.comparison].append(f"{entry.name.ljust(width)}  {entry.title}")
+    told = [{"name": entry.name, "title": entry.title, "comparison": entry.comparison} for entry in entries]
+    return {"models": told, "text": "\n".join(lists[False] + lists[True])}
 
 
 def _card(model: str) -> dict[str, Any]:
     from mpsnet_core.estimate.onnx_model import OnnxModel
     from mpsnet_core.estimate.shelf import find_network
 
-    file = find_network(model)
-    network = OnnxModel(file.path, threads=1, passes=file.passes)
+    network = OnnxModel(find_network(model).path, threads=1)
     told = {"card": json.loads(network.card.to_json()), "training": network.record}
     return {**told, "text": json.dumps(told, indent=2)}

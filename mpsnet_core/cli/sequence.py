@@ -5,13 +5,20 @@ import logging
 import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from mpsnet_core.capture import Capture, capture_from
 from mpsnet_core.cli.arguments import asked_correction, asked_estimator, asked_place, read_files
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.errors import InputError
-from mpsnet_core.estimate.shelf import DEFAULT_MODEL, LAMBERTIAN, LAMBERTIAN_GREY_WORLD, find_network
+from mpsnet_core.estimate.shelf import (
+    AVERAGED_MODEL,
+    DEFAULT_MODEL,
+    LAMBERTIAN,
+    LAMBERTIAN_GREY_WORLD,
+    STILL_PASSES,
+    find_network,
+)
 from mpsnet_core.frames import check_apart, numbering, output_files
 from mpsnet_core.made_from import content, identity
 from mpsnet_core.masks import Notes
@@ -130,7 +137,7 @@ def _run(
     outcome = estimate_sequence(
         frames,
         take,
-        asked_estimator(options),
+        asked_estimator(options, passes=_passes(options)),
         recipe=_recipe(options),
         smooth=options.smooth,
         step=step,
@@ -174,6 +181,12 @@ def _told(outcome: Outcome, options: argparse.Namespace) -> str:
     return f"normals by {options.model or DEFAULT_MODEL}, {outcome.made} made{there}"
 
 
+def _passes(options: argparse.Namespace) -> Literal[1, 3]:
+    """Each pass takes as long as the first: where nobody asks for more, frames get one."""
+    passes: Literal[1, 3] = options.passes or (STILL_PASSES if options.model == AVERAGED_MODEL else 1)
+    return passes
+
+
 def _recipe(options: argparse.Namespace) -> str:
     """Text that changes with every setting that the normals depend on."""
     model = options.model or DEFAULT_MODEL
@@ -181,5 +194,6 @@ def _recipe(options: argparse.Namespace) -> str:
     facts |= {name: identity(getattr(options, name)) for name in ("dark", "flat")}
     # Files that are small and often written anew count by what they hold.
     facts |= {name: content(getattr(options, name)) for name in ("rig", "camera", "mesh") if getattr(options, name)}
+    facts["passes"] = str(_passes(options))
     facts["model"] = model if model in (LAMBERTIAN, LAMBERTIAN_GREY_WORLD) else content(find_network(model).path)
     return "\n".join(f"{name}: {fact}" for name, fact in sorted(facts.items()))

@@ -2,7 +2,7 @@
 
 import logging
 import os
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from mpsnet_core.estimate.shelf import DEFAULT_MODEL, LAMBERTIAN, LAMBERTIAN_GREY_WORLD, find_network
 from mpsnet_core.progress import Progress, silent
@@ -20,20 +20,24 @@ class Estimator:
     """A model made ready once, for any number of captures.
 
     model: a name of `mpsnet models` or the path of an ONNX file.
+    passes: 1, or 3 to average the answers with each light first once; None for what the shelf says of stills, else the
+        network's card. The baselines take none.
     options: provider ("cpu", "cuda", "directml", "coreml"), threads and tile for ONNX models, see
         :class:`mpsnet_core.estimate.onnx_model.OnnxModel`; the baselines take none.
 
     Raises InputError where there is no such model or its file is not one of ours.
     """
 
-    def __init__(self, model: str | os.PathLike[str] = DEFAULT_MODEL, **options: Any) -> None:
+    def __init__(
+        self, model: str | os.PathLike[str] = DEFAULT_MODEL, *, passes: Literal[1, 3] | None = None, **options: Any
+    ) -> None:
         self.name = os.fspath(model)
         self._network = None
         if self.name not in (LAMBERTIAN, LAMBERTIAN_GREY_WORLD):
             from mpsnet_core.estimate.onnx_model import OnnxModel  # onnxruntime takes a while to load
 
             network = find_network(self.name)
-            self._network = OnnxModel(network.path, passes=network.passes, **options)
+            self._network = OnnxModel(network.path, passes=passes or network.passes, **options)
         elif options.get("provider", "cpu") != "cpu":
             log.info("%s is no network and runs without provider %s", self.name, options["provider"])
 

@@ -11,6 +11,7 @@ LAMBERTIAN = "lambertian"
 LAMBERTIAN_GREY_WORLD = "lambertian-grey-world"
 DEFAULT_MODEL = "multiscale"
 AVERAGED_MODEL = "multiscale-averaged"
+STILL_PASSES: Literal[3] = 3  # of the default, averaged; frames of a sequence get one
 DEFAULT_TILE = 448  # pixels a side of what a dense network sees at a time
 
 SHELF = Path(__file__).parent / "models"
@@ -20,7 +21,8 @@ SHELF = Path(__file__).parent / "models"
 class ShelfEntry:
     """A model that can be asked for by name.
 
-    label: its name for people. file: None for what needs no network. passes: in place of those on the file's card.
+    label: its name for people. file: None for what needs no network. passes: of a still, in place of those on the
+    file's card. comparison: whether it is there to compare with and for scripts, and is left out of menus.
     """
 
     name: str
@@ -28,45 +30,65 @@ class ShelfEntry:
     title: str
     file: Path | None = None
     passes: Literal[1, 3] | None = None
+    comparison: bool = False
 
 
-# What is known of the networks without opening their files, which takes onnxruntime.
-_NETWORKS = (
-    (
-        "multiscale",
+def _network(
+    name: str, label: str, title: str, passes: Literal[1, 3] | None = None, comparison: bool = False, file: str = ""
+) -> ShelfEntry:
+    return ShelfEntry(name, label, title, SHELF / f"{file or name}.onnx", passes, comparison)
+
+
+# What is known of the networks without opening their files, which takes onnxruntime. .blend files keep a model's place
+# in this order: new ones go to the end.
+_SHELF = (
+    _network(
+        DEFAULT_MODEL,
         "Multiscale",
         "The default: a network over five scales that knows the lights and tells how sure it is",
+        STILL_PASSES,
     ),
-    ("multiscale-int8", "Multiscale 8-Bit", "The default in 8-bit numbers, quicker on most processors"),
-    ("mpsnet", "MPS-Net", "The paper's network, patch by patch, a quarter of its width: slow"),
-    ("mpsnet-dense", "MPS-Net Dense", "The paper's layers over the whole picture: quick, and not the same network"),
-    ("psfcn", "PS-FCN", "Chen et al. 2018 for three lights, half the published width"),
-    ("demultiplexer", "Demultiplexer", "Ju et al. 2018: three intensities from each pixel, then equation 2"),
+    _network(
+        AVERAGED_MODEL,
+        "Multiscale Averaged",
+        "The default as stills get it, three passes averaged, for sequences too",
+        STILL_PASSES,
+        comparison=True,
+        file=DEFAULT_MODEL,
+    ),
+    _network("multiscale-int8", "Multiscale 8-Bit", "The default in 8-bit numbers and one pass: quicker"),
+    _network(
+        "mpsnet",
+        "MPS-Net",
+        "The paper's network, patch by patch, a quarter of its width: slow",
+        comparison=True,
+    ),
+    _network(
+        "mpsnet-dense",
+        "MPS-Net Dense",
+        "The paper's layers over the whole picture: quick, and not the same network",
+        comparison=True,
+    ),
+    _network("psfcn", "PS-FCN", "Chen et al. 2018 for three lights, half the published width", comparison=True),
+    _network(
+        "demultiplexer",
+        "Demultiplexer",
+        "Ju et al. 2018: three intensities from each pixel, then equation 2",
+        comparison=True,
+    ),
+    ShelfEntry(LAMBERTIAN, "Lambertian", "The baseline, at once: a matt surface of one grey (equation 2 of the paper)"),
+    ShelfEntry(
+        LAMBERTIAN_GREY_WORLD,
+        "Lambertian Grey World",
+        "The baseline for a matt surface of one colour: each channel is divided by its own mean first",
+        comparison=True,
+    ),
 )
 
 
 def shelf() -> list[ShelfEntry]:
     """All models that come with the package, the default first."""
-    networks = [ShelfEntry(name, label, title, SHELF / f"{name}.onnx") for name, label, title in _NETWORKS]
-    averaged = ShelfEntry(
-        AVERAGED_MODEL,
-        "Multiscale Averaged",
-        "The default three times, each light first once: better, at a third of its speed",
-        SHELF / f"{DEFAULT_MODEL}.onnx",
-        passes=3,
-    )
-    networks.insert(1, averaged)
-    return [
-        *(entry for entry in networks if entry.file and entry.file.is_file()),
-        ShelfEntry(
-            LAMBERTIAN, "Lambertian", "The baseline, at once: a matt surface of one grey (equation 2 of the paper)"
-        ),
-        ShelfEntry(
-            LAMBERTIAN_GREY_WORLD,
-            "Lambertian Grey World",
-            "The baseline for a matt surface of one colour: each channel is divided by its own mean first",
-        ),
-    ]
+    return [entry for entry in _SHELF if entry.file is None or entry.file.is_file()]
 
 
 class NetworkFile(NamedTuple):

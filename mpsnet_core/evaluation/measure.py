@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mpsnet_core.capture import Capture
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate import Estimator
-from mpsnet_core.estimate.shelf import shelf
+from mpsnet_core.estimate.shelf import AVERAGED_MODEL, shelf
 from mpsnet_core.evaluation.confidence import error_by_confidence, rank_correlation
 from mpsnet_core.evaluation.magnify import estimate_magnified, magnified_name
 from mpsnet_core.normals import NormalMap, angular_error
@@ -99,8 +99,8 @@ class Result:
 
 
 def chosen_models(names: Sequence[str]) -> list[str]:
-    """The models asked for, each once; "all" stands for every model that `mpsnet models` lists."""
-    every = [entry.name for entry in shelf()]
+    """The models asked for, each once; "all" stands for every model that `mpsnet models` lists, by one name."""
+    every = [entry.name for entry in shelf() if entry.name != AVERAGED_MODEL]  # a still's answer is the default's
     return list(dict.fromkeys(name for asked in names for name in (every if asked == EVERY_MODEL else [asked])))
 
 

@@ -46,7 +46,8 @@ class SampleJob:
     are principled (synthesis only). merl_part: which of the measured materials: every fifth, in the order of their
     names, is kept for "validation"; "training" has the others. views: how many samples in a row show the same shape.
     bounces: the most that light makes between surfaces, 0 or more; for synthesis up to 3. samples: Cycles samples a
-    pixel. denoise: whether Cycles' light is denoised where it bounces between surfaces. supersampling: rays along a pixel's side.
+    pixel. denoise: whether Cycles' light is denoised where it bounces between surfaces. supersampling: rays along a
+    pixel's side.
 
     Raises InputError where a value is out of its range or two of them do not go together.
     """

@@ -91,7 +91,7 @@ def test_the_scenes_own_objects(scene, sphere, tmp_path):
     paint_green(sphere, tmp_path)
     folder = tmp_path / "elsewhere" / "samples"
     folder.parent.mkdir()
-    settings = {"source": "SCENE", "size": 32, "samples": 4, "denoise": False, "output": str(folder)}
+    settings = {"source": "SCENE", "size": 32, "samples": 4, "denoise": False, "seed": 23, "output": str(folder)}
     bpy.ops.mesh.primitive_cube_add(location=(9, 0, 0))
     bpy.context.object.select_set(False)
     sphere.select_set(True)

@@ -118,7 +118,7 @@ def main() -> None:
         photos = photographs(folder / "shots", options.frames, rig)
         outputs = [folder / "out" / f"{photo.stem}_normals.png" for photo in photos]
         clip = video(folder / "clip.mkv", options.frames, rig) if options.video else None
-        estimator = Estimator(options.model, threads=options.threads)
+        estimator = Estimator(options.model, passes=1, threads=options.threads)
         captures = [take(frame) for frame in photo_frames(photos[:DIFFERENT], outputs, masks=Masks(None))]
 
         def alone() -> None:

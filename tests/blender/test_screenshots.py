@@ -207,7 +207,7 @@ def test_every_state_of_every_step(unfolded, album, tmp_path, look):
     photographer.photograph("ready", "estimate")
     work("estimate", model="FILE", model_file=str(tmp_path / "a model that is not there.onnx"))
     photographer.photograph("failed", "estimate")
-    window.ask("invoke", "estimate", {"model": "MULTISCALE_AVERAGED"})
+    window.ask("invoke", "estimate", {"model": "MULTISCALE"})
     window.wait(lambda state: state["progress"] > 0.05, 60, "progress of the estimate")
     photographer.photograph("running", "estimate")
     window.wait(lambda state: not state["running"], 120, "normals")

@@ -1173,6 +1173,16 @@ COMMANDS: list[Case] = [
         lambda b: b.estimate(encoding="log"),
         "encoding 'log' is not known; choose auto, linear, srgb",
     ),
+    (
+        "a number of passes that no network takes",
+        lambda b: b.run("estimate", "p.png", "--rig", "r.json", "--passes", "2", "-o", "n.png"),
+        "--passes…invalid choice: 2…see mpsnet estimate --help",
+    ),
+    (
+        "passes in turn of a network that knows no turns",
+        lambda b: estimate_normals(SPHERE.capture(), "psfcn", passes=3),
+        'psfcn.onnx…needs the "frame" "canonical"',
+    ),
     ("unknown progress", lambda b: b.run("models", "--progress", "loud"), "--progress…'loud'…auto"),
 ]
 
@@ -1391,7 +1401,7 @@ SAMPLES: list[Case] = [
     ("a size beyond reason", lambda b: b.synthesize("--size", "100000"), "job's size…to 8192, not 100000"),
     ("no views", lambda b: b.synthesize("--views", "0"), "job's views must be a whole number from 1"),
     ("bounces below 0", lambda b: b.synthesize("--bounces", "-1"), "job's bounces must be a whole number from 0"),
-    ("more bounces than one", lambda b: b.synthesize("--bounces", "2"), "one bounce, not 2; choose bounces 0 or 1"),
+    ("more bounces than three", lambda b: b.synthesize("--bounces", "4"), "over 3 bounces, not 4; choose 0 to 3"),
     ("no rays", lambda b: b.synthesize("--supersampling", "0"), "job's supersampling must be a whole number from 1"),
     (
         "unknown shape",

@@ -14,9 +14,13 @@ import OpenImageIO as oiio
 import pytest
 from conftest import Mpsnet
 from networks import pass_through
+from numpy.typing import NDArray
 from synthetic import Sphere, degrees_between, diligent_object, listing, named, write_file, write_parts
 
+from mpsnet_core.capture import read_capture
+from mpsnet_core.estimate import estimate_normals
 from mpsnet_core.normals import read_normals
+from mpsnet_core.rig import read_rig
 
 
 def events(stdout: str) -> tuple[list[float], dict[str, Any]]:
@@ -91,6 +95,31 @@ def test_a_folder_of_frames_becomes_a_folder_of_normals(
     assert (last["result"]["pattern"], last["result"]["count"]) == ("frame_####_normals.tif", 3)
 
 
+def test_one_photo_is_averaged_over_passes_and_frames_only_when_asked(
+    tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, sphere: Sphere
+) -> None:
+    (tmp_path / "shots").mkdir()
+    (tmp_path / "out").mkdir()
+    photo = write_file(tmp_path / "shots" / "frame_0001.exr", sphere.image, "half")
+    capture = read_capture(photo, read_rig(rig_file))
+    once, thrice = (estimate_normals(capture, passes=passes).vectors for passes in (1, 3))
+
+    def estimated(image: Path, *options: str) -> NDArray[np.float32]:
+        normals = tmp_path / "out" / "frame_0001_normals.exr"
+        output = normals if image == photo else normals.parent
+        done = mpsnet("estimate", image, "--rig", rig_file, *options, "--format", "exr", "-o", output)
+        assert done.returncode == 0, done.stderr
+        return read_normals(normals).vectors
+
+    np.testing.assert_allclose(estimated(photo), thrice, atol=1e-6)
+    np.testing.assert_allclose(estimated(photo, "--passes", "1"), once, atol=1e-6)
+    # One after the other into the same folder: what other passes made is made anew.
+    np.testing.assert_allclose(estimated(photo.parent), once, atol=1e-6)
+    np.testing.assert_allclose(estimated(photo.parent, "--passes", "3"), thrice, atol=1e-6)
+    np.testing.assert_allclose(estimated(photo.parent, "--passes", "1"), once, atol=1e-6)
+    np.testing.assert_allclose(estimated(photo.parent, "--model", "multiscale-averaged"), thrice, atol=1e-6)
+
+
 @pytest.mark.parametrize("style", ["none", "json", "bar", "auto"])
 def test_bad_input_is_one_line_and_exit_code_2(tmp_path: Path, mpsnet: Mpsnet, photo_file: Path, style: str) -> None:
     missing, out = tmp_path / "missing.json", tmp_path / "n.png"
@@ -117,9 +146,15 @@ def test_image_libraries_do_not_add_to_stderr(
 def test_models_are_listed(mpsnet: Mpsnet) -> None:
     done = mpsnet("models", "--progress", "json")
     assert done.returncode == 0
-    models = {model["name"]: model["title"] for model in events(done.stdout)[1]["result"]["models"]}
-    assert {"multiscale", "lambertian", "lambertian-grey-world"} <= set(models) and all(models.values())
-    assert all(name in mpsnet("models").stdout for name in models)
+    models = events(done.stdout)[1]["result"]["models"]
+    assert all(model["title"] for model in models)
+    offered = [model["name"] for model in models if not model["comparison"]]
+    compared = [model["name"] for model in models if model["comparison"]]
+    assert offered == ["multiscale", "multiscale-int8", "lambertian"]
+    assert set(compared) >= {"mpsnet", "mpsnet-dense", "psfcn", "demultiplexer", "lambertian-grey-world"}
+    first, _, second = mpsnet("models").stdout.partition("\nto compare with")
+    assert [line.split()[0] for line in first.splitlines() if line] == offered
+    assert [line.split()[0] for line in second.splitlines()[1:]] == compared
 
 
 def test_help_names_the_verbs(mpsnet: Mpsnet) -> None:

@@ -1,5 +1,6 @@
 """Recipes: the same wherever they are drawn, within their ranges, whole through JSON."""
 
+import colorsys
 import json
 
 import numpy as np
@@ -9,7 +10,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.synthesis import drawing
 from mpsnet_core.synthesis.drawing import draw_recipe
 from mpsnet_core.synthesis.job import SampleJob
-from mpsnet_core.synthesis.recipe import recipe_from_data
+from mpsnet_core.synthesis.recipe import Material, recipe_from_data
 
 JOB = SampleJob(renderer="synthesis", count=400, seed=5, size=64)
 RECIPES = [draw_recipe(JOB, number) for number in range(400)]
@@ -99,7 +100,42 @@ def test_every_kind_of_thing_is_drawn():
     assert dark_metal
     hard = [recipe.pattern.softness == 0 for recipe in RECIPES if len(recipe.materials) > 1]
     assert 0.3 < np.mean(hard) < 0.6
-    assert {recipe.bounces for recipe in RECIPES} == {0, 1}
+
+
+def test_a_third_of_the_things_are_of_one_plain_matt_material():
+    matt = [recipe for recipe in RECIPES if all(is_matt(material) for material in recipe.materials)]
+    assert 0.27 < len(matt) / len(RECIPES) < 0.42
+    # Nothing else is without any gloss, so that these are plain for certain.
+    dull = [recipe for recipe in RECIPES if any(material.specular == 0 for material in recipe.materials)]
+    assert 0.12 < len(dull) / len(RECIPES) < 0.22
+    for recipe in dull:
+        assert len(recipe.materials) == 1 and is_matt(recipe.materials[0])
+        assert (recipe.paint.amount, recipe.dirt.amount) == (0, 0)
+
+
+def is_matt(material: Material) -> bool:
+    lobes = (material.metallic, material.coat, material.sheen, material.subsurface)
+    return material.kind == "principled" and material.roughness >= 0.7 and not any(lobes)
+
+
+def test_dark_metal_is_engraved():
+    metal = [
+        recipe
+        for recipe in (draw_recipe(JOB, number) for number in range(400, 1200))
+        if len(recipe.materials) == 1 and recipe.materials[0].metallic and max(recipe.materials[0].base_color) <= 0.35
+    ]
+    assert 0.05 < len(metal) / 800 < 0.12
+    assert np.mean([recipe.bump.height > 0 for recipe in metal]) > 0.6
+
+
+@pytest.mark.parametrize("most", [0, 1, 2, 3])
+def test_light_bounces_up_to_as_often_as_the_job_asks(most: int):
+    job = SampleJob(renderer="synthesis", count=400, seed=5, size=64, bounces=most)
+    found = np.bincount([draw_recipe(job, number).bounces for number in range(400)], minlength=4) / 400
+    shares = [0.2, 0.55, 0.15, 0.1]
+    expected = [*shares[:most], sum(shares[most:]), *[0.0] * (3 - most)]
+    np.testing.assert_allclose(found, expected, atol=0.07)
+    assert not found[most + 1 :].any()
 
 
 def test_strong_colours_of_every_hue():
@@ -109,3 +145,13 @@ def test_strong_colours_of_every_hue():
     strong = colours[np.ptp(colours, axis=1) > 0.3]
     assert np.abs(np.bincount(strong.argmax(axis=1)) / len(strong) - 1 / 3).max() < 0.05
     assert np.abs(np.bincount(strong.argmin(axis=1)) / len(strong) - 1 / 3).max() < 0.05
+
+
+def test_half_of_the_colours_are_as_of_skin_wood_and_clay():
+    rng = np.random.default_rng(0)
+    drawn = [colorsys.rgb_to_hsv(*drawing._colour(rng, (0.5, 0.5))) for _ in range(3000)]
+    hues, saturations = np.array([(hue, saturation) for hue, saturation, _ in drawn if saturation > 1e-6]).T
+    natural = np.abs((hues - 0.08 + 0.5) % 1 - 0.5) < 0.08  # two standard deviations to both sides
+    # Of 0.954 of the one half, and 0.16 of the other, whose hues are uniform.
+    assert natural.mean() == pytest.approx(0.5 * 0.954 + 0.5 * 0.16, abs=0.04)
+    assert (saturations[natural] < 0.6).mean() > 0.85 and (saturations[~natural] > 0.6).mean() > 0.3

@@ -11,6 +11,7 @@ from mpsnet_core.synthesis.reflectance import load_reflectance
 from mpsnet_core.synthesis.shading.gloss import lobe, reflected
 from mpsnet_core.synthesis.shading.lights import Light
 from mpsnet_core.synthesis.shading.synthesise import synthesise
+from mpsnet_core.synthesis.shapes import Shape
 
 FLOOR = rectangle((-2, -2, 0), (4, 0, 0), (0, 4, 0))
 
@@ -134,6 +135,23 @@ def test_light_off_a_wall_falls_on_the_floor_as_form_factors_say() -> None:
     assert np.abs(found - expected).mean() < 0.08 * expected.mean()
     none = synthesise(recipe(96, camera=view, light_directions=along_floor), shape, [Lambert(0.5)])
     assert not none.lights[0][middle].any()
+
+
+@pytest.mark.parametrize(("bounces", "tolerance"), [(1, 0.02), (2, 0.04), (3, 0.08)])
+def test_every_bounce_in_a_bowl_adds_half_the_albedo_of_the_one_before(bounces: int, tolerance: float) -> None:
+    """From anywhere in a hollow sphere every part of it has the same form factor, its share of the sphere's area: in
+    half a sphere light off the bowl is even, and each bounce brings albedo / 2 of the bowl's mean light."""
+    whole = ball(rows=80)
+    lower = whole.vertices[whole.triangles].mean(axis=1)[:, 2] < 0
+    bowl = Shape(
+        whole.vertices, whole.triangles[lower][:, ::-1], -whole.corner_normals[lower][:, ::-1], whole.parts[lower]
+    )
+    more, fewer = (synthesise(recipe(64, bounces=n), bowl, [Lambert(0.8)]) for n in (bounces, bounces - 1))
+    # What passes the opening, pi times the cosine of the lights' slant, falls on the bowl's 2 pi.
+    expected = 0.8 * np.cos(np.radians(40)) / 2 * (0.8 / 2) ** bounces
+    added = (more.lights - fewer.lights)[:, more.alpha > 0]
+    assert added.mean() == pytest.approx(expected, rel=tolerance)
+    assert added.mean(axis=(1, 2)) == pytest.approx(np.full(3, expected), rel=3 * tolerance)
 
 
 @pytest.mark.parametrize(

@@ -129,7 +129,7 @@ def test_draws_cover_the_characters() -> None:
     found = {draw_shape(rng, "composites")["character"] for _ in range(400)}
     assert found == set(COMPOSITES)
     poses = {kind: {draw_shape(rng, kind)["pose"] for _ in range(60)} for kind in KINDS if kind != "meshes"}
-    assert poses["blobs"] == {"any"}
+    assert poses["blobs"] == {"any", "front"}
     assert poses["reliefs"] == {"front"}
     assert poses["groups"] == {"upright"}
 
@@ -147,6 +147,29 @@ def test_composites_have_parts_and_shadow_themselves() -> None:
         starts = shape.vertices[shape.triangles[chosen]].mean(axis=1) + 2e-3 * flat[chosen]
         shares.append(np.isfinite(scene.distances(starts, np.broadcast_to(light, starts.shape))).mean())
     assert np.mean(shares) > 0.1
+
+
+def hidden_share(character: str) -> float:
+    """The share of what is seen from +z that light past the viewer, 30 degrees aslant, does not reach."""
+    light = np.array([0.5, 0.0, np.sqrt(0.75)])
+    across = np.linspace(-0.9, 0.9, 60)
+    starts = np.stack([*np.meshgrid(across, across), np.full((60, 60), 3.0)], axis=-1).reshape(-1, 3)
+    shares = []
+    for seed in range(6):
+        shape = drawn("blobs", character, seed)
+        scene = RayScene(shape.vertices, shape.triangles)
+        hits = scene.hits(starts, np.broadcast_to([0.0, 0.0, -1.0], starts.shape))
+        found = hits.triangle >= 0
+        flat, _ = face_normals(shape)
+        normals = flat[hits.triangle[found]]
+        points = starts[found] + [0, 0, -1] * hits.distance[found, None] + 2e-3 * normals
+        away = normals @ light <= 0
+        shares.append((away | np.isfinite(scene.distances(points, np.broadcast_to(light, points.shape)))).mean())
+    return float(np.mean(shares))
+
+
+def test_hollows_keep_light_from_what_is_seen() -> None:
+    assert hidden_share("hollowed") > 1.3 * hidden_share("smooth")
 
 
 def test_a_ball_is_a_sphere_with_exact_normals() -> None:

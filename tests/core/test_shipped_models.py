@@ -137,10 +137,20 @@ def test_three_passes_are_better_than_one(seed: int) -> None:
     shown = sample(0.0, seed)
     capture = ideal_photograph(shown, "published")
     once, thrice = (
-        angular_error(estimate_normals(capture, name).vectors, shown.normals)[capture.mask].mean()
-        for name in (DEFAULT_MODEL, AVERAGED_MODEL)
+        angular_error(estimate_normals(capture, passes=passes).vectors, shown.normals)[capture.mask].mean()
+        for passes in (1, 3)
     )
     assert thrice < once
+
+
+def test_a_still_is_averaged_by_either_name_and_quick_variants_are_not() -> None:
+    capture, ours = upright()
+    once, thrice = estimate_normals(capture, passes=1), estimate_normals(capture, passes=3)
+    np.testing.assert_array_equal(ours.vectors, thrice.vectors)
+    np.testing.assert_array_equal(estimate_normals(capture, AVERAGED_MODEL).vectors, ours.vectors)
+    assert moved(once) > 0.1
+    quick = estimate_normals(capture, "multiscale-int8").vectors
+    np.testing.assert_array_equal(quick, estimate_normals(capture, "multiscale-int8", passes=1).vectors)
 
 
 @pytest.mark.parametrize("seed", [(1 << 62) + 1, (1 << 62) + 2])

@@ -64,22 +64,24 @@ def _gathered(
         owner, here = np.arange(len(points)), points
         colour = np.ones((len(points), 3), np.float32)
         for bounce in range(bounces):
-            # Each bounce takes another set's place, so that a path's directions are independent of one another.
-            heading = _cosine_distributed(
-                places[(tile[owner] + 5 * bounce) % _TILE**2, (ray + 3 * bounce) % RAYS], here
-            )
+            # A ray's number tells how steep it is, and steep rays leave a hollow for good. Over a tile each number is
+            # followed by each equally often, or else some ways through a hollow would count for others.
+            chosen = (2 * bounce + 1) * tile[owner] + bounce
+            number = ray + bounce * (bounce + 1) // 2 * tile[owner]
+            place = places[chosen % _TILE**2, number % RAYS]
+            heading = _cosine_distributed(place, here)
             hits = surface.scene.hits(here.start, heading)
             found = np.flatnonzero(hits.triangle >= 0)
             if not len(found):
                 break
             owner, here = owner[found], surface.points(hits.chosen(found), -heading[found], bump=False)
             colour = colour[found] * albedo(here)
-            for number, light in enumerate(lights):
+            for light, brought in zip(lights, total.swapaxes(0, 1), strict=True):
                 direction = light.direction.astype(np.float32)
                 cosine = here.smooth @ direction
                 facing = np.flatnonzero(cosine > 0)
                 free = facing[~surface.scene.occluded(here.start[facing], direction[None])]
-                total[owner[free], number] += cosine[free, None] * colour[free]
+                brought[owner[free]] += cosine[free, None] * colour[free]
     total /= RAYS
     return total.reshape(len(points), -1)
 

@@ -76,10 +76,9 @@ def _hollowed(rng: np.random.Generator, cells: int) -> Shape:
         aside = between(rng, 0.0, 0.5) * direction(rng) * [1, 1, 0]
         edge, radius = between(rng, 0.01, 0.15), between(rng, 0.15, 0.5)
         if chance(rng, 0.5):
-            radii = radius * np.array([between(rng, 0.6, 1.6) for _ in range(3)])
-            solids.append(
-                ellipsoid(aside + towards * between(rng, 0.4, 0.8), radii, turned(rng), blend=edge, carve=True)
-            )
+            radii = [radius * between(rng, 0.6, 1.6) for _ in range(3)]
+            mouth = aside + towards * between(rng, 0.4, 0.8)
+            solids.append(ellipsoid(mouth, radii, turned(rng), blend=edge, carve=True))
         else:
             deep = aside + towards * between(rng, -0.2, 0.4)
             solids.append(limb(deep, aside + towards * 1.4, radius * 0.6, radius, blend=edge, carve=True))

@@ -1,0 +1,54 @@
+"""Which models the panel offers, which it holds all the same, and how often a still goes through them."""
+
+from types import SimpleNamespace
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon.panels.models import MPS_MT_estimate_models, MPS_MT_material_models
+from mpsnet_core.normals import angular_error, read_normals
+
+
+@pytest.mark.parametrize(
+    ("menu", "last"), [(MPS_MT_estimate_models, "FILE"), (MPS_MT_material_models, "LAMBERTIAN_GREY_WORLD")]
+)
+def test_the_menu_offers_the_default_its_quick_variant_and_equation_2(scene, menu, last):
+    offered = []
+    layout = SimpleNamespace(prop_enum=lambda settings, name, identifier: offered.append(identifier))
+    menu.draw(SimpleNamespace(layout=layout, step=menu.step, also=menu.also), bpy.context)
+    assert offered == ["MULTISCALE", "MULTISCALE_INT8", "LAMBERTIAN", last]
+
+
+def test_models_that_are_not_offered_keep_their_names_and_their_places_in_files(scene):
+    items = scene.mps.estimate.bl_rna.properties["model"].enum_items
+    assert {item.identifier: item.value for item in items} == {
+        "MULTISCALE": 0,
+        "MULTISCALE_AVERAGED": 1,
+        "MULTISCALE_INT8": 2,
+        "MPSNET": 3,
+        "MPSNET_DENSE": 4,
+        "PSFCN": 5,
+        "DEMULTIPLEXER": 6,
+        "LAMBERTIAN": 7,
+        "LAMBERTIAN_GREY_WORLD": 8,
+        "FILE": 9,
+    }
+
+
+def test_a_still_is_averaged_unless_told_otherwise(photographed, scene, tmp_path):
+    def estimated(**options):
+        path = tmp_path / "normals.exr"
+        bpy.ops.mps.estimate(output=str(path), file_format="EXR", **options)
+        return read_normals(path)
+
+    averaged = estimated(model="MULTISCALE")
+    once = estimated(average_passes=False)
+    assert angular_error(once.vectors, averaged.vectors)[averaged.mask].mean() > 0.05
+    np.testing.assert_array_equal(estimated(model="MULTISCALE_AVERAGED", average_passes=True).vectors, averaged.vectors)
+
+
+def test_a_network_that_is_not_offered_still_estimates(photographed, scene, tmp_path):
+    scene.mps.estimate.model = "DEMULTIPLEXER"
+    bpy.ops.mps.estimate(output=str(tmp_path / "normals.png"))
+    assert scene.mps.estimate.image is not None and (tmp_path / "normals.png").exists()
