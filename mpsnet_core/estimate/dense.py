@@ -1,20 +1,25 @@
 """Dense networks: on the box around the object, in tiles, and where the card says so on one scale after another."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.bands import bands
 from mpsnet_core.capture import Capture
 from mpsnet_core.estimate.card import ModelCard
-from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS, Seen, mean_light, mean_white, window_map
+from mpsnet_core.estimate.features import (
+    CONSTANTS,
+    FEATURE_CHANNELS,
+    Seen,
+    mean_light,
+    white_means,
+    white_told,
+    window_map,
+)
 from mpsnet_core.estimate.light_frame import CAMERA_FRAME, LightFrame, canonical_frames
 from mpsnet_core.normals import normalised
 from mpsnet_core.progress import Progress
-from mpsnet_core.surface.upsample import upsampled
 
 Floats = NDArray[np.float32]
 Window = tuple[slice, slice]
@@ -22,6 +27,8 @@ Window = tuple[slice, slice]
 # A pyramid begins at the scale on which the object's longer side is at most this many pixels.
 COARSEST = 128
 RIGHT_ANGLE = np.float32(np.pi / 2)
+# Pixels that are read at a time where a coarse scale is made of a large photo.
+READ_AT_ONCE = 1 << 22
 
 
 class Network(Protocol):
@@ -41,14 +48,13 @@ def dense_answer(network: Network, card: ModelCard, capture: Capture, tile: int,
     needed however large they are.
     """
     answer = np.zeros((*capture.mask.shape, 4), np.float32)
-    box = _box(capture.mask)
-    photo = _Photo(capture, box)
+    photo = _Photo(capture)
     frames = canonical_frames(capture.rig.directions, card.passes) if card.frame == "canonical" else [CAMERA_FRAME]
     halvings = photo.halvings if card.kind == "pyramid" else 0
-    previous: Floats | None = None
+    previous: NDArray[np.floating] | None = None
     for halving in range(halvings, -1, -1):
         shape = photo.shape(halving)
-        result = answer[box] if halving == 0 else np.zeros((*shape, 4), np.float32)
+        result = answer[photo.box] if halving == 0 else np.zeros((*shape, 4), np.float32)
         work = list(_tiles(shape, tile, card.multiple, card.halo))
         for number, (window, place) in enumerate(work):
             progress(_done(halving, halvings, number / len(work)), f"tile {number + 1} of {len(work)}")
@@ -57,26 +63,15 @@ def dense_answer(network: Network, card: ModelCard, capture: Capture, tile: int,
             if seen.mask[kept].any():
                 for frame in frames:
                     result[place] += _tile_answer(network, card, seen, frame)[kept] / np.float32(len(frames))
-        if halving:
-            result[..., :3] = normalised(result[..., :3])
-            # Half floats are as fine as what is made of them, and take half of the memory.
-            previous = result.astype(np.float16) if result.size > HALVED_FROM else result
+        # Half floats are as fine as what is made of them, and take half of the memory.
+        previous = result.astype(np.float16) if halving else None
     return answer
 
 
-# From this many values on a coarse answer is kept in half floats.
-HALVED_FROM = 1 << 24
-
-
 def _done(halving: int, halvings: int, share: float) -> float:
-    """The share of all work that is done, as each scale has four times the pixels of the one before."""
-    total = sum(4.0**-k for k in range(halvings + 1))
-    return (sum(4.0**-k for k in range(halving + 1, halvings + 1)) + share * 4.0**-halving) / total
-
-
-def _box(mask: NDArray[np.bool_]) -> Window:
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+    """The share of all work that is done: each scale has four times the pixels of the one before."""
+    work = [4.0**-k for k in range(halvings + 1)]
+    return (sum(work[halving + 1 :]) + share * work[halving]) / sum(work)
 
 
 def _within(place: Window, window: Window) -> Window:
@@ -84,19 +79,19 @@ def _within(place: Window, window: Window) -> Window:
     return rows, columns
 
 
-@dataclass(frozen=True)
 class _Photo:
     """The box around the object, seen on any scale."""
 
-    capture: Capture
-    box: Window
+    def __init__(self, capture: Capture) -> None:
+        rows, columns = np.flatnonzero(capture.mask.any(axis=1)), np.flatnonzero(capture.mask.any(axis=0))
+        self.box = slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+        self.capture = capture
+        self._means, self._white_means = mean_light(capture), white_means(capture)
 
-    def __post_init__(self) -> None:
-        capture = self.capture
-        object.__setattr__(self, "image", capture.image[self.box])
-        object.__setattr__(self, "mask", capture.mask[self.box])
-        object.__setattr__(self, "means", mean_light(capture))
-        object.__setattr__(self, "white_means", mean_white(capture))
+    def shape(self, halving: int) -> tuple[int, int]:
+        """Height and width of the box on a scale."""
+        height, width = (-(-(side.stop - side.start) >> halving) for side in self.box)
+        return height, width
 
     @property
     def halvings(self) -> int:
@@ -106,7 +101,153 @@ class _Photo:
             count += 1
         return count
 
-    def shape(self, halving: int) -> tuple[int, int]:
-        """Height and width of the box on a scale."""
-        height, width = (side.stop - side.start for side in self.box)
-        return -(-height >> halving), -(-width >> halving)
+    def seen(self, window: Window, halving: int, previous: NDArray[np.floating] | None) -> Seen:
+        """A window on a scale, with the answer (h, w, 4) on the one before."""
+        light, white, mask = self._read(window, halving)
+        before = None if previous is None else _previous(previous, window)
+        return Seen(light, mask, self.capture.rig.directions, self._means, white, before)
+
+    def _read(self, window: Window, halving: int) -> tuple[Floats, Floats | None, NDArray[np.bool_]]:
+        shape = window[0].stop - window[0].start, window[1].stop - window[1].start
+        image, mask = np.zeros((*shape, 3), np.float32), np.zeros(shape, bool)
+        white = None if self._white_means is None else np.zeros((*shape, 3), np.float32)
+        # Rows of the window at a time, so that few of the photo's own pixels are in hand at once.
+        rows = max(1, READ_AT_ONCE // (shape[1] << 2 * halving))
+        for top in range(0, shape[0], rows):
+            part = slice(top, min(top + rows, shape[0]))
+            there = self._own_pixels(
+                slice(window[0].start + part.start, window[0].start + part.stop), window[1], halving
+            )
+            inside = self.capture.mask[there]
+            image[part], mask[part] = _means(self.capture.image[there], inside, halving)
+            if white is not None and self.capture.white is not None:
+                white[part], _ = _means(self.capture.white[there], white_told(self.capture, *there), halving)
+        if white is not None:
+            white /= np.asarray(self._white_means, np.float32)
+        return self.capture.rig.unmixed(image), white, mask
+
+    def _own_pixels(self, rows: slice, columns: slice, halving: int) -> Window:
+        first, second = (
+            slice(
+                side.start + (part.start << halving),
+                min(side.start + (part.stop << halving), side.stop),
+            )
+            for side, part in zip(self.box, (rows, columns), strict=True)
+        )
+        return first, second
+
+
+def _means(image: Floats, mask: NDArray[np.bool_], halving: int) -> tuple[Floats, NDArray[np.bool_]]:
+    """Means (h, w, 3) over the mask's pixels in blocks of 2**halving, and which blocks (h, w) hold any."""
+    if halving == 0:
+        return np.where(mask[..., None], image, np.float32(0)), mask
+    side = 1 << halving
+    down, right = np.arange(0, mask.shape[0], side), np.arange(0, mask.shape[1], side)
+    total = np.add.reduceat(np.add.reduceat(image * mask[..., None], down, axis=0), right, axis=1)
+    count = np.add.reduceat(np.add.reduceat(mask, down, axis=0, dtype=np.float32), right, axis=1)
+    return total / np.maximum(count, 1)[..., None], count > 0
+
+
+def _previous(answer: NDArray[np.floating], window: Window) -> Floats:
+    """The map "previous" (h, w, 4) of a window at twice the resolution of `answer`; bilinear, from answers alone."""
+    rows, columns = (
+        slice(max(side.start // 2 - 1, 0), min(-(-side.stop // 2) + 1, length))
+        for side, length in zip(window, answer.shape, strict=False)
+    )
+    part = answer[rows, columns].astype(np.float32)
+    there = (part[..., :3] != 0).any(axis=-1, keepdims=True)
+    part[..., :3] = normalised(part[..., :3])
+    part[..., 3:] = (1 - part[..., 3:]) * RIGHT_ANGLE
+    part = np.concatenate([part, np.ones_like(there, np.float32)], axis=-1) * there
+    for axis, side, held in ((0, window[0], rows), (1, window[1], columns)):
+        part = _doubled(part, axis)
+        first = side.start - 2 * held.start
+        part = part.take(range(first, first + side.stop - side.start), axis)
+    values = part[..., :4] / np.maximum(part[..., 4:], np.float32(1e-3))
+    values[..., :3] = normalised(values[..., :3])
+    return values
+
+
+def _doubled(values: Floats, axis: int) -> Floats:
+    """Twice as many values along an axis, each three parts its own and one part its neighbour's."""
+    values = np.moveaxis(values, axis, 0)
+    before, after = np.concatenate([values[:1], values[:-1]]), np.concatenate([values[1:], values[-1:]])
+    twice = np.stack([0.75 * values + 0.25 * before, 0.75 * values + 0.25 * after], axis=1)
+    return np.moveaxis(twice.reshape(-1, *values.shape[1:]), 0, axis)
+
+
+def _tile_answer(network: Network, card: ModelCard, seen: Seen, frame: LightFrame) -> Floats:
+    """(H, W, 4) unit normals in camera space and confidence; zero outside the mask."""
+    height, width = seen.mask.shape
+    turned = _in_frame(seen, frame, card.multiple)
+    inputs = {}
+    for name, features in card.inputs.items():
+        size = (1, 1) if CONSTANTS.intersection(features) else turned.mask.shape
+        stacked = np.empty((1, sum(FEATURE_CHANNELS[feature] for feature in features), *size), np.float32)
+        first = 0
+        for feature in features:
+            values = window_map(feature, turned)
+            stacked[0, first : first + len(values)] = values
+            first += len(values)
+        inputs[name] = stacked
+    vectors, confidence = (values[0] for values in network(inputs, 1, *turned.mask.shape))
+    answer = np.zeros((*_padded(seen.mask.shape, card.multiple), 4), np.float32)
+    view = frame.picture(answer)
+    rotation = frame.rotation.astype(np.float32)
+    view[..., :3] = normalised(np.einsum("chw,cd->hwd", vectors, rotation))
+    view[..., 3] = np.clip(confidence[0], 0, 1)
+    return answer[:height, :width] * seen.mask[..., None]
+
+
+def _in_frame(seen: Seen, frame: LightFrame, multiple: int) -> Seen:
+    """What is seen, filled up with nothing to the network's multiple, in a frame."""
+    order = list(frame.order)
+
+    def picture(values: NDArray[Any]) -> NDArray[Any]:
+        grown = np.zeros((*_padded(values.shape[:2], multiple), *values.shape[2:]), values.dtype)
+        grown[: values.shape[0], : values.shape[1]] = values
+        return frame.picture(grown)
+
+    # The camera's channels go with the lights that they see.
+    white = None if seen.white is None else picture(seen.white)[..., order]
+    previous = None
+    if seen.previous is not None:
+        previous = picture(seen.previous)
+        previous[..., :3] = previous[..., :3] @ frame.rotation.T.astype(np.float32)
+    return Seen(
+        picture(seen.light)[..., order],
+        picture(seen.mask),
+        frame.lights(seen.directions),
+        seen.means[order],
+        white,
+        previous,
+    )
+
+
+def _padded(shape: tuple[int, ...], multiple: int) -> tuple[int, ...]:
+    return tuple(-(-length // multiple) * multiple for length in shape)
+
+
+def _tiles(shape: tuple[int, int], tile: int, grain: int, halo: int) -> Iterator[tuple[Window, Window]]:
+    """For each tile: the window that is read, with the halo; the tile itself."""
+    # Tiles and windows begin on the network's grain, so that pooling falls on the same pixels as untiled.
+    reach = -(-halo // grain) * grain
+    height, width = shape
+    down, right = (_step(length, max(1, tile // grain) * grain, grain, reach) for length in shape)
+
+    def grown(top: int, left: int, by: int) -> Window:
+        return (
+            slice(max(top - by, 0), min(top + down + by, height)),
+            slice(max(left - by, 0), min(left + right + by, width)),
+        )
+
+    for top in range(0, height, down):
+        for left in range(0, width, right):
+            yield grown(top, left, reach), grown(top, left, 0)
+
+
+def _step(length: int, tile: int, grain: int, reach: int) -> int:
+    """How long tiles are along a side: about the same for all, and no two where one window takes what two would."""
+    if length <= tile + 2 * reach:
+        return max(length, 1)
+    return -(-length // -(-length // tile) // grain) * grain

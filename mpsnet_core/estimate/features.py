@@ -1,6 +1,7 @@
 """What networks see: maps made from a capture, each by its name on a model's card."""
 
 from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,12 +26,31 @@ FEATURE_CHANNELS = {
 
 # Not maps: one pixel that holds for the whole capture, so they cannot be stacked with maps.
 CONSTANTS = frozenset({"lights", "channel_means", "given"})
+# A channel that is black everywhere must not blow up the others: its mean counts as this share of theirs.
+LEAST_MEAN = 1e-4
+
+
+class Seen(NamedTuple):
+    """A window of a photo on some scale, with what holds for the whole photo.
+
+    light: (H, W, 3) what each light alone gives. mask: (H, W). directions: (3, 3), a light a row. means: (3,) of the
+    light over the whole mask. white: (H, W, 3), the map "white", or None. previous: (H, W, 4) the map "previous", or
+    None on the first scale.
+    """
+
+    light: NDArray[np.float32]
+    mask: NDArray[np.bool_]
+    directions: NDArray[np.float64]
+    means: NDArray[np.float64]
+    white: NDArray[np.float32] | None = None
+    previous: NDArray[np.float32] | None = None
 
 
 def feature_maps(capture: Capture, names: Iterable[str]) -> dict[str, NDArray[np.float32]]:
-    """The named maps, each (C, H, W) float32 and zero outside the mask; constants are (C, 1, 1)."""
-    light, means = capture.rig.unmixed(capture.image), mean_light(capture)
-    return {name: window_map(name, light, capture.mask, capture.rig.directions, means) for name in names}
+    """The named maps of a whole photo, each (C, H, W) float32 and zero outside the mask; constants are (C, 1, 1)."""
+    white = white_map(capture)
+    seen = Seen(capture.rig.unmixed(capture.image), capture.mask, capture.rig.directions, mean_light(capture), white)
+    return {name: window_map(name, seen) for name in names}
 
 
 def mean_light(capture: Capture) -> NDArray[np.float64]:
@@ -41,26 +61,52 @@ def mean_light(capture: Capture) -> NDArray[np.float64]:
     return np.linalg.solve(capture.rig.mixing, total / capture.mask.sum())
 
 
-def window_map(
-    name: str,
-    light: NDArray[np.float32],
-    mask: NDArray[np.bool_],
-    directions: NDArray[np.float64],
-    means: NDArray[np.float64],
-) -> NDArray[np.float32]:
-    """The named map of a window of a photo, as of :func:`feature_maps`.
+def white_told(capture: Capture, rows: slice = slice(None), columns: slice = slice(None)) -> NDArray[np.bool_]:
+    """(H, W) where the white photo tells something: inside the mask, and no channel clipped."""
+    told = capture.mask[rows, columns]
+    return told if capture.white_clipped is None else told & ~capture.white_clipped[rows, columns].any(axis=-1)
 
-    light: (H, W, 3) what each light alone gives. mask: (H, W). directions: (3, 3), a light a row. means: (3,) of the
-    whole photo, see :func:`mean_light`.
-    """
+
+def white_means(capture: Capture) -> NDArray[np.float64] | None:
+    """(3,) means of the white photo's channels where it tells something; None where there is none, or nothing told."""
+    if capture.white is None:
+        return None
+    total, count = np.zeros(3), 0
+    for rows in bands(len(capture.mask)):
+        told = white_told(capture, rows)
+        total += capture.white[rows][told].sum(axis=0, dtype=np.float64)
+        count += int(told.sum())
+    return np.where(total > 0, total / count, 1.0) if count else None
+
+
+def white_map(capture: Capture) -> NDArray[np.float32] | None:
+    """The map "white" of a whole photo, (H, W, 3), or None where there is no white photo."""
+    means = white_means(capture)
+    if capture.white is None or means is None:
+        return None
+    return np.where(white_told(capture)[..., None], capture.white / means.astype(np.float32), np.float32(0))
+
+
+def window_map(name: str, seen: Seen) -> NDArray[np.float32]:
+    """The named map of a window, (C, H, W) float32 and zero outside the mask; constants are (C, 1, 1)."""
+    light, mask, directions, means = seen.light, seen.mask, seen.directions, seen.means
     if name == "lights":
         return directions.astype(np.float32).reshape(9, 1, 1)
+    if name == "channel_means":
+        floor = np.maximum(means, LEAST_MEAN * max(float(means.mean()), 1e-30))
+        return (floor / floor.mean()).astype(np.float32).reshape(3, 1, 1)
+    if name == "given":
+        return np.array([seen.previous is not None, seen.white is not None], np.float32).reshape(2, 1, 1)
     if name in ("photo", "initial_normals"):
         values = divided(light, means.mean())
     elif name in ("grey_world", "initial_normals_grey_world"):
         values = divided(light, means)
     elif name == "mask":
         values = np.ones((*mask.shape, 1), np.float32)
+    elif name == "white":
+        values = np.zeros_like(light) if seen.white is None else seen.white
+    elif name == "previous":
+        values = np.zeros((*mask.shape, 4), np.float32) if seen.previous is None else seen.previous
     else:
         raise KeyError(name)
     if name.startswith("initial_normals"):

@@ -74,7 +74,7 @@ class OnnxModel:
     def __call__(self, capture: Capture, progress: Progress = silent) -> NormalMap:
         """Normals of `capture` in camera space; confidence 1 inside the mask unless the network gives one."""
         seen = seen_from_afar(capture)
-        if self.card.kind == "dense":
+        if self.card.kind != "patch":
             answer = dense_answer(self._run, self.card, seen, self.tile, progress)
         else:
             answer = patch_answer(self._run, self.card, seen, progress)
@@ -168,7 +168,7 @@ def _check_fit(session: Any, card: ModelCard) -> None:
         raise InputError(f"it has inputs {sorted(nodes)}, its card describes {sorted(card.inputs)}")
     for name, node in nodes.items():
         channels = sum(FEATURE_CHANNELS[feature] for feature in card.inputs[name])
-        side: Any = "any" if card.kind == "dense" else card.patch
+        side: Any = card.patch if card.kind == "patch" else "any"
         if CONSTANTS.intersection(card.inputs[name]):
             side = 1
         expected = ["any", channels, side, side]
@@ -182,7 +182,7 @@ def _check_fit(session: Any, card: ModelCard) -> None:
                 f"{' + '.join(card.inputs[name])}"
             )
         # Dense networks run on one tile at a time, so a batch fixed at 1 does no harm.
-        batch_fits = shape[0] == "any" or (card.kind == "dense" and shape[0] == 1)
+        batch_fits = shape[0] == "any" or (card.kind != "patch" and shape[0] == 1)
         if not batch_fits or any(
             have != want for have, want in zip(shape[1:], expected[1:], strict=True) if want == "any"
         ):

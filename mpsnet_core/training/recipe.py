@@ -84,9 +84,9 @@ class TrainingRecipe:
             raise InputError("the recipe's samples must be a list of texts")
         if self.optimiser not in OPTIMISERS:
             raise InputError(f"the recipe's optimiser must be {' or '.join(OPTIMISERS)}, not {self.optimiser!r}")
-        for kind in self.kinds:
-            if kind not in SHAPES:
-                raise InputError(f"the recipe's kinds must be some of {', '.join(SHAPES)}, not {kind!r}")
+        for shape in self.kinds:
+            if shape not in SHAPES:
+                raise InputError(f"the recipe's kinds must be some of {', '.join(SHAPES)}, not {shape!r}")
         for name, (low, high) in _RANGES.items():
             value, kind = getattr(self, name), type(getattr(self, name))
             if kind not in (int, float) or (kind is float and isinstance(low, int)) or not low <= value <= high:
