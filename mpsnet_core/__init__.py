@@ -39,7 +39,6 @@ _HOME = {
     "Present": "surface.shown",
     "Preset": "surface.presets",
     "Sample": "synthesis.sample",
-    "SampleDataset": "synthesis.photographs.dataset",
     "Sheet": "surface.sheets",
     "SurfaceMesh": "heights.surface_mesh",
     "Texture": "surface.texture",

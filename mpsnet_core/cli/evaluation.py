@@ -7,6 +7,7 @@ from typing import Any
 
 from mpsnet_core.cli.arguments import Help, Verbs
 from mpsnet_core.cli.reporter import Reporter
+from mpsnet_core.cli.training import add_removed_options, note_removed_options
 from mpsnet_core.errors import InputError
 
 
@@ -211,8 +212,7 @@ def _add_patch_sizes(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--width", type=float, default=0.125, help="factor of the published numbers of maps")
     parser.add_argument("--steps", type=int, default=600, help="of each of the ten trainings, of 500 patches")
     parser.add_argument("--patches", type=int, default=500_000, help="to measure on")
-    parser.add_argument("--workers", type=int, default=1, help="processes that make examples")
-    parser.add_argument("--keep", action="store_true", help="hold the samples in memory, about 1 MB each and worker")
+    add_removed_options(parser)
     parser.add_argument("--json", metavar="FILE", help="write the rows as JSON")
     parser.add_argument("-o", "--output", metavar="REPORT", help="write an HTML report with a chart")
     parser.set_defaults(verb=_evaluate_patch_sizes)
@@ -221,6 +221,7 @@ def _add_patch_sizes(parser: argparse.ArgumentParser) -> None:
 def _evaluate_patch_sizes(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.training.patch_sizes import evaluate_patch_sizes
 
+    note_removed_options(options)
     return evaluate_patch_sizes(
         [Path(folder) for folder in options.samples],
         [Path(folder) for folder in options.validation],
@@ -230,7 +231,5 @@ def _evaluate_patch_sizes(options: argparse.Namespace, reporter: Reporter) -> di
         patches=options.patches,
         json=options.json,
         report=options.output,
-        workers=options.workers,
-        keep=options.keep,
         progress=reporter.progress,
     )

@@ -1,6 +1,7 @@
 """Verbs train and quantize: from samples to a model, and to its int8 twin. They need PyTorch (extra ``train``)."""
 
 import argparse
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ from mpsnet_core.estimate.shelf import find_network, shelf
 from mpsnet_core.files import writable_path
 from mpsnet_core.frames import check_apart
 
+log = logging.getLogger(__name__)
+
 
 def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
     parser = verbs.add_parser(
@@ -19,7 +22,7 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--recipe",
         required=True,
-        help="a network's name, mpsnet-published, multiscale-short, or a .toml file of your own",
+        help="a network's name, mpsnet-published, or a .toml file of your own",
     )
     parser.add_argument("--samples", action="append", required=True, metavar="DIR", help="to train on; may be repeated")
     parser.add_argument(
@@ -36,10 +39,9 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
         metavar="STEPS",
         help="from the checkpoint to resume, which stays: lower the learning rate to nothing over so many steps",
     )
-    parser.add_argument("--workers", type=int, default=1, help="processes that make examples")
+    add_removed_options(parser)
     parser.add_argument("--threads", type=int, default=0, help="of the processor, 0 for all cores")
     parser.add_argument("--precision", default="auto", help="auto, float32 or bfloat16")
-    parser.add_argument("--keep", action="store_true", help="hold the samples in memory, about 1 MB each and worker")
     parser.add_argument("-o", "--output", required=True, metavar="MODEL", help="the .onnx file")
     parser.set_defaults(verb=_train)
 
@@ -63,7 +65,8 @@ def _train(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     output = _model_path(options.output)
     if options.precision not in PRECISIONS:
         raise InputError(f"precision {options.precision!r} is not known; choose {', '.join(PRECISIONS)}")
-    for name in ("workers", "threads", "stop_after", "anneal"):
+    note_removed_options(options)
+    for name in ("threads", "stop_after", "anneal"):
         if getattr(options, name) < 0:
             raise InputError(f"--{name.replace('_', '-')} cannot be {getattr(options, name)}; choose 0 or more")
     if options.threads:
@@ -82,11 +85,9 @@ def _train(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         [Path(folder) for folder in options.samples],
         [Path(folder) for folder in options.validation],
         places=places,
-        workers=options.workers,
         precision=options.precision,
         stop_after=options.stop_after,
         anneal=options.anneal,
-        keep=options.keep,
         progress=reporter.progress,
     )
     if trained.rank:  # of several processes one writes
@@ -102,6 +103,18 @@ def _train(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         "mae_deg": trained.figures and round(trained.figures.mae_deg, 4),
         "text": f"wrote {output}{figures}",
     }
+
+
+def add_removed_options(parser: argparse.ArgumentParser) -> None:
+    """What scripts may still give: options of the processes that made examples."""
+    parser.add_argument("--workers", help=argparse.SUPPRESS)
+    parser.add_argument("--keep", action="store_true", help=argparse.SUPPRESS)
+
+
+def note_removed_options(options: argparse.Namespace) -> None:
+    """Tell who gives them that they do nothing any more."""
+    if options.workers is not None or options.keep:
+        log.info("--workers and --keep do nothing any more: examples are made where the network learns")
 
 
 def _quantize(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:

@@ -1,20 +1,28 @@
-"""Samples: photographs of held-out samples, as varied as those that training sees. Models are chosen by this test."""
+"""Samples: photographs of held-out samples, as varied as those that training sees. Models are chosen by this test.
+
+It needs PyTorch (extra ``train``), as training does, whose camera takes the photographs.
+"""
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
+
+import numpy as np
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.evaluation.evaluation import Evaluation
 from mpsnet_core.evaluation.magnify import check_magnify
 from mpsnet_core.evaluation.measure import Case
 from mpsnet_core.evaluation.tables import table_of_means
-from mpsnet_core.synthesis.photographs.dataset import SampleDataset
-from mpsnet_core.synthesis.sample import read_sample_data
+from mpsnet_core.synthesis.photographs.capture_model import CaptureModel
+from mpsnet_core.training.packed import PackedSamples
+from mpsnet_core.training.photographing import photograph
 
-# What the photographs of the samples are drawn from.
+# What the photographs of the samples are drawn from. One photo is what every model takes.
 SEED = 0
+MODEL = replace(CaptureModel(), white=0.0)
 
 
 class Samples(Evaluation):
@@ -23,7 +31,7 @@ class Samples(Evaluation):
     count: how many, spread evenly over the samples in the order of their names; 0 for all. magnify: how many times the
     photographs are magnified, see :func:`mpsnet_core.evaluation.magnify.estimate_magnified`.
 
-    Raises InputError where there are no samples, or the count is below 0; a case does where its sample is damaged.
+    Raises InputError where there are no samples, or the count is below 0.
     """
 
     title = "Held-out samples, photographed"
@@ -34,11 +42,11 @@ class Samples(Evaluation):
         check_magnify(magnify)
         if count < 0:
             raise InputError(f"{count} samples cannot be measured; choose 0, which is all, or more")
-        self._dataset = SampleDataset(folders, seed=SEED, augment=False)
-        there = len(self._dataset)
+        self._samples = PackedSamples(folders)
+        there = len(self._samples)
         count = min(count or there, there)
         self.cases = [
-            partial(_case, self._dataset, index * there // count, times) for index in range(count) for times in magnify
+            partial(_case, self._samples, index * there // count, times) for index in range(count) for times in magnify
         ]
 
     def table(self, rows: Sequence[dict[str, Any]]) -> str:
@@ -51,14 +59,11 @@ class Samples(Evaluation):
 
     def skipped(self) -> list[str]:
         """The files that are no whole samples."""
-        return [f"left out: {sentence}" for _, sentence in self._dataset.broken]
+        return [f"left out: {path} is no whole sample that light reaches" for path in self._samples.left_out]
 
 
-def _case(dataset: SampleDataset, index: int, magnify: int) -> Case:
-    path = dataset.paths[index]
-    capture, truth = dataset.capture(index)
-    for broken, sentence in dataset.broken:
-        if broken == path:  # the next was taken in its place, which is right for training alone
-            raise InputError(f"{sentence}; remove {path.name} to measure without it")
-    labels = {"object": path.stem, "shape": read_sample_data(path)["recipe"]["shape"]["kind"]}
-    return Case(labels, capture, truth, magnify=magnify)
+def _case(samples: PackedSamples, index: int, magnify: int) -> Case:
+    packed = samples[index]
+    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([SEED, index])))
+    capture, truth = photograph(packed, MODEL.draw(rng))
+    return Case({"object": samples.paths[index].stem, "shape": packed.kind}, capture, truth, magnify=magnify)

@@ -4,7 +4,6 @@ Jobs draw their shapes from seeds below 2^62 (:func:`mpsnet_core.synthesis.shape
 seed is. The seed here is above, so that no training data holds these shapes.
 """
 
-from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -15,8 +14,7 @@ from mpsnet_core.camera import Camera
 from mpsnet_core.capture import Capture
 from mpsnet_core.errors import InputError
 from mpsnet_core.evaluation.diligent import protocol_weights
-from mpsnet_core.rig import published_rig
-from mpsnet_core.synthesis.photographs.capture_model import CaptureModel, photograph
+from mpsnet_core.rig import LightRig, published_rig
 from mpsnet_core.synthesis.recipe import Material, Recipe
 from mpsnet_core.synthesis.sample import Sample
 from mpsnet_core.synthesis.shapes import Shape, build_shape
@@ -25,6 +23,7 @@ HELD_OUT_SEED = 1 << 62
 HELD_OUT_BLOB = {"kind": "blobs", "seed": HELD_OUT_SEED, "pose": "any", "character": "smooth"}
 SIZE = 256
 DISTANCE = 10.0
+HIGHLIGHTS = 0.01  # share of the pixels that are brighter than 1
 MARGIN = 1.02  # half the picture's width, in radii of the object's bounding sphere
 
 
@@ -68,6 +67,11 @@ def ideal_photograph(sample: Sample, protocol: str) -> Capture:
     protocol: of :data:`mpsnet_core.evaluation.diligent.PROTOCOLS`; "separated" is an ideal rig, "published" the paper's
     multiplexed images. Raises InputError where it is not known or no light reaches the object.
     """
-    model = replace(CaptureModel.ideal(), colours=tuple(map(tuple, protocol_weights(protocol).tolist())))
-    draw = model.draw(np.random.default_rng(0))
-    return photograph(sample.lights, sample.mask, sample.recipe.light_directions, draw)
+    weights = protocol_weights(protocol).astype(np.float32)
+    # Not as a matrix product, whose order of summing differs between machines.
+    image = np.stack([sum(weights[k, j] * sample.lights[k, ..., j] for j in range(3)) for k in range(3)], axis=-1)
+    seen = image.max(axis=-1)[sample.mask]
+    bright = float(np.quantile(seen, 1 - HIGHLIGHTS, method="higher")) if len(seen) else 0.0
+    if bright <= 0:
+        raise InputError("no pixel shows the object wholly, or no light reaches it; take another sample")
+    return Capture(image / np.float32(bright), sample.mask, LightRig(sample.recipe.light_directions))

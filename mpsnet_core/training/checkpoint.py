@@ -37,8 +37,9 @@ _DAMAGED = (
 
 class Checkpoint(NamedTuple):
     """step: how many are done. weights, mean_weights: the network's, and their running mean. optimisers: their states.
-    seconds: trained so far. samples: fingerprint of the samples. precision, keep: as they were asked for.
-    continues: record of the network that it began with. See :class:`mpsnet_core.training.loop.Trained`."""
+    seconds: trained so far. samples: fingerprint of the samples. precision: as it was asked for.
+    keep: no longer says anything. continues: record of the network that it began with. See
+    :class:`mpsnet_core.training.loop.Trained`."""
 
     recipe: TrainingRecipe
     step: int

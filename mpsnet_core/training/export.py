@@ -72,7 +72,6 @@ def record_of(trained: Trained) -> dict[str, Any]:
         "minutes": round(trained.seconds / 60 + before.get("minutes", 0.0), 1),
         "hardware": trained.hardware,
         "precision": trained.precision,
-        "keep": trained.keep,
         "torch": torch.__version__,
         "python": platform.python_version(),
         "validation_mae_deg": figures and round(figures.mae_deg, 3),

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 import torch
 from torch import Tensor, nn
@@ -23,20 +23,17 @@ from torch.utils.tensorboard import SummaryWriter
 from mpsnet_core.errors import InputError
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.job import JOB_FILE
-from mpsnet_core.synthesis.photographs.capture_model import CaptureModel
-from mpsnet_core.synthesis.photographs.dataset import SampleDataset
 from mpsnet_core.training.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
-from mpsnet_core.training.examples import Batch, Examples, batches, collated, on_device, patches_of
 from mpsnet_core.training.further import read_exported, take_weights
+from mpsnet_core.training.inputs import joined, patches_of, with_previous
 from mpsnet_core.training.loss import Loss, loss_of
 from mpsnet_core.training.muon import Muon
 from mpsnet_core.training.networks import Network, build_network
 from mpsnet_core.training.packed import PackedSamples
 from mpsnet_core.training.photographing import Photographer, Scale
-from mpsnet_core.training.pyramid import joined, with_previous
 from mpsnet_core.training.recipe import TrainingRecipe
 from mpsnet_core.training.signals import held_signals
-from mpsnet_core.training.validation import Figures, validate, validate_scales
+from mpsnet_core.training.validation import Figures, validate
 
 log = logging.getLogger(__name__)
 
@@ -65,7 +62,6 @@ class Trained:
     fingerprint: str
     hardware: str
     precision: str
-    keep: bool = False
     continues: dict[str, Any] | None = None
     rank: int = 0
 
@@ -86,30 +82,27 @@ def train(
     validation: list[Path],
     *,
     places: Places | None = None,
-    workers: int = 1,
     precision: Precision = "auto",
     stop_after: int = 0,
     anneal: int = 0,
-    keep: bool = False,
     minutes_between_checkpoints: float = 5.0,
     validations: int = 8,
     progress: Progress = silent,
 ) -> Trained:
     """Train the recipe's network on the samples in some folders.
 
-    validation: folders of samples that are held out; none for no validation. workers: processes that make examples.
-    precision: of the layers; "auto" is bfloat16 where the processor or GPU computes with it. stop_after: steps, when to
-    stop before the recipe's end (0: at its end), to go on later. anneal: from the checkpoint that is resumed, let the
-    learning rate fall to nothing over so many steps, and end; the checkpoint stays as it is, to go on from. keep: hold
-    what was read in memory, cut to the object and in half floats, so that photographs differ a little from those
-    without. validations: how many, evenly over the run, the last at its end.
+    validation: folders of samples that are held out; none for no validation. precision: of the layers; "auto" is
+    bfloat16 where the processor or GPU computes with it. stop_after: steps, when to stop before the recipe's end (0: at
+    its end), to go on later. anneal: from the checkpoint that is resumed, let the learning rate fall to nothing over so
+    many steps, and end; the checkpoint stays as it is, to go on from. validations: how many, evenly over the run, the
+    last at its end.
 
     A run that was resumed from a checkpoint gives the same weights, bit for bit, as one that was never stopped, on the
     same machine with the same number of threads. Of several processes the first that is asked to stop ends the others,
     and the last checkpoint stands.
 
-    Raises InputError where the checkpoint is of another recipe or other samples, or a worker dies, and Cancelled where
-    `progress` does; the checkpoint is written then, too.
+    Raises InputError where the checkpoint is of another recipe or other samples, and Cancelled where `progress` does;
+    the checkpoint is written then, too.
     """
     places = places or Places()
     with _processes() as (rank, processes):
@@ -120,18 +113,21 @@ def train(
         network = build_network(recipe.network, dict(recipe.options)).to(device)
         _check_fit(recipe, network)
         nn.utils.convert_conv2d_weight_memory_format(network, torch.channels_last)
-        source: Source
-        if network.kind == "pyramid":
-            source = _Photographs(recipe, network, samples, validation, device, progress)
-        else:
-            source = _Pictures(recipe, network, samples, validation, keep, device, workers)
-        run = _Run(recipe, network, device, precision, _fingerprint(samples, source.names), keep)
+        packed = PackedSamples(samples, recipe.kinds, progress)
+        photographer = Photographer.of(network, packed, seed=recipe.seed, window=recipe.crop, device=device)
+        held_out = None
+        if validation:
+            packed_too = PackedSamples(validation, (), progress)
+            held_out = Photographer.of(
+                network, packed_too, seed=VALIDATION_SEED, window=VALIDATION_CROP, shuffled=False, device=device
+            )
+        run = _Run(recipe, network, device, precision, _fingerprint(samples, packed.names))
         if anneal and places.resume is None:
             raise InputError("there is nothing to anneal; name a checkpoint to resume from")
         if not anneal:
             _check_earlier(places)
         if places.resume is not None and places.resume.suffix.lower() == ".onnx":
-            run.train_further(places.resume, source)
+            run.train_further(places.resume, photographer)
         elif places.resume is not None:
             run.resume(places.resume)
         end = min(recipe.steps, stop_after or recipe.steps)
@@ -143,10 +139,11 @@ def train(
         figures, saved, started, before = None, time.monotonic(), time.monotonic(), run.seconds
         told = recipe.steps // max(validations, 1) or 1
         try:
-            for batch in source.batches(run.step, end, rank, processes):
+            while run.step < end:
+                scales = photographer.batch(run.step * processes + rank, recipe.batch // processes)
                 with held_signals():
                     try:
-                        loss = run.advance(model, batch, rank)
+                        loss = run.advance(model, scales, rank)
                     except RuntimeError as error:
                         if processes == 1:
                             raise
@@ -161,8 +158,8 @@ def train(
                         writer.add_scalar("training/angle_deg", math.degrees(float(loss.angle)), run.step)
                         writer.add_scalar("training/expected_error", float(loss.expected), run.step)
                         writer.add_scalar("training/learning_rate", run.rate(run.step - 1), run.step)
-                if validation and rank == 0 and (run.step % told == 0 or run.step == end):
-                    figures = source.validate(run.mean())
+                if held_out and rank == 0 and (run.step % told == 0 or run.step == end):
+                    figures = validate(run.mean(), held_out)
                     log.info("step %d: %s on held-out samples", run.step, figures)
                     if writer is not None:
                         writer.add_scalar("validation/mae_deg", figures.mae_deg, run.step)
@@ -175,19 +172,18 @@ def train(
                 writer.close()
         hardware = _hardware(device)
         hardware = hardware if processes == 1 else f"{processes} x {hardware}"
-        if figures is None and validation and rank == 0:  # resumed at the recipe's end
-            figures = source.validate(run.mean())
+        if figures is None and held_out and rank == 0:  # resumed at the recipe's end
+            figures = validate(run.mean(), held_out)
         return Trained(
             run.mean().cpu(),
             recipe,
             run.step,
             run.seconds,
             figures,
-            len(source.names),
+            len(packed),
             run.samples,
             hardware,
             run.precision,
-            run.keep,
             run.continues,
             rank,
         )
@@ -230,95 +226,6 @@ def learning_rate(recipe: TrainingRecipe, step: int) -> float:
     return recipe.learning_rate * min(1.0, left)
 
 
-class Source(Protocol):
-    """What a run learns from. names: of the samples."""
-
-    names: list[str]
-
-    def batches(self, start: int, end: int, rank: int, processes: int) -> "Iterator[Batch] | Iterator[list[Scale]]":
-        """The batches of steps `start` to `end` - 1, of this process' share."""
-
-    def first(self, count: int) -> Batch:
-        """The first examples, as one batch."""
-
-    def validate(self, network: Network) -> Figures:
-        """How well a network does on the held-out samples."""
-
-
-class _Photographs:
-    """For networks that go from coarse to fine: photographed on the device."""
-
-    def __init__(
-        self,
-        recipe: TrainingRecipe,
-        network: Network,
-        samples: list[Path],
-        validation: list[Path],
-        device: torch.device,
-        progress: Progress,
-    ) -> None:
-        packed = PackedSamples(samples, recipe.kinds, progress)
-        self.names, self.recipe, self.network = packed.names, recipe, network
-        self.photographer = Photographer(packed, CaptureModel(), seed=recipe.seed, window=recipe.crop, device=device)
-        self.held_out = Photographer(
-            PackedSamples(validation, (), progress) if validation else packed,
-            CaptureModel(),
-            seed=VALIDATION_SEED,
-            window=VALIDATION_CROP,
-            shuffled=False,
-            device=device,
-        )
-
-    def batches(self, start: int, end: int, rank: int, processes: int) -> Iterator[list[Scale]]:
-        for step in range(start, end):
-            yield self.photographer.batch(step * processes + rank, self.recipe.batch // processes)
-
-    def first(self, count: int) -> Batch:
-        scales = self.photographer.batch(0, count)
-        return joined(scales, with_previous(self.network, scales))[0]
-
-    def validate(self, network: Network) -> Figures:
-        return validate_scales(network, self.held_out)
-
-
-class _Pictures:
-    """For networks that see a picture once: made by processes of their own."""
-
-    def __init__(
-        self,
-        recipe: TrainingRecipe,
-        network: Network,
-        samples: list[Path],
-        validation: list[Path],
-        keep: bool,
-        device: torch.device,
-        workers: int,
-    ) -> None:
-        dataset = SampleDataset(samples, seed=recipe.seed, keep=keep)
-        self.names = [f"{path.parent.name}/{path.name}" for path in dataset.paths]
-        self.examples = Examples(dataset, network.inputs, recipe.crop)
-        self.held_out = held_out_examples(network, validation, VALIDATION_CROP) if validation else None
-        self.recipe, self.device, self.workers = recipe, device, workers
-
-    def batches(self, start: int, end: int, rank: int, processes: int) -> Iterator[Batch]:
-        return batches(
-            self.examples,
-            start=start,
-            steps=end,
-            batch=self.recipe.batch,
-            workers=self.workers,
-            rank=rank,
-            processes=processes,
-        )
-
-    def first(self, count: int) -> Batch:
-        return collated([self.examples[number] for number in range(count)])
-
-    def validate(self, network: Network) -> Figures:
-        assert self.held_out is not None
-        return validate(network, self.held_out, self.device)
-
-
 class _Run:
     """A run's moving parts: what a checkpoint keeps."""
 
@@ -329,9 +236,8 @@ class _Run:
         device: torch.device,
         precision: Precision,
         samples: str,
-        keep: bool,
     ) -> None:
-        self.recipe, self.network, self.device, self.samples, self.keep = recipe, network, device, samples, keep
+        self.recipe, self.network, self.device, self.samples = recipe, network, device, samples
         self.precision = _computed(precision, device)
         torch.backends.cudnn.deterministic = True
         self.step, self.seconds = 0, 0.0
@@ -360,18 +266,15 @@ class _Run:
         begun, over = self.anneal
         return learning_rate(self.recipe, begun) * (1 - (step - begun) / over)
 
-    def advance(self, model: nn.Module, batch: Batch | list[Scale], rank: int) -> Loss:
+    def advance(self, model: nn.Module, scales: list[Scale], rank: int) -> Loss:
         recipe, seed = self.recipe, _seed(self.recipe.seed, self.step, rank)
         self.whole = False
         # What dropout and permutation draw depends on the step alone, so that a resumed run draws the same.
         torch.manual_seed(seed)
-        lit: Tensor | None = None
         autocast = torch.autocast(self.device.type, torch.bfloat16, enabled=self.precision == "bfloat16")
-        if isinstance(batch, list):
-            with autocast:
-                batch, lit = joined(batch, with_previous(self.network, batch))
-        else:
-            batch = on_device(batch, self.device)
+        self.network.eval()
+        with autocast:
+            batch = joined(scales, with_previous(self.network, self.network.inputs, scales))
         if self.network.kind == "patch":
             batch = patches_of(batch, self.network, recipe.patches, torch.Generator().manual_seed(seed))
         for optimiser in self.optimisers:
@@ -381,7 +284,7 @@ class _Run:
         model.train()
         with autocast:
             prediction = model(*(channels_last(values) for values in batch.inputs))
-        loss = loss_of(prediction, batch.truth, batch.weights, recipe.error_weight, recipe.gradient_weight, lit)
+        loss = loss_of(prediction, batch.truth, batch.weights, recipe.error_weight, recipe.gradient_weight, batch.lit)
         loss.total.backward()
         gradients = nn.utils.clip_grad_norm_(self.network.parameters(), 1.0)
         for what, value in (("loss", loss.total), ("gradients", gradients)):
@@ -427,7 +330,7 @@ class _Run:
                     self.seconds,
                     self.samples,
                     self.precision,
-                    self.keep,
+                    False,
                     self.continues,
                 ),
             )
@@ -442,9 +345,6 @@ class _Run:
             raise InputError(
                 f"checkpoint {path} began with --precision {found.precision}, not {self.precision}; resume with that"
             )
-        if found.keep != self.keep:
-            began = "with" if found.keep else "without"
-            raise InputError(f"checkpoint {path} began {began} --keep; resume {began} it")
         try:
             self.network.load_state_dict(found.weights)
             self.mean_weights = {name: value.to(self.device) for name, value in found.mean_weights.items()}
@@ -455,27 +355,20 @@ class _Run:
             raise InputError(f"checkpoint {path} does not fit the network: {reason}; resume from another") from None
         self.step, self.seconds, self.continues = found.step, found.seconds, found.continues
 
-    def train_further(self, path: Path, source: Source) -> None:
+    def train_further(self, path: Path, photographer: Photographer) -> None:
         exported = read_exported(path)
         if exported.step >= self.recipe.steps:
             raise InputError(
                 f"model {path} has had {exported.step} steps already, the recipe has {self.recipe.steps}; give it more"
             )
-        batch = on_device(source.first(NORM_EXAMPLES), self.device)
+        self.network.eval()
+        scales = photographer.batch(0, NORM_EXAMPLES)
+        batch = joined(scales, with_previous(self.network, self.network.inputs, scales))
         if self.network.kind == "patch":
             batch = patches_of(batch, self.network, self.recipe.patches, torch.Generator().manual_seed(0))
         take_weights(self.network, exported, batch.inputs)
         self.mean_weights = {name: value.detach().clone() for name, value in self.network.state_dict().items()}
         self.step, self.continues = exported.step, exported.record
-
-
-def held_out_examples(network: Network, folders: list[Path], crop: int) -> Examples:
-    """Examples that are the same whenever and for whatever network they are asked for.
-
-    crop: as of :class:`Examples`. Raises InputError where a folder is missing or holds no whole sample.
-    """
-    samples = SampleDataset(folders, seed=VALIDATION_SEED, augment=False)
-    return Examples(samples, network.inputs, crop, shuffled=False)
 
 
 def _fingerprint(folders: list[Path], names: list[str]) -> str:

@@ -1,12 +1,13 @@
 """Packed samples: what training needs of a folder's samples, in half floats, in one file that is mapped into memory.
 
 Reading a sample's EXR takes longer than photographing it. So each is read once, cut to the object, and appended to
-``packed.bin`` in its folder, which can be deleted at any time.
+``packed.bin`` in its folder, which can be deleted at any time. Samples that were made anew since then are read again.
 """
 
 import logging
 import os
 import struct
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -18,12 +19,14 @@ from torch import Tensor
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.progress import Progress, silent
-from mpsnet_core.synthesis.job import sample_path, samples_there
-from mpsnet_core.synthesis.sample import MAX_SIDE, Sample, read_sample
+from mpsnet_core.synthesis.farm.claims import Claims
+from mpsnet_core.synthesis.job import FOLDER_CLAIM, sample_path, samples_there
+from mpsnet_core.synthesis.sample import MAX_SIDE, read_sample
 
 log = logging.getLogger(__name__)
 
 DATA = "packed.bin"
+PACKING_CLAIM = FOLDER_CLAIM + 1  # of several processes one packs, the others wait
 MARGIN = 4  # pixels around the object
 BYTES_A_PIXEL = 9 * 2 + 3 * 2 + 1
 # Before each sample's pixels: a mark, its number, its kind of shape, height and width, and its light directions.
@@ -36,6 +39,7 @@ class Packed(NamedTuple):
 
     lights: (9, H, W) half, light 1's red, green, blue, then light 2's, light 3's; zero outside the mask. normals:
     (3, H, W) half. mask: (H, W) bool. lit: (3, H, W) bool, where half of a light or more arrives. directions: (3, 3).
+    kind: of its shape.
     """
 
     lights: Tensor
@@ -43,6 +47,7 @@ class Packed(NamedTuple):
     mask: Tensor
     lit: Tensor
     directions: NDArray[np.float64]
+    kind: str
 
 
 class _Entry(NamedTuple):
@@ -60,24 +65,36 @@ class _Entry(NamedTuple):
 
 
 class PackedSamples:
-    """The whole samples of some folders, packed where they are not yet.
+    """The whole samples of some folders, folder by folder in the order of their numbers, packed where they are not yet.
 
-    kinds: of shapes to take; empty for all. Raises InputError where a folder is missing, cannot be written to, or there
-    is no whole sample.
+    kinds: of shapes to take; empty for all. paths, names: of the samples. left_out: the files that are no whole
+    samples, or show nothing; why is told in the log when they are packed.
+
+    Raises InputError where a folder is missing, cannot be written to, or there is no whole sample.
     """
 
-    def __init__(self, folders: Sequence[Path], kinds: Sequence[str] = (), progress: Progress = silent) -> None:
+    def __init__(
+        self, folders: Sequence[str | os.PathLike[str]], kinds: Sequence[str] = (), progress: Progress = silent
+    ) -> None:
         self.names: list[str] = []
+        self.paths: list[Path] = []
+        self.left_out: list[Path] = []
         self._places: list[tuple[NDArray[np.uint8], _Entry]] = []
-        for folder in folders:
+        for folder in map(Path, folders):
             entries = _packed(folder, progress)
-            file = np.memmap(folder / DATA, np.uint8, mode="r")
+            file = np.memmap(folder / DATA, np.uint8, mode="r") if entries else np.empty(0, np.uint8)
             for number, entry in sorted(entries.items()):
-                if entry.end > entry.start and (not kinds or entry.kind in kinds):
+                path = sample_path(folder, number)
+                if entry.end == entry.start:
+                    self.left_out.append(path)
+                elif not kinds or entry.kind in kinds:
                     self.names.append(f"{folder.name}/{number}")
+                    self.paths.append(path)
                     self._places.append((file, entry))
         if not self._places:
-            raise InputError(f"there is no whole sample in {', '.join(map(str, folders))}; make some first")
+            what = f"sample of {' or '.join(kinds)}" if kinds else "sample"
+            where = ", ".join(map(str, folders))
+            raise InputError(f"there is no whole {what} in {where}; make some with mpsnet synthesize")
 
     def __len__(self) -> int:
         return len(self._places)
@@ -90,28 +107,50 @@ class PackedSamples:
         planes = torch.from_numpy(data[: 24 * count].view(np.float16).reshape(12, height, width).copy())
         bits = torch.from_numpy(data[24 * count :].reshape(height, width).copy())
         lit = torch.stack([(bits & (2 << light)) > 0 for light in range(3)])
-        return Packed(planes[:9], planes[9:], (bits & 1) > 0, lit, entry.directions)
+        return Packed(planes[:9], planes[9:], (bits & 1) > 0, lit, entry.directions, entry.kind)
 
 
 def _packed(folder: Path, progress: Progress) -> dict[int, _Entry]:
     """What the folder's packed file holds, by the samples' numbers, once what was missing is there as well."""
     if not folder.is_dir():
         raise InputError(f"the folder of samples {folder} does not exist; check the path")
-    there, data = samples_there(folder), folder / DATA
-    entries = _entries(data) if data.exists() else {}
-    missing = sorted(there - set(entries))
-    if missing:
-        try:
-            _append(folder, missing, max((entry.end for entry in entries.values()), default=0), progress)
-        except OSError as error:
-            raise InputError(f"{data} cannot be written ({error.strerror}); make room there") from None
-        entries = _entries(data)
+    there = samples_there(folder)
+    if _missing(folder, there):
+        with Claims(folder) as claims:
+            while not _appended(folder, there, claims, progress):
+                progress(0.0, f"another process packs the samples in {folder}")
+                time.sleep(0.2)
+    entries = _entries(folder / DATA)
     return {number: entry for number, entry in entries.items() if number in there}
+
+
+def _missing(folder: Path, there: set[int]) -> list[int]:
+    """Numbers of the samples that are not in the packed file, or newer than it."""
+    data = folder / DATA
+    known = set(_entries(data))
+    packed = data.stat().st_mtime_ns if known else 0
+    return sorted(
+        number for number in there if number not in known or sample_path(folder, number).stat().st_mtime_ns > packed
+    )
+
+
+def _appended(folder: Path, there: set[int], claims: Claims, progress: Progress) -> bool:
+    """Whether all is packed now; False where another process is at it."""
+    data = folder / DATA
+    with claims.claim(PACKING_CLAIM) as ours:
+        if ours and (missing := _missing(folder, there)):
+            try:
+                _append(folder, missing, max((entry.end for entry in _entries(data).values()), default=0), progress)
+            except OSError as error:
+                raise InputError(f"{data} cannot be written ({error.strerror}); make room there") from None
+        return ours
 
 
 def _entries(data: Path) -> dict[int, _Entry]:
     """The whole samples of a packed file. What comes after one that was cut short does not count."""
-    entries = {}
+    entries: dict[int, _Entry] = {}
+    if not data.exists():
+        return entries
     total = data.stat().st_size
     with data.open("rb") as file:
         place = 0
@@ -132,24 +171,32 @@ def _entries(data: Path) -> dict[int, _Entry]:
 
 def _append(folder: Path, numbers: Sequence[int], end: int, progress: Progress) -> None:
     data = folder / DATA
-    with data.open("r+b" if data.exists() else "wb") as file:
-        file.truncate(end)
-        file.seek(end)
-        for done, number in enumerate(numbers):
-            progress(done / len(numbers), f"packing sample {done + 1} of {len(numbers)}")
-            try:
-                file.write(_block(number, read_sample(sample_path(folder, number))))
-            except InputError as error:
-                log.warning("left out: %s", error)
-                file.write(_HEADER.pack(_MARK, number, b"", 0, 0, *np.zeros(9)))
-        file.flush()
-        os.fsync(file.fileno())
+    new = not data.exists()
+    begun, before = time.time_ns(), 0 if new else data.stat().st_mtime_ns
+    with data.open("wb" if new else "r+b") as file:
+        try:
+            file.truncate(end)
+            file.seek(end)
+            for done, number in enumerate(numbers):
+                progress(done / len(numbers), f"packing sample {done + 1} of {len(numbers)}")
+                try:
+                    file.write(_block(sample_path(folder, number), number))
+                except InputError as error:
+                    log.warning("left out: %s", error)
+                    file.write(_HEADER.pack(_MARK, number, b"", 0, 0, *np.zeros(9)))
+            file.flush()
+            os.fsync(file.fileno())
+            before = begun
+        finally:  # what is made anew meanwhile, or was not reached, is newer
+            file.close()
+            os.utime(data, ns=(before, before))
 
 
-def _block(number: int, sample: Sample) -> bytes:
+def _block(path: Path, number: int) -> bytes:
+    sample = read_sample(path)
     rows, columns = np.nonzero(sample.mask)
-    if not len(rows):
-        raise InputError(f"sample {number} shows no pixel of its object wholly; make it again")
+    if not (sample.lights[:, sample.mask] > 0).any():
+        raise InputError(f"sample {path} shows no pixel of its object wholly, or no light reaches it; make it again")
     box = (
         slice(max(rows.min() - MARGIN, 0), rows.max() + MARGIN + 1),
         slice(max(columns.min() - MARGIN, 0), columns.max() + MARGIN + 1),

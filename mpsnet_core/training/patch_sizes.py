@@ -11,8 +11,6 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
-import torch
-
 from mpsnet_core.errors import InputError
 from mpsnet_core.evaluation.charts import Curve, line_chart
 from mpsnet_core.evaluation.published import TABLE_1
@@ -20,8 +18,9 @@ from mpsnet_core.evaluation.report import begun_report
 from mpsnet_core.evaluation.tables import text_table
 from mpsnet_core.files import made_folder, writable_path, write_json
 from mpsnet_core.progress import Progress, part, silent
-from mpsnet_core.synthesis.photographs.dataset import SampleDataset
-from mpsnet_core.training.loop import Places, held_out_examples, train
+from mpsnet_core.training.loop import VALIDATION_SEED, Places, train
+from mpsnet_core.training.packed import PackedSamples
+from mpsnet_core.training.photographing import Photographer
 from mpsnet_core.training.recipe import TrainingRecipe
 from mpsnet_core.training.validation import validate
 
@@ -56,8 +55,6 @@ def evaluate_patch_sizes(
     patches: int,
     json: str | os.PathLike[str] | None = None,
     report: str | os.PathLike[str] | None = None,
-    workers: int = 1,
-    keep: bool = False,
     progress: Progress = silent,
 ) -> dict[str, Any]:
     """Train and measure the ten networks: "rows", "published" (plain data), and "text" for the terminal.
@@ -70,11 +67,10 @@ def evaluate_patch_sizes(
     """
     if json:
         writable_path(json)
-    if patches < 1 or workers < 0:
-        raise InputError(
-            f"{patches} patches with {workers} workers cannot be; choose 1 patch or more, 0 workers or more"
-        )
-    SampleDataset(validation)  # what is missing is told before hours of training
+    if patches < 1:
+        raise InputError(f"{patches} patches cannot be measured; choose 1 or more")
+    held_out = PackedSamples(validation)  # what is missing is told before hours of training
+    a_picture = math.ceil(patches / len(held_out))
     runs = made_folder(runs, "runs")
     rows = []
     variants = [(words, normals, side) for words, normals in INPUTS.items() for side in SIDES]
@@ -88,13 +84,10 @@ def evaluate_patch_sizes(
                 list(samples),
                 [],
                 places=Places(checkpoint, checkpoint if checkpoint.exists() else None),
-                workers=workers,
-                keep=keep,
                 progress=part(progress, number / len(variants), (number + 1) / len(variants)),
             )
-            held_out = held_out_examples(trained.network, list(validation), crop=0)
-            a_picture = math.ceil(patches / len(held_out))
-            figures = validate(trained.network, held_out, torch.device("cpu"), a_picture)
+            photographer = Photographer.of(trained.network, held_out, seed=VALIDATION_SEED, window=0, shuffled=False)
+            figures = validate(trained.network, photographer, a_picture)
             rows.append(
                 {
                     "input": words,

@@ -1,15 +1,16 @@
 """Photographing: packed samples become the photographs that a network learns from, on the device that it learns on.
 
 The capture model's numbers are drawn in :mod:`mpsnet_core.synthesis.photographs.capture_model`; here they are applied
-to a whole batch at once. An example is shown at several scales, as the network sees a photo (coarse to fine): first the
-whole object, then windows of it, each at twice the resolution. The finest is the camera's own pixels, with its blur,
-mosaic, noise, levels and JPEG; the others are means of those. Beyond the sample's own resolution the picture is
-magnified, and is as soft as large photos of smooth things are.
+to a whole batch at once. For networks that go from coarse to fine an example is shown at several scales, as the network
+sees a photo: first the whole object, then windows of it, each at twice the resolution. The finest is the camera's own
+pixels, with its blur, mosaic, noise, levels and JPEG; the others are means of those. Beyond the sample's own resolution
+the picture is magnified, and is as soft as large photos of smooth things are. For other networks, and to measure models
+by, the sample's own pixels are the camera's.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import torch
@@ -17,7 +18,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from mpsnet_core.estimate.light_frame import LightFrame, canonical_frames
+from mpsnet_core.capture import Capture
+from mpsnet_core.estimate.light_frame import CAMERA_FRAME, LightFrame, canonical_frames
+from mpsnet_core.rig import LightRig
 from mpsnet_core.synthesis.photographs.capture_model import CaptureDraw, CaptureModel, blur_weights, turned
 from mpsnet_core.training.jpeg import jpeg_losses
 from mpsnet_core.training.networks.network import unit
@@ -35,10 +38,11 @@ SHOWN = 13  # planes: photo, white photo, normals, lit (3 each), mask
 class Scale(NamedTuple):
     """N windows on one scale. Maps are (N, C, H, W), zero outside the known mask.
 
-    maps: by the names of :data:`mpsnet_core.estimate.features.FEATURE_CHANNELS`, without "previous". truth:
-    (N, 3, H, W) true unit normals. weights: (N, H, W) 1 where a pixel counts. lit: (N, 3, H, W) whether each light reaches it.
-    examples: (N,) which examples of the batch these are. places: (N, 2) where in the window of the scale before this
-    one begins, in that one's pixels; it covers half of its side.
+    maps: by the names of :data:`mpsnet_core.estimate.features.FEATURE_CHANNELS`, without "previous" and those that
+    :func:`mpsnet_core.training.inputs.map_of` makes of them. truth: (N, 3, H, W) true unit normals. weights: (N, H, W)
+    1 where a pixel counts. lit: (N, 3, H, W) whether each light reaches it. examples: (N,) which examples of the batch
+    these are. places: (N, 2) where in the window of the scale before this one begins, in that one's pixels; it covers
+    half of its side.
     """
 
     maps: dict[str, Tensor]
@@ -62,27 +66,59 @@ class _Example:
     bicubic: bool
 
 
+class Network(Protocol):
+    """What of a network, or of its card, says which photographs it sees."""
+
+    @property
+    def kind(self) -> str: ...
+    @property
+    def frame(self) -> str: ...
+
+
 class Photographer:
     """Draws batches of examples: `batch(step, size)` depends on nothing but the samples, the seed and the step.
 
-    windows: pixels a side. finer: shares of how many scales follow the first. device: where photographs are made.
+    samples: every epoch shows all of them, unless not `shuffled` in an order of its own. window: pixels a side, around
+    pixels that count; 0, where there is one scale, for whole pictures. finer: shares of how many scales follow the
+    first; none for one scale, the samples' own pixels. canonical: whether in frames in which the first light stands
+    most nearly straight up, the lights counter-clockwise; else turned by any quarters, mirrored or not, any light
+    being each channel's. device: where photographs are made.
     """
 
     def __init__(
         self,
         samples: PackedSamples,
-        model: CaptureModel,
+        model: CaptureModel | None = None,
         *,
         seed: int = 0,
         window: int = WINDOW,
         finer: Sequence[float] = FINER_SHARES,
+        canonical: bool = True,
         shuffled: bool = True,
         device: torch.device | None = None,
     ) -> None:
-        self.samples, self.model, self.seed, self.window = samples, model, seed, window
-        self.finer, self.shuffled = np.cumsum(finer) / np.sum(finer), shuffled
+        self.samples, self.model, self.seed, self.window = samples, model or CaptureModel(), seed, window
+        self.finer, self.canonical, self.shuffled = np.cumsum(finer) / np.sum(finer), canonical, shuffled
         self.device = device or torch.device("cpu")
         self._order: tuple[int, NDArray[np.int64]] = (-1, np.empty(0, np.int64))
+
+    @classmethod
+    def of(
+        cls,
+        network: Network,
+        samples: PackedSamples,
+        *,
+        seed: int,
+        window: int,
+        shuffled: bool = True,
+        device: torch.device | None = None,
+    ) -> "Photographer":
+        """One for what a network sees."""
+        finer = FINER_SHARES if network.kind == "pyramid" else ()
+        canonical = network.frame == "canonical"
+        return cls(
+            samples, seed=seed, window=window, finer=finer, canonical=canonical, shuffled=shuffled, device=device
+        )
 
     def batch(self, step: int, size: int) -> list[Scale]:
         """The scales of step `step`'s examples, coarse to fine."""
@@ -90,7 +126,10 @@ class Photographer:
         rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(key)))
         generator = torch.Generator(self.device).manual_seed(int(rng.integers(1 << 62)))
         examples = [self._example(self.samples[self._index(step * size + k)], rng) for k in range(size)]
-        return photographed(examples, self.window, rng, generator, self.device)
+        if len(self.finer):
+            return _photographed(examples, self.window, rng, generator)
+        (whole,) = _photographed(examples, _side(examples, self.window), rng, generator)
+        return [_cut(whole, self.window, rng) if self.window else whole]
 
     def _index(self, number: int) -> int:
         epoch, place = divmod(number, len(self.samples))
@@ -101,58 +140,99 @@ class Photographer:
             self._order = (epoch, rng.permutation(len(self.samples)))
         return int(self._order[1][place])
 
-    def _example(self, packed: Packed, rng: np.random.Generator) -> _Example:
+    def _example(self, packed: Packed, rng: np.random.Generator) -> "_Example":
         draw = self.model.draw(rng)
-        lights, normals, mask, lit = (
-            values.to(self.device) for values in (packed.lights, packed.normals, packed.mask, packed.lit)
-        )
-        frame = _frame(packed.directions, rng)
-        order, rotation = list(frame.order), frame.rotation
-        height, width = mask.shape
-        # Unit normals turn with the picture. Light k becomes the frame's light order.index(k).
-        mixed = _weights(draw, self.device) @ lights.float().reshape(3, 3, -1)[order].reshape(9, -1)
-        planes = torch.cat(
-            [
-                mixed.reshape(6, height, width),
-                torch.einsum(
-                    "dc,chw->dhw", torch.tensor(rotation, dtype=torch.float32, device=self.device), normals.float()
-                ),
-                lit[order].float(),
-                mask[None].float(),
-            ]
-        )
-        planes = torch.rot90(planes, frame.quarter_turns, (1, 2))
-        if frame.mirrored:
-            planes = planes.flip(2)
-        height, width = planes.shape[1:]
-        finest = int(np.searchsorted(self.finer, rng.random(), side="right"))
+        frame = _near_frame(packed.directions, rng) if self.canonical else _any_frame(rng)
+        example = _arranged(packed, draw, frame, self.device)
+        if not len(self.finer):
+            return example
+        height, width = example.coarse
+        example.finest = int(np.searchsorted(self.finer, rng.random(), side="right"))
         longest = COARSEST[0] * (COARSEST[1] / COARSEST[0]) ** rng.random() * self.window / WINDOW
         scale = longest / max(height, width)
-        coarse = max(8, round(height * scale)), max(8, round(width * scale))
-        room = self.window - np.array(coarse)
-        offset = -np.array([rng.integers(space + 1) for space in np.maximum(room, 0)])
-        return _Example(planes, packed.directions[order] @ rotation.T, draw, finest, coarse, offset, rng.random() < 0.5)
+        example.coarse = max(8, round(height * scale)), max(8, round(width * scale))
+        room = self.window - np.array(example.coarse)
+        example.offset = -np.array([rng.integers(space + 1) for space in np.maximum(room, 0)])
+        example.bicubic = rng.random() < 0.5
+        return example
 
 
-def _frame(directions: NDArray[np.float64], rng: np.random.Generator) -> LightFrame:
+def photograph(packed: Packed, draw: CaptureDraw) -> tuple[Capture, NDArray[np.float32]]:
+    """A sample's own pixels in camera space: the one photo under three lights at once, with what whoever estimates
+    knows of it, errors included, and (H, W, 3) the true normals, zero where there are none.
+
+    Raises InputError where no light reaches the object.
+    """
+    example = _arranged(packed, draw, CAMERA_FRAME, torch.device("cpu"))
+    planes, draws = _window(example, 0, _side([example]))[None], _Draws.of([draw], torch.device("cpu"))
+    shot = _shot(planes, draws, None, torch.zeros(1), torch.Generator().manual_seed(draw.noise_seed))
+    height, width = packed.mask.shape
+
+    def whole(values: Tensor) -> NDArray[np.float32]:
+        return np.ascontiguousarray(values[0, :, :height, :width].permute(1, 2, 0).numpy())
+
+    capture = Capture(
+        whole(shot.photo),
+        whole(shot.shown)[..., 0] > 0,
+        LightRig(turned(packed.directions, draw.direction_errors), draw.known_mixing),
+        clip=1.0 if draw.bits else np.inf,
+        white=whole(shot.white) if draw.white else None,
+        white_clipped=np.repeat(whole(shot.told) == 0, 3, axis=2) if draw.white and draw.bits else None,
+    )
+    return capture, whole(unit(planes[:, 6:9]))
+
+
+def _near_frame(directions: NDArray[np.float64], rng: np.random.Generator) -> LightFrame:
     """Mostly one of the two nearest, which single passes take; else any, for averages of more passes."""
     frames = canonical_frames(directions)
     return frames[int(rng.integers(2 if rng.random() < NEAREST_SHARE else len(frames)))]
 
 
-def photographed(
-    examples: list[_Example],
-    window: int,
-    rng: np.random.Generator,
-    generator: torch.Generator,
-    device: torch.device,
+def _any_frame(rng: np.random.Generator) -> LightFrame:
+    first, second, third = (int(light) for light in rng.permutation(3))
+    return LightFrame((first, second, third), int(rng.integers(4)), bool(rng.integers(2)))
+
+
+def _arranged(packed: Packed, draw: CaptureDraw, frame: LightFrame, device: torch.device) -> _Example:
+    """What the photo's channels see of the sample, turned into the frame; its one scale is the sample's own."""
+    lights, normals, mask, lit = (
+        values.to(device) for values in (packed.lights, packed.normals, packed.mask, packed.lit)
+    )
+    order, rotation = list(frame.order), frame.rotation
+    height, width = mask.shape
+    # Unit normals turn with the picture. Light k becomes the frame's light order.index(k).
+    mixed = _weights(draw, device) @ lights.float().reshape(3, 3, -1)[order].reshape(9, -1)
+    planes = torch.cat(
+        [
+            mixed.reshape(6, height, width),
+            torch.einsum("dc,chw->dhw", torch.tensor(rotation, dtype=torch.float32, device=device), normals.float()),
+            lit[order].float(),
+            mask[None].float(),
+        ]
+    )
+    planes = torch.rot90(planes, frame.quarter_turns, (1, 2))
+    if frame.mirrored:
+        planes = planes.flip(2)
+    height, width = planes.shape[1:]
+    directions = packed.directions[order] @ rotation.T
+    return _Example(planes, directions, draw, 0, (height, width), np.zeros(2, np.int64), False)
+
+
+def _side(examples: Sequence[_Example], least: int = 0) -> int:
+    """Of a square that holds each of some examples at its own resolution; a multiple of JPEG's blocks."""
+    return -(-max(least, *(side for example in examples for side in example.coarse)) // 16) * 16
+
+
+def _photographed(
+    examples: list[_Example], window: int, rng: np.random.Generator, generator: torch.Generator
 ) -> list[Scale]:
     """All scales of some examples; the finer ones of those that have them."""
+    device = examples[0].planes.device
     draws = _Draws.of([example.draw for example in examples], device)
     known = np.stack([turned(example.directions, example.draw.direction_errors) for example in examples])
     chosen = list(range(len(examples)))
     places = np.zeros((len(examples), 2), np.int64)
-    exposure = torch.ones(len(examples), 2, device=device)
+    exposure: Tensor | None = None
     means = torch.ones(len(examples), 6, device=device)
     scales: list[Scale] = []
     for level in range(max(example.finest for example in examples) + 1):
@@ -160,26 +240,22 @@ def photographed(
         some = torch.tensor(chosen, device=device)
         drawn = draws.chosen(some)
         finer = torch.tensor([examples[k].finest - level for k in chosen], device=device)
-        mask = planes[:, 12:] > 0
-        if level == 0:
-            exposure = _exposures(planes, mask, draws)
-        photo, white, white_told = _seen(planes, mask, drawn, exposure[some], finer, generator)
-        shown = _grown(mask, (drawn.mask_error / 2**finer).trunc().long())
-        shown = torch.where(shown.flatten(1).any(1)[:, None, None, None], shown, mask)
-        photo = _unmixed(photo, drawn.known_mixing) * shown
-        white = white * shown * white_told
-        if level == 0:
-            means = _means(photo, white, shown, white_told)
+        shot = _shot(planes, drawn, None if exposure is None else exposure[some], finer, generator)
+        photo = unmixed(shot.photo, drawn.known_mixing) * shot.shown
+        white = shot.white * shot.shown * shot.told
+        if exposure is None:
+            exposure, means = shot.exposure, _means(photo, white, shot.shown, shot.told)
         mean = means[some]
         photo = photo / mean[:, :3].mean(dim=1)[:, None, None, None]
         white = white / mean[:, 3:, None, None] * drawn.white[:, None, None, None]
-        counts = (mask & shown).float()
+        mask = planes[:, 12:] > 0
+        counts = (mask & shot.shown).float()
         given = torch.stack([torch.full((len(chosen),), float(level > 0), device=device), drawn.white], dim=1)
         scales.append(
             Scale(
                 maps={
                     "photo": photo,
-                    "mask": shown.float(),
+                    "mask": shot.shown.float(),
                     "white": white,
                     "lights": torch.tensor(known[chosen].reshape(-1, 9, 1, 1), dtype=torch.float32, device=device),
                     "channel_means": (mean[:, :3] / mean[:, :3].mean(dim=1, keepdim=True))[:, :, None, None],
@@ -240,6 +316,24 @@ def _zoom(example: _Example, mask: Tensor, window: int, rng: np.random.Generator
     return place.astype(np.int64)
 
 
+def _cut(whole: Scale, size: int, rng: np.random.Generator) -> Scale:
+    """A window of each whole picture, whose middle half holds a pixel that counts."""
+    corners = []
+    for weights in whole.weights:
+        places = torch.nonzero(weights).cpu().numpy()
+        corner = places[rng.integers(len(places))] - size // 4 - rng.integers(max(size // 2, 1), size=2)
+        corners.append(np.clip(corner, 0, np.array(weights.shape) - size))
+
+    def cut(values: Tensor) -> Tensor:
+        if values.shape[-1] == 1:
+            return values
+        pairs = zip(values, corners, strict=True)
+        return torch.stack([one[..., top : top + size, left : left + size] for one, (top, left) in pairs])
+
+    maps = {name: cut(values) for name, values in whole.maps.items()}
+    return whole._replace(maps=maps, truth=cut(whole.truth), weights=cut(whole.weights), lit=cut(whole.lit))
+
+
 # --- the camera -------------------------------------------------------------------------------------------------------
 
 
@@ -278,6 +372,29 @@ def _weights(draw: CaptureDraw, device: torch.device) -> Tensor:
     photo = np.einsum("ik,ij->ikj", draw.mixing, draw.colours)
     white = np.einsum("ik,ij->ikj", draw.white_mixing, draw.colours)
     return torch.tensor(np.concatenate([photo, white]).reshape(6, 9), dtype=torch.float32, device=device)
+
+
+class _Shot(NamedTuple):
+    """N photographs. photo, white: (N, 3, H, W) as their files hold them. told: (N, 1, H, W) 1 where the white one is
+    not clipped. shown: (N, 1, H, W) bool, the mask as it is known. exposure: (N, 2) of photo and white photo."""
+
+    photo: Tensor
+    white: Tensor
+    told: Tensor
+    shown: Tensor
+    exposure: Tensor
+
+
+def _shot(planes: Tensor, draws: _Draws, exposure: Tensor | None, finer: Tensor, generator: torch.Generator) -> _Shot:
+    """Take photographs of windows (N, 13, H, W). exposure: None where it is to be found, on the whole object."""
+    mask = planes[:, 12:] > 0
+    if exposure is None:
+        exposure = _exposures(planes, mask, draws)
+    photo, white, told = _seen(planes, mask, draws, exposure, finer, generator)
+    shown = _grown(mask, (draws.mask_error / 2**finer).trunc().long())
+    # A mask that would have shrunk to nothing stays as it was.
+    shown = torch.where(shown.flatten(1).any(1)[:, None, None, None], shown, mask)
+    return _Shot(photo, white, told, shown, exposure)
 
 
 def _exposures(planes: Tensor, mask: Tensor, draws: _Draws) -> Tensor:
@@ -388,7 +505,8 @@ def _grown(mask: Tensor, pixels: Tensor) -> Tensor:
     return grown > 0
 
 
-def _unmixed(photo: Tensor, mixing: Tensor) -> Tensor:
+def unmixed(photo: Tensor, mixing: Tensor) -> Tensor:
+    """What each light gives to photos (N, 3, H, W) under mixings (N, 3, 3); under light directions, equation 2."""
     return torch.einsum("nij,njhw->nihw", torch.linalg.inv(mixing.double()).float(), photo)
 
 

@@ -1,9 +1,9 @@
-"""Quantisation: the int8 twin of a dense model, calibrated on what the model sees of samples.
+"""Quantisation: the int8 twin of a dense model or a pyramid, calibrated on what the model sees of samples.
 
 Convolutions in eight bits are two to three times as quick on processors that have instructions for them, and the file
-is about a third of the size. Between the first convolution over the picture and the last all is in eight bits. Those
-two, which see and say directions, stay in single precision, and so does whatever depends on the lights: 256 steps are
-too coarse for both.
+is about a third of the size. Between the convolutions that see the picture's own values and the last one all is in
+eight bits. Those, which see and say directions, stay in single precision, and so does whatever depends on the lights:
+256 steps are too coarse for both.
 """
 
 import json
@@ -18,18 +18,23 @@ from typing import Any, NamedTuple
 import numpy as np
 import onnx
 import onnxruntime
+import torch
 from numpy.typing import NDArray
 from onnxruntime.quantization import CalibrationDataReader, QuantFormat, QuantType, quantize_static
+from torch import Tensor
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.card import CARD_KEY, TRAINING_KEY, ModelCard, record_from_metadata
 from mpsnet_core.estimate.features import CONSTANTS
 from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.files import writable_path, written_whole
-from mpsnet_core.normals import angular_error
 from mpsnet_core.progress import Progress, part, silent
-from mpsnet_core.synthesis.photographs.dataset import SampleDataset
-from mpsnet_core.training.examples import Arrays, Examples
+from mpsnet_core.training.export import RIGHT_ANGLE
+from mpsnet_core.training.inputs import with_previous
+from mpsnet_core.training.networks import Prediction
+from mpsnet_core.training.packed import PackedSamples
+from mpsnet_core.training.photographing import Photographer
+from mpsnet_core.training.validation import measured
 
 QUANTISED = ("Add", "Concat", "Conv", "DepthToSpace", "Relu")
 CROP = 128
@@ -57,8 +62,8 @@ def quantise(
 ) -> Twin:
     """Write the int8 twin of a model (QDQ, weights by channel), named after it with "-int8"; its record goes along.
 
-    model: an ONNX file of ours, of a dense network. samples: folders of samples such as it was trained on. count: how
-    many photographs of them calibrate it, and how many others tell what it costs.
+    model: an ONNX file of ours, of a dense network or a pyramid. samples: folders of samples such as it was trained on.
+    count: how many photographs of them calibrate it, and how many others tell what it costs.
 
     Weights have seven bits: with eight, sums of 16 bits overflow on processors without VNNI instructions, and the
     answers would depend on the processor.
@@ -71,24 +76,22 @@ def quantise(
         raise InputError(f"{count} photographs cannot calibrate a model; choose 1 or more")
     source = OnnxModel(model)
     card = source.card
-    if card.kind != "dense":
-        raise InputError(f"model file {source.path} works patch by patch; only dense models have int8 twins")
+    if card.kind == "patch":
+        raise InputError(f"model file {source.path} works patch by patch; only those that do not have int8 twins")
     graph = onnx.load(str(source.path))
     if any(node.op_type == "QuantizeLinear" for node in graph.graph.node):
         raise InputError(f"model file {source.path} is in eight bits already; give the one that it was made from")
     inner = _inner_nodes(graph, card)
     if not inner:
         raise InputError(f"model file {source.path} has no layer between its first and its last; leave it as it is")
-    dataset = SampleDataset(list(samples), seed=SEED, canonical=card.frame == "canonical")
-    examples = Examples(dataset, dict(card.inputs), -(-CROP // card.multiple) * card.multiple)
-    photographs = _Photographs(examples, list(card.inputs), count, part(progress, 0, 0.5))
-    twin = _quantised(graph, inner, photographs)
+    packed = PackedSamples(samples)
+    photographer = Photographer.of(card, packed, seed=SEED, window=-(-CROP // card.multiple) * card.multiple)
+    model_answer = _Answer(source.session, card)
+    twin = _quantised(graph, inner, _Photographs(photographer, model_answer, count, part(progress, 0, 0.5)))
+    session = onnxruntime.InferenceSession(twin.SerializeToString(), providers=["CPUExecutionProvider"])
     twin_card = ModelCard(**{**card.__dict__, "name": f"{card.name}-int8"})
-    first = -(-count // len(examples)) * len(examples)  # of the epoch after those that calibrated
-    errors = _errors(
-        [source.session, onnxruntime.InferenceSession(twin.SerializeToString(), providers=["CPUExecutionProvider"])],
-        _Photographs(examples, list(card.inputs), count, part(progress, 0.5, 1), first),
-    )
+    first = -(-count // len(packed)) * len(packed)  # of the epoch after those that calibrated
+    errors = _errors([model_answer, _Answer(session, card)], photographer, first, count, part(progress, 0.5, 1))
     figures = Twin(twin_card, *errors)
     record = record_from_metadata({entry.key: entry.value for entry in graph.metadata_props})
     record["int8"] = {"of": card.name, "photographs": count, "mae_deg": round(figures.mae_deg, 3)}
@@ -100,26 +103,38 @@ def quantise(
     return figures
 
 
+class _Answer:
+    """A model's answers to inputs as its card names them."""
+
+    def __init__(self, session: Any, card: ModelCard) -> None:
+        self.session, self.inputs = session, card.inputs
+        self.outputs = [output.name for output in session.get_outputs()]
+
+    def named(self, inputs: Sequence[Tensor]) -> dict[str, NDArray[np.float32]]:
+        return {name: values.numpy() for name, values in zip(self.inputs, inputs, strict=True)}
+
+    def __call__(self, *inputs: Tensor) -> Prediction:
+        answer = dict(zip(self.outputs, map(torch.from_numpy, self.session.run(None, self.named(inputs))), strict=True))
+        confidence = answer.get("confidence")
+        return Prediction(answer["normals"], None if confidence is None else (1 - confidence) * RIGHT_ANGLE)
+
+
 class _Photographs(CalibrationDataReader):
-    """Examples `first` to `first` + `count` - 1, one at a time, as a model's inputs."""
+    """What a model sees of `count` photographs, scale by scale."""
 
-    def __init__(self, examples: Examples, names: list[str], count: int, progress: Progress, first: int = 0) -> None:
-        self.examples, self.names, self.count, self.progress, self.first = examples, names, count, progress, first
-        self.given = 0
+    def __init__(self, photographer: Photographer, answer: _Answer, count: int, progress: Progress) -> None:
+        self.given = self._all(photographer, answer, count, progress)
 
-    def next_example(self) -> Arrays | None:
-        if self.given == self.count:
-            return None
-        self.progress(self.given / self.count, f"photograph {self.given + 1} of {self.count}")
-        self.given += 1
-        return self.examples[self.first + self.given - 1]
-
-    def inputs(self, example: Arrays) -> dict[str, NDArray[np.float32]]:
-        return {name: values[None] for name, values in zip(self.names, example[0], strict=True)}
+    @staticmethod
+    def _all(
+        photographer: Photographer, answer: _Answer, count: int, progress: Progress
+    ) -> Iterator[dict[str, NDArray[np.float32]]]:
+        for number in range(count):
+            progress(number / count, f"photograph {number + 1} of {count}")
+            yield from map(answer.named, with_previous(answer, answer.inputs, photographer.batch(number, 1)))
 
     def get_next(self) -> dict[str, NDArray[np.float32]] | None:
-        example = self.next_example()
-        return None if example is None else self.inputs(example)
+        return next(self.given, None)
 
 
 def _quantised(graph: onnx.ModelProto, nodes: list[str], photographs: _Photographs) -> onnx.ModelProto:
@@ -155,35 +170,43 @@ def _quiet_root() -> Iterator[None]:
 
 
 def _inner_nodes(graph: onnx.ModelProto, card: ModelCard) -> list[str]:
-    """Names of the nodes that lie between convolutions over the picture, and take nothing from the lights."""
+    """Names of the convolutions that others follow and that see neither the picture's own values nor what depends on
+    the lights alone, and of the nodes of :data:`QUANTISED` between them."""
     lights = {name for name, features in card.inputs.items() if features[0] in CONSTANTS}
-    picture = set(card.inputs) - lights
+    own = set(card.inputs) - lights  # values that are the picture's own, not yet seen by a convolution
     behind: set[str] = set()  # values that a convolution over the picture lies before
     for node in graph.graph.node:
         seen = set(node.input)
-        if seen & picture:
-            picture |= set(node.output)
-            if node.op_type == "Conv" or seen & behind:
-                behind |= set(node.output)
-        elif seen & lights:
+        if (node.op_type == "Conv" and seen & own) or seen & behind:
+            behind |= set(node.output)
+        if node.op_type != "Conv" and seen & own:
+            own |= set(node.output)
+        elif seen & lights and not seen & (own | behind):
             lights |= set(node.output)
     ahead: set[str] = set()  # values that a convolution lies after
+    inner_ahead: set[str] = set()  # values that one in eight bits lies after
     inner = []
     for node in reversed(graph.graph.node):
-        leads_on = bool(ahead.intersection(node.output))
-        if leads_on or node.op_type == "Conv":
-            ahead |= set(node.input)
-        if leads_on and node.op_type in QUANTISED and behind.intersection(node.input) and not lights & set(node.input):
+        seen, convolution = set(node.input), node.op_type == "Conv"
+        fits = node.op_type in QUANTISED and seen & behind and not seen & (own | lights)
+        chosen = fits and bool((ahead if convolution else inner_ahead).intersection(node.output))
+        if chosen:
             inner.append(node.name)
+        if convolution or ahead.intersection(node.output):
+            ahead |= seen
+        if chosen or inner_ahead.intersection(node.output):
+            inner_ahead |= seen
     return inner[::-1]
 
 
-def _errors(sessions: Sequence[Any], photographs: _Photographs) -> list[float]:
-    """Of each model the mean angular error in degrees, over the pixels that count of all the photographs."""
-    errors: list[list[NDArray[np.float64]]] = [[] for _ in sessions]
-    while (example := photographs.next_example()) is not None:
-        _, truth, counts = example
-        for found, session in zip(errors, sessions, strict=True):
-            (normals,) = session.run(["normals"], photographs.inputs(example))
-            found.append(angular_error(np.moveaxis(normals[0], 0, -1), np.moveaxis(truth, 0, -1))[counts > 0])
-    return [float(np.concatenate(found).mean()) for found in errors]
+def _errors(
+    answers: Sequence[_Answer], photographer: Photographer, first: int, count: int, progress: Progress
+) -> list[float]:
+    """Of each model the mean angular error in degrees, over the pixels that count of `count` photographs."""
+    errors: list[list[NDArray[np.float32]]] = [[] for _ in answers]
+    for number in range(count):
+        progress(number / count, f"photograph {number + 1} of {count}")
+        scales = photographer.batch(first + number, 1)
+        for found, answer in zip(errors, answers, strict=True):
+            found += [missed for missed, _ in measured(answer, answer.inputs, scales)]
+    return [float(np.concatenate(found).mean(dtype=np.float64)) for found in errors]

@@ -1,6 +1,7 @@
-"""Capture model: how a photograph comes about from what a sample shows under each of three white lights.
+"""Capture model: the numbers of the cameras, lights and files that photographs of samples come from.
 
-Every range of it stands in :class:`CaptureModel`, with its source.
+Every range stands in :class:`CaptureModel`, with its source. What is drawn from them is applied by
+:mod:`mpsnet_core.training.photographing`.
 """
 
 from dataclasses import dataclass, replace
@@ -8,13 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.capture import Capture
-from mpsnet_core.errors import InputError
-from mpsnet_core.evaluation.diligent import PROTOCOLS
-from mpsnet_core.images import linear_to_srgb, srgb_to_linear
 from mpsnet_core.normals import normalised
-from mpsnet_core.rig import LightRig
-from mpsnet_core.synthesis.photographs.jpeg import jpeg_losses
 
 Range = tuple[float, float]
 Rows = tuple[tuple[float, ...], ...]
@@ -29,7 +24,8 @@ class CaptureDraw:
         estimates takes the mixing for. direction_errors: (3, 3) radians, how far the light directions that
         are known are off; of each row only the part across the light's direction counts.
     exposure, highlights, full_well, read_noise, bits, srgb, halved_chroma, blur, mosaic, white, mask_error: see
-        :class:`CaptureModel`. jpeg_quality: 0 for none. noise_seed: what the noise is drawn from.
+        :class:`CaptureModel`. jpeg_quality: 0 for none. noise_seed: what the noise is drawn from, where a photograph is
+        taken alone.
     white_mixing: (3, 3) the mixing matrix of the white photo.
     """
 
@@ -152,11 +148,6 @@ class CaptureModel:
             mask_error=(0, 0),
         )
 
-    @classmethod
-    def published(cls) -> "CaptureModel":
-        """The MPS-Net paper's multiplexed images: ideal, but for how each channel weighs a surface's colours."""
-        return replace(cls.ideal(), colours=tuple(map(tuple, PROTOCOLS["published"].tolist())))
-
     def draw(self, rng: np.random.Generator) -> CaptureDraw:
         """One photograph's numbers. Takes as many random numbers whatever the ranges are."""
         mixing, colours = _overlap(rng, self.crosstalk), _overlap(rng, self.colour_overlap)
@@ -209,76 +200,6 @@ class CaptureModel:
         )
 
 
-def photograph(
-    lights: NDArray[np.float32], mask: NDArray[np.bool_], directions: NDArray[np.float64], draw: CaptureDraw
-) -> Capture:
-    """The one photo under three lights at once, with what whoever estimates knows of it.
-
-    lights: (3, H, W, 3) linear radiance under each white light alone. mask: (H, W) the object's pixels. directions:
-    (3, 3) the true unit vectors to the lights, in camera space.
-
-    The photo is linear as :func:`mpsnet_core.images.read_image` gives it. The capture's mask and its rig's directions
-    and mixing are the known ones, errors included; a mask that would have shrunk to nothing stays as it was.
-
-    Raises InputError where the mask is empty or (nearly) no light reaches it.
-    """
-    if not mask.any():
-        raise InputError("no pixel shows the object wholly; take another sample")
-    light = _blurred(_mixed(lights, draw), draw.blur)
-    # One of the values, not between two: NumPy 1 and 2 interpolate with different precision.
-    bright = float(np.quantile(light.max(axis=0)[mask], 1 - draw.highlights, method="higher"))
-    if bright <= 0:
-        raise InputError("no light reaches the object; take another sample")
-    well = light * np.float32(draw.exposure / bright)
-    if draw.read_noise > 0 or np.isfinite(draw.full_well):
-        noise = np.random.Generator(np.random.PCG64(draw.noise_seed)).normal(size=well.shape).astype(np.float32)
-        shot, read = np.float32(1 / draw.full_well), np.float32((draw.read_noise / draw.full_well) ** 2)
-        well += np.sqrt(np.maximum(well, 0) * shot + read) * noise
-    # Channel by channel in memory, like the lights.
-    image = (_stored(well, draw) if draw.bits else well).transpose(1, 2, 0)
-    shown = _grown(mask, draw.mask_error)
-    rig = LightRig(turned(directions, draw.direction_errors), draw.known_mixing)
-    return Capture(image, shown if shown.any() else mask, rig, clip=1.0 if draw.bits else np.inf)
-
-
-def _mixed(lights: NDArray[np.float32], draw: CaptureDraw) -> NDArray[np.float32]:
-    """(3, H, W) what each channel sees: ``c_i = sum_k M[i, k] sum_j P[i, j] light_k[j]``."""
-    weights = np.einsum("ik,ij->ikj", draw.mixing, draw.colours).reshape(3, 9).astype(np.float32)
-    planes = np.ascontiguousarray(lights.transpose(0, 3, 1, 2)).reshape(9, *lights.shape[1:3])
-    # Not as a matrix product, whose order of summing differs between machines.
-    return np.stack([sum(w * plane for w, plane in zip(row, planes, strict=True) if w) for row in weights])
-
-
-def _stored(well: NDArray[np.float32], draw: CaptureDraw) -> NDArray[np.float32]:
-    """Values (3, H, W) from 0 to 1 as a file keeps them, read back."""
-    top = (1 << draw.bits) - 1
-    # The curve in double precision: single differs in its last bit between machines, and then some levels do.
-    values = linear_to_srgb(well.astype(np.float64)) if draw.srgb else np.clip(well, 0, 1)
-    levels = np.rint(values * top)
-    if draw.jpeg_quality:
-        pixels = jpeg_losses(levels.transpose(1, 2, 0), draw.jpeg_quality, halved_chroma=draw.halved_chroma)
-        levels = pixels.transpose(2, 0, 1)
-    if not draw.srgb:
-        return (levels / top).astype(np.float32)
-    return srgb_to_linear(np.arange(top + 1) / top).astype(np.float32)[levels.astype(np.int64)]
-
-
-def _blurred(planes: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
-    """Planes (C, H, W) under a Gaussian; what lies beyond their border is like the border."""
-    weights = blur_weights(sigma)
-    reach = len(weights) // 2
-    if reach == 0:
-        return planes
-    for _ in range(2):  # along rows, then along columns
-        around = np.pad(planes, [(0, 0), (0, 0), (reach, reach)], mode="edge")
-        width = planes.shape[2]
-        blurred = weights[0] * around[..., :width]
-        for place, weight in enumerate(weights[1:], 1):
-            blurred += weight * around[..., place : place + width]
-        planes = blurred.transpose(0, 2, 1)
-    return planes
-
-
 def blur_weights(sigma: float) -> NDArray[np.float32]:
     """Weights (2 reach + 1,) of a Gaussian with standard deviation `sigma` in pixels; a single 1 where that is 0.
 
@@ -292,17 +213,6 @@ def blur_weights(sigma: float) -> NDArray[np.float32]:
     half = np.fft.irfft(np.exp(sigma**2 * (np.cos(frequency) - 1)))[: reach + 1]
     weights = np.concatenate([half[:0:-1], half])
     return (weights / weights.sum()).astype(np.float32)
-
-
-def _grown(mask: NDArray[np.bool_], pixels: int) -> NDArray[np.bool_]:
-    """A mask larger by `pixels`, or smaller where negative, by octagons; the picture's border takes nothing off."""
-    region = ~mask if pixels < 0 else mask
-    for step in range(abs(pixels)):
-        around = np.pad(region, 1, mode="edge")
-        rows = around[:-2] | around[1:-1] | around[2:]
-        columns = rows if step % 2 else around[1:-1]  # sides and corners in turn with sides only
-        region = rows[:, 1:-1] | columns[:, :-2] | columns[:, 2:]
-    return ~region if pixels < 0 else region
 
 
 def turned(directions: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray[np.float64]:
