@@ -115,7 +115,7 @@ def _packed(folder: Path, progress: Progress) -> dict[int, _Entry]:
     if not folder.is_dir():
         raise InputError(f"the folder of samples {folder} does not exist; check the path")
     there = samples_there(folder)
-    if _missing(folder, there):
+    if any(_missing(folder, there)):
         with Claims(folder) as claims:
             while not _appended(folder, there, claims, progress):
                 progress(0.0, f"another process packs the samples in {folder}")
@@ -124,23 +124,22 @@ def _packed(folder: Path, progress: Progress) -> dict[int, _Entry]:
     return {number: entry for number, entry in entries.items() if number in there}
 
 
-def _missing(folder: Path, there: set[int]) -> list[int]:
-    """Numbers of the samples that are not in the packed file, or newer than it."""
+def _missing(folder: Path, there: set[int]) -> tuple[list[int], list[int]]:
+    """Numbers of the samples that were made anew since the folder was packed, and of those that are not packed."""
     data = folder / DATA
-    known = set(_entries(data))
+    known = there & set(_entries(data))
     packed = data.stat().st_mtime_ns if known else 0
-    return sorted(
-        number for number in there if number not in known or sample_path(folder, number).stat().st_mtime_ns > packed
-    )
+    anew = [number for number in known if sample_path(folder, number).stat().st_mtime_ns > packed]
+    return sorted(anew), sorted(there - known)
 
 
 def _appended(folder: Path, there: set[int], claims: Claims, progress: Progress) -> bool:
     """Whether all is packed now; False where another process is at it."""
     data = folder / DATA
     with claims.claim(PACKING_CLAIM) as ours:
-        if ours and (missing := _missing(folder, there)):
+        if ours:
             try:
-                _append(folder, missing, max((entry.end for entry in _entries(data).values()), default=0), progress)
+                _append(folder, *_missing(folder, there), progress)
             except OSError as error:
                 raise InputError(f"{data} cannot be written ({error.strerror}); make room there") from None
         return ours
@@ -169,15 +168,19 @@ def _entries(data: Path) -> dict[int, _Entry]:
     return entries
 
 
-def _append(folder: Path, numbers: Sequence[int], end: int, progress: Progress) -> None:
-    data = folder / DATA
-    new = not data.exists()
-    begun, before = time.time_ns(), 0 if new else data.stat().st_mtime_ns
-    with data.open("wb" if new else "r+b") as file:
+def _append(folder: Path, anew: Sequence[int], missing: Sequence[int], progress: Progress) -> None:
+    data, numbers = folder / DATA, [*anew, *missing]
+    if not numbers:
+        return
+    end = max((entry.end for entry in _entries(data).values()), default=0)
+    begun = time.time_ns()
+    packed = data.stat().st_mtime_ns if anew else begun
+    with data.open("r+b" if data.exists() else "wb") as file:
         try:
             file.truncate(end)
             file.seek(end)
             for done, number in enumerate(numbers):
+                packed = packed if done < len(anew) else begun
                 progress(done / len(numbers), f"packing sample {done + 1} of {len(numbers)}")
                 try:
                     file.write(_block(sample_path(folder, number), number))
@@ -186,10 +189,11 @@ def _append(folder: Path, numbers: Sequence[int], end: int, progress: Progress) 
                     file.write(_HEADER.pack(_MARK, number, b"", 0, 0, *np.zeros(9)))
             file.flush()
             os.fsync(file.fileno())
-            before = begun
-        finally:  # what is made anew meanwhile, or was not reached, is newer
+            packed = begun
+        finally:
+            # Samples that are made anew meanwhile, and those that were but are not reached, are newer than the file.
             file.close()
-            os.utime(data, ns=(before, before))
+            os.utime(data, ns=(packed, packed))
 
 
 def _block(path: Path, number: int) -> bytes:

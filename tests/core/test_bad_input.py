@@ -197,7 +197,7 @@ class Bench:
     def train(self, *arguments: str | Path, samples: Path | None = None, **changes: Any) -> None:
         """`mpsnet train` with good values for what is not given; later arguments win. changes: of the recipe."""
         good = ["--recipe", self.recipe(**changes), "--samples", samples or self.samples(), "-o", self / "out.onnx"]
-        self.run("train", *good, "--workers", "0", *arguments)
+        self.run("train", *good, *arguments)
 
     def checkpoint(self, name: str = "c", **changes: Any) -> Path:
         """What a run leaves that had the good samples and, with these changes, the good recipe."""
@@ -206,7 +206,7 @@ class Bench:
 
         samples = self / "samples"
         folder = samples if samples.exists() else self.samples()
-        train(read_recipe(self.recipe(**changes)), [folder], [], places=Places(self / name), workers=0)
+        train(read_recipe(self.recipe(**changes)), [folder], [], places=Places(self / name))
         return self / name
 
     def resume(self, checkpoint: Path, **changes: Any) -> None:
@@ -293,13 +293,14 @@ def with_code(b: Bench, archived: bool) -> Path:
     return b / "c"
 
 
-def without(library: str, b: Bench) -> None:
-    """Train where a library is not installed."""
+def without(library: str, b: Bench, run: Callable[[], Any] | None = None) -> None:
+    """Train, or what else is to be done, where a library is not installed."""
     with pytest.MonkeyPatch.context() as patch:
-        for name in [name for name in sys.modules if name.startswith("mpsnet_core.training")]:
+        places = ("mpsnet_core.training", "mpsnet_core.evaluation.samples")
+        for name in [name for name in sys.modules if name.startswith(places)]:
             patch.delitem(sys.modules, name)
         patch.setitem(sys.modules, library, None)
-        b.train()
+        (run or b.train)()
 
 
 def two(b: Bench) -> list[Path]:
@@ -1374,21 +1375,6 @@ EVALUATIONS: list[Case] = [
         lambda b: b.run("evaluate", "colour", "-o", b / "report.pdf"),
         "report.pdf…written as .html; change the suffix",
     ),
-    (
-        "no such samples",
-        lambda b: b.run("evaluate", "samples", b / "no"),
-        "folder of samples…no does not exist; check the path",
-    ),
-    (
-        "a folder without samples",
-        lambda b: b.run("evaluate", "samples", b.folder),
-        "there are no samples in…mpsnet synthesize",
-    ),
-    (
-        "less than no samples",
-        lambda b: b.run("evaluate", "samples", b.folder, "--count", "-1"),
-        "-1 samples cannot be measured; choose 0, which is all, or more",
-    ),
 ]
 
 SAMPLES: list[Case] = [
@@ -1500,6 +1486,11 @@ TRAINING: list[Case] = [
         lambda b: without("torch", b),
         "needs PyTorch, which is not installed; pip install 'mpsnet[train]'",
     ),
+    (
+        "samples to measure on without PyTorch",
+        lambda b: without("torch", b, lambda: b.run("evaluate", "samples", b.folder)),
+        "needs PyTorch, which is not installed; pip install 'mpsnet[train]'",
+    ),
 ]
 if find_spec("torch"):
     TRAINING += [
@@ -1548,7 +1539,7 @@ if find_spec("torch"):
         (
             "misspelled key",
             lambda b: b.train(stesp=3),
-            "tiny.toml: the recipe's 'stesp' is not known; choose batch, calibrated, crop",
+            "tiny.toml: the recipe's 'stesp' is not known; choose batch, crop, decay",
         ),
         ("no steps", lambda b: b.train(steps=None), 'the recipe lacks "steps"; add it'),
         ("no step", lambda b: b.train(steps=0), "recipe's steps must be from 1 to…not 0"),
@@ -1574,17 +1565,17 @@ if find_spec("torch"):
         (
             "folder without samples",
             lambda b: b.train(samples=b.folder),
-            "there are no samples in…make some with mpsnet",
+            "there is no whole sample in…make some with mpsnet",
         ),
         (
             "no sample that is whole",
             lambda b: (cut(b.samples() / "sample_000000.exr"), b.train(samples=b / "samples")),
-            "none of the 1 samples in…is whole; make them again",
+            "there is no whole sample in…make some with mpsnet",
         ),
         (
             "no sample that shows something",
             lambda b: b.train(samples=b.samples(light=0)),
-            "none of the 1 samples in…can be used; make them again",
+            "there is no whole sample in…make some with mpsnet",
         ),
         ("validation missing", lambda b: b.train("--validation", b / "no"), "folder of samples…no does not exist"),
         (
@@ -1600,7 +1591,6 @@ if find_spec("torch"):
             lambda b: b.train("--precision", "int8"),
             "precision 'int8' is not known; choose auto, float32",
         ),
-        ("workers below 0", lambda b: b.train("--workers", "-1"), "--workers cannot be -1; choose 0 or more"),
         ("steps below 0", lambda b: b.train("--stop-after", "-5"), "--stop-after cannot be -5; choose 0 or more"),
         ("threads in words", lambda b: b.train("--threads", "all"), "--threads…'all'…see mpsnet train --help"),
         ("no such checkpoint", lambda b: b.train("--resume", b / "no"), "checkpoint…no does not exist; check the path"),
@@ -1630,11 +1620,6 @@ if find_spec("torch"):
             "the result would overwrite …m.onnx, a file that it needs",
         ),
         (
-            "checkpoint begun without --keep",
-            lambda b: (b.checkpoint(), b.train("--resume", b / "c", "--keep", samples=b / "samples")),
-            "c began without --keep; resume without it",
-        ),
-        (
             "8-bit network to train further",
             lambda b: b.train("--resume", "multiscale-int8"),
             "multiscale-int8.onnx is in 8-bit numbers; resume from the one that it was made from",
@@ -1643,6 +1628,21 @@ if find_spec("torch"):
             "text as a network to train further",
             lambda b: b.train("--resume", b.text("c.onnx", "hello")),
             "c.onnx is damaged or was not trained here; resume from another",
+        ),
+        (
+            "no such samples to measure on",
+            lambda b: b.run("evaluate", "samples", b / "no"),
+            "folder of samples…no does not exist; check the path",
+        ),
+        (
+            "a folder without samples to measure on",
+            lambda b: b.run("evaluate", "samples", b.folder),
+            "there is no whole sample in…mpsnet synthesize",
+        ),
+        (
+            "less than no samples to measure on",
+            lambda b: b.run("evaluate", "samples", b.folder, "--count", "-1"),
+            "-1 samples cannot be measured; choose 0, which is all, or more",
         ),
         ("cut checkpoint", lambda b: b.resume(cut(b.checkpoint())), "checkpoint…c is damaged or not one of ours"),
         ("spoilt checkpoint", lambda b: b.resume(spoilt(b.checkpoint())), "checkpoint…c is damaged or not one of ours"),

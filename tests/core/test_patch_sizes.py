@@ -18,7 +18,7 @@ def test_a_stopped_evaluation_goes_on(tmp_path: Path) -> None:
     samples.mkdir()
     for number in range(2):
         make_sample(SampleJob("synthesis", 2, shapes=("blobs",), size=32), number, samples / f"sample_{number:06d}.exr")
-    told = {"width": 0.06, "steps": 2, "patches": 90, "workers": 0, "report": tmp_path / "report.html"}
+    told = {"width": 0.06, "steps": 2, "patches": 90, "report": tmp_path / "report.html"}
     runs = tmp_path / "runs"
 
     def stop(fraction: float, message: str) -> None:

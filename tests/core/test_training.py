@@ -1,8 +1,7 @@
-"""The training room: examples, loss, and a loop that stops and goes on as if it had not."""
+"""The training room: patches, loss, and a loop that stops and goes on as if it had not."""
 
 import itertools
 import math
-import multiprocessing
 import os
 import signal
 import subprocess
@@ -19,25 +18,21 @@ torch = pytest.importorskip("torch")
 
 from small_networks import recipe_data
 from sphere_sample import sphere_sample
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from torch import Tensor, nn
 
 from mpsnet_core.errors import Cancelled, InputError
-from mpsnet_core.estimate.features import feature_maps
 from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.synthesis.job import SampleJob, sample_path
 from mpsnet_core.synthesis.make import make_sample
-from mpsnet_core.synthesis.photographs.capture_model import CaptureModel
-from mpsnet_core.synthesis.photographs.dataset import SampleDataset
 from mpsnet_core.synthesis.sample import write_sample
 from mpsnet_core.training.checkpoint import read_checkpoint
-from mpsnet_core.training.examples import Batch, Examples, batches, patches_of
 from mpsnet_core.training.export import export_onnx
-from mpsnet_core.training.loop import LOGGED_EVERY, Places, Trained, _examples, learning_rate, train
+from mpsnet_core.training.inputs import Batch, patches_of
+from mpsnet_core.training.loop import LOGGED_EVERY, Places, Trained, learning_rate, train
 from mpsnet_core.training.loss import angle_between, loss_of
-from mpsnet_core.training.networks import NETWORKS, Prediction, build_network
+from mpsnet_core.training.networks import Prediction, build_network
 from mpsnet_core.training.recipe import TrainingRecipe, recipe_from_data
-
-INPUTS = NETWORKS["multiscale"].inputs
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +59,7 @@ def recipe(network: str, **changes: Any) -> TrainingRecipe:
 
 def run(of: TrainingRecipe, samples: Path, checkpoint: Path, **options: Any) -> Trained:
     places = Places(checkpoint, options.pop("resume", None), options.pop("logs", None))
-    return train(of, [samples], options.pop("validation", []), places=places, workers=0, **options)
+    return train(of, [samples], options.pop("validation", []), places=places, **options)
 
 
 def assert_same(one: Path, other: Path) -> None:
@@ -126,110 +121,7 @@ def test_the_expected_error_is_learned_as_the_mean_and_teaches_the_normals_nothi
     assert torch.equal(slope, normals.grad)
 
 
-# Examples
-
-
-def test_an_example_is_a_window_of_the_whole_picture_s_maps(samples: Path) -> None:
-    dataset = SampleDataset(samples, seed=3, canonical=True)
-    whole, cut = Examples(dataset, INPUTS), Examples(dataset, INPUTS, crop=16)
-    for number in range(6):
-        (pixels, lights), truth, counts = whole[number]
-        (seen, lights_too), true, counted = cut[number]
-        assert (pixels.shape[0], lights.shape) == (7, (9, 1, 1)) and np.array_equal(lights, lights_too)
-        assert seen.shape == (7, 16, 16) and counted.any()
-        windows = np.lib.stride_tricks.sliding_window_view(pixels, (16, 16), axis=(1, 2))
-        at = np.argwhere((windows == seen[:, None, None]).all(axis=(0, 3, 4)))
-        assert any(np.array_equal(truth[:, y : y + 16, x : x + 16], true) for y, x in at)
-        assert any(np.array_equal(counts[y : y + 16, x : x + 16], counted) for y, x in at)
-
-
-def test_every_epoch_cuts_out_a_window_of_its_own(samples: Path) -> None:
-    plain = SampleDataset(samples, seed=3, capture_model=CaptureModel.ideal(), augment=False)
-    examples = Examples(plain, INPUTS, crop=16, shuffled=False)
-    windows = {examples[4 * epoch][1].tobytes() for epoch in range(6)}
-    assert len(windows) > 3
-
-
-def test_an_example_is_made_as_the_estimator_makes_its_inputs(samples: Path) -> None:
-    dataset = SampleDataset(samples, seed=3)
-    (pixels, lights), truth, counts = Examples(dataset, INPUTS, shuffled=False)[5]
-    capture, normals = dataset.capture(1, epoch=1)
-    maps = feature_maps(capture, ["lights", *INPUTS["pixels"]])
-    np.testing.assert_array_equal(pixels, np.concatenate([maps[name] for name in INPUTS["pixels"]]))
-    np.testing.assert_array_equal(lights, maps["lights"])
-    np.testing.assert_array_equal(truth, normals.transpose(2, 0, 1))
-    np.testing.assert_array_equal(counts > 0, capture.mask & normals.any(axis=-1))
-
-
-def test_samples_smaller_than_the_crop_are_surrounded_by_what_does_not_count(samples: Path) -> None:
-    (pixels, _), truth, counts = Examples(SampleDataset(samples), INPUTS, crop=64, shuffled=False)[0]
-    assert pixels.shape[1:] == truth.shape[1:] == counts.shape == (64, 64)
-    assert not pixels[:, 40:].any() and not pixels[:, :, 40:].any() and not counts[40:].any()
-    assert counts[:40, :40].any()
-
-
-def test_every_epoch_shows_all_samples_in_an_order_of_its_own(samples: Path) -> None:
-    examples = Examples(SampleDataset(samples, seed=1), INPUTS)
-    orders = [[examples._index(epoch, place) for place in range(4)] for epoch in range(8)]
-    assert all(sorted(order) == [0, 1, 2, 3] for order in orders)
-    assert len({tuple(order) for order in orders}) > 4
-
-
-def same(one: Batch, other: Batch) -> bool:
-    return all(torch.equal(a, b) for a, b in zip((*one.inputs, *one[1:]), (*other.inputs, *other[1:]), strict=True))
-
-
-def test_batches_are_the_same_whoever_makes_them(samples: Path) -> None:
-    examples = Examples(SampleDataset(samples, seed=3), INPUTS, crop=16)
-    here = list(batches(examples, start=0, steps=4, batch=4, workers=0))
-    assert [tuple(batch.inputs[0].shape) for batch in here] == [(4, 7, 16, 16)] * 4
-    assert not same(here[0], here[1])
-    elsewhere = list(batches(examples, start=2, steps=4, batch=4, workers=1))
-    assert all(map(same, here[2:], elsewhere)) and len(elsewhere) == 2
-    # Two processes share a batch between them.
-    shares = [list(batches(examples, start=0, steps=4, batch=4, workers=0, rank=k, processes=2)) for k in range(2)]
-    for whole, *parts in zip(here, *shares, strict=True):
-        for k, part in enumerate(parts):
-            assert torch.equal(part.truth, whole.truth[k::2])
-
-
-def test_what_a_worker_finds_wrong_is_one_sentence(tmp_path: Path) -> None:
-    dark = sphere_sample(16)
-    write_sample(sample_path(tmp_path, 0), replace(dark, lights=0 * dark.lights))
-    examples = Examples(SampleDataset(tmp_path), INPUTS, crop=16)
-    for workers in (0, 1):
-        with pytest.raises(InputError) as caught:
-            next(iter(batches(examples, start=0, steps=1, batch=1, workers=workers)))
-        assert str(caught.value) == f"none of the 1 samples in {tmp_path} can be used; make them again"
-
-
-def test_photographs_change_at_the_restart(samples: Path) -> None:
-    of = recipe("demultiplexer", steps=8, restart=4, batch=2, crop=16, calibrated=[0.0, 1.0])
-    network = build_network("demultiplexer", {"width": 0.1})
-    both = _examples(of, network, [samples], [], False)[0]
-    early, late = (
-        Examples(
-            SampleDataset([samples], seed=of.seed), network.inputs, 16, photographs=[(0, CaptureModel(calibrated=c))]
-        )
-        for c in (0.0, 1.0)
-    )
-    for number in (0, 8, 7, 9, 3, 15):
-        expected, other = (early, late) if number < 8 else (late, early)
-        np.testing.assert_array_equal(both[number][0][0], expected[number][0][0])
-        assert not np.array_equal(both[number][0][0], other[number][0][0])
-
-
-def test_whole_pictures_of_different_sizes_make_a_batch(samples: Path) -> None:
-    """As they are where samples are kept in memory: what is around the object is left out."""
-    examples = Examples(SampleDataset(samples, keep=True), NETWORKS["mpsnet"].inputs, shuffled=False)
-    alone = [examples[number] for number in range(4)]
-    assert len({counts.shape for _, _, counts in alone}) > 1
-    (together,) = batches(examples, start=0, steps=1, batch=4, workers=0)
-    for number, (inputs, truth, counts) in enumerate(alone):
-        height, width = counts.shape
-        for values, whole in ((inputs[0], together.inputs[0]), (truth, together.truth), (counts, together.weights)):
-            np.testing.assert_array_equal(whole[number, ..., :height, :width].numpy(), values)
-            assert not whole[number, ..., height:, :].any() and not whole[number, ..., width:].any()
+# Patches
 
 
 def test_patches_are_cut_around_pixels_that_count() -> None:
@@ -252,12 +144,12 @@ def test_patches_are_cut_around_pixels_that_count() -> None:
 # The loop
 
 
-def test_the_learning_rate_rises_straight_and_falls_along_a_cosine() -> None:
-    of = recipe("psfcn", steps=1000, warm_up=100, learning_rate=0.5)
+def test_the_learning_rate_rises_stays_and_falls_to_nothing() -> None:
+    of = recipe("psfcn", steps=1000, warm_up=100, decay=200, learning_rate=0.5)
     rates = np.array([learning_rate(of, step) for step in range(1000)])
     np.testing.assert_allclose(rates[:100], 0.5 * np.arange(1, 101) / 100)
-    np.testing.assert_allclose(rates[[100, 550, 999]], [0.5, 0.25, 0], atol=1e-5)
-    assert (np.diff(rates[100:]) < 0).all()
+    np.testing.assert_allclose(rates[100:800], 0.5)
+    np.testing.assert_allclose(rates[800:], 0.5 * np.arange(200, 0, -1) / 200)
 
 
 @pytest.mark.parametrize(("network", "least"), [("mpsnet", 0.7), ("psfcn", 0.7)])
@@ -283,14 +175,18 @@ def test_an_earlier_runs_checkpoint_is_not_overwritten(ball: Path, tmp_path: Pat
     assert (tmp_path / "c").read_bytes() == before
 
 
-def test_learning_rate_rises_falls_and_may_rise_again() -> None:
-    once = recipe("demultiplexer", steps=100, warm_up=10, learning_rate=1e-3)
-    twice = replace(once, steps=160, restart=100)
-    rates = [learning_rate(twice, step) for step in range(160)]
-    assert rates[:100] == [learning_rate(once, step) for step in range(100)]
-    assert max(rates[:100]) == pytest.approx(1e-3) and max(rates[100:]) == pytest.approx(5e-4)
-    assert np.argmax(rates[:100]) in (9, 10) and np.argmax(rates[100:]) in (9, 10)
-    assert rates[99] < 1e-5 and rates[159] < 1e-5 and rates[55] == pytest.approx(5e-4)
+def test_annealing_leaves_the_checkpoint_and_ends_with_a_rate_of_zero(samples: Path, tmp_path: Path) -> None:
+    of, checkpoint = recipe("multiscale", steps=100), tmp_path / "c"
+    run(of, samples, checkpoint, stop_after=2)
+    before = checkpoint.read_bytes()
+    logs = tmp_path / "logs"
+    ended = run(of, samples, checkpoint, resume=checkpoint, anneal=LOGGED_EVERY - 2, logs=logs)
+    assert ended.step == LOGGED_EVERY
+    assert checkpoint.read_bytes() == before
+    (log,) = EventAccumulator(str(logs)).Reload().Scalars("training/learning_rate")
+    assert log.value == pytest.approx(of.learning_rate / (LOGGED_EVERY - 2)), "of the last step, whose next has none"
+    with pytest.raises(InputError, match="there is nothing to anneal; name a checkpoint to resume from"):
+        run(of, samples, tmp_path / "d", anneal=3)
 
 
 @pytest.mark.parametrize("network", ["multiscale", "mpsnet"])
@@ -302,7 +198,8 @@ def test_an_exported_network_goes_on_at_its_step(network: str, samples: Path, tm
     still = run(replace(further, learning_rate=1e-8), samples, tmp_path / "still", resume=exported, stop_after=5)
     seen = [torch.rand(2, 3, 5, 5)] * 2
     if network == "multiscale":
-        seen = [torch.rand(2, 7, 32, 32), nn.functional.normalize(torch.rand(2, 9, 1, 1), dim=1)]
+        rig = torch.cat([torch.eye(3).reshape(1, 9), torch.ones(1, 5)], dim=1).reshape(1, 14, 1, 1)
+        seen = [torch.rand(2, 11, 32, 32), rig.repeat(2, 1, 1, 1)]
     given = dict(zip(still.network.inputs, (values.numpy() for values in seen), strict=True))
     answer = still.network.eval()(*seen).normals.detach().numpy()
     np.testing.assert_allclose(answer, OnnxModel(exported).session.run(None, given)[0], atol=0.02)
@@ -378,24 +275,6 @@ def test_who_interrupts_within_a_step_waits_for_its_end(samples: Path, tmp_path:
     assert_same(whole, parts)
 
 
-@pytest.mark.filterwarnings("error")
-def test_the_death_of_a_worker_is_told_and_leaves_a_whole_step(ball: Path, tmp_path: Path) -> None:
-    of, parts, whole = recipe("demultiplexer", steps=400, batch=1, crop=16), tmp_path / "parts", tmp_path / "whole"
-
-    def kill(fraction: float, message: str) -> None:
-        for child in multiprocessing.active_children():
-            child.kill()
-
-    with pytest.raises(InputError) as caught:
-        train(of, [ball], [], places=Places(parts), workers=1, progress=kill)
-    step = read_checkpoint(parts).step
-    assert LOGGED_EVERY <= step < 400
-    assert str(caught.value).startswith("a process that makes examples was ended; if for want of memory, go on with")
-    run(of, ball, parts, resume=parts, stop_after=step + 1)
-    run(of, ball, whole, stop_after=step + 1)
-    assert_same(whole, parts)
-
-
 def test_a_step_that_fails_leaves_the_checkpoint_before(samples: Path, tmp_path: Path) -> None:
     of, checkpoint = recipe("multiscale"), tmp_path / "checkpoint"
     run(of, samples, checkpoint, stop_after=2)
@@ -432,7 +311,7 @@ def test_two_processes_train_one_model(samples: Path, tmp_path: Path) -> None:
     )
     model = tmp_path / "model.onnx"
     launcher = ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
-    verb = ["-m", "mpsnet_core", "train", "--recipe", toml, "--samples", samples, "--workers", "0", "-o", model]
+    verb = ["-m", "mpsnet_core", "train", "--recipe", toml, "--samples", samples, "-o", model]
     done = subprocess.run(
         [sys.executable, *map(str, launcher + verb), "--threads", "1"],
         capture_output=True,

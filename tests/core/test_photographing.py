@@ -1,0 +1,185 @@
+"""Photographing in batches: on every scale, in every frame, what is seen is what there is."""
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from sphere_sample import sphere_sample
+from torch import Tensor
+from torch.nn import functional
+
+from mpsnet_core.estimate.features import Seen, window_map
+from mpsnet_core.synthesis.job import sample_path
+from mpsnet_core.synthesis.photographs.capture_model import CaptureModel
+from mpsnet_core.synthesis.sample import write_sample
+from mpsnet_core.training.inputs import map_of
+from mpsnet_core.training.loss import angle_between
+from mpsnet_core.training.packed import PackedSamples
+from mpsnet_core.training.photographing import WINDOW, Photographer, Scale
+
+EVERY_SCALE = (0.0, 0.0, 0.0, 0.0, 1.0)  # four scales behind the first
+
+
+@pytest.fixture(scope="module")
+def spheres(tmp_path_factory: pytest.TempPathFactory) -> PackedSamples:
+    """White matt spheres, of 64 and of 200 pixels."""
+    folder = tmp_path_factory.mktemp("spheres")
+    for number, size in enumerate((200, 64)):
+        write_sample(sample_path(folder, number), sphere_sample(size, number=number))
+    return PackedSamples([folder])
+
+
+@pytest.fixture(scope="module")
+def checked(tmp_path_factory: pytest.TempPathFactory) -> PackedSamples:
+    """A sphere whose albedo changes at every pixel."""
+    folder, sample = tmp_path_factory.mktemp("checked"), sphere_sample(64)
+    light = 0.2 + 0.8 * (np.indices((64, 64)).sum(axis=0) % 2)
+    write_sample(sample_path(folder, 0), replace(sample, lights=np.float32(sample.lights * light[..., None])))
+    return PackedSamples([folder])
+
+
+def inside(mask: Tensor) -> Tensor:
+    """(N, H, W) where the mask (N, C, H, W) is whole three pixels around."""
+    return -functional.max_pool2d(-functional.pad(mask, (3,) * 4), 7, 1).amax(dim=1) > 0
+
+
+def equal(ones: list[Scale], others: list[Scale]) -> bool:
+    return len(ones) == len(others) and all(
+        torch.equal(one.maps["photo"], other.maps["photo"]) and torch.equal(one.truth, other.truth)
+        for one, other in zip(ones, others, strict=True)
+    )
+
+
+@pytest.mark.parametrize("canonical", [True, False])
+@pytest.mark.parametrize("finer", [EVERY_SCALE, ()])
+def test_equation_2_finds_the_truth_on_every_scale_in_every_frame(
+    spheres: PackedSamples, finer: tuple[float, ...], canonical: bool
+) -> None:
+    photographer = Photographer(spheres, CaptureModel.ideal(), finer=finer, canonical=canonical)
+    senses = set()
+    for step in range(6):
+        scales = photographer.batch(step, 4)
+        assert len(scales) == max(len(finer), 1)
+        for scale in scales:
+            found = map_of("initial_normals", scale.maps)
+            # Where shadow begins is between two pixels.
+            lit = inside(scale.lit * scale.maps["mask"]) & (scale.maps["photo"].amin(dim=1) > 0.1)
+            assert lit.any()
+            assert float(torch.rad2deg(angle_between(found, scale.truth))[lit].max()) < 1
+            senses |= set(torch.linalg.det(scale.maps["lights"].reshape(-1, 3, 3)).sign().tolist())
+    assert senses == ({1.0} if canonical else {1.0, -1.0}), "canonical lights run counter-clockwise"
+
+
+def test_a_sphere_s_normals_point_to_where_the_pixel_is_in_every_frame(spheres: PackedSamples) -> None:
+    places = torch.arange(float(WINDOW))
+    for finer in ((1.0,), ()):
+        photographer = Photographer(spheres, CaptureModel.ideal(), finer=finer, canonical=False, window=WINDOW)
+        for step in range(6):
+            (scale,) = photographer.batch(step, 2)
+            for truth, weights in zip(scale.truth, scale.weights > 0, strict=True):
+                size = truth.shape[-1]
+                x, y = places[None, :size].expand(size, size)[weights], places[:size, None].expand(size, size)[weights]
+                for component, right, up in ((truth[0], 1, 0), (truth[1], 0, -1)):
+                    for axis, expected in ((x, right), (y, up)):
+                        found = float(torch.corrcoef(torch.stack([component[weights], axis]))[0, 1])
+                        assert found == pytest.approx(expected, abs=0.25 if expected == 0 else 0.05)
+
+
+def test_a_finer_window_shows_what_the_coarser_one_shows_there(spheres: PackedSamples) -> None:
+    scales = Photographer(spheres, CaptureModel.ideal(), finer=EVERY_SCALE).batch(0, 4)
+    half = WINDOW // 2
+    for coarse, fine in itertools.pairwise(scales):
+        means = functional.avg_pool2d(fine.maps["photo"], 2)
+        whole = inside(functional.avg_pool2d(fine.maps["mask"], 2) * functional.avg_pool2d(fine.lit, 2) - 0.99)
+        assert whole.any()
+        for number, (top, left) in enumerate(fine.places):
+            assert int(fine.examples[number]) == int(coarse.examples[number])
+            there = coarse.maps["photo"][number, :, top : top + half, left : left + half]
+            off = (means[number] - there).abs().amax(dim=0)[whole[number]]
+            assert not len(off) or float(off.max()) < 0.04  # of a mean of 1
+
+
+def test_magnified_scales_are_soft(checked: PackedSamples) -> None:
+    """Where pixels are interpolated, neighbours differ the less the more there are of them."""
+    for step in range(4):
+        steps = []
+        for scale in Photographer(checked, CaptureModel.ideal(), finer=EVERY_SCALE).batch(step, 1):
+            photo = scale.maps["photo"][0]
+            across = photo.diff(dim=2).abs().amax(dim=0)[inside(scale.maps["mask"])[0, :, 1:]]
+            steps.append(float(across.max()))
+        # The object fills 64 to 128 pixels on the first scale: from the third on there are two pixels or more for one.
+        assert steps[3] < 0.7 * steps[2] and steps[4] < 0.7 * steps[3]
+
+
+def test_a_batch_depends_on_seed_and_step_alone(spheres: PackedSamples) -> None:
+    photographer = Photographer(spheres, seed=4)
+    first = photographer.batch(3, 4)
+    photographer.batch(9, 2)
+    assert equal(first, photographer.batch(3, 4)) and equal(first, Photographer(spheres, seed=4).batch(3, 4))
+    assert not equal(first, Photographer(spheres, seed=5).batch(3, 4)) and not equal(first, photographer.batch(4, 4))
+
+
+def test_every_epoch_shows_all_samples_in_an_order_of_its_own(spheres: PackedSamples) -> None:
+    photographer = Photographer(spheres)
+    orders = [tuple(photographer._index(2 * epoch + place) for place in range(2)) for epoch in range(12)]
+    assert set(orders) == {(0, 1), (1, 0)}
+
+
+def test_a_window_is_cut_from_the_whole_photograph(spheres: PackedSamples) -> None:
+    corners = set()
+    for step in range(8):
+        (whole,), (cut,) = (Photographer(spheres, window=window, finer=()).batch(step, 2) for window in (0, 32))
+        assert whole.weights.shape[1:] == (208, 208), "a multiple of JPEG's blocks"
+        assert cut.truth.shape == (2, 3, 32, 32) and (cut.weights.sum(dim=(1, 2)) > 0).all()
+        assert torch.equal(whole.maps["lights"], cut.maps["lights"])
+        for one, part, weights in zip(whole.truth, cut.truth, cut.weights, strict=True):
+            windows = one.unfold(1, 32, 1).unfold(2, 32, 1)
+            match = torch.nonzero((windows == part[:, None, None]).all(dim=(0, 3, 4)))
+            assert len(match) == 1
+            corners.add(tuple(match[0].tolist()))
+            assert weights[8:24, 8:24].any(), "its middle half holds some of the object"
+    assert len(corners) > 12
+
+
+def test_what_is_smaller_than_a_window_is_surrounded_by_what_does_not_count(spheres: PackedSamples) -> None:
+    (scale,) = Photographer(spheres, window=250, finer=()).batch(0, 2)
+    assert scale.maps["photo"].shape[2:] == (250, 250)
+    empty = scale.maps["mask"] == 0
+    assert 0.3 < float(empty.float().mean()) < 0.9
+    assert not (scale.maps["photo"] * empty).any() and not (scale.weights[:, None] * empty).any()
+
+
+def test_maps_are_those_that_estimates_are_made_from(spheres: PackedSamples) -> None:
+    (scale,) = Photographer(spheres, finer=()).batch(1, 2)
+    for number in range(2):
+        maps = {name: values[number : number + 1] for name, values in scale.maps.items()}
+        light = maps["photo"][0].permute(1, 2, 0).numpy()
+        directions = maps["lights"].reshape(3, 3).double().numpy()
+        seen = Seen(light, maps["mask"][0, 0].numpy() > 0, directions, maps["channel_means"].flatten().double().numpy())
+        for name in ("photo", "grey_world", "initial_normals", "initial_normals_grey_world", "lights", "channel_means"):
+            np.testing.assert_allclose(map_of(name, maps)[0].numpy(), window_map(name, seen), atol=2e-5, err_msg=name)
+
+
+def test_photos_have_a_mean_of_one_over_the_whole_mask(spheres: PackedSamples) -> None:
+    for finer in ((), EVERY_SCALE):
+        scale = Photographer(spheres, window=0 if not finer else WINDOW, finer=finer).batch(2, 2)[0]
+        means = scale.maps["photo"].sum(dim=(1, 2, 3)) / scale.maps["mask"].sum(dim=(1, 2, 3)) / 3
+        torch.testing.assert_close(means, torch.ones(2), atol=1e-3, rtol=0)
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="no GPU is here")
+@pytest.mark.parametrize("finer", [EVERY_SCALE, ()])
+def test_a_gpu_takes_the_same_photographs(spheres: PackedSamples, finer: tuple[float, ...]) -> None:
+    """But for the noise, which every device draws by a generator of its own, and values at the edge of a step."""
+    model = replace(CaptureModel(), full_well=(np.inf, np.inf), read_noise=(0.0, 0.0))
+    here, there = (
+        Photographer(spheres, model, finer=finer, device=torch.device(name)).batch(1, 4) for name in ("cpu", "cuda")
+    )
+    for one, other in zip(here, there, strict=True):
+        off = (one.maps["photo"] - other.maps["photo"].cpu()).abs()
+        assert float((off > 1e-3).float().mean()) < 0.02 and float(off.mean()) < 1e-2
+        torch.testing.assert_close(one.truth, other.truth.cpu(), atol=1e-4, rtol=0)
