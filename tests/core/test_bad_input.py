@@ -185,6 +185,7 @@ class Bench:
     def recipe(self, **changes: Any) -> Path:
         """A training recipe of one short step; None takes a key out."""
         good = {"name": "tiny", "title": "a test", "network": "demultiplexer", "steps": 1, "batch": 1, "crop": 16}
+        good["warm_up"] = 0
         lines = [f"{key} = {json.dumps(value)}" for key, value in (good | changes).items() if value is not None]
         return self.text("tiny.toml", "\n".join([*lines, ""]))
 
@@ -777,7 +778,7 @@ MODELS: list[Case] = [
     (
         "canonical card of patches",
         card_with(kind="patch", frame="canonical"),
-        'm.onnx…"frame" is "canonical", which only a dense network can have',
+        'm.onnx…"frame" is "canonical", which a network that sees patches cannot have',
     ),
     ("card with two passes", card_with(frame="canonical", passes=2), 'm.onnx…"passes" is 2; expected 1 or 3'),
     (

@@ -256,7 +256,7 @@ def test_who_interrupts_within_a_step_waits_for_its_end(samples: Path, tmp_path:
     forwards = itertools.count(1)
 
     def interrupt(module: nn.Module, given: Any, out: Any) -> None:
-        if isinstance(module, nn.BatchNorm2d) and next(forwards) == 40:
+        if isinstance(module, nn.BatchNorm2d) and module.training and next(forwards) == 40:
             signal.raise_signal(signal.SIGINT)
 
     hook = nn.modules.module.register_module_forward_hook(interrupt)
@@ -307,7 +307,7 @@ def test_two_processes_train_one_model(samples: Path, tmp_path: Path) -> None:
     toml = tmp_path / "tiny.toml"
     toml.write_text(
         'name = "tiny"\ntitle = "a test"\nnetwork = "multiscale"\noptions = {widths = [4, 6, 8, 10]}\n'
-        "steps = 3\nbatch = 4\ncrop = 32\n"
+        "steps = 3\nbatch = 4\ncrop = 32\nwarm_up = 0\n"
     )
     model = tmp_path / "model.onnx"
     launcher = ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
