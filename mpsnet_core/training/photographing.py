@@ -55,7 +55,10 @@ class Scale(NamedTuple):
 
 @dataclass
 class _Example:
-    """One sample on its way: planes (13, H, W) at its own resolution, and where its windows are."""
+    """One sample on its way.
+
+    planes: (13, H, W) at its own resolution, zero outside the mask.
+    """
 
     planes: Tensor
     directions: NDArray[np.float64]
@@ -282,9 +285,8 @@ def _window(example: _Example, level: int, window: int) -> Tensor:
     planes, size = example.planes, [length << level for length in example.coarse]
     height = planes.shape[1]
     top, left = (int(place) for place in example.offset)
-    weighted = torch.cat([planes[:12] * planes[12:], planes[12:]])
     if size[0] <= height:
-        whole = functional.interpolate(weighted[None], size=size, mode="bilinear", antialias=True)[0]
+        whole = functional.interpolate(planes[None], size=size, mode="bilinear", antialias=True)[0]
         found = torch.zeros(SHOWN, window, window, device=planes.device)
         rows, columns = (
             slice(max(start, 0), min(start + window, length)) for start, length in ((top, size[0]), (left, size[1]))
@@ -297,7 +299,7 @@ def _window(example: _Example, level: int, window: int) -> Tensor:
         y, x = ((steps + start) / length * 2 - 1 for start, length in ((top, size[0]), (left, size[1])))
         grid = torch.stack([x.expand(window, -1), y[:, None].expand(-1, window)], dim=-1)[None]
         mode = "bicubic" if example.bicubic else "bilinear"
-        found = functional.grid_sample(weighted[None], grid, mode=mode, align_corners=False)[0]
+        found = functional.grid_sample(planes[None], grid, mode=mode, align_corners=False)[0]
     least = LEAST_COVERED if level < example.finest and size[0] <= height else 0.5
     covered = found[12:] > least
     found[:12] = torch.where(covered, found[:12] / found[12:].clamp(min=LEAST_COVERED), 0)
@@ -390,7 +392,7 @@ def _shot(planes: Tensor, draws: _Draws, exposure: Tensor | None, finer: Tensor,
     mask = planes[:, 12:] > 0
     if exposure is None:
         exposure = _exposures(planes, mask, draws)
-    photo, white, told = _seen(planes, mask, draws, exposure, finer, generator)
+    photo, white, told = _seen(planes, draws, exposure, finer, generator)
     shown = _grown(mask, (draws.mask_error / 2**finer).trunc().long())
     # A mask that would have shrunk to nothing stays as it was.
     shown = torch.where(shown.flatten(1).any(1)[:, None, None, None], shown, mask)
@@ -409,14 +411,13 @@ def _exposures(planes: Tensor, mask: Tensor, draws: _Draws) -> Tensor:
 
 
 def _seen(
-    planes: Tensor, mask: Tensor, draws: _Draws, exposure: Tensor, finer: Tensor, generator: torch.Generator
+    planes: Tensor, draws: _Draws, exposure: Tensor, finer: Tensor, generator: torch.Generator
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Photo and white photo (N, 3, H, W) as their files hold them, and where (N, 1, H, W) the white one is not clipped.
 
     finer: (N,) how many scales finer the camera's own pixels are: noise falls with the pixels that are averaged.
     """
-    light = planes[:, :6] * mask
-    light = _blurred(light, torch.where(finer < 2, draws.blur / 2.0**finer, 0))
+    light = _blurred(planes[:, :6], torch.where(finer < 2, draws.blur / 2.0**finer, 0))
     light = light * exposure.repeat_interleave(3, dim=1)[:, :, None, None]
     own, stored = finer == 0, draws.bits > 0
     mosaic = torch.nonzero(own & (draws.mosaic > 0)).flatten()

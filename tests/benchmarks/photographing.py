@@ -1,0 +1,50 @@
+"""What photographing an example costs, as a share of the step that learns from it: one core, recipe multiscale.
+
+python tests/benchmarks/photographing.py SAMPLES [--steps 12]
+
+SAMPLES is a folder of samples; they are packed first, which takes no part in the time. Processor time is measured, so
+that what else the machine does counts little.
+"""
+
+import argparse
+import os
+import statistics
+import time
+
+os.environ["OMP_NUM_THREADS"] = "1"
+
+import torch
+
+from mpsnet_core.training.loop import _Run
+from mpsnet_core.training.networks import build_network
+from mpsnet_core.training.packed import PackedSamples
+from mpsnet_core.training.photographing import Photographer
+from mpsnet_core.training.recipe import read_recipe
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("samples")
+    parser.add_argument("--steps", type=int, default=12)
+    options = parser.parse_args()
+    torch.set_num_threads(1)
+    recipe = read_recipe("multiscale")
+    network = build_network(recipe.network, dict(recipe.options))
+    photographer = Photographer.of(network, PackedSamples([options.samples]), seed=recipe.seed, window=recipe.crop)
+    run = _Run(recipe, network, torch.device("cpu"), "auto", "")
+    photographing, learning = [], []
+    for step in range(options.steps + 2):
+        times = [time.process_time()]
+        scales = photographer.batch(step, recipe.batch)
+        times.append(time.process_time())
+        run.advance(network, scales, 0)
+        times.append(time.process_time())
+        if step > 1:  # the first ones also load and plan
+            photographing.append((times[1] - times[0]) / recipe.batch)
+            learning.append((times[2] - times[1]) / recipe.batch)
+    one, other = (statistics.mean(values) for values in (photographing, learning))
+    print(f"an example: photographed in {1e3 * one:.1f} ms, learned from in {1e3 * other:.1f} ms: {one / other:.2f}")
+
+
+if __name__ == "__main__":
+    main()
