@@ -74,4 +74,4 @@ def ideal_photograph(sample: Sample, protocol: str) -> Capture:
     bright = float(np.quantile(seen, 1 - HIGHLIGHTS, method="higher")) if len(seen) else 0.0
     if bright <= 0:
         raise InputError("no pixel shows the object wholly, or no light reaches it; take another sample")
-    return Capture(image / np.float32(bright), sample.mask, LightRig(sample.recipe.light_directions))
+    return Capture(image * np.float32(1 / bright), sample.mask, LightRig(sample.recipe.light_directions))

@@ -113,6 +113,7 @@ def write_sample(path: str | os.PathLike[str], sample: Sample) -> None:
     )
     with written_whole(path) as unfinished:
         target = oiio.ImageOutput.create(str(unfinished))
+        assert target is not None
         done = target.open(str(unfinished), spec) and target.write_image(pixels)
         if not (target.close() and done):
             reason = " ".join((target.geterror() or oiio.geterror()).split())
