@@ -90,6 +90,7 @@ def train(
     precision: Precision = "auto",
     stop_after: int = 0,
     anneal: int = 0,
+    minutes: float = 0.0,
     keep: bool = False,
     minutes_between_checkpoints: float = 5.0,
     validations: int = 8,
@@ -100,8 +101,8 @@ def train(
     validation: folders of samples that are held out; none for no validation. workers: processes that make examples.
     precision: of the layers; "auto" is bfloat16 where the processor or GPU computes with it. stop_after: steps, when to
     stop before the recipe's end (0: at its end), to go on later. anneal: from the checkpoint that is resumed, let the
-    learning rate fall to nothing over so many steps, and end; the checkpoint stays as it is, to go on from. keep: hold
-    what was read in memory, cut to the object and in half floats, so that photographs differ a little from those
+    learning rate fall to nothing over so many steps, and end; the checkpoint stays as it is, to go on from. minutes: as
+    stop_after, by the clock. keep: hold what was read in memory, cut to the object and in half floats, so that photographs differ a little from those
     without. validations: how many, evenly over the run, the last at its end.
 
     A run that was resumed from a checkpoint gives the same weights, bit for bit, as one that was never stopped, on the
@@ -169,6 +170,8 @@ def train(
                 if time.monotonic() - saved > 60 * minutes_between_checkpoints:
                     run.save(places.checkpoint, rank)
                     saved = time.monotonic()
+                if minutes and time.monotonic() - started > 60 * minutes:
+                    break
         finally:
             run.save(places.checkpoint, rank)
             if writer is not None:
