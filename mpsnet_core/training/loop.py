@@ -101,15 +101,16 @@ def train(
     validation: folders of samples that are held out; none for no validation. workers: processes that make examples.
     precision: of the layers; "auto" is bfloat16 where the processor or GPU computes with it. stop_after: steps, when to
     stop before the recipe's end (0: at its end), to go on later. anneal: from the checkpoint that is resumed, let the
-    learning rate fall to nothing over so many steps, and end; the checkpoint stays as it is, to go on from. minutes: as
-    stop_after, by the clock. keep: hold what was read in memory, cut to the object and in half floats, so that photographs differ a little from those
-    without. validations: how many, evenly over the run, the last at its end.
+    learning rate fall to nothing over so many steps, and end; the checkpoint stays as it is, to go on from.
+    minutes: as stop_after, by the clock. keep: hold what was read in memory, cut to the object and in half floats, so
+    that photographs differ a little from those without. validations: how many, evenly over the run, the last at its
+    end.
 
     A run that was resumed from a checkpoint gives the same weights, bit for bit, as one that was never stopped, on the
     same machine with the same number of threads. Of several processes the first that is asked to stop ends the others,
     and the last checkpoint stands.
 
-    Raises InputError where the checkpoint is of another recipe or other samples, or a worker dies, and Cancelled where
+    Raises InputError where the checkpoint is of another recipe, or a worker dies, and Cancelled where
     `progress` does; the checkpoint is written then, too.
     """
     places = places or Places()
@@ -439,8 +440,8 @@ class _Run:
         found = read_checkpoint(path)
         if found.recipe != self.recipe:
             raise InputError(f"checkpoint {path} is of another recipe; resume with the one it began with")
-        if found.samples != self.samples:
-            raise InputError(f"checkpoint {path} began with other samples; resume with the same folders")
+        if found.samples != self.samples:  # as where more were made: what was learned holds, the order begins anew
+            log.warning("checkpoint %s was trained on other samples before", path)
         if found.precision != self.precision:
             raise InputError(
                 f"checkpoint {path} began with --precision {found.precision}, not {self.precision}; resume with that"

@@ -37,8 +37,8 @@ class Scale(NamedTuple):
 
     maps: by the names of :data:`mpsnet_core.estimate.features.FEATURE_CHANNELS`, without "previous". truth:
     (N, 3, H, W) true unit normals. weights: (N, H, W) 1 where a pixel counts. lit: (N, 3, H, W) whether each light
-    reaches it. examples: (N,) which examples of the batch these are. places: (N, 2) where in the window of the scale before this
-    one begins, in that one's pixels; it covers half of its side.
+    reaches it. examples: (N,) which examples of the batch these are. places: (N, 2) where in the window of the scale
+    before this one begins, in that one's pixels; it covers half of its side.
     """
 
     maps: dict[str, Tensor]
