@@ -69,7 +69,7 @@ class ModelCard:
                     raise InputError(f"its card asks for {feature!r}; this program makes {', '.join(FEATURE_CHANNELS)}")
             if (constants := CONSTANTS.intersection(features)) and constants != set(features):
                 raise InputError(
-                    f"its card stacks {', '.join(constants)}, which is one pixel, with maps in input {name!r}; "
+                    f"its card stacks {', '.join(sorted(constants))}, which is one pixel, with maps in input {name!r}; "
                     "give it an input of its own"
                 )
         for key, least in (("halo", 0), ("multiple", 1), ("patch", 1)):

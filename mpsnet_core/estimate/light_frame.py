@@ -51,8 +51,8 @@ def canonical_frames(directions: NDArray[np.float64], passes: int = 6) -> list[L
     """Frames in which the lights run counter-clockwise, the one whose first light stands most nearly straight up first.
 
     directions: (3, 3) a light a row, in camera space. passes: how many, 1 to 6: each light can be the first, in the
-    picture and in its mirror image, which follow one another. Lights 120° apart leave at most 15° to the straight in the
-    first two frames.
+    picture and in its mirror image, which follow one another. Lights 120° apart leave at most 15° to the straight in
+    the first two frames.
 
     The sense is that of the triangle of the lights as the camera sees it, which is told even where a light stands on
     the viewing axis. Frames that begin with such a light come last.

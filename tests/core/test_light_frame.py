@@ -105,6 +105,7 @@ def test_a_light_on_the_viewing_axis_does_not_upset_the_sense_and_comes_first_la
     lights = LightRig(np.array([[0.4, 0.1, 1], [0, 0, 1], [0.1, 0.5, 1]])).directions
     frames = canonical_frames(lights)
     assert [frame.order[0] for frame in frames[4:]] == [1, 1]
-    for nudge in ([1e-9, 1e-9, 0], [-1e-9, 0, 0], [0.03, -0.02, 0]):
-        assert canonical_frames(lights + [[0, 0, 0], nudge, [0, 0, 0]], 4) == frames[:4]
+    for x, y in ((1e-9, 1e-9), (-1e-9, 0), (0.03, -0.02)):
+        nudge = np.array([[0, 0, 0], [x, y, 0], [0, 0, 0]])
+        assert canonical_frames(lights + nudge, 4) == frames[:4]
     assert [frame.order for frame in frames[:4] if not frame.mirrored] == [(2, 1, 0), (0, 2, 1)]

@@ -1,8 +1,7 @@
-"""Pyramids, networks that run on one scale after another: against loops in NumPy, and pictures whose answer is known."""
+"""Pyramids, networks that run on one scale after another: against loops in NumPy, and on pictures that are known."""
 
 import tracemalloc
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -96,7 +95,10 @@ def by_hand(path: Path, capture: Capture) -> np.ndarray:
         rig = np.concatenate([capture.rig.directions.ravel(), means / means.mean(), [previous is not None, True]])
         normals, confidence = session.run(
             None,
-            {"pixels": pixels.transpose(2, 0, 1)[None].astype(np.float32), "rig": rig.reshape(1, 14, 1, 1).astype("f4")},
+            {
+                "pixels": pixels.transpose(2, 0, 1)[None].astype(np.float32),
+                "rig": rig.reshape(1, 14, 1, 1).astype("f4"),
+            },
         )
         normals = normals[0].transpose(1, 2, 0)[: inside.shape[0], : inside.shape[1]]
         normals = normals / np.linalg.norm(normals, axis=-1, keepdims=True)
