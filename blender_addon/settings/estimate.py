@@ -119,7 +119,7 @@ class EstimateSettings:
     )
     average_passes: BoolProperty(
         name="Average Passes",
-        description="Average the default network's answers with each light first once: better, at a third of its "
+        description="Average the default network's answers on the scene turned and mirrored: better, at a third of its "
         "speed. For stills; frames of a sequence or video get one pass",
         default=True,
         options=GIVEN,

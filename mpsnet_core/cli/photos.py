@@ -55,7 +55,7 @@ def _add_estimate(parser: argparse.ArgumentParser) -> None:
         "--passes",
         type=int,
         choices=(1, 3),
-        help="of the network: 3 takes each light first once and averages the answers. Unless given, the default model "
+        help="of the network: 3 averages the answers on the scene turned and mirrored. Unless given, the default model "
         "takes 3 for one photo and 1 for each of several or of a video",
     )
     add_place(parser)

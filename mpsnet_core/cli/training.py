@@ -32,6 +32,7 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
     parser.add_argument("--resume", metavar="FILE", help="a checkpoint to go on from, or a network to train further")
     parser.add_argument("--logs", metavar="DIR", help="for TensorBoard")
     parser.add_argument("--stop-after", type=int, default=0, metavar="STEPS", help="to go on later; 0: at the end")
+    parser.add_argument("--minutes", type=float, default=0.0, help="to go on later, by the clock; 0: at the end")
     parser.add_argument(
         "--anneal",
         type=int,
@@ -69,6 +70,8 @@ def _train(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     for name in ("threads", "stop_after", "anneal"):
         if getattr(options, name) < 0:
             raise InputError(f"--{name.replace('_', '-')} cannot be {getattr(options, name)}; choose 0 or more")
+    if not 0 <= options.minutes < 1e6:
+        raise InputError(f"--minutes cannot be {options.minutes:g}; choose a number from 0 to a million")
     if options.threads:
         import torch
 
@@ -88,6 +91,7 @@ def _train(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         precision=options.precision,
         stop_after=options.stop_after,
         anneal=options.anneal,
+        minutes=options.minutes,
         progress=reporter.progress,
     )
     if trained.rank:  # of several processes one writes

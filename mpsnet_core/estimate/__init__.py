@@ -20,8 +20,8 @@ class Estimator:
     """A model made ready once, for any number of captures.
 
     model: a name of `mpsnet models` or the path of an ONNX file.
-    passes: 1, or 3 to average the answers with each light first once; None for what the shelf says of stills, else the
-        network's card. The baselines take none.
+    passes: 1, or 3 to average the answers on the scene turned and mirrored; None for what the shelf says of stills,
+        else the network's card. The baselines take none.
     options: provider ("cpu", "cuda", "directml", "coreml"), threads and tile for ONNX models, see
         :class:`mpsnet_core.estimate.onnx_model.OnnxModel`; the baselines take none.
 

@@ -30,7 +30,8 @@ class ModelCard:
     patch: patch only; the side of a patch in pixels, odd.
     frame: dense and pyramid; "camera", or "canonical" for a network that always sees the first light straight up in the
         picture and the others counter-clockwise from it, see :mod:`mpsnet_core.estimate.light_frame`.
-    passes: canonical only; 3 to give each of the lights its turn at being the first and average the answers, else 1.
+    passes: canonical only; in how many frames the picture is seen, 1 to 6, see
+        :func:`mpsnet_core.estimate.light_frame.canonical_frames`. The answers are averaged.
     """
 
     name: str
@@ -42,7 +43,7 @@ class ModelCard:
     multiple: int = 1
     patch: int = 1
     frame: Literal["camera", "canonical"] = "camera"
-    passes: Literal[1, 3] = 1
+    passes: int = 1
 
     def __post_init__(self) -> None:
         for key in ("name", "network", "licence"):
@@ -54,10 +55,10 @@ class ModelCard:
             raise InputError(f'its card\'s "frame" is {self.frame!r}; expected "camera" or "canonical"')
         if self.frame == "canonical" and self.kind == "patch":
             raise InputError('its card\'s "frame" is "canonical", which a network that sees patches cannot have')
-        if self.passes not in (1, 3) or isinstance(self.passes, bool):
-            raise InputError(f'its card\'s "passes" is {self.passes!r}; expected 1 or 3')
-        if self.passes == 3 and self.frame != "canonical":
-            raise InputError('its card\'s "passes" is 3, which needs the "frame" "canonical"')
+        if type(self.passes) is not int or not 1 <= self.passes <= 6:
+            raise InputError(f'its card\'s "passes" is {self.passes!r}; expected a whole number from 1 to 6')
+        if self.passes > 1 and self.frame != "canonical":
+            raise InputError(f'its card\'s "passes" is {self.passes}, which needs the "frame" "canonical"')
         if not isinstance(self.inputs, Mapping) or not self.inputs:
             raise InputError("its card's \"inputs\" must name each input's features")
         for name, features in self.inputs.items():
@@ -68,7 +69,7 @@ class ModelCard:
                     raise InputError(f"its card asks for {feature!r}; this program makes {', '.join(FEATURE_CHANNELS)}")
             if (constants := CONSTANTS.intersection(features)) and constants != set(features):
                 raise InputError(
-                    f"its card stacks {', '.join(constants)}, which is one pixel, with maps in input {name!r}; "
+                    f"its card stacks {', '.join(sorted(constants))}, which is one pixel, with maps in input {name!r}; "
                     "give it an input of its own"
                 )
         for key, least in (("halo", 0), ("multiple", 1), ("patch", 1)):

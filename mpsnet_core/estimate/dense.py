@@ -28,7 +28,7 @@ Window = tuple[slice, slice]
 COARSEST = 128
 RIGHT_ANGLE = np.float32(np.pi / 2)
 # Pixels that are read at a time where a coarse scale is made of a large photo.
-READ_AT_ONCE = 1 << 22
+READ_AT_ONCE = 1 << 20
 
 
 class Network(Protocol):
@@ -51,20 +51,18 @@ def dense_answer(network: Network, card: ModelCard, capture: Capture, tile: int,
     photo = _Photo(capture)
     frames = canonical_frames(capture.rig.directions, card.passes) if card.frame == "canonical" else [CAMERA_FRAME]
     halvings = photo.halvings if card.kind == "pyramid" else 0
-    previous: NDArray[np.floating] | None = None
+    previous: Floats | None = None
     for halving in range(halvings, -1, -1):
         shape = photo.shape(halving)
         result = answer[photo.box] if halving == 0 else np.zeros((*shape, 4), np.float32)
         work = list(_tiles(shape, tile, card.multiple, card.halo))
         for number, (window, place) in enumerate(work):
             progress(_done(halving, halvings, number / len(work)), f"tile {number + 1} of {len(work)}")
-            kept = _within(place, window)
-            seen = photo.seen(window, halving, previous)
-            if seen.mask[kept].any():
+            if photo.holds_object(place, halving):
+                kept, seen = _within(place, window), photo.seen(window, halving, previous)
                 for frame in frames:
                     result[place] += _tile_answer(network, card, seen, frame)[kept] / np.float32(len(frames))
-        # Half floats are as fine as what is made of them, and take half of the memory.
-        previous = result.astype(np.float16) if halving else None
+        previous = result
     return answer
 
 
@@ -101,7 +99,11 @@ class _Photo:
             count += 1
         return count
 
-    def seen(self, window: Window, halving: int, previous: NDArray[np.floating] | None) -> Seen:
+    def holds_object(self, window: Window, halving: int) -> bool:
+        """Whether anything of the object is in a window on a scale."""
+        return bool(self.capture.mask[self._own_pixels(*window, halving)].any())
+
+    def seen(self, window: Window, halving: int, previous: Floats | None) -> Seen:
         """A window on a scale, with the answer (h, w, 4) on the one before."""
         light, white, mask = self._read(window, halving)
         before = None if previous is None else _previous(previous, window)
@@ -148,13 +150,13 @@ def _means(image: Floats, mask: NDArray[np.bool_], halving: int) -> tuple[Floats
     return total / np.maximum(count, 1)[..., None], count > 0
 
 
-def _previous(answer: NDArray[np.floating], window: Window) -> Floats:
+def _previous(answer: Floats, window: Window) -> Floats:
     """The map "previous" (h, w, 4) of a window at twice the resolution of `answer`; bilinear, from answers alone."""
     rows, columns = (
         slice(max(side.start // 2 - 1, 0), min(-(-side.stop // 2) + 1, length))
         for side, length in zip(window, answer.shape, strict=False)
     )
-    part = answer[rows, columns].astype(np.float32)
+    part = answer[rows, columns].copy()
     there = (part[..., :3] != 0).any(axis=-1, keepdims=True)
     part[..., :3] = normalised(part[..., :3])
     part[..., 3:] = (1 - part[..., 3:]) * RIGHT_ANGLE

@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 MIRROR = np.diag([-1.0, 1.0, 1.0])
+# A light that stands nearer to the viewing axis than this (3 degrees, as the sine) has no tilt that could be relied on.
+LEAST_SINE = 0.05
 
 
 @dataclass(frozen=True)
@@ -49,10 +51,11 @@ def canonical_frames(directions: NDArray[np.float64], passes: int = 6) -> list[L
     """Frames in which the lights run counter-clockwise, the one whose first light stands most nearly straight up first.
 
     directions: (3, 3) a light a row, in camera space. passes: how many, 1 to 6: each light can be the first, in the
-    picture and in its mirror image. Lights 120° apart leave at most 15° to the straight in the first two frames.
+    picture and in its mirror image, which follow one another. Lights 120° apart leave at most 15° to the straight in
+    the first two frames.
 
     The sense is that of the triangle of the lights as the camera sees it, which is told even where a light stands on
-    the viewing axis. A first light that stands exactly there has no tilt, and 0 is taken.
+    the viewing axis. Frames that begin with such a light come last.
     """
     found = []
     for mirrored in (False, True):
@@ -62,9 +65,10 @@ def canonical_frames(directions: NDArray[np.float64], passes: int = 6) -> list[L
             turned = order[first], order[(first + 1) % 3], order[(first + 2) % 3]
             x, y = seen[turned[0], :2]
             turn = 90.0 - np.degrees(np.arctan2(y, x))
-            quarters = round(turn / 90)
+            # Halves go up wherever they are, so that a scene on its side is seen as the scene is.
+            quarters = int(np.floor(round(turn / 90, 6) + 0.5))
             # The mirror comes last: what turns clockwise before it, turns counter-clockwise behind it.
             frame = LightFrame(turned, (-quarters if mirrored else quarters) % 4, mirrored)
-            found.append((round(abs(turn - 90 * quarters), 6), frame))
-    found.sort(key=lambda entry: entry[0])  # stable: of two alike the one that is not mirrored
-    return [frame for _, frame in found[:passes]]
+            found.append((np.hypot(x, y) < LEAST_SINE, round(abs(turn - 90 * quarters), 6), frame))
+    found.sort(key=lambda entry: entry[:2])  # stable: of two alike the one that is not mirrored
+    return [frame for *_, frame in found[:passes]]

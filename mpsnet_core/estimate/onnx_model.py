@@ -4,7 +4,7 @@ import contextlib
 import os
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import onnxruntime
@@ -49,7 +49,7 @@ class OnnxModel:
         provider: str = "cpu",
         threads: int = 0,
         tile: int = DEFAULT_TILE,
-        passes: Literal[1, 3] | None = None,
+        passes: int | None = None,
     ) -> None:
         self.path = existing_file(path, "model file")
         if self.path.stat().st_size > MAX_MODEL_BYTES:

@@ -85,6 +85,7 @@ def train(
     precision: Precision = "auto",
     stop_after: int = 0,
     anneal: int = 0,
+    minutes: float = 0.0,
     minutes_between_checkpoints: float = 5.0,
     validations: int = 8,
     progress: Progress = silent,
@@ -94,15 +95,15 @@ def train(
     validation: folders of samples that are held out; none for no validation. precision: of the layers; "auto" is
     bfloat16 where the processor or GPU computes with it. stop_after: steps, when to stop before the recipe's end (0: at
     its end), to go on later. anneal: from the checkpoint that is resumed, let the learning rate fall to nothing over so
-    many steps, and end; the checkpoint stays as it is, to go on from. validations: how many, evenly over the run, the
-    last at its end.
+    many steps, and end; the checkpoint stays as it is, to go on from. minutes: as stop_after, by the clock.
+    validations: how many, evenly over the run, the last at its end.
 
     A run that was resumed from a checkpoint gives the same weights, bit for bit, as one that was never stopped, on the
     same machine with the same number of threads. Of several processes the first that is asked to stop ends the others,
     and the last checkpoint stands.
 
-    Raises InputError where the checkpoint is of another recipe or other samples, and Cancelled where `progress` does;
-    the checkpoint is written then, too.
+    Raises InputError where the checkpoint is of another recipe, and Cancelled where `progress` does; the checkpoint is
+    written then, too.
     """
     places = places or Places()
     with _processes() as (rank, processes):
@@ -166,6 +167,8 @@ def train(
                 if time.monotonic() - saved > 60 * minutes_between_checkpoints:
                     run.save(places.checkpoint, rank)
                     saved = time.monotonic()
+                if minutes and _agreed(time.monotonic() - started > 60 * minutes, processes, device):
+                    break
         finally:
             run.save(places.checkpoint, rank)
             if writer is not None:
@@ -339,8 +342,8 @@ class _Run:
         found = read_checkpoint(path)
         if found.recipe != self.recipe:
             raise InputError(f"checkpoint {path} is of another recipe; resume with the one it began with")
-        if found.samples != self.samples:
-            raise InputError(f"checkpoint {path} began with other samples; resume with the same folders")
+        if found.samples != self.samples:  # as where more were made: what was learned holds, the order begins anew
+            log.warning("checkpoint %s was trained on other samples before", path)
         if found.precision != self.precision:
             raise InputError(
                 f"checkpoint {path} began with --precision {found.precision}, not {self.precision}; resume with that"
@@ -405,6 +408,15 @@ def _computed(precision: Precision, device: torch.device) -> str:
     # Without its own instructions bfloat16 is slower than float32.
     quick = getattr(torch.cpu, "_is_avx512_bf16_supported", lambda: False)()
     return "bfloat16" if quick else "float32"
+
+
+def _agreed(stop: bool, processes: int, device: torch.device) -> bool:
+    """Whether the first of several processes stops: all do after the same step, or the others would wait for ever."""
+    if processes == 1:
+        return stop
+    said = torch.tensor(float(stop), device=device)
+    torch.distributed.broadcast(said, 0)
+    return bool(said)
 
 
 @contextmanager

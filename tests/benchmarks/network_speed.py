@@ -44,7 +44,7 @@ def fresh(name: str, path: Path) -> Path:
     for features in network.inputs.values():
         size = 1 if CONSTANTS.intersection(features) else side
         inputs.append(torch.rand(2, sum(FEATURE_CHANNELS[feature] for feature in features), size, size))
-    free = {0: "n", 2: "h", 3: "w"} if network.kind == "dense" else {0: "n"}
+    free = {0: "n"} if network.kind == "patch" else {0: "n", 2: "h", 3: "w"}
     axes = {n: {0: "n"} if CONSTANTS.intersection(f) else free for n, f in network.inputs.items()} | {"normals": free}
     network.forward = lambda *given: network.predict(*given).normals
     names = list(network.inputs)
@@ -159,7 +159,7 @@ def main() -> None:
         models = {
             name: Estimator(path, threads=arguments.threads)
             for name, path in (
-                ("default", ours),
+                ("default", ours),  # one pass, as sequences have
                 ("int8", find_network("multiscale-int8").path),
                 ("psfcn", fresh("psfcn", folder / "psfcn.onnx")),
                 ("mpsnet", fresh("mpsnet", folder / "mpsnet.onnx")),

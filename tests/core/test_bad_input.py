@@ -749,7 +749,7 @@ MODELS: list[Case] = [
     ),
     ("card without a licence", card_with(licence=None), 'm.onnx…card lacks "licence"'),
     ("card with an empty name", card_with(name=""), 'm.onnx…needs a text for "name"'),
-    ("card with an unknown kind", card_with(kind="sparse"), 'm.onnx…"kind" is \'sparse\'; expected "dense" or "patch"'),
+    ("card with an unknown kind", card_with(kind="sparse"), 'm.onnx…"kind" is \'sparse\'; expected "dense", "patch"'),
     (
         "card with an unknown feature",
         card_with(inputs={"x": ["depth"]}),
@@ -780,7 +780,11 @@ MODELS: list[Case] = [
         card_with(kind="patch", frame="canonical"),
         'm.onnx…"frame" is "canonical", which a network that sees patches cannot have',
     ),
-    ("card with two passes", card_with(frame="canonical", passes=2), 'm.onnx…"passes" is 2; expected 1 or 3'),
+    (
+        "card with seven passes",
+        card_with(frame="canonical", passes=7),
+        'm.onnx…"passes" is 7; expected a whole number from 1 to 6',
+    ),
     (
         "three passes in the camera's frame",
         card_with(passes=3),

@@ -123,13 +123,11 @@ def test_an_estimate_is_what_the_network_says_of_the_feature_maps(
     assert np.ptp(estimate.vectors[sphere.mask], axis=0).max() > 0.1, "the answer says something"
 
 
-def test_exposure_and_the_lights_strengths_do_not_change_the_default_s_estimate(
-    models: dict[str, tuple[Trained, Path]],
-) -> None:
-    model, sphere = OnnxModel(models["multiscale"][1]), shaded_sphere(40)
+def test_exposure_does_not_change_the_default_s_estimate(models: dict[str, tuple[Trained, Path]]) -> None:
+    model, sphere = OnnxModel(models["multiscale"][1]), shaded_sphere(140)
     plain = model(sphere.capture())
-    for gains in ([10, 10, 10], [0.5, 2, 1], [2, 1.3, 0.5]):
-        changed = model(sphere.capture(image=sphere.image * np.float32(gains)))
+    for gain in (10, 0.2):
+        changed = model(sphere.capture(image=sphere.image * np.float32(gain)))
         assert degrees_between(changed.vectors, plain.vectors)[sphere.mask].max() < 0.02
         np.testing.assert_allclose(changed.confidence, plain.confidence, atol=1e-4)
 

@@ -312,7 +312,7 @@ def test_two_processes_train_one_model(samples: Path, tmp_path: Path) -> None:
     )
     model = tmp_path / "model.onnx"
     launcher = ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
-    verb = ["-m", "mpsnet_core", "train", "--recipe", toml, "--samples", samples, "-o", model]
+    verb = ["-m", "mpsnet_core", "train", "--recipe", toml, "--samples", samples, "--minutes", "9", "-o", model]
     done = subprocess.run(
         [sys.executable, *map(str, launcher + verb), "--threads", "1"],
         capture_output=True,

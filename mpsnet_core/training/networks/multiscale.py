@@ -29,7 +29,7 @@ from mpsnet_core.training.networks.network import Network, Prediction, convoluti
 # Added to values before their logarithm: shadows of a 30th of the mean are as good as black.
 DARKEST = 0.03
 SEEN = 24  # maps that are made of the inputs
-FINE_MAPS, JOINED = 10, 16
+FINE_MAPS, JOINED = 8, 16  # together with SEEN 32 maps, which processors take in blocks of 16
 ANSWER = 8  # normals, expected error, gains, weight of the formula
 MAX_GAIN = 2.0  # of the gains' logarithms
 RIG = 14  # light directions, channel means, what is given

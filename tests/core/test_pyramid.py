@@ -1,0 +1,290 @@
+"""Pyramids, networks that run on one scale after another: against loops in NumPy, and on pictures that are known."""
+
+import tracemalloc
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import onnxruntime
+import pytest
+from networks import ALL, card, hands_on, sees_all
+from synthetic import CROSSTALK, degrees_between
+
+from mpsnet_core.capture import Capture
+from mpsnet_core.errors import Cancelled
+from mpsnet_core.estimate import dense, estimate_normals
+from mpsnet_core.estimate.dense import dense_answer
+from mpsnet_core.estimate.features import FEATURE_CHANNELS
+from mpsnet_core.estimate.onnx_model import OnnxModel
+from mpsnet_core.progress import silent
+from mpsnet_core.rig import LightRig, direction_from_angles
+
+RIG = LightRig(direction_from_angles([25.0, 35.0, 45.0], [75.0, 210.0, 320.0]), np.array(CROSSTALK))
+Inputs = dict[str, np.ndarray]
+
+
+@pytest.fixture(scope="module")
+def ragged() -> Capture:
+    """Odd in size, away from the picture's corner, with a gap wider than a tile, and a mask with holes.
+
+    The box is 261 x 77 pixels, and so 131 x 39 and 66 x 20 on the two scales before.
+    """
+    random = np.random.default_rng(5)
+    y, x = np.mgrid[:270, :91]
+    mask = ((x - 45) / 39) ** 2 + ((y - 134) / 131) ** 2 < 1
+    mask &= (random.random(mask.shape) < 0.9) & (abs(y - 150) > 55)
+    mask[4, 45] = mask[264, 45] = mask[134, [7, 83]] = True
+    sides = [np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0)]
+    assert [side[-1] - side[0] + 1 for side in sides] == [261, 77] and sides[0][0] and sides[1][0]
+    smooth = np.stack([1 + 0.5 * np.sin(x / number + y / 9) for number in (5, 7, 11)], axis=-1)
+    image, white = smooth * random.uniform(0.5, 1, (2, *smooth.shape))
+    return Capture(image, mask, RIG, white=white, white_clipped=white > 1.3)
+
+
+# --- the whole procedure, written out ---------------------------------------------------------------------------------
+
+
+def means_of_blocks(image: np.ndarray, mask: np.ndarray, side: int) -> tuple[np.ndarray, np.ndarray]:
+    height, width = -(-mask.shape[0] // side), -(-mask.shape[1] // side)
+    means, there = np.zeros((height, width, image.shape[2])), np.zeros((height, width), bool)
+    for i in range(height):
+        for j in range(width):
+            block = slice(i * side, (i + 1) * side), slice(j * side, (j + 1) * side)
+            if mask[block].any():
+                means[i, j], there[i, j] = image[block][mask[block]].mean(axis=0), True
+    return means, there
+
+
+def doubled(answer: np.ndarray, mask: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """Normals and expected error (H, W, 4) at twice the resolution, bilinear, from pixels of the mask alone."""
+    result = np.zeros((*shape, 4))
+    for i in range(shape[0]):
+        for j in range(shape[1]):
+            y, x = (i + 0.5) / 2 - 0.5, (j + 0.5) / 2 - 0.5
+            total, weights = np.zeros(4), 0.0
+            for row in (int(np.floor(y)), int(np.floor(y)) + 1):
+                for column in (int(np.floor(x)), int(np.floor(x)) + 1):
+                    weight = (1 - abs(y - row)) * (1 - abs(x - column))
+                    near = min(max(row, 0), len(answer) - 1), min(max(column, 0), answer.shape[1] - 1)
+                    if mask[near]:
+                        total, weights = total + weight * answer[near], weights + weight
+            if weights:
+                result[i, j] = total / weights
+                result[i, j, :3] /= np.linalg.norm(result[i, j, :3])
+    return result
+
+
+def by_hand(path: Path, capture: Capture) -> np.ndarray:
+    """(H, W, 4) normals and confidence, in the camera's frame, of a network of :func:`networks.sees_all`."""
+    session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
+    rows, columns = (np.flatnonzero(capture.mask.any(axis=axis)) for axis in (1, 0))
+    box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    mask, light = capture.mask[box], capture.image[box].astype(float) @ np.linalg.inv(capture.rig.mixing).T
+    assert capture.white is not None and capture.white_clipped is not None
+    white, told = capture.white[box].astype(float), mask & ~capture.white_clipped[box].any(axis=-1)
+    means = light[mask].mean(axis=0)
+    previous, there = None, None
+    for side in (4, 2, 1):
+        photo, inside = means_of_blocks(light / means.mean(), mask, side)
+        white_here, _ = means_of_blocks(white / white[told].mean(axis=0), told, side)
+        before = np.zeros((*inside.shape, 4))
+        if previous is not None and there is not None:
+            before = doubled(previous, there, inside.shape) * inside[..., None]
+        pixels = np.concatenate([photo, inside[..., None], white_here, before], axis=-1)
+        pixels = np.pad(pixels, [(0, -inside.shape[0] % 2), (0, -inside.shape[1] % 2), (0, 0)])
+        rig = np.concatenate([capture.rig.directions.ravel(), means / means.mean(), [previous is not None, True]])
+        normals, confidence = session.run(
+            None,
+            {
+                "pixels": pixels.transpose(2, 0, 1)[None].astype(np.float32),
+                "rig": rig.reshape(1, 14, 1, 1).astype("f4"),
+            },
+        )
+        normals = normals[0].transpose(1, 2, 0)[: inside.shape[0], : inside.shape[1]]
+        normals = normals / np.linalg.norm(normals, axis=-1, keepdims=True)
+        confidence = confidence[0, 0, : inside.shape[0], : inside.shape[1], None]
+        previous, there = np.concatenate([normals, (1 - confidence) * np.pi / 2], axis=-1), inside
+    answer = np.zeros((*capture.mask.shape, 4))
+    answer[box] = np.concatenate([normals, confidence], axis=-1) * mask[..., None]
+    return answer
+
+
+@pytest.mark.parametrize("tile", [64, 1024])
+def test_a_pyramid_is_what_loops_make_of_it(tmp_path: Path, ragged: Capture, tile: int) -> None:
+    path = sees_all(tmp_path / "n.onnx", frame="camera")
+    found, expected = estimate_normals(ragged, path, tile=tile), by_hand(path, ragged)
+    np.testing.assert_allclose(found.vectors, expected[..., :3], rtol=0, atol=1e-4)
+    np.testing.assert_allclose(found.confidence, expected[..., 3], rtol=0, atol=1e-4)
+    alone = estimate_normals(ragged, sees_all(tmp_path / "one.onnx", frame="camera", kind="dense"))
+    assert degrees_between(alone.vectors, found.vectors)[ragged.mask].mean() > 2, "the scales before count"
+
+
+@pytest.mark.parametrize("kind", ["dense", "pyramid"])
+@pytest.mark.parametrize("passes", [1, 6])
+def test_tiled_and_untiled_agree_in_turned_frames(tmp_path: Path, ragged: Capture, kind: str, passes: int) -> None:
+    model = sees_all(tmp_path / "n.onnx", kind=kind, passes=passes)
+    tiled, untiled = (estimate_normals(ragged, model, tile=tile) for tile in (64, 1024))
+    np.testing.assert_allclose(tiled.vectors, untiled.vectors, rtol=0, atol=1e-4)
+    np.testing.assert_allclose(tiled.confidence, untiled.confidence, rtol=0, atol=1e-4)
+
+
+def test_how_many_rows_of_the_photo_are_read_at_a_time_does_not_matter(
+    tmp_path: Path, ragged: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = OnnxModel(sees_all(tmp_path / "n.onnx"))
+    at_once = model(ragged)
+    monkeypatch.setattr(dense, "READ_AT_ONCE", 1000)
+    np.testing.assert_allclose(model(ragged).vectors, at_once.vectors, rtol=0, atol=1e-5)
+
+
+def test_with_too_small_a_halo_they_do_not(tmp_path: Path, ragged: Capture) -> None:
+    model = sees_all(tmp_path / "n.onnx", halo=2)
+    tiled, untiled = (estimate_normals(ragged, model, tile=tile) for tile in (64, 1024))
+    assert abs(tiled.vectors - untiled.vectors).max() > 1e-2
+
+
+# --- what arrives on the finest scale ---------------------------------------------------------------------------------
+
+
+def ramp(height: int, width: int) -> np.ndarray:
+    """(H, W, 3) normals whose slopes grow evenly to the right, and in part upwards; nearly facing, nearly unit."""
+    y, x = np.mgrid[:height, :width]
+    slopes = 0.1 * (x - width / 2) / width, 0.05 * (height / 2 - y) / height + 0.02
+    return np.stack([*slopes, np.ones((height, width))], axis=-1)
+
+
+@pytest.mark.parametrize("tilts", [(90, 210, 330), (5, 125, 245), (190, 70, 310), (280, 30, 150)])
+@pytest.mark.parametrize(("passes", "tile"), [(1, 1024), (2, 1024), (6, 1024), (2, 64)])
+def test_the_coarse_answer_arrives_in_place(tmp_path: Path, tilts: tuple[float, ...], passes: int, tile: int) -> None:
+    """Of 301 x 421 pixels it says something on 76 x 106 alone. Half a pixel off would be 1.2e-4 in the normals."""
+    normals = ramp(301, 421)
+    rig = LightRig(direction_from_angles([30.0, 30.0, 30.0], tilts))
+    capture = Capture(normals @ rig.directions.T, np.ones((301, 421), bool), rig)
+    found = estimate_normals(capture, hands_on(tmp_path / "n.onnx", passes=passes), tile=tile)
+    expected = normals / np.linalg.norm(normals, axis=-1, keepdims=True)
+    # At the edge of the picture bilinear interpolation has nothing to go on.
+    inner = slice(6, -6), slice(6, -6)
+    np.testing.assert_allclose(found.vectors[inner], expected[inner], rtol=0, atol=1e-5)
+    np.testing.assert_allclose(found.confidence, 0.5, atol=1e-5)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 300), (300, 1), (129, 2), (257, 257)])
+@pytest.mark.parametrize("tile", [64, 1024])
+def test_something_flat_stays_flat_however_narrow_and_up_to_the_picture_s_edge(
+    tmp_path: Path, shape: tuple[int, int], tile: int
+) -> None:
+    normal = np.array([0.3, -0.2, 0.9]) / np.linalg.norm([0.3, -0.2, 0.9])
+    capture = Capture(np.broadcast_to(normal @ RIG.directions.T, (*shape, 3)), np.ones(shape, bool), RIG)
+    capture = replace(capture, rig=LightRig(RIG.directions))
+    model = hands_on(tmp_path / "n.onnx", halo=5, multiple=4, passes=6)
+    np.testing.assert_allclose(
+        estimate_normals(capture, model, tile=tile).vectors, np.broadcast_to(normal, (*shape, 3)), atol=1e-5
+    )
+
+
+def test_what_a_magnified_photo_s_network_sees_of_the_scale_before_is_its_answer_on_the_small_photo(
+    tmp_path: Path,
+) -> None:
+    random = np.random.default_rng(3)
+    mask = random.random((140, 100)) < 0.9
+    mask[[0, -1]] = mask[:, [0, -1]] = True
+    small = Capture(random.uniform(0.1, 1, (140, 100, 3)), mask, RIG)
+    large = Capture(*(values.repeat(2, axis=0).repeat(2, axis=1) for values in (small.image, mask)), RIG)
+    model = OnnxModel(sees_all(tmp_path / "n.onnx", frame="camera"))
+    answer, seen = model(small), []
+
+    def network(inputs: Inputs, count: int, *size: int) -> tuple[np.ndarray, ...]:
+        seen.append(inputs["pixels"])
+        return tuple(model.session.run(None, inputs))
+
+    dense_answer(network, model.card, large, 1024, silent)
+    assert [pixels.shape[2:] for pixels in seen] == [(70, 50), (140, 100), (280, 200)]
+    error = (1 - answer.confidence) * np.pi / 2
+    expected = doubled(np.concatenate([answer.vectors, error[..., None]], axis=-1), mask, (280, 200))
+    found = seen[-1][0, 7:].transpose(1, 2, 0)
+    np.testing.assert_allclose(found, expected * large.mask[..., None], rtol=0, atol=1e-4)
+
+
+# --- what the network is shown ----------------------------------------------------------------------------------------
+
+
+def always_facing(inputs: Inputs, count: int, *size: int) -> tuple[np.ndarray, np.ndarray]:
+    return np.broadcast_to(np.float32([0, 0, 1])[:, None, None], (1, 3, *size)), np.ones((1, 1, *size), np.float32)
+
+
+def shown(capture: Capture, *features: str, tile: int = 1024, **facts: object) -> list[Inputs]:
+    """What a network that always says "facing" is shown, call by call, each feature as an input of its own."""
+    calls = []
+
+    def network(inputs: Inputs, count: int, *size: int) -> tuple[np.ndarray, np.ndarray]:
+        assert all(values.flags.c_contiguous and values.dtype == np.float32 for values in inputs.values())
+        assert all(len(values[0]) == FEATURE_CHANNELS[name] for name, values in inputs.items())
+        calls.append(inputs)
+        return always_facing(inputs, count, *size)
+
+    seen = card(**{"kind": "pyramid", "inputs": {name: (name,) for name in features}, **facts})
+    dense_answer(network, seen, capture, tile, silent)
+    return calls
+
+
+@pytest.mark.parametrize(
+    ("size", "sides"), [(128, [128]), (129, [65, 129]), (256, [128, 256]), (1025, [65, 129, 257, 513, 1025])]
+)
+def test_the_first_scale_shows_the_whole_object_on_128_pixels_at_most(size: int, sides: list[int]) -> None:
+    mask = np.zeros((7, size + 9), bool)
+    mask[3, 4 : 4 + size] = True
+    calls = shown(Capture(np.ones((*mask.shape, 3)), mask, RIG), "mask", "given", tile=4096)
+    assert [call["mask"].shape for call in calls] == [(1, 1, 1, side) for side in sides]
+    assert [call["given"][0, :, 0, 0].tolist() for call in calls] == [[0, 0]] + [[1, 0]] * (len(sides) - 1)
+
+
+def test_the_white_photo_s_channels_go_with_the_lights_in_every_frame_and_scale(ragged: Capture) -> None:
+    """A white photo that is the photo in other strengths is grey world, which is in the lights' order."""
+    rig = LightRig(RIG.directions)
+    capture = Capture(ragged.image, ragged.mask, rig, white=ragged.image * np.float32([1, 2, 3]))
+    calls = shown(capture, "white", "grey_world", "given", "lights", frame="canonical", passes=6)
+    assert len({call["lights"].tobytes() for call in calls}) == 6 and len(calls) == 18
+    for call in calls:
+        np.testing.assert_allclose(call["white"], call["grey_world"], atol=1e-5)
+        assert call["given"][0, 1] == 1
+
+
+def test_a_white_photo_that_is_clipped_all_over_is_not_given(ragged: Capture) -> None:
+    blown = replace(ragged, white_clipped=np.ones(ragged.image.shape, bool))
+    for call in shown(blown, "white", "given"):
+        assert not call["white"].any() and not call["given"][0, 1]
+
+
+def test_tiles_that_hold_nothing_of_the_object_are_not_run() -> None:
+    """Two specks 640 pixels apart: of 10 tiles on the finest scale the outer two."""
+    mask = np.zeros((1, 640), bool)
+    mask[0, [0, -1]] = True
+    calls = shown(Capture(np.ones((1, 640, 3)), mask, RIG), "mask", tile=64)
+    assert [call["mask"].shape[3] for call in calls] == [40, 40, 54, 52, 64, 64, 64, 64]
+
+
+# --- progress and memory ----------------------------------------------------------------------------------------------
+
+
+def test_progress_is_the_share_of_pixels_and_can_cancel_on_any_scale(tmp_path: Path, ragged: Capture) -> None:
+    model, told = OnnxModel(hands_on(tmp_path / "n.onnx")), []
+    model(ragged, lambda share, message: told.append(share))
+    assert told == pytest.approx([0, 1 / 21, 5 / 21, 1])
+
+    def cancel(share: float, message: str) -> None:
+        if share > 0.2:
+            raise Cancelled
+
+    with pytest.raises(Cancelled):
+        model(ragged, cancel)
+
+
+def test_beside_the_answers_of_two_scales_memory_is_for_a_few_tiles() -> None:
+    side = 2048
+    photo = np.ones((side, side, 3), np.float32)
+    capture = Capture(photo, np.ones((side, side), bool), RIG, white=photo)
+    tracemalloc.start()
+    dense_answer(always_facing, card(kind="pyramid", inputs=ALL, halo=16, multiple=16), capture, 256, silent)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 1.25 * side * side * 4 * 4 + 0.6 * photo.nbytes
