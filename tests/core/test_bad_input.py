@@ -1605,16 +1605,6 @@ if find_spec("torch"):
             "c is of another recipe; resume with",
         ),
         (
-            "checkpoint of other samples",
-            lambda b: (b.checkpoint(), b.train("--resume", b / "c", samples=b.samples("others"))),
-            "c began with other samples; resume with the same folders",
-        ),
-        (
-            "checkpoint of samples of another job",
-            lambda b: (b.checkpoint(), b.text("samples/job.json", "{}"), b.resume(b / "c")),
-            "c began with other samples; resume with the same folders",
-        ),
-        (
             "model over the checkpoint",
             lambda b: b.train("--checkpoint", b / "out.onnx"),
             "the result would overwrite …out.onnx, a file that it needs",

@@ -232,6 +232,17 @@ def test_a_resumed_run_ends_with_the_same_bits(network: str, samples: Path, tmp_
     assert not all(torch.equal(weights[0][name], weights[2][name]) for name in weights[0])
 
 
+def test_a_run_goes_on_with_other_samples_and_says_so(
+    ball: Path, samples: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    of, checkpoint = recipe("demultiplexer", crop=16), tmp_path / "c"
+    run(of, ball, checkpoint, stop_after=3)
+    run(of, ball, checkpoint, resume=checkpoint, stop_after=4)
+    assert not caplog.messages
+    assert run(of, samples, checkpoint, resume=checkpoint).step == 6
+    assert caplog.messages == [f"checkpoint {checkpoint} was trained on other samples before"]
+
+
 def interrupted(of: TrainingRecipe, samples: Path, checkpoint: Path, stop: Callable[..., Any]) -> None:
     with pytest.raises((Cancelled, KeyboardInterrupt)):
         run(of, samples, checkpoint, progress=stop)
