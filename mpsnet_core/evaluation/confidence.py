@@ -71,7 +71,7 @@ class ConfidencePool:
                 "rank_correlation": round(correlation, 4),
                 "error_deg": error_by_confidence(confidence, error).round(4).tolist(),
             }
-            if model not in (LAMBERTIAN, LAMBERTIAN_GREY_WORLD):
+            if model.split(" ×")[0] not in (LAMBERTIAN, LAMBERTIAN_GREY_WORLD):  # magnified or not
                 row["expected_deg"] = _group_means(-confidence, 90 * (1 - confidence)).round(4).tolist()
             rows.append(row)
         return rows
