@@ -20,7 +20,7 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
     _add_rendered(_test(tests, told, "rendered", _rendered, "meshes from files, of one and of several materials"))
     _add_statues(_test(tests, told, "statues", _statues, "matt grey meshes with cast shadows; fine relief kept"))
     _add_synthetic(_test(tests, told, "colour", _colour, "one blob in many colours: their edges, their influence"))
-    _add_samples(_test(tests, told, "samples", _samples, "held-out samples as training photographs them (needs PyTorch)"))
+    _add_samples(_test(tests, told, "samples", _samples, "held-out samples, photographed (needs PyTorch)"))
     sizes = tests.add_parser(
         "patch-sizes", parents=[common], formatter_class=Help, help="train MPS-Net with patches of five sizes (table 1)"
     )
