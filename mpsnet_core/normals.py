@@ -53,9 +53,10 @@ class NormalMap:
 
 def normalised(vectors: NDArray[Any]) -> NDArray[Any]:
     """Vectors (..., 3) brought to unit length; those without a direction become +z, never NaN."""
-    length = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))[..., None]
-    facing = np.array([0, 0, 1], dtype=vectors.dtype)
-    return np.where(length > 1e-12, vectors / np.maximum(length, 1e-12), facing).astype(vectors.dtype, copy=False)
+    length = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
+    unit = vectors / np.maximum(length, vectors.dtype.type(1e-12))[..., None]
+    unit[length <= 1e-12] = (0, 0, 1)
+    return unit
 
 
 def angular_error(estimate: NDArray[Any], truth: NDArray[Any]) -> NDArray[np.float64]:
