@@ -191,13 +191,14 @@ def _synthetic(options: argparse.Namespace) -> dict[str, Any]:
 def _add_samples(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", nargs="+", help="folders of samples that training does not see")
     parser.add_argument("--count", type=int, default=0, help="how many, evenly spread; 0 for all")
+    parser.add_argument("--white", action="store_true", help="measure each once more with a white photo beside it")
     _add_magnify(parser)
 
 
 def _samples(options: argparse.Namespace) -> Any:
     from mpsnet_core.evaluation.samples import Samples
 
-    return Samples(options.folder, count=options.count, magnify=options.magnify or (1,))
+    return Samples(options.folder, count=options.count, magnify=options.magnify or (1,), white=options.white)
 
 
 # --- patch sizes: the only test that trains ---------------------------------------------------------------------------

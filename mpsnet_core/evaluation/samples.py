@@ -17,19 +17,20 @@ from mpsnet_core.evaluation.magnify import check_magnify
 from mpsnet_core.evaluation.measure import Case
 from mpsnet_core.evaluation.tables import table_of_means
 from mpsnet_core.synthesis.photographs.capture_model import CaptureModel
+from mpsnet_core.synthesis.sample import read_sample_data
 from mpsnet_core.training.packed import PackedSamples
 from mpsnet_core.training.photographing import photograph
 
-# What the photographs of the samples are drawn from. One photo is what every model takes.
+# What the photographs of the samples are drawn from.
 SEED = 0
-MODEL = replace(CaptureModel(), white=0.0)
 
 
 class Samples(Evaluation):
     """Samples in folders, each photographed once by the default capture model; the same photographs every time.
 
     count: how many, spread evenly over the samples in the order of their names; 0 for all. magnify: how many times the
-    photographs are magnified, see :func:`mpsnet_core.evaluation.magnify.estimate_magnified`.
+    photographs are magnified, see :func:`mpsnet_core.evaluation.magnify.estimate_magnified`. white: whether each is
+    measured once more with a white photo beside it.
 
     Raises InputError where there are no samples, or the count is below 0.
     """
@@ -37,7 +38,12 @@ class Samples(Evaluation):
     title = "Held-out samples, photographed"
 
     def __init__(
-        self, folders: Sequence[str | os.PathLike[str]], *, count: int = 0, magnify: Sequence[int] = (1,)
+        self,
+        folders: Sequence[str | os.PathLike[str]],
+        *,
+        count: int = 0,
+        magnify: Sequence[int] = (1,),
+        white: bool = False,
     ) -> None:
         check_magnify(magnify)
         if count < 0:
@@ -46,12 +52,19 @@ class Samples(Evaluation):
         there = len(self._samples)
         count = min(count or there, there)
         self.cases = [
-            partial(_case, self._samples, index * there // count, times) for index in range(count) for times in magnify
+            partial(_case, self._samples, index * there // count, times, beside)
+            for index in range(count)
+            for times in magnify
+            for beside in ((False, True) if white else (False,))
         ]
 
     def table(self, rows: Sequence[dict[str, Any]]) -> str:
-        """A line for each model, a column for each kind of shape; the last is the mean over all samples."""
-        return table_of_means(rows, ("model",), "shape")
+        """A line for each model, a column for each kind of shape; the last is the mean over all samples.
+
+        And the same for the number of colours.
+        """
+        lines = ("model", "photos") if any(row["photos"] > 1 for row in rows) else ("model",)
+        return "\n\n".join(table_of_means(rows, lines, column) for column in ("shape", "colours"))
 
     def notes(self, rows: Sequence[dict[str, Any]]) -> list[str]:
         """How the photographs come about."""
@@ -62,8 +75,12 @@ class Samples(Evaluation):
         return [f"left out: {path} is no whole sample that light reaches" for path in self._samples.left_out]
 
 
-def _case(samples: PackedSamples, index: int, magnify: int) -> Case:
-    packed = samples[index]
+def _case(samples: PackedSamples, index: int, magnify: int, white: bool) -> Case:
+    packed, path = samples[index], samples.paths[index]
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([SEED, index])))
-    capture, truth = photograph(packed, MODEL.draw(rng))
-    return Case({"object": samples.paths[index].stem, "shape": packed.kind}, capture, truth, magnify=magnify)
+    # Draws are the same with and without the white photo.
+    capture, truth = photograph(packed, replace(CaptureModel(), white=float(white)).draw(rng))
+    recipe = read_sample_data(path)["recipe"]
+    many = len(recipe["materials"]) > 1 or recipe["paint"]["amount"] * recipe["paint"]["hue"] > 0
+    labels = {"object": path.stem, "shape": packed.kind, "colours": "many" if many else "one", "photos": 1 + white}
+    return Case(labels, capture, truth, magnify=magnify)

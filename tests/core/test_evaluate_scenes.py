@@ -205,6 +205,20 @@ def test_magnified_samples_are_measured_on_the_same_pixels(samples: Path) -> Non
     assert not any("expected_deg" in row for row in told["confidence"]), "equation 2 expects no error of itself"
 
 
+def test_a_white_photo_stands_beside_the_same_photo(samples: Path) -> None:
+    pytest.importorskip("torch")
+    from mpsnet_core.evaluation.samples import Samples
+
+    (alone,), (beside,) = measure(Samples([samples], count=1, white=True).cases, ["lambertian"])
+    assert (alone.row()["photos"], beside.row()["photos"]) == (1, 2)
+    assert alone.case.capture.white is None and beside.case.capture.white is not None
+    np.testing.assert_array_equal(alone.case.truth, beside.case.truth)
+    # The same camera, lights and exposure; the noise alone is drawn anew.
+    inside = alone.case.scored
+    one, two = (case.capture.image[inside].mean(axis=0) for case in (alone.case, beside.case))
+    assert two == pytest.approx(one, rel=0.05)
+
+
 def test_the_command_line_tells_of_samples_and_what_was_left_out(samples: Path, tmp_path: Path, mpsnet: Mpsnet) -> None:
     pytest.importorskip("torch")
     (samples / "sample_000001.exr").write_bytes((samples / "sample_000001.exr").read_bytes()[:3000])

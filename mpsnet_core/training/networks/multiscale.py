@@ -12,7 +12,8 @@ On each scale it is a U-Net over five resolutions. What it stands on:
   on anything grey. A white photo, where there is one, gives a third: the photo divided by it has no colour left.
 * *Logarithms*: a surface's colour is a factor of all that is seen, in logarithms an offset, which convolutions remove.
 * *The formula inside*: the network predicts a gain for each channel, and a weight. By the weight its answer is equation
-  2 on the calibrated photo times the gains, which keeps the finest relief, and else what it makes up itself.
+  2 on the calibrated photo (divided by the white one) times the gains, which keeps the finest relief, and else what it
+  makes up itself.
 * *Light directions* scale and shift the maps where each resolution begins (Perez et al., "FiLM", AAAI 2018).
 * *Expected error*: a further output, learned as the mean of the angular error (squared loss).
 * *Which lights reach* a pixel: learned beside, in training alone.
@@ -32,6 +33,7 @@ SEEN = 24  # maps that are made of the inputs
 FINE_MAPS, JOINED = 8, 16  # together with SEEN 32 maps, which processors take in blocks of 16
 ANSWER = 8  # normals, expected error, gains, weight of the formula
 MAX_GAIN = 2.0  # of the gains' logarithms
+LEAST_WHITE = 0.02  # of a white photo's mean: what is darker tells no colour
 RIG = 14  # light directions, channel means, what is given
 
 
@@ -110,7 +112,9 @@ class Multiscale(Network):
         if self.formula:
             gains = torch.exp(MAX_GAIN * torch.tanh(answer[:, 4:7]))
             weight = torch.sigmoid(answer[:, 7:8])
-            normals = unit(weight * unit(_solved(lights, photo * gains)) + (1 - weight) * normals)
+            # A white photo takes the colour away; what gains are left belong to its light and camera.
+            light = torch.where(white > 0, photo / white.clamp(min=LEAST_WHITE), photo)
+            normals = unit(weight * unit(_solved(lights, light * gains)) + (1 - weight) * normals)
         lit = self.lit(maps).float() if self.training else None
         return Prediction(normals, functional.softplus(answer[:, 3:4]), lit)
 
