@@ -16,6 +16,7 @@ from .operators import RunsCore, same
 from .outputs import asked_place, file_name, fine_preview, lasting, load_image, output_folder
 from .settings.declared import take_given
 from .settings.samples import SamplesSettings
+from .trust import python_drivers
 
 SCENE_FILE = "scene.blend"
 
@@ -41,6 +42,7 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
         place_job(target, job)
         if job.objects:
             self._keep_scene(target / SCENE_FILE)
+            self._notes = python_drivers()
         if job.denoise and not can_denoise():
             self.report({"WARNING"}, "this Blender has no OpenImageDenoise: light keeps its noise; take more samples")
         arguments = ["make", str(target), "--processes", str(self.processes)]
