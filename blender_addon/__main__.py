@@ -1,4 +1,4 @@
-"""``python -m blender_addon [SCENE.blend] VERB``: the command line of commands.py, with pip's bpy for a Blender."""
+"""``python -m blender_addon [--online-mode] [SCENE.blend] VERB``: commands.py with pip's bpy for a Blender."""
 
 import sys
 from pathlib import Path
@@ -11,6 +11,9 @@ from blender_addon.trust import preferences_trust
 
 arguments = sys.argv[1:]
 blender_addon.register()
+if arguments[:1] == ["--online-mode"]:  # as Blender's own, whose preferences say otherwise
+    arguments.pop(0)
+    bpy.context.preferences.system.use_online_access = True
 if arguments and arguments[0].endswith(".blend"):
     try:
         path = arguments.pop(0)
