@@ -126,6 +126,8 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
             except RuntimeError as error:
                 reason = " ".join(str(error).split()).removeprefix("Error: ")
                 raise InputError(f"cannot write {path} ({reason}); choose another folder") from None
+            finally:  # Blender keeps what it saves over
+                unfinished.with_suffix(".blend1").unlink(missing_ok=True)
 
     def look(self) -> None:
         """Show the contact sheet, where the core has written it anew."""

@@ -99,6 +99,7 @@ def test_the_scenes_own_objects(scene, sphere, tmp_path):
     bpy.ops.mps.render_samples(count=1, **settings)
     assert (bpy.data.filepath, len(bpy.data.objects)) == before
     assert read_job(folder).objects == ("Sphere",)
+    assert not [path.name for path in folder.iterdir() if "unfinished" in path.name]
     sample = read_sample(sample_path(folder, 0))
     assert sample.recipe.shape["kind"] == "scene"
     # The sphere alone, whose normals are its own: every direction that faces the camera equally often.
