@@ -4,7 +4,9 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import EnumProperty, IntProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
+
+from mpsnet_core.synthesis.farm.address import is_loopback
 
 
 class MPS_AddonPreferences(bpy.types.AddonPreferences):
@@ -32,6 +34,17 @@ class MPS_AddonPreferences(bpy.types.AddonPreferences):
         options={"PATH_SUPPORTS_BLEND_RELATIVE"},
     )
 
+    cluster: StringProperty(
+        name="Cluster",
+        description="Address of a Dask scheduler whose machines render training data, such as tls://host:8786. "
+        "Empty: this machine",
+    )
+    cluster_trusted: BoolProperty(
+        name="Trusted Network",
+        description="The cluster's address need not be tls://. Whoever is in its network may run code on this machine",
+        default=False,
+    )
+
     def draw(self, context: bpy.types.Context) -> None:
         column = self.layout.column()
         column.use_property_split = True
@@ -39,6 +52,10 @@ class MPS_AddonPreferences(bpy.types.AddonPreferences):
         column.prop(self, "provider")
         column.prop(self, "threads")
         column.prop(self, "output_folder", placeholder="Beside the .blend File")
+        column.prop(self, "cluster", placeholder="This Machine")
+        row = column.row()
+        row.active = bool(self.cluster) and not is_loopback(self.cluster)
+        row.prop(self, "cluster_trusted")
         row = column.row()
         row.enabled = output_folder().is_dir()
         row.operator("wm.path_open", text="Open Output Folder", icon="FILE_FOLDER").filepath = str(output_folder())

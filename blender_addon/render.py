@@ -21,6 +21,7 @@ from .rigs import result_name, rig_at
 from .settings.declared import PATH, take_given
 from .settings.photo import PhotoSettings
 from .studio import What, render
+from .trust import kept_back
 
 
 class _Renders(RunsCore):
@@ -49,6 +50,7 @@ class _Renders(RunsCore):
         self._notes = not_found(context.scene)
         with at_the_pointer(context.window_manager) as told:
             first = render(what, context.scene, output, lambda done, of, words: told(done / of, words))
+        self._notes += kept_back()
         self._made_from = self.made_from(context)
         self._finished(context, {"output": str(first)})
 

@@ -36,6 +36,7 @@ from .core_process import Program
 from .operators import told_by
 from .outside import BakeFolder, bake_folders, is_gone, missing_links, name_bake_folders, refuse_lost_links
 from .studio import Told, What, render
+from .trust import asked_for_this_run, kept_back
 
 JOB_FILE = "render.json"
 TELL_SECONDS = 0.5
@@ -50,8 +51,9 @@ _MOST = 0.98
 class RenderJob:
     """What the other Blender shall render.
 
-    file: the copy. output: the file, or the frames' folder. painted: files of images as they are in memory only, by the
-    images' names. missing: linked data that the open file has not found itself. bakes: folders that the copy may not.
+    file: the copy. output: the file, or the frames' folder. use_scripts: see trust.py. painted: files of images as they
+    are in memory only, by the images' names. missing: linked data that the open file has not found itself. bakes:
+    folders that the copy may not.
     """
 
     file: str
@@ -85,15 +87,13 @@ def written_job(context: Any, what: What, output: Path, folder: Path) -> list[st
     caches = original.with_name(f"blendcache_{original.stem}")  # beside a file and called after it, as the copy is
     if bpy.data.filepath and caches.is_dir():
         shutil.copytree(caches, folder / caches.name)
-    # The copy may run scripts where the file itself may: Blender says when it has kept one from it.
-    trusted = not bpy.app.autoexec_fail
     job = RenderJob(
         str(copy),
         what,
         context.scene.name,
         context.view_layer.name,
         str(output),
-        trusted,
+        asked_for_this_run(),
         painted,
         missing_links(),
         bake_folders(besides=caches) if bpy.data.filepath else [],
@@ -176,7 +176,7 @@ def render_job(folder: Path) -> int:
         return 2
     except Cancelled:
         return EXIT_CANCELLED
-    _answer(answers, result={"output": str(first)})
+    _answer(answers, result={"output": str(first), "notes": kept_back()})
     return 0
 
 

@@ -219,5 +219,5 @@ def _render(studio: Any, path: Path, file_format: str) -> None:
             bpy.ops.render.render(write_still=True, scene=studio.name)
         except RuntimeError as error:
             raise InputError(f"Blender could not render {path}: {told_by(error)}") from None
-        if not unfinished.is_file():
+        if not (unfinished.is_file() and unfinished.stat().st_size):
             raise InputError(f"Blender did not write {path}: the render was cancelled or its disk is full; try again")

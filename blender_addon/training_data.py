@@ -7,15 +7,19 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+from bpy.props import BoolProperty, StringProperty
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import written_whole
+from mpsnet_core.synthesis.farm.address import is_loopback
 from mpsnet_core.synthesis.job import CONTACT_SHEET, JOB_FILE, SHAPES, SampleJob, place_job, read_job, samples_there
 
 from .operators import RunsCore, same
 from .outputs import asked_place, file_name, fine_preview, lasting, load_image, output_folder
-from .settings.declared import take_given
+from .preferences import preference
+from .settings.declared import GIVEN, take_given
 from .settings.samples import SamplesSettings
+from .trust import python_drivers
 
 SCENE_FILE = "scene.blend"
 
@@ -29,6 +33,20 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
     bl_label = "Render Samples"
     bl_options = {"UNDO"}
 
+    # Not the scene's: a .blend file shall not say whom this machine listens to.
+    cluster: StringProperty(
+        name="Cluster",
+        description="Address of a Dask scheduler whose machines render, such as tls://host:8786. "
+        "Empty: that of the preferences, where they have one",
+        options=GIVEN,
+    )
+    cluster_trusted: BoolProperty(
+        name="Trusted Network",
+        description="This address need not be tls://. Whoever is in its network may run code on this machine",
+        default=False,
+        options=GIVEN,
+    )
+
     def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         scene = context.scene
         take_given(self, SamplesSettings, scene.mps.samples)
@@ -37,15 +55,15 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
         target = samples_folder(scene)
         if not (self.output or lasting(target)):
             raise InputError("no folder is named for the samples; name one, or save this file and they go beside it")
-        job = self._sample_job(context, target)
+        job, cluster = self._sample_job(context, target), self._cluster_arguments()
         place_job(target, job)
         if job.objects:
             self._keep_scene(target / SCENE_FILE)
+            self._notes = python_drivers()
         if job.denoise and not can_denoise():
             self.report({"WARNING"}, "this Blender has no OpenImageDenoise: light keeps its noise; take more samples")
         arguments = ["make", str(target), "--processes", str(self.processes)]
-        if self.cluster:
-            arguments += ["--cluster", self.cluster]
+        arguments += cluster
         if not bpy.app.module:
             # Where the extension was enabled just now, the preferences may not be saved yet.
             arguments += ["--blender", bpy.app.binary_path, "--addon", __package__ or ""]
@@ -53,6 +71,20 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
         if not self._sheet.exists():
             scene.mps.samples.image = None  # it shows another folder
         return arguments, [self._sheet]
+
+    def _cluster_arguments(self) -> list[str]:
+        """What names the cluster to the core; its address comes from the caller or the preferences, from no file."""
+        own = bool(self.cluster)
+        address = self.cluster if own else preference("cluster")
+        if not address:
+            return []
+        if not (is_loopback(address) or bpy.app.online_access):
+            raise InputError(
+                f"Blender may not go online, and so not to the cluster at {address}; tick Allow Online Access in the "
+                "system preferences, or begin the command line with --online-mode"
+            )
+        trusted = self.cluster_trusted if own else preference("cluster_trusted")
+        return ["--cluster", address, *(["--cluster-trusted"] if trusted else [])]
 
     def _sample_job(self, context: Any, target: Path) -> SampleJob:
         shapes: tuple[str, ...] = (self.source.lower(),)
@@ -94,6 +126,8 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
             except RuntimeError as error:
                 reason = " ".join(str(error).split()).removeprefix("Error: ")
                 raise InputError(f"cannot write {path} ({reason}); choose another folder") from None
+            finally:  # Blender keeps what it saves over
+                unfinished.with_suffix(".blend1").unlink(missing_ok=True)
 
     def look(self) -> None:
         """Show the contact sheet, where the core has written it anew."""

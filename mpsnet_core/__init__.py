@@ -11,9 +11,14 @@ Camera space everywhere: x right, y up, z towards the camera, right-handed.
 """
 
 import importlib
+import os
 from typing import Any
 
 __version__ = "0.1.0"
+
+# From 1.31 on, onnxruntime sends telemetry and keeps a number of the machine and a store of events in the person's
+# folders, unless this is set before its import. Whatever of ours imports it imports this first; children inherit it.
+os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 
 # Loaded on first use, so that Blender can import the light nouns without onnxruntime, OpenImageIO or trimesh.
 _HOME = {

@@ -1,12 +1,23 @@
-"""Files that appear whole or not at all, and JSON files that say what they are."""
+"""Files that appear whole or not at all, and JSON files that say what they are.
+
+A file that is being written is called ``.NAME.PID-PLACE-RANDOM.unfinished.SUFFIX``. The place is a number made of the
+host's name and, on Linux, of the process numbers' namespace: only there does PID say whether its writer is still at
+work. What a writer that was ended left is removed by the next process that writes into the folder from the same place;
+from elsewhere, say in a folder that several hosts share, nobody touches it.
+"""
 
 import contextlib
 import json
 import os
+import platform
+import re
+import secrets
 import sys
 import tempfile
+import zlib
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -29,24 +40,43 @@ VIDEO_SUFFIXES = (".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mts", ".mxf", ".webm
 
 @contextmanager
 def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Give a temporary path beside `path`; on success rename it to `path`, on failure remove it.
+    """Give an empty file beside `path` to write to; on success rename it to `path`, on failure remove it.
 
-    The temporary name keeps the suffix (image writers choose the format by it) and holds the process id, so that
-    whoever had to kill this process can clear up with :func:`remove_unfinished`.
+    It is made at once, so that nobody can put a link in its place; :func:`unfinished_path` says how it is called.
+    Whoever had to kill this process can clear up with :func:`remove_unfinished`.
 
     Raises InputError where the folder is missing or cannot be written, or the disk is full.
     """
     path = writable_path(path)
-    unfinished = path.with_name(f".{path.stem}.{os.getpid()}.unfinished{path.suffix}")
+    _clear_once(path.parent.resolve())
+    unfinished = unfinished_path(path)
     try:
-        yield unfinished
-        unfinished.replace(path)
+        os.close(os.open(unfinished, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
+        try:
+            yield unfinished
+            unfinished.replace(path)
+        finally:
+            unfinished.unlink(missing_ok=True)
     except OSError as error:
         raise InputError(
             f"cannot write {path}: {error.strerror or error}; make room or choose another folder"
         ) from None
-    finally:
-        unfinished.unlink(missing_ok=True)
+
+
+def unfinished_path(path: Path, suffix: str = "") -> Path:
+    """A name that nobody can foresee, beside `path`, for what becomes it; it keeps the suffix, which tells formats."""
+    mark = f"{os.getpid()}-{_place()}-{secrets.token_hex(4)}"
+    return path.with_name(f".{path.stem}.{mark}.unfinished{suffix or path.suffix}")
+
+
+@cache
+def _place() -> str:
+    """Within what numbers of processes are known, as eight hexadecimal digits."""
+    try:
+        namespace = str(Path("/proc/self/ns/pid").readlink())  # containers may share a host's name
+    except OSError:
+        namespace = ""
+    return f"{zlib.crc32(f'{platform.node()} {namespace}'.encode()):08x}"
 
 
 def writable_path(path: str | os.PathLike[str]) -> Path:
@@ -95,23 +125,43 @@ def made_folder(path: str | os.PathLike[str], what: str) -> Path:
 
 def remove_unfinished(folder: str | os.PathLike[str], pid: int) -> None:
     """Remove what process `pid`, ended by force, left unfinished in `folder`."""
-    for left in Path(folder).glob(f".*.{pid}.unfinished*"):
+    for left in Path(folder).glob(f".*.{pid}-{_place()}-*.unfinished*"):
         left.unlink(missing_ok=True)
 
 
 def remove_abandoned(folder: str | os.PathLike[str]) -> None:
-    """Remove what processes that were ended by force left unfinished in `folder`, and nothing that one is writing."""
+    """Remove what processes that were ended by force left unfinished in `folder`, and nothing that one is writing.
+
+    What another host, or another container, is writing or has left stays.
+    """
     for left in Path(folder).glob(".*.unfinished*"):
-        pid = left.name.split(".unfinished")[0].rpartition(".")[2]
-        if pid.isdecimal() and not _running(int(pid)):
-            # Windows, which tells us nothing of the process, does not let go of a file that one has open.
-            with contextlib.suppress(PermissionError):
-                left.unlink(missing_ok=True)
+        found = re.search(rf"\.(\d+)-{_place()}-[0-9a-f]+\.unfinished", left.name)
+        if found and not _running(int(found[1])):
+            with contextlib.suppress(OSError):  # another process was faster, or may and we may not
+                left.unlink()
+
+
+@cache
+def _clear_once(folder: Path) -> None:
+    """A folder may hold a hundred thousand files: it is looked through at a process's first file in it alone."""
+    remove_abandoned(folder)
 
 
 def _running(pid: int) -> bool:
-    if sys.platform == "win32":
-        return False
+    if sys.platform == "win32":  # where os.kill would end it
+        import ctypes
+        from ctypes import wintypes
+
+        kernel = ctypes.WinDLL("kernel32", use_last_error=True)
+        kernel.OpenProcess.restype = wintypes.HANDLE
+        kernel.WaitForSingleObject.argtypes = (wintypes.HANDLE, wintypes.DWORD)
+        kernel.CloseHandle.argtypes = (wintypes.HANDLE,)
+        process = kernel.OpenProcess(0x00100000, False, pid)  # SYNCHRONIZE
+        if not process:
+            return ctypes.get_last_error() != 87  # ERROR_INVALID_PARAMETER: there is none
+        running = kernel.WaitForSingleObject(process, 0) != 0
+        kernel.CloseHandle(process)
+        return running
     try:
         os.kill(pid, 0)
     except (ProcessLookupError, OverflowError):

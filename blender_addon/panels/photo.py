@@ -2,7 +2,11 @@
 
 from typing import Any
 
+import bpy
+
 from ..estimate import rig_file_for
+from ..settings.record import notes_of
+from ..trust import SCRIPTS_OFF
 from .step import Step
 
 
@@ -29,6 +33,9 @@ class MPS_PT_photo(Step):
         column.prop(photo, "samples")
         column.prop(photo, "animation")
         column.prop(photo, "output", text="Folder" if photo.animation else "File", placeholder="Automatic")
+        notes = [note for verb in ("render_photo", "render_truth") for note in notes_of(context.scene, verb)]
+        if any(SCRIPTS_OFF in note for note in notes) or bpy.app.autoexec_fail:
+            column.prop(context.window_manager.mps, "run_scripts")
         self.progress_or(context, "render_photo", "RENDER_STILL")
         self.progress_of(context, "render_truth")
         self.layout.template_ID(photo, "image", open="mps.open_photo")

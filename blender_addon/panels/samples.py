@@ -3,6 +3,7 @@
 from typing import Any
 
 from ..outputs import lasting
+from ..preferences import preference
 from ..training_data import samples_folder, standing
 from .step import Step
 
@@ -39,7 +40,8 @@ class MPS_PT_samples(Step):
         target = samples_folder(context.scene)
         column.prop(samples, "output", placeholder="Automatic" if lasting(target) else "Name one")
         column.prop(samples, "processes")
-        column.prop(samples, "cluster", placeholder="This machine")
+        if address := preference("cluster"):
+            column.label(text=f"On {address}, see the preferences")
         self.progress_or(context, "render_samples", "RENDER_ANIMATION")
         found = standing(target)
         if found and not context.window_manager.mps.running:

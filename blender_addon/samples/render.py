@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 
 from mpsnet_core.errors import InputError
+from mpsnet_core.files import unfinished_path
 from mpsnet_core.synthesis.cycles import sample_from_cycles
 from mpsnet_core.synthesis.farm.work import THREADS_VARIABLE
 from mpsnet_core.synthesis.recipe import Recipe
@@ -31,8 +32,7 @@ def render_sample(
 
     Raises InputError where a material is measured, or the render or its file fails.
     """
-    # Named as files.written_whole names its own, so that what a killed worker leaves is found and removed.
-    layers = path.with_name(f".{path.stem}.{os.getpid()}.unfinished.layers.exr")
+    layers = unfinished_path(path, ".layers.exr")  # so that what a killed worker leaves is found and removed
     with sample_scene(recipe) as scene:
         add = add_objects if isinstance(shown, SceneObjects) else add_shape
         vertices, triangles = add(scene, recipe, shown)  # type: ignore[arg-type]

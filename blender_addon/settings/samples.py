@@ -110,11 +110,6 @@ class SamplesSettings:
         max=1024,
         options=GIVEN,
     )
-    cluster: StringProperty(
-        name="Cluster",
-        description="Address of a Dask scheduler whose machines render, such as tcp://host:8786. Empty: this machine",
-        options=GIVEN,
-    )
 
 
 class MPS_PG_samples(SamplesSettings, bpy.types.PropertyGroup):

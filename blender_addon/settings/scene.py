@@ -3,6 +3,7 @@
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
+from ..trust import is_ticked, tick
 from .bake import MPS_PG_bake
 from .calibrate import MPS_PG_calibrate
 from .displace import MPS_PG_displace
@@ -51,6 +52,14 @@ class MPS_PG_job(bpy.types.PropertyGroup):
     message: StringProperty(name="Message", description="What is being done")
     left: StringProperty(name="Time Left", description="How long it will still take, in words. Empty: not known yet")
     cancel: BoolProperty(name="Cancel", description="Whether the work shall stop")
+    run_scripts: BoolProperty(
+        name="Run Scripts Once",
+        description="Let the Python of this file, drivers and text blocks, run in the next render. "
+        "Only for files whose maker you trust",
+        get=is_ticked,
+        set=tick,
+        options={"SKIP_SAVE"},
+    )
 
 
 CLASSES = (

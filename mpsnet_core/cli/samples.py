@@ -35,6 +35,11 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
 def _add_workers(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--processes", type=int, default=0, help="on this machine, 0 for as many as it has cores")
     parser.add_argument("--cluster", default="", metavar="ADDRESS", help="of a Dask scheduler, whose workers do it")
+    parser.add_argument(
+        "--cluster-trusted",
+        action="store_true",
+        help="the address needs no tls://: whoever is in the network may run code",
+    )
 
 
 # --- synthesize, make, work -------------------------------------------------------------------------------------------
@@ -113,7 +118,13 @@ def _farmed(folder: str, job: Any, options: argparse.Namespace, reporter: Report
 
     command = SYNTHESIS_COMMAND if job.renderer == "synthesis" else blender_command(options.blender, options.addon)
     harvest = make_samples(
-        folder, job, command, processes=options.processes, cluster=options.cluster, progress=reporter.progress
+        folder,
+        job,
+        command,
+        processes=options.processes,
+        cluster=options.cluster,
+        cluster_trusted=options.cluster_trusted,
+        progress=reporter.progress,
     )
     facts = f"{harvest.made} made, {harvest.there} there already"
     if harvest.failed:

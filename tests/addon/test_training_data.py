@@ -99,6 +99,7 @@ def test_the_scenes_own_objects(scene, sphere, tmp_path):
     bpy.ops.mps.render_samples(count=1, **settings)
     assert (bpy.data.filepath, len(bpy.data.objects)) == before
     assert read_job(folder).objects == ("Sphere",)
+    assert not [path.name for path in folder.iterdir() if "unfinished" in path.name]
     sample = read_sample(sample_path(folder, 0))
     assert sample.recipe.shape["kind"] == "scene"
     # The sphere alone, whose normals are its own: every direction that faces the camera equally often.
@@ -129,6 +130,39 @@ def test_a_blender_that_cannot_denoise_says_so(folder, capfd, monkeypatch):
     sample_path(folder, 0).rename(sample_path(folder.parent / "denoised", 0))
     bpy.ops.mps.render_samples(**{**settings, "count": 1, "denoise": True, "output": str(folder.parent / "denoised")})
     assert "Warning: this Blender has no OpenImageDenoise" in capfd.readouterr().out
+
+
+@pytest.fixture
+def online():
+    """Lets Blender go online, or not, until the test ends."""
+    system = bpy.context.preferences.system
+    before = system.use_online_access
+    yield lambda allowed: setattr(system, "use_online_access", allowed)
+    system.use_online_access = before
+
+
+def test_no_file_says_which_cluster_this_machine_listens_to(scene, tmp_path):
+    scene.mps.samples["cluster"] = "tcp://10.0.0.1:8786"
+    bpy.ops.mps.render_samples(count=1, output=str(tmp_path / "here"), **SMALL)
+    assert standing(tmp_path / "here") == "1 of 1 samples"
+
+
+@pytest.mark.parametrize("way", ["caller", "preferences"])
+def test_a_cluster_elsewhere_is_reached_online_alone_and_where_it_proves_who_it_is(tmp_path, online, monkeypatch, way):
+    """pip's bpy has no preferences of add-ons, so what they would say is put in their place."""
+    named = {"cluster": "tcp://10.0.0.1:8786", "cluster_trusted": False}
+    if way == "preferences":
+        monkeypatch.setattr("blender_addon.training_data.preference", named.get)
+    settings = {**SMALL, **(named if way == "caller" else {}), "count": 1, "output": str(tmp_path / "samples")}
+    online(False)
+    with pytest.raises(RuntimeError, match=r"may not go online, .* to the cluster at tcp://10.0.0.1:8786; tick"):
+        bpy.ops.mps.render_samples(**settings)
+    assert not (tmp_path / "samples").exists()
+    online(True)
+    with pytest.raises(
+        RuntimeError, match=r"whoever answers at tcp://10.0.0.1:8786 could run anything here; give a tls"
+    ):
+        bpy.ops.mps.render_samples(**settings)
 
 
 def test_a_worker_of_its_own_is_no_verb_that_help_lists(capfd):

@@ -18,6 +18,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+
+import mpsnet_core  # noqa: F401 - before onnxruntime, which sends telemetry otherwise
+
+# isort: split
 import onnx
 import onnxruntime
 import torch

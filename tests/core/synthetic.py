@@ -1,5 +1,6 @@
 """What the tests look at: a shaded sphere whose normals are known, and files written without the core's help."""
 
+import os
 import struct
 import zlib
 from collections.abc import Mapping, Sequence
@@ -11,6 +12,7 @@ import numpy as np
 import OpenImageIO as oiio
 
 from mpsnet_core.capture import Capture
+from mpsnet_core.files import unfinished_path
 from mpsnet_core.rig import LightRig, published_rig
 
 CROSSTALK = [[0.80, 0.15, 0.05], [0.10, 0.85, 0.10], [0.02, 0.18, 0.75]]
@@ -87,6 +89,12 @@ def write_parts(path: Path, parts: Sequence[tuple[str | None, Mapping[str, np.nd
 def named(prefix: str, channels: str, values: np.ndarray) -> dict[str, np.ndarray]:
     """{prefix + letter: (H, W)} for the letters of `channels` and values (H, W, C)."""
     return {prefix + letter: values[..., number] for number, letter in enumerate(channels)}
+
+
+def left_by(pid: int, path: Path) -> Path:
+    """What process `pid` of this machine calls `path` while it is writing it."""
+    unfinished = unfinished_path(path)
+    return unfinished.with_name(unfinished.name.replace(f".{os.getpid()}-", f".{pid}-"))
 
 
 def listing(folder: Path) -> list[str]:

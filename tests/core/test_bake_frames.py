@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
-from synthetic import listing, write_file
+from synthetic import left_by, listing, write_file
 
 from mpsnet_core.camera import write_camera
 from mpsnet_core.cli import main
@@ -70,7 +70,7 @@ def test_what_is_there_is_not_made_again_unless_it_is_of_something_else(bench: P
     assert again() == {"skin_0010.png"}
     assert len(again("--margin", "3")) == 3
     (skin / "skin_0007.png").write_bytes(b"cut short")
-    (skin / ".skin_0008.999999999.unfinished.png").write_bytes(b"left by a run that was killed")
+    left_by(999999999, skin / "skin_0008.png").write_bytes(b"left by a run that was killed")
     assert again("--margin", "3") == {"skin_0007.png"}
     assert image_description(skin / "skin_0007.png").startswith("texture by mpsnet")
     assert not [name for name in listing(skin) if "unfinished" in name]

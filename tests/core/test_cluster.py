@@ -2,6 +2,7 @@
 
 import gc
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -11,13 +12,16 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from dask import config as dask_config
 from distributed import Client, LocalCluster
+from distributed.security import Security
 from stand_in import COMMAND, begun, whole
 from synthetic import listing
 from test_farm import alive, job, posix, start, until, workers
 
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.synthesis.farm import cluster as dask
+from mpsnet_core.synthesis.farm.address import check_address
 from mpsnet_core.synthesis.farm.run import Harvest, make_samples
 from mpsnet_core.synthesis.job import write_job
 
@@ -127,9 +131,60 @@ def test_an_address_where_nobody_answers_is_told(
     monkeypatch.setattr(dask, "CONNECT_SECONDS", 0.2)
     write_job(tmp_path, job(3))
     with pytest.raises(InputError, match=f"no Dask scheduler answers at {address} .*give an address like tcp://"):
-        make_samples(tmp_path, job(3), COMMAND, cluster=address)
+        make_samples(tmp_path, job(3), COMMAND, cluster=address, cluster_trusted=True)
     assert capfd.readouterr().err == ""
     assert not [thing for thing in gc.get_objects() if isinstance(thing, Client) and thing.status == "connecting"]
+
+
+@pytest.mark.parametrize("address", ["tcp://10.0.0.1:8786", "127.0.0.1.evil.example:8786", "wss://10.0.0.1:8786"])
+def test_nobody_elsewhere_is_listened_to_who_cannot_prove_who_it_is(tmp_path: Path, address: str) -> None:
+    with pytest.raises(InputError, match=f"^whoever answers at {address} could run anything here; give a tls:// .*ted"):
+        make_samples(tmp_path, job(3), COMMAND, cluster=address)
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:8786", "localhost:8786", "tcp://[::1]:8786", "tls://host:8786"])
+def test_this_machine_and_whoever_proves_who_it_is_need_no_word(address: str) -> None:
+    check_address(address, trusted=False)
+
+
+@pytest.fixture(scope="module")
+def certificates(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two certificates that sign themselves, ours.pem and theirs.pem, their keys among them."""
+    if shutil.which("openssl") is None:
+        pytest.skip("openssl, which makes certificates, is not installed")
+    folder = tmp_path_factory.mktemp("certificates")
+    for name in ("ours", "theirs"):
+        made = ["-keyout", f"{name}.key", "-out", f"{name}.crt", "-subj", f"/CN={name}", "-days", "2"]
+        command = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", *made]
+        subprocess.run(command, cwd=folder, check=True, capture_output=True)
+        both = [(folder / f"{name}.{part}").read_text() for part in ("crt", "key")]
+        (folder / f"{name}.pem").write_text("".join(both))
+    return folder
+
+
+def test_a_tls_address_needs_the_certificates_of_its_cluster(
+    certificates: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ours, theirs = (str(certificates / f"{name}.pem") for name in ("ours", "theirs"))
+    roles = {f"tls_{role}_cert": ours for role in ("client", "scheduler", "worker")}
+    security = Security(require_encryption=True, tls_ca_file=ours, **roles)
+    how = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": "127.0.0.1:0"}
+    with LocalCluster(protocol="tls", security=security, **how) as local:
+
+        def made_with(certificate: str | None) -> Harvest:
+            named = dict.fromkeys(("distributed.comm.tls.ca-file", "distributed.comm.tls.client.cert"), certificate)
+            with dask_config.set(named):
+                return make_samples(tmp_path, job(3), COMMAND, cluster=local.scheduler_address)
+
+        with pytest.raises(InputError, match=r"^tls://.* needs certificates; name them in Dask's configuration"):
+            made_with(None)
+        with pytest.raises(InputError, match=r"^the certificates for tls://.* cannot be read .*check the paths"):
+            made_with(str(certificates / "none.pem"))
+        monkeypatch.setattr(dask, "CONNECT_SECONDS", 1)
+        with pytest.raises(InputError, match=r"^no Dask scheduler answers at tls://"):
+            made_with(theirs)
+        monkeypatch.undo()
+        assert made_with(ours) == Harvest(made=3)
 
 
 def test_without_dask_it_says_what_to_install(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 import stand_in
 from stand_in import COMMAND, KILL, begun, whole
-from synthetic import listing
+from synthetic import left_by, listing
 
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.synthesis.farm.run import FAILURES_IN_A_ROW, Harvest, blender_command, duration, make_samples
@@ -213,7 +213,7 @@ def test_what_killed_runs_left_is_cleared_by_the_next(tmp_path: Path) -> None:
     parent.communicate()
     until(lambda: not any(map(alive, workers(tmp_path))))
     assert len(unfinished(tmp_path)) == 2
-    (tmp_path / ".contact_sheet.1.unfinished.png").touch()
+    left_by(parent.pid, tmp_path / "contact_sheet.png").touch()
     (tmp_path / "slow").unlink()
     assert run(tmp_path, 4) == Harvest(made=4)
     assert whole(tmp_path) == set(range(4))

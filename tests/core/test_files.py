@@ -1,15 +1,24 @@
 """Files appear whole or not at all, whatever stops the writing."""
 
+import os
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from synthetic import listing
+from synthetic import left_by, listing
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import makeable_folder, remove_unfinished, writable_path, write_json, written_whole
+from mpsnet_core.files import (
+    makeable_folder,
+    remove_abandoned,
+    remove_unfinished,
+    unfinished_path,
+    writable_path,
+    write_json,
+    written_whole,
+)
 
 
 def test_a_file_appears_only_once_it_is_whole(tmp_path: Path) -> None:
@@ -78,18 +87,62 @@ def test_a_disk_that_fills_up_leaves_the_old_file_and_no_litter(tmp_path: Path, 
     assert listing(tmp_path) == [target.name]
 
 
-def test_what_a_killed_process_left_is_removed_and_nothing_else(tmp_path: Path) -> None:
-    killed = "import os, sys; from mpsnet_core.files import written_whole\n" + (
+def killed_while_writing(path: Path) -> tuple[int, Path]:
+    """The number of a process that ended in the middle of writing a file, and what it left."""
+    code = "import os, sys; from mpsnet_core.files import written_whole\n" + (
         "with written_whole(sys.argv[1]) as unfinished: unfinished.write_text('half'); os._exit(9)"
     )
-    child = subprocess.Popen([sys.executable, "-c", killed, tmp_path / "out.png"])
+    before = set(path.parent.iterdir())
+    child = subprocess.Popen([sys.executable, "-c", code, path])
     assert child.wait(60) == 9
+    (left,) = set(path.parent.iterdir()) - before
+    return child.pid, left
+
+
+def test_what_a_killed_process_left_is_removed_and_nothing_else(tmp_path: Path) -> None:
+    pid, _ = killed_while_writing(tmp_path / "out.png")
     (tmp_path / "keep.png").touch()
-    other = tmp_path / f".out.{child.pid + 1}.unfinished.png"
+    other = left_by(pid + 1, tmp_path / "out.png")
     other.touch()
-    assert len(listing(tmp_path)) == 3
-    remove_unfinished(tmp_path, child.pid)
+    remove_unfinished(tmp_path, pid)
     assert listing(tmp_path) == sorted(["keep.png", other.name])
+
+
+def test_the_next_run_removes_what_one_that_was_killed_left_but_not_what_one_is_writing(tmp_path: Path) -> None:
+    killed_while_writing(tmp_path / "out.png")
+    alive = left_by(os.getppid(), tmp_path / "out.png")
+    alive.touch()
+    with written_whole(tmp_path / "out.png") as unfinished:
+        unfinished.write_text("whole")
+    assert listing(tmp_path) == sorted(["out.png", alive.name])
+
+
+def test_what_another_host_writes_into_a_shared_folder_is_left_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No process of this host has the number, which says nothing of that one."""
+    pid, left = killed_while_writing(tmp_path / "out.png")
+    monkeypatch.setattr("mpsnet_core.files._place", lambda: "0badc0de")
+    remove_abandoned(tmp_path)
+    remove_unfinished(tmp_path, pid)
+    assert listing(tmp_path) == [left.name]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="links need permission")
+def test_no_link_that_was_laid_before_is_written_through(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Names cannot be foreseen; one that is taken all the same is not used."""
+    names = []
+    for _ in range(2):
+        with written_whole(tmp_path / "out.txt") as unfinished:
+            assert unfinished.is_file()
+            names.append(unfinished.name)
+    assert len(set(names)) == 2
+    (tmp_path / "mine").write_text("mine")
+    monkeypatch.setattr("secrets.token_hex", lambda size: "00" * size)
+    unfinished_path(tmp_path / "out.txt").symlink_to("mine")
+    with pytest.raises(InputError, match=r"cannot write .*out\.txt: File exists"), written_whole(tmp_path / "out.txt"):
+        pass
+    assert (tmp_path / "mine").read_text() == "mine"
 
 
 def test_json_is_written_whole(tmp_path: Path) -> None:

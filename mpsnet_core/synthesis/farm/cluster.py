@@ -17,12 +17,14 @@ from typing import Any
 
 from mpsnet_core import __version__
 from mpsnet_core.errors import InputError
+from mpsnet_core.synthesis.farm.address import check_address
 from mpsnet_core.synthesis.farm.work import Answer, Answers, Worker
 from mpsnet_core.synthesis.job import JOB_FILE
 
 try:
     from distributed import CancelledError, Client, Future, KilledWorker, WorkerPlugin, get_worker
     from distributed.comm import connect
+    from distributed.security import Security
 except ImportError as error:
     raise InputError(f"a cluster needs Dask ({error}); install it with: pip install distributed") from None
 
@@ -35,11 +37,18 @@ TASKS_AHEAD = 2000
 IDLE_SECONDS = 60.0
 
 
-def answers_from_cluster(address: str, command: Sequence[str], folder: Path, numbers: Sequence[int]) -> Answers:
+def answers_from_cluster(
+    address: str, command: Sequence[str], folder: Path, numbers: Sequence[int], *, trusted: bool = False
+) -> Answers:
     """What the workers of the Dask scheduler at `address` answer to `numbers`: a task a sample.
 
-    Raises InputError where the cluster cannot be reached, is lost, or its workers cannot make the job's samples.
+    trusted: whether all of the network is; without it an address elsewhere has to be tls://, see :func:`check_address`.
+    The certificates are those of Dask's own configuration (``distributed.comm.tls``).
+
+    Raises InputError where the cluster cannot be reached or believed, is lost, or its workers cannot make the job's
+    samples.
     """
+    check_address(address, trusted=trusted)
     if not numbers:
         return
     waiting, held = deque(numbers), deque[tuple[float, int]]()
@@ -97,13 +106,34 @@ def _answer(task: Future, number: int, address: str) -> Answer | None:
     raise InputError(f"the cluster at {address} was lost{reason}; run again to go on")
 
 
-async def _reach(address: str) -> None:
-    comm = await connect(address, timeout=CONNECT_SECONDS)
+async def _reach(address: str, security: Security) -> None:
+    comm = await connect(address, timeout=CONNECT_SECONDS, **security.get_connection_args("client"))
     await comm.close()
+
+
+def _security(address: str) -> Security:
+    """How Dask's configuration says to prove who is who; at a tls:// address nothing goes without."""
+    if not address.startswith("tls://"):
+        return Security()
+    try:
+        security = Security(require_encryption=True)
+        proven = security.get_connection_args("client")["ssl_context"] is not None
+    except OSError as error:
+        raise InputError(
+            f"the certificates for {address} cannot be read ({error.strerror or error}); check the paths that Dask's "
+            "configuration gives under distributed.comm.tls"
+        ) from None
+    if not proven:
+        raise InputError(
+            f"{address} needs certificates; name them in Dask's configuration, ca-file, client.cert and client.key "
+            "under distributed.comm.tls"
+        )
+    return security
 
 
 @contextlib.contextmanager
 def _client(address: str) -> Iterator[Client]:
+    security = _security(address)
     # Dask tells in its logs what is told here in a sentence.
     logs = [logging.getLogger(name) for name in ("distributed", "distributed.client", "distributed.comm")]
     levels = [log.level for log in logs]
@@ -116,8 +146,8 @@ def _client(address: str) -> Iterator[Client]:
                 # A Client that cannot connect stays half open, and closes as it is collected as garbage: where that
                 # falls into the start of the next one, both wait for one lock for ever. So there is none before this.
                 with ThreadPoolExecutor(1) as elsewhere:  # this thread may have an event loop already
-                    elsewhere.submit(asyncio.run, _reach(address)).result()
-                client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
+                    elsewhere.submit(asyncio.run, _reach(address, security)).result()
+                client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False, security=security)
             except (OSError, ValueError, TypeError) as error:
                 reason = " ".join(str(error).split())
                 raise InputError(

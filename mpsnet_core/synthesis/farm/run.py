@@ -61,13 +61,15 @@ def make_samples(
     *,
     processes: int = 0,
     cluster: str = "",
+    cluster_trusted: bool = False,
     progress: Progress = silent,
 ) -> Harvest:
     """Make the samples of `job` that `folder` does not hold yet, and keep its contact sheet growing.
 
     command: starts a worker (:mod:`mpsnet_core.synthesis.farm.work`). processes: workers on this machine, 0 for as many
     as there are cores. cluster: address of a Dask scheduler, whose workers do it instead; they must reach the folder by
-    the same path.
+    the same path. cluster_trusted: whether an address elsewhere than here may do without TLS, as all of the network is
+    trusted; whoever answers there can run anything here.
 
     However it ends, the samples that are there are whole, and the same call goes on from them. Runs of several
     processes that share a folder share the work.
@@ -88,7 +90,7 @@ def make_samples(
     if cluster:
         from mpsnet_core.synthesis.farm.cluster import answers_from_cluster
 
-        answers = answers_from_cluster(cluster, command, folder, numbers)
+        answers = answers_from_cluster(cluster, command, folder, numbers, trusted=cluster_trusted)
     else:
         answers = _answers_from_here(command, folder, numbers, processes or cores(), job.views)
     try:

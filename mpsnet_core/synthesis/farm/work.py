@@ -28,8 +28,9 @@ from typing import IO, Any, Literal
 
 import mpsnet_core
 from mpsnet_core.errors import InputError
+from mpsnet_core.files import remove_abandoned
 from mpsnet_core.synthesis.farm.claims import Claims
-from mpsnet_core.synthesis.job import FOLDER_CLAIM, SampleJob, read_job, sample_number, sample_path
+from mpsnet_core.synthesis.job import SampleJob, read_job, sample_number, sample_path
 
 # In a worker's command: the Python that starts it, which on another machine stands elsewhere.
 THIS_PYTHON = "{python}"
@@ -104,13 +105,15 @@ def _is_there(path: Path) -> bool:
 
 def clear_unfinished(folder: str | os.PathLike[str]) -> None:
     """Remove what processes that were killed left in `folder`, and nothing that another process is writing."""
-    left = [path for path in Path(folder).glob(".*.unfinished*") if path.is_file()]
+    remove_abandoned(folder)
+    # What is left is another host's, say. Whoever writes a sample, anywhere, holds its claim.
+    found = [(sample_number(path.name), path) for path in Path(folder).glob(".*.unfinished*") if path.is_file()]
+    left = [(number, path) for number, path in found if number is not None]
     if not left:
         return
     with Claims(folder) as claims:
-        for path in left:
-            number = sample_number(path.name)
-            with claims.claim(FOLDER_CLAIM if number is None else number) as ours:
+        for number, path in left:
+            with claims.claim(number) as ours:
                 if ours:
                     path.unlink(missing_ok=True)
 

@@ -1,0 +1,21 @@
+"""Addresses of Dask schedulers: whom a client may listen to, as it unpickles, and so runs, what it is sent."""
+
+import re
+
+from mpsnet_core.errors import InputError
+
+_LOOPBACK = re.compile(r"(?:[a-z]+://)?(?:localhost|127(?:\.\d+){3}|\[::1\])(?::\d+)?/?")
+
+
+def is_loopback(address: str) -> bool:
+    """Whether the address is this machine's own, and by its spelling nobody else's."""
+    return _LOOPBACK.fullmatch(address) is not None
+
+
+def check_address(address: str, *, trusted: bool) -> None:
+    """Raises InputError where nothing proves who answers at the address, and nobody has said that the network may."""
+    if not (trusted or is_loopback(address) or address.startswith("tls://")):
+        raise InputError(
+            f"whoever answers at {address} could run anything here; give a tls:// address, whose certificates prove "
+            "who it is, or say that all of the network is trusted (--cluster-trusted)"
+        )

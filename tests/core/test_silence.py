@@ -1,0 +1,32 @@
+"""Nothing is sent and nothing is kept: an estimate leaves the person's folders as they were."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from mpsnet_core.images import write_image
+from mpsnet_core.rig import published_rig, write_rig
+
+
+def test_an_estimate_with_a_network_leaves_nothing_in_home_or_the_temporary_folder(tmp_path: Path) -> None:
+    """onnxruntime 1.31 and later would write a number of this machine's and a store of events."""
+    write_image(tmp_path / "photo.exr", np.full((32, 32, 3), 0.4, np.float32))
+    write_rig(tmp_path / "rig.json", published_rig())
+    home, temporary = tmp_path / "home", tmp_path / "tmp"
+    home.mkdir()
+    temporary.mkdir()
+    places = {"HOME": str(home), "USERPROFILE": str(home), "LOCALAPPDATA": str(home), "TMPDIR": str(temporary)}
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(("XDG_", "ORT_"))}
+    arguments = ["estimate", "photo.exr", "--rig", "rig.json", "-o", "normals.png", "--model", "multiscale"]
+    subprocess.run(
+        [sys.executable, "-m", "mpsnet_core", *arguments],
+        cwd=tmp_path,
+        env={**kept, **places, "TEMP": str(temporary), "TMP": str(temporary)},
+        check=True,
+        timeout=120,
+    )
+    assert (tmp_path / "normals.png").is_file()
+    assert not [*home.rglob("*"), *temporary.rglob("*")]
