@@ -350,8 +350,12 @@ def _mixing_data(found: "MixingFound") -> dict[str, Any]:
         "ambient": found.ambient.tolist(),
         "pixels": found.pixels,
         "left_out": found.left_out,
+        "determined": found.determined,
+        "uncertainty": found.uncertainty,
         "balls": [] if found.ball is None else [_ball_data(found.ball)],
     }
+    if not found.determined:
+        rows.append("the lights' strengths alone: the photo does not tell how their colours mix")
     left_out = f"{found.left_out:.1%} of {found.pixels} pixels left out"
     rows.append(f"{found.residual:.2%} of the brightness unexplained, {left_out}")
     if found.ball is not None:
