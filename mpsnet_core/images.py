@@ -102,13 +102,16 @@ def layer_in(path: str | os.PathLike[str], layer: str | None) -> str | None:
     return layer if len(image_layers(path)) > 1 else None
 
 
-def read_image(path: str | os.PathLike[str], *, encoding: Encoding = "auto", layer: str | None = None) -> Image:
+def read_image(
+    path: str | os.PathLike[str], *, encoding: Encoding = "auto", layer: str | None = None, grey: bool = False
+) -> Image:
     """Read a colour image; camera raw files too, where rawpy is installed (:mod:`mpsnet_core.raw`).
 
     encoding: how the file's values are meant. "auto": float files and files that say so are linear, all others sRGB.
         Camera raw is always linear.
     layer: which layer of a multi-layer or multi-part EXR; its full name or its last part ("Combined"). Unless
         given: the unnamed layer, else the only one, else the one called Combined.
+    grey: take a file of one channel as well, for all three.
 
     Raises InputError where the file is missing, broken, too large, not RGB, or the layer is not there or not told.
     """
@@ -119,6 +122,8 @@ def read_image(path: str | os.PathLike[str], *, encoding: Encoding = "auto", lay
         return _read_raw(path, encoding, layer)
     values, names, spec = _read_layer(path, layer)
     colour = [names[name] for name in ("XYZ" if "X" in names else "RGB") if name in names]
+    if grey and not colour and len(names.keys() - {"A"}) == 1:
+        colour = [next(number for name, number in names.items() if name != "A")] * 3
     if len(colour) != 3:
         raise InputError(
             f"{path} has {len(names)} channel(s) ({', '.join(names)}) where red, green and blue are needed; "

@@ -78,7 +78,7 @@ def mixing_from_ball(photo: Image, ball: Ball, rig: LightRig) -> MixingFound:
 
     Each channel is ``c_i = Σ_k M_ik max(n·l_k, 0) + a_i``, linear in M and the ambient light a, none of which is below
     zero: least squares over the ball's pixels, those that fit badly left out by Tukey's biweight. As the normals hang
-    on the outline, which may be off by a pixel, the lights may be off by a degree or two, and no ball is quite matt, the
+    on the outline, which may be off by a pixel, lights may be off by a degree or two, and no ball is quite matt, the
     outline's middle and radius, the lights' directions and the cosine's exponent are put right in the same equations,
     as far as their own uncertainty allows.
     Where what is left of that could be crosstalk as well, the lights' strengths alone are told.
