@@ -4,6 +4,7 @@ import logging
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from mpsnet_core.bands import bands
 from mpsnet_core.camera import Camera, camera_of_lens
 from mpsnet_core.correction import Correction, corrected
+from mpsnet_core.encoding import CLEAR, linear_rather
 from mpsnet_core.errors import InputError
 from mpsnet_core.frames import expand_images
 from mpsnet_core.images import Encoding, Image, layer_in, read_image, saturated
@@ -167,6 +169,13 @@ def read_capture(
     if white is not None:
         several = [white] if isinstance(white, str | os.PathLike) else white
         capture = with_white(capture, several, encoding=encoding, layer=layer, correction=correction)
+    if image.assumed and (times := linear_rather(image.pixels, capture.mask, rig)) > CLEAR:
+        log.warning(
+            "%s is taken as sRGB, but the three lights explain it %.1f times better if it holds linear values; then "
+            "set the encoding to linear (--encoding linear): a wrong curve turns normals by ten degrees and more",
+            Path(path).name,
+            times,
+        )
     note_doubts(capture)
     return capture
 

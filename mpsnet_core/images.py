@@ -46,6 +46,7 @@ class Image:
     note: how the file's values were taken, for people to read.
     clipped: (H, W, 3) bool, where a channel is at its end and so wrong, or None where `clip` tells it.
     exposure_time: in seconds, where the file says it.
+    assumed: whether sRGB is only what most such files hold, and nobody said so.
     """
 
     pixels: NDArray[np.float32]
@@ -54,6 +55,7 @@ class Image:
     note: str
     clipped: NDArray[np.bool_] | None = None
     exposure_time: float | None = None
+    assumed: bool = False
 
     @property
     def saturated(self) -> NDArray[np.bool_]:
@@ -136,11 +138,13 @@ def read_image(
     if encoding == "auto":
         linear = is_float or "lin" in declared or declared in ("raw", "data")
         note = f"taken as {'linear' if linear else 'sRGB'} ({'float' if is_float else spec.format} file)"
+        # OpenImageIO calls a PNG sRGB whether or not it says so.
+        assumed = not linear and path.suffix.lower() not in (".jpg", ".jpeg")
         if not linear and spec.format.basetype == oiio.UINT16:
             note += "; if a raw converter wrote linear values, set the encoding to linear"
         log.info(note)
     else:
-        linear = encoding == "linear"
+        linear, assumed = encoding == "linear", False
         note = f"taken as {'linear' if linear else 'sRGB'} as told"
     pixels = np.empty((*values.shape[:2], 3), np.float32)
     for rows in bands(len(values)):
@@ -149,7 +153,8 @@ def read_image(
             cover = alpha[rows, :, None]
             band = np.divide(band, cover, out=np.zeros_like(band), where=cover > 1e-6)
         pixels[rows] = band if linear else srgb_to_linear(band)
-    return Image(pixels, alpha, np.inf if is_float else 1.0, note, exposure_time=_exposure_time(spec))
+    clip = np.inf if is_float else 1.0
+    return Image(pixels, alpha, clip, note, exposure_time=_exposure_time(spec), assumed=assumed)
 
 
 def _exposure_time(spec: Any) -> float | None:
