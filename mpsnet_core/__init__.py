@@ -88,6 +88,7 @@ _HOME = {
     "read_sample": "synthesis.sample",
     "relit": "heights.relight",
     "superpose": "superpose",
+    "as_channels": "superpose",
     "surface_mesh": "heights.surface_mesh",
     "undistorted": "photogrammetry",
     "without_present": "surface.shown",

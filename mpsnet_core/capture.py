@@ -4,6 +4,7 @@ import logging
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from mpsnet_core.bands import bands
 from mpsnet_core.camera import Camera, camera_of_lens
 from mpsnet_core.correction import Correction, corrected
+from mpsnet_core.encoding import CLEAR, linear_rather
 from mpsnet_core.errors import InputError
 from mpsnet_core.frames import expand_images
 from mpsnet_core.images import Encoding, Image, layer_in, read_image, saturated
@@ -24,6 +26,8 @@ log = logging.getLogger(__name__)
 LEAST_KNOWN = 0.8
 # An object that is this many times nearer or farther than the lights' target is hardly in the rig's unit.
 MOST_OFF = 2.0
+# The angle, in radians, between two channels as vectors of all pixels, below which they show the same light.
+ALIKE = 0.03
 # Pixels by which a mesh's depth is continued where the mask is larger than the mesh.
 DEPTH_MARGIN = 32
 
@@ -165,6 +169,13 @@ def read_capture(
     if white is not None:
         several = [white] if isinstance(white, str | os.PathLike) else white
         capture = with_white(capture, several, encoding=encoding, layer=layer, correction=correction)
+    if image.assumed and (times := linear_rather(image.pixels, capture.mask, rig)) > CLEAR:
+        log.warning(
+            "%s is taken as sRGB, but the three lights explain it %.1f times better if it holds linear values; then "
+            "set the encoding to linear (--encoding linear): a wrong curve turns normals by ten degrees and more",
+            Path(path).name,
+            times,
+        )
     note_doubts(capture)
     return capture
 
@@ -309,19 +320,26 @@ def _note_unit(distance: float, near: NearLights) -> None:
 def note_doubts(capture: Capture, name: str = "") -> None:
     """Tell of photos that normals can be estimated from, but hardly right ones. name: which, if there are several."""
     which = f"{name}: " if name else ""
-    spread = brightest = spoilt = 0.0
-    total = np.zeros(3)
+    spoilt = 0
+    total, products = np.zeros(3), np.zeros((3, 3))
     for rows in bands(len(capture.mask)):
         mask = capture.mask[rows]
         inside = capture.image[rows][mask]
         if len(inside):
-            spread, brightest = max(spread, float(np.ptp(inside, axis=1).max())), max(brightest, float(inside.max()))
             clipped = saturated(inside, capture.clip) if capture.clipped is None else capture.clipped[rows][mask]
             spoilt += int(clipped.any(axis=1).sum())
             total += inside.sum(axis=0, dtype=np.float64)
+            products += inside.T.astype(np.float64) @ inside
     pixels = int(capture.mask.sum())
-    if spread <= 1e-3 * brightest:
-        log.info("%sthe photo's three channels are the same: was it lit by red, green and blue light?", which)
+    means, sizes = total / pixels, np.sqrt(np.diag(products))
+    # Where all of it faces one way, the channels are alike under any light: only equal ones tell something there.
+    told = np.ptp(means) <= 1e-3 * means.max() or (sizes**2 / pixels > 1.01 * means**2).all()
+    if told and (products >= np.cos(ALIKE) * np.outer(sizes, sizes)).all():
+        log.warning(
+            "%sthe photo's three channels are all but the same: it looks like a photo under white light, which tells "
+            "no normals; of three photos under one white light each, mpsnet superpose --channels makes one that does",
+            which,
+        )
     if spoilt > 0.05 * pixels:
         share = 100 * spoilt / pixels
         log.info("%s%.0f%% of the object's pixels are saturated, and wrong; expose shorter", which, share)
@@ -331,7 +349,6 @@ def note_doubts(capture: Capture, name: str = "") -> None:
             log.info(
                 "%s%.0f%% of the white photo's pixels are saturated; expose it shorter", which, 100 * spoilt / pixels
             )
-    means = total / pixels
     if np.array_equal(capture.rig.mixing, np.eye(3)) and means.min() > 0 and means.max() > 1.5 * means.min():
         log.info(
             "%sone channel is %.1f times as bright as another: the object is coloured or the lights are unequal, which "

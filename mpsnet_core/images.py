@@ -46,6 +46,7 @@ class Image:
     note: how the file's values were taken, for people to read.
     clipped: (H, W, 3) bool, where a channel is at its end and so wrong, or None where `clip` tells it.
     exposure_time: in seconds, where the file says it.
+    assumed: whether sRGB is only what most such files hold, and nobody said so.
     """
 
     pixels: NDArray[np.float32]
@@ -54,6 +55,7 @@ class Image:
     note: str
     clipped: NDArray[np.bool_] | None = None
     exposure_time: float | None = None
+    assumed: bool = False
 
     @property
     def saturated(self) -> NDArray[np.bool_]:
@@ -102,13 +104,16 @@ def layer_in(path: str | os.PathLike[str], layer: str | None) -> str | None:
     return layer if len(image_layers(path)) > 1 else None
 
 
-def read_image(path: str | os.PathLike[str], *, encoding: Encoding = "auto", layer: str | None = None) -> Image:
+def read_image(
+    path: str | os.PathLike[str], *, encoding: Encoding = "auto", layer: str | None = None, grey: bool = False
+) -> Image:
     """Read a colour image; camera raw files too, where rawpy is installed (:mod:`mpsnet_core.raw`).
 
     encoding: how the file's values are meant. "auto": float files and files that say so are linear, all others sRGB.
         Camera raw is always linear.
     layer: which layer of a multi-layer or multi-part EXR; its full name or its last part ("Combined"). Unless
         given: the unnamed layer, else the only one, else the one called Combined.
+    grey: take a file of one channel as well, for all three.
 
     Raises InputError where the file is missing, broken, too large, not RGB, or the layer is not there or not told.
     """
@@ -119,6 +124,8 @@ def read_image(path: str | os.PathLike[str], *, encoding: Encoding = "auto", lay
         return _read_raw(path, encoding, layer)
     values, names, spec = _read_layer(path, layer)
     colour = [names[name] for name in ("XYZ" if "X" in names else "RGB") if name in names]
+    if grey and not colour and len(names.keys() - {"A"}) == 1:
+        colour = [next(number for name, number in names.items() if name != "A")] * 3
     if len(colour) != 3:
         raise InputError(
             f"{path} has {len(names)} channel(s) ({', '.join(names)}) where red, green and blue are needed; "
@@ -131,11 +138,13 @@ def read_image(path: str | os.PathLike[str], *, encoding: Encoding = "auto", lay
     if encoding == "auto":
         linear = is_float or "lin" in declared or declared in ("raw", "data")
         note = f"taken as {'linear' if linear else 'sRGB'} ({'float' if is_float else spec.format} file)"
+        # OpenImageIO calls a PNG sRGB whether or not it says so.
+        assumed = not linear and path.suffix.lower() not in (".jpg", ".jpeg")
         if not linear and spec.format.basetype == oiio.UINT16:
             note += "; if a raw converter wrote linear values, set the encoding to linear"
         log.info(note)
     else:
-        linear = encoding == "linear"
+        linear, assumed = encoding == "linear", False
         note = f"taken as {'linear' if linear else 'sRGB'} as told"
     pixels = np.empty((*values.shape[:2], 3), np.float32)
     for rows in bands(len(values)):
@@ -144,7 +153,8 @@ def read_image(path: str | os.PathLike[str], *, encoding: Encoding = "auto", lay
             cover = alpha[rows, :, None]
             band = np.divide(band, cover, out=np.zeros_like(band), where=cover > 1e-6)
         pixels[rows] = band if linear else srgb_to_linear(band)
-    return Image(pixels, alpha, np.inf if is_float else 1.0, note, exposure_time=_exposure_time(spec))
+    clip = np.inf if is_float else 1.0
+    return Image(pixels, alpha, clip, note, exposure_time=_exposure_time(spec), assumed=assumed)
 
 
 def _exposure_time(spec: Any) -> float | None:

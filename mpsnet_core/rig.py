@@ -245,9 +245,12 @@ def _json_direction(light: Any, name: str) -> NDArray[np.float64]:
     return direction
 
 
-def _lp_directions(path: Path) -> NDArray[np.float64]:
-    """The ``.lp`` format of reflectance transformation imaging: a count, then "name x y z" a line."""
-    text = existing_file(path, "rig file").read_text(encoding="utf-8", errors="replace")
+def read_lp(path: str | os.PathLike[str]) -> tuple[list[str], NDArray[np.float64]]:
+    """The ``.lp`` format of reflectance transformation imaging: a count, then "name x y z" a line.
+
+    Returns the names and the directions (N, 3). Raises InputError where the file is missing or malformed.
+    """
+    text = existing_file(Path(path), "rig file").read_text(encoding="utf-8", errors="replace")
     lines = [line.split() for line in text.splitlines() if line.strip()]
     try:
         count = int(lines[0][0])
@@ -256,8 +259,16 @@ def _lp_directions(path: Path) -> NDArray[np.float64]:
         raise InputError('not an .lp file: the first line is the count, then a line "name x y z" a light') from None
     if len(directions) != count:
         raise InputError(f"the first line says {count} lights but {len(lines) - 1} lines follow; mend the count")
-    if count != 3:
-        raise InputError(f"it holds {count} lights, a rig has three; keep the lines of the red, green and blue light")
+    return [" ".join(words[:-3]) for words in lines[1:]], directions
+
+
+def _lp_directions(path: Path) -> NDArray[np.float64]:
+    directions = read_lp(path)[1]
+    if len(directions) != 3:
+        raise InputError(
+            f"it holds {len(directions)} lights, a rig has three; keep the lines of the red, green and blue light, or "
+            f"choose them: mpsnet calibrate lights {path.name} --lights 1,2,3 -o rig.json"
+        )
     return directions
 
 

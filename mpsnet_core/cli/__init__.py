@@ -54,6 +54,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         if "" in arguments:
             raise InputError("an argument is empty; is a shell variable that it comes from not set?")
+        if not arguments:
+            _parser().print_help()
+            return 0
         options = _parser().parse_args(arguments)
         reporter = Reporter(options.progress)
         result = options.verb(options, reporter)

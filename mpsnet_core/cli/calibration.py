@@ -4,7 +4,8 @@ import argparse
 import contextlib
 import logging
 import math
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 COLOURS = ("red", "green", "blue")
+# So many files are named in a sentence.
+MOST_NAMED = 16
 
 
 def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
@@ -67,7 +70,8 @@ def _add_lights(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "ball",
         nargs="+",
-        help="photo(s) of a mirror ball under the red, green and blue light at once, one for each place of the ball",
+        help="photo(s) of a mirror ball under the red, green and blue light at once, one for each place of the ball, "
+        "or an .lp file, of which --lights chooses three",
     )
     _add_shared(parser)
     parser.add_argument(
@@ -85,7 +89,8 @@ def _add_lights(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--lights",
         metavar="R,G,B",
-        help="with --per-light: which of the lights, counted from 1, are the rig's red, green and blue one",
+        help="with --per-light or an .lp file: which of the lights, counted from 1 in the order of the table, are the "
+        "rig's red, green and blue one",
     )
     parser.add_argument("--distant", action="store_true", help="write directions, though positions could be told")
     parser.add_argument(
@@ -95,7 +100,8 @@ def _add_lights(parser: argparse.ArgumentParser) -> None:
 
 
 def _lights(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
-
+    if Path(options.ball[0]).suffix.lower() == ".lp":
+        return _lights_of_lp(options)
     from mpsnet_core.calibrate.lights import find_lights, write_lp
     from mpsnet_core.calibrate.overlay import lights_picture
     from mpsnet_core.calibrate.photos import mean_photo, read_sightings
@@ -121,11 +127,13 @@ def _lights(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     if len(chosen) != 3 and not is_lp:
         raise InputError(
             f"there are photos of {count} light(s) where a rig has three; choose them with --lights 1,2,3, or write an "
-            ".lp file"
+            f".lp file{_numbered(files[:count])}"
         )
     if options.per_light and count < 2:
         raise InputError("--per-light takes a photo for each light; leave it out for one photo under all of them")
     names = [*COLOURS] if len(chosen) == 3 else [str(number + 1) for number in chosen]
+    shown_by = [files[k].name for k in chosen] if options.per_light else None
+    labels = [f"{name} {files[k].stem}" for name, k in zip(names, chosen, strict=True)] if options.per_light else names
     sightings, pictured = [], []
     for number, photos in enumerate(_by_place(files, places, options)):
         step = part(reporter.progress, 0.9 * number / places, 0.9 * (number + 1) / places)
@@ -152,14 +160,55 @@ def _lights(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     reporter.progress(0.9, "drawing what was found")
     if options.overlay:
         tiles = [
-            lights_picture(mean_photo(photos), sighting, found.directions, names)
+            lights_picture(mean_photo(photos), sighting, found.directions, labels)
             for photos, sighting in zip(pictured, sightings, strict=True)
         ]
         titled = [(f"{place}", tile) for place, tile in enumerate(tiles, 1)]
         picture = tiles[0] if len(tiles) == 1 else sheet(titled, 2, tile_height=tiles[0].shape[0])
         write_image(options.overlay, picture, bits=8, color_space="sRGB")
     reporter.progress(1.0, "done")
-    return _told(options, _lights_data(found, names))
+    return _told(options, _lights_data(found, names, shown_by))
+
+
+def _lights_of_lp(options: argparse.Namespace) -> dict[str, Any]:
+    """A rig of three of an .lp file's lights."""
+    from mpsnet_core.files import writable_path
+    from mpsnet_core.frames import check_apart
+    from mpsnet_core.rig import LightRig, angles_of, read_lp, write_rig
+
+    if len(options.ball) > 1 or options.overlay or options.json:
+        raise InputError("an .lp file is taken by itself, with --lights and -o alone; leave the rest out")
+    [file] = options.ball
+    try:
+        names, directions = read_lp(file)
+    except InputError as error:
+        raise InputError(str(error) if file in str(error) else f"{file}: {error}") from None
+    if not options.lights:
+        raise InputError(
+            f"{file} holds {len(names)} light(s); choose three with --lights 1,2,3{_numbered(map(Path, names))}"
+        )
+    chosen = _chosen(options.lights, len(names))
+    check_apart([file], [options.output])
+    if writable_path(options.output).suffix.lower() != ".json":
+        raise InputError(f"{options.output}: a rig of three lights is a .json file; name one")
+    rig = LightRig(directions[chosen])
+    _note_replaced(Path(options.output))
+    write_rig(options.output, rig)
+    slants, tilts = angles_of(rig.directions)
+    lights = [
+        {"name": name, "file": names[k], "direction": direction.tolist(), "slant": float(slant), "tilt": float(tilt)}
+        for name, k, direction, slant, tilt in zip(COLOURS, chosen, rig.directions, slants, tilts, strict=True)
+    ]
+    lines = [
+        f"{one['name'].rjust(6)} ({one['file']}): slant {one['slant']:.2f}°, tilt {one['tilt']:.2f}°" for one in lights
+    ]
+    return {"output": options.output, "lights": lights, "text": "\n".join([f"{options.output}:", *lines])}
+
+
+def _numbered(files: Iterable[Path]) -> str:
+    """The files with their numbers, for the end of a sentence; the first of them, where there are many."""
+    told = [f"{number} {file.name}" for number, file in enumerate(files, 1)]
+    return f" ({', '.join(told[:MOST_NAMED] + ['...'] * (len(told) > MOST_NAMED))})"
 
 
 def _ball_drawn(photos: "BallPhotos", overlay: str | None) -> bool:
@@ -218,7 +267,7 @@ def _by_place(files: Sequence[Path], places: int, options: argparse.Namespace) -
     ]
 
 
-def _lights_data(found: "LightsFound", names: Sequence[str]) -> dict[str, Any]:
+def _lights_data(found: "LightsFound", names: Sequence[str], files: Sequence[str] | None) -> dict[str, Any]:
     from mpsnet_core.rig import angles_of
 
     lights = []
@@ -244,7 +293,11 @@ def _lights_data(found: "LightsFound", names: Sequence[str]) -> dict[str, Any]:
                 for number, spot in enumerate(sighting.highlights[k] for sighting in found.sightings)
             ],
         }
-        line = f"{name.rjust(6)}: slant {slant:.2f}°, tilt {tilt:.2f}°, ± {found.uncertainties[k]:.2f}°"
+        shown = ""
+        if files is not None:
+            light["file"] = files[k]
+            shown = f" ({files[k]})"
+        line = f"{name.rjust(6)}{shown}: slant {slant:.2f}°, tilt {tilt:.2f}°, ± {found.uncertainties[k]:.2f}°"
         if found.positions is not None and found.position_uncertainties is not None and found.gaps is not None:
             light |= {
                 "position": found.positions[k].tolist(),
@@ -350,8 +403,12 @@ def _mixing_data(found: "MixingFound") -> dict[str, Any]:
         "ambient": found.ambient.tolist(),
         "pixels": found.pixels,
         "left_out": found.left_out,
+        "determined": found.determined,
+        "uncertainty": found.uncertainty,
         "balls": [] if found.ball is None else [_ball_data(found.ball)],
     }
+    if not found.determined:
+        rows.append("the lights' strengths alone: the photo does not tell how their colours mix")
     left_out = f"{found.left_out:.1%} of {found.pixels} pixels left out"
     rows.append(f"{found.residual:.2%} of the brightness unexplained, {left_out}")
     if found.ball is not None:
@@ -365,12 +422,14 @@ def _mixing_data(found: "MixingFound") -> dict[str, Any]:
 def _inputs(given: Sequence[str], options: argparse.Namespace) -> list[Path]:
     """The photos, once it is sure that the results can be written and overwrite none of what is read."""
     from mpsnet_core.files import writable_path
-    from mpsnet_core.frames import check_apart, expand_images
+    from mpsnet_core.frames import check_apart, expand_images, natural_order
     from mpsnet_core.images import checked_bits
 
     if options.radius is not None and not 0 < options.radius < math.inf:
         raise InputError(f"--radius is the ball's radius, a number above 0, not {options.radius:g}")
-    files = expand_images(given)
+    files = _without_masks(expand_images(given))
+    if files == sorted(files, key=lambda file: str(file)):
+        files = sorted(files, key=natural_order)  # a shell puts 10 before 2
     outputs = [file for file in (options.output, options.overlay, options.json) if file]
     for number, output in enumerate(outputs):
         writable_path(output)
@@ -380,6 +439,16 @@ def _inputs(given: Sequence[str], options: argparse.Namespace) -> list[Path]:
     if options.overlay:
         checked_bits(Path(options.overlay), 8)
     return files
+
+
+def _without_masks(files: list[Path]) -> list[Path]:
+    """The photos among files that a pattern took in; masks are told by their names."""
+    photos = [file for file in files if not re.search(r"(^|[^a-z])mask$", file.stem.lower())]
+    if not photos or len(photos) == len(files):
+        return files
+    masks = ", ".join(file.name for file in files if file not in photos)
+    log.info("%s is left out, a mask by its name; --mask says where the ball is", masks)
+    return photos
 
 
 def _photos(

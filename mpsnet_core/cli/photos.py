@@ -29,7 +29,7 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
     _add_estimate(
         verbs.add_parser("estimate", parents=[common], formatter_class=Help, help="photo to camera-space normal map")
     )
-    superpose = verbs.add_parser("superpose", parents=[common], help="add up photos that show one light each")
+    superpose = verbs.add_parser("superpose", parents=[common], help="photos that show one light each become one photo")
     _add_superpose(superpose)
     models = verbs.add_parser("models", parents=[common], help="list the models that can be asked for by name")
     models.add_argument("model", nargs="?", help="name or .onnx file of a network, to read its card")
@@ -170,24 +170,44 @@ def _white_light(given: str) -> "NDArray[np.float64] | None":
 def _add_superpose(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("image", nargs="+", help="photos of a thing that did not move, one for each light")
     parser.add_argument("--encoding", default="auto", help="auto, linear or srgb: how the photos' values are meant")
-    parser.add_argument("-o", "--output", required=True, help="the photo under all lights: .exr, or a float .tif")
+    parser.add_argument(
+        "--channels",
+        action="store_true",
+        help="of three photos, each under one white light in the rig's order, make the red, green and blue channel",
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        required=True,
+        help="the photo under all lights: .exr, or a float .tif; with --channels also .png (sRGB, 16 bits)",
+    )
     parser.set_defaults(verb=_superpose)
 
 
 def _superpose(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     import numpy as np
 
-    from mpsnet_core.images import checked_bits, write_image
-    from mpsnet_core.superpose import superpose
+    from mpsnet_core.frames import check_apart
+    from mpsnet_core.images import checked_bits, linear_to_srgb, write_image
+    from mpsnet_core.superpose import as_channels, superpose
 
+    check_apart(options.image, [options.output])
+    is_png = options.channels and Path(options.output).suffix.lower() == ".png"
     # A sum of light can be above 1, which only float files hold.
-    bits = checked_bits(Path(options.output), 32)
-    reporter.progress(0.0, "adding up the light")
-    pixels, alpha = superpose(options.image, encoding=options.encoding)
+    bits = checked_bits(Path(options.output), None if is_png else 32)
+    reporter.progress(0.0, "putting the photos together")
+    if options.channels:
+        pixels, alpha = as_channels(options.image, encoding=options.encoding)
+    else:
+        pixels, alpha = superpose(options.image, encoding=options.encoding)
+    if is_png:
+        pixels = linear_to_srgb(pixels / max(1.0, float(pixels.max())))
     planes = [pixels] if alpha is None else [pixels, alpha[..., None]]
-    write_image(options.output, np.concatenate(planes, axis=-1), bits=bits, color_space="lin_rec709_scene")
+    space = "sRGB" if is_png else "lin_rec709_scene"
+    write_image(options.output, np.concatenate(planes, axis=-1), bits=bits, color_space=space)
     reporter.progress(1.0, "done")
-    return {"output": options.output, "text": f"{options.output}: {len(options.image)} photo(s) added up"}
+    done = "a channel each" if options.channels else "added up"
+    return {"output": options.output, "text": f"{options.output}: {len(options.image)} photo(s), {done}"}
 
 
 # --- models -----------------------------------------------------------------------------------------------------------

@@ -1,11 +1,15 @@
 """Which points of a mesh a camera sees."""
 
+import logging
+
 import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.camera import Camera
 from mpsnet_core.rays import RayScene
 from mpsnet_core.surface.upsample import reduced_shape
+
+log = logging.getLogger(__name__)
 
 # The depth image that settles easy cases is traced at no more than this many pixels on its longer side.
 DEPTH_PIXELS = 1024
@@ -40,6 +44,11 @@ class Visibility:
         pixel = max(camera.height, camera.width) / (max(height, width) * camera.focal.min())
         pixel = np.full_like(depth, pixel) if camera.projection == "orthographic" else pixel * depth
         seen = np.isfinite(depth)
+        if seen.any() and depth[seen].max() < -self.offset:  # an orthographic camera's rays begin behind its plane
+            log.warning(
+                "an orthographic camera looks away from the mesh: all that it sees of it lies behind it, and is baked "
+                "as if it stood before it; is the camera's pose told in the right axes (it looks along -z, y is up)?"
+            )
         self.footprint = float(np.median(pixel[seen])) if seen.any() else 1.0
         padded = np.pad(depth, 1, constant_values=np.inf)
         left, right, above, below = padded[1:-1, :-2], padded[1:-1, 2:], padded[:-2, 1:-1], padded[2:, 1:-1]

@@ -1169,7 +1169,7 @@ FRAMES: list[Case] = [
 ]
 
 COMMANDS: list[Case] = [
-    ("no verb", lambda b: b.run(), "VERB; see mpsnet --help"),
+    ("no verb", lambda b: b.run("--progress", "none"), "see mpsnet --help"),
     ("unknown verb", lambda b: b.run("paint"), "'paint'…see mpsnet --help"),
     ("no rig", lambda b: b.run("estimate", b.photo(), "-o", b / "n.png"), "--rig; see mpsnet estimate --help"),
     ("unknown option", lambda b: b.estimate(colour="red"), "--colour…see mpsnet"),

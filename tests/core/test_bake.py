@@ -124,6 +124,17 @@ def test_an_orthographic_camera_sees_the_same_from_within_as_from_afar() -> None
         assert texture.seen[:, :32].mean() > 0.95 and texture.seen[:, 32:].mean() < 0.05, height
 
 
+@pytest.mark.parametrize(("depth", "told"), [(3.0, False), (0.0, False), (-3.0, True)])
+def test_an_orthographic_camera_that_looks_away_from_the_mesh_is_told(
+    caplog: pytest.LogCaptureFixture, depth: float, told: bool
+) -> None:
+    pose = np.eye(4)
+    pose[2, 3] = depth
+    camera = Camera("orthographic", 64, 64, [24, 24], world_from_camera=pose)
+    bake_normals(plane(), [constant_view(camera, [0.0, 0.0, 1.0])], size=32)
+    assert ("looks away from the mesh" in caplog.text) == told
+
+
 def test_far_from_the_origin_the_bake_is_as_sharp() -> None:
     textures = []
     for place in (0.0, 1e6):

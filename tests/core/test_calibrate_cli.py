@@ -15,6 +15,7 @@ from conftest import Mpsnet
 from mirror_ball import CROSSTALK, Scene, around, grey_photograph, lamps_around, photograph
 from synthetic import degrees_between, listing, write_file
 
+from mpsnet_core.calibrate.lights import write_lp
 from mpsnet_core.calibrate.photos import BallPhotos
 from mpsnet_core.camera import Camera, write_camera
 from mpsnet_core.cli import main
@@ -115,6 +116,32 @@ def test_any_number_of_lights_goes_into_an_lp_file(photos: Path, tmp_path: Path)
     assert lines[0] == "2" and [line.split()[0] for line in lines[1:]] == ["only0", "only1"]
     assert degrees_between(np.array([line.split()[1:] for line in lines[1:]], float), FACING[:2]).max() < 1
     assert picture(overlay).std() > 0.01
+
+
+def test_lights_are_told_by_their_photos_in_the_order_of_their_numbers(
+    photos: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As a shell gives them: ball.10 before ball.2, and the mask among them."""
+    for light, number in enumerate((1, 2, 10)):
+        (tmp_path / f"ball.{number}.png").write_bytes((photos / f"only{light}.png").read_bytes())
+    (tmp_path / "ball.mask.png").write_bytes((photos / "mask.png").read_bytes())
+    files = sorted(map(str, tmp_path.glob("ball.*.png")))
+    assert main(["calibrate", "lights", *files, "--per-light", "-o", str(tmp_path / "rig.json")]) == 0
+    said = capsys.readouterr()
+    table = said.out.splitlines()[1:4]
+    assert [line.partition(" (")[2].partition(")")[0] for line in table] == ["ball.1.png", "ball.2.png", "ball.10.png"]
+    assert "ball.mask.png is left out" in said.err
+    assert degrees_between(read_rig(tmp_path / "rig.json").directions, FACING).max() < 1
+
+
+def test_three_lights_of_an_lp_file_become_a_rig(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    lights, rig = tmp_path / "lights.lp", tmp_path / "rig.json"
+    write_lp(lights, [[0.1, 0.2, 0.9], *FACING[::-1]], ["none", "b", "g", "r"])
+    assert main(["calibrate", "lights", str(lights), "--lights", "4,3,2", "-o", str(rig)]) == 0
+    assert degrees_between(read_rig(rig).directions, FACING).max() < 1e-3
+    assert "red (r): slant" in capsys.readouterr().out
+    assert main(["calibrate", "lights", str(lights), "-o", str(rig)]) == 2
+    assert "choose three with --lights 1,2,3 (1 none, 2 b, 3 g, 4 r)" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("lens", [["--focal", "54"], ["--camera", "camera.json"]])

@@ -1,19 +1,22 @@
 """The mixing matrix by grey balls and cards: against photographs that are traced with a matrix that is known."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
 from mirror_ball import CROSSTALK, Scene, around, developed, grey_photograph, taken
 from synthetic import degrees_between
 
-from mpsnet_core.calibrate.ball import Ball, Circle, ball_from_circle, distant_camera
+from mpsnet_core.calibrate.ball import Ball, Circle, ball_from_circle, ball_from_mask, distant_camera
 from mpsnet_core.calibrate.circles import find_balls
 from mpsnet_core.calibrate.mixing import mixing_from_ball, mixing_from_ball_by_light, mixing_from_card
 from mpsnet_core.camera import Camera
 from mpsnet_core.capture import Capture
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate import estimate_normals
+from mpsnet_core.images import linear_to_srgb, read_image, read_mask, srgb_to_linear
+from mpsnet_core.normals import normalised
 from mpsnet_core.rig import LightRig, near_rig
 
 ANGLES = [(30, 90), (35, 205), (25, 335)]
@@ -37,11 +40,13 @@ def test_a_grey_ball_tells_the_matrix_though_its_circle_is_slightly_wrong(circle
     found = mixing_from_ball(taken(grey_photograph(SCENE, MIXING, FACING, **options)), drawn(circle), RIG)
     assert np.abs(found.mixing - MIXING).max() < 0.01
     assert found.mixing.max() == 1
-    assert found.ambient == pytest.approx(options.get("ambient", 0), abs=0.01)
+    assert found.determined
+    assert found.ambient == pytest.approx(options.get("ambient", 0), abs=0.02)
     assert found.residual < 0.04
     assert found.ball is not None
     corrected = found.ball.circle
-    assert (corrected.x, corrected.y, corrected.radius) == pytest.approx((154.3, 156.2, 110), abs=0.2)
+    near = 0.5 if "noise" in options else 0.2
+    assert (corrected.x, corrected.y, corrected.radius) == pytest.approx((154.3, 156.2, 110), abs=near)
 
 
 def test_a_ball_that_is_found_and_one_in_perspective() -> None:
@@ -150,15 +155,70 @@ def test_a_card_under_one_light_at_a_time(normal: Sequence[float]) -> None:
     assert found.ball is None
 
 
-def test_a_rig_in_the_wrong_order_is_told(caplog: pytest.LogCaptureFixture) -> None:
-    """Lights at their places but mirrored explain the photo badly: by much, or by light that is taken away."""
-    image = grey_photograph(SCENE, MIXING, FACING)
-    try:
-        mixing_from_ball(taken(image), drawn(), LightRig(FACING * [-1, -1, 1]))
-    except InputError as error:
-        assert "does the rig belong to this photo" in str(error)
-    else:
-        assert "does the rig belong to this photo" in caplog.text
+def glossy_photograph(directions: np.ndarray, mixing: np.ndarray, rough: float) -> np.ndarray:
+    """A grey ball that is not quite matt, over a pale table, in an 8-bit sRGB photo whose brightest parts clip."""
+    met, _, normals = SCENE.hits(*SCENE.eye_rays(*SCENE.samples(2)))
+    shading = []
+    for light in directions:
+        half = normalised(light + np.array([0, 0, 1]))
+        gloss = 0.25 * np.clip(normals @ half, 0, None) ** (2 / rough**4)
+        shading.append(np.clip(normals @ light, 0, 1) ** 0.92 + gloss * (normals @ light > 0))
+    table = 0.05 * np.clip(0.5 - 0.5 * normals[..., 1:2], 0, 1) * directions[:, 2]
+    image = SCENE.averaged((np.stack(shading, -1) + table) @ mixing.T * met[..., None], 2)
+    image = image / np.percentile(image[image.sum(-1) > 0], 98)
+    return srgb_to_linear(np.rint(linear_to_srgb(image) * 255) / 255).astype(np.float32)
+
+
+@pytest.mark.parametrize("rough", [0.3, 0.5])
+def test_a_real_ball_tells_the_matrix_to_a_tenth(rough: float) -> None:
+    """Gloss, light thrown back, lights 2° off, eight bits and clipping at once."""
+    off = np.radians(2) * np.array([[0.6, 0.8, 0.0], [-1.0, 0.0, 0.0], [0.3, -0.9, 0.3]])
+    photo = taken(glossy_photograph(normalised(FACING + off), MIXING, rough))
+    found = mixing_from_ball(photo, drawn(Circle(155.0, 155.7, 110.5)), RIG)
+    assert found.determined
+    assert np.abs(found.mixing - MIXING).max() < 0.1
+
+
+def test_lights_by_the_camera_tell_their_strengths_alone(caplog: pytest.LogCaptureFixture) -> None:
+    """No edge of a shadow is seen, which would say whose light it is."""
+    directions = np.array([around(*angle) for angle in ((12, 0), (15, 70), (10, 140))])
+    strengths = np.diag([0.7, 1.0, 0.5])
+    found = mixing_from_ball(taken(glossy_photograph(directions, strengths, 0.5)), drawn(), LightRig(directions))
+    assert not found.determined
+    assert np.array_equal(found.mixing != 0, np.eye(3, dtype=bool))
+    assert np.abs(found.mixing - strengths).max() < 0.1
+    assert "strengths alone" in caplog.text
+
+
+@pytest.mark.parametrize("triple", [("001", "048", "096"), ("008", "041", "089"), ("022", "050", "078")])
+def test_a_photographed_ball_tells_the_matrix(diligent: Path, triple: Sequence[str]) -> None:
+    """One-shots of DiLiGenT's ball, which is glossy, with crosstalk that we know, in eight bits."""
+    folder = diligent / "ballPNG"
+    lights = [int(name) - 1 for name in triple]
+    strengths = np.loadtxt(folder / "light_intensities.txt")[lights].mean(axis=1)
+    photos = [read_image(folder / f"{name}.png", encoding="linear").pixels.mean(axis=-1) for name in triple]
+    image = np.stack(photos, axis=-1) / strengths @ MIXING.T
+    mask = read_mask(folder / "mask.png")
+    image = np.clip(image / np.percentile(image[mask], 99), 0, 1)
+    photo = taken(srgb_to_linear(np.rint(linear_to_srgb(image) * 255) / 255).astype(np.float32))
+    ball = ball_from_mask(mask, distant_camera(mask.shape[1], mask.shape[0]))
+    found = mixing_from_ball(photo, ball, LightRig(np.loadtxt(folder / "light_directions.txt")[lights]))
+    assert not found.determined or np.abs(found.mixing - MIXING).max() < 0.1
+
+
+@pytest.mark.parametrize(
+    "directions", [FACING * [-1, -1, 1], FACING * [-1, 1, 1], FACING[[1, 0, 2]], FACING[[1, 2, 0]]]
+)
+def test_lights_that_stand_elsewhere_are_refused(directions: np.ndarray) -> None:
+    with pytest.raises(InputError, match=r"does the rig belong to this photo"):
+        mixing_from_ball(taken(grey_photograph(SCENE, MIXING, FACING)), drawn(), LightRig(directions))
+
+
+def test_a_photo_of_something_else_is_refused() -> None:
+    x, y = np.meshgrid(np.arange(300), np.arange(300))
+    weave = 0.5 + 0.4 * np.stack([np.sin(x / 9), np.sin(y / 7), np.sin((x + y) / 11)], -1)
+    with pytest.raises(InputError, match=r"no mixing matrix explains the photo"):
+        mixing_from_ball(taken(weave.astype(np.float32)), drawn(), RIG)
 
 
 def test_bad_photos() -> None:

@@ -157,8 +157,9 @@ def test_models_are_listed(mpsnet: Mpsnet) -> None:
     assert [line.split()[0] for line in second.splitlines()[1:]] == compared
 
 
-def test_help_names_the_verbs(mpsnet: Mpsnet) -> None:
-    done = mpsnet("--help")
+@pytest.mark.parametrize("asked", [("--help",), ()])
+def test_help_names_the_verbs(mpsnet: Mpsnet, asked: tuple[str, ...]) -> None:
+    done = mpsnet(*asked)
     assert done.returncode == 0
     assert all(verb in done.stdout for verb in ("estimate", "bake", "evaluate", "models"))
 

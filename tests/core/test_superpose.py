@@ -1,0 +1,67 @@
+"""Three photos under one white light each become the channels of one photo."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from synthetic import Sphere, degrees_between, write_file
+
+from mpsnet_core.capture import read_capture
+from mpsnet_core.cli import main
+from mpsnet_core.errors import InputError
+from mpsnet_core.estimate import estimate_normals
+from mpsnet_core.images import linear_to_srgb, read_image
+from mpsnet_core.superpose import as_channels
+
+PAINT = np.array([[0.9, 0.2, 0.1], [0.2, 0.4, 0.8]])
+
+
+@pytest.fixture
+def photos(tmp_path: Path, sphere: Sphere) -> list[str]:
+    """The sphere, one half of it orange and the other blue, under each light alone, turned white."""
+    shading = np.maximum(sphere.normals @ sphere.rig.directions.T, 0)
+    paint = PAINT[(np.arange(64) // 32)[None, :].repeat(64, axis=0)]
+    return [
+        str(write_file(tmp_path / f"w{k}.png", linear_to_srgb(shading[..., k, None] * paint), "uint16"))
+        for k in range(3)
+    ]
+
+
+@pytest.mark.parametrize("name", ["photo.png", "photo.exr"])
+def test_equation_2_is_exact_on_the_photo_that_is_made(photos: list[str], sphere: Sphere, name: str) -> None:
+    output = Path(photos[0]).with_name(name)
+    assert main(["superpose", "--channels", *photos, "-o", str(output)]) == 0
+    capture = read_capture(output, sphere.rig, mask="none")
+    found = estimate_normals(capture, "lambertian")
+    assert degrees_between(found.vectors, sphere.normals)[sphere.lit].max() < 0.3
+
+
+def test_photos_of_one_channel_are_taken(tmp_path: Path) -> None:
+    values = [0.2, 0.4, 0.6]
+    files = [write_file(tmp_path / f"{k}.exr", np.full((4, 5), v), "float") for k, v in enumerate(values)]
+    np.testing.assert_allclose(as_channels(files)[0], np.broadcast_to(values, (4, 5, 3)), rtol=1e-6)
+
+
+def test_what_is_clipped_in_one_colour_is_clipped_in_the_channel(tmp_path: Path) -> None:
+    values = np.full((4, 5, 3), 0.3)
+    values[1, 2, 0] = 1
+    files = [write_file(tmp_path / f"{k}.png", values, "uint8") for k in range(3)]
+    output = tmp_path / "photo.png"
+    assert main(["superpose", "--channels", *map(str, files), "-o", str(output)]) == 0
+    spoilt = read_image(output).saturated
+    assert spoilt[1, 2].all() and spoilt.sum() == 3
+
+
+def test_two_photos_are_too_few(photos: list[str]) -> None:
+    with pytest.raises(InputError, match=r"2 photo\(s\) where three are needed"):
+        as_channels(photos[:2])
+
+
+def test_the_sum_of_white_photos_is_told_by_its_channels(
+    tmp_path: Path, sphere: Sphere, rig_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    grey = np.maximum(sphere.normals @ sphere.rig.directions.T, 0).sum(axis=-1, keepdims=True) / 3
+    photo = write_file(tmp_path / "sum.exr", grey * [1.0, 0.9, 0.8], "float")
+    command = ["estimate", str(photo), "--rig", str(rig_file), "--model", "lambertian", "-o", str(tmp_path / "n.png")]
+    assert main(command) == 0
+    assert "looks like a photo under white light" in capsys.readouterr().err
