@@ -45,7 +45,7 @@ _SHELF = (
     _network(
         DEFAULT_MODEL,
         "Multiscale",
-        "The default: a network over five scales that knows the lights and tells how sure it is",
+        "The default: one network from coarse to fine, with equation 2 inside, that tells how sure it is",
         STILL_PASSES,
     ),
     _network(

@@ -58,6 +58,8 @@ def estimate_magnified(
         capture.rig,
         clip=capture.clip,
         clipped=None if capture.clipped is None else _magnified(capture.clipped[box], times) > 0,
+        white=None if capture.white is None else _magnified(capture.white[box], times),
+        white_clipped=None if capture.white_clipped is None else _magnified(capture.white_clipped[box], times) > 0,
     )
     estimate = estimator(large, progress)
     vectors, confidence = np.zeros(capture.image.shape, np.float32), np.zeros(capture.mask.shape, np.float32)
