@@ -38,7 +38,7 @@ def test_command_line_renders_generated_shapes(blender, tmp_path):
 def test_command_line_renders_the_scenes_own_objects(blender, tmp_path):
     scene, folder = tmp_path / "sphere.blend", tmp_path / "samples"
     assert blender.script("sphere.py", tmp_path / "report.json", scene) == ["Sphere"]
-    flags = ["--source", "scene", "--object", "Sphere", "--count", "1", *SMALL, "--output", folder]
+    flags = ["--source", "scene", "--object", "Sphere", "--count", "1", "--seed", "23", *SMALL, "--output", folder]
     done = blender.run("-b", scene, "--command", "mpsnet", "render-samples", *flags)
     assert done.returncode == 0, done.stdout + done.stderr
     check_samples(folder, 1)
