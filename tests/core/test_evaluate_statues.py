@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import trimesh
 from conftest import Mpsnet
-from sphere_sample import sphere_sample
 from synthetic import diligent_object, shaded_sphere
 
 from mpsnet_core.capture import Capture
@@ -16,12 +15,9 @@ from mpsnet_core.evaluation.diligent import Diligent
 from mpsnet_core.evaluation.evaluation import evaluate
 from mpsnet_core.evaluation.fine_relief import fine_relief
 from mpsnet_core.evaluation.magnify import estimate_magnified
-from mpsnet_core.evaluation.samples import Samples
 from mpsnet_core.evaluation.statues import Statues
 from mpsnet_core.normals import NormalMap
 from mpsnet_core.progress import Progress
-from mpsnet_core.synthesis.job import sample_path
-from mpsnet_core.synthesis.sample import write_sample
 
 SIZE = 128
 SIGMA = 6.0
@@ -165,10 +161,3 @@ def test_diligent_is_magnified_and_told_where_it_faces_all_lights(tmp_path: Path
     (region,) = Diligent(tmp_path, lights=[(1, 2, 3)], protocols=["white"]).cases[0]().regions.values()
     brightest = np.percentile(sphere.image[sphere.mask], 99, axis=0)
     np.testing.assert_array_equal(region, sphere.lit & (sphere.image > 0.02 * brightest).all(axis=-1))
-
-
-def test_samples_are_magnified(tmp_path: Path) -> None:
-    write_sample(sample_path(tmp_path, 0), sphere_sample(48))
-    rows = evaluate(Samples([tmp_path], magnify=[1, 3]), ["lambertian"])["rows"]
-    assert [row["magnify"] for row in rows] == [1, 3]
-    assert rows[1]["mae_deg"] == pytest.approx(rows[0]["mae_deg"], abs=0.3)
