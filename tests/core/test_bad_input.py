@@ -1182,7 +1182,7 @@ COMMANDS: list[Case] = [
     (
         "a number of passes that no network takes",
         lambda b: b.run("estimate", "p.png", "--rig", "r.json", "--passes", "2", "-o", "n.png"),
-        "--passes…invalid choice: 2…see mpsnet estimate --help",
+        "--passes…invalid choice…2…see mpsnet estimate --help",
     ),
     (
         "passes in turn of a network that knows no turns",
