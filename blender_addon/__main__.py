@@ -1,25 +1,47 @@
 """``python -m blender_addon [--online-mode] [SCENE.blend] VERB``: commands.py with pip's bpy for a Blender."""
 
+import atexit
+import os
 import sys
 from pathlib import Path
 
-import bpy
+code = 1  # unless something says otherwise
 
-import blender_addon
-from blender_addon.commands import COMMAND, EXIT_BAD_INPUT, main
-from blender_addon.trust import preferences_trust
 
-arguments = sys.argv[1:]
-blender_addon.register()
-if arguments[:1] == ["--online-mode"]:  # as Blender's own, whose preferences say otherwise
-    arguments.pop(0)
-    bpy.context.preferences.system.use_online_access = True
-if arguments and arguments[0].endswith(".blend"):
-    try:
-        path = arguments.pop(0)
-        bpy.ops.wm.open_mainfile(filepath=path, use_scripts=preferences_trust(str(Path(path).resolve())))
-    except RuntimeError as error:
-        sentence = " ".join(str(error).split()).removeprefix("Error: ")
-        print(f"{COMMAND}: {sentence}; check the path", file=sys.stderr)  # noqa: T201
-        sys.exit(EXIT_BAD_INPUT)
-sys.exit(main(arguments))
+@atexit.register  # before bpy is imported, so that it runs after what bpy registers
+def leave() -> None:
+    """End without the destructors of bpy's wheel: those of 4.5 wait for ever where a file had linked libraries."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
+
+
+import bpy  # noqa: E402
+
+import blender_addon  # noqa: E402
+from blender_addon.commands import COMMAND, EXIT_BAD_INPUT, main  # noqa: E402
+from blender_addon.trust import preferences_trust  # noqa: E402
+
+
+def run(arguments: list[str]) -> int:
+    """Register the add-on, open the file where one is named, and run the verb; gives the exit code."""
+    blender_addon.register()
+    if arguments[:1] == ["--online-mode"]:  # as Blender's own, whose preferences say otherwise
+        arguments.pop(0)
+        bpy.context.preferences.system.use_online_access = True
+    if arguments and arguments[0].endswith(".blend"):
+        try:
+            path = arguments.pop(0)
+            bpy.ops.wm.open_mainfile(filepath=path, use_scripts=preferences_trust(str(Path(path).resolve())))
+        except RuntimeError as error:
+            sentence = " ".join(str(error).split()).removeprefix("Error: ")
+            sys.stderr.write(f"{COMMAND}: {sentence}; check the path\n")
+            return EXIT_BAD_INPUT
+    return main(arguments)
+
+
+try:
+    code = run(sys.argv[1:])
+except SystemExit as ended:  # argparse's
+    code = ended.code if isinstance(ended.code, int) else 0 if ended.code is None else 1
+    raise

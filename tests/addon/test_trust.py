@@ -14,9 +14,6 @@ from blender_addon.core_process import CoreProcess
 from blender_addon.render_beside import rendering_blender, written_job
 from blender_addon.settings.record import notes_of
 
-# The wheel of bpy 4.5 waits for ever in a render whose drivers may not run; looked into next.
-pytestmark = pytest.mark.skipif(bpy.app.version < (5, 0, 0), reason="bpy 4.5 hangs where drivers are kept back")
-
 
 def touching(name):
     """Python that leaves a file in the folder of the file it is in, as the value 2."""
