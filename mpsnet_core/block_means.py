@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def block_means(pixels: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
+def block_means(pixels: NDArray[np.floating], factor: int) -> NDArray[np.float32]:
     """(H, W, 3) means of factor x factor pixels; what is not finite counts as black."""
     height, width, channels = pixels.shape
     starts = np.arange(0, width, factor)
@@ -12,5 +12,5 @@ def block_means(pixels: NDArray[np.float32], factor: int) -> NDArray[np.float32]
     small = np.empty((-(-height // factor), len(starts), channels), np.float32)
     for row in range(len(small)):
         rows = np.nan_to_num(pixels[row * factor : (row + 1) * factor], posinf=0, neginf=0)
-        small[row] = np.add.reduceat(rows.mean(axis=0), starts, axis=0) / counts
+        small[row] = np.add.reduceat(rows.mean(axis=0, dtype=np.float32), starts, axis=0) / counts
     return small

@@ -5,6 +5,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +37,7 @@ DEPTH_MARGIN = 32
 class Capture:
     """One photo under three lights at once, and a second one under white light where it could be had.
 
-    image: (H, W, 3) float32, linear; channel i is camera channel R, G, B.
+    image: (H, W, 3) float32, or float16 where it is given so, linear; channel i is camera channel R, G, B.
     mask: (H, W) bool, the pixels of the object.
     rig: the lights, in camera space.
     camera: its projection and pose, where known.
@@ -51,7 +52,7 @@ class Capture:
     Raises InputError where the shapes do not agree, the mask is empty, a value is not finite or the depth is lacking.
     """
 
-    image: NDArray[np.float32]
+    image: NDArray[np.floating]
     mask: NDArray[np.bool_]
     rig: LightRig
     camera: Camera | None = None
@@ -62,17 +63,17 @@ class Capture:
     white_clipped: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
-        image, mask = np.asarray(self.image, np.float32), np.asarray(self.mask, bool)
+        image, mask = np.asarray(self.image), np.asarray(self.mask, bool)
+        if image.dtype != np.float16:
+            image = image.astype(np.float32, copy=False)
         if image.ndim != 3 or image.shape[2] != 3:
             raise InputError(f"a photo has three channels a pixel; this one has shape {image.shape}")
         if mask.shape != image.shape[:2]:
             raise InputError(f"the mask is {_size(mask)} but the photo is {_size(image)}; they must be the same size")
         if not mask.any():
             raise InputError("the mask is empty: no pixel of the object is marked; choose another mask or threshold")
-        finite = np.isfinite(image)
-        if not finite.all(where=mask[..., None]):
-            raise InputError("the photo holds values that are not finite inside the mask; export it again")
-        if not (image > 0).any(where=mask[..., None]):
+        image = _finite_inside(image, mask, "photo")
+        if not any((image[rows] > 0).any(where=mask[rows, :, None]) for rows in bands(len(mask))):
             raise InputError("the photo is black inside the mask; were the lights on, and is it the right mask?")
         if self.clipped is not None and self.clipped.shape != image.shape:
             raise InputError(f"what is clipped is {_size(self.clipped)} but the photo is {_size(image)}")
@@ -97,8 +98,7 @@ class Capture:
             object.__setattr__(self, "depth", depth)
         if self.white is not None:
             object.__setattr__(self, "white", _checked_white(self.white, self.white_clipped, mask))
-        # Outside the mask nothing counts; inside, everything is finite.
-        object.__setattr__(self, "image", np.where(finite, image, np.float32(0)))
+        object.__setattr__(self, "image", image)
         object.__setattr__(self, "mask", mask)
 
     @property
@@ -107,8 +107,21 @@ class Capture:
         return saturated(self.image, self.clip) if self.clipped is None else self.clipped
 
 
+def _finite_inside(image: NDArray[Any], mask: NDArray[np.bool_], name: str) -> NDArray[Any]:
+    """The image (H, W, 3) with zeros where it is not finite, outside the mask; itself where it is finite."""
+    result = image
+    for rows in bands(len(mask)):
+        finite = np.isfinite(image[rows])
+        if not finite.all(where=mask[rows, :, None]):
+            raise InputError(f"the {name} holds values that are not finite inside the mask; export it again")
+        if not finite.all():
+            result = image.copy() if result is image else result
+            result[rows][~finite] = 0
+    return result
+
+
 def _checked_white(
-    white: NDArray[np.float32], clipped: NDArray[np.bool_] | None, mask: NDArray[np.bool_]
+    white: NDArray[np.floating], clipped: NDArray[np.bool_] | None, mask: NDArray[np.bool_]
 ) -> NDArray[np.float32]:
     white = np.asarray(white, np.float32)
     if white.ndim != 3 or white.shape[2] != 3:
@@ -118,14 +131,12 @@ def _checked_white(
             f"the white photo is {_size(white)} but the photo is {_size(mask)}; take both with the same camera, held "
             "alike"
         )
-    finite = np.isfinite(white)
-    if not finite.all(where=mask[..., None]):
-        raise InputError("the white photo holds values that are not finite inside the mask; export it again")
+    white = _finite_inside(white, mask, "white photo")
     if not (white > 0).any(where=mask[..., None]):
         raise InputError("the white photo is black inside the mask; was the light on, and is it of the same pose?")
     if clipped is not None and clipped.shape != white.shape:
         raise InputError(f"what is clipped in the white photo is {_size(clipped)} but that is {_size(white)}")
-    return np.where(finite, white, np.float32(0))
+    return white
 
 
 def _size(array: NDArray[np.generic]) -> str:
@@ -159,7 +170,7 @@ def read_capture(
     Raises InputError where a file is missing or broken, or photo, mask, camera, depth and white photo do not fit each
     other.
     """
-    image = read_image(path, encoding=encoding, layer=layer)
+    image = read_image(path, encoding=encoding, layer=layer, compact=correction is None)
     try:
         capture = capture_from(
             image, rig, mask=mask, encoding=encoding, layer=layer, camera=camera, depth=depth, correction=correction
@@ -193,7 +204,7 @@ def with_white(
 
     Raises InputError where one is missing, broken or does not fit the photo.
     """
-    total, clipped = np.zeros_like(capture.image), np.zeros(capture.image.shape, bool)
+    total, clipped = np.zeros(capture.image.shape, np.float32), np.zeros(capture.image.shape, bool)
     for file in expand_images(photos):
         image = read_image(file, encoding=encoding, layer=layer_in(file, layer))
         try:

@@ -3,7 +3,7 @@
 import logging
 import os
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +26,9 @@ ENCODINGS: tuple[Encoding, ...] = ("auto", "linear", "srgb")
 MAX_PIXELS = 400_000_000
 MAX_CHANNELS = 1024
 
+# Above so many pixels photos and normals are held as half floats, within 0.05%, so that 100 megapixels take 2 GB.
+HALF_ABOVE = 1 << 24
+
 # Bits a channel that each kind of file can hold; the first is what is written unless asked otherwise.
 WRITABLE_BITS = {".png": (16, 8), ".tif": (16, 8, 32), ".tiff": (16, 8, 32), ".exr": (32, 16)}
 
@@ -39,7 +42,8 @@ PNG_FILTER_UP = 32  # libpng's number: each pixel is stored as its difference fr
 class Image:
     """An image as read.
 
-    pixels: (H, W, 3) float32, linear, row 0 on top, not premultiplied by alpha.
+    pixels: (H, W, 3) float32, linear, row 0 on top, not premultiplied by alpha; float16 where a large photo was read
+        compactly.
     alpha: (H, W) float32 in 0 to 1, or None where the file has none.
     clip: the linear value from which a channel may be saturated: 1 in integer files, infinity in float files and where
         `clipped` tells it.
@@ -49,7 +53,7 @@ class Image:
     assumed: whether sRGB is only what most such files hold, and nobody said so.
     """
 
-    pixels: NDArray[np.float32]
+    pixels: NDArray[np.floating]
     alpha: NDArray[np.float32] | None
     clip: float
     note: str
@@ -71,7 +75,12 @@ class _Layer:
     channels: dict[str, int]
 
 
-def saturated(pixels: NDArray[np.float32], clip: float) -> NDArray[np.bool_]:
+def held_type(shape: tuple[int, ...]) -> type[np.floating]:
+    """The type in which values for an image (H, W) are held: half floats where it is large."""
+    return np.float16 if shape[0] * shape[1] > HALF_ABOVE else np.float32
+
+
+def saturated(pixels: NDArray[np.floating], clip: float) -> NDArray[np.bool_]:
     """Where values of a photo that clips at `clip` are at their end; of the shape of `pixels`."""
     return pixels >= SATURATED_SHARE * clip
 
@@ -105,7 +114,12 @@ def layer_in(path: str | os.PathLike[str], layer: str | None) -> str | None:
 
 
 def read_image(
-    path: str | os.PathLike[str], *, encoding: Encoding = "auto", layer: str | None = None, grey: bool = False
+    path: str | os.PathLike[str],
+    *,
+    encoding: Encoding = "auto",
+    layer: str | None = None,
+    grey: bool = False,
+    compact: bool = False,
 ) -> Image:
     """Read a colour image; camera raw files too, where rawpy is installed (:mod:`mpsnet_core.raw`).
 
@@ -114,6 +128,7 @@ def read_image(
     layer: which layer of a multi-layer or multi-part EXR; its full name or its last part ("Combined"). Unless
         given: the unnamed layer, else the only one, else the one called Combined.
     grey: take a file of one channel as well, for all three.
+    compact: hold a large photo in half floats, where its file has no more than 16 bits a channel.
 
     Raises InputError where the file is missing, broken, too large, not RGB, or the layer is not there or not told.
     """
@@ -131,7 +146,7 @@ def read_image(
             f"{path} has {len(names)} channel(s) ({', '.join(names)}) where red, green and blue are needed; "
             "give a colour image"
         )
-    alpha = np.clip(values[..., names["A"]], 0, 1) if "A" in names else None
+    alpha = np.clip(_as_float(values[..., names["A"]]), 0, 1) if "A" in names else None
     is_float = spec.format.basetype in (oiio.HALF, oiio.FLOAT, oiio.DOUBLE)
     premultiplied = alpha is not None and not spec.getattribute("oiio:UnassociatedAlpha")
     declared = str(spec.getattribute("oiio:ColorSpace") or "").lower()
@@ -146,9 +161,10 @@ def read_image(
     else:
         linear, assumed = encoding == "linear", False
         note = f"taken as {'linear' if linear else 'sRGB'} as told"
-    pixels = np.empty((*values.shape[:2], 3), np.float32)
+    fits = compact and spec.format.basetype in (oiio.HALF, oiio.UINT8, oiio.UINT16)
+    pixels = np.empty((*values.shape[:2], 3), held_type(values.shape) if fits else np.float32)
     for rows in bands(len(values)):
-        band = values[rows][..., colour]
+        band = _as_float(values[rows][..., colour])
         if alpha is not None and premultiplied:
             cover = alpha[rows, :, None]
             band = np.divide(band, cover, out=np.zeros_like(band), where=cover > 1e-6)
@@ -181,16 +197,16 @@ def read_mask(path: str | os.PathLike[str]) -> NDArray[np.bool_]:
     """
     values, names, _ = _read_layer(Path(path), None)
     if "A" in names:
-        alpha = values[..., names.pop("A")]
+        alpha = _as_float(values[..., names.pop("A")])
         if alpha.min() < alpha.max() or not names:
             return alpha > 0.5
-    return values[..., list(names.values())].max(axis=-1) > 0.5
+    return _as_float(values[..., list(names.values())].max(axis=-1)) > 0.5
 
 
 def read_channel(path: str | os.PathLike[str]) -> NDArray[np.float32]:
     """Read the first channel of an image as it stands, (H, W) float32. Raises InputError where it cannot be read."""
     values, names, _ = _read_layer(Path(path), None)
-    return np.nan_to_num(values[..., names.get("R", 0)])
+    return np.nan_to_num(_as_float(values[..., names.get("R", 0)]))
 
 
 def read_data(
@@ -226,18 +242,41 @@ def write_image(
     color_space: str = "raw",
     description: str | None = None,
 ) -> None:
-    """Write (H, W) or (H, W, C) values as they stand, whole or not at all.
+    """Write (H, W) or (H, W, C) values as they stand, whole or not at all; all else as of :func:`write_bands`."""
+    pixels = pixels if pixels.ndim == 3 else pixels[..., None]
+    height, width, channels = pixels.shape
+    write_bands(
+        path,
+        (height, width, channels),
+        lambda rows: pixels[rows],
+        bits=bits,
+        color_space=color_space,
+        description=description,
+    )
 
-    A fourth channel is alpha, not premultiplied into the others here. bits: 8, 16 or 32 as the format allows; integers
-    hold 0 to 1, EXR 16 is half. color_space: "raw" for data, "sRGB" for pictures whose values carry that curve.
+
+def write_bands(
+    path: str | os.PathLike[str],
+    shape: tuple[int, int, int],
+    band: Callable[[slice], NDArray[Any]],
+    *,
+    bits: int | None = None,
+    color_space: str = "raw",
+    description: str | None = None,
+) -> None:
+    """Write an image whose values are made as they are written, whole or not at all.
+
+    shape: (H, W, C). band: gives the values (h, W, C) of some rows, from the top to the bottom; a fourth channel is
+        alpha, not premultiplied into the others here.
+    bits: 8, 16 or 32 as the format allows; integers hold 0 to 1, EXR 16 is half.
+    color_space: "raw" for data, "sRGB" for pictures whose values carry that curve.
     description: a line of text to be kept in the file, which :func:`image_description` reads.
 
     Raises InputError where the format, the bits or the place to write are not usable.
     """
     path = Path(path)
     bits = checked_bits(path, bits)
-    pixels = np.ascontiguousarray(pixels if pixels.ndim == 3 else pixels[..., None], dtype=np.float32)
-    height, width, channels = pixels.shape
+    height, width, channels = shape
     is_exr = path.suffix.lower() == ".exr"
     kind = ("half" if bits == 16 else "float") if is_exr else {8: "uint8", 16: "uint16", 32: "float"}[bits]
     spec = oiio.ImageSpec(width, height, channels, kind)
@@ -255,17 +294,18 @@ def write_image(
         if not is_exr:
             spec.attribute("oiio:UnassociatedAlpha", 1)
 
-    def stored(band: NDArray[np.float32]) -> NDArray[np.float32]:
+    def stored(rows: slice) -> NDArray[np.float32]:
+        values = np.ascontiguousarray(band(rows), dtype=np.float32)
         if is_exr and channels == 4:  # OpenEXR defines colour as premultiplied
-            return np.concatenate([band[..., :3] * band[..., 3:], band[..., 3:]], axis=-1)
-        return band
+            return np.concatenate([values[..., :3] * values[..., 3:], values[..., 3:]], axis=-1)
+        return values
 
     with written_whole(path) as unfinished:
         target = oiio.ImageOutput.create(str(unfinished))
         if target is None:
             raise InputError(f"cannot write {path}: {oiio.geterror()}")
         done = target.open(str(unfinished), spec) and all(
-            target.write_scanlines(rows.start, rows.stop, 0, stored(pixels[rows])) for rows in bands(height)
+            target.write_scanlines(rows.start, rows.stop, 0, stored(rows)) for rows in bands(height)
         )
         if not (target.close() and done and _has_its_end(unfinished)):
             reason = target.geterror() or oiio.geterror() or "the file was cut short"
@@ -384,8 +424,11 @@ def _choose(layers: dict[str, _Layer], wanted: str | None, path: Path) -> _Layer
     raise InputError(f"{path} has several layers; name one of {names}")
 
 
-def _read_layer(path: Path, layer: str | None) -> tuple[NDArray[np.float32], dict[str, int], Any]:
-    """All values of a layer (H, W, C) float32 as stored, its channels by short name, and the file's spec."""
+def _read_layer(path: Path, layer: str | None) -> tuple[NDArray[Any], dict[str, int], Any]:
+    """All values of a layer (H, W, C) as stored, its channels by short name, and the file's spec.
+
+    Integers of 8 and 16 bits stay integers (see :func:`_as_float`), all else is float32.
+    """
     path = existing_file(path, "image")
     source = _open(path)
     try:
@@ -394,18 +437,26 @@ def _read_layer(path: Path, layer: str | None) -> tuple[NDArray[np.float32], dic
         spec = source.spec()
         first, last = min(chosen.channels.values()), max(chosen.channels.values())
         with libraries_silent():
-            values = source.read_image(chosen.subimage, 0, first, last + 1, oiio.FLOAT)
+            kind = spec.format.basetype if spec.format.basetype in (oiio.UINT8, oiio.UINT16) else oiio.FLOAT
+            values = source.read_image(chosen.subimage, 0, first, last + 1, kind)
         reason = " ".join(source.geterror().split())
     finally:
         source.close()
     if values is None or reason:
         raise InputError(f"{path} is damaged or cut short ({reason or 'no pixels'}); copy or export it again")
-    values = np.asarray(values, dtype=np.float32).reshape(spec.height, spec.width, last + 1 - first)
+    values = np.asarray(values).reshape(spec.height, spec.width, last + 1 - first)
     values = _upright(_on_display_window(values, spec), spec)
     return values, {name: number - first for name, number in chosen.channels.items()}, spec
 
 
-def _upright(values: NDArray[np.float32], spec: Any) -> NDArray[np.float32]:
+def _as_float(values: NDArray[Any]) -> NDArray[np.float32]:
+    """Stored values as float32, integers as 0 to 1."""
+    if values.dtype.kind != "u":
+        return values
+    return np.multiply(values, np.float32(1 / np.iinfo(values.dtype).max), dtype=np.float32)
+
+
+def _upright(values: NDArray[Any], spec: Any) -> NDArray[Any]:
     """Pixels as a viewer shows them: cameras store a photo as its sensor lay, and say in EXIF how to turn it."""
     orientation = spec.getattribute("Orientation") or 1
     if orientation >= 5:
@@ -417,12 +468,12 @@ def _upright(values: NDArray[np.float32], spec: Any) -> NDArray[np.float32]:
     return values
 
 
-def _on_display_window(values: NDArray[np.float32], spec: Any) -> NDArray[np.float32]:
+def _on_display_window(values: NDArray[Any], spec: Any) -> NDArray[Any]:
     """An EXR may hold only a part of its picture (a render region), or more than it; what is missing is zero."""
     top, left = spec.y - spec.full_y, spec.x - spec.full_x
     if (top, left, spec.height, spec.width) == (0, 0, spec.full_height, spec.full_width):
         return values
-    whole = np.zeros((spec.full_height, spec.full_width, values.shape[2]), np.float32)
+    whole = np.zeros((spec.full_height, spec.full_width, values.shape[2]), values.dtype)
     rows = slice(max(top, 0), min(top + spec.height, spec.full_height))
     columns = slice(max(left, 0), min(left + spec.width, spec.full_width))
     if rows.start < rows.stop and columns.start < columns.stop:

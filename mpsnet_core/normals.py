@@ -1,7 +1,7 @@
 """NormalMap: a unit vector for every pixel; its encodings in files; the angular error."""
 
 import os
-from dataclasses import dataclass, field
+from dataclasses import InitVar, dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.bands import bands
 from mpsnet_core.errors import InputError
-from mpsnet_core.images import read_channel, read_data, write_image
+from mpsnet_core.images import read_channel, read_data, write_bands
 
 Convention = Literal["opengl", "directx"]
 CONVENTIONS: tuple[Convention, ...] = ("opengl", "directx")
@@ -21,9 +21,11 @@ OUTWARDS_SHARE = 0.9
 class NormalMap:
     """Surface normals in camera space (x right, y up, z towards the camera).
 
-    vectors: (H, W, 3) float32; unit length inside the mask, zero outside; normalised here.
+    vectors: (H, W, 3) float32, or float16 where they are given so; unit length inside the mask, zero outside;
+        normalised here.
     mask: (H, W) bool.
-    confidence: (H, W) float32 in 0 to 1, zero outside the mask; 1 inside it unless given.
+    confidence: (H, W) of the same type, in 0 to 1, zero outside the mask; 1 inside it unless given.
+    in_place: normalise the arrays as they are given, rather than copies.
 
     Raises InputError where the shapes do not agree or the mask is empty.
     """
@@ -31,9 +33,12 @@ class NormalMap:
     vectors: NDArray[np.float32]
     mask: NDArray[np.bool_]
     confidence: NDArray[np.float32] = field(default_factory=lambda: np.ones((), np.float32))
+    in_place: InitVar[bool] = False
 
-    def __post_init__(self) -> None:
-        vectors, mask = np.asarray(self.vectors, np.float32), np.asarray(self.mask, bool)
+    def __post_init__(self, in_place: bool) -> None:
+        vectors, mask = np.asarray(self.vectors), np.asarray(self.mask, bool)
+        if vectors.dtype != np.float16:
+            vectors = vectors.astype(np.float32, copy=False)
         if vectors.shape != (*mask.shape, 3) or mask.ndim != 2:
             raise InputError(f"normals of shape {vectors.shape} do not fit a mask of shape {mask.shape}")
         if not mask.any():
@@ -41,10 +46,12 @@ class NormalMap:
         confidence = np.asarray(self.confidence)
         if confidence.shape not in ((), mask.shape):
             raise InputError(f"a confidence of shape {confidence.shape} does not fit a mask of shape {mask.shape}")
-        unit, trust = np.empty(vectors.shape, np.float32), np.empty(mask.shape, np.float32)
+        unit, trust = vectors, confidence
+        if not in_place:
+            unit, trust = np.empty_like(vectors), np.empty(mask.shape, vectors.dtype)
         confidence = np.broadcast_to(confidence, mask.shape)
         for rows in bands(len(mask)):
-            unit[rows] = np.where(mask[rows, :, None], normalised(vectors[rows]), 0)
+            unit[rows] = np.where(mask[rows, :, None], normalised(vectors[rows].astype(np.float32)), 0)
             trust[rows] = np.where(mask[rows], np.clip(confidence[rows], 0, 1), 0)
         object.__setattr__(self, "vectors", unit)
         object.__setattr__(self, "mask", mask)
@@ -98,11 +105,12 @@ def write_normals(
 
     description: a line of text to be kept in the file, see :func:`mpsnet_core.images.write_image`.
     """
-    colours = np.empty((*normals.mask.shape, 4), np.float32)
-    for rows in bands(len(colours)):
-        colours[rows, :, :3] = encode(normals.vectors[rows], convention)
-    colours[..., 3] = normals.mask
-    write_image(path, colours, bits=bits, description=description)
+    height, width = normals.mask.shape
+
+    def colours(rows: slice) -> NDArray[np.float32]:
+        return np.concatenate([encode(normals.vectors[rows], convention), normals.mask[rows, :, None]], axis=-1)
+
+    write_bands(path, (height, width, 4), colours, bits=bits, description=description)
 
 
 def read_normals(

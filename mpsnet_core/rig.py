@@ -143,13 +143,13 @@ class LightRig:
         object.__setattr__(self, "directions", directions)
         object.__setattr__(self, "mixing", mixing)
 
-    def unmixed(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
+    def unmixed(self, image: NDArray[np.floating]) -> NDArray[np.float32]:
         """(..., 3) what each light alone gives: the image multiplied by the inverse of the mixing matrix.
 
         Undoes ``c = M s`` of the image formation for a surface of one grey; exact for a rig without crosstalk.
         """
         if np.array_equal(self.mixing, np.eye(3)):
-            return image
+            return image.astype(np.float32, copy=False)
         return image @ np.linalg.inv(self.mixing).T.astype(np.float32)
 
     @property

@@ -113,7 +113,7 @@ def _towards(light: ArrayLike) -> NDArray[np.float32]:
 
 def _by_rig(capture: Capture, white: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.float32]:
     """(H, W) the shading by the rig's three lights, as far as no shadow keeps them off."""
-    cosines = np.empty_like(normals)
+    cosines = np.empty(normals.shape, np.float32)
     for rows, lights in lights_by_rows(capture):
         cosines[rows] = np.maximum(np.einsum("...ki,...i->...k", lights, normals[rows]), 0)
     shading: NDArray[np.float32] = cosines.sum(axis=-1)

@@ -18,6 +18,7 @@ from mpsnet_core.estimate.features import (
     window_map,
 )
 from mpsnet_core.estimate.light_frame import CAMERA_FRAME, LightFrame, canonical_frames
+from mpsnet_core.images import held_type
 from mpsnet_core.normals import normalised
 from mpsnet_core.progress import Progress
 
@@ -37,7 +38,7 @@ class Network(Protocol):
     def __call__(self, inputs: dict[str, Floats], count: int, *size: int) -> tuple[Floats, Floats]: ...
 
 
-def dense_answer(network: Network, card: ModelCard, capture: Capture, tile: int, progress: Progress) -> Floats:
+def dense_answer(network: Network, card: ModelCard, capture: Capture, tile: int, progress: Progress) -> NDArray[Any]:
     """(H, W, 4) the normals of `capture`, of no particular length, and their confidence; zero outside the mask.
 
     A pyramid's first scale shows the whole object on at most 128 pixels a side. Each further scale has twice the
@@ -47,14 +48,14 @@ def dense_answer(network: Network, card: ModelCard, capture: Capture, tile: int,
     Photo, features and answers are made a tile at a time, so that beside the photo and this array little memory is
     needed however large they are.
     """
-    answer = np.zeros((*capture.mask.shape, 4), np.float32)
+    answer: NDArray[Any] = np.zeros((*capture.mask.shape, 4), held_type(capture.mask.shape))
     photo = _Photo(capture)
     frames = canonical_frames(capture.rig.directions, card.passes) if card.frame == "canonical" else [CAMERA_FRAME]
     halvings = photo.halvings if card.kind == "pyramid" else 0
-    previous: Floats | None = None
+    previous: NDArray[Any] | None = None
     for halving in range(halvings, -1, -1):
         shape = photo.shape(halving)
-        result = answer[photo.box] if halving == 0 else np.zeros((*shape, 4), np.float32)
+        result = answer[photo.box] if halving == 0 else np.zeros((*shape, 4), held_type(shape))
         work = list(_tiles(shape, tile, card.multiple, card.halo))
         for number, (window, place) in enumerate(work):
             progress(_done(halving, halvings, number / len(work)), f"tile {number + 1} of {len(work)}")
@@ -103,7 +104,7 @@ class _Photo:
         """Whether anything of the object is in a window on a scale."""
         return bool(self.capture.mask[self._own_pixels(*window, halving)].any())
 
-    def seen(self, window: Window, halving: int, previous: Floats | None) -> Seen:
+    def seen(self, window: Window, halving: int, previous: NDArray[Any] | None) -> Seen:
         """A window on a scale, with the answer (h, w, 4) on the one before."""
         light, white, mask = self._read(window, halving)
         before = None if previous is None else _previous(previous, window)
@@ -121,9 +122,11 @@ class _Photo:
                 slice(window[0].start + part.start, window[0].start + part.stop), window[1], halving
             )
             inside = self.capture.mask[there]
-            image[part], mask[part] = _means(self.capture.image[there], inside, halving)
+            pixels = self.capture.image[there].astype(np.float32, copy=False)
+            image[part], mask[part] = _means(pixels, inside, halving)
             if white is not None and self.capture.white is not None:
-                white[part], _ = _means(self.capture.white[there], white_told(self.capture, *there), halving)
+                pixels = self.capture.white[there].astype(np.float32, copy=False)
+                white[part], _ = _means(pixels, white_told(self.capture, *there), halving)
         if white is not None:
             white /= np.asarray(self._white_means, np.float32)
         return self.capture.rig.unmixed(image), white, mask
@@ -143,28 +146,30 @@ def _means(image: Floats, mask: NDArray[np.bool_], halving: int) -> tuple[Floats
     """Means (h, w, 3) over the mask's pixels in blocks of 2**halving, and which blocks (h, w) hold any."""
     if halving == 0:
         return np.where(mask[..., None], image, np.float32(0)), mask
-    side = 1 << halving
-    down, right = np.arange(0, mask.shape[0], side), np.arange(0, mask.shape[1], side)
-    total = np.add.reduceat(np.add.reduceat(image * mask[..., None], down, axis=0), right, axis=1)
-    count = np.add.reduceat(np.add.reduceat(mask, down, axis=0, dtype=np.float32), right, axis=1)
-    return total / np.maximum(count, 1)[..., None], count > 0
+    total = np.concatenate([image, np.ones((*mask.shape, 1), np.float32)], axis=-1) * mask[..., None]
+    for _ in range(halving):
+        total = np.pad(total, [(0, total.shape[0] % 2), (0, total.shape[1] % 2), (0, 0)])
+        total = total[0::2] + total[1::2]
+        total = total[:, 0::2] + total[:, 1::2]
+    return total[..., :3] / np.maximum(total[..., 3:], 1), total[..., 3] > 0
 
 
-def _previous(answer: Floats, window: Window) -> Floats:
+def _previous(answer: NDArray[Any], window: Window) -> Floats:
     """The map "previous" (h, w, 4) of a window at twice the resolution of `answer`; bilinear, from answers alone."""
     rows, columns = (
         slice(max(side.start // 2 - 1, 0), min(-(-side.stop // 2) + 1, length))
         for side, length in zip(window, answer.shape, strict=False)
     )
-    part = answer[rows, columns].copy()
+    part = answer[rows, columns].astype(np.float32)
     there = (part[..., :3] != 0).any(axis=-1, keepdims=True)
-    part[..., :3] = normalised(part[..., :3])
     part[..., 3:] = (1 - part[..., 3:]) * RIGHT_ANGLE
     part = np.concatenate([part, np.ones_like(there, np.float32)], axis=-1) * there
-    for axis, side, held in ((0, window[0], rows), (1, window[1], columns)):
-        part = _doubled(part, axis)
-        first = side.start - 2 * held.start
-        part = part.take(range(first, first + side.stop - side.start), axis)
+    part = _doubled(_doubled(part, 0), 1)
+    down, right = (
+        slice(side.start - 2 * held.start, side.stop - 2 * held.start)
+        for side, held in zip(window, (rows, columns), strict=True)
+    )
+    part = part[down, right]
     values = part[..., :4] / np.maximum(part[..., 4:], np.float32(1e-3))
     values[..., :3] = normalised(values[..., :3])
     return values
@@ -172,10 +177,18 @@ def _previous(answer: Floats, window: Window) -> Floats:
 
 def _doubled(values: Floats, axis: int) -> Floats:
     """Twice as many values along an axis, each three parts its own and one part its neighbour's."""
-    values = np.moveaxis(values, axis, 0)
-    before, after = np.concatenate([values[:1], values[:-1]]), np.concatenate([values[1:], values[-1:]])
-    twice = np.stack([0.75 * values + 0.25 * before, 0.75 * values + 0.25 * after], axis=1)
-    return np.moveaxis(twice.reshape(-1, *values.shape[1:]), 0, axis)
+    shape = list(values.shape)
+    shape[axis] *= 2
+    twice = np.empty(shape, np.float32)
+    given, result = np.moveaxis(values, axis, 0), np.moveaxis(twice, axis, 0)
+    quarter = np.float32(0.25) * given
+    before, after = result[0::2], result[1::2]
+    before[:] = after[:] = given - quarter
+    before[0] += quarter[0]
+    before[1:] += quarter[:-1]
+    after[:-1] += quarter[1:]
+    after[-1] += quarter[-1]
+    return twice
 
 
 def _tile_answer(network: Network, card: ModelCard, seen: Seen, frame: LightFrame) -> Floats:
@@ -195,8 +208,8 @@ def _tile_answer(network: Network, card: ModelCard, seen: Seen, frame: LightFram
     vectors, confidence = (values[0] for values in network(inputs, 1, *turned.mask.shape))
     answer = np.zeros((*_padded(seen.mask.shape, card.multiple), 4), np.float32)
     view = frame.picture(answer)
-    rotation = frame.rotation.astype(np.float32)
-    view[..., :3] = normalised(np.einsum("chw,cd->hwd", vectors, rotation))
+    turned_back = frame.rotation.T.astype(np.float32) @ vectors.reshape(3, -1)
+    view[..., :3] = turned_back.reshape(vectors.shape).transpose(1, 2, 0)
     view[..., 3] = np.clip(confidence[0], 0, 1)
     return answer[:height, :width] * seen.mask[..., None]
 

@@ -57,7 +57,7 @@ def mean_light(capture: Capture) -> NDArray[np.float64]:
     """(3,) what each light alone gives (unmixed), as its mean over the mask."""
     total = np.zeros(3)
     for rows in bands(len(capture.mask)):
-        total += capture.image[rows][capture.mask[rows]].sum(axis=0, dtype=np.float64)
+        total += np.einsum("hwc,hw->c", capture.image[rows], capture.mask[rows], dtype=np.float64)
     return np.linalg.solve(capture.rig.mixing, total / capture.mask.sum())
 
 
@@ -111,4 +111,4 @@ def window_map(name: str, seen: Seen) -> NDArray[np.float32]:
         raise KeyError(name)
     if name.startswith("initial_normals"):
         values = initial_normals(values, directions)
-    return np.ascontiguousarray(np.where(mask[..., None], values, np.float32(0)).transpose(2, 0, 1))
+    return np.where(mask[..., None], values, np.float32(0)).transpose(2, 0, 1)

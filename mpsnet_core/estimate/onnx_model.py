@@ -81,7 +81,7 @@ class OnnxModel:
         turn_back(answer[..., :3], capture.camera)
         self._release_memory()
         progress(1.0, "normals estimated")
-        return NormalMap(answer[..., :3], capture.mask, answer[..., 3])
+        return NormalMap(answer[..., :3], capture.mask, answer[..., 3], in_place=True)
 
     def _run(
         self, inputs: dict[str, NDArray[np.float32]], count: int, *size: int

@@ -4,7 +4,8 @@ python tests/benchmarks/network_speed.py [--model multiscale] [--threads 1] [--r
 
 All on the same cores, in turns, on an object that fills 512 x 512 pixels. PS-FCN and the patch-wise MPS-Net have their
 published widths and fresh weights (which do not change the time); MPS-Net is timed on a few patches and multiplied.
---large measures the peak memory of `mpsnet estimate` on 4096 x 4096 pixels, too, where the system tells it.
+--large measures the peak memory of `mpsnet estimate` on photos of 16, 36 and 100 megapixels, too, where the system
+tells it.
 Needs torch and onnx (pip install "mpsnet[train]").
 """
 
@@ -37,7 +38,7 @@ from mpsnet_core.images import write_image
 from mpsnet_core.rig import LightRig, published_rig, write_rig
 from mpsnet_core.training.networks import Network, build_network
 
-SIDE, LARGE = 512, 4096
+SIDE, LARGE = 512, (4096, 6000, 10_000)
 
 
 def fresh(name: str, path: Path) -> Path:
@@ -129,11 +130,11 @@ print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
 """
 
 
-def peak_memory(model: Path, rig: LightRig, folder: Path) -> float | None:
+def peak_memory(side: int, model: Path, rig: LightRig, folder: Path) -> float | None:
     """Megabytes (10^6 bytes) that `mpsnet estimate` takes at most."""
     if sys.platform == "win32":  # tells no peak of a child
         return None
-    write_image(folder / "large.png", capture(LARGE, rig).image)
+    write_image(folder / "large.png", capture(side, rig).image)
     write_rig(folder / "rig.json", rig)
     command = [sys.executable, "-m", "mpsnet_core", "estimate", folder / "large.png", "--rig", folder / "rig.json"]
     command += ["--mask", "none", "--model", model, "--confidence", folder / "c.png", "-o", folder / "n.png"]
@@ -149,7 +150,7 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--patches", type=int, default=64, help="how many MPS-Net is timed on")
-    parser.add_argument("--large", action="store_true", help="also measure the peak memory on 4096 x 4096 pixels")
+    parser.add_argument("--large", action="store_true", help="also measure the peak memory on large photos")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made)
@@ -194,9 +195,9 @@ def main() -> None:
             for net, product in zip(seconds["network alone"], seconds["matrix product"], strict=True)
         )
         print(f"{done / SIDE**2 / 1e3:.1f} thousand multiply-adds a pixel, at {share:.0%} of a matrix product's rate")
-        if arguments.large:
-            peak = peak_memory(ours, odd, folder)
-            print("no peak memory here" if peak is None else f"{peak:.0f} MB at most for {LARGE} x {LARGE} pixels")
+        for side in LARGE if arguments.large else ():
+            peak = peak_memory(side, ours, odd, folder)
+            print("no peak memory here" if peak is None else f"{peak:.0f} MB at most for {side} x {side} pixels")
 
 
 if __name__ == "__main__":

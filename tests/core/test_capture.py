@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 from synthetic import Sphere, write_file
 
+from mpsnet_core import images
 from mpsnet_core.camera import Camera
 from mpsnet_core.capture import read_capture
+from mpsnet_core.estimate import estimate_normals
 from mpsnet_core.images import write_image
+from mpsnet_core.normals import angular_error
 from mpsnet_core.rig import published_rig
 
 
@@ -31,6 +34,21 @@ def test_without_alpha_the_whole_photo_is_taken_and_that_is_said(
 ) -> None:
     assert read_capture(photo_file, sphere.rig).mask.all()
     assert "the whole photo is taken as the object" in caplog.text
+
+
+@pytest.mark.parametrize("model", ["lambertian", "multiscale"])
+def test_a_large_photo_is_held_in_half_the_memory(
+    tmp_path: Path, sphere: Sphere, monkeypatch: pytest.MonkeyPatch, model: str
+) -> None:
+    mask = write_file(tmp_path / "mask.png", sphere.mask, "uint8")
+    photo = write_file(tmp_path / "photo.png", sphere.image, "uint16")
+    captures, normals = [], []
+    for pixels in (images.HALF_ABOVE, 0):
+        monkeypatch.setattr(images, "HALF_ABOVE", pixels)
+        captures.append(read_capture(photo, sphere.rig, mask=mask, encoding="linear"))
+        normals.append(estimate_normals(captures[-1], model))
+    assert captures[1].image.nbytes * 2 == captures[0].image.nbytes
+    assert angular_error(normals[1].vectors, normals[0].vectors)[sphere.mask].max() < 0.2
 
 
 def test_a_mask_file_is_used(tmp_path: Path, photo_file: Path, sphere: Sphere) -> None:

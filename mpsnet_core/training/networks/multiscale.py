@@ -82,22 +82,25 @@ class Multiscale(Network):
         photo, mask, white, previous = pixels[:, 0:3], pixels[:, 3:4], pixels[:, 4:7], pixels[:, 7:11]
         lights, means, given = rig[:, 0:9], rig[:, 9:12], rig[:, 12:14]
         there = given[:, 0:1]
-        grey_world = photo / means
-        own = unit(_solved(lights, grey_world)) * mask
-        pseudo = _solved(lights, photo)
-        calibrated = unit(pseudo) * mask
-        size = 0.5 * torch.log(torch.sqrt((pseudo * pseudo).sum(dim=1, keepdim=True) + 1e-12) + DARKEST) * mask
-        uncoloured = photo / (white + DARKEST) * (white > 0)
+        solve = _inverse(lights)
+        pseudo = _mixed(solve, photo)
+        length = (pseudo * pseudo).sum(dim=1, keepdim=True)
+        calibrated = pseudo * torch.rsqrt(length + 1e-12)
+        # Zero outside the mask, as the photo is.
+        own = unit(_mixed(solve / means.flatten(1)[:, None], photo))
+        size = torch.log(torch.sqrt(length + 1e-12) + DARKEST)
+        white_given = given[:, 1:2]
+        uncoloured = unit(_mixed(solve, photo / (white + DARKEST) * (white > 0))) * white_given
         told = [
-            _logarithm(grey_world) * mask,
+            0.5 * mask * _logarithm(photo / means),
             own,
-            _logarithm(photo) * mask if self.calibrated else 0 * own,
+            0.5 * mask * _logarithm(photo) if self.calibrated else 0 * own,
             calibrated if self.calibrated else 0 * own,
-            size if self.calibrated else 0 * mask,
+            0.5 * mask * size if self.calibrated else 0 * mask,
             mask,
             previous,
-            _logarithm(white) * mask * given[:, 1:2],
-            unit(_solved(lights, uncoloured)) * mask * given[:, 1:2],
+            0.5 * mask * white_given * _logarithm(white),
+            uncoloured,
         ]
         seen = torch.cat(told, dim=1)
         rig_maps = self.rig(rig)
@@ -114,30 +117,40 @@ class Multiscale(Network):
             weight = torch.sigmoid(answer[:, 7:8])
             # A white photo takes the colour away; what gains are left belong to its light and camera.
             light = torch.where(white > 0, photo / white.clamp(min=LEAST_WHITE), photo)
-            normals = unit(weight * unit(_solved(lights, light * gains)) + (1 - weight) * normals)
+            normals = unit(weight * unit(_mixed(solve, light * gains)) + (1 - weight) * normals)
         lit = self.lit(maps).float() if self.training else None
-        return Prediction(normals, functional.softplus(answer[:, 3:4]), lit)
+        return Prediction(normals, _softplus(answer[:, 3:4]), lit)
 
 
 def _logarithm(values: Tensor) -> Tensor:
-    return 0.5 * torch.log(values.clamp(min=0) + DARKEST)
+    return torch.log(values.clamp(min=0) + DARKEST)
 
 
-def _solved(lights: Tensor, light: Tensor) -> Tensor:
-    """Equation 2, not normalised: for directions (N, 9, 1, 1) and what each light gives (N, 3, H, W)."""
-    first, second, third = lights[:, 0:3], lights[:, 3:6], lights[:, 6:9]
-    across = _cross(second, third)
-    volume = (first * across).sum(dim=1, keepdim=True)
+def _softplus(values: Tensor) -> Tensor:
+    # As onnxruntime is quick in it: its own Softplus is ten times slower than both of these.
+    return -torch.log(torch.sigmoid(-values).clamp(min=1e-30))
+
+
+def _inverse(lights: Tensor) -> Tensor:
+    """(N, 3, 3) that makes of what each light gives a normal times albedo (equation 2), for lights (N, 9, 1, 1)."""
+    first, second, third = lights.flatten(1).reshape(-1, 3, 3).unbind(dim=1)
+    columns = [_cross(second, third), _cross(third, first), _cross(first, second)]
+    volume = (first * columns[0]).sum(dim=1)[:, None, None]
     # In the plane of the three lights no normal can be told.
     volume = torch.where(volume.abs() < 1e-6, torch.full_like(volume, 1e-6), volume)
-    total = light[:, 0:1] * across + light[:, 1:2] * _cross(third, first) + light[:, 2:3] * _cross(first, second)
-    return total / volume
+    return torch.stack(columns, dim=2) / volume
+
+
+def _mixed(matrix: Tensor, light: Tensor) -> Tensor:
+    """Each pixel of (N, 3, H, W) multiplied by a matrix (N, 3, 3), in single precision."""
+    with torch.autocast(light.device.type, enabled=False):
+        return torch.matmul(matrix, light.float().flatten(2)).reshape(light.shape)
 
 
 def _cross(a: Tensor, b: Tensor) -> Tensor:
-    ax, ay, az = a[:, 0:1], a[:, 1:2], a[:, 2:3]
-    bx, by, bz = b[:, 0:1], b[:, 1:2], b[:, 2:3]
-    return torch.cat([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], dim=1)
+    ax, ay, az = a[:, 0], a[:, 1], a[:, 2]
+    bx, by, bz = b[:, 0], b[:, 1], b[:, 2]
+    return torch.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], dim=1)
 
 
 class _Residual(nn.Module):
