@@ -32,6 +32,8 @@ log = logging.getLogger(__name__)
 
 # Points worked on at once: small enough to stay in a core's cache.
 POINTS_AT_ONCE = 1 << 16
+# Points of a texture whose looks are held at once; about 70 bytes each.
+POINTS_HELD = 1 << 22
 # The weight of the mesh's own normal where views fade out: that of a view at 80 degrees.
 FADE = 1e-3
 
@@ -152,17 +154,20 @@ class _Bake:
         # Where UVs overlap (mirrored halves, say), the triangle that a view sees wins: the last one laid down.
         order = np.argsort(np.concatenate(seen), kind="stable")
         corners = np.concatenate([surface.corners for surface in surfaces])
-        # With several points a texel, so many rows at once that they have no more points than the texture has texels.
-        rows = list(bands(size, -(-size // samples**2)))
-        baked = []
+        # A few rows at once. Views that memory does not hold are read again for each time: then as many as texels.
+        held = POINTS_HELD if self.projectors.all else size**2
+        rows = list(bands(size, max(1, held // (size * samples**2))))
+        texture = _blank(size, self.baking.space, colours=self.projectors.values > 4)
         for number, band in enumerate(rows):
             told = part(progress, 0.9 * number / len(rows), 0.9 * (number + 1) / len(rows))
             fine = slice(band.start * samples, band.stop * samples)
             laid = triangle_of_texel(corners[order], size * samples, fine)
             patches = _patches(surfaces, order, laid, self.projectors.values)
-            baked.append(_averaged(self._points(patches, laid >= 0, fine.start, told), samples))
-            del laid
-        texture = _stacked(baked)
+            part_of_it = _averaged(self._points(patches, laid >= 0, fine.start, told), samples)
+            for name, values in vars(part_of_it).items():
+                if isinstance(values, np.ndarray):
+                    getattr(texture, name)[band] = values
+            del laid, patches, part_of_it
         if not texture.covered.any():
             return None
         if texel_areas(_within(corners, size * samples)).sum() > 1.05 * texture.covered.sum() * samples**2:
@@ -289,22 +294,16 @@ def _averaged(points: Texture, samples: int) -> Texture:
     )
 
 
-def _stacked(textures: list[Texture]) -> Texture:
-    """Bands of a texture, from top to bottom, as one."""
-    if len(textures) == 1:
-        return textures[0]
-
-    def stacked(name: str) -> NDArray[Any]:
-        return np.concatenate([getattr(texture, name) for texture in textures])
-
+def _blank(size: int, space: Space, colours: bool) -> Texture:
+    """A texture of zeros, to be filled in."""
     return Texture(
-        stacked("vectors"),
-        stacked("seen"),
-        stacked("covered"),
-        textures[0].space,
-        stacked("views"),
-        stacked("spread"),
-        None if textures[0].colours is None else stacked("colours"),
+        np.zeros((size, size, 3), np.float32),
+        np.zeros((size, size), bool),
+        np.zeros((size, size), bool),
+        space,
+        np.zeros((size, size), np.uint16),
+        np.zeros((size, size), np.float32),
+        np.zeros((size, size, 4), np.float32) if colours else None,
     )
 
 

@@ -56,7 +56,9 @@ def _counted(start: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.i
     return np.arange(int(count.sum()), dtype=np.int32) + np.repeat((start - before).astype(np.int32), count)
 
 
-def grown(values: NDArray[np.float32], filled: NDArray[np.bool_], distance: int) -> NDArray[np.float32]:
+def grown(
+    values: NDArray[np.float32], filled: NDArray[np.bool_], distance: int, *, in_place: bool = False
+) -> NDArray[np.float32]:
     """`values` (S, S, C) with the texels within `distance` of the filled ones given their nearest one's value.
 
     Without such a margin, filtering and mipmaps pull the background in over the UV islands' borders.
@@ -68,23 +70,23 @@ def grown(values: NDArray[np.float32], filled: NDArray[np.bool_], distance: int)
     across = done[:, :-2] & done[:, 1:-1] & done[:, 2:]
     surrounded = across[:-2] & across[1:-1] & across[2:]
     front = np.flatnonzero(np.pad(filled & ~surrounded, 1))
-    source = np.arange(done.size, dtype=np.int32)
+    del across, surrounded
+    source = front  # of each texel of the front, the filled one that it is nearest to
     flat = done.ravel()
-    reached = [np.empty(0, np.int64)]
+    reached, origins = [front[:0]], [front[:0]]
     for _ in range(distance):
         if not len(front):
             break
         neighbours = (front[:, None] + steps).T.ravel()
-        origins = np.tile(front, len(steps))
         new = ~flat[neighbours]
-        neighbours, first = np.unique(neighbours[new], return_index=True)
-        source[neighbours] = source[origins[new][first]]
-        flat[neighbours] = True
-        reached.append(neighbours)
-        front = neighbours
-    target = np.concatenate(reached)
-    out = values.copy()
-    rows, columns = np.divmod(target, stride)
-    from_rows, from_columns = np.divmod(source[target], stride)
+        source = np.tile(source, len(steps))[new]
+        front, first = np.unique(neighbours[new], return_index=True)
+        source = source[first]
+        flat[front] = True
+        reached.append(front)
+        origins.append(source)
+    out = values if in_place else values.copy()
+    rows, columns = np.divmod(np.concatenate(reached), stride)
+    from_rows, from_columns = np.divmod(np.concatenate(origins), stride)
     out[rows - 1, columns - 1] = values[from_rows - 1, from_columns - 1]
     return out

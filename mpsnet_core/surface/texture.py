@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.images import write_image
+from mpsnet_core.images import write_bands
 from mpsnet_core.normals import Convention, encode
 
 Space = Literal["tangent", "object"]
@@ -50,6 +50,13 @@ def write_texture(
 ) -> None:
     """Write the texture as colours 0.5 + 0.5 n: PNG or TIFF (16 bits unless told) or EXR (float). Non-Color.
 
-    description: a line of text to be kept in the file, see :func:`mpsnet_core.images.write_image`.
+    description: a line of text to be kept in the file, see :func:`mpsnet_core.images.write_bands`.
     """
-    write_image(path, encode(texture.vectors, convention), bits=bits, description=description)
+    height, width, _ = texture.vectors.shape
+    write_bands(
+        path,
+        (height, width, 3),
+        lambda rows: encode(texture.vectors[rows], convention),
+        bits=bits,
+        description=description,
+    )

@@ -1,11 +1,16 @@
 """How the bake's time grows with the texture's size and the number of views, each as a share of the smallest one's.
 
-python tests/benchmarks/bake_by_size.py [--faces 7000] [--rounds 3]
+python tests/benchmarks/bake_by_size.py [--faces 7000] [--rounds 3] [--large]
+
+--large bakes and writes a texture of 8192 x 8192 texels instead, and shows the peak memory where the system tells it.
 """
 
 import argparse
 import statistics
+import sys
+import tempfile
 import time
+from pathlib import Path
 
 import numpy as np
 
@@ -13,6 +18,9 @@ from mpsnet_core.camera import Camera
 from mpsnet_core.normals import NormalMap
 from mpsnet_core.surface.bake import View, bake_normals
 from mpsnet_core.surface.mesh import Mesh
+from mpsnet_core.surface.texture import write_texture
+
+LARGE = 8192
 
 
 def sphere(faces: int) -> Mesh:
@@ -36,12 +44,29 @@ def view(azimuth: float, pixels: int = 1024) -> View:
     return View(camera, NormalMap(np.ones((pixels, pixels, 3)), np.ones((pixels, pixels), bool)))
 
 
+def peak_memory(mesh: Mesh) -> float | None:
+    """Megabytes (10^6 bytes) that baking and writing a large texture takes at most."""
+    if sys.platform == "win32":
+        return None
+    import resource
+
+    with tempfile.TemporaryDirectory() as folder:
+        write_texture(Path(folder) / "large.png", bake_normals(mesh, [view(0)], size=LARGE))
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description="Time the bake at several sizes.")
     parser.add_argument("--faces", type=int, default=7000)
     parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--large", action="store_true", help="show the peak memory of a large texture instead")
     arguments = parser.parse_args()
     mesh = sphere(arguments.faces)
+    if arguments.large:
+        peak = peak_memory(mesh)
+        print("no peak memory here" if peak is None else f"{peak:.0f} MB at most for {LARGE} x {LARGE} texels")
+        return
     views = [view(azimuth) for azimuth in np.arange(8) * np.pi / 4]
     cases = [(size, count) for count in (1, 8) for size in (1024, 2048, 4096)]
     seconds: dict[tuple[int, int], list[float]] = {case: [] for case in cases}

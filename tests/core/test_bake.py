@@ -8,6 +8,7 @@ from synthetic import degrees_between
 from mpsnet_core.camera import Camera
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.normals import NormalMap
+from mpsnet_core.surface import bake
 from mpsnet_core.surface.bake import View, bake_normals
 from mpsnet_core.surface.mesh import Mesh
 from mpsnet_core.surface.texture import Texture
@@ -273,6 +274,16 @@ def test_texels_and_threads_do_not_change_one_another() -> None:
     assert (small.seen == large.seen[at_centres])[both].mean() > 0.999
     both &= small.seen & large.seen[at_centres]
     assert degrees_between(small.vectors, large.vectors[at_centres])[both].max() < 0.1
+
+
+@pytest.mark.parametrize("samples", [1, 2])
+def test_a_texture_made_a_few_rows_at_a_time_is_the_same(samples: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    mesh, views = sphere_mesh(), [sphere_view(camera_looking(side)) for side in SIX_SIDES[:2]]
+    whole = bake_normals(mesh, views, size=SIZE, samples=samples)
+    monkeypatch.setattr(bake, "POINTS_HELD", 7 * SIZE)
+    by_rows = bake_normals(mesh, views, size=SIZE, samples=samples)
+    for name, values in vars(whole).items():
+        np.testing.assert_array_equal(getattr(by_rows, name), values)
 
 
 def test_progress_grows_from_0_to_1() -> None:
