@@ -23,6 +23,7 @@ import numpy as np
 from mpsnet_core import Capture, InputError, LightRig, NormalMap, angular_error, estimate_normals, read_image, read_mask
 from mpsnet_core.calibrate.lights import find_lights
 from mpsnet_core.calibrate.photos import BallPhotos, read_sightings
+from mpsnet_core.evaluation.confidence import rank_correlation
 from mpsnet_core.evaluation.pictures import cropped, normals_picture, photo_picture, sheet
 from mpsnet_core.images import write_image
 from mpsnet_core.rig import angles_of
@@ -117,9 +118,11 @@ def estimated(
     for model in MODELS:
         normals = [estimate_normals(capture, model) for capture in captures]
         apart = disagreement(normals)
-        away = float(np.mean([angular_error(one.vectors, reference.vectors)[mask].mean() for one in normals]))
+        errors = [angular_error(one.vectors, reference.vectors)[mask] for one in normals]
+        sure = [rank_correlation(one.confidence[mask], error) for one, error in zip(normals, errors, strict=True)]
         print(
-            f"{name}, {model}: shots under different lights differ by {apart:.1f}°, from twelve lights by {away:.1f}°"
+            f"{name}, {model}: shots under different lights differ by {apart:.1f}°, from twelve lights by "
+            f"{np.mean(errors):.1f}°, rank correlation of confidence with that {np.mean(sure):.2f}"
         )
         tiles.append((f"{model}, shots differ by {apart:.1f}°", normals_picture(normals[0])))
     tiles.append(("twelve lights", normals_picture(reference)))
