@@ -1,7 +1,9 @@
 """The only door to image files: OpenImageIO in, linear float32 out, and back."""
 
+import contextlib
 import logging
 import os
+import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -236,6 +238,20 @@ def write_image(
     """
     path = Path(path)
     bits = checked_bits(path, bits)
+    with written_whole(path) as unfinished:
+        _write(unfinished, path, pixels, bits, color_space, description)
+
+
+def png_bytes(pixels: NDArray[Any]) -> bytes:
+    """A picture (H, W, 3) of sRGB values as a PNG file of 8 bits. Raises InputError where the disk is full."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "picture.png"
+        _write(file, file, pixels, 8, "sRGB", None)
+        return file.read_bytes()
+
+
+def _write(file: Path, path: Path, pixels: NDArray[Any], bits: int, color_space: str, description: str | None) -> None:
+    """Write what is to become `path` into `file`."""
     pixels = np.ascontiguousarray(pixels if pixels.ndim == 3 else pixels[..., None], dtype=np.float32)
     height, width, channels = pixels.shape
     is_exr = path.suffix.lower() == ".exr"
@@ -260,17 +276,17 @@ def write_image(
             return np.concatenate([band[..., :3] * band[..., 3:], band[..., 3:]], axis=-1)
         return band
 
-    with written_whole(path) as unfinished:
-        target = oiio.ImageOutput.create(str(unfinished))
-        if target is None:
-            raise InputError(f"cannot write {path}: {oiio.geterror()}")
-        done = target.open(str(unfinished), spec) and all(
-            target.write_scanlines(rows.start, rows.stop, 0, stored(pixels[rows])) for rows in bands(height)
-        )
-        if not (target.close() and done and _has_its_end(unfinished)):
-            reason = target.geterror() or oiio.geterror() or "the file was cut short"
-            reason = " ".join(reason.replace(str(unfinished), path.name).split())
-            raise InputError(f"cannot write {path} ({reason[:80]}); make room on the disk")
+    target = oiio.ImageOutput.create(str(file))
+    if target is None:
+        raise InputError(f"cannot write {path}: {oiio.geterror()}")
+    done = target.open(str(file), spec) and all(
+        target.write_scanlines(rows.start, rows.stop, 0, stored(pixels[rows])) for rows in bands(height)
+    )
+    # OpenImageIO reports success where a full disk cut a file short.
+    if not (target.close() and done and is_whole(file)):
+        reason = target.geterror() or oiio.geterror() or "the file was cut short"
+        reason = " ".join(reason.replace(str(file), path.name).split())
+        raise InputError(f"cannot write {path} ({reason[:80]}); make room on the disk")
 
 
 def image_description(path: str | os.PathLike[str]) -> str:
@@ -288,13 +304,30 @@ def image_description(path: str | os.PathLike[str]) -> str:
         source.close()
 
 
-def _has_its_end(file: Path) -> bool:
-    """Whether a PNG has its last chunk: OpenImageIO reports success where a full disk cut it short."""
-    if file.suffix.lower() != ".png":
-        return True
-    with file.open("rb") as written:
-        written.seek(-8, os.SEEK_END)
-        return written.read(4) == b"IEND"
+def is_whole(path: str | os.PathLike[str]) -> bool:
+    """Whether an image file of ours is there to its end, which one that was cut short lacks.
+
+    Told in milliseconds, for folders of thousands: a PNG ends in a mark, and of other formats the last rows are read.
+    """
+    path = Path(path)
+    if path.suffix.lower() == ".png":
+        with contextlib.suppress(OSError), path.open("rb") as file:
+            file.seek(-8, os.SEEK_END)
+            return file.read(4) == b"IEND"
+        return False
+    with libraries_silent():
+        source = _input(path)
+        if source is None:
+            oiio.geterror()
+            return False
+        try:
+            spec = source.spec()
+            together = spec.getattribute("tiff:RowsPerStrip") or 1  # from within a strip all before it would be read
+            first = (spec.height - 1) // together * together
+            last = source.read_scanlines(first, spec.height, 0, 0, spec.nchannels, spec.format)
+            return last is not None and not source.geterror()
+        finally:
+            source.close()
 
 
 def checked_bits(path: Path, bits: int | None = None) -> int:
