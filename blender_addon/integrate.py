@@ -10,6 +10,7 @@ from mathutils import Vector
 
 from mpsnet_core.camera import read_camera
 from mpsnet_core.errors import InputError
+from mpsnet_core.heights.height_names import scale_beside
 
 from .estimate import seen_through
 from .made_from import Ingredients, chosen, stamp
@@ -61,7 +62,7 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
             outputs.append(self._mesh)
         # Heights have their scale beside them: where that is not, nothing here is of earlier heights.
         foreign = [file for file in outputs[1:] if file.exists()]
-        if foreign and not self._output.with_suffix(".json").exists():
+        if foreign and not scale_beside(self._output).exists():
             raise InputError(
                 f"{foreign[0]} is there already and was not made with {self._output.name}; move it, or give the "
                 "heights another name"

@@ -10,7 +10,7 @@ import bpy
 
 from mpsnet_core.camera import write_camera
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import written_whole
+from mpsnet_core.files import written_together, written_whole
 from mpsnet_core.rig import write_rig
 
 from .core_process import run
@@ -64,9 +64,10 @@ def render_photo(scene: Any, path: Path, told: Told = untold) -> None:
             _render(studio, part, "OPEN_EXR")
             for other in others:
                 studio.collection.objects.link(other)
-        run(["superpose", *map(str, parts), "--output", str(path)], [path])
-    write_rig(beside(path, "rig"), rig)
-    write_camera(beside(path, "camera"), scene_camera(camera, scene, (photo.width, photo.height)))
+        with written_together():  # the photo as well, though another process writes it: these are ready when it appears
+            write_rig(beside(path, "rig"), rig)
+            write_camera(beside(path, "camera"), scene_camera(camera, scene, (photo.width, photo.height)))
+            run(["superpose", *map(str, parts), "--output", str(path)], [path])
 
 
 def render_frames(scene: Any, folder: Path, told: Told = untold) -> Path:

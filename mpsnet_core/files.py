@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all, and JSON files that say what they are.
+"""Files that appear whole or not at all, alone or together, and JSON files that say what they are.
 
 A file that is being written is called ``.NAME.PID-PLACE-RANDOM.unfinished.SUFFIX``. The place is a number made of the
 host's name and, on Linux, of the process numbers' namespace: only there does PID say whether its writer is still at
@@ -7,15 +7,18 @@ from elsewhere, say in a folder that several hosts share, nobody touches it.
 """
 
 import contextlib
+import errno
 import json
 import os
 import platform
 import re
 import secrets
+import shutil
 import sys
 import tempfile
+import threading
 import zlib
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -38,25 +41,131 @@ PHOTO_SUFFIXES = (*IMAGE_SUFFIXES, *RAW_SUFFIXES)
 VIDEO_SUFFIXES = (".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mts", ".mxf", ".webm")
 
 
+class _Block(threading.local):
+    """The changes that a block of :func:`written_together` has ready: where each goes, and the file that is to stand
+    there, None where nothing is. None outside such a block."""
+
+    changes: list[tuple[Path, Path | None]] | None = None
+
+
+_block = _Block()
+
+
+@contextmanager
+def written_together() -> Iterator[None]:
+    """All that this thread writes whole in the block appears at its end; where it fails nothing does, old files stay.
+
+    Until then they have their unfinished names, for the block itself as well. Within another such block it is a part of
+    that one. Only a process that is killed as it renames them, in less than a millisecond, leaves some of them new.
+
+    Raises InputError where a file cannot be put in its place.
+    """
+    if _block.changes is not None:
+        yield
+        return
+    changes: list[tuple[Path, Path | None]] = []
+    _block.changes = changes
+    try:
+        yield
+        _put_in_place(changes)
+    finally:
+        _block.changes = None
+        for _, unfinished in changes:
+            if unfinished is not None:
+                unfinished.unlink(missing_ok=True)
+
+
 @contextmanager
 def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Give an empty file beside `path` to write to; on success rename it to `path`, on failure remove it.
 
     It is made at once, so that nobody can put a link in its place; :func:`unfinished_path` says how it is called.
-    Whoever had to kill this process can clear up with :func:`remove_unfinished`.
+    Whoever had to kill this process can clear up with :func:`remove_unfinished`. Once it has its name, it outlives a
+    power cut. In a block of :func:`written_together` it is renamed at the block's end.
 
     Raises InputError where the folder is missing or cannot be written, or the disk is full.
     """
     path = writable_path(path)
     _clear_once(path.parent.resolve())
     unfinished = unfinished_path(path)
-    try:
+    with _writing(path):
         os.close(os.open(unfinished, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
         try:
             yield unfinished
-            unfinished.replace(path)
-        finally:
+            _flush(unfinished)
+        except BaseException:
             unfinished.unlink(missing_ok=True)
+            raise
+    with written_together():
+        assert _block.changes is not None
+        _block.changes.append((path, unfinished))
+
+
+def remove_file(path: str | os.PathLike[str]) -> None:
+    """Remove a file, if it is there; in a block of :func:`written_together` at the block's end."""
+    with written_together():
+        assert _block.changes is not None
+        _block.changes.append((Path(path), None))
+
+
+def _put_in_place(changes: Sequence[tuple[Path, Path | None]]) -> None:
+    """Rename and remove what was asked for; where one of several fails, take back those before it."""
+    kept: list[tuple[Path, Path | None]] = []
+    try:
+        for path, unfinished in changes:
+            with _writing(path):
+                if len(changes) > 1:
+                    kept.append((path, _second_name(path)))
+                if unfinished is None:
+                    path.unlink(missing_ok=True)
+                else:
+                    unfinished.replace(path)
+    except BaseException:
+        for path, before in reversed(kept):
+            with contextlib.suppress(OSError):
+                if before is None:
+                    path.unlink(missing_ok=True)
+                else:
+                    before.replace(path)
+        raise
+    finally:
+        for _, before in kept:
+            if before is not None:
+                before.unlink(missing_ok=True)
+    for folder in {path.parent for path, _ in changes}:
+        with contextlib.suppress(OSError):  # Windows opens no folders, nor may everybody list one
+            _flush(folder)
+
+
+def _second_name(path: Path) -> Path | None:
+    """Another name for what stands at `path`, to take it back from; None where nothing does."""
+    if not path.exists():
+        return None
+    name = unfinished_path(path)
+    try:
+        os.link(path, name)
+    except OSError:  # USB sticks and some network drives know no links
+        shutil.copy2(path, name)
+    return name
+
+
+def _flush(path: Path) -> None:
+    """Have a file's bytes, or the names in a folder, on the disk itself, where a power cut leaves them."""
+    handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)  # Windows flushes only what may be written
+    try:
+        os.fsync(handle)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # of drives that know no such thing
+            raise
+    finally:
+        os.close(handle)
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    """Raises InputError, which names `path`, where the system cannot do what is done in the block."""
+    try:
+        yield
     except OSError as error:
         raise InputError(
             f"cannot write {path}: {error.strerror or error}; make room or choose another folder"
@@ -120,6 +229,8 @@ def made_folder(path: str | os.PathLike[str], what: str) -> Path:
         path.mkdir(exist_ok=True)
     except OSError as error:
         raise InputError(f"cannot make folder {path}: {error.strerror or error}; choose another place") from None
+    with contextlib.suppress(OSError):
+        _flush(path.parent)
     return path
 
 

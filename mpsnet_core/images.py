@@ -1,7 +1,9 @@
 """The only door to image files: OpenImageIO in, linear float32 out, and back."""
 
+import contextlib
 import logging
 import os
+import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -276,6 +278,29 @@ def write_bands(
     """
     path = Path(path)
     bits = checked_bits(path, bits)
+    with written_whole(path) as unfinished:
+        _write(unfinished, path, shape, band, bits, color_space, description)
+
+
+def png_bytes(pixels: NDArray[Any]) -> bytes:
+    """A picture (H, W, 3) of sRGB values as a PNG file of 8 bits. Raises InputError where the disk is full."""
+    height, width, channels = pixels.shape
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "picture.png"
+        _write(file, file, (height, width, channels), lambda rows: pixels[rows], 8, "sRGB", None)
+        return file.read_bytes()
+
+
+def _write(
+    file: Path,
+    path: Path,
+    shape: tuple[int, int, int],
+    band: Callable[[slice], NDArray[Any]],
+    bits: int,
+    color_space: str,
+    description: str | None,
+) -> None:
+    """Write what is to become `path` into `file`."""
     height, width, channels = shape
     is_exr = path.suffix.lower() == ".exr"
     kind = ("half" if bits == 16 else "float") if is_exr else {8: "uint8", 16: "uint16", 32: "float"}[bits]
@@ -300,17 +325,17 @@ def write_bands(
             return np.concatenate([values[..., :3] * values[..., 3:], values[..., 3:]], axis=-1)
         return values
 
-    with written_whole(path) as unfinished:
-        target = oiio.ImageOutput.create(str(unfinished))
-        if target is None:
-            raise InputError(f"cannot write {path}: {oiio.geterror()}")
-        done = target.open(str(unfinished), spec) and all(
-            target.write_scanlines(rows.start, rows.stop, 0, stored(rows)) for rows in bands(height)
-        )
-        if not (target.close() and done and _has_its_end(unfinished)):
-            reason = target.geterror() or oiio.geterror() or "the file was cut short"
-            reason = " ".join(reason.replace(str(unfinished), path.name).split())
-            raise InputError(f"cannot write {path} ({reason[:80]}); make room on the disk")
+    target = oiio.ImageOutput.create(str(file))
+    if target is None:
+        raise InputError(f"cannot write {path}: {oiio.geterror()}")
+    done = target.open(str(file), spec) and all(
+        target.write_scanlines(rows.start, rows.stop, 0, stored(rows)) for rows in bands(height)
+    )
+    # OpenImageIO reports success where a full disk cut a file short.
+    if not (target.close() and done and is_whole(file)):
+        reason = target.geterror() or oiio.geterror() or "the file was cut short"
+        reason = " ".join(reason.replace(str(file), path.name).split())
+        raise InputError(f"cannot write {path} ({reason[:80]}); make room on the disk")
 
 
 def image_description(path: str | os.PathLike[str]) -> str:
@@ -328,13 +353,30 @@ def image_description(path: str | os.PathLike[str]) -> str:
         source.close()
 
 
-def _has_its_end(file: Path) -> bool:
-    """Whether a PNG has its last chunk: OpenImageIO reports success where a full disk cut it short."""
-    if file.suffix.lower() != ".png":
-        return True
-    with file.open("rb") as written:
-        written.seek(-8, os.SEEK_END)
-        return written.read(4) == b"IEND"
+def is_whole(path: str | os.PathLike[str]) -> bool:
+    """Whether an image file of ours is there to its end, which one that was cut short lacks.
+
+    Told in milliseconds, for folders of thousands: a PNG ends in a mark, and of other formats the last rows are read.
+    """
+    path = Path(path)
+    if path.suffix.lower() == ".png":
+        with contextlib.suppress(OSError), path.open("rb") as file:
+            file.seek(-8, os.SEEK_END)
+            return file.read(4) == b"IEND"
+        return False
+    with libraries_silent():
+        source = _input(path)
+        if source is None:
+            oiio.geterror()
+            return False
+        try:
+            spec = source.spec()
+            together = spec.getattribute("tiff:RowsPerStrip") or 1  # from within a strip all before it would be read
+            first = (spec.height - 1) // together * together
+            last = source.read_scanlines(first, spec.height, 0, 0, spec.nchannels, spec.format)
+            return last is not None and not source.geterror()
+        finally:
+            source.close()
 
 
 def checked_bits(path: Path, bits: int | None = None) -> int:

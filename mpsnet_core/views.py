@@ -18,7 +18,7 @@ from mpsnet_core.capture import Capture, capture_of, note_doubts, taken_in
 from mpsnet_core.correction import Correction
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import read_json, write_json
-from mpsnet_core.images import Encoding, read_image, write_image
+from mpsnet_core.images import Encoding, is_whole, read_image, write_image
 from mpsnet_core.made_from import identity
 from mpsnet_core.normals import NormalMap, read_normals, write_normals
 from mpsnet_core.photo_folder import PhotoFolder
@@ -221,12 +221,12 @@ class KeptView:
         return self.folder / f"{self.name}_view.json"
 
     def is_of(self, source: dict[str, Any]) -> bool:
-        """Whether both files are there and were made of the same as is told by `source`."""
+        """Whether both files are there, whole, and were made of the same as is told by `source`."""
         try:
             made_of = read_json(self.record, VIEW_FORMAT, VIEW_VERSION, ("of",)).get("of")
         except InputError:
             return False
-        return made_of == source and self.normals.is_file() and self.confidence.is_file()
+        return made_of == source and is_whole(self.normals) and is_whole(self.confidence)
 
     def write(self, normals: NormalMap, source: dict[str, Any]) -> None:
         """Write both files, and last the record that they are whole."""

@@ -1,14 +1,12 @@
 """The verb bake: normal maps to a texture on a mesh's UVs, or a sequence of them to a sequence of textures."""
 
 import argparse
-import hashlib
 import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mpsnet_core import __version__
 from mpsnet_core.cli.arguments import Help, Verbs, add_level, add_meshes, add_texture, asked_baking, level_scale
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.cli.sheets import planned, textures_in_words, told_textures, write_textures
@@ -86,7 +84,7 @@ class _Job:
 
 
 def _bake(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
-    from mpsnet_core.files import writable_path
+    from mpsnet_core.files import writable_path, written_together
     from mpsnet_core.frames import is_several
     from mpsnet_core.images import checked_bits
     from mpsnet_core.normals import check_convention
@@ -124,7 +122,8 @@ def _bake(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     plan = planned(options, job.files)
     seen, _ = _views(job, plan.meshes, plan.presents.in_photos(), options, part(reporter.progress, 0.05, 0.15))
     baked = _baked(seen, plan.meshes, plan.sheets, options, part(reporter.progress, 0.15, 1.0))
-    made = [one for one, _ in write_textures(plan, baked, options)]
+    with written_together():
+        made = [one for one, _ in write_textures(plan, baked, options)]
     return {"output": options.output, **told_textures(made), "text": textures_in_words(made, _facts(options))}
 
 
@@ -204,7 +203,7 @@ def _bake_frames(options: argparse.Namespace, views: Sequence[tuple[str, str]], 
     """A texture for each frame. What is there already, made of the same files and settings, is not made again."""
     from mpsnet_core.files import made_folder, remove_abandoned
     from mpsnet_core.frames import check_apart, results_folder
-    from mpsnet_core.images import image_description
+    from mpsnet_core.made_from import is_made
     from mpsnet_core.surface.mesh import read_mesh
     from mpsnet_core.surface.onto import laid_onto
     from mpsnet_core.surface.sheets import sheets
@@ -235,7 +234,7 @@ def _bake_frames(options: argparse.Namespace, views: Sequence[tuple[str, str]], 
         )
         step(0.0, "")
         line = _line(job, first_job, options)
-        if image_description(job.output) == line:
+        if is_made(job.output, line):
             continue
         if mesh is None or job.meshes[0] != mesh_file:
             mesh, mesh_file = read_mesh(job.meshes[0]), job.meshes[0]
@@ -320,12 +319,11 @@ def _file_of(files: Path | dict[int, Path], number: int) -> Path:
 
 def _line(job: _Job, first: _Job, options: argparse.Namespace) -> str:
     """The line that a texture keeps: what made it of what. first: the frame that tells what is shown of --onto."""
-    from mpsnet_core.made_from import content, identity
+    from mpsnet_core.made_from import content, identity, made_line
 
     facts = [f"{name}: {value!r}" for name, value in sorted(vars(options).items()) if name not in NOT_IN_RECIPE]
     # Meshes and cameras by what they hold: Blender writes them anew for every run.
     for one in (job, first) if options.onto and options.onto_shown == "auto" else (job,):
         facts += map(content, [*one.meshes, *(camera for camera, _ in one.views)])
         facts += map(identity, [*(normals for _, normals in one.views), one.onto])
-    digest = hashlib.sha256("\n".join(facts).encode(errors="surrogateescape")).hexdigest()
-    return f"texture by mpsnet {__version__}, {digest[:32]}"
+    return made_line("texture", "\n".join(facts))

@@ -106,6 +106,7 @@ def _lights(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.calibrate.overlay import lights_picture
     from mpsnet_core.calibrate.photos import mean_photo, read_sightings
     from mpsnet_core.evaluation.pictures import sheet
+    from mpsnet_core.files import written_together
     from mpsnet_core.images import write_image
     from mpsnet_core.progress import part
     from mpsnet_core.rig import LightRig, near_rig, write_rig
@@ -148,26 +149,28 @@ def _lights(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
             pictured.append(photos)
     found = find_lights(sightings)
     near = found.positions is not None and not options.distant
-    if is_lp:
-        write_lp(options.output, found.directions, [files[k].stem for k in chosen] if options.per_light else names)
-    else:
-        _note_replaced(Path(options.output))
-        if near:
-            assert found.positions is not None
-            write_rig(options.output, near_rig(found.positions, found.target))
-        else:
-            write_rig(options.output, LightRig(found.directions))
     reporter.progress(0.9, "drawing what was found")
-    if options.overlay:
-        tiles = [
-            lights_picture(mean_photo(photos), sighting, found.directions, labels)
-            for photos, sighting in zip(pictured, sightings, strict=True)
-        ]
-        titled = [(f"{place}", tile) for place, tile in enumerate(tiles, 1)]
-        picture = tiles[0] if len(tiles) == 1 else sheet(titled, 2, tile_height=tiles[0].shape[0])
-        write_image(options.overlay, picture, bits=8, color_space="sRGB")
+    with written_together():
+        if is_lp:
+            write_lp(options.output, found.directions, [files[k].stem for k in chosen] if options.per_light else names)
+        else:
+            _note_replaced(Path(options.output))
+            if near:
+                assert found.positions is not None
+                write_rig(options.output, near_rig(found.positions, found.target))
+            else:
+                write_rig(options.output, LightRig(found.directions))
+        if options.overlay:
+            tiles = [
+                lights_picture(mean_photo(photos), sighting, found.directions, labels)
+                for photos, sighting in zip(pictured, sightings, strict=True)
+            ]
+            titled = [(f"{place}", tile) for place, tile in enumerate(tiles, 1)]
+            picture = tiles[0] if len(tiles) == 1 else sheet(titled, 2, tile_height=tiles[0].shape[0])
+            write_image(options.overlay, picture, bits=8, color_space="sRGB")
+        told = _told(options, _lights_data(found, names, shown_by))
     reporter.progress(1.0, "done")
-    return _told(options, _lights_data(found, names, shown_by))
+    return told
 
 
 def _lights_of_lp(options: argparse.Namespace) -> dict[str, Any]:
@@ -335,6 +338,7 @@ def _mixing(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.calibrate.mixing import mixing_from_ball, mixing_from_ball_by_light
     from mpsnet_core.calibrate.overlay import ball_picture
     from mpsnet_core.calibrate.photos import mean_photo, seen_balls
+    from mpsnet_core.files import written_together
     from mpsnet_core.images import write_image
     from mpsnet_core.rig import read_rig, write_rig
 
@@ -363,11 +367,13 @@ def _mixing(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         found = mixing_from_ball(read[0], ball, rig) if one else mixing_from_ball_by_light(read, ball, rig)
         assert found.ball is not None
         picture = ball_picture(image, found.ball, f"{found.residual:.1%} unexplained")
-    write_rig(options.output, replace(rig, mixing=found.mixing))
-    if options.overlay and picture is not None:
-        write_image(options.overlay, picture, bits=8, color_space="sRGB")
+    with written_together():
+        write_rig(options.output, replace(rig, mixing=found.mixing))
+        if options.overlay and picture is not None:
+            write_image(options.overlay, picture, bits=8, color_space="sRGB")
+        told = _told(options, _mixing_data(found))
     reporter.progress(1.0, "done")
-    return _told(options, _mixing_data(found))
+    return told
 
 
 def _card(photos: "BallPhotos", read: Sequence["Image"], options: argparse.Namespace, rig: "LightRig") -> "MixingFound":

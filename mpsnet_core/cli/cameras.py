@@ -32,7 +32,7 @@ def _cameras(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
 
     from mpsnet_core.camera import write_camera
     from mpsnet_core.errors import InputError
-    from mpsnet_core.files import made_folder
+    from mpsnet_core.files import made_folder, written_together
     from mpsnet_core.frames import check_apart
     from mpsnet_core.images import read_image, write_image
     from mpsnet_core.photogrammetry import undistorted, undistorted_mask
@@ -44,8 +44,9 @@ def _cameras(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     straightened = 0
     for number, view in enumerate(views):
         reporter.progress(number / len(views), view.name)
-        write_camera(folder / f"{view.name}{CAMERA_SUFFIX}", view.camera)
+        camera = folder / f"{view.name}{CAMERA_SUFFIX}"
         if view.lens is None or view.lens.is_identity:
+            write_camera(camera, view.camera)
             continue
         try:
             image = read_image(view.photo, encoding=options.encoding)
@@ -55,7 +56,9 @@ def _cameras(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         except InputError as error:
             raise InputError(f"{view.photo}: {error}") from None
         stored = np.concatenate([pixels, alpha[..., None]], axis=-1)
-        write_image(folder / f"{view.name}.exr", stored, bits=16, color_space="lin_rec709_scene")
+        with written_together():
+            write_camera(camera, view.camera)
+            write_image(folder / f"{view.name}.exr", stored, bits=16, color_space="lin_rec709_scene")
         straightened += 1
     reporter.progress(1.0, "done")
     told = f", {straightened} photo(s) without their lens" if straightened else ", whose lenses bend nothing"

@@ -59,7 +59,8 @@ def _height_files(options: argparse.Namespace) -> list[Path]:
 
 
 def _height(options: argparse.Namespace, surface: Surface, progress: Progress) -> Made:
-    from mpsnet_core.heights.height_files import height_names, write_height
+    from mpsnet_core.heights.height_files import write_height
+    from mpsnet_core.heights.height_names import height_names
 
     heights = surface.heights
     assert heights is not None
@@ -203,8 +204,7 @@ def _image(path: str | Path) -> list[Path]:
     return [path]
 
 
-# In the order in which they are made; each is asked for by the option of its name. The mesh comes last: that no face
-# is left for it is only known once it is made, and shall cost none of the others.
+# In the order in which they are made; each is asked for by the option of its name.
 PRODUCTS = {
     "height": Product(_height_files, _height),
     "curvature": Product(_curvature_files, _curvature),

@@ -121,9 +121,10 @@ def _check_together(parser: argparse.ArgumentParser, options: argparse.Namespace
 
 
 def _integrate(parser: argparse.ArgumentParser, options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
+    from mpsnet_core.files import written_together
     from mpsnet_core.frames import check_apart, is_several
     from mpsnet_core.heights.integrate import METHODS
-    from mpsnet_core.heights.surface_mesh import check_has_faces
+    from mpsnet_core.heights.surface_mesh import NoFaceError, check_has_faces
     from mpsnet_core.normals import OUTWARDS_SHARE, check_convention, read_normals
     from mpsnet_core.surface.texture_names import check_one_texture
 
@@ -160,14 +161,21 @@ def _integrate(parser: argparse.ArgumentParser, options: argparse.Namespace, rep
             raise InputError(f"{options.normals}: {error}") from None
     surface = _asked_surface(options, normals, part(reporter.progress, 0.05, 0.75))
     result: dict[str, Any] = {"outputs": [], "unit": surface.unit}
-    lines = []
-    for number, (name, product) in enumerate(asked.items()):
-        output = Path(getattr(options, name))
-        first, last = (0.75 + 0.25 * (number + end) / len(asked) for end in (0, 1))
-        made = product.make(options, surface, part(reporter.progress, first, last))
-        result["outputs"] += map(str, made.files)
-        result[name] = made.facts
-        lines.append(f"{output}: {made.words}")
+    lines, no_mesh = [], None
+    with written_together():
+        for number, (name, product) in enumerate(asked.items()):
+            output = Path(getattr(options, name))
+            first, last = (0.75 + 0.25 * (number + end) / len(asked) for end in (0, 1))
+            try:
+                made = product.make(options, surface, part(reporter.progress, first, last))
+            except NoFaceError as error:  # only known now, and shall cost none of the others
+                no_mesh = error
+                continue
+            result["outputs"] += map(str, made.files)
+            result[name] = made.facts
+            lines.append(f"{output}: {made.words}")
+    if no_mesh is not None:
+        raise no_mesh
     reporter.progress(1.0, "done")
     return {**result, "text": "\n".join(lines)}
 

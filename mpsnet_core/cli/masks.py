@@ -29,7 +29,7 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
 def _mask(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.correction import corrected
     from mpsnet_core.evaluation.pictures import mask_picture
-    from mpsnet_core.files import writable_path
+    from mpsnet_core.files import writable_path, written_together
     from mpsnet_core.frames import check_apart
     from mpsnet_core.images import checked_bits, read_image, write_image
     from mpsnet_core.masks import find_mask
@@ -53,9 +53,10 @@ def _mask(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         sizes = [f"{array.shape[1]} x {array.shape[0]}" for array in (mask, image.pixels)]
         raise InputError(f"{options.mask} is {sizes[0]} but {options.image} is {sizes[1]}; they must be the same size")
     reporter.progress(0.8, f"writing {Path(options.output).name}")
-    write_image(options.output, mask, bits=None if Path(options.output).suffix.lower() == ".exr" else 8)
-    if options.overlay:
-        write_image(options.overlay, mask_picture(image.pixels, mask), color_space="sRGB")
+    with written_together():
+        write_image(options.output, mask, bits=None if Path(options.output).suffix.lower() == ".exr" else 8)
+        if options.overlay:
+            write_image(options.overlay, mask_picture(image.pixels, mask), color_space="sRGB")
     reporter.progress(1.0, "done")
     share = float(mask.mean())
     return {

@@ -46,6 +46,7 @@ def integrate_on_uvs(options: argparse.Namespace, reporter: Reporter) -> dict[st
     """
     import numpy as np
 
+    from mpsnet_core.files import written_together
     from mpsnet_core.heights.height_files import write_height
     from mpsnet_core.heights.on_uvs import displacement
     from mpsnet_core.heights.tiles import tiles_of
@@ -79,9 +80,10 @@ def integrate_on_uvs(options: argparse.Namespace, reporter: Reporter) -> dict[st
     reporter.progress(0.9, f"writing {Path(options.height).name}")
     unit = options.unit or "unit"
     ends = float(found.values.min()), float(found.values.max())
-    for output, values in zip(outputs, tiles.parted(found.values), strict=True):
-        heights = replace(found, values=values).as_height_map()
-        scale = write_height(output, heights, bits=options.height_bits, unit=unit, on_uvs=True, ends=ends)
+    with written_together():
+        for output, values in zip(outputs, tiles.parted(found.values), strict=True):
+            heights = replace(found, values=values).as_height_map()
+            scale = write_height(output, heights, bits=options.height_bits, unit=unit, on_uvs=True, ends=ends)
     inside = found.values[found.covered]
     lowest, highest = float(inside.min()), float(inside.max())
     across = float(np.linalg.norm(np.ptp(mesh.world_vertices, axis=0)))

@@ -94,7 +94,7 @@ def _add_estimate(parser: argparse.ArgumentParser) -> None:
 def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.capture import read_capture
     from mpsnet_core.estimate.albedo import albedo_from_white, write_albedo
-    from mpsnet_core.files import writable_path
+    from mpsnet_core.files import made_folder, writable_path, written_together
     from mpsnet_core.frames import check_apart, expand_images, is_several, output_files
     from mpsnet_core.images import checked_bits, write_image
     from mpsnet_core.normals import check_convention, write_normals
@@ -142,12 +142,13 @@ def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
     )
     normals = estimator(capture, part(reporter.progress, 0.1, 0.9))
     reporter.progress(0.9, f"writing {output.name}")
-    output.parent.mkdir(exist_ok=True)
-    write_normals(output, normals, convention=options.convention)
-    if options.confidence:
-        write_image(options.confidence, normals.confidence)
-    if options.albedo:
-        write_albedo(options.albedo, albedo_from_white(capture, normals, white_light), capture.mask)
+    made_folder(output.parent, "normals")
+    with written_together():
+        write_normals(output, normals, convention=options.convention)
+        if options.confidence:
+            write_image(options.confidence, normals.confidence)
+        if options.albedo:
+            write_albedo(options.albedo, albedo_from_white(capture, normals, white_light), capture.mask)
     reporter.progress(1.0, "done")
     return {
         "outputs": [str(output)],

@@ -96,33 +96,25 @@ def write_textures(
 ) -> "Iterable[tuple[Made, Texture]]":
     """Write textures one by one, as they are baked; gives each with what was made of it.
 
-    Raises InputError where one cannot be baked or written; it tells how many are there already.
+    Raises InputError where one cannot be baked or written.
     """
     from mpsnet_core.estimate.albedo import write_albedo
     from mpsnet_core.surface.onto import laid_onto
     from mpsnet_core.surface.texture import write_texture
 
-    made = 0
-    try:
-        for sheet, texture in baked:
-            place = plan.sheets.index(sheet)
-            beneath = plan.presents.beneath(sheet)
-            if beneath is not None:
-                texture = laid_onto(texture, beneath)
-            write_texture(plan.files[place], texture, convention=options.convention, bits=options.bits)
-            albedo = None
-            if texture.colours is not None:
-                albedo = albedo_file(plan.files[place])
-                write_albedo(albedo, texture.colours[..., :3], bits=options.bits)
-            made += 1
-            seen, covered = int(texture.seen.sum()), int(texture.covered.sum())
-            yield Made(plan.files[place], plan.patterns[place], sheet, seen, covered, albedo), texture
-            del texture
-    except (InputError, OSError) as error:
-        if not made:
-            raise
-        why = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) else str(error)
-        raise InputError(f"{why}; {made} of {len(plan.sheets)} textures were written before") from None
+    for sheet, texture in baked:
+        place = plan.sheets.index(sheet)
+        beneath = plan.presents.beneath(sheet)
+        if beneath is not None:
+            texture = laid_onto(texture, beneath)
+        write_texture(plan.files[place], texture, convention=options.convention, bits=options.bits)
+        albedo = None
+        if texture.colours is not None:
+            albedo = albedo_file(plan.files[place])
+            write_albedo(albedo, texture.colours[..., :3], bits=options.bits)
+        seen, covered = int(texture.seen.sum()), int(texture.covered.sum())
+        yield Made(plan.files[place], plan.patterns[place], sheet, seen, covered, albedo), texture
+        del texture
 
 
 def told_textures(made: Sequence[Made]) -> dict[str, Any]:

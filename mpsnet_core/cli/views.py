@@ -95,7 +95,14 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.estimate.shelf import DEFAULT_MODEL
     from mpsnet_core.evaluation.bake_report import texture_maps, view_table, write_bake_report
     from mpsnet_core.evaluation.report import report_path
-    from mpsnet_core.files import files_within, made_folder, remove_abandoned, writable_path, write_json
+    from mpsnet_core.files import (
+        files_within,
+        made_folder,
+        remove_abandoned,
+        writable_path,
+        write_json,
+        written_together,
+    )
     from mpsnet_core.frames import check_apart
     from mpsnet_core.images import checked_bits
     from mpsnet_core.made_from import identity
@@ -166,27 +173,29 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
             del estimated, levelled
         note_shown(stored.shares)
         baked = bake_sheets(plan.meshes, stored, plan.sheets, baking, progress=part(reporter.progress, 0.72, 1.0))
+        table = agreed.views()
+        _note_doubts(table)
+        how = f"levelled at {level:g} of the mesh's size" if level else "not levelled"
+        summary = f"{len(views)} view(s) by {estimator.name}, {how}" + (f"; {known} kept from before" if known else "")
         made, maps = [], []
-        for one, texture in write_textures(plan, baked, options):
-            made.append(one)
+        with written_together():
+            for one, texture in write_textures(plan, baked, options):
+                made.append(one)
+                if options.report:
+                    maps += texture_maps(texture, one.sheet.named)
+                del texture
+            facts = f"{options.size} x {options.size}, {options.space} space, {options.convention}"
+            text = textures_in_words(made, facts)
+            figures = {
+                "views": table_rows(table),
+                "seen": round(seen_share(made), 4),
+                "level": level,
+                "model": estimator.name,
+            }
             if options.report:
-                maps += texture_maps(texture, one.sheet.named)
-            del texture
-    table = agreed.views()
-    _note_doubts(table)
-    how = f"levelled at {level:g} of the mesh's size" if level else "not levelled"
-    summary = f"{len(views)} view(s) by {estimator.name}, {how}" + (f"; {known} kept from before" if known else "")
-    text = textures_in_words(made, f"{options.size} x {options.size}, {options.space} space, {options.convention}")
-    figures = {
-        "views": table_rows(table),
-        "seen": round(seen_share(made), 4),
-        "level": level,
-        "model": estimator.name,
-    }
-    if options.report:
-        write_bake_report(options.report, Path(options.output).name, maps, table, [text, summary])
-    if options.json:
-        write_json(options.json, figures)
+                write_bake_report(options.report, Path(options.output).name, maps, table, [text, summary])
+            if options.json:
+                write_json(options.json, figures)
     return {
         "output": options.output,
         **told_textures(made),

@@ -12,7 +12,7 @@ from mpsnet_core.evaluation.magnify import magnified_name
 from mpsnet_core.evaluation.measure import Case, Result, chosen_models, measure
 from mpsnet_core.evaluation.report import begun_report
 from mpsnet_core.evaluation.tables import text_table
-from mpsnet_core.files import writable_path, write_json
+from mpsnet_core.files import writable_path, write_json, written_together
 from mpsnet_core.progress import Progress, silent
 
 
@@ -92,10 +92,11 @@ def evaluate(
             ["mean angular error in degrees\n" + evaluation.table(named), *_confidence_table(confidence)]
         )
         notes = [*evaluation.notes(rows), *evaluation.skipped()]
-        if json:
-            write_json(json, told)
-        if page:
-            page.write(evaluation.title, table, notes, [*evaluation.charts(rows), *_calibration_chart(confidence)])
+        with written_together():
+            if json:
+                write_json(json, told)
+            if page:
+                page.write(evaluation.title, table, notes, [*evaluation.charts(rows), *_calibration_chart(confidence)])
     return {**told, "text": "\n".join([table, *notes])}
 
 

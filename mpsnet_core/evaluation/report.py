@@ -25,7 +25,7 @@ from mpsnet_core.evaluation.pictures import (
     sheet,
 )
 from mpsnet_core.files import writable_path, written_whole
-from mpsnet_core.images import write_image
+from mpsnet_core.images import png_bytes
 from mpsnet_core.normals import NormalMap
 
 HIGHEST_ERROR = 45.0  # degrees; one scale for all models and cases
@@ -119,7 +119,4 @@ def _at_least_square(picture: NDArray[np.float32]) -> NDArray[np.float32]:
 
 def data_url(picture: NDArray[np.float32]) -> str:
     """Display values (H, W, 3) as a PNG inside a URL."""
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "picture.png"
-        write_image(file, picture, bits=8, color_space="sRGB")
-        return "data:image/png;base64," + base64.b64encode(file.read_bytes()).decode("ascii")
+    return "data:image/png;base64," + base64.b64encode(png_bytes(picture)).decode("ascii")

@@ -1,10 +1,11 @@
 """Height maps as files: float heights in the unit itself, or 16 bits from black to white with their scale stated.
 
-Beside ``NAME.png`` stand ``NAME.json``, what its values mean, and ``NAME_mask.png``, where the object is.
+Beside ``height.png`` stand ``height.png.json``, what its values mean, and ``height.png.mask.png``, where the object is.
 The picture itself has one channel and no alpha: that is what displacement takes, and in EXR colours are multiplied by
 alpha, which would tear the surface down to 0 along its outline. Instead the heights go on beyond the outline.
 """
 
+import contextlib
 import json
 import os
 from dataclasses import dataclass
@@ -16,8 +17,17 @@ from numpy.typing import NDArray
 
 from mpsnet_core.camera import Camera, camera_data, camera_from_data
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import MAX_JSON_BYTES, existing_file, read_json, writable_path, write_json
+from mpsnet_core.files import (
+    MAX_JSON_BYTES,
+    existing_file,
+    read_json,
+    remove_file,
+    writable_path,
+    write_json,
+    written_together,
+)
 from mpsnet_core.heights.height_map import HeightMap
+from mpsnet_core.heights.height_names import earlier_scale, height_names, scale_beside
 from mpsnet_core.images import checked_bits, image_description, read_channel, read_mask, write_image
 from mpsnet_core.surface.push_pull import push_pull
 
@@ -82,12 +92,6 @@ def height_files(path: str | os.PathLike[str], bits: int | None = None) -> list[
     return [path, scale, mask]
 
 
-def height_names(path: str | os.PathLike[str]) -> list[Path]:
-    """The same, whether or not they can be written."""
-    path = Path(path)
-    return [path, path.with_suffix(".json"), path.with_name(f"{path.stem}_mask.png")]
-
-
 def write_height(
     path: str | os.PathLike[str],
     heights: HeightMap,
@@ -97,7 +101,7 @@ def write_height(
     on_uvs: bool = False,
     ends: tuple[float, float] | None = None,
 ) -> HeightScale:
-    """Write heights, their scale as ``NAME.json`` and their mask as ``NAME_mask.png``; each whole or not at all.
+    """Write heights, their scale and their mask: all of them, or none, and what was there stays.
 
     path: .exr, or .tif with `bits` 32: float32 heights in the unit itself. .png or .tif: 16 bits from black, the lowest
     height, to white, the highest. The file itself keeps the scale too, as its description. unit: what the camera's
@@ -130,13 +134,27 @@ def write_height(
     if bits != 32:
         values = ((values - np.float32(scale.black)) / np.float32(scale.strength)).astype(np.float32)
     whole = {"format": HEIGHT_FORMAT, "version": HEIGHT_VERSION, **data}
-    write_json(scale_file, whole)  # before the mask, which is known as its own by it
-    if data["mask"] is not None:
-        write_image(mask_file, heights.mask, bits=8)
-    write_image(path, values, bits=bits, description=json.dumps(whole))
-    if data["mask"] is None:
-        mask_file.unlink(missing_ok=True)  # of the heights that were there before
+    with written_together():
+        write_json(scale_file, whole)  # before the mask, which is known as its own by it
+        if data["mask"] is not None:
+            write_image(mask_file, heights.mask, bits=8)
+        else:
+            remove_file(mask_file)  # of the heights that were there before
+        _remove_earlier(path)
+        write_image(path, values, bits=bits, description=json.dumps(whole))
     return scale
+
+
+def _remove_earlier(path: Path) -> None:
+    """Remove the scale and mask that an earlier version named otherwise, where they are of what stands at `path`."""
+    scale = earlier_scale(path)
+    if scale.is_file():
+        with contextlib.suppress(InputError):
+            data = read_json(scale, HEIGHT_FORMAT, HEIGHT_VERSION, HEIGHT_KEYS)
+            if _kept_data(path) == data:
+                remove_file(scale)
+                if data.get("mask") == f"{path.stem}_mask.png":
+                    remove_file(path.with_name(data["mask"]))
 
 
 def read_height(path: str | os.PathLike[str]) -> HeightMap:
@@ -148,12 +166,13 @@ def read_height(path: str | os.PathLike[str]) -> HeightMap:
     Raises InputError where a file is missing or broken, or they do not belong together.
     """
     path = existing_file(path, "height map")
-    scale_file = path.with_suffix(".json")
+    scale_file = scale_beside(path)
     data = read_json(scale_file, HEIGHT_FORMAT, HEIGHT_VERSION, HEIGHT_KEYS)
     values = read_channel(path)
     try:
         black, white = _number(data, "black"), _number(data, "white")
-        if _kept_scale(path) not in (None, [black, white]):
+        kept = _kept_data(path)
+        if kept is not None and (kept.get("black"), kept.get("white")) != (black, white):
             raise InputError("its black and white are not those that the picture itself keeps; write both again")
         camera = _camera(data, values.shape)
         mask = _read_mask_beside(scale_file, data.get("mask"), values.shape)
@@ -170,14 +189,14 @@ def _camera(data: dict[str, Any], shape: tuple[int, ...]) -> Camera:
     return camera_from_data(data["camera"])
 
 
-def _kept_scale(path: Path) -> list[Any] | None:
-    """Black and white as the picture's own description has them, None where another program took it out."""
+def _kept_data(path: Path) -> dict[str, Any] | None:
+    """The scale as the picture's own description has it, None where another program took it out."""
     text = image_description(path)
     try:
         data = json.loads(text) if len(text) < MAX_JSON_BYTES else None
     except (ValueError, RecursionError):
         return None
-    return [data.get("black"), data.get("white")] if isinstance(data, dict) else None
+    return data if isinstance(data, dict) else None
 
 
 def _read_mask_beside(file: Path, name: Any, shape: tuple[int, ...]) -> NDArray[np.bool_]:

@@ -23,6 +23,10 @@ MESH_SUFFIXES = (".ply", ".glb", ".obj")
 MAX_FACES = 10_000_000
 
 
+class NoFaceError(InputError):
+    """No triangle is left of a surface."""
+
+
 @dataclass(frozen=True)
 class SurfaceMesh:
     """A surface in the camera's world, as the photo shows it.
@@ -51,7 +55,7 @@ def surface_mesh(
     open_from: in degrees; triangles that face away from the ray of sight by that or more are left out, so that a step
     between a thing and what is behind it stays open. Closed unless given.
 
-    Raises InputError where the sizes do not agree, an option is out of range or no triangle is left.
+    Raises InputError where the sizes do not agree or an option is out of range, NoFaceError where no triangle is left.
     """
     check_size("height map", heights.mask.shape, normals)
     check_surface_mesh(faces, open_from)
@@ -70,7 +74,7 @@ def surface_mesh(
         facing = -np.einsum("ti,ti->t", across, rays[triangles[:, 0]])
         triangles = triangles[facing > np.cos(np.radians(open_from)) * np.linalg.norm(across, axis=1)]
     if not len(triangles):
-        raise InputError("no face is left of the surface; allow more faces, or leave fewer steps open")
+        raise NoFaceError("no face is left of the surface; allow more faces, or leave fewer steps open")
     used, triangles = np.unique(triangles, return_inverse=True)
     size = np.array([camera.width, camera.height])
     return SurfaceMesh(

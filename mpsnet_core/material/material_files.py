@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import made_folder, read_json, write_json
+from mpsnet_core.files import made_folder, read_json, write_json, written_together
 from mpsnet_core.heights.curvature import curvature_picture, curvature_range
 from mpsnet_core.heights.relight import relit
 from mpsnet_core.images import linear_to_srgb, write_image
@@ -72,7 +72,8 @@ def write_material(
 
     normal: 0.5 + 0.5 n, 16 bits. height: 16 bits from black, the lowest, to white, the highest. height_mm: float,
     millimetres. curvature: grey where flat, lighter where it bulges, of the range that material.json tells. albedo:
-    sRGB. preview: 3 x 3 tiles under a low light. material: JSON, written first: the others are known as its own by it.
+    sRGB. preview: 3 x 3 tiles under a low light. material: JSON, put in place first: the others are known as its own
+    by it. All appear, or none.
 
     Raises InputError where the folder cannot be made or written, and as :func:`material_files` does.
     """
@@ -81,13 +82,14 @@ def write_material(
     low, high = float(material.height.min()), float(material.height.max())
     bend = curvature_range(material.curvature, mask)
     told = {**_told(material, low, high, bend), "convention": convention}
-    write_json(files["material"], {**told, "files": {what: files[what].name for what in PICTURES}})
-    write_image(files["normal"], encode(material.normals, convention))
-    write_image(files["height"], (material.height - low) / max(high - low, 1e-9))
-    write_image(files["height_mm"], material.height)
-    write_image(files["curvature"], curvature_picture(material.curvature, bend), bits=8)
-    write_image(files["albedo"], linear_to_srgb(material.albedo), bits=8, color_space="sRGB")
-    write_image(files["preview"], repeated_picture(material), bits=8, color_space="sRGB")
+    with written_together():
+        write_json(files["material"], {**told, "files": {what: files[what].name for what in PICTURES}})
+        write_image(files["normal"], encode(material.normals, convention))
+        write_image(files["height"], (material.height - low) / max(high - low, 1e-9))
+        write_image(files["height_mm"], material.height)
+        write_image(files["curvature"], curvature_picture(material.curvature, bend), bits=8)
+        write_image(files["albedo"], linear_to_srgb(material.albedo), bits=8, color_space="sRGB")
+        write_image(files["preview"], repeated_picture(material), bits=8, color_space="sRGB")
     return files
 
 

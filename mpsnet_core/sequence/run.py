@@ -1,6 +1,5 @@
 """A sequence's run: frames are read, estimated, smoothed and written in order, and one that was cut short goes on."""
 
-import hashlib
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -8,11 +7,10 @@ from contextlib import closing
 from dataclasses import dataclass
 from typing import TypeVar
 
-from mpsnet_core import __version__
 from mpsnet_core.capture import Capture, note_doubts
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import remove_abandoned
-from mpsnet_core.images import image_description
+from mpsnet_core.files import made_folder, remove_abandoned
+from mpsnet_core.made_from import is_made, made_line
 from mpsnet_core.normals import Convention, NormalMap, write_normals
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.sequence.smoothing import Shot, smoothed
@@ -52,7 +50,7 @@ def estimate_sequence(
     frames: by rising number, all with outputs in one folder, which is made where it is missing.
     take: reads a frame as a capture; called in a thread of its own, for one frame after the other.
     recipe: text that changes with every other setting that the normals depend on. Each output keeps a line that tells
-        recipe and `Frame.made_from`; one that says the same as what would be written counts as there.
+        recipe and `Frame.made_from`; one that is whole and says the same as what would be written counts as there.
     smooth: how many frames before and behind count for a frame's normals, `step` by which their numbers rise at least;
         see `smoothing`.
     count: how many frames there are about, for `progress`; 0 where that is not known.
@@ -88,8 +86,9 @@ def estimate_sequence(
             yield Shot(todo.frame.number, capture.image, normals, todo.stale)
 
     def write(frame: Frame, normals: NormalMap) -> None:
-        frame.output.parent.mkdir(exist_ok=True)
-        write_normals(frame.output, normals, convention=convention, description=_stamp(frame, recipe))
+        if not outcome.made:
+            made_folder(frame.output.parent, "normals")
+        write_normals(frame.output, normals, convention=convention, description=_line(frame, recipe))
         outcome.made += 1
         outcome.pixels += int(normals.mask.sum())
 
@@ -106,10 +105,8 @@ def estimate_sequence(
     return outcome
 
 
-def _stamp(frame: Frame, recipe: str) -> str:
-    """The line that an output keeps: what made it of what."""
-    digest = hashlib.sha256(f"{recipe}\n\n{frame.made_from}".encode(errors="surrogateescape")).hexdigest()
-    return f"normals by mpsnet {__version__}, {digest[:32]}"
+def _line(frame: Frame, recipe: str) -> str:
+    return made_line("normals", f"{recipe}\n\n{frame.made_from}")
 
 
 # --- what is to be done -----------------------------------------------------------------------------------------------
@@ -139,7 +136,7 @@ def _plan(frames: Iterable[Frame], recipe: str, span: int) -> Iterator[_Step]:
     for frame in frames:
         while waiting and waiting[0].frame.number < frame.number - span:
             yield waiting.popleft()
-        stale = image_description(frame.output) != _stamp(frame, recipe)
+        stale = not is_made(frame.output, _line(frame, recipe))
         if stale:
             last_stale = frame.number
             for step in waiting:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mpsnet_core.errors import InputError
 from mpsnet_core.evaluation.pictures import BACKGROUND, legend, photo_picture, sheet
 from mpsnet_core.images import image_layers, linear_to_srgb, read_image, write_image
+from mpsnet_core.made_from import identity, made_line
 from mpsnet_core.normals import encode
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.sample import Sample, read_sample, read_sample_data
@@ -182,6 +183,11 @@ def _on_background(picture: NDArray[np.float32], inside: NDArray[np.bool_]) -> N
     return np.where(inside[..., None], picture, np.float32(BACKGROUND))
 
 
-def write_sheet(path: str | os.PathLike[str], picture: NDArray[np.float32]) -> None:
-    """Write a contact sheet as a PNG or TIFF of 8 bits, whole or not at all."""
-    write_image(path, picture, bits=8, color_space="sRGB")
+def sheet_line(files: Sequence[Path], count: int = ROWS) -> str:
+    """The line that the contact sheet of these files keeps: another one where it would show other samples."""
+    return made_line("contact sheet", "\n".join(map(identity, spread(files, count))))
+
+
+def write_sheet(path: str | os.PathLike[str], picture: NDArray[np.float32], line: str | None = None) -> None:
+    """Write a contact sheet as a PNG or TIFF of 8 bits, whole or not at all. line: of :func:`sheet_line`."""
+    write_image(path, picture, bits=8, color_space="sRGB", description=line)

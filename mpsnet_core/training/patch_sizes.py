@@ -16,7 +16,7 @@ from mpsnet_core.evaluation.charts import Curve, line_chart
 from mpsnet_core.evaluation.published import TABLE_1
 from mpsnet_core.evaluation.report import begun_report
 from mpsnet_core.evaluation.tables import text_table
-from mpsnet_core.files import made_folder, writable_path, write_json
+from mpsnet_core.files import made_folder, writable_path, write_json, written_together
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.training.loop import VALIDATION_SEED, Places, train
 from mpsnet_core.training.packed import PackedSamples
@@ -106,16 +106,17 @@ def evaluate_patch_sizes(
             for side, error in errors.items()
         ]
         table = _table(rows)
-        if json:
-            write_json(json, {"rows": rows, "published": published})
-        if page:
-            curves = [
-                Curve(f"{source}{words}", list(errors), list(errors.values()))
-                for source, errors_of in (("", _by_input(rows)), ("paper: ", TABLE_1))
-                for words, errors in errors_of.items()
-            ]
-            title = "Patch sizes"
-            page.write(title, table, [], [line_chart(title, curves, "side of a patch", "mean error in degrees")])
+        with written_together():
+            if json:
+                write_json(json, {"rows": rows, "published": published})
+            if page:
+                curves = [
+                    Curve(f"{source}{words}", list(errors), list(errors.values()))
+                    for source, errors_of in (("", _by_input(rows)), ("paper: ", TABLE_1))
+                    for words, errors in errors_of.items()
+                ]
+                title = "Patch sizes"
+                page.write(title, table, [], [line_chart(title, curves, "side of a patch", "mean error in degrees")])
     return {"rows": rows, "published": published, "text": table}
 
 

@@ -373,5 +373,5 @@ def test_the_photos_heights_stand_where_the_object_stands(estimated, scene, tmp_
     assert bpy.context.view_layer.objects.active == estimated
     assert list(bpy.context.view_layer.objects.selected) == [estimated]
     assert np.ptp(scene.mps.heights.image.preview.image_pixels_float[:]) == pytest.approx(1, abs=0.01)
-    for name in ("h_curvature.png", "h_occlusion.png", "h_relit.png", "h.json"):
+    for name in ("h_curvature.png", "h_occlusion.png", "h_relit.png", "h.exr.json"):
         assert (tmp_path / name).is_file()

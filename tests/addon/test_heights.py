@@ -19,7 +19,7 @@ def own_photo(photographed, scene, tmp_path):
 def height(tmp_path):
     """What the heights' file tells of their camera."""
     bpy.ops.mps.integrate(output=str(tmp_path / "h.exr"), mesh=False)
-    return json.loads((tmp_path / "h.json").read_text())["camera"]
+    return json.loads((tmp_path / "h.exr.json").read_text())["camera"]
 
 
 def test_heights_are_seen_through_the_lens_that_the_normals_were_estimated_with(own_photo, scene, tmp_path):

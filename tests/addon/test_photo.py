@@ -125,6 +125,14 @@ def test_a_photo_that_would_show_nothing_is_refused_and_the_one_before_it_stays(
     assert [file.name for file in (tmp_path / "shots").glob("*.exr")] == ["shots_0001.exr"]
 
 
+def test_a_photo_appears_with_its_rig_and_camera_or_not_at_all(sphere, scene, tmp_path):
+    bpy.ops.mps.add_rig()
+    (tmp_path / "photo.camera.json").mkdir()
+    with pytest.raises(RuntimeError, match="it is a folder"):
+        bpy.ops.mps.render_photo(width=16, height=16, samples=1, output=str(tmp_path / "photo.exr"))
+    assert [file.name for file in tmp_path.iterdir()] == ["photo.camera.json"]
+
+
 def test_rendering_leaves_no_trace(sphere, scene, tmp_path):
     scene.render.engine = "BLENDER_WORKBENCH"
     scene.render.resolution_x, scene.render.filepath = 123, "//mine.png"

@@ -13,6 +13,9 @@ import time
 from collections import defaultdict
 from pathlib import Path
 
+import numpy as np
+from synthetic import write_file
+
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import written_whole
 from mpsnet_core.synthesis.farm.work import THIS_PYTHON, serve
@@ -51,8 +54,8 @@ def make(job: SampleJob, number: int, path: Path) -> None:
         raise InputError(f"sample {number} shows nothing; choose another")
     slow = folder / "slow"
     seconds = float(slow.read_text()) if slow.exists() else 0.0
-    with written_whole(path) as unfinished, unfinished.open("wb", buffering=0) as file:
-        file.write(b"half of it ")
+    with written_whole(path) as unfinished:
+        unfinished.write_bytes(b"half of it ")
         for deadly in (folder / f"die_{number}", folder / f"always_die_{number}"):
             if deadly.exists():
                 if deadly.name.startswith("die"):
@@ -61,11 +64,11 @@ def make(job: SampleJob, number: int, path: Path) -> None:
         time.sleep(seconds)
         template = folder / "template.exr"
         if template.exists():
-            file.truncate(0)
-            file.seek(0)
-            file.write(template.read_bytes())
+            unfinished.write_bytes(template.read_bytes())
         else:
-            file.write(f"{job.seed} {number} ".encode() + END)
+            write_file(unfinished, np.zeros((1, 1, 1)), "half")
+            with unfinished.open("ab") as file:
+                file.write(f" {job.seed} {number} ".encode() + END)
     if (folder / f"die_late_{number}").exists():
         os.kill(os.getpid(), KILL)
 

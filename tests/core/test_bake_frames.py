@@ -69,10 +69,12 @@ def test_what_is_there_is_not_made_again_unless_it_is_of_something_else(bench: P
     map_file.write_bytes((bench / "normals" / "f_7_normals.png").read_bytes())
     assert again() == {"skin_0010.png"}
     assert len(again("--margin", "3")) == 3
-    (skin / "skin_0007.png").write_bytes(b"cut short")
+    whole = (skin / "skin_0007.png").read_bytes()
+    (skin / "skin_0007.png").write_bytes(whole[:-9])
     left_by(999999999, skin / "skin_0008.png").write_bytes(b"left by a run that was killed")
     assert again("--margin", "3") == {"skin_0007.png"}
     assert image_description(skin / "skin_0007.png").startswith("texture by mpsnet")
+    assert (skin / "skin_0007.png").read_bytes() == whole
     assert not [name for name in listing(skin) if "unfinished" in name]
 
 

@@ -164,6 +164,28 @@ def test_the_contact_sheet_grows_with_the_samples(tmp_path: Path, sample: Sample
     assert "unfinished" not in " ".join(listing(tmp_path))
 
 
+def test_the_contact_sheet_shows_the_samples_that_there_are(tmp_path: Path, sample: Sample) -> None:
+    """Whoever made them: samples that changed without a word, a sheet that was drawn before they did."""
+    sheet = tmp_path / "contact_sheet.png"
+    write_sample(tmp_path / "template.exr", sample)
+    make_samples(tmp_path, SampleJob("synthesis", 3), COMMAND, processes=1)
+    first, drawn = pixels(sheet), sheet.stat().st_mtime_ns
+    make_samples(tmp_path, SampleJob("synthesis", 3), COMMAND, processes=1)
+    assert sheet.stat().st_mtime_ns == drawn
+    write_sample(tmp_path / "sample_000001.exr", replace(sample, lit=0 * sample.lit))
+    make_samples(tmp_path, SampleJob("synthesis", 3), COMMAND, processes=1)
+    row = first.shape[0] // 3 + 1
+    changed = (pixels(sheet) != first).any(axis=(1, 2))
+    assert changed[row : 2 * row].any() and not changed[: row - 40].any()
+    write_sample(tmp_path / "sample_000003.exr", sample)  # as another run that was killed left it
+    make_samples(tmp_path, SampleJob("synthesis", 4), COMMAND, processes=1)
+    assert round(pixels(sheet).shape[0] / ROW) == 4
+    whole = sheet.read_bytes()
+    sheet.write_bytes(whole[:-100])
+    make_samples(tmp_path, SampleJob("synthesis", 4), COMMAND, processes=1)
+    assert sheet.read_bytes() == whole
+
+
 def test_a_folder_without_samples_is_told(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="holds no samples"):
         folder_samples(tmp_path)

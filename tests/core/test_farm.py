@@ -95,9 +95,11 @@ def test_what_is_there_is_not_made_again_and_a_larger_count_extends_it(tmp_path:
     assert run(tmp_path, 4) == Harvest(made=4)
     (tmp_path / "sample_000001.exr").unlink()
     (tmp_path / "sample_000002.exr").write_bytes(b"")
+    half = (tmp_path / "sample_000003.exr").read_bytes()[:-20]
+    (tmp_path / "sample_000003.exr").write_bytes(half)
     (tmp_path / "begun").unlink()
-    assert run(tmp_path, 6) == Harvest(made=4, there=2)
-    assert set(begun(tmp_path)) == {1, 2, 4, 5}
+    assert run(tmp_path, 6) == Harvest(made=5, there=1)
+    assert set(begun(tmp_path)) == {1, 2, 3, 4, 5}
     assert whole(tmp_path) == set(range(6))
     assert run(tmp_path, 3) == Harvest(there=3)
 

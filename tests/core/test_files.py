@@ -1,5 +1,6 @@
 """Files appear whole or not at all, whatever stops the writing."""
 
+import contextlib
 import os
 import subprocess
 import sys
@@ -13,10 +14,12 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.files import (
     makeable_folder,
     remove_abandoned,
+    remove_file,
     remove_unfinished,
     unfinished_path,
     writable_path,
     write_json,
+    written_together,
     written_whole,
 )
 
@@ -28,6 +31,46 @@ def test_a_file_appears_only_once_it_is_whole(tmp_path: Path) -> None:
         assert not target.exists()
     assert target.read_text() == "new"
     assert listing(tmp_path) == ["a.txt"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows flushes no folders")
+def test_a_file_is_on_the_disk_before_it_counts_and_then_its_name_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is flushed, by its inode, and what the folder held when it was."""
+    flushed, flush = [], os.fsync
+
+    def watched(handle: int) -> None:
+        flushed.append((os.fstat(handle).st_ino, os.fstat(handle).st_size, (tmp_path / "a.json").exists()))
+        flush(handle)
+
+    monkeypatch.setattr(os, "fsync", watched)
+    write_json(tmp_path / "a.json", {"a": 1})
+    file, folder = (tmp_path / "a.json").stat(), tmp_path.stat()
+    assert [entry[::2] for entry in flushed] == [(file.st_ino, False), (folder.st_ino, True)]
+    assert flushed[0][1] == file.st_size
+
+
+def test_files_of_a_block_appear_at_its_end_and_what_is_removed_goes_then(tmp_path: Path) -> None:
+    for name in ("b.json", "c.json"):
+        write_json(tmp_path / name, {})
+    with written_together():
+        write_json(tmp_path / "a.json", {})
+        with written_together():
+            write_json(tmp_path / "b.json", {"new": True})
+            remove_file(tmp_path / "c.json")
+        with contextlib.suppress(InputError):
+            write_json(tmp_path / "no" / "d.json", {})
+        assert not (tmp_path / "a.json").exists() and (tmp_path / "c.json").exists()
+        assert "new" not in (tmp_path / "b.json").read_text()
+    assert listing(tmp_path) == ["a.json", "b.json"]
+    assert "new" in (tmp_path / "b.json").read_text()
+    remove_file(tmp_path / "a.json")
+    with pytest.raises(KeyboardInterrupt), written_together():
+        remove_file(tmp_path / "b.json")
+        write_json(tmp_path / "c.json", {})
+        raise KeyboardInterrupt
+    assert listing(tmp_path) == ["b.json"]
 
 
 @pytest.mark.parametrize("stopped_by", [InputError, KeyboardInterrupt])

@@ -12,6 +12,7 @@ from synthetic import listing, write_file
 from mpsnet_core import Camera, InputError, write_camera
 from mpsnet_core.heights.height_files import read_height, write_height
 from mpsnet_core.heights.height_map import HeightMap
+from mpsnet_core.images import write_image
 
 POSE = np.array([[0, 0, 1, 2.0], [1, 0, 0, 3], [0, 1, 0, 4], [0, 0, 0, 1]])
 BALL = ball(orthographic(40, 50, 11.0, POSE), (0.2, -0.3, 0), 1.7)
@@ -36,7 +37,7 @@ def test_heights_come_back(tmp_path: Path, surface: Relief, name: str, bits: int
     assert found.camera.projection == surface.camera.projection
     for what in ("focal", "centre", "world_from_camera"):
         assert getattr(found.camera, what) == pytest.approx(getattr(surface.camera, what))
-    assert listing(tmp_path) == sorted([name, "h.json", "h_mask.png"])
+    assert listing(tmp_path) == [name, f"{name}.json", f"{name}.mask.png"]
 
 
 def test_sixteen_bits_span_the_range_and_say_so(tmp_path: Path) -> None:
@@ -44,7 +45,7 @@ def test_sixteen_bits_span_the_range_and_say_so(tmp_path: Path) -> None:
     values, inside = stored(tmp_path / "h.png"), BALL.mask
     assert values.shape == (40, 50, 1)  # no alpha: Blender would multiply by it
     assert values[inside].min() == 0 and values[inside].max() == 1
-    data = json.loads((tmp_path / "h.json").read_text())
+    data = json.loads((tmp_path / "h.png.json").read_text())
     told = json.loads(oiio.ImageBuf(str(tmp_path / "h.png")).spec().getattribute("ImageDescription"))
     assert told == data
     assert (data["unit"], data["black"], data["white"]) == ("mm", data["lowest"], data["highest"])
@@ -61,7 +62,7 @@ def test_float_files_hold_the_heights_themselves(tmp_path: Path) -> None:
     scale = write_height(tmp_path / "h.exr", NEAR.heights, unit="m")
     assert (stored(tmp_path / "h.exr")[..., 0] == NEAR.heights.values)[NEAR.mask].all()
     assert (scale.strength, str(scale)) == (1, "its values are heights in m")
-    data = json.loads((tmp_path / "h.json").read_text())
+    data = json.loads((tmp_path / "h.exr.json").read_text())
     assert (data["black"], data["white"]) == (0, 1)
     # The mean height, far below 0 under a perspective camera, is what stays where it is.
     assert data["displace"]["midlevel"] == pytest.approx(NEAR.heights.values[NEAR.mask].mean(), rel=1e-5)
@@ -86,7 +87,7 @@ def test_heights_go_on_beyond_the_outline(tmp_path: Path) -> None:
 def test_a_whole_picture_needs_no_mask_and_a_flat_one_no_range(tmp_path: Path) -> None:
     flat = HeightMap(np.full((4, 6), 2.5), np.ones((4, 6), bool), orthographic(4, 6))
     write_height(tmp_path / "h.png", flat)
-    assert listing(tmp_path) == ["h.json", "h.png"]
+    assert listing(tmp_path) == ["h.png", "h.png.json"]
     assert read_height(tmp_path / "h.png").values == pytest.approx(2.5)
 
 
@@ -106,11 +107,11 @@ def test_writing_leaves_the_heights_as_they_are(tmp_path: Path) -> None:
 
 
 def test_a_foreign_json_file_is_kept(tmp_path: Path) -> None:
-    write_camera(tmp_path / "h.json", BALL.camera)
-    with pytest.raises(InputError, match=r"h\.json, where its scale belongs, is another file; choose another name"):
+    write_camera(tmp_path / "h.png.json", BALL.camera)
+    with pytest.raises(InputError, match=r"h\.png\.json, where its scale belongs, is another file; choose another"):
         write_height(tmp_path / "h.png", BALL.heights)
-    assert listing(tmp_path) == ["h.json"]
-    (tmp_path / "h.json").unlink()
+    assert listing(tmp_path) == ["h.png.json"]
+    (tmp_path / "h.png.json").unlink()
     for _ in range(2):  # its own is written anew
         write_height(tmp_path / "h.png", BALL.heights)
 
@@ -132,7 +133,7 @@ def test_what_cannot_be_written(tmp_path: Path, name: str, bits: int | None, wor
 
 
 def changed(folder: Path, **changes: object) -> None:
-    path = folder / "h.json"
+    path = folder / "h.png.json"
     data = json.loads(path.read_text()) | changes
     path.write_text(json.dumps({key: value for key, value in data.items() if value is not None}))
 
@@ -141,9 +142,9 @@ def changed(folder: Path, **changes: object) -> None:
     ("spoil", "words"),
     [
         (lambda f: (f / "h.png").unlink(), r"height map .*h\.png does not exist"),
-        (lambda f: (f / "h.json").unlink(), r"height file .*h\.json does not exist"),
-        (lambda f: (f / "h_mask.png").unlink(), r"h_mask\.png does not exist"),
-        (lambda f: (f / "h.json").write_text("[]"), "is not a mpsnet-height file"),
+        (lambda f: (f / "h.png.json").unlink(), r"height file .*h\.png\.json does not exist"),
+        (lambda f: (f / "h.png.mask.png").unlink(), r"h\.png\.mask\.png does not exist"),
+        (lambda f: (f / "h.png.json").write_text("[]"), "is not a mpsnet-height file"),
         (lambda f: changed(f, format="mpsnet-rig"), "expected 'mpsnet-height'"),
         (lambda f: changed(f, version=9), "is version 9"),
         (lambda f: changed(f, scale=1), '"scale", which no mpsnet-height file has'),
@@ -155,10 +156,10 @@ def changed(folder: Path, **changes: object) -> None:
         (lambda f: changed(f, camera=None), 'lacks "camera"'),
         (lambda f: changed(f, camera=[1]), 'lacks "camera"'),
         (lambda f: changed(f, camera={"projection": "flat"}), 'lacks "width"'),
-        (lambda f: changed(f, mask="../h_mask.png"), '"mask" must be the name of a file beside it'),
+        (lambda f: changed(f, mask="../h.png.mask.png"), '"mask" must be the name of a file beside it'),
         (lambda f: changed(f, mask=["x"]), '"mask" must be the name of a file beside it'),
-        (lambda f: write_file(f / "h_mask.png", np.ones((3, 3)), "uint8"), "do not fit a mask of shape"),
-        (lambda f: write_file(f / "h_mask.png", np.zeros((40, 50)), "uint8"), "mask is empty"),
+        (lambda f: write_file(f / "h.png.mask.png", np.ones((3, 3)), "uint8"), "do not fit a mask of shape"),
+        (lambda f: write_file(f / "h.png.mask.png", np.zeros((40, 50)), "uint8"), "mask is empty"),
         (lambda f: write_file(f / "h.png", np.ones((3, 3)), "uint16"), "do not fit a mask of shape"),
         (lambda f: (f / "h.png").write_bytes(b"no picture"), "cannot be read as an image"),
     ],
@@ -174,16 +175,48 @@ def test_what_cannot_be_read(tmp_path: Path, spoil: object, words: str) -> None:
 def test_a_foreign_mask_is_kept_and_ones_own_is_written_again(tmp_path: Path) -> None:
     write_height(tmp_path / "own.png", BALL.heights)
     write_height(tmp_path / "own.png", BALL.heights)
-    assert (tmp_path / "own_mask.png").exists()
-    (tmp_path / "oak_mask.png").write_bytes(b"somebody's")
-    with pytest.raises(InputError, match=r"oak_mask\.png, where its mask belongs, is another file"):
+    assert (tmp_path / "own.png.mask.png").exists()
+    (tmp_path / "oak.png.mask.png").write_bytes(b"somebody's")
+    with pytest.raises(InputError, match=r"oak\.png\.mask\.png, where its mask belongs, is another file"):
         write_height(tmp_path / "oak.png", BALL.heights)
-    assert (tmp_path / "oak_mask.png").read_bytes() == b"somebody's"
+    assert (tmp_path / "oak.png.mask.png").read_bytes() == b"somebody's"
     assert not (tmp_path / "oak.png").exists()
+
+
+def test_heights_of_two_endings_in_one_folder_keep_each_their_own(tmp_path: Path) -> None:
+    other = ball(orthographic(40, 50, 11.0), (0, 0, 0), 1.2)
+    write_height(tmp_path / "h.png", BALL.heights, unit="mm")
+    write_height(tmp_path / "h.exr", other.heights, unit="m")
+    for name, surface in (("h.png", BALL), ("h.exr", other)):
+        found = read_height(tmp_path / name)
+        assert (found.mask == surface.mask).all()
+        assert found.values[surface.mask] == pytest.approx(surface.heights.values[surface.mask], abs=1e-4)
+
+
+def named_as_before(folder: Path, name: str) -> None:
+    """Give the files beside a height map the names that earlier versions gave them."""
+    stem = Path(name).stem
+    data = json.loads((folder / f"{name}.json").read_text()) | {"mask": f"{stem}_mask.png"}
+    (folder / f"{name}.json").unlink()
+    (folder / f"{stem}.json").write_text(json.dumps(data))
+    (folder / f"{name}.mask.png").rename(folder / f"{stem}_mask.png")
+    write_image(folder / name, stored(folder / name), description=json.dumps(data))
+
+
+def test_the_names_of_earlier_versions_are_read_and_go_with_their_heights(tmp_path: Path) -> None:
+    write_height(tmp_path / "h.png", BALL.heights)
+    named_as_before(tmp_path, "h.png")
+    before = read_height(tmp_path / "h.png")
+    assert (before.mask == BALL.mask).all()
+    write_height(tmp_path / "h.exr", NEAR.heights)
+    assert (read_height(tmp_path / "h.png").values == before.values).all()  # another's stay
+    write_height(tmp_path / "h.png", BALL.heights)
+    written = [f"{name}{more}" for name in ("h.exr", "h.png") for more in ("", ".json", ".mask.png")]
+    assert listing(tmp_path) == written
 
 
 def test_no_mask_is_left_of_heights_that_were_there_before(tmp_path: Path) -> None:
     write_height(tmp_path / "h.exr", BALL.heights)
     whole = np.ones_like(BALL.mask)
     write_height(tmp_path / "h.exr", HeightMap(BALL.heights.values, whole, BALL.camera))
-    assert listing(tmp_path) == ["h.exr", "h.json"]
+    assert listing(tmp_path) == ["h.exr", "h.exr.json"]

@@ -70,7 +70,7 @@ def test_in_16_bits_all_tiles_have_one_scale(one: np.ndarray, capsys: pytest.Cap
     """A displacement has one strength and one midlevel, whatever the tile."""
     assert main(["integrate", "b_<UDIM>.exr", "--uvs", "b.npz", "--height", "h_<UDIM>.png"]) == 0
     assert capsys.readouterr().out.count("strength") == 1
-    scales = {Path(f"h_{tile}.json").read_text("utf-8").split('"displace"')[1] for tile in ANYWHERE.values()}
+    scales = {Path(f"h_{tile}.png.json").read_text("utf-8").split('"displace"')[1] for tile in ANYWHERE.values()}
     assert len(scales) == 1
     for (u, v), tile in ANYWHERE.items():
         read = read_height(f"h_{tile}.png").values

@@ -40,7 +40,7 @@ def result(capsys: pytest.CaptureFixture[str], words: str) -> dict:
 def test_all_at_once(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     found = result(capsys, f"n.png --camera camera.json --unit mm --faces 3000 --distance 5 {ALL}")
     assert "at the camera" not in found["text"]
-    assert found["outputs"] == ["h.png", "h.json", "c.exr", "ao.png", "r.png", "m.ply"]
+    assert found["outputs"] == ["h.png", "h.png.json", "c.exr", "ao.png", "r.png", "m.ply"]
     assert found["unit"] == "mm"
     truth = BALL.heights.values - BALL.heights.values.mean()
     heights = read_height("h.png").values
@@ -59,7 +59,7 @@ def test_all_at_once(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_heights_may_be_called_after_a_mask(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert result(capsys, "n.png --height face_mask.exr")["outputs"] == ["face_mask.exr", "face_mask.json"]
+    assert result(capsys, "n.png --height face_mask.exr")["outputs"] == ["face_mask.exr", "face_mask.exr.json"]
 
 
 def test_a_lens_and_a_distance_give_the_size(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -81,7 +81,7 @@ def test_pixels_are_the_unit_where_nothing_else_is_told(here: Path, capsys: pyte
     pixels = read_height("h.exr").values
     result(capsys, "n.png --pixel-size 0.25 --unit mm --height h.exr")
     assert read_height("h.exr").values == pytest.approx(0.25 * pixels, abs=1e-4)
-    assert json.loads(Path("h.json").read_text())["unit"] == "mm"
+    assert json.loads(Path("h.exr.json").read_text())["unit"] == "mm"
 
 
 def test_a_flipped_green_channel_is_told(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -139,10 +139,9 @@ BAD: list[tuple[str, str]] = [
     ("n.png --height n.png", "the result would overwrite n.png"),
     ("n.png --height no/h.png", "the folder no does not exist"),
     ("n.png --height h.png --height-bits 8", "heights in 8 bits show steps"),
-    ("n.png --height camera.png", "camera.json, where its scale belongs, is another file"),
-    ("n.png --camera near.json --height near.png", "near.json, where its scale belongs, is another file"),
-    ("n.png --height oak.png", "oak_mask.png, where its mask belongs, is another file; choose another name"),
-    ("n.png --height h.png --occlusion h_mask.png", "the result would overwrite h_mask.png"),
+    ("n.png --height small.png", "small.png.json, where its scale belongs, is another file"),
+    ("n.png --height oak.png", "oak.png.mask.png, where its mask belongs, is another file; choose another name"),
+    ("n.png --height h.png --occlusion h.png.mask.png", "the result would overwrite h.png.mask.png"),
     ("thin.png --height h.png --mesh m.ply", "thin.png: the surface is nowhere two pixels wide and high"),
     ("n_<UDIM>.png --height h.png", "n_<UDIM>.png stands for several textures; name one of them, with a"),
     (
@@ -186,8 +185,9 @@ def test_bad_input(here: Path, capfd: pytest.CaptureFixture[str], words: str, sa
     half = np.where(np.arange(16) < 8, 1, -1)[:, None, None] * (0, 0, 0.5) + 0.5
     write_file(here / "inwards.png", np.broadcast_to(half, (16, 16, 3)), "uint16")
     write_file(here / "thin.png", np.broadcast_to((0.5, 0.5, 1.0), (1, 30, 3)), "uint16")
-    (here / "oak_mask.png").write_bytes(b"somebody's own")
-    write_camera(here / "small.json", orthographic(8, 8))
+    (here / "oak.png.mask.png").write_bytes(b"somebody's own")
+    for name in ("small.json", "small.png.json"):
+        write_camera(here / name, orthographic(8, 8))
     before = {name: (here / name).read_bytes() for name in listing(here)}
     assert main(["integrate", *words.split()]) == 2
     [line] = capfd.readouterr().err.splitlines()

@@ -348,7 +348,7 @@ def test_the_command_line_writes_what_the_package_finds(tmp_path: Path, capsys: 
     assert "Displace: strength" in capsys.readouterr().out
     found = displacement(vectors, mesh)
     read = read_height(tmp_path / "h.png")
-    assert json.loads((tmp_path / "h.json").read_text())["camera"] is None
+    assert json.loads((tmp_path / "h.png.json").read_text())["camera"] is None
     assert read.camera.focal == pytest.approx(1 / found.texel)
     assert read.values[found.covered] == pytest.approx(found.values[found.covered], abs=0.01 * AMPLITUDE)
 

@@ -171,6 +171,25 @@ def test_what_is_missing_is_made_with_the_same_bytes(tmp_path: Path, smooth: int
     assert contents(tmp_path / "out") == whole
 
 
+@pytest.mark.parametrize("suffix", [".png", ".tif", ".exr"])
+@pytest.mark.parametrize("share", [0.5, 0.99])
+def test_a_result_that_was_cut_short_is_made_again(tmp_path: Path, suffix: str, share: float) -> None:
+    photos = shots(tmp_path / "shots", range(1, 4))
+    outputs = [tmp_path / "out" / f"{photo.stem}{suffix}" for photo in photos]
+
+    def again() -> Outcome:
+        frames = photo_frames(photos, outputs, masks=Masks(None))
+        return estimate_sequence(frames, take, LAMBERTIAN, recipe="")
+
+    again()
+    whole = read_normals(outputs[1]).vectors
+    data = outputs[1].read_bytes()
+    outputs[1].write_bytes(data[: int(share * len(data))])
+    assert image_description(outputs[1])  # it still says what it was made of
+    assert (again().made, again().made) == (1, 0)
+    np.testing.assert_array_equal(read_normals(outputs[1]).vectors, whole)
+
+
 def test_a_photo_that_changed_is_made_again_with_those_it_counts_for(tmp_path: Path) -> None:
     photos = shots(tmp_path / "shots", range(1, 10))
     for smooth, again in ((0, 1), (2, 5)):

@@ -15,8 +15,10 @@ from pathlib import Path
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import writable_path
+from mpsnet_core.images import is_whole
+from mpsnet_core.made_from import is_made
 from mpsnet_core.progress import Progress, silent
-from mpsnet_core.synthesis.contact_sheet import contact_sheet, write_sheet
+from mpsnet_core.synthesis.contact_sheet import contact_sheet, sheet_line, write_sheet
 from mpsnet_core.synthesis.farm.claims import Claims
 from mpsnet_core.synthesis.farm.work import THIS_PYTHON, Answer, Answers, Worker, WorkerLost, clear_unfinished
 from mpsnet_core.synthesis.job import CONTACT_SHEET, FOLDER_CLAIM, SampleJob, place_job, sample_path, samples_there
@@ -83,7 +85,7 @@ def make_samples(
     place_job(folder, job)
     writable_path(folder / CONTACT_SHEET)
     clear_unfinished(folder)
-    there = samples_there(folder)
+    there = _whole_samples(folder, progress)
     numbers = [number for number in range(job.count) if number not in there]
     tally = _Tally(job.count, job.count - len(numbers), progress)
     sheet = _GrowingSheet(folder)
@@ -103,8 +105,18 @@ def make_samples(
                 sheet.grow(tally.harvest.made)
     finally:
         clear_unfinished(folder)
-    sheet.finish(tally.harvest.made)
+    sheet.draw()
     return tally.harvest
+
+
+def _whole_samples(folder: Path, progress: Progress) -> set[int]:
+    there = sorted(samples_there(folder))
+    whole = set()
+    for place, number in enumerate(there):
+        progress(0.0, f"looking through what is there, {place} of {len(there)}")
+        if is_whole(sample_path(folder, number)):
+            whole.add(number)
+    return whole
 
 
 def cores() -> int:
@@ -245,25 +257,26 @@ class _GrowingSheet:
         """Draw it where there is something new to see and the last one was some time ago."""
         if made > self._shown and time.monotonic() >= self._next:
             start = time.monotonic()
-            self._draw(made)
+            self._shown = made
+            self.draw()
             now = time.monotonic()
             self._next = now + max(SHEET_SECONDS, (now - start) / SHEET_SHARE)
 
-    def finish(self, made: int) -> None:
-        if made > self._shown or not (self._folder / CONTACT_SHEET).exists():
-            self._draw(made)
-
-    def _draw(self, made: int) -> None:
-        self._shown = made
+    def draw(self) -> None:
+        """Draw it where it shows other samples than there are, whoever made them."""
         try:
             self._write()
         except InputError as error:  # a viewer that keeps it open shall not end the run
             log.info("the contact sheet is not up to date: %s", error)
 
     def _write(self) -> None:
-        picture = contact_sheet([sample_path(self._folder, number) for number in sorted(samples_there(self._folder))])
+        files = [sample_path(self._folder, number) for number in sorted(samples_there(self._folder))]
+        line = sheet_line(files)  # before they are read: one that changes meanwhile makes the sheet out of date
+        if is_made(self._folder / CONTACT_SHEET, line):
+            return
+        picture = contact_sheet(files)
         if picture is None:
             return
         with Claims(self._folder) as claims, claims.claim(FOLDER_CLAIM) as ours:
             if ours:  # another run that writes one shows the same samples
-                write_sheet(self._folder / CONTACT_SHEET, picture)
+                write_sheet(self._folder / CONTACT_SHEET, picture, line)

@@ -29,6 +29,7 @@ from typing import IO, Any, Literal
 import mpsnet_core
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import remove_abandoned
+from mpsnet_core.images import is_whole
 from mpsnet_core.synthesis.farm.claims import Claims
 from mpsnet_core.synthesis.job import SampleJob, read_job, sample_number, sample_path
 
@@ -87,7 +88,7 @@ def _answer(answers: IO[str], **said: Any) -> None:
 
 def _make(job: SampleJob, number: int, path: Path, make: Callable[[SampleJob, int, Path], None]) -> dict[str, str]:
     try:
-        if _is_there(path):
+        if is_whole(path):
             return {"answer": "there"}
         make(job, number, path)
     except InputError as error:
@@ -97,10 +98,6 @@ def _make(job: SampleJob, number: int, path: Path, make: Callable[[SampleJob, in
     except MemoryError:
         return {"answer": "failed", "error": "there is not enough memory; take a smaller size or fewer processes"}
     return {"answer": "made"}
-
-
-def _is_there(path: Path) -> bool:
-    return path.exists() and path.stat().st_size > 0
 
 
 def clear_unfinished(folder: str | os.PathLike[str]) -> None:
@@ -168,7 +165,7 @@ class Worker:
             except WorkerLost as death:
                 if self._ended:
                     raise
-                if _is_there(sample_path(self._folder, number)):
+                if is_whole(sample_path(self._folder, number)):
                     return Answer(number, "made")  # it died between writing and saying so
                 if attempt == 2:
                     return Answer(number, "failed", f"the worker died of it twice ({death})")
