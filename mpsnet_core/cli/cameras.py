@@ -44,19 +44,18 @@ def _cameras(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     straightened = 0
     for number, view in enumerate(views):
         reporter.progress(number / len(views), view.name)
-        write_camera(folder / f"{view.name}{CAMERA_SUFFIX}", view.camera)
-        if view.lens is None or view.lens.is_identity:
-            continue
-        try:
-            image = read_image(view.photo, encoding=options.encoding)
-            pixels = undistorted(image.pixels, view.camera, view.lens)
-            shown = np.ones(image.pixels.shape[:2], bool) if image.alpha is None else image.alpha > 0.5
-            alpha = undistorted_mask(shown, view.camera, view.lens)
-        except InputError as error:
-            raise InputError(f"{view.photo}: {error}") from None
-        stored = np.concatenate([pixels, alpha[..., None]], axis=-1)
-        write_image(folder / f"{view.name}.exr", stored, bits=16, color_space="lin_rec709_scene")
-        straightened += 1
+        if view.lens is not None and not view.lens.is_identity:
+            try:
+                image = read_image(view.photo, encoding=options.encoding)
+                pixels = undistorted(image.pixels, view.camera, view.lens)
+                shown = np.ones(image.pixels.shape[:2], bool) if image.alpha is None else image.alpha > 0.5
+                alpha = undistorted_mask(shown, view.camera, view.lens)
+            except InputError as error:
+                raise InputError(f"{view.photo}: {error}") from None
+            stored = np.concatenate([pixels, alpha[..., None]], axis=-1)
+            write_image(folder / f"{view.name}.exr", stored, bits=16, color_space="lin_rec709_scene")
+            straightened += 1
+        write_camera(folder / f"{view.name}{CAMERA_SUFFIX}", view.camera)  # last: no camera goes without its photo
     reporter.progress(1.0, "done")
     told = f", {straightened} photo(s) without their lens" if straightened else ", whose lenses bend nothing"
     return {
