@@ -9,8 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import onnx
 import OpenImageIO as oiio
 from hypothesis import strategies as st
+
+from mpsnet_core.estimate.card import CARD_KEY
 
 DEEP: Any = [0]
 for _ in range(300):
@@ -177,6 +180,18 @@ def _array_changed(draw: st.DrawFn, data: bytes) -> bytes:
     return buffer.getvalue()
 
 
+def _card_changed(data: bytes) -> st.SearchStrategy[bytes]:
+    """What a network's file says of it."""
+    model = onnx.load_from_string(data)
+    (card,) = (entry for entry in model.metadata_props if entry.key == CARD_KEY)
+
+    def with_card(changed: Any) -> bytes:
+        card.value = json.dumps(changed)
+        return model.SerializeToString()
+
+    return odd_json(json.loads(card.value)).map(with_card)
+
+
 def odd_picture(path: Path, values: np.ndarray, attributes: dict[str, Any], kind: str = "float") -> None:
     spec = oiio.ImageSpec(values.shape[1], values.shape[0], values.shape[2], kind)
     for name, value in attributes.items():
@@ -190,6 +205,7 @@ _WAYS: dict[tuple[str, ...], Callable[[bytes], st.SearchStrategy[bytes]]] = {
     (".json", ".sfm"): _json_changed,
     (".toml", ".lp", ".xml", ".txt", ".obj", ".ply"): _word_changed,
     (".npz",): _array_changed,
+    (".onnx",): _card_changed,
 }
 
 

@@ -519,8 +519,8 @@ IMAGES: list[Case] = [
     ),
     (
         "a link to itself",
-        lambda b: b.estimate(loop(b / "p.png"), output="p.png"),
-        "p.png does not exist; check the path",
+        lambda b: b.estimate(mask=loop(b / "m.png")),
+        "m.png does not exist; check the path",
     ),
     (
         "values whose squares no float holds",

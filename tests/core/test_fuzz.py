@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from dng import mosaic, write_dng
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 from mirror_ball import CROSSTALK, Scene, around, grey_photograph, lamps_around, photograph
@@ -105,6 +106,10 @@ READS = {
 if find_spec("torch"):
     READS["tiny.toml"] = "train --recipe tiny.toml --samples job --stop-after 1 -o o.onnx"
     READS["checkpoint"] = "train --recipe tiny.toml --samples job --resume checkpoint --stop-after 1 -o o.onnx"
+if find_spec("rawpy"):
+    READS["photo.dng"] = "estimate photo.dng --rig rig.json --model lambertian --mask threshold:0.1 -o o.png"
+if find_spec("av"):
+    READS["clip.mkv"] = "estimate clip.mkv --rig rig.json --model lambertian -o o"
 # Verbs whose options are tried, beside those above.
 VERBS = [
     *(
@@ -193,6 +198,12 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for number in range(3):
         shutil.copy(here / "photo.png", here / "shots" / f"frame_{number}.png")
     poses = "1 1 0 0 0 0 0 5 1 a.jpg\n1.0 2.0 -1\n2 0 1 0 0 0 0 5 1 b.jpg\n\n"
+    if "photo.dng" in READS:
+        write_dng(here / "photo.dng", np.rint(65535 * mosaic(SPHERE.image)))
+    if "clip.mkv" in READS:
+        from test_video import clip
+
+        clip(here / "clip.mkv", [np.rint(255 * SPHERE.image).astype(np.uint8)] * 2)
     write_text(here / "colmap", f"1 SIMPLE_RADIAL {SIDE} {SIDE} 30 12 12 -0.05\n", poses)
     intrinsics = (1, 4, SIDE, SIDE, (30.0, 31.0, 12.0, 12.0, -0.05, 0.01, 0.001, 0.002))
     write_binary(here / "binary", binary_cameras(intrinsics), binary_images("a.jpg", "b.jpg", camera=1))
