@@ -10,7 +10,8 @@ from typing import Any, NoReturn
 
 import bpy
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, in_one_line
+from mpsnet_core.unforeseen import unforeseen
 
 from .operators import CANCELLED
 from .render_beside import render_job
@@ -34,6 +35,7 @@ VERBS = (
     "make_material",
     "render_samples",
 )
+EXIT_UNFORESEEN = 1
 EXIT_BAD_INPUT = 2
 EXIT_CANCELLED = 130
 
@@ -44,7 +46,8 @@ class _Parser(argparse.ArgumentParser):
 
 
 def main(argv: Sequence[str]) -> int:
-    """Run one verb on the open file; give the exit code: 0, 2 with one sentence on stderr for bad input, 130 cancelled.
+    """Run one verb on the open file; give the exit code: 0, 2 with one sentence on stderr for bad input, 1 with one for
+    a fault of the program outside its operators, 130 cancelled.
 
     Progress of longer work is told on stderr now and then.
     """
@@ -59,12 +62,21 @@ def main(argv: Sequence[str]) -> int:
             _do(verb, options)
     except (InputError, RuntimeError) as error:
         # Blender turns an operator's report into a RuntimeError and puts its own words before the sentence.
-        sentence = " ".join(str(error).split()).removeprefix("Error: ")
+        sentence = in_one_line(str(error)).removeprefix("Error: ")
+        if sentence.startswith("Python: Traceback"):
+            return _fault(error)
         print(f"{COMMAND}: {sentence}", file=sys.stderr)  # noqa: T201
         return EXIT_CANCELLED if sentence == CANCELLED else EXIT_BAD_INPUT
     except SystemExit as leaving:  # --help
         return int(leaving.code or 0)
+    except Exception as error:  # noqa: BLE001
+        return _fault(error)
     return 0
+
+
+def _fault(error: BaseException) -> int:
+    print(f"{COMMAND}: {unforeseen(error)}", file=sys.stderr)  # noqa: T201
+    return EXIT_UNFORESEEN
 
 
 def _do(verb: str, options: dict[str, Any]) -> None:

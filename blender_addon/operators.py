@@ -12,8 +12,9 @@ from typing import Any
 import bpy
 from bpy.props import StringProperty
 
-from mpsnet_core.errors import Cancelled, InputError
+from mpsnet_core.errors import Cancelled, InputError, in_one_line
 from mpsnet_core.progress import Progress
+from mpsnet_core.unforeseen import unforeseen
 
 from .core_process import CORE, CoreCrashed, CoreProcess, Program, run
 from .made_from import Ingredients, keep_made_from, refuse_to_overwrite
@@ -91,6 +92,8 @@ class SaysWhy(bpy.types.Operator):
             self._failed(_sentence(error))
         except (Cancelled, KeyboardInterrupt):
             self.report({"ERROR"}, CANCELLED)
+        except Exception as error:  # noqa: BLE001
+            self._failed(unforeseen(error))
         else:
             return True
         return False
@@ -122,7 +125,7 @@ def told_by(error: RuntimeError) -> str:
 
 def _sentence(error: OSError) -> str:
     where = f"{error.filename}: " if error.filename else "a file could not be read or written: "
-    return f"{where}{error.strerror or error}; make room on the disk or check the permissions"
+    return in_one_line(f"{where}{error.strerror or error}; make room on the disk or check the permissions")
 
 
 @dataclass(eq=False)

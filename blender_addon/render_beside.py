@@ -31,6 +31,7 @@ import numpy as np
 from bpy.app.handlers import render_stats
 
 from mpsnet_core.errors import Cancelled, InputError
+from mpsnet_core.unforeseen import unforeseen
 
 from .core_process import Program
 from .operators import told_by
@@ -169,13 +170,16 @@ def render_job(folder: Path) -> int:
         with bpy.context.temp_override(window=window), _telling(answers) as tell:
             first = render(job.what, scene, Path(job.output), tell)
     except InputError as error:
-        _answer(answers, error=" ".join(str(error).split()))
+        _answer(answers, error=str(error))
         return 2
     except OSError as error:
         _answer(answers, error=f"{error.filename or job.output}: {error.strerror or error}; check the path")
         return 2
     except Cancelled:
         return EXIT_CANCELLED
+    except Exception as error:  # noqa: BLE001
+        _answer(answers, error=unforeseen(error, folder.parent))  # the folder itself goes
+        return 1
     _answer(answers, result={"output": str(first), "notes": kept_back()})
     return 0
 

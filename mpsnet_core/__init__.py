@@ -12,7 +12,10 @@ Camera space everywhere: x right, y up, z towards the camera, right-handed.
 
 import importlib
 import os
-from typing import Any
+
+TYPE_CHECKING = False  # not from typing, which takes longer to load than the rest of this
+if TYPE_CHECKING:
+    from typing import Any
 
 __version__ = "0.1.0"
 
@@ -106,7 +109,7 @@ _HOME = {
 __all__ = sorted(_HOME)
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> "Any":
     if name in _HOME:
         return getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -14,6 +14,9 @@ CAMERA_FORMAT = "mpsnet-camera"
 CAMERA_VERSION = 1
 CAMERA_KEYS = ("projection", "width", "height", "focal", "centre", "world_from_camera")
 MAX_SIDE = 1_000_000
+# Pixels, pixels a world unit, and world units; what is computed of them stays a number.
+MOST = 1e9
+LEAST_FOCAL = 1e-6
 FULL_FRAME = 36.0  # mm, the longer side of what focal lengths are told for
 
 Projection = Literal["orthographic", "perspective"]
@@ -48,8 +51,8 @@ class Camera:
             if isinstance(size, bool) or not isinstance(size, int | np.integer) or not 1 <= size <= MAX_SIDE:
                 raise InputError(f"the camera's {what} must be a whole number of pixels from 1 to {MAX_SIDE}")
         focal = _numbers(self.focal, (2,), "focal")
-        if (focal <= 0).any():
-            raise InputError("the camera's focal must be above 0 in x and in y")
+        if not ((focal >= LEAST_FOCAL) & (focal <= MOST)).all():
+            raise InputError(f"the camera's focal must be above 0 in x and in y, {LEAST_FOCAL:g} to {MOST:g} pixels")
         middle = np.array([self.width / 2, self.height / 2])
         centre = _numbers(middle if self.centre is None else self.centre, (2,), "centre")
         pose = _numbers(self.world_from_camera, (4, 4), "world_from_camera")

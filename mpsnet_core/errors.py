@@ -1,9 +1,43 @@
-"""What goes wrong and is not a fault of the program."""
+"""What goes wrong and is not a fault of the program, and how that is said."""
+
+# A sentence with two paths in it is about half as long.
+LONGEST = 500
 
 
 class InputError(Exception):
-    """Bad input from outside. The message is one sentence: what is wrong, where, and how to mend it."""
+    """Bad input from outside. The message is one sentence: what is wrong, where, and how to mend it.
+
+    Whatever a file or a path puts into it, it stays one readable line: see :func:`in_one_line`.
+    """
+
+    def __init__(self, sentence: str) -> None:
+        super().__init__(in_one_line(sentence))
 
 
 class Cancelled(Exception):
     """The person asked to stop; nothing half-written is left behind."""
+
+
+def in_one_line(text: str, longest: int = LONGEST) -> str:
+    """`text` as one line that a terminal shows as it is: no control characters, at most `longest` characters.
+
+    Too long a text loses its middle, which is what came out of a file: the beginning says what is wrong, the end how to
+    mend it.
+    """
+    # Cut once before, too: the text may be as long as the file that it is from.
+    line = printable(" ".join(_cut(text, 10 * longest).split()))
+    return _cut(line, longest)
+
+
+def printable(text: str) -> str:
+    """`text` with what moves a terminal's cursor, changes its colours or the order of letters written as an escape."""
+    if text.isprintable():
+        return text
+    return "".join(sign if sign.isprintable() or sign == "\n" else ascii(sign)[1:-1] for sign in text)
+
+
+def _cut(text: str, longest: int) -> str:
+    if len(text) <= longest:
+        return text
+    end = longest // 3
+    return f"{text[: longest - end - 1]}…{text[-end:]}"

@@ -86,7 +86,7 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     Raises InputError where the folder is missing or cannot be written, or the disk is full.
     """
     path = writable_path(path)
-    _clear_once(path.parent.resolve())
+    _clear_once(resolved(path.parent))
     unfinished = unfinished_path(path)
     with _writing(path):
         os.close(os.open(unfinished, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
@@ -191,6 +191,8 @@ def _place() -> str:
 def writable_path(path: str | os.PathLike[str]) -> Path:
     """`path` as a Path, or InputError where a file cannot be put there; asked before long work starts."""
     path = Path(path)
+    if not is_utf8(path):
+        raise InputError(f"cannot write {path}: its name is not valid UTF-8; choose another name")
     if not path.parent.is_dir():
         raise InputError(f"cannot write {path}: the folder {path.parent} does not exist; create it first")
     if path.is_dir():
@@ -198,6 +200,20 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
     if not _takes_files(path.parent):
         raise InputError(f"cannot write {path}: the folder {path.parent} takes no files; choose another folder")
     return path
+
+
+def is_utf8(path: str | os.PathLike[str]) -> bool:
+    """Whether a path is text: one that another system wrote may hold bytes that stand for no letter."""
+    try:
+        os.fspath(path).encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def resolved(path: str | os.PathLike[str]) -> Path:
+    """Where a path leads, as far as links can be followed: one that leads to itself stays as it is."""
+    return Path(os.path.realpath(path))
 
 
 def _takes_files(folder: Path) -> bool:
@@ -212,6 +228,8 @@ def _takes_files(folder: Path) -> bool:
 def makeable_folder(path: str | os.PathLike[str], what: str) -> Path:
     """`path` as a Path, or InputError where it is no folder for `what` and none can be made; asked before long work."""
     path = Path(path)
+    if not is_utf8(path):
+        raise InputError(f"cannot make folder {path}: its name is not valid UTF-8; choose another name")
     if path.exists() and not path.is_dir():
         raise InputError(f"{path} is a file; name a folder for the {what}")
     if not path.parent.is_dir():

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import IMAGE_SUFFIXES, PHOTO_SUFFIXES, RAW_SUFFIXES, makeable_folder, writable_path
+from mpsnet_core.files import IMAGE_SUFFIXES, PHOTO_SUFFIXES, RAW_SUFFIXES, makeable_folder, resolved, writable_path
 from mpsnet_core.images import checked_bits
 
 # What a photo's name is given to name its normals.
@@ -174,9 +174,9 @@ def results_folder(output: str | os.PathLike[str], given: str, what: str = "norm
 
 def check_apart(taken: Iterable[str | os.PathLike[str]], outputs: Iterable[str | os.PathLike[str]]) -> None:
     """Raises InputError where one of `outputs` is among the files that are `taken` already, as input or output."""
-    files = {Path(file).resolve() for file in taken}
+    files = {resolved(file) for file in taken}
     for output in outputs:
-        if Path(output).resolve() in files:
+        if resolved(output) in files:
             raise InputError(f"the result would overwrite {output}, a file that it needs; choose another output")
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 import OpenImageIO as oiio
@@ -17,9 +17,11 @@ from numpy.typing import NDArray
 
 from mpsnet_core.bands import bands
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import RAW_SUFFIXES, existing_file, written_whole
+from mpsnet_core.files import RAW_SUFFIXES, existing_file, is_utf8, written_whole
 
 log = logging.getLogger(__name__)
+
+_Kind = TypeVar("_Kind")
 
 Encoding = Literal["auto", "linear", "srgb"]
 ENCODINGS: tuple[Encoding, ...] = ("auto", "linear", "srgb")
@@ -27,12 +29,18 @@ ENCODINGS: tuple[Encoding, ...] = ("auto", "linear", "srgb")
 # Checked before any memory is asked for: a broken or hostile header can claim any size.
 MAX_PIXELS = 400_000_000
 MAX_CHANNELS = 1024
+# Far above the sun's, and its square is a float32 still; what is beyond counts as not finite.
+MAX_VALUE = 1e15
 
 # Above so many pixels photos and normals are held as half floats, within 0.05%, so that 100 megapixels take 2 GB.
 HALF_ABOVE = 1 << 24
 
 # Bits a channel that each kind of file can hold; the first is what is written unless asked otherwise.
 WRITABLE_BITS = {".png": (16, 8), ".tif": (16, 8, 32), ".tiff": (16, 8, 32), ".exr": (32, 16)}
+
+# What files of the formats that are read begin with, and what OpenImageIO calls these.
+_SIGNATURES = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"v/1\x01")
+_FORMATS = ("png", "jpeg", "tiff", "openexr")
 
 # Above this share of the clip value a channel counts as saturated: an 8-bit sRGB 254 is linear 0.991.
 SATURATED_SHARE = 0.99
@@ -103,7 +111,8 @@ def image_layers(path: str | os.PathLike[str]) -> list[str]:
     path = existing_file(path, "image")
     source = _open(path)
     try:
-        return list(_layers(source, path))
+        with libraries_silent():
+            return list(_layers(source, path))
     finally:
         source.close()
 
@@ -149,9 +158,9 @@ def read_image(
             "give a colour image"
         )
     alpha = np.clip(_as_float(values[..., names["A"]]), 0, 1) if "A" in names else None
-    is_float = spec.format.basetype in (oiio.HALF, oiio.FLOAT, oiio.DOUBLE)
+    is_float = _is_float(spec)
     premultiplied = alpha is not None and not spec.getattribute("oiio:UnassociatedAlpha")
-    declared = str(spec.getattribute("oiio:ColorSpace") or "").lower()
+    declared = (told_in(spec, "oiio:ColorSpace", str) or "").lower()
     if encoding == "auto":
         linear = is_float or "lin" in declared or declared in ("raw", "data")
         note = f"taken as {'linear' if linear else 'sRGB'} ({'float' if is_float else spec.format} file)"
@@ -176,8 +185,8 @@ def read_image(
 
 
 def _exposure_time(spec: Any) -> float | None:
-    seconds = spec.getattribute("ExposureTime")
-    return float(seconds) if isinstance(seconds, float) and 0 < seconds < np.inf else None
+    seconds = told_in(spec, "ExposureTime", float)
+    return seconds if seconds is not None and 0 < seconds < np.inf else None
 
 
 def _read_raw(path: Path, encoding: Encoding, layer: str | None) -> Image:
@@ -231,7 +240,7 @@ def read_orientation(path: str | os.PathLike[str]) -> int:
         return 1
     source = _open(path)
     try:
-        return int(source.spec().getattribute("Orientation") or 1)
+        return _orientation(source.spec())
     finally:
         source.close()
 
@@ -327,14 +336,18 @@ def _write(
 
     target = oiio.ImageOutput.create(str(file))
     if target is None:
-        raise InputError(f"cannot write {path}: {oiio.geterror()}")
-    done = target.open(str(file), spec) and all(
-        target.write_scanlines(rows.start, rows.stop, 0, stored(rows)) for rows in bands(height)
-    )
+        raise InputError(f"cannot write {path}: {complaint(oiio)}")
+    try:
+        done = target.open(str(file), spec) and all(
+            target.write_scanlines(rows.start, rows.stop, 0, stored(rows)) for rows in bands(height)
+        )
+    finally:
+        with libraries_silent():  # libpng complains of a picture that is not whole
+            closed = target.close()
     # OpenImageIO reports success where a full disk cut a file short.
-    if not (target.close() and done and is_whole(file)):
-        reason = target.geterror() or oiio.geterror() or "the file was cut short"
-        reason = " ".join(reason.replace(str(file), path.name).split())
+    if not (closed and done and is_whole(file)):
+        reason = complaint(target) or complaint(oiio) or "the file was cut short"
+        reason = reason.replace(str(file), path.name)
         raise InputError(f"cannot write {path} ({reason[:80]}); make room on the disk")
 
 
@@ -343,12 +356,12 @@ def image_description(path: str | os.PathLike[str]) -> str:
 
     Raises InputError where the file's name is not valid UTF-8.
     """
-    source = _input(path)
+    source = image_input(path)
     if source is None:
-        oiio.geterror()
+        complaint(oiio)
         return ""
     try:
-        return str(source.spec().getattribute("ImageDescription") or "")
+        return told_in(source.spec(), "ImageDescription", str) or ""
     finally:
         source.close()
 
@@ -365,16 +378,18 @@ def is_whole(path: str | os.PathLike[str]) -> bool:
             return file.read(4) == b"IEND"
         return False
     with libraries_silent():
-        source = _input(path)
+        source = image_input(path)
         if source is None:
-            oiio.geterror()
+            complaint(oiio)
             return False
         try:
             spec = source.spec()
-            together = spec.getattribute("tiff:RowsPerStrip") or 1  # from within a strip all before it would be read
+            together = max(
+                told_in(spec, "tiff:RowsPerStrip", int) or 1, 1
+            )  # from within a strip all before it would be read
             first = (spec.height - 1) // together * together
             last = source.read_scanlines(first, spec.height, 0, 0, spec.nchannels, spec.format)
-            return last is not None and not source.geterror()
+            return last is not None and not complaint(source)
         finally:
             source.close()
 
@@ -400,19 +415,49 @@ def checked_bits(path: Path, bits: int | None = None) -> int:
 def _open(path: Path) -> Any:
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
-    source = _input(path, config)
+    source = image_input(path, config)
     if source is None:
-        reason = " ".join(oiio.geterror().split())
+        reason = complaint(oiio) or "it is a file of another kind"
         raise InputError(f"{path} cannot be read as an image ({reason}); is it PNG, JPEG, TIFF or EXR, and whole?")
     return source
 
 
-def _input(path: str | os.PathLike[str], *config: Any) -> Any:
-    """OpenImageIO's reader of a file, None where it is no image. Raises InputError where its name cannot be passed."""
+def image_input(path: str | os.PathLike[str], *config: Any) -> Any:
+    """OpenImageIO's reader of a PNG, JPEG, TIFF or EXR file, whatever its name ends in; None where it is none of them.
+
+    Nothing else reaches OpenImageIO, which reads twenty formats more. Why not, :func:`complaint` may tell.
+
+    Raises InputError where the file's name is not valid UTF-8.
+    """
+    if not is_utf8(path):
+        raise InputError(f"{path} cannot be opened: its name is not valid UTF-8; rename it")
     try:
-        return oiio.ImageInput.open(os.fspath(path), *config)
-    except (TypeError, UnicodeError):
-        raise InputError(f"{os.fspath(path)!a} cannot be opened: its name is not valid UTF-8; rename it") from None
+        with Path(path).open("rb") as file:
+            known = file.read(8).startswith(_SIGNATURES)
+    except OSError:
+        known = False
+    if not known:
+        return None
+    with libraries_silent():
+        source = oiio.ImageInput.open(os.fspath(path), *config)
+    if source is not None and source.format_name() not in _FORMATS:
+        source.close()
+        return None
+    return source
+
+
+def complaint(source: Any) -> str:
+    """What OpenImageIO, or its reader or writer of a file, has to complain of, as one line; it forgets it thereby."""
+    try:
+        return " ".join(source.geterror().split())
+    except UnicodeDecodeError:  # it cites the file
+        return "a text in it is not UTF-8"
+
+
+def told_in(spec: Any, name: str, kind: type[_Kind]) -> _Kind | None:
+    """An attribute of a file, None where it has none of this kind."""
+    value = spec.getattribute(name)
+    return value if isinstance(value, kind) else None
 
 
 def _layers(source: Any, path: Path) -> dict[str, _Layer]:
@@ -429,14 +474,15 @@ def _layers(source: Any, path: Path) -> dict[str, _Layer]:
                 f"{path} says it is {spec.width} x {spec.height} with {spec.nchannels} channels, more than this "
                 f"program reads ({MAX_PIXELS // 10**6} megapixels, {MAX_CHANNELS} channels, no volumes)"
             )
-        part = str(spec.getattribute("oiio:subimagename") or "")
-        for number, channel in enumerate(spec.channelnames):
+        part = told_in(spec, "oiio:subimagename", str) or ""
+        names = spec.channelnames
+        for number, channel in enumerate(names):
             prefix, _, name = channel.rpartition(".")
             # Blender 5 writes a part a pass and repeats its name in the channels only where a pass has a layer.
-            layer = prefix or (part if subimage or not _is_colour(spec.channelnames) else "")
+            layer = prefix or (part if subimage or not _is_colour(names) else "")
             layers.setdefault(layer, _Layer(subimage, {})).channels.setdefault(_short(name, spec.nchannels), number)
         subimage += 1
-    source.geterror()  # seeking past the last part leaves a message behind
+    complaint(source)  # seeking past the last part leaves a message behind
     return layers
 
 
@@ -474,19 +520,24 @@ def _read_layer(path: Path, layer: str | None) -> tuple[NDArray[Any], dict[str, 
     path = existing_file(path, "image")
     source = _open(path)
     try:
-        chosen = _choose(_layers(source, path), layer, path)
+        with libraries_silent():
+            chosen = _choose(_layers(source, path), layer, path)
         source.seek_subimage(chosen.subimage, 0)
         spec = source.spec()
         first, last = min(chosen.channels.values()), max(chosen.channels.values())
         with libraries_silent():
             kind = spec.format.basetype if spec.format.basetype in (oiio.UINT8, oiio.UINT16) else oiio.FLOAT
             values = source.read_image(chosen.subimage, 0, first, last + 1, kind)
-        reason = " ".join(source.geterror().split())
+        reason = complaint(source)
     finally:
         source.close()
     if values is None or reason:
         raise InputError(f"{path} is damaged or cut short ({reason or 'no pixels'}); copy or export it again")
     values = np.asarray(values).reshape(spec.height, spec.width, last + 1 - first)
+    if _is_float(spec):
+        for rows in bands(len(values)):
+            band = values[rows]
+            band[~(np.abs(band) <= MAX_VALUE)] = np.nan
     values = _upright(_on_display_window(values, spec), spec)
     return values, {name: number - first for name, number in chosen.channels.items()}, spec
 
@@ -498,9 +549,13 @@ def _as_float(values: NDArray[Any]) -> NDArray[np.float32]:
     return np.multiply(values, np.float32(1 / np.iinfo(values.dtype).max), dtype=np.float32)
 
 
+def _is_float(spec: Any) -> bool:
+    return spec.format.basetype in (oiio.HALF, oiio.FLOAT, oiio.DOUBLE)
+
+
 def _upright(values: NDArray[Any], spec: Any) -> NDArray[Any]:
     """Pixels as a viewer shows them: cameras store a photo as its sensor lay, and say in EXIF how to turn it."""
-    orientation = spec.getattribute("Orientation") or 1
+    orientation = _orientation(spec)
     if orientation >= 5:
         values = values.transpose(1, 0, 2)
     if orientation in (3, 4, 7, 8):
@@ -508,6 +563,12 @@ def _upright(values: NDArray[Any], spec: Any) -> NDArray[Any]:
     if orientation in (2, 3, 6, 7):
         values = values[:, ::-1]
     return values
+
+
+def _orientation(spec: Any) -> int:
+    """1, upright, unless the file says one of the other numbers of EXIF."""
+    orientation = told_in(spec, "Orientation", int) or 1
+    return orientation if 1 <= orientation <= 8 else 1
 
 
 def _on_display_window(values: NDArray[Any], spec: Any) -> NDArray[Any]:

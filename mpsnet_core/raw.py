@@ -52,7 +52,7 @@ def read_raw(path: Path) -> Image:
             f"{path} cannot be read as camera raw ({reason}); if it is whole, convert it to a linear TIFF"
         ) from None
     except UnicodeError:
-        raise InputError(f"{path!a} cannot be opened: its name is not valid UTF-8; rename it") from None
+        raise InputError(f"{path} cannot be opened: its name is not valid UTF-8; rename it") from None
 
 
 def _check(raw: Any, path: Path) -> None:

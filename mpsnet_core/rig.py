@@ -20,6 +20,10 @@ MIN_SINGULAR_VALUE = 0.02
 
 LIGHT_NAMES = ("first", "second", "third")
 
+# Lengths and shares in rig files; their squares and inverses are numbers still.
+MOST = 1e12
+LEAST_MIXING = 1e-6
+
 MAX_LOBE = 100
 # Behind a light with a lobe nothing is lit; this keeps what is divided by its brightness finite.
 LEAST_LOBE_COSINE = 0.01
@@ -32,8 +36,8 @@ def _matrix(value: ArrayLike, what: str) -> NDArray[np.float64]:
         raise InputError(f"{what} must be three rows of three numbers") from None
     if matrix.shape != (3, 3):
         raise InputError(f"{what} must be three rows of three numbers, not an array of shape {matrix.shape}")
-    if not np.isfinite(matrix).all():
-        raise InputError(f"{what} holds a value that is not finite; every entry must be a number")
+    if not (np.abs(matrix) <= MOST).all():
+        raise InputError(f"{what} holds a value that is not finite or beyond {MOST:g}; every entry must be a number")
     return matrix
 
 
@@ -42,7 +46,7 @@ def _three(value: ArrayLike, what: str) -> NDArray[np.float64]:
         three = np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         three = np.empty(0)
-    if three.shape != (3,) or not np.isfinite(three).all():
+    if three.shape != (3,) or not (np.abs(three) <= MOST).all():
         raise InputError(f"{what} must be three finite numbers")
     return three
 
@@ -129,6 +133,8 @@ class LightRig:
             )
         mixing = _matrix(self.mixing, "the mixing matrix")
         singular = np.linalg.svd(mixing, compute_uv=False)
+        if not LEAST_MIXING <= singular[0] <= 1 / LEAST_MIXING:
+            raise InputError(f"the mixing matrix is of the size {singular[0]:.3g}; scale its entries to about 1")
         if singular[-1] <= MIN_SINGULAR_VALUE * singular[0]:
             raise InputError(
                 "the mixing matrix cannot be inverted: two lights look the same to the camera; measure it again or "

@@ -1,10 +1,15 @@
 """What the command line tells on its way: progress, and notes."""
 
+import contextlib
+import itertools
 import json
 import logging
 import sys
 import time
+from collections.abc import Sequence
 from typing import Any
+
+from mpsnet_core.errors import in_one_line
 
 
 class Notes(logging.Handler):
@@ -15,7 +20,7 @@ class Notes(logging.Handler):
         self.lines: list[str] = []
 
     def emit(self, record: logging.LogRecord) -> None:
-        line = record.getMessage()
+        line = in_one_line(record.getMessage())
         if line not in self.lines:
             self.lines.append(line)
 
@@ -49,3 +54,14 @@ class Reporter:
     def close(self) -> None:
         if self.bar is not None:
             self.bar.close()
+
+
+def refuse(sentence: str, arguments: Sequence[str]) -> None:
+    """Say in one line on stderr why nothing came of it, and on stdout where JSON is asked for."""
+    sentence = in_one_line(sentence)
+    # Known even where the arguments cannot be parsed.
+    if "--progress=json" in arguments or ("--progress", "json") in itertools.pairwise(arguments):
+        with contextlib.suppress(OSError):  # nobody reads the answer any more
+            print(json.dumps({"error": sentence}), flush=True)
+    with contextlib.suppress(OSError):
+        print(f"mpsnet: {sentence}", file=sys.stderr)

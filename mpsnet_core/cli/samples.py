@@ -7,6 +7,7 @@ from typing import Any
 from mpsnet_core.cli.arguments import Help, Verbs
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.errors import InputError
+from mpsnet_core.files import resolved
 
 # So many of the files that `show` skips are named; all are counted.
 NAMED = 10
@@ -88,8 +89,8 @@ def _synthesize(options: argparse.Namespace, reporter: Reporter) -> dict[str, An
         size=options.size,
         shapes=shapes,
         # Workers may stand elsewhere.
-        meshes=str(Path(options.meshes).resolve()) if options.meshes else "",
-        merl=str(Path(options.merl).resolve()) if options.merl else "",
+        meshes=str(resolved(options.meshes)) if options.meshes else "",
+        merl=str(resolved(options.merl)) if options.merl else "",
         merl_part=options.merl_part,
         views=options.views,
         bounces=options.bounces,

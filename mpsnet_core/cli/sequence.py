@@ -19,6 +19,7 @@ from mpsnet_core.estimate.shelf import (
     STILL_PASSES,
     find_network,
 )
+from mpsnet_core.files import resolved
 from mpsnet_core.frames import check_apart, numbering, output_files
 from mpsnet_core.made_from import content, identity
 from mpsnet_core.masks import Notes
@@ -96,7 +97,7 @@ def _video(options: argparse.Namespace, path: Path, rig: LightRig, reporter: Rep
     outputs = video_outputs(path, options.output, f".{options.format.lstrip('.')}")
     taken = [path, Path(options.rig), *read_files(options)]
     # How many frames there are is not known; a result's name ends in its number, so these are all that can be meant.
-    numbers = {int(digits) for file in taken for digits in re.findall("[0-9]+", file.resolve().stem)}
+    numbers = {int(digits) for file in taken for digits in re.findall("[0-9]+", resolved(file).stem)}
     check_apart(taken, map(outputs, numbers))
     video = read_video_header(path, encoding=options.encoding)
     frames = video_frames(

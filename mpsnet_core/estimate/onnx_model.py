@@ -61,7 +61,7 @@ class OnnxModel:
         self.tile = tile
         self.session = _session(self.path, provider, threads)
         try:
-            metadata = self.session.get_modelmeta().custom_metadata_map
+            metadata = _metadata(self.session)
             self.card = card_from_metadata(metadata)
             if passes is not None:
                 self.card = replace(self.card, passes=passes)
@@ -160,6 +160,13 @@ def _session(path: Path, provider: str, threads: int) -> Any:
         raise InputError(
             f"model file {path} is not an ONNX model that can be run ({reason}); export it again"
         ) from None
+
+
+def _metadata(session: Any) -> dict[str, str]:
+    try:
+        return dict(session.get_modelmeta().custom_metadata_map)
+    except UnicodeDecodeError:
+        raise InputError("its metadata are not UTF-8 text; export it again") from None
 
 
 def _check_fit(session: Any, card: ModelCard) -> None:

@@ -2,9 +2,6 @@
 
 import os
 import re
-import struct
-import zipfile
-import zlib
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
@@ -14,19 +11,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays import read_arrays
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import existing_file, written_whole
 from mpsnet_core.normals import normalised
+from mpsnet_core.scenes import read_scene
 from mpsnet_core.surface.labels import Labels, labels_of_runs
 from mpsnet_core.surface.mikktspace import mikktspace_tangents
 
 MESH_FORMAT = "mpsnet-mesh"
 MESH_VERSION = 1
 MAX_MESH_BYTES = 4 << 30
-# Formats whose objects have names that trimesh gives.
-_WITH_NODES = (".glb", ".gltf")
-# What trimesh raises for files that are damaged in one way or another.
-_UNREADABLE = (AssertionError, AttributeError, LookupError, OSError, RuntimeError, TypeError, ValueError, struct.error)
+# More corners than a modeller gives a face; fans of thin triangles from one corner make no texture.
+MAX_CORNERS = 4096
 
 
 @dataclass(frozen=True)
@@ -98,7 +95,7 @@ class Mesh:
 
 
 def read_mesh(path: str | os.PathLike[str], *, shape_only: bool = False) -> Mesh:
-    """Read a mesh with UVs: OBJ; PLY, GLB, glTF and more through trimesh; or the ``.npz`` that the add-on writes.
+    """Read a mesh with UVs: OBJ; PLY and GLB through trimesh; or the ``.npz`` that the add-on writes.
 
     Polygons become fans of triangles, and all of the file's objects and materials one mesh, which knows their names.
     Shading normals are the file's own, else smooth ones, across UV seams too.
@@ -111,9 +108,12 @@ def read_mesh(path: str | os.PathLike[str], *, shape_only: bool = False) -> Mesh
     path = existing_file(path, "mesh file")
     if path.stat().st_size > MAX_MESH_BYTES:
         raise InputError(f"mesh file {path} is larger than 4 GiB; reduce the mesh first")
-    readers = {".npz": _read_npz, ".obj": _read_obj}
+    readers = {".npz": _read_npz, ".obj": _read_obj, ".ply": _read_with_trimesh, ".glb": _read_with_trimesh}
     try:
-        return readers.get(path.suffix.lower(), _read_with_trimesh)(path, shape_only)
+        reader = readers.get(path.suffix.lower())
+        if reader is None:
+            raise InputError(f"{path.suffix or 'no suffix'} is not a mesh format we read; use OBJ, PLY, GLB or npz")
+        return reader(path, shape_only)
     except InputError as error:
         raise InputError(f"mesh file {path}: {error}") from None
 
@@ -163,14 +163,7 @@ def _labels_of_arrays(arrays: dict[str, NDArray[Any]]) -> dict[str, Labels]:
 
 
 def _read_npz(path: Path, shape_only: bool) -> Mesh:
-    try:
-        with zipfile.ZipFile(path) as archive:
-            if sum(entry.file_size for entry in archive.infolist()) > MAX_MESH_BYTES:
-                raise InputError("it unpacks to more than 4 GiB; reduce the mesh first")
-        with np.load(path, allow_pickle=False) as data:
-            arrays: dict[str, NDArray[Any]] = {name: data[name] for name in data.files}
-    except (ValueError, OSError, zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
-        raise InputError(f"it cannot be read ({error}); export it again") from None
+    arrays = read_arrays(path, MAX_MESH_BYTES)
     if str(arrays.get("format")) != MESH_FORMAT:
         raise InputError(f"it is not a {MESH_FORMAT} file; export it with the add-on")
     if not np.array_equal(arrays.get("version", 0), MESH_VERSION):
@@ -207,6 +200,10 @@ def _read_obj(path: Path, shape_only: bool) -> Mesh:
                     raise ValueError
                 values[key].append(row)
             elif key == "f":
+                if len(words) > MAX_CORNERS:
+                    raise InputError(
+                        f"line {number} is a face of {len(words)} corners, more than {MAX_CORNERS}; triangulate it"
+                    )
                 counts = [len(values[kind]) for kind in ("v", "vt", "vn")]
                 face = [_obj_corner(word, counts) for word in words]
                 for second, third in pairwise(face[1:]):
@@ -244,30 +241,24 @@ def _labels_from(starts: list[tuple[int, str]], end: int) -> Labels | None:
 def _obj_corner(word: str, counts: list[int]) -> tuple[int, ...]:
     """ "5/7/2" as numbers from 0 of vertex, UV and normal; -1 for those not given. Negative ones count from the end."""
     given = [int(part) if part else 0 for part in word.split("/")]
-    numbers = [
-        number - 1 if number > 0 else count + number if number else -1
-        for number, count in zip([*given, 0, 0], counts, strict=False)
-    ]
-    if len(given) > 3 or not given[0] or any(not (-1 <= n < c) for n, c in zip(numbers, counts, strict=True)):
+    numbers = [-1, -1, -1]
+    for place, (number, count) in enumerate(zip(given, counts, strict=False)):
+        if not -count <= number <= count:
+            raise ValueError
+        if number:
+            numbers[place] = number - 1 if number > 0 else count + number
+    if len(given) > 3 or numbers[0] < 0:
         raise ValueError
     return tuple(numbers)
 
 
 def _read_with_trimesh(path: Path, shape_only: bool) -> Mesh:
-    import trimesh  # takes a while to load
-
-    if path.suffix.lower().lstrip(".") not in trimesh.available_formats():
-        raise InputError(f"{path.suffix or 'no suffix'} is not a mesh format we read; use OBJ, PLY, GLB or npz")
-    try:
-        # process=False: merging vertices would lose UV seams and sharp edges.
-        scene = trimesh.load_scene(path, process=False, maintain_order=True)
+    with read_scene(path) as scene:
         nodes = list(scene.graph.nodes_geometry)
         placed = [scene.graph[node] for node in nodes]
         parts = [_placed(scene.geometry[name], pose, shape_only) for pose, name in placed]
         objects = [_object_name(scene.graph, node) for node in nodes]
         materials = [_material_name(scene.geometry[name]) for _, name in placed]
-    except _UNREADABLE as error:
-        raise InputError(f"it cannot be read ({type(error).__name__}: {error}); export it again") from None
     counts = [len(part[1]) for part in parts]
     parts = [part for part in parts if len(part[1])]
     if not parts:
@@ -286,7 +277,7 @@ def _read_with_trimesh(path: Path, shape_only: bool) -> Mesh:
         normalised(normals),
         _no_uvs(len(triangles)) if shape_only else uvs[triangles],
         materials=labels_of_runs(zip(materials, counts, strict=True)) if any(materials) else None,
-        objects=labels_of_runs(zip(objects, counts, strict=True)) if path.suffix.lower() in _WITH_NODES else None,
+        objects=labels_of_runs(zip(objects, counts, strict=True)) if path.suffix.lower() == ".glb" else None,
     )
 
 

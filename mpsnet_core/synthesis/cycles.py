@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mpsnet_core.camera import Camera
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import existing_file
-from mpsnet_core.images import libraries_silent
+from mpsnet_core.images import complaint, image_input, libraries_silent
 from mpsnet_core.normals import normalised
 from mpsnet_core.rays import RayScene
 from mpsnet_core.synthesis.recipe import Recipe
@@ -83,10 +83,9 @@ def sample_from_cycles(
 
 def _planes(path: Path) -> dict[str, NDArray[np.float32]]:
     """Every channel of a file's parts, without its view layer's name."""
-    with libraries_silent():
-        source = oiio.ImageInput.open(str(path))
+    source = image_input(path)
     if source is None:
-        reason = " ".join(oiio.geterror().split())
+        reason = complaint(oiio)
         raise InputError(f"{path} is no render, or cut short ({reason}); make the sample again")
     planes: dict[str, NDArray[np.float32]] = {}
     try:
@@ -95,7 +94,7 @@ def _planes(path: Path) -> dict[str, NDArray[np.float32]]:
             names: Sequence[str] = source.spec().channelnames
             with libraries_silent():
                 values = source.read_image(part, 0, 0, len(names), oiio.FLOAT)
-            reason = " ".join(source.geterror().split())
+            reason = complaint(source)
             if values is None or reason:
                 raise InputError(f"{path} is damaged or cut short ({reason or 'no pixels'}); make the sample again")
             planes |= {name.partition(".")[2]: values[..., number] for number, name in enumerate(names)}

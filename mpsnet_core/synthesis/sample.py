@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import MAX_JSON_BYTES, existing_file, written_whole
-from mpsnet_core.images import libraries_silent
+from mpsnet_core.images import MAX_VALUE, complaint, image_input, libraries_silent, told_in
 from mpsnet_core.normals import normalised
 from mpsnet_core.rig import LightRig
 from mpsnet_core.synthesis.recipe import Recipe, recipe_from_data
@@ -116,7 +116,7 @@ def write_sample(path: str | os.PathLike[str], sample: Sample) -> None:
         assert target is not None
         done = target.open(str(unfinished), spec) and target.write_image(pixels)
         if not (target.close() and done):
-            reason = " ".join((target.geterror() or oiio.geterror()).split())
+            reason = complaint(target) or complaint(oiio)
             raise InputError(f"cannot write {path} ({reason}); is the disk full?")
 
 
@@ -126,7 +126,7 @@ def read_sample(path: str | os.PathLike[str]) -> Sample:
         data, recipe = _description(source, path)
         values = _pixels(source, 0, source.spec().height, path)
         order = [source.spec().channelnames.index(name) for name in _CHANNELS]
-    if not np.isfinite(values).all():
+    if not (np.abs(values) <= MAX_VALUE).all():
         raise _damaged(path, "values that are not finite")
     # Channel by channel in memory, seen as pixels of three: what is computed from it is several times faster so.
     planes = np.stack([values[..., number] for number in order])
@@ -170,13 +170,9 @@ def read_sample_data(path: str | os.PathLike[str]) -> dict[str, Any]:
 def _opened(path: str | os.PathLike[str]) -> Iterator[tuple[Any, Path]]:
     """The open file, known to be one picture with a sample's channels and of a size that can be read."""
     path = existing_file(path, "sample")
-    try:
-        with libraries_silent():
-            source = oiio.ImageInput.open(str(path))
-    except (TypeError, UnicodeError):
-        raise InputError(f"{path!a} cannot be opened: its name is not valid UTF-8; rename it") from None
+    source = image_input(path)
     if source is None:
-        oiio.geterror()  # else it is said again of the next file
+        complaint(oiio)  # else it is said again of the next file
         raise InputError(f"{path} is no sample, or cut short within its head; delete it and make it again")
     try:
         spec = source.spec()
@@ -197,8 +193,8 @@ def _opened(path: str | os.PathLike[str]) -> Iterator[tuple[Any, Path]]:
 
 def _description(source: Any, path: Path) -> tuple[dict[str, Any], Recipe]:
     """The metadata and the recipe in it, known to be whole and to fit the picture."""
-    text = source.spec().getattribute(METADATA)
-    if not isinstance(text, str) or len(text) > MAX_JSON_BYTES:
+    text = told_in(source.spec(), METADATA, str)
+    if text is None or len(text) > MAX_JSON_BYTES:
         raise InputError(
             f"{path} is no sample: it has no description; give a file that mpsnet synthesize or Blender made"
         )
@@ -231,7 +227,7 @@ def _pixels(source: Any, begin: int, end: int, path: Path) -> NDArray[np.float32
     """Rows `begin` to `end` - 1 of all channels, (rows, W, C)."""
     with libraries_silent():
         values = source.read_scanlines(begin, end, 0, 0, len(_CHANNELS), oiio.FLOAT)
-    reason = " ".join(source.geterror().split())
+    reason = complaint(source)
     if values is None or reason:
         raise InputError(
             f"sample {path} is damaged or cut short ({reason or 'no pixels'}); delete it and make it again"

@@ -1,6 +1,7 @@
 """Bad input: one sentence, to scripts as a RuntimeError."""
 
 import sys
+import tempfile
 
 import bpy
 import numpy as np
@@ -428,3 +429,20 @@ def test_registering_loads_nothing_heavy():
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60).stdout.split()
     assert "blender_addon.bake" in loaded
     assert not {"onnxruntime", "trimesh", "OpenImageIO", "tqdm", "torch"} & set(loaded)
+
+
+def test_what_nobody_foresaw_is_one_sentence_that_names_a_log(scene, tmp_path, monkeypatch, capfd):
+    """To a script, and on the command line."""
+
+    def fails(self, context):
+        return {}["\x1b[2J"]
+
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr("blender_addon.rig.MPS_OT_add_rig.act", fails)
+    with pytest.raises(RuntimeError, match=r"this is a fault of the program, not yours \(KeyError: '.x1b\[2J'\)"):
+        bpy.ops.mps.add_rig()
+    (log,) = tmp_path.glob("mpsnet-*.log")
+    assert "in fails" in log.read_text()
+    capfd.readouterr()
+    assert main(["add-rig"]) == 2
+    assert "Traceback" not in capfd.readouterr().err

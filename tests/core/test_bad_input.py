@@ -11,7 +11,6 @@ import logging
 import os
 import pickle
 import re
-import signal
 import struct
 import sys
 import zipfile
@@ -57,6 +56,7 @@ from mpsnet_core import (
     write_texture,
 )
 from mpsnet_core.cli import main
+from mpsnet_core.errors import LONGEST
 from mpsnet_core.estimate.card import CARD_VERSION
 from mpsnet_core.estimate.lambertian import lambertian_normals
 from mpsnet_core.evaluation.diligent import read_diligent, read_truth
@@ -123,6 +123,22 @@ class Bench:
     def latin_named(self) -> Path:
         """A photo whose name was written by a system that does not know UTF-8."""
         return self.photo("photo.png", kind="uint8").rename(self / os.fsdecode(b"gr\xf6sse.png"))
+
+    def gif(self, name: str) -> Path:
+        self.photo("p.gif", kind="uint8")
+        return (self / "p.gif").rename(self / name)
+
+    def turned_bit(self, byte: int) -> Path:
+        """A PNG whose head says something else than its checksum."""
+        data = bytearray(self.photo("photo.png", kind="uint8").read_bytes())
+        data[byte] ^= 4
+        return self.bytes("photo.png", bytes(data))
+
+    def replaced(self, path: Path, old: bytes, new: bytes) -> Path:
+        """The same file with some of its bytes changed."""
+        data = path.read_bytes()
+        assert old in data
+        return self.bytes(path.name, data.replace(old, new))
 
     def mask(self, name: str = "mask.png", values: np.ndarray = SPHERE.mask) -> Path:
         return write_file(self / name, values, "uint8")
@@ -333,6 +349,23 @@ Case = tuple[str, Callable[[Bench], Any], str]
 
 RIGS: list[Case] = [
     (
+        "a mixing too small to be undone",
+        lambda b: read_rig(b.rig(mixing=(1e-300 * np.eye(3)).tolist())),
+        "rig.json…mixing matrix is of the size 1e-300; scale its entries to about 1",
+    ),
+    ("direction too long to be measured", lambda b: LightRig(1e200 * np.eye(3) + 1), "not finite or beyond 1e+12"),
+    ("a link to itself", lambda b: read_rig(loop(b / "rig.json")), "rig.json does not exist; check the path"),
+    (
+        "a text that would clear the terminal",
+        lambda b: read_rig(b.rig(**{"\x1b[2Jmixing": 1})),
+        r'has "\x1b[2Jmixing", which no mpsnet-rig file has',
+    ),
+    (
+        "a text of a hundred thousand letters",
+        lambda b: read_rig(b.rig(format="m" * 100_000)),
+        "rig.json is not a mpsnet-rig file…mmm…mmm…expected 'mpsnet-rig'",
+    ),
+    (
         "zero vector",
         lambda b: read_rig(b.lights(direction=[0, 0, 0], slant=None, tilt=None)),
         "rig.json…second light…zero vector; give where",
@@ -428,6 +461,7 @@ RIGS: list[Case] = [
 ]
 
 CAMERAS: list[Case] = [
+    ("focal beyond reason", lambda b: b.estimate(focal="1e300"), "focal must be above 0 in x and in y, 1e-06 to 1e+09"),
     (
         "unknown projection",
         lambda b: read_camera(b.camera(projection="fisheye")),
@@ -468,6 +502,31 @@ CAMERAS: list[Case] = [
 ]
 
 IMAGES: list[Case] = [
+    (
+        "another kind of picture",
+        lambda b: read_image(b.gif("p.png")),
+        "p.png cannot be read…file of another kind…is it PNG",
+    ),
+    (
+        "a PNG with a bit of its head turned",
+        lambda b: read_image(b.turned_bit(24)),
+        "photo.png cannot be read as an image",
+    ),
+    (
+        "an EXR that OpenImageIO complains of in letters that are no UTF-8",
+        lambda b: read_image(b.replaced(b.photo(), b"chlist", b"chlis\x80")),
+        "photo.exr cannot be read as an image (a text in it is not UTF-8)",
+    ),
+    (
+        "a link to itself",
+        lambda b: b.estimate(mask=loop(b / "m.png")),
+        "m.png does not exist, and is none of",
+    ),
+    (
+        "values whose squares no float holds",
+        lambda b: b.estimate(b.photo(pixels=with_pixel(3e38))),
+        "photo.exr: the photo holds values that are not finite",
+    ),
     ("missing", lambda b: read_image(b / "photo.png"), "photo.png does not exist; check the path"),
     ("a folder", lambda b: read_image(b.folder), "is a folder, not a file; name a file in it"),
     (
@@ -720,6 +779,11 @@ NORMALS: list[Case] = [
 
 MODELS: list[Case] = [
     (
+        "a card that is no UTF-8",
+        lambda b: b.run("models", b.replaced(pass_through(b / "m.onnx"), b'"licence"', b'"lic\xff\xfece"')),
+        "m.onnx cannot be used: its metadata are not UTF-8 text; export it again",
+    ),
+    (
         "unknown name",
         lambda b: estimate_normals(SPHERE.capture(), "mpsnet9"),
         "no model 'mpsnet9'; choose multiscale…or give an .onnx file",
@@ -907,6 +971,29 @@ MODELS: list[Case] = [
 ]
 
 MESHES: list[Case] = [
+    (
+        "a corner before the first",
+        lambda b: read_mesh(b.text("m.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf -4/-1 1/1 2/1")),
+        "m.obj: line 5 cannot be read ('f -4/-1 1/1 2/1')",
+    ),
+    (
+        "a face of a hundred thousand corners",
+        lambda b: read_mesh(b.text("m.obj", "v 0 0 0\nvt 0 0\nf" + " 1/1" * 100_000)),
+        "m.obj: line 3 is a face of 100000 corners, more than 4096; triangulate it",
+    ),
+    ("an archive", lambda b: read_mesh(b.mesh().rename(b / "m.zip")), "m.zip: .zip is not a mesh format we read"),
+    ("a packed mesh", lambda b: read_mesh(b.bytes("m.obj.bz2", b"BZh")), ".bz2 is not a mesh format we read; use OBJ"),
+    (
+        "npz with a password",
+        lambda b: read_mesh(locked(b)),
+        "mesh.npz: it cannot be read (…encrypted…); export it again",
+    ),
+    ("npz whose array has half a head", lambda b: read_mesh(half_a_head(b)), "mesh.npz: it cannot be read…export it"),
+    (
+        "PLY with a misspelled property",
+        lambda b: read_mesh(b.text("m.ply", PLY_HEAD.replace("property list", "qroperty list"))),
+        "m.ply: it cannot be read…export it again",
+    ),
     ("missing", lambda b: read_mesh(b / "mesh.obj"), "mesh.obj does not exist"),
     (
         "not a mesh",
@@ -1053,6 +1140,16 @@ BAKES: list[Case] = [
 
 OUTPUTS: list[Case] = [
     (
+        "a name that is no UTF-8",
+        lambda b: b.estimate(output=os.fsdecode(b"\xf6.png")),
+        r"cannot write …\udcf6.png: its name is not valid UTF-8; choose another name",
+    ),
+    (
+        "a folder's name that is no UTF-8",
+        lambda b: b.synthesize("-o", b / os.fsdecode(b"\xf6")),
+        r"cannot make folder …\udcf6: its name is not valid UTF-8; choose another name",
+    ),
+    (
         "folder missing",
         lambda b: b.estimate(output="nowhere/out.png"),
         "nowhere/out.png…nowhere does not exist; create it first",
@@ -1169,6 +1266,7 @@ FRAMES: list[Case] = [
 ]
 
 COMMANDS: list[Case] = [
+    ("two hyphens for a value", lambda b: b.run("integrate", "n.png", "--open=--"), "--open: expected a value, not --"),
     ("no verb", lambda b: b.run("--progress", "none"), "see mpsnet --help"),
     ("unknown verb", lambda b: b.run("paint"), "'paint'…see mpsnet --help"),
     ("no rig", lambda b: b.run("estimate", b.photo(), "-o", b / "n.png"), "--rig; see mpsnet estimate --help"),
@@ -1537,6 +1635,11 @@ if find_spec("torch"):
             "a.toml is not valid TOML",
         ),
         (
+            "a number of more digits than Python reads",
+            lambda b: b.train("--recipe", b.text("a.toml", "steps = " + "1" * 5000)),
+            "a.toml is not valid TOML",
+        ),
+        (
             "recipe beyond reason",
             lambda b: b.train("--recipe", b.text("a.toml", "#" * 70000)),
             "a.toml is larger than 64 KiB",
@@ -1702,6 +1805,42 @@ def renamed(path: Path) -> Path:
     return path
 
 
+def loop(path: Path) -> Path:
+    """A link that leads to itself."""
+    path.symlink_to(path.name)
+    return path
+
+
+PLY_HEAD = """ply
+format ascii 1.0
+element vertex 1
+property float x
+property float y
+property float z
+element face 1
+property list uchar int vertex_indices
+end_header
+0 0 0
+3 0 0 0
+"""
+
+
+def locked(b: Bench) -> Path:
+    """A zip whose directory says that all of it is encrypted."""
+    data = bytearray(b.mesh().read_bytes())
+    for sign, flag in ((b"PK\3\4", 6), (b"PK\1\2", 8)):
+        for found in re.finditer(re.escape(sign), bytes(data)):
+            data[found.start() + flag] |= 1
+    return b.bytes("mesh.npz", bytes(data))
+
+
+def half_a_head(b: Bench) -> Path:
+    """A zip with an array whose head, in Python's own words, ends too early."""
+    with zipfile.ZipFile(b.mesh(uvs=None), "a") as archive:
+        archive.writestr("uvs.npy", b"\x93NUMPY\x01\x00\x10\x00{'descr': '<f4'\n")
+    return b / "mesh.npz"
+
+
 def broken_array(b: Bench) -> Path:
     """A zip whose UVs are not an array at all."""
     with zipfile.ZipFile(b.mesh(uvs=None), "a") as archive:
@@ -1731,12 +1870,12 @@ CASES = [pytest.param(*case[1:], id=f"{topic}: {case[0]}") for topic, cases in T
 
 
 @pytest.fixture(autouse=True)
-def settings_kept() -> Iterator[None]:
-    """`main` sets the process up for itself alone; put back what it set."""
-    handler, log = signal.getsignal(signal.SIGTERM), logging.getLogger("mpsnet_core")
+def settings_kept(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """`main` sets the process up for itself alone; put back what it set. Warnings are errors here, not hidden by it."""
+    monkeypatch.setattr(sys, "warnoptions", ["error"])
+    log = logging.getLogger("mpsnet_core")
     propagate, level = log.propagate, log.level
     yield
-    signal.signal(signal.SIGTERM, handler)
     log.propagate = propagate
     log.setLevel(level)
 
@@ -1751,7 +1890,7 @@ def test_bad_input_gets_one_clear_sentence(
     sentence = str(caught.value)
     assert re.search(".*".join(map(re.escape, words.split("…"))), sentence), sentence
     assert "\n" not in sentence and "Traceback" not in sentence
-    assert len(sentence.replace(str(tmp_path), "").replace("x" * 300, "")) < 400, sentence
+    assert len(sentence.replace(str(tmp_path), "").replace("x" * 300, "")) <= LONGEST, sentence
     assert capfd.readouterr().err == ""
     assert not list(tmp_path.rglob("*unfinished*")) and not (tmp_path / "unpickled").exists()
 

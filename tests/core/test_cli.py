@@ -183,6 +183,57 @@ def test_evaluate_reports_rows_skipped_objects_and_progress(tmp_path: Path, mpsn
     assert report.stat().st_size > 10_000
 
 
+# Runs the command line where the library that photos are read with cannot be loaded, or stops the process meanwhile.
+LOADING = """
+import os, signal, sys
+class Finder:
+    def find_spec(self, name, path=None, target=None):
+        if name == "OpenImageIO":
+            {does}
+sys.meta_path.insert(0, Finder())
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from mpsnet_core.cli import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def while_loading(does: str, *arguments: str | Path, temporary: Path) -> "subprocess.CompletedProcess[str]":
+    environment = {**os.environ, **dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(temporary))}
+    command = [sys.executable, "-c", LOADING.format(does=does), *map(str, arguments), "--progress", "json"]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment, cwd=temporary)
+
+
+def test_what_nobody_foresaw_is_one_sentence_and_a_log(tmp_path: Path, rig_file: Path, photo_file: Path) -> None:
+    (tmp_path / "tmp").mkdir()
+    estimate = ("estimate", photo_file, "--rig", rig_file, "-o", tmp_path / "n.png")
+    done = while_loading(r"raise KeyError('\x1b[2J' * 999)", *estimate, temporary=tmp_path / "tmp")
+    assert done.returncode == 1
+    (log,) = (tmp_path / "tmp").iterdir()
+    assert "Traceback" in log.read_text() and "find_spec" in log.read_text()
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("mpsnet: this is a fault of the program, not yours (KeyError: ")
+    assert str(log) in line and line.isprintable() and len(line) < 600
+    assert json.loads(done.stdout) == {"error": line.removeprefix("mpsnet: ")}
+    assert os.name == "nt" or log.stat().st_mode & 0o777 == 0o600
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+@pytest.mark.parametrize("how", ["SIGINT", "SIGTERM"])
+def test_a_run_that_is_stopped_while_libraries_load_is_cancelled(
+    tmp_path: Path, rig_file: Path, photo_file: Path, how: str
+) -> None:
+    estimate = ("estimate", photo_file, "--rig", rig_file, "-o", tmp_path / "n.png")
+    done = while_loading(f"os.kill(os.getpid(), signal.{how})", *estimate, temporary=tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no /dev/full")
+def test_an_answer_that_cannot_be_written_is_told_once() -> None:
+    command = f"{sys.executable} -m mpsnet_core models --progress json > /dev/full"
+    done = subprocess.run(command, shell=True, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 class TestCancelling:
     FRAMES = 400

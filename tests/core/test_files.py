@@ -81,7 +81,7 @@ def test_what_stops_the_writing_leaves_the_old_file_and_no_litter(
     target.write_text("old")
     with pytest.raises(stopped_by), written_whole(target) as unfinished:
         unfinished.write_text("half")
-        raise stopped_by
+        raise stopped_by("stopped")
     assert target.read_text() == "old"
     assert listing(tmp_path) == ["a.txt"]
 

@@ -241,3 +241,8 @@ def test_a_photo_stands_as_a_viewer_shows_it(
     pixels = read_image(path).pixels
     assert pixels[..., 0][SIDES[first_row]].all() and pixels[..., 0].sum() == 6
     assert pixels[..., 1][SIDES[first_column]].all() and pixels[..., 1].sum() == 4
+
+
+def test_a_picture_that_is_turned_in_words_stays_as_it_is(tmp_path: Path) -> None:
+    path = write_file(tmp_path / "photo.exr", np.arange(18).reshape(2, 3, 3), "float", Orientation="upside down")
+    assert read_image(path).pixels[..., 0].tolist() == [[0, 3, 6], [9, 12, 15]]

@@ -10,7 +10,7 @@ torch = pytest.importorskip("torch")
 
 from small_networks import recipe_data
 
-from mpsnet_core.cli import _parser
+from mpsnet_core.cli.command import _parser
 from mpsnet_core.training.loop import _check_fit
 from mpsnet_core.training.networks import NETWORKS, build_network
 from mpsnet_core.training.recipe import read_recipe, recipe_from_data, recipe_names

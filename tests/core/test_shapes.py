@@ -371,7 +371,7 @@ def test_hopeless_meshes_are_named(tmp_path: Path, name: str, text: str, words: 
 def test_a_mesh_that_promises_more_than_it_holds_is_named(tmp_path: Path) -> None:
     box = trimesh.Scene([trimesh.creation.box()]).export(file_type="glb")
     (tmp_path / "short.glb").write_bytes(box.replace(b'"byteLength":144', b'"byteLength":999'))
-    with pytest.raises(InputError, match=r"short\.glb cannot be read"):
+    with pytest.raises(InputError, match=r"short\.glb: it cannot be read"):
         meshes.load_mesh(str(tmp_path / "short.glb"))
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import writable_path
+from mpsnet_core.files import resolved, writable_path
 from mpsnet_core.images import is_whole
 from mpsnet_core.made_from import is_made
 from mpsnet_core.progress import Progress, silent
@@ -81,7 +81,7 @@ def make_samples(
     """
     if processes < 0:
         raise InputError(f"{processes} processes cannot be; choose 1 or more, or 0 for as many as there are cores")
-    folder = Path(folder).resolve()
+    folder = resolved(folder)
     place_job(folder, job)
     writable_path(folder / CONTACT_SHEET)
     clear_unfinished(folder)

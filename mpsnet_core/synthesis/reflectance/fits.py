@@ -5,13 +5,11 @@ Sztrajman, Rainer, Ritschel and Weyrich, "Neural BRDF Representation and Importa
 """
 
 import os
-import tokenize
-import zipfile
-import zlib
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays import read_arrays
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import existing_file
 from mpsnet_core.synthesis.reflectance.hemisphere import AboveSurface
@@ -20,18 +18,6 @@ from mpsnet_core.synthesis.reflectance.rusinkiewicz import rusinkiewicz_angles
 # Weights and biases of three layers, (materials, inputs, outputs) and (materials, outputs).
 _LAYERS = {"fc1": (6, 21), "b1": (21,), "fc2": (21, 21), "b2": (21,), "fc3": (21, 3), "b3": (3,)}
 _MAX_BYTES = 64 << 20
-# What NumPy and zipfile raise for files that are damaged in one way or another.
-_UNREADABLE = (
-    EOFError,
-    KeyError,
-    OSError,
-    RuntimeError,
-    SyntaxError,
-    ValueError,
-    tokenize.TokenError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
 # exp(11) / sr is far above any material of the database and below the largest half float.
 _MAX_EXPONENT = 11.0
 
@@ -78,15 +64,12 @@ def read_fits(path: str | os.PathLike[str]) -> dict[str, MerlFit]:
     """
     path = existing_file(path, "file of fits to MERL")
     try:
-        with zipfile.ZipFile(path) as archive:
-            size = sum(entry.file_size for entry in archive.infolist())
-        if size > _MAX_BYTES:
-            raise InputError(f"{path} unpacks to {size} bytes and so is no file of fits to MERL; choose another")
-        with np.load(path, allow_pickle=False) as data:
-            names = data["names"]
-            layers = [data[key] for key in _LAYERS]
-    except _UNREADABLE as error:
-        raise InputError(f"{path} is no file of fits to MERL ({error}); choose an .npz of them") from None
+        arrays = read_arrays(path, _MAX_BYTES)
+        names, layers = arrays["names"], [arrays[key] for key in _LAYERS]
+    except InputError as error:
+        raise InputError(f"{path} is no file of fits to MERL: {error}") from None
+    except KeyError as error:
+        raise InputError(f"{path} is no file of fits to MERL: it lacks {error}; choose an .npz of them") from None
     if names.ndim != 1 or names.dtype.kind != "U" or len(set(names.tolist())) != len(names) or not len(names):
         raise InputError(f'{path} is no file of fits to MERL: its "names" are not a list of distinct names')
     for (key, shape), layer in zip(_LAYERS.items(), layers, strict=True):

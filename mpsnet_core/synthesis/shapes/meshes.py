@@ -1,7 +1,6 @@
 """Meshes from files: read by trimesh, merged, wound outwards, closed and given normals."""
 
 import os
-import struct
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import existing_file
 from mpsnet_core.normals import normalised
+from mpsnet_core.scenes import read_scene
 from mpsnet_core.synthesis.shapes.shape import Shape, fitted
 
 Array = NDArray[np.float64]
@@ -22,8 +22,6 @@ MAX_BYTES = 256 << 20
 MAX_FACES = 2_000_000
 # Faces that meet at less than this look smooth, as Blender's shading by angle does.
 CREASE = 40.0
-# What trimesh raises for files that are damaged in one way or another.
-_UNREADABLE = (AssertionError, AttributeError, LookupError, OSError, RuntimeError, TypeError, ValueError, struct.error)
 # Corners of one place: closer than this share of the mesh's size.
 _SAME = 1e-6
 
@@ -75,19 +73,18 @@ def load_mesh(path: str) -> Shape:
 
 
 def _read(path: Path) -> tuple[Array, Faces]:
-    import trimesh  # takes a while to load
-
     try:
-        scene = trimesh.load_scene(path, process=False)
-        placed = [(scene.graph[node][0], scene.geometry[scene.graph[node][1]]) for node in scene.graph.nodes_geometry]
-        parts = [
-            (np.asarray(part.vertices, np.float64) @ pose[:3, :3].T + pose[:3, 3], np.asarray(part.faces, np.int64))
-            for pose, part in placed
-            if hasattr(part, "faces")
-        ]
-    except _UNREADABLE as error:
-        reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-        raise InputError(f"mesh file {path} cannot be read ({reason}); export it again") from None
+        with read_scene(path) as scene:
+            placed = [
+                (scene.graph[node][0], scene.geometry[scene.graph[node][1]]) for node in scene.graph.nodes_geometry
+            ]
+            parts = [
+                (np.asarray(part.vertices, np.float64) @ pose[:3, :3].T + pose[:3, 3], np.asarray(part.faces, np.int64))
+                for pose, part in placed
+                if hasattr(part, "faces")
+            ]
+    except InputError as error:
+        raise InputError(f"mesh file {path}: {error}") from None
     parts = [(points, faces) for points, faces in parts if len(faces)]
     if not parts:
         raise InputError(f"mesh file {path} has no faces; choose a mesh with a surface")

@@ -1,0 +1,45 @@
+"""Arrays from ``.npz`` files of whatever origin."""
+
+import tokenize
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.errors import InputError
+
+# What NumPy and zipfile raise for files that are damaged in one way or another; encrypted ones are a RuntimeError.
+_UNREADABLE = (
+    EOFError,
+    LookupError,
+    MemoryError,
+    OSError,
+    OverflowError,
+    RuntimeError,
+    SyntaxError,
+    TypeError,
+    ValueError,
+    tokenize.TokenError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+
+
+def read_arrays(path: Path, most: int) -> dict[str, NDArray[Any]]:
+    """All arrays of an ``.npz`` file by their names. most: bytes that it may unpack to.
+
+    Raises InputError, which does not name the file, where it is damaged, larger, or holds anything but arrays.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            size = sum(entry.file_size for entry in archive.infolist())
+        if size <= most:
+            with np.load(path, allow_pickle=False) as data:
+                arrays = {name: data[name] for name in data.files}
+            return {name: array for name, array in arrays.items() if isinstance(array, np.ndarray)}
+    except _UNREADABLE as error:
+        raise InputError(f"it cannot be read ({error}); export it again") from None
+    raise InputError(f"it unpacks to {size / (1 << 20):.0f} MiB, and may to {most >> 20}; reduce it first")

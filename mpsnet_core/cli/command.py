@@ -1,0 +1,112 @@
+"""What the command line does: takes its arguments, runs a verb, and tells what came of it."""
+
+import argparse
+import io
+import json
+import logging
+import os
+import sys
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+
+from mpsnet_core import __version__
+from mpsnet_core.cli import (
+    EXIT_BAD_INPUT,
+    EXIT_CANCELLED,
+    bake,
+    calibration,
+    cameras,
+    evaluation,
+    integrate,
+    masks,
+    material,
+    photos,
+    samples,
+    training,
+    views,
+)
+from mpsnet_core.cli.arguments import Parser
+from mpsnet_core.cli.reporter import Notes, Reporter, refuse
+from mpsnet_core.errors import InputError, printable
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run a verb and give the exit code. What is neither bad input nor a fault of the machine is raised."""
+    notes = Notes()
+    core_log = logging.getLogger("mpsnet_core")
+    core_log.addHandler(notes)
+    core_log.setLevel(logging.INFO)
+    core_log.propagate = False
+    for stream in (sys.stdout, sys.stderr):  # a Windows pipe cannot hold every path's letters
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+    try:
+        with warnings.catch_warnings():
+            if not sys.warnoptions:  # they are for those who write programs, and ask for them by -W
+                warnings.simplefilter("ignore")
+            _run(arguments, notes)
+        return 0
+    except BrokenPipeError:  # whoever read our words has gone
+        return EXIT_CANCELLED
+    except (InputError, OSError, MemoryError) as error:
+        sentence = str(error)
+        if isinstance(error, OSError):
+            sentence = f"{error.filename or 'output'}: {error.strerror or error}; check the path and its permissions"
+        elif isinstance(error, MemoryError):
+            sentence = "there is not enough memory; take a smaller size, or smaller photos"
+        refuse(sentence, arguments)
+        return EXIT_BAD_INPUT
+    finally:
+        core_log.removeHandler(notes)
+        _flush_stdout()
+
+
+def _run(arguments: Sequence[str], notes: Notes) -> None:
+    if "" in arguments:
+        raise InputError("an argument is empty; is a shell variable that it comes from not set?")
+    if not arguments:
+        _parser().print_help()
+        return
+    options = _parser().parse_args(arguments)
+    reporter = Reporter(options.progress)
+    try:
+        result = options.verb(options, reporter)
+    finally:
+        reporter.close()
+    if reporter.style == "json":
+        print(json.dumps({"result": {**result, "notes": notes.lines}}), flush=True)
+        return
+    for line in notes.lines:
+        print(f"note: {line}", file=sys.stderr)
+    if result.get("text"):
+        print(printable(result["text"]), flush=True)
+
+
+def _flush_stdout() -> None:
+    """Python would try once more at its end what cannot be written, and complain in lines of its own."""
+    stdout = sys.__stdout__
+    if stdout is None:  # a windowed program has none
+        return
+    try:
+        stdout.flush()
+    except OSError:
+        with Path(os.devnull).open("wb") as nowhere:
+            os.dup2(nowhere.fileno(), stdout.fileno())
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser(
+        prog="mpsnet",
+        description="Surface normals from one photo under red, green and blue light, baked onto the object's UVs.",
+    )
+    parser.add_argument("--version", action="version", version=f"mpsnet {__version__}")
+    verbs = parser.add_subparsers(metavar="VERB", required=True)
+    common = Parser(add_help=False)
+    common.add_argument(
+        "--progress", choices=("auto", "bar", "json", "none"), default="auto", help="how to tell progress"
+    )
+    groups = (photos, calibration, masks, bake, integrate, material, cameras, views, samples, training, evaluation)
+    for group in groups:
+        group.add_verbs(verbs, common)
+    return parser
