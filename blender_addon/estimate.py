@@ -1,6 +1,6 @@
 """The estimate: the photo becomes a normal map in camera space, in the core's process."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,8 +14,8 @@ from mpsnet_core.rig import LightRig, read_rig, write_rig
 
 from .bake import named_object
 from .made_from import Ingredients, chosen, file_stamp, made_by, stamp
-from .mesh_file import write_mesh
-from .operators import RunsCore
+from .mesh_file import begin_mesh
+from .operators import RunsCore, Slices
 from .outputs import (
     FORMATS,
     ending_wins,
@@ -89,7 +89,7 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         if self.surface:
             scene.mps.estimate.surface = named_object(scene, self.surface)
         arguments = ["estimate", str(photo), "--output", str(output)]
-        arguments += lit_and_seen(context, image, folder, rig_file)
+        arguments += lit_and_seen(context, image, folder, self.later, rig_file)
         arguments += [*reading(self), *network(self)]
         if self._moves:
             arguments += ["--smooth", str(self.smooth), "--format", FORMATS[self.file_format]]
@@ -173,9 +173,12 @@ def rig_file_for(photo: Any, settings: Any) -> str:
     return "" if rendered else settings.rig_file
 
 
-def lit_and_seen(context: Any, image: Any, folder: Path, rig_file: str | None = None) -> list[str]:
+def lit_and_seen(
+    context: Any, image: Any, folder: Path, later: Callable[[Slices], None], rig_file: str | None = None
+) -> list[str]:
     """The core's options for the rig and the camera that the photo was taken with, by the scene's settings.
 
+    later: that of the operator, see :class:`.RunsCore`.
     rig_file: the rig's file, "" for none, None for that of the settings where it is for this photo.
     """
     scene = context.scene
@@ -188,10 +191,10 @@ def lit_and_seen(context: Any, image: Any, folder: Path, rig_file: str | None = 
             write_rig(rig, light_rig(scene))
         else:
             rig.write_text(taken_with, encoding="utf-8")
-    return ["--rig", str(rig), *_place(context, image, read_rig(rig), folder)]
+    return ["--rig", str(rig), *_place(context, image, read_rig(rig), folder, later)]
 
 
-def _place(context: Any, image: Any, rig: LightRig, folder: Path) -> list[str]:
+def _place(context: Any, image: Any, rig: LightRig, folder: Path, later: Callable[[Slices], None]) -> list[str]:
     """The camera that took the photo, and for near lights how far the object is from it."""
     scene = context.scene
     settings = scene.mps.estimate
@@ -205,7 +208,8 @@ def _place(context: Any, image: Any, rig: LightRig, folder: Path) -> list[str]:
     if rig.near is None or distance or settings.surface is None or settings.lens:
         return [*seen, *distance]
     context.view_layer.update()
-    write_mesh(folder / "surface.npz", settings.surface, context.evaluated_depsgraph_get(), None)
+    depsgraph = context.evaluated_depsgraph_get()
+    later(begin_mesh(folder / "surface.npz", settings.surface, depsgraph, None).slices)
     return [*seen, "--mesh", str(folder / "surface.npz")]
 
 
