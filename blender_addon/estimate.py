@@ -151,7 +151,7 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
         mask = output_path("", result_name(scene, "mask"), "PNG")
         self._overlay = mask.with_name(f"{mask.stem}_shown.png")
         arguments = ["mask", str(photo), "--output", str(mask), "--overlay", str(self._overlay)]
-        return [*arguments, *reading(self, unmasked="alpha-or-all")], [mask, self._overlay]
+        return [*arguments, *reading(self)], [mask, self._overlay]
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         result_is = f"its mask is in {result['output']}"
@@ -246,15 +246,14 @@ def model_name(settings: Any) -> str:
     return bpy.path.abspath(settings.model_file)
 
 
-def reading(settings: Any, unmasked: str = "") -> list[str]:
+def reading(settings: Any, unmasked: str = "alpha-or-auto") -> list[str]:
     """The core's options for how a photo is read: encoding, dark frame, flat field and mask.
 
     unmasked: the mask unless one is chosen.
 
     Raises InputError where a file is asked for and none is named.
     """
-    mask = _mask(settings) or unmasked
-    return [*unmasked_reading(settings), *(["--mask", mask] if mask else [])]
+    return [*unmasked_reading(settings), "--mask", _mask(settings) or unmasked]
 
 
 def unmasked_reading(settings: Any) -> list[str]:
