@@ -14,7 +14,7 @@ from mpsnet_core.surface.presets import PRESETS
 
 from .made_for import FRAME, files_for, refuse_anothers
 from .made_from import Ingredients, chosen, rounded, stamp
-from .mesh_file import used_materials, write_mesh
+from .mesh_file import BegunMesh, begin_mesh
 from .operators import RunsCore, same
 from .outputs import (
     FORMATS,
@@ -120,8 +120,9 @@ class BakesOnto(RunsCore):
         uv_map, arguments, self._onto = context.scene.mps.bake.uv_map, [], []
         for number, target in enumerate(targets):
             path = folder / f"mesh_{number}.npz"
-            worn_on = write_mesh(path, target, context.evaluated_depsgraph_get(), uv_map, turn)
-            self._onto.append(_onto(target, worn_on, path))
+            begun = begin_mesh(path, target, context.evaluated_depsgraph_get(), uv_map, turn)
+            self.later(begun.slices)
+            self._onto.append(_onto(target, begun))
             arguments += ["--mesh", str(path)]
         return arguments
 
@@ -162,8 +163,8 @@ class BakesOnto(RunsCore):
         return f"{what}; {result['seen']:.0%} of the surface seen"
 
 
-def _onto(target: Any, uv_map: str, mesh: Path) -> Onto:
-    return Onto(target.session_uid, target.name, uv_map, tuple(slot_labels(target)), used_materials(mesh))
+def _onto(target: Any, begun: BegunMesh) -> Onto:
+    return Onto(target.session_uid, target.name, begun.uv_map, tuple(slot_labels(target)), begun.used)
 
 
 def targets_place(settings: Any) -> Ingredients:
@@ -258,8 +259,12 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
 
         def write(mesh: str, camera: str) -> None:
             context.view_layer.update()
-            uv_map = write_mesh(folder / mesh, target, context.evaluated_depsgraph_get(), self.uv_map)
-            self._onto = [_onto(target, uv_map, folder / mesh)]
+            begun = begin_mesh(folder / mesh, target, context.evaluated_depsgraph_get(), self.uv_map)
+            if self.animated:
+                begun.whole()  # the memory would not hold the copies of all frames
+            else:
+                self.later(begun.slices)
+            self._onto = [_onto(target, begun)]
             self._write_camera(scene, folder / camera, normals_image)
 
         if not self.animated:

@@ -21,7 +21,7 @@ from .displaced import (
 )
 from .made_for import keep_wearers
 from .made_from import Ingredients, chosen, stamp
-from .mesh_file import DISPLACE, write_mesh
+from .mesh_file import DISPLACE, begin_mesh
 from .nodes import TEXTURE_NODE
 from .operators import same
 from .outputs import ending_wins, fine_preview, image_file, load_image, load_tiles, output_path, remembered, tile_files
@@ -70,7 +70,9 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
         # In the object's own axes, as large as in the world: modifiers move vertices there, however it is stretched.
         turn = Matrix.Scale(self._size, 4) @ target.matrix_world.inverted()
         depsgraph = context.evaluated_depsgraph_get()
-        self._uv_map = write_mesh(folder / "mesh.npz", target, depsgraph, bake.uv_map, turn)
+        begun = begin_mesh(folder / "mesh.npz", target, depsgraph, bake.uv_map, turn)
+        self.later(begun.slices)
+        self._uv_map = begun.uv_map
         self._space = remembered(image, "space") or bake.space
         convention = remembered(image, "convention") or bake.convention
         arguments = ["integrate", str(texture), "--uvs", str(folder / "mesh.npz"), "--height", str(self._output)]
@@ -78,7 +80,8 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
         arguments += ["--scale", f"{self.scale:g}", "--margin", str(bake.margin)]
         if self.levels:
             with subdivided(target, self.subdivision, min(self.levels, MOST_BASE_LEVELS)):
-                write_mesh(folder / "base.npz", target, context.evaluated_depsgraph_get(), self._uv_map, turn)
+                depsgraph = context.evaluated_depsgraph_get()
+                self.later(begin_mesh(folder / "base.npz", target, depsgraph, self._uv_map, turn).slices)
             arguments += ["--base", str(folder / "base.npz")]
         return arguments, [self._output]
 

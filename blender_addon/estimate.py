@@ -1,6 +1,6 @@
 """The estimate: the photo becomes a normal map in camera space, in the core's process."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,8 +14,8 @@ from mpsnet_core.rig import LightRig, read_rig, write_rig
 
 from .bake import named_object
 from .made_from import Ingredients, chosen, file_stamp, made_by, stamp
-from .mesh_file import write_mesh
-from .operators import RunsCore
+from .mesh_file import begin_mesh
+from .operators import RunsCore, Slices
 from .outputs import (
     FORMATS,
     ending_wins,
@@ -89,7 +89,7 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         if self.surface:
             scene.mps.estimate.surface = named_object(scene, self.surface)
         arguments = ["estimate", str(photo), "--output", str(output)]
-        arguments += lit_and_seen(context, image, folder, rig_file)
+        arguments += lit_and_seen(context, image, folder, self.later, rig_file)
         arguments += [*reading(self), *network(self)]
         if self._moves:
             arguments += ["--smooth", str(self.smooth), "--format", FORMATS[self.file_format]]
@@ -151,7 +151,7 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
         mask = output_path("", result_name(scene, "mask"), "PNG")
         self._overlay = mask.with_name(f"{mask.stem}_shown.png")
         arguments = ["mask", str(photo), "--output", str(mask), "--overlay", str(self._overlay)]
-        return [*arguments, *reading(self, unmasked="alpha-or-all")], [mask, self._overlay]
+        return [*arguments, *reading(self)], [mask, self._overlay]
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         result_is = f"its mask is in {result['output']}"
@@ -173,9 +173,12 @@ def rig_file_for(photo: Any, settings: Any) -> str:
     return "" if rendered else settings.rig_file
 
 
-def lit_and_seen(context: Any, image: Any, folder: Path, rig_file: str | None = None) -> list[str]:
+def lit_and_seen(
+    context: Any, image: Any, folder: Path, later: Callable[[Slices], None], rig_file: str | None = None
+) -> list[str]:
     """The core's options for the rig and the camera that the photo was taken with, by the scene's settings.
 
+    later: that of the operator, see :class:`.RunsCore`.
     rig_file: the rig's file, "" for none, None for that of the settings where it is for this photo.
     """
     scene = context.scene
@@ -188,10 +191,10 @@ def lit_and_seen(context: Any, image: Any, folder: Path, rig_file: str | None = 
             write_rig(rig, light_rig(scene))
         else:
             rig.write_text(taken_with, encoding="utf-8")
-    return ["--rig", str(rig), *_place(context, image, read_rig(rig), folder)]
+    return ["--rig", str(rig), *_place(context, image, read_rig(rig), folder, later)]
 
 
-def _place(context: Any, image: Any, rig: LightRig, folder: Path) -> list[str]:
+def _place(context: Any, image: Any, rig: LightRig, folder: Path, later: Callable[[Slices], None]) -> list[str]:
     """The camera that took the photo, and for near lights how far the object is from it."""
     scene = context.scene
     settings = scene.mps.estimate
@@ -205,7 +208,8 @@ def _place(context: Any, image: Any, rig: LightRig, folder: Path) -> list[str]:
     if rig.near is None or distance or settings.surface is None or settings.lens:
         return [*seen, *distance]
     context.view_layer.update()
-    write_mesh(folder / "surface.npz", settings.surface, context.evaluated_depsgraph_get(), None)
+    depsgraph = context.evaluated_depsgraph_get()
+    later(begin_mesh(folder / "surface.npz", settings.surface, depsgraph, None).slices)
     return [*seen, "--mesh", str(folder / "surface.npz")]
 
 
@@ -242,15 +246,14 @@ def model_name(settings: Any) -> str:
     return bpy.path.abspath(settings.model_file)
 
 
-def reading(settings: Any, unmasked: str = "") -> list[str]:
+def reading(settings: Any, unmasked: str = "alpha-or-auto") -> list[str]:
     """The core's options for how a photo is read: encoding, dark frame, flat field and mask.
 
     unmasked: the mask unless one is chosen.
 
     Raises InputError where a file is asked for and none is named.
     """
-    mask = _mask(settings) or unmasked
-    return [*unmasked_reading(settings), *(["--mask", mask] if mask else [])]
+    return [*unmasked_reading(settings), "--mask", _mask(settings) or unmasked]
 
 
 def unmasked_reading(settings: Any) -> list[str]:

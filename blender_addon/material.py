@@ -62,7 +62,7 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         output = asked_place(self.output) if self.output else output_folder() / f"{photo.stem}_material"
         makeable_folder(output, "material")
         width, height = picture_size(image)
-        arguments = ["material", str(photo), *lit_and_seen(context, image, folder)]
+        arguments = ["material", str(photo), *lit_and_seen(context, image, folder, self.later)]
         arguments += [*unmasked_reading(scene.mps.estimate), *network(self)]
         arguments += ["--width", f"{self._width(scene, image, folder):.9g}m", "--overlap", f"{self.overlap:g}"]
         across, down = width - self.crop_left - self.crop_right, height - self.crop_top - self.crop_bottom

@@ -1,17 +1,22 @@
-"""An object's mesh as the core's mesh file: as a render sees it, with Blender's own normals and tangents."""
+"""An object's mesh as the core's mesh file: as a render sees it, with Blender's own normals.
 
-from collections.abc import Iterator
+It is read at once, whatever happens to the object later, and written in slices: a live window goes on between them.
+"""
+
+import zipfile
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import bpy
 import numpy as np
 from mathutils import Matrix
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError
 
+from .operators import Slices
 from .textures import material_arrays
 
 # What a modifier shows in the viewport, and what in a render.
@@ -24,12 +29,33 @@ _SHOWN_AND_RENDERED = (
 # What `mps.displace` gives an object. Textures are baked onto the object without them, and heights are of that.
 SUBDIVISION, DISPLACE = "MPS Subdivision", "MPS Displace"
 
+_ROWS_A_SLICE = 100_000
 
-def write_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: Matrix | None = None) -> str:
-    """Write an object as the render sees it, modifiers applied, as the core's mesh file; give the UV map's name.
 
-    Normals and tangents of each corner are Blender's own. uv_map: "" for the one that is active for rendering, None
-    where only the shape counts. turn: brings Blender's world into that of the cameras, where they differ.
+@dataclass(frozen=True)
+class BegunMesh:
+    """A mesh file that is begun.
+
+    uv_map: its name, "" for none. used: the materials that faces have, by their names in the file, see
+    :func:`.textures.slot_labels`. slices: what is left to do; the file is there after the last.
+    """
+
+    uv_map: str
+    used: frozenset[str]
+    slices: Slices
+
+    def whole(self) -> "BegunMesh":
+        """The same, once all slices are done."""
+        for _ in self.slices:
+            pass
+        return self
+
+
+def begin_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: Matrix | None = None) -> BegunMesh:
+    """Begin to write an object as the render sees it, modifiers applied, as the core's mesh file.
+
+    The normals of each corner are Blender's own. uv_map: "" for the one that is active for rendering, None where only
+    the shape counts. turn: brings Blender's world into that of the cameras, where they differ.
 
     Raises InputError where the object is no mesh, has no faces, lacks the UV map or is disabled in viewports.
     """
@@ -37,53 +63,64 @@ def write_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: M
         raise InputError(f'"{obj.name}" is not a mesh but {obj.type.lower()}; convert it to a mesh first')
     if obj.mode == "EDIT":
         obj.update_from_editmode()
-    obj.data.update_tag()
+        obj.data.update_tag()
     with as_rendered(obj):
         depsgraph.update()
         evaluated = obj.evaluated_get(depsgraph)
         if not evaluated.is_evaluated:
             raise InputError(f'"{obj.name}" is disabled in viewports or excluded from the view layer; enable it first')
-        mesh = bpy.data.meshes.new_from_object(evaluated, preserve_all_data_layers=True, depsgraph=depsgraph)
-    try:
-        if uv_map is not None:
-            uv_map = _uv_map(obj, mesh, uv_map)
-        if not mesh.polygons:
-            raise InputError(f'"{obj.name}" has no faces; choose an object with a surface')
-        corners = _read(mesh.loop_triangles, "loops", 3, np.int32)
-        normals = _read(mesh.corner_normals, "vector", 3)[corners]
-        names = material_arrays(mesh, obj)
-        triangles = _read(mesh.loop_triangles, "vertices", 3, np.int32)
-        vertices = _read(mesh.vertices, "co", 3)
-        layout: dict[str, NDArray[Any]] = {}
-        if uv_map is None:
-            layout["uvs"] = np.tile(np.array([[0, 0], [1, 0], [0, 1]], np.float32), (len(triangles), 1, 1))
-        else:
-            layout["uvs"] = _read(mesh.uv_layers[uv_map].uv, "vector", 2)[corners]
-            if _read(mesh.polygons, "loop_total", 1, np.int32).max() > 4:
-                layout["tangents"] = _tangents_of_triangles(vertices, triangles, normals, layout["uvs"])
+        # One more mesh in bpy.data would have the viewports drawn anew.
+        mesh = evaluated.to_mesh(preserve_all_data_layers=True, depsgraph=depsgraph)
+        try:
+            if uv_map is not None:
+                uv_map = _uv_map(obj, mesh, uv_map)
+            if not mesh.polygons:
+                raise InputError(f'"{obj.name}" has no faces; choose an object with a surface')
+            polygons = _read(mesh.loop_triangle_polygons, "value", 1, np.int32).ravel()
+            names = material_arrays(mesh, obj, polygons)
+            vertices = _read(mesh.attributes["position"].data, "vector", 3)
+            of_corner = _read(mesh.attributes[".corner_vert"].data, "value", 1, np.int32).ravel()
+            normals = _read(mesh.corner_normals, "vector", 3)
+            corners = _read(mesh.loop_triangles, "loops", 3, np.int32)
+            if uv_map is None:
+                uvs, in_uvs = np.array([[0, 0], [1, 0], [0, 1]], np.float32), np.zeros_like(corners) + np.arange(3)
             else:
-                mesh.calc_tangents(uvmap=uv_map)
-                layout["tangents"] = _tangents(mesh)[corners]
-        np.savez(
-            path,
-            format=np.array("mpsnet-mesh"),
-            version=np.array(1),
-            vertices=vertices,
-            triangles=triangles,
-            corner_normals=normals,
-            world_from_object=np.array(turn @ obj.matrix_world if turn else obj.matrix_world, dtype=np.float64),
-            **layout,
-            **names,
-        )
-    finally:
-        bpy.data.meshes.remove(mesh)
-    return uv_map or ""
+                uvs, in_uvs = _read(mesh.uv_layers[uv_map].uv, "vector", 2), corners
+        finally:
+            evaluated.to_mesh_clear()
+    arrays: dict[str, _Array] = {
+        "format": np.array("mpsnet-mesh"),
+        "version": np.array(1),
+        "world_from_object": np.array(turn @ obj.matrix_world if turn else obj.matrix_world, dtype=np.float64),
+        "triangle_polygon": polygons,
+        **names,
+        "vertices": vertices,
+        "triangles": (of_corner, corners),
+        "corner_normals": (normals, corners),
+        "uvs": (uvs, in_uvs),
+    }
+    used = names["materials"][np.unique(names["triangle_material"])]
+    return BegunMesh(uv_map or "", frozenset(used.tolist()), _written(path, arrays))
 
 
-def used_materials(path: Path) -> frozenset[str]:
-    """The names of the materials that the faces of a mesh file have, see :func:`.textures.slot_labels`."""
-    with np.load(path) as mesh:
-        return frozenset(mesh["materials"][np.unique(mesh["triangle_material"])].tolist())
+# In the file; a pair is values and, for each place in the file, the number of the one that goes there.
+_Array = NDArray[Any] | tuple[NDArray[Any], NDArray[np.integer]]
+
+
+def _written(path: Path, arrays: Mapping[str, _Array]) -> Slices:
+    """Write arrays as ``np.savez`` does, some rows at a time."""
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, array in arrays.items():
+            values, rows = array if isinstance(array, tuple) else (array, None)
+            whole = np.atleast_1d(values) if rows is None else rows
+            shape = values.shape if rows is None else (*rows.shape, *values.shape[1:])
+            described = {"descr": np.lib.format.dtype_to_descr(values.dtype), "fortran_order": False, "shape": shape}
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
+                np.lib.format.write_array_header_1_0(file, described)
+                for start in range(0, len(whole), _ROWS_A_SLICE):
+                    part = whole[start : start + _ROWS_A_SLICE]
+                    file.write((part if rows is None else values[part]).tobytes())
+                    yield
 
 
 @contextmanager
@@ -94,13 +131,18 @@ def as_rendered(obj: Any) -> Iterator[None]:
     try:
         for modifier in obj.modifiers:
             if modifier.name in (SUBDIVISION, DISPLACE):
-                kept.append((modifier, "show_viewport", modifier.show_viewport))
-                modifier.show_viewport = False
-                continue
-            for shown, rendered in _SHOWN_AND_RENDERED:
-                if hasattr(modifier, shown) and hasattr(modifier, rendered):
-                    kept.append((modifier, shown, getattr(modifier, shown)))
-                    setattr(modifier, shown, getattr(modifier, rendered))
+                wanted = {"show_viewport": False}
+            else:
+                wanted = {
+                    shown: getattr(modifier, rendered)
+                    for shown, rendered in _SHOWN_AND_RENDERED
+                    if hasattr(modifier, shown) and hasattr(modifier, rendered)
+                }
+            for shown, value in wanted.items():
+                before = getattr(modifier, shown)
+                if before != value:  # what is set counts as changed, and the viewport draws the object anew
+                    kept.append((modifier, shown, before))
+                    setattr(modifier, shown, value)
         yield
     finally:
         for modifier, shown, value in kept:
@@ -122,24 +164,3 @@ def _read(elements: Any, attribute: str, width: int, kind: type = np.float32) ->
     values: NDArray[Any] = np.empty(len(elements) * width, kind)
     elements.foreach_get(attribute, values)
     return values.reshape(-1, width)
-
-
-def _tangents(mesh: Any) -> NDArray[np.float32]:
-    """(loops, 4): tangent and bitangent sign, once ``calc_tangents`` has run."""
-    return np.hstack([_read(mesh.loops, "tangent", 3), _read(mesh.loops, "bitangent_sign", 1)])
-
-
-def _tangents_of_triangles(
-    vertices: NDArray[Any], triangles: NDArray[Any], normals: NDArray[Any], uvs: NDArray[Any]
-) -> NDArray[np.float32]:
-    """(T, 3, 4): Blender has no tangents for faces with five sides and more, so they come from a triangulated copy."""
-    mesh = bpy.data.meshes.new("MPS Triangles")
-    try:
-        mesh.from_pydata(vertices.tolist(), [], triangles.tolist())
-        layer = mesh.uv_layers.new(name="UVMap")
-        layer.uv.foreach_set("vector", uvs.ravel())
-        mesh.normals_split_custom_set(normals.reshape(-1, 3).tolist())
-        mesh.calc_tangents(uvmap="UVMap")
-        return _tangents(mesh).reshape(-1, 3, 4)
-    finally:
-        bpy.data.meshes.remove(mesh)

@@ -2,9 +2,10 @@
 
 import logging
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -22,8 +23,12 @@ from .settings.record import keep_record
 from .time_left import Pace, in_words
 
 TICK_SECONDS = 0.1
+SLICE_SECONDS = 0.03
 TELL_SECONDS = 10.0
 CANCELLED = "cancelled"
+
+# Work of which each step is short enough for a live window to wait for; to close it gives it up.
+Slices = Generator[None, None, None]
 
 log = logging.getLogger(__name__)
 
@@ -130,23 +135,47 @@ def _sentence(error: OSError) -> str:
 
 @dataclass(eq=False)
 class _Job:
-    """A child process beside the live window. It outlives Blender's operator, whose data goes when it is removed."""
+    """Work beside the live window. It outlives Blender's operator, whose data goes when it is removed.
 
-    process: CoreProcess
+    slices: what is to be done here before the child process can start. start: starts it.
+    """
+
     folder: "TemporaryDirectory[str]"
+    slices: list[Slices]
+    start: Callable[[], CoreProcess]
     timer: Any
+    process: CoreProcess | None = None
     pace: Pace = field(default_factory=Pace)
+
+    def go_on(self) -> None:
+        """Do what fits between two redraws of the window; after the last slice the process starts."""
+        until = time.monotonic() + SLICE_SECONDS
+        while self.slices:
+            for _ in self.slices[0]:
+                if time.monotonic() > until:
+                    return
+            del self.slices[0]
+        self.process = self.start()
 
     def leave(self, manager: Any) -> None:
         """Give back what the run held; a child that still runs is ended. Once is enough."""
         if self not in _jobs:
             return
         _jobs.remove(self)
-        self.process.cancel()
+        _give_up(self.slices)
+        if self.process is not None:
+            self.process.cancel()
         manager.event_timer_remove(self.timer)
         manager.mps.running = manager.mps.left = ""
         self.folder.cleanup()
-        redraw(manager)
+        redraw_panels(manager)
+
+
+def _give_up(slices: list[Slices]) -> None:
+    """Let what was begun take away what it has made."""
+    for one in slices:
+        one.close()
+    slices.clear()
 
 
 _jobs: list[_Job] = []
@@ -165,6 +194,15 @@ class RunsCore(SaysWhy):
         return idle(cls, context) and super().poll(context)
 
     _notes: Sequence[str] = ()  # what `prepare` has to say beside the core's notes
+    _slices: list[Slices]
+
+    def begin(self, context: Any) -> None:
+        super().begin(context)
+        self._slices = []
+
+    def later(self, slices: Slices) -> None:
+        """Called by `prepare` with work that takes long; it is done a slice at a time before the core starts."""
+        self._slices.append(slices)
 
     def program(self, folder: Path) -> Program:
         """What runs beside a live window, with what `prepare` gave. folder: that of `prepare`."""
@@ -184,7 +222,12 @@ class RunsCore(SaysWhy):
     def act(self, context: Any) -> None:
         manager = context.window_manager
         with TemporaryDirectory(prefix="mpsnet-") as folder:
-            arguments, outputs = self._prepared(context, Path(folder))
+            try:
+                arguments, outputs = self._prepared(context, Path(folder))
+                for _ in chain.from_iterable(self._slices):
+                    pass
+            finally:
+                _give_up(self._slices)
             with at_the_pointer(manager) as told:
                 result = run(arguments, outputs, told)
         self._finished(context, result)
@@ -212,16 +255,25 @@ class RunsCore(SaysWhy):
         folder = TemporaryDirectory(prefix="mpsnet-")
         try:
             arguments, outputs = self._prepared(context, Path(folder.name))
-            process = CoreProcess(arguments, outputs, self.program(Path(folder.name)))
         except BaseException:
+            _give_up(self._slices)
             folder.cleanup()
             raise
-        manager = context.window_manager
-        self._job = _Job(process, folder, manager.event_timer_add(TICK_SECONDS, window=context.window))
+        program, manager = self.program(Path(folder.name)), context.window_manager
+        timer = manager.event_timer_add(TICK_SECONDS, window=context.window)
+        self._job = _Job(folder, self._slices, lambda: CoreProcess(arguments, outputs, program), timer)
         _jobs.append(self._job)
         manager.mps.running, manager.mps.cancel = self.bl_idname, False  # MPS_OT_..., as Blender writes it
+        self._go_on(context)
         self._show(context)
         manager.modal_handler_add(self)
+
+    def _go_on(self, context: Any) -> None:
+        try:
+            self._job.go_on()
+        except BaseException:
+            self._job.leave(context.window_manager)
+            raise
 
     def modal(self, context: Any, event: bpy.types.Event) -> set[Any]:
         if context.window_manager.mps.cancel or (event.type == "ESC" and event.value == "PRESS"):
@@ -231,7 +283,9 @@ class RunsCore(SaysWhy):
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
         process = self._job.process
-        if process.running():
+        if process is None or process.running():
+            if process is None and not self.done(lambda: self._go_on(context)):
+                return {"CANCELLED"}
             self._show(context)
             self.look()
             return {"PASS_THROUGH"}
@@ -244,10 +298,11 @@ class RunsCore(SaysWhy):
 
     def _show(self, context: Any) -> None:
         shown, process = context.window_manager.mps, self._job.process
-        left = in_words(self._job.pace.left(time.monotonic(), process.progress))
-        if (shown.progress, shown.message, shown.left) != (process.progress, process.message, left):
-            shown.progress, shown.message, shown.left = process.progress, process.message, left
-            redraw(context.window_manager)
+        progress, message = (process.progress, process.message) if process else (0.0, "reading the mesh")
+        left = in_words(self._job.pace.left(time.monotonic(), progress))
+        if (shown.progress, shown.message, shown.left) != (progress, message, left):
+            shown.progress, shown.message, shown.left = progress, message, left
+            redraw_panels(context.window_manager)
 
 
 @dataclass
@@ -274,12 +329,14 @@ def at_the_pointer(manager: Any) -> Iterator[Progress]:
         manager.progress_end()
 
 
-def redraw(manager: Any) -> None:
-    """Draw all 3D viewports with their panels anew."""
+def redraw_panels(manager: Any) -> None:
+    """Draw the sidebars of all 3D viewports anew, and not the viewports, which may take seconds."""
     for window in manager.windows:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
-                area.tag_redraw()
+                for region in area.regions:
+                    if region.type == "UI":
+                        region.tag_redraw()
 
 
 class MPS_OT_cancel(bpy.types.Operator):

@@ -34,6 +34,7 @@ from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.unforeseen import unforeseen
 
 from .core_process import Program
+from .file_copy import save_copy
 from .operators import told_by
 from .outside import BakeFolder, bake_folders, is_gone, missing_links, name_bake_folders, refuse_lost_links
 from .studio import Told, What, render
@@ -81,10 +82,7 @@ def written_job(context: Any, what: What, output: Path, folder: Path) -> list[st
     painted = {image.name: str(_painted(image, folder)) for image in bpy.data.images if _only_in_memory(image)}
     original = Path(bpy.data.filepath or "scene.blend")
     copy = folder / original.name
-    try:
-        bpy.ops.wm.save_as_mainfile(filepath=str(copy), copy=True, compress=False)
-    except RuntimeError as error:
-        raise InputError(f"cannot write {copy} ({told_by(error)}); make room for a copy of this file") from None
+    save_copy(copy, compress=False, mend="make room for a copy of this file")
     caches = original.with_name(f"blendcache_{original.stem}")  # beside a file and called after it, as the copy is
     if bpy.data.filepath and caches.is_dir():
         shutil.copytree(caches, folder / caches.name)

@@ -14,6 +14,7 @@ from mpsnet_core.files import written_whole
 from mpsnet_core.synthesis.farm.address import is_loopback
 from mpsnet_core.synthesis.job import CONTACT_SHEET, JOB_FILE, SHAPES, SampleJob, place_job, read_job, samples_there
 
+from .file_copy import save_copy
 from .operators import RunsCore, same
 from .outputs import asked_place, file_name, fine_preview, lasting, load_image, output_folder
 from .preferences import preference
@@ -122,10 +123,7 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
             raise InputError(f'the image "{painted[0]}" was changed and not saved; save or pack it first')
         with written_whole(path) as unfinished:
             try:
-                bpy.ops.wm.save_as_mainfile(filepath=str(unfinished), copy=True, compress=True)
-            except RuntimeError as error:
-                reason = " ".join(str(error).split()).removeprefix("Error: ")
-                raise InputError(f"cannot write {path} ({reason}); choose another folder") from None
+                save_copy(unfinished, compress=True, mend="choose another folder")
             finally:  # Blender keeps what it saves over
                 unfinished.with_suffix(".blend1").unlink(missing_ok=True)
 

@@ -13,7 +13,7 @@ from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.files import made_folder
 
 from .demo import make_demo, remove_demo
-from .operators import TICK_SECONDS, SaysWhy, idle, redraw, same, told_by
+from .operators import TICK_SECONDS, SaysWhy, idle, redraw_panels, same, told_by
 from .outputs import asked_place, file_name
 from .settings.declared import PATH
 from .settings.record import error_of
@@ -92,7 +92,7 @@ class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
             return self._end(context, "CANCELLED")
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
-        redraw(manager)
+        redraw_panels(manager)
         self._ticks += 1
         if running and self._ticks % 3:  # until the window has shown what is about to happen
             return {"PASS_THROUGH"}
@@ -128,7 +128,7 @@ class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
         context.window_manager.event_timer_remove(self._timer)
         if context.window_manager.mps.running == self.bl_idname:
             context.window_manager.mps.running = ""
-        redraw(context.window_manager)
+        redraw_panels(context.window_manager)
         return {how}
 
     def _build(self, context: Any) -> None:

@@ -53,7 +53,8 @@ def find_mask(
 
     choice: a mask file; "alpha"; "none", the whole photo; "threshold:T", see :func:`threshold_mask`; "auto", see
         :func:`auto_mask`; "background:FILE", a photo of the same scene without the object, see
-        :func:`background_mask`. None: alpha where the photo has it, else the whole photo.
+        :func:`background_mask`; "alpha-or-auto": alpha where the photo has it, else as "auto", and the whole photo
+        where nothing stands out. None: alpha where the photo has it, else the whole photo.
     encoding, layer, correction: how the photo was read and corrected; the background's photo is too, but for the layer
         where it has one alone.
 
@@ -72,6 +73,12 @@ def find_mask(
         if image.alpha is None:
             raise InputError("the photo has no alpha channel to take the mask from; give a mask file or a threshold")
         return image.alpha > 0.5
+    if words == "alpha-or-auto":
+        try:
+            return find_mask(image, "auto" if image.alpha is None else "alpha", notes=notes)
+        except InputError:
+            log.warning("no object stands out from the background: the whole photo is taken as the object")
+            return np.ones(image.pixels.shape[:2], bool)
     if words == "auto":
         return auto_mask(image.pixels, notes)
     if kind == "threshold":
@@ -93,7 +100,7 @@ def find_mask(
 def mask_source(choice: str) -> str | None:
     """The file, folder or pattern that a choice of mask names, None where it is a word: that a folder may be called so
     too changes nothing."""
-    if choice in ("alpha", "auto", "none") or choice.startswith("threshold:"):
+    if choice in ("alpha", "auto", "alpha-or-auto", "none") or choice.startswith("threshold:"):
         return None
     return choice.removeprefix("background:")
 

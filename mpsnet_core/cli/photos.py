@@ -46,9 +46,9 @@ def _add_estimate(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rig", required=True, help="rig file (.json, or .lp with three lights)")
     parser.add_argument(
         "--mask",
-        help="mask file, alpha, none, auto, background:FILE (the scene without the object) or threshold:0.05, for "
-        "frames also a folder or pattern of masks by their numbers; without it alpha, where the photo has it, else the "
-        "whole photo; `mpsnet mask` shows what comes of it",
+        help="mask file, alpha, none, auto, alpha-or-auto (auto where the photo has no alpha), background:FILE (the "
+        "scene without the object) or threshold:0.05, for frames also a folder or pattern of masks by their numbers; "
+        "without it alpha, where the photo has it, else the whole photo; `mpsnet mask` shows what comes of it",
     )
     add_network(parser)
     parser.add_argument(

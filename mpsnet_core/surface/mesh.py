@@ -35,6 +35,8 @@ class Mesh:
     tangents: (T, 3, 4) MikkTSpace tangent and the bitangent's sign (B = sign N x T); computed where not given.
     world_from_object: (4, 4) affine, may be scaled.
     materials, objects: the name of each triangle's material, and of the object that it is of; None where not known.
+    polygons: (T,) the number of the polygon that each triangle is part of, for tangents as of quads, see
+        :func:`.mikktspace.mikktspace_tangents`; None where all are triangles.
 
     Raises InputError where shapes do not fit or a number is not finite.
     """
@@ -47,6 +49,7 @@ class Mesh:
     world_from_object: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
     materials: Labels | None = None
     objects: Labels | None = None
+    polygons: NDArray[np.int32] | None = None
 
     def __post_init__(self) -> None:
         count, points = len(np.atleast_1d(self.triangles)), len(np.atleast_1d(self.vertices))
@@ -61,7 +64,9 @@ class Mesh:
         }
         if self.given_tangents is not None:
             shapes["given_tangents"] = (count, 3, 4)
-        kinds = {"triangles": np.int32, "vertices": np.float64, "world_from_object": np.float64}
+        if self.polygons is not None:
+            shapes["polygons"] = (count,)
+        kinds = {"triangles": np.int32, "polygons": np.int32, "vertices": np.float64, "world_from_object": np.float64}
         for name, shape in shapes.items():
             try:
                 value = np.asarray(getattr(self, name), dtype=kinds.get(name, np.float32))
@@ -86,7 +91,7 @@ class Mesh:
         """(T, 3, 4) tangent (unit) and bitangent sign of every corner."""
         if self.given_tangents is not None:
             return self.given_tangents
-        return mikktspace_tangents(self.vertices[self.triangles], self.corner_normals, self.uvs)
+        return mikktspace_tangents(self.vertices[self.triangles], self.corner_normals, self.uvs, self.polygons)
 
     @cached_property
     def world_vertices(self) -> NDArray[np.float64]:
@@ -179,6 +184,7 @@ def _read_npz(path: Path, shape_only: bool) -> Mesh:
         arrays.get("tangents"),
         arrays.get("world_from_object", np.eye(4)),
         **_labels_of_arrays(arrays),
+        polygons=arrays.get("triangle_polygon"),
     )
 
 

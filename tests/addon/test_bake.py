@@ -1,14 +1,19 @@
 """The estimate and the bake in Blender, and whether a render with the texture looks as it should."""
 
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
 import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix, Vector
 
-from blender_addon.mesh_file import write_mesh
+from blender_addon import operators
+from blender_addon.mesh_file import begin_mesh
 from blender_addon.rig import light_rig
 from mpsnet_core import angular_error, read_normals
 from mpsnet_core.errors import InputError
+from mpsnet_core.surface.mesh import read_mesh
 
 from .conftest import matte
 from .test_photo import pixels, sphere_normals
@@ -158,8 +163,8 @@ def test_the_mesh_file_is_the_evaluated_mesh(scene, tmp_path):
     obj.modifiers.new("Array", "ARRAY").count = 2
     bpy.context.view_layer.update()
     meshes = len(bpy.data.meshes)
-    name = write_mesh(tmp_path / "mesh.npz", obj, bpy.context.evaluated_depsgraph_get(), "")
-    assert name == "UVMap" and len(bpy.data.meshes) == meshes
+    begun = begin_mesh(tmp_path / "mesh.npz", obj, bpy.context.evaluated_depsgraph_get(), "").whole()
+    assert begun.uv_map == "UVMap" and len(bpy.data.meshes) == meshes
     data = np.load(tmp_path / "mesh.npz", allow_pickle=False)
     triangles = 2 * (12 * 2 + 2 * 10)
     assert (str(data["format"]), int(data["version"])) == ("mpsnet-mesh", 1)
@@ -167,7 +172,7 @@ def test_the_mesh_file_is_the_evaluated_mesh(scene, tmp_path):
     assert data["vertices"].shape == (48, 3)
     assert data["uvs"].shape == (triangles, 3, 2)
     assert np.allclose(data["world_from_object"][:3, 3], (1, 2, 3))
-    normals, tangents = data["corner_normals"], data["tangents"]
+    normals, tangents = data["corner_normals"], read_mesh(tmp_path / "mesh.npz").tangents
     assert np.allclose(np.linalg.norm(normals, axis=-1), 1, atol=1e-5)
     assert np.allclose((normals * tangents[..., :3]).sum(-1), 0, atol=1e-3)
     assert set(np.unique(tangents[..., 3])) <= {-1, 1}
@@ -178,6 +183,58 @@ def test_the_mesh_file_is_the_evaluated_mesh(scene, tmp_path):
     direction *= np.sign(d1[:, :1] * d2[:, 1:] - d2[:, :1] * d1[:, 1:])
     direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
     assert np.allclose(tangents[..., :3].mean(1), direction, atol=2e-2)
+
+
+@pytest.fixture
+def heavy(scene):
+    """A grid of more triangles than a slice holds."""
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=300, y_subdivisions=400)
+    bpy.context.object.data.polygons.foreach_set("use_smooth", [True] * len(bpy.context.object.data.polygons))
+    return bpy.context.object
+
+
+def test_a_mesh_is_written_as_it_was_when_its_file_was_begun(heavy, tmp_path):
+    graph = bpy.context.evaluated_depsgraph_get()
+    files = [tmp_path / name for name in ("at_once.npz", "later.npz")]
+    begin_mesh(files[0], heavy, graph, "").whole()
+    begun = begin_mesh(files[1], heavy, graph, "")
+    next(begun.slices)
+    meshes = list(bpy.data.meshes)
+    heavy.data.transform(Matrix.Scale(3, 4))
+    bpy.data.objects.remove(heavy)
+    assert sum(1 for _ in begun.slices) > 8 and list(bpy.data.meshes) == meshes
+    with np.load(files[0]) as one, np.load(files[1]) as other:
+        assert one.files == other.files and len(one["triangles"]) == 2 * 300 * 400
+        for name in one.files:
+            np.testing.assert_array_equal(one[name], other[name])
+
+
+def test_between_two_slices_the_window_goes_on_and_cancel_leaves_nothing(heavy, tmp_path, monkeypatch):
+    monkeypatch.setattr(operators, "SLICE_SECONDS", 0)
+    manager, started = bpy.context.window_manager, []
+
+    def job():
+        folder = TemporaryDirectory(dir=tmp_path)
+        graph = bpy.context.evaluated_depsgraph_get()
+        slices = [begin_mesh(Path(folder.name) / f"{number}.npz", heavy, graph, "").slices for number in range(2)]
+        timer = manager.event_timer_add(0.1, window=bpy.context.window)
+        one = operators._Job(
+            folder, slices, lambda: started.append({file.name for file in Path(folder.name).iterdir()}), timer
+        )
+        operators._jobs.append(one)
+        return one
+
+    whole, count = job(), 0
+    while not started:
+        whole.go_on()
+        count += 1
+    assert count > 16 and started == [{"0.npz", "1.npz"}]
+    cancelled = job()
+    cancelled.go_on()
+    assert len(started) == 1 and len(list(tmp_path.iterdir())) == 2
+    for one in (cancelled, whole):
+        one.leave(manager)
+    assert len(started) == 1 and not list(tmp_path.iterdir())
 
 
 def linked_sphere(folder):
@@ -259,11 +316,11 @@ def test_the_mesh_file_is_the_mesh_of_the_render_and_the_viewport_keeps_its_own(
         return subsurf.levels, array.show_viewport, preview.show_viewport
 
     before = shown()
-    write_mesh(tmp_path / "mesh.npz", obj, bpy.context.evaluated_depsgraph_get(), "")
+    begin_mesh(tmp_path / "mesh.npz", obj, bpy.context.evaluated_depsgraph_get(), "").whole()
     assert len(np.load(tmp_path / "mesh.npz")["triangles"]) == 2 * 6 * 4**2 * 2
     assert shown() == before
     obj.hide_viewport = True
     bpy.context.view_layer.update()
     with pytest.raises(InputError, match='"Cube" is disabled in viewports'):
-        write_mesh(tmp_path / "mesh.npz", obj, bpy.context.evaluated_depsgraph_get(), "")
+        begin_mesh(tmp_path / "mesh.npz", obj, bpy.context.evaluated_depsgraph_get(), "")
     assert shown() == before

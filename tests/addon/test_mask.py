@@ -68,10 +68,22 @@ def test_dark_and_flat_frames_reach_the_estimate(photographed, scene, tmp_path):
     assert np.abs(corrected - expected)[mask].max() < 1e-3
 
 
-def test_the_mask_of_a_photo_without_alpha_is_all_of_it_unless_told(on_grey, scene, tmp_path):
-    bpy.ops.mps.show_mask(mask="AUTO")
+def test_unasked_a_photo_without_alpha_has_its_object_found_and_one_with_alpha_keeps_that(on_grey, scene, tmp_path):
+    bpy.ops.mps.estimate(model="LAMBERTIAN", output=str(tmp_path / "found.exr"))
+    assert overlap(read_normals(tmp_path / "found.exr").mask, on_grey) > 0.95
+    bpy.ops.mps.show_mask()
     folder = Path(bpy.path.abspath(scene.mps.estimate.mask_image.filepath)).parent
-    assert read_mask(folder / f"{scene.name}_mask.png").all()
+    np.testing.assert_array_equal(
+        read_mask(folder / f"{scene.name}_mask.png"), read_normals(tmp_path / "found.exr").mask
+    )
+    # A square of the same wall, too, where alpha says so.
+    square = np.zeros(on_grey.shape, np.float32)
+    square[4:60, 4:60] = 1
+    wall = read_image(tmp_path / "shot.exr").pixels
+    write_image(tmp_path / "cut.exr", np.concatenate([wall, square[..., None]], axis=2))
+    bpy.ops.mps.open_photo(filepath=str(tmp_path / "cut.exr"))
+    bpy.ops.mps.estimate(model="LAMBERTIAN", output=str(tmp_path / "cut_out.exr"))
+    np.testing.assert_array_equal(read_normals(tmp_path / "cut_out.exr").mask, square > 0)
 
 
 def test_opening_camera_raw_overwrites_nothing_and_reads_the_raw_file(scene, tmp_path):

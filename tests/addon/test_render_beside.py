@@ -3,6 +3,7 @@
 import itertools
 import re
 import time
+from contextlib import nullcontext
 
 import bpy
 import numpy as np
@@ -266,3 +267,26 @@ def test_cancelling_ends_it_in_the_middle_of_a_render_and_leaves_nothing(small, 
         process.cancel()
         assert not process.running() and time.monotonic() - start < 10
         assert not list(tmp_path.glob(f"*{what}.*exr"))
+
+
+@pytest.mark.parametrize("changed", [False, True])
+def test_the_copy_is_saved_without_a_preview_and_the_preferences_are_as_they_were(small, tmp_path, changed):
+    preferences, seen = bpy.context.preferences, []
+
+    def saving(*_):
+        seen.append(preferences.filepaths.file_preview_type)
+
+    preferences.filepaths.file_preview_type = "SCREENSHOT"
+    preferences.is_dirty = changed
+    bpy.app.handlers.save_pre.append(saving)
+    try:
+        for name in ("job", "nowhere"):
+            (tmp_path / "job").mkdir(exist_ok=True)
+            with nullcontext() if name == "job" else pytest.raises(InputError):
+                written_job(bpy.context, "photo", tmp_path / "photo.exr", tmp_path / name)
+            assert preferences.filepaths.file_preview_type == "SCREENSHOT" and preferences.is_dirty == changed
+    finally:
+        bpy.app.handlers.save_pre.remove(saving)
+        preferences.filepaths.file_preview_type = "AUTO"
+        preferences.is_dirty = False
+    assert set(seen) == {"NONE"}

@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 import pytest
 
+from blender_addon.mesh_file import begin_mesh
 from mpsnet_core.surface.mesh import Mesh, read_mesh
 
 Build = Callable[[], None]
@@ -162,6 +163,12 @@ def written_glb(path: Path) -> Mesh:
     return read_mesh(path)
 
 
+def written_npz(path: Path) -> Mesh:
+    """As the bake hands it over: with polygons, and the core computes the tangents."""
+    begin_mesh(path, bpy.context.object, bpy.context.evaluated_depsgraph_get(), "").whole()
+    return read_mesh(path)
+
+
 def same_triangles(mesh: Mesh, blender: BlendersCorners) -> tuple[np.ndarray, np.ndarray]:
     """The order and the first corners that lay the file's triangles onto Blender's."""
     ours = np.concatenate([mesh.vertices[mesh.triangles], mesh.uvs], axis=2)
@@ -213,6 +220,38 @@ def test_tangents_of_a_mesh_file_are_blenders(
             obj.data.attributes.remove(obj.data.attributes["sharp_edge"])
     mesh = written(tmp_path / f"mesh.{written.__name__[-3:]}")
     assert_tangents_agree(mesh, BlendersCorners(obj.data))
+
+
+@pytest.mark.parametrize(
+    "shape", [one for one in SHAPES if one is not cylinder_with_ngon_caps], ids=lambda shape: shape.__name__
+)
+def test_quads_have_blenders_tangents(scene: "bpy.types.Scene", tmp_path: Path, shape: Build) -> None:
+    shape()
+    mesh, found = bpy.context.object.data, written_npz(tmp_path / "mesh.npz")
+    mesh.calc_tangents()
+    tangents = np.concatenate([array_of(mesh.loops, "tangent", 3), array_of(mesh.loops, "bitangent_sign", 1)], axis=1)
+    e1, e2 = np.diff(found.uvs, axis=1).swapaxes(0, 1)
+    holds_texels = np.abs(e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0]) > 1e-12
+    expected = tangents[array_of(mesh.loop_triangles, "loops", 3).astype(int)]
+    assert np.abs(found.tangents - expected)[holds_texels].max() < 1e-3
+
+
+def test_polygons_beside_quads_have_the_tangents_of_their_triangles(scene: "bpy.types.Scene", tmp_path: Path) -> None:
+    """Blender has none for a mesh with such polygons. Sides and caps are flat with even UVs: however they are
+    triangulated, a corner's tangent is the same."""
+    cylinder_with_ngon_caps()
+    obj = bpy.context.object
+    obj.data.polygons.foreach_set("use_smooth", [False] * len(obj.data.polygons))
+    found = written_npz(tmp_path / "mesh.npz")
+    triangulated(obj)
+    blender = BlendersCorners(obj.data)
+
+    ours = np.concatenate([found.vertices[found.triangles], found.corner_normals], axis=2).reshape(-1, 6)
+    theirs = np.concatenate([blender.positions, blender.normals], axis=2).reshape(-1, 6)
+    apart = np.abs(ours[:, None] - theirs).max(axis=2)
+    assert len(ours) == len(theirs) and apart.min(axis=1).max() < 1e-3
+    expected = blender.tangents.reshape(-1, 4)[apart.argmin(axis=1)]
+    assert np.abs(found.tangents.reshape(-1, 4) - expected).max() < 1e-3
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.__name__)

@@ -1,6 +1,7 @@
 """Masks that are found, against scenes whose object is known."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,8 @@ from synthetic import shaded_sphere, write_file
 from mpsnet_core.capture import read_capture
 from mpsnet_core.correction import read_correction
 from mpsnet_core.errors import InputError
-from mpsnet_core.images import read_image, read_mask
-from mpsnet_core.masks import auto_mask, background_mask, threshold_mask
+from mpsnet_core.images import Image, read_image, read_mask
+from mpsnet_core.masks import auto_mask, background_mask, find_mask, threshold_mask
 from mpsnet_core.rig import published_rig
 
 SIDE = 200
@@ -280,3 +281,16 @@ class TestCommand:
 def test_a_photo_without_an_object(light: np.ndarray) -> None:
     with pytest.raises(InputError, match="no object stands out from the background; give a mask file"):
         auto_mask(noisy(light))
+
+
+def test_alpha_or_auto_is_alpha_then_what_stands_out_then_the_whole_photo(caplog: pytest.LogCaptureFixture) -> None:
+    image, mask = ball()
+    photo = Image(noisy(before(image, wall(), mask)), None, 1.0, "")
+    alpha = np.zeros(mask.shape, np.float32)
+    alpha[:50] = 1
+    assert overlap(find_mask(photo, "alpha-or-auto"), mask) > 0.97
+    assert np.array_equal(find_mask(replace(photo, alpha=alpha), "alpha-or-auto"), alpha > 0)
+    assert find_mask(replace(photo, pixels=noisy(np.full((90, 80, 3), 0.3))), "alpha-or-auto").all()
+    assert [record.message for record in caplog.records if record.levelname == "WARNING"] == [
+        "no object stands out from the background: the whole photo is taken as the object"
+    ]
