@@ -24,6 +24,7 @@ VERBS = (
     "calibrate_mixing",
     "render_photo",
     "open_photo",
+    "superpose",
     "show_mask",
     "render_truth",
     "estimate",
@@ -126,6 +127,7 @@ def _written(verb: str) -> str:
     images = {
         "render_photo": scene.photo.image,
         "open_photo": scene.photo.image,
+        "superpose": scene.photo.image,
         "show_mask": scene.estimate.mask_image,
         "estimate": scene.estimate.image,
         "bake": scene.bake.image,
