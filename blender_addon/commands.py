@@ -25,6 +25,7 @@ VERBS = (
     "calibrate_mixing",
     "render_photo",
     "open_photo",
+    "superpose",
     "show_mask",
     "render_truth",
     "estimate",
@@ -138,6 +139,7 @@ def _written(verb: str) -> str:
     images = {
         "render_photo": scene.photo.image,
         "open_photo": scene.photo.image,
+        "superpose": scene.photo.image,
         "show_mask": scene.estimate.mask_image,
         "estimate": scene.estimate.image,
         "bake": scene.bake.image,

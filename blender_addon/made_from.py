@@ -28,7 +28,7 @@ _MADE_BY = "mpsnet_made_by"
 _MADE_FROM = "mpsnet_made_from"
 
 # What later steps take from those who make it.
-_TAKEN_ON = {"render_photo": "photo", "open_photo": "photo", "estimate": "normals"}
+_TAKEN_ON = {"render_photo": "photo", "open_photo": "photo", "superpose": "photo", "estimate": "normals"}
 
 _SIZE_SECONDS = 1.0
 # When files were looked at, and their sizes: for the panel alone, see `seen_lately`.

@@ -1,4 +1,4 @@
-"""The photo: rendered from the scene under the rig alone, or opened from a file; and the true normals of its view."""
+"""The photo: rendered under the rig alone, opened from a file, or made of three; and the true normals of its view."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,7 +11,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.files import PHOTO_SUFFIXES, RAW_SUFFIXES, VIDEO_SUFFIXES
 
 from .core_process import Program, run
-from .made_from import Ingredients, chosen, refuse_to_overwrite, rounded
+from .made_from import Ingredients, chosen, file_stamp, refuse_to_overwrite, rounded
 from .operators import RunsCore, SaysWhy, at_the_pointer, verb_of
 from .outputs import frame_pattern, load_photo, output_frames, output_path, read_beside, remember, render_path
 from .outside import not_found
@@ -20,8 +20,11 @@ from .rig import drawn_rig, light_rig, rig_camera
 from .rigs import result_name, rig_at
 from .settings.declared import PATH, take_given
 from .settings.photo import PhotoSettings
+from .settings.superpose import SuperposeSettings
 from .studio import What, render
 from .trust import kept_back
+
+_LIGHTS = ("first", "second", "third")
 
 
 class _Renders(RunsCore):
@@ -122,10 +125,51 @@ class MPS_OT_open_photo(SaysWhy, bpy.types.Operator):
             image.source = "SEQUENCE"
         self._made_from = self.made_from(context)
         self.made(image)
-        mps = context.scene.mps
-        if mps.photo.image not in (None, image):
-            mps.estimate.white = ""  # it is of the other photo's pose
-        mps.photo.image = image
+        _take(context.scene.mps, image)
+
+
+class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
+    """Make one photo of three, each of them under one of the rig's lights alone, turned white.
+
+    The object may not move between them. Each photo becomes a channel, so that paint does not mislead the estimate"""
+
+    bl_idname = "mps.superpose"
+    bl_label = "Make One Photo"
+    bl_options = {"UNDO"}
+
+    @classmethod
+    def made_from(cls, context: Any) -> Ingredients:
+        settings = context.scene.mps.superpose
+        files = {settings.bl_rna.properties[name].name: file_stamp(getattr(settings, name)) for name in _LIGHTS}
+        return {**files, **chosen(SuperposeSettings, settings, only=("encoding",))}
+
+    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+        scene = context.scene
+        take_given(self, SuperposeSettings, scene.mps.superpose)
+        photos = [getattr(self, name) for name in _LIGHTS]
+        for name, photo in zip(_LIGHTS, photos, strict=True):
+            if not photo:
+                raise InputError(f"no photo under the {name} light is named; choose one for each of the three lights")
+        output = render_path(output_path(self.output, result_name(scene, "superposed"), "EXR"))
+        arguments = ["superpose", "--channels", *map(bpy.path.abspath, photos), "--encoding", self.encoding.lower()]
+        return [*arguments, "--output", str(output)], [output]
+
+    def finish(self, context: Any, result: dict[str, Any]) -> None:
+        photo = Path(result["output"])
+        result_is = f"its photo is in {photo}"
+        rig = rig_at(self.scene(result_is), self._rig_place, result_is)
+        image = load_photo(photo, photo.stem)
+        self.made(image)
+        rig.estimate.encoding = "AUTO"  # that of the three photos; this one's file says that it is linear
+        _take(rig, image)
+        self.report({"INFO"}, f"Photo written to {photo}")
+
+
+def _take(rig: Any, image: bpy.types.Image) -> None:
+    """Make an image that was taken with a real camera the photo of a rig."""
+    if rig.photo.image not in (None, image):
+        rig.estimate.white = ""  # it is of the other photo's pose
+    rig.photo.image = image
 
 
 def _drawn(scene: Any) -> Ingredients:
@@ -170,6 +214,6 @@ class MPS_OT_render_truth(_Renders, bpy.types.Operator):
         self.report({"INFO"}, f"True normals written to {result['output']}")
 
 
-CLASSES = (MPS_OT_render_photo, MPS_OT_open_photo, MPS_OT_render_truth)
+CLASSES = (MPS_OT_render_photo, MPS_OT_open_photo, MPS_OT_superpose, MPS_OT_render_truth)
 
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -20,7 +20,7 @@ from .settings.photo import PhotoSettings
 from .settings.rig import RigSettings
 
 _STEPS = {"rig": RigSettings, "photo": PhotoSettings, "estimate": EstimateSettings}
-_VERBS = ("add_rig", "render_photo", "open_photo", "show_mask", "estimate")
+_VERBS = ("add_rig", "render_photo", "open_photo", "superpose", "show_mask", "estimate")
 
 
 class _OnRigs(bpy.types.Operator):

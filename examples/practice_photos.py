@@ -5,9 +5,11 @@
 
 Leaves in practice/, in the folder that it is run in: a mirror ball, a grey ball and a figure, each under the same three
 lights, a piece of plaster lying flat, a figure's low-poly mesh with UVs, and the cameras. The lights' colours leak into
-one another, as those of real LEDs do. The camera looks along Blender's +Y; the mesh is in the same world.
+one another, as those of real LEDs do. The camera looks along Blender's +Y; the mesh is in the same world. It takes some
+minutes, and tells how far it is.
 """
 
+import logging
 from pathlib import Path
 
 import bpy
@@ -15,9 +17,12 @@ import bpy
 PRACTICE = Path.cwd() / "practice"
 # How red, green and blue the camera sees each of the three lights.
 COLOURS = ((1.0, 0.12, 0.02), (0.1, 1.0, 0.14), (0.03, 0.15, 1.0))
+PHOTOS = ("photo", "ball", "grey", "plaster")
 
 
 def main():
+    # The operators tell their progress there.
+    logging.basicConfig(level=logging.INFO, format="%(message)s")
     PRACTICE.mkdir(exist_ok=True)
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     if not hasattr(bpy.types.Scene, "mps"):  # pip's bpy, or a Blender without the extension
@@ -118,6 +123,7 @@ def photograph(name, target):
     for thing in bpy.context.scene.objects:
         if thing.type == "MESH":
             thing.hide_render = thing != target
+    logging.info("%s.exr, %d of %d", name, PHOTOS.index(name) + 1, len(PHOTOS))
     bpy.ops.mps.render_photo(width=768, height=768, samples=24, output=str(PRACTICE / f"{name}.exr"))
     (PRACTICE / f"{name}.rig.json").unlink()
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mpsnet_core.bands import bands
 from mpsnet_core.camera import Camera, camera_of_lens
 from mpsnet_core.correction import Correction, corrected
-from mpsnet_core.encoding import CLEAR, linear_rather
+from mpsnet_core.encoding import CLOSE, DECIDED, linear_rather
 from mpsnet_core.errors import InputError
 from mpsnet_core.frames import expand_images
 from mpsnet_core.images import Encoding, Image, layer_in, read_image, saturated
@@ -159,7 +159,8 @@ def read_capture(
 
     mask: a mask file, or "alpha", "none" (the whole photo), "threshold:T", "auto" or "background:FILE", as
         :func:`mpsnet_core.masks.find_mask` says. Unless given: alpha where the photo has it, else the whole photo.
-    encoding, layer: as in :func:`mpsnet_core.images.read_image`.
+    encoding, layer: as in :func:`mpsnet_core.images.read_image`; but where neither `encoding` nor the file says how its
+        values are meant, and its shading does (:mod:`mpsnet_core.encoding`), they are linear.
     camera: or the focal length of its lens in millimetres, see :func:`mpsnet_core.camera.camera_of_lens`.
     depth: (H, W) how far in front of the camera the surface is, with infinity where that is not known (see
         :func:`mpsnet_core.surface.depth.depth_of_mesh`), or one distance for all. Under near lights, unless given, that
@@ -170,25 +171,48 @@ def read_capture(
     Raises InputError where a file is missing or broken, or photo, mask, camera, depth and white photo do not fit each
     other.
     """
-    image = read_image(path, encoding=encoding, layer=layer, compact=correction is None)
-    try:
-        capture = capture_from(
-            image, rig, mask=mask, encoding=encoding, layer=layer, camera=camera, depth=depth, correction=correction
-        )
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+    compact = correction is None
+    image = read_image(path, encoding=encoding, layer=layer, compact=compact)
+
+    def taken(image: Image) -> Capture:
+        try:
+            return capture_from(
+                image, rig, mask=mask, encoding=encoding, layer=layer, camera=camera, depth=depth, correction=correction
+            )
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+
+    capture = taken(image)
+    if image.assumed and _linear_rather(path, image, capture, decide=correction is None):
+        encoding = "linear"
+        capture = taken(read_image(path, encoding=encoding, layer=layer, compact=compact))
     if white is not None:
         several = [white] if isinstance(white, str | os.PathLike) else white
         capture = with_white(capture, several, encoding=encoding, layer=layer, correction=correction)
-    if image.assumed and (times := linear_rather(image.pixels, capture.mask, rig)) > CLEAR:
-        log.warning(
-            "%s is taken as sRGB, but the three lights explain it %.1f times better if it holds linear values; then "
-            "set the encoding to linear (--encoding linear): a wrong curve turns normals by ten degrees and more",
-            Path(path).name,
-            times,
-        )
     note_doubts(capture)
     return capture
+
+
+def _linear_rather(path: str | os.PathLike[str], image: Image, capture: Capture, decide: bool) -> bool:
+    """Whether to take a file that says nothing of its values as linear, not as sRGB; tells where that is or may be so.
+
+    decide: whether it may be taken so; dark frames and flat fields have been read as sRGB.
+    """
+    rather = linear_rather(image.pixels, capture.mask, capture.rig)
+    if rather > DECIDED and decide:
+        log.warning(
+            "%s does not say how its values are meant, and is TAKEN AS LINEAR: as sRGB its normals would be of no one "
+            "surface; if it is sRGB, set the encoding to srgb (--encoding srgb)",
+            Path(path).name,
+        )
+        return True
+    if rather > CLOSE:
+        log.warning(
+            "%s does not say how its values are meant, is taken as sRGB, and MAY WELL BE LINEAR; then set the encoding "
+            "to linear (--encoding linear): a wrong curve turns normals by ten degrees and more",
+            Path(path).name,
+        )
+    return False
 
 
 def with_white(

@@ -45,6 +45,8 @@ _FORMATS = ("png", "jpeg", "tiff", "openexr")
 # Above this share of the clip value a channel counts as saturated: an 8-bit sRGB 254 is linear 0.991.
 SATURATED_SHARE = 0.99
 
+# What stands before a PNG's pixels, and is not told otherwise, is within so many bytes.
+PNG_HEAD = 65_536
 PNG_FILTER_UP = 32  # libpng's number: each pixel is stored as its difference from the one above
 
 
@@ -60,7 +62,7 @@ class Image:
     note: how the file's values were taken, for people to read.
     clipped: (H, W, 3) bool, where a channel is at its end and so wrong, or None where `clip` tells it.
     exposure_time: in seconds, where the file says it.
-    assumed: whether sRGB is only what most such files hold, and nobody said so.
+    assumed: whether sRGB is only what most such files hold, and neither the file nor who asked said so.
     """
 
     pixels: NDArray[np.floating]
@@ -164,8 +166,7 @@ def read_image(
     if encoding == "auto":
         linear = is_float or "lin" in declared or declared in ("raw", "data")
         note = f"taken as {'linear' if linear else 'sRGB'} ({'float' if is_float else spec.format} file)"
-        # OpenImageIO calls a PNG sRGB whether or not it says so.
-        assumed = not linear and path.suffix.lower() not in (".jpg", ".jpeg")
+        assumed = not (linear or _says_its_curve(path, spec))
         if not linear and spec.format.basetype == oiio.UINT16:
             note += "; if a raw converter wrote linear values, set the encoding to linear"
         log.info(note)
@@ -182,6 +183,16 @@ def read_image(
         pixels[rows] = band if linear else srgb_to_linear(band)
     clip = np.inf if is_float else 1.0
     return Image(pixels, alpha, clip, note, exposure_time=_exposure_time(spec), assumed=assumed)
+
+
+def _says_its_curve(path: Path, spec: Any) -> bool:
+    """Whether a file says how its values are meant, as JPEG does; OpenImageIO calls sRGB what says nothing, too."""
+    if any(spec.getattribute(name) is not None for name in ("ICCProfile", "CICP", "oiio:Gamma", "Exif:ColorSpace")):
+        return True
+    if path.suffix.lower() == ".png":
+        with path.open("rb") as file:
+            return b"sRGB" in file.read(PNG_HEAD).partition(b"IDAT")[0]
+    return path.suffix.lower() in (".jpg", ".jpeg")
 
 
 def _exposure_time(spec: Any) -> float | None:

@@ -5,6 +5,7 @@ from typing import Any
 import bpy
 
 from ..estimate import rig_file_for
+from ..made_from import made_by
 from ..settings.record import notes_of
 from ..trust import SCRIPTS_OFF
 from .step import Step
@@ -62,6 +63,35 @@ class MPS_PT_real(Step):
         column.prop(estimate, "white", placeholder="None")
 
 
+class MPS_PT_superpose(Step):
+    bl_label = "Three White Lights"
+    verbs = ("superpose",)
+    optional = True
+    bl_parent_id = "MPS_PT_photo"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def result(cls, context: Any) -> Any:
+        image = context.scene.mps.photo.image
+        return image if image and made_by(image) in cls.verbs else None
+
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        settings = context.scene.mps.superpose
+        if all((settings.first, settings.second, settings.third)):
+            return ""
+        return "Choose a photo under each of the rig's three lights, turned white. The object must not move"
+
+    def draw(self, context: Any) -> None:
+        settings = context.scene.mps.superpose
+        column = self.column()
+        for name in ("first", "second", "third"):
+            column.prop(settings, name, placeholder="Photo")
+        column.prop(settings, "encoding")
+        column.prop(settings, "output", placeholder="Automatic")
+        self.progress_or(context, "superpose", "IMAGE_RGB")
+
+
 class MPS_PT_near(Step):
     bl_label = "Near Lights"
     bl_parent_id = "MPS_PT_photo"
@@ -102,6 +132,7 @@ class MPS_PT_mask(Step):
 CLASSES = (
     MPS_PT_photo,
     MPS_PT_real,
+    MPS_PT_superpose,
     MPS_PT_near,
     MPS_PT_mask,
 )

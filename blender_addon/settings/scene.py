@@ -16,6 +16,7 @@ from .relight import MPS_PG_relight
 from .rig import MPS_PG_light, MPS_PG_rig
 from .rigs import MPS_PG_one_of_rigs
 from .samples import MPS_PG_samples
+from .superpose import MPS_PG_superpose
 from .views import MPS_PG_views
 
 
@@ -25,6 +26,7 @@ class MPS_PG_scene(bpy.types.PropertyGroup):
     rig: PointerProperty(type=MPS_PG_rig)
     calibrate: PointerProperty(type=MPS_PG_calibrate)
     photo: PointerProperty(type=MPS_PG_photo)
+    superpose: PointerProperty(type=MPS_PG_superpose)
     estimate: PointerProperty(type=MPS_PG_estimate)
     bake: PointerProperty(type=MPS_PG_bake)
     heights: PointerProperty(type=MPS_PG_heights)
@@ -67,6 +69,7 @@ CLASSES = (
     MPS_PG_rig,
     MPS_PG_calibrate,
     MPS_PG_photo,
+    MPS_PG_superpose,
     MPS_PG_estimate,
     MPS_PG_bake,
     MPS_PG_heights,

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mpsnet_core.calibrate.ball import Ball, mirrored
+from mpsnet_core.calibrate.ball import Ball, fit_ball, mirrored
 from mpsnet_core.calibrate.highlights import Highlight
+from mpsnet_core.camera import camera_of_lens
 from mpsnet_core.errors import InputError
 from mpsnet_core.files import written_whole
 from mpsnet_core.normals import angular_error, normalised
@@ -23,14 +24,21 @@ RIVAL = 0.5
 # Rays that miss each other by so many times what their uncertainty explains are not one light's.
 MISSED = 4.0
 ROUNDS = 4
+# In millimetres on a sensor 36 mm wide. Where no lens is told, what this one would have done to a direction is one
+# standard deviation: of lenses between 24 and 200 mm, evenly in their logarithm, two in three are longer.
+USUAL_LENS = 45.0
 
 
 @dataclass(frozen=True)
 class Sighting:
-    """A mirror ball at one place, and the highlight of each light in it, in the lights' order."""
+    """A mirror ball at one place, and the highlight of each light in it, in the lights' order.
+
+    lens_told: whether the ball's camera is known; else it is taken as far away though it may have stood near.
+    """
 
     ball: Ball
     highlights: tuple[Highlight, ...]
+    lens_told: bool = True
 
     def rays(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Where on the ball each light is mirrored and the unit direction to it from there; each (N, 3)."""
@@ -50,13 +58,22 @@ class Sighting:
             variance += (moved**2).sum(axis=1) * blur**2
         return np.degrees(np.sqrt(variance))
 
+    def by_lens(self) -> NDArray[np.float64]:
+        """(N,) degrees, of each direction: by how much it would be another one before a camera with a usual lens."""
+        if self.lens_told:
+            return np.zeros(len(self.highlights))
+        camera = camera_of_lens(USUAL_LENS, self.ball.camera.width, self.ball.camera.height)
+        near = fit_ball(self.ball.outline(), camera)
+        return angular_error(mirrored(near, [spot.point for spot in self.highlights])[1], self.rays()[1])
+
 
 @dataclass(frozen=True)
 class LightsFound:
     """Where N lights stand, in camera space.
 
     directions: (N, 3) unit vectors from the target to the lights, or from wherever for lights that are far away.
-    uncertainties: (N,) degrees, one standard deviation.
+    uncertainties: (N,) degrees, one standard deviation, with what the camera's perspective does where its lens is not
+        told.
     target: (3,) the middle of the ball, or of the balls' places.
     positions: (N, 3) in the unit of the balls' radius, where the lights were seen from two places and are near enough.
     position_uncertainties, gaps: (N,) in the same unit: one standard deviation; how far the rays to a light miss each
@@ -92,7 +109,9 @@ def find_lights(sightings: Sequence[Sighting]) -> LightsFound:
     _note_doubts(sightings)
     trust = 1 / blur**2
     mean = normalised(np.einsum("pni,pn->ni", aims, trust))
-    found = LightsFound(tuple(sightings), mean, 1 / np.sqrt(trust.sum(axis=0)), target)
+    # What the lens does it does at all places.
+    unsure = np.hypot(1 / np.sqrt(trust.sum(axis=0)), np.mean([sighting.by_lens() for sighting in sightings], axis=0))
+    found = LightsFound(tuple(sightings), mean, unsure, target)
     if len(sightings) == 1:
         return found
     if sightings[0].ball.camera.projection == "orthographic":
@@ -186,8 +205,11 @@ def _note_doubts(sightings: Sequence[Sighting]) -> None:
                     number,
                     100 * spot.rival,
                 )
-    camera = sightings[0].ball.camera
-    if camera.projection == "orthographic":
+    by_lens = max(float(sighting.by_lens().max()) for sighting in sightings)
+    if by_lens:
         log.info(
-            "the camera is taken as far away (orthographic); tell its lens, and a near one's perspective is allowed for"
+            "the camera is taken as far away; tell its lens (--focal, --camera): one of %g mm would make these "
+            "directions wrong by up to %.1f°, which their uncertainty includes",
+            USUAL_LENS,
+            by_lens,
         )

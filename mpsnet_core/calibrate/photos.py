@@ -111,7 +111,8 @@ def read_sightings(photos: BallPhotos, progress: Progress = silent) -> list[Sigh
                     spots.append(find_highlight(image, ball))
             except InputError as error:
                 raise InputError(f"{file}: {error}") from None
-    return [Sighting(ball, tuple(spots)) for ball, spots in zip(balls, found, strict=True)]
+    told = photos.camera is not None
+    return [Sighting(ball, tuple(spots), told) for ball, spots in zip(balls, found, strict=True)]
 
 
 def _camera(photos: BallPhotos, width: int, height: int) -> Camera:

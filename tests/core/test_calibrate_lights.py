@@ -11,11 +11,12 @@ from synthetic import degrees_between
 
 from mpsnet_core.calibrate.ball import Circle, ball_from_circle, ball_from_mask, distant_camera, fit_ball, mirrored
 from mpsnet_core.calibrate.circles import find_balls
-from mpsnet_core.calibrate.highlights import find_coloured_highlights, find_highlight
+from mpsnet_core.calibrate.highlights import Highlight, find_coloured_highlights, find_highlight
 from mpsnet_core.calibrate.lights import LightsFound, Sighting, find_lights, meeting_point, write_lp
 from mpsnet_core.camera import Camera
 from mpsnet_core.errors import InputError
 from mpsnet_core.images import Image, read_image, read_mask
+from mpsnet_core.normals import normalised
 from mpsnet_core.rig import read_rig
 
 FAR = 1e6
@@ -83,6 +84,40 @@ def test_directions_afar(levels: int | None) -> None:
     assert found.positions is None
     assert (degrees_between(found.directions, FACING) < 3 * found.uncertainties).all()
     assert (found.uncertainties < 1).all()
+
+
+def test_what_a_lens_that_nobody_told_does_is_within_the_uncertainty() -> None:
+    """Balls anywhere before lenses of 24 to 200 mm, taken as far away: two in three within one deviation."""
+    random = np.random.default_rng(5)
+    width, height = 600, 400
+    off, told, known = [], [], []
+    for focal in np.exp(random.uniform(np.log(24), np.log(200), 150)) / 36 * width:
+        size = random.uniform(40, 150)
+        axis = np.append(random.uniform(size, np.array([width, height]) - size) - (width / 2, height / 2), -focal)
+        middle = axis / np.linalg.norm(axis) * np.sqrt(1 + (focal / size) ** 2)
+        lights = np.array([around(random.uniform(10, 50), turn) for turn in random.uniform(0, 360, 3)])
+        # Where a ball of radius 1 mirrors each: its normal halves the angle between the light and the way back.
+        places = np.repeat(middle[None], 3, axis=0)
+        for _ in range(60):
+            places = middle + normalised(lights - normalised(places))
+        spots = places[:, :2] / -places[:, 2:] * (focal, -focal) + (width / 2, height / 2)
+        turn = np.linspace(0, 2 * np.pi, 90, endpoint=False)[:, None]
+        ahead = normalised(middle)
+        right = normalised(np.cross(ahead, [0.0, 1.0, 0.0]))
+        sine = 1 / np.linalg.norm(middle)
+        rim = np.sqrt(1 - sine**2) * ahead + sine * (np.cos(turn) * right + np.sin(turn) * np.cross(right, ahead))
+        outline = rim[:, :2] / -rim[:, 2:] * (focal, -focal) + (width / 2, height / 2)
+        ball = fit_ball(outline, distant_camera(width, height))
+        seen = tuple(Highlight(x, y, 2.0, 0.05, False, 0.0, (1.0, 1.0, 1.0)) for x, y in spots)
+        found = find_lights([Sighting(ball, seen, lens_told=False)])
+        off.append(degrees_between(found.directions, lights))
+        told.append(found.uncertainties)
+        known.append(find_lights([Sighting(ball, seen)]).uncertainties)
+    share = np.ravel(off) / np.ravel(told)
+    print(f"within 1, 2, 3 deviations: {(share < 1).mean():.0%}, {(share < 2).mean():.0%}, {(share < 3).mean():.1%}")
+    assert 0.63 < (share < 1).mean() < 0.78
+    assert (share < 2).mean() > 0.95
+    assert np.mean(known) < 0.3 * np.mean(told), "what is added is the lens's"
 
 
 def test_the_direction_is_the_lights_and_not_the_balls_normal() -> None:

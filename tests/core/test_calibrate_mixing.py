@@ -190,8 +190,18 @@ def test_lights_by_the_camera_tell_their_strengths_alone(caplog: pytest.LogCaptu
     assert "strengths alone" in caplog.text
 
 
-@pytest.mark.parametrize("triple", [("001", "048", "096"), ("008", "041", "089"), ("022", "050", "078")])
-def test_a_photographed_ball_tells_the_matrix(diligent: Path, triple: Sequence[str]) -> None:
+@pytest.mark.parametrize(
+    "triple",
+    [
+        ("001", "048", "096"),
+        ("008", "041", "089"),
+        ("022", "050", "078"),
+        # What is left out of the model is 0.1 to 0.2 wrong there, which parts of the ball tell.
+        ("027", "072", "078"),
+        ("001", "048", "073"),
+    ],
+)
+def test_a_photographed_ball_tells_the_matrix_or_that_it_does_not(diligent: Path, triple: Sequence[str]) -> None:
     """One-shots of DiLiGenT's ball, which is glossy, with crosstalk that we know, in eight bits."""
     folder = diligent / "ballPNG"
     lights = [int(name) - 1 for name in triple]

@@ -1,5 +1,6 @@
-"""A photo whose file does not say that its values are linear: told where the shading tells it, and never otherwise."""
+"""A photo whose file does not say how its values are meant: told by its shading, and left at sRGB where it is not."""
 
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,10 @@ import pytest
 from synthetic import Sphere, shaded_sphere
 
 from mpsnet_core.capture import read_capture
-from mpsnet_core.images import linear_to_srgb
+from mpsnet_core.correction import read_correction
+from mpsnet_core.encoding import CLOSE, DECIDED, linear_rather
+from mpsnet_core.images import Encoding, linear_to_srgb, read_image, read_mask, srgb_to_linear
+from mpsnet_core.rig import LightRig
 
 PAINTS = {
     "matt": lambda x, y: np.ones(3),
@@ -18,10 +22,13 @@ PAINTS = {
 }
 
 
-def written(path: Path, pixels: np.ndarray) -> Path:
-    """Eight bits, without a word about their curve."""
+DEVELOPED = {True: lambda pixels: pixels, False: linear_to_srgb}
+
+
+def written(path: Path, pixels: np.ndarray, space: str = "unknown") -> Path:
+    """Eight bits, without a word about their curve unless given."""
     source = oiio.ImageBuf(np.rint(np.clip(pixels, 0, 1) * 255).astype(np.uint8))
-    source.specmod().erase_attribute("oiio:ColorSpace")
+    source.specmod()["oiio:ColorSpace"] = space
     assert source.write(str(path))
     return path
 
@@ -33,17 +40,66 @@ def sphere() -> Sphere:
 
 @pytest.mark.parametrize("paint", PAINTS)
 @pytest.mark.parametrize("linear", [True, False])
-def test_linear_values_are_told_on_one_paint_and_srgb_never(
-    tmp_path: Path, sphere: Sphere, caplog: pytest.LogCaptureFixture, paint: str, linear: bool
+@pytest.mark.parametrize("suffix", ["png", "tif"])
+def test_the_shading_tells_linear_values_and_many_colours_leave_srgb(
+    tmp_path: Path, sphere: Sphere, caplog: pytest.LogCaptureFixture, paint: str, linear: bool, suffix: str
 ) -> None:
     x, y = np.meshgrid(np.linspace(-1, 1, 160), np.linspace(1, -1, 160))
-    pixels = sphere.image * PAINTS[paint](x, y)
-    photo = written(tmp_path / "photo.png", pixels if linear else linear_to_srgb(pixels))
-    read_capture(photo, sphere.rig, mask="threshold:0.02")
-    assert ("--encoding linear" in caplog.text) == (linear and not paint.startswith("painted"))
+    pixels = np.clip(sphere.image * PAINTS[paint](x, y), 0, 1)
+    photo = written(tmp_path / f"photo.{suffix}", DEVELOPED[linear](pixels))
+    capture = read_capture(photo, sphere.rig, mask="threshold:0.02")
+    taken_as_linear = linear and paint != "painted in colours"
+    assert ("TAKEN AS LINEAR" in caplog.text and "--encoding srgb" in caplog.text) == taken_as_linear
+    truth = pixels if taken_as_linear or not linear else srgb_to_linear(pixels)
+    assert np.abs(capture.image - truth)[capture.mask].max() < 0.02
 
 
-def test_what_the_user_said_is_not_doubted(tmp_path: Path, sphere: Sphere, caplog: pytest.LogCaptureFixture) -> None:
+@pytest.mark.parametrize("space", ["unknown", "sRGB"])
+@pytest.mark.parametrize("encoding", ["auto", "srgb"])
+def test_what_the_user_or_the_file_says_is_not_doubted(
+    tmp_path: Path, sphere: Sphere, caplog: pytest.LogCaptureFixture, space: str, encoding: Encoding
+) -> None:
+    photo = written(tmp_path / "photo.png", sphere.image, space)
+    read_capture(photo, sphere.rig, mask="threshold:0.02", encoding=encoding)
+    assert ("TAKEN AS LINEAR" in caplog.text) == (space == "unknown" and encoding == "auto")
+
+
+def test_a_white_photo_is_taken_as_the_photo_is(tmp_path: Path, sphere: Sphere) -> None:
     photo = written(tmp_path / "photo.png", sphere.image)
-    read_capture(photo, sphere.rig, mask="threshold:0.02", encoding="srgb")
-    assert "--encoding linear" not in caplog.text
+    grey = sphere.image.mean(axis=-1, keepdims=True) * np.ones(3)
+    white = written(tmp_path / "white.png", grey)
+    capture = read_capture(photo, sphere.rig, mask="threshold:0.02", white=white)
+    assert capture.white is not None
+    assert np.abs(capture.white - grey)[capture.mask].max() < 0.02
+
+
+def test_with_a_dark_frame_that_was_read_as_srgb_it_is_only_told(
+    tmp_path: Path, sphere: Sphere, caplog: pytest.LogCaptureFixture
+) -> None:
+    photo = written(tmp_path / "photo.png", sphere.image)
+    correction = read_correction(written(tmp_path / "dark.png", 0 * sphere.image))
+    capture = read_capture(photo, sphere.rig, mask="threshold:0.02", correction=correction)
+    assert "MAY WELL BE LINEAR" in caplog.text
+    assert np.abs(capture.image - srgb_to_linear(sphere.image))[capture.mask].max() < 0.02
+
+
+@pytest.mark.parametrize("name", ["ball", "cat"])
+def test_photographs_are_taken_as_what_they_are_or_left_at_srgb(diligent: Path, name: str) -> None:
+    """DiLiGenT's, which are glossy and throw shadows: none of sRGB is taken as linear, most others are doubted."""
+    folder = diligent / f"{name}PNG"
+    mask = read_mask(folder / "mask.png")
+    decided = {True: [], False: []}
+    for three in combinations(("001", "008", "022", "041", "048", "096"), 3):
+        lights = [int(number) - 1 for number in three]
+        directions = np.loadtxt(folder / "light_directions.txt")[lights]
+        if abs(np.linalg.det(directions)) < 0.05:
+            continue
+        photos = [read_image(folder / f"{number}.png", encoding="linear").pixels.mean(axis=-1) for number in three]
+        image = np.stack(photos, -1) / np.loadtxt(folder / "light_intensities.txt")[lights].mean(axis=1)
+        image = np.clip(image / np.percentile(image[mask], 98), 0, 1)
+        for linear, reached in decided.items():
+            stored = np.rint(DEVELOPED[linear](image) * 255) / 255
+            reached.append(linear_rather(srgb_to_linear(stored).astype(np.float32), mask, LightRig(directions)))
+    print(f"{name}: linear {np.round(decided[True], 2)}, sRGB {np.round(decided[False], 2)}")
+    assert max(decided[False]) < DECIDED
+    assert np.median(decided[False]) < CLOSE < np.median(decided[True])

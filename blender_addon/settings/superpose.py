@@ -1,0 +1,46 @@
+"""Settings of the photo that is made of three."""
+
+import bpy
+from bpy.props import EnumProperty, StringProperty
+
+from .declared import ENCODINGS, GIVEN, PATH
+
+
+class SuperposeSettings:
+    """Three photos under one white light each, in the order of the rig's lights, and the photo that is made of them."""
+
+    first: StringProperty(
+        name="First Light",
+        description="Photo of the object at rest under the rig's first light alone, turned white: the red channel",
+        subtype="FILE_PATH",
+        options=PATH,
+    )
+    second: StringProperty(
+        name="Second Light",
+        description="Photo of the same pose under the rig's second light alone, turned white: the green channel",
+        subtype="FILE_PATH",
+        options=PATH,
+    )
+    third: StringProperty(
+        name="Third Light",
+        description="Photo of the same pose under the rig's third light alone, turned white: the blue channel",
+        subtype="FILE_PATH",
+        options=PATH,
+    )
+    encoding: EnumProperty(
+        name="Encoding",
+        description="How the three photos' values stand for light",
+        items=ENCODINGS,
+        default="AUTO",
+        options=GIVEN,
+    )
+    output: StringProperty(
+        name="File",
+        description="OpenEXR file to write. Empty: a name of its own in the output folder",
+        subtype="FILE_PATH",
+        options=PATH,
+    )
+
+
+class MPS_PG_superpose(SuperposeSettings, bpy.types.PropertyGroup):
+    """Three photos under one white light each."""
