@@ -223,8 +223,11 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
             camera = str(folder / "camera.json")
             self._write_camera(scene, folder / "camera.json", normals_image)
         arguments += ["--view", f"{camera}={normals}", "--output", str(self._output)]
+        views = [scene.mps]
         if self.all_rigs:
-            arguments += self._other_views(scene, folder)
+            views += self._other_rigs(scene)
+            arguments += self._other_views(scene, views[1:], folder)
+        arguments += self._albedos(views)
         arguments += [*sampling(self), "--bits", bits(self, suffix)]
         arguments += ["--space", self.space.lower(), "--convention", self.convention.lower()]
         arguments += ["--level", f"{self.level_scale:g}" if self.level else "off"]
@@ -279,17 +282,20 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
             scene.frame_set(current)
         return str(folder / "mesh_######.npz"), str(folder / ("camera_######.json" if moving else "camera.json"))
 
-    def _other_views(self, scene: Any, folder: Path) -> list[str]:
-        """The normals and cameras of the scene's rigs that are not chosen; those without normals are left out."""
+    def _other_rigs(self, scene: Any) -> list[Any]:
+        """The scene's rigs that are not chosen and have normals."""
         if self._frames:
             raise InputError("sequences are baked for one rig at a time; switch All Rigs off")
+        others = [one for one in all_rigs(scene) if one != scene.mps and one.estimate.image is not None]
+        if any(one.estimate.image.source == "SEQUENCE" for one in others):
+            raise InputError("one of the rigs has a sequence, which is baked on its own; switch All Rigs off")
+        return others
+
+    def _other_views(self, scene: Any, rigs: Sequence[Any], folder: Path) -> list[str]:
+        """The core's arguments for the normals and cameras of further rigs."""
         arguments = []
-        for number, one in enumerate(all_rigs(scene)):
+        for number, one in enumerate(rigs):
             image = one.estimate.image
-            if one == scene.mps or image is None:
-                continue
-            if image.source == "SEQUENCE":
-                raise InputError("one of the rigs has a sequence, which is baked on its own; switch All Rigs off")
             camera, taken_with = folder / f"camera_{number}.json", remembered(image, "camera")
             if taken_with is not None:
                 camera.write_text(taken_with, encoding="utf-8")
@@ -300,12 +306,28 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
             arguments += ["--view", f"{camera}={image_file(image, 'normal map', 'estimate the normals again')}"]
         return arguments
 
+    def _albedos(self, rigs: Sequence[Any]) -> list[str]:
+        """The core's arguments for the albedos of the rigs' photos, where all of them have one."""
+        images = [one.estimate.albedo_image for one in rigs]
+        if self._frames or None in images:
+            return []
+        files = [image_file(image, "albedo", "estimate the normals again") for image in images]
+        return [argument for file in files for argument in ("--albedo", str(file))]
+
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         scene = self.scene(f"its texture is in {self._output}")
         turned = "; DirectX, so the material turns its green round for Blender" if self.convention == "DIRECTX" else ""
         if not self._frames:
             self.wear_result(scene, result)
             self.report({"INFO"}, f"{self.written(result)}{turned}")
+            colours = [
+                {**one, "output": one["albedo"], "tiles": one.get("albedo_tiles")}
+                for one in result["outputs"]
+                if "albedo" in one
+            ]
+            for image in loaded(colours, self._onto[0].name, "Albedo").values():
+                self.made(image)
+                self.report({"INFO"}, f'The albedo is baked too: image "{image.name}"')
             return
         (onto,) = self._onto
         target = same(bpy.data.objects, onto.uid)

@@ -95,7 +95,7 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
             raise InputError(f"the target is gone; its heights are in {self._output}")
         name = f"MPS {target.name} Height"
         if result["tiles"]:
-            image = load_tiles(self._output, result["tiles"], name)
+            image = load_tiles(self._output, result["tiles"], name, is_data=True)
         else:
             image = load_image(self._output, name, is_data=True)
             fine_preview(image, stretched=True)

@@ -221,8 +221,8 @@ def load_image(path: Path, name: str, *, is_data: bool) -> bpy.types.Image:
     return image
 
 
-def load_tiles(pattern: Path, numbers: Sequence[int], name: str) -> bpy.types.Image:
-    """UDIM tiles as one image of data, read anew where it is one already. pattern: their file, with <UDIM> in its name.
+def load_tiles(pattern: Path, numbers: Sequence[int], name: str, *, is_data: bool) -> bpy.types.Image:
+    """UDIM tiles as one image, read anew where it is one already. pattern: their file, with <UDIM> in its name.
 
     Tiles in a folder that goes when Blender quits are packed, as in :func:`load_image`.
 
@@ -232,7 +232,7 @@ def load_tiles(pattern: Path, numbers: Sequence[int], name: str) -> bpy.types.Im
     image = next((one for one in known if Path(bpy.path.abspath(one.filepath)) == pattern), None)
     if image is None:
         first = pattern.with_name(pattern.name.replace("<UDIM>", str(numbers[0])))
-        image = load_image(first, name, is_data=True)
+        image = load_image(first, name, is_data=is_data)
     if image.packed_file:
         image.unpack(method="REMOVE")
     image.source = "TILED"

@@ -97,21 +97,25 @@ class Worn:
         return self.images[min(slot, len(self.images) - 1)], self.uv_map
 
 
-def loaded(outputs: Sequence[Mapping[str, Any]], name: str) -> dict[tuple[str | None, str | None], Any]:
+def loaded(
+    outputs: Sequence[Mapping[str, Any]], name: str, colours: str = ""
+) -> dict[tuple[str | None, str | None], Any]:
     """The textures that the core tells of as images, by the names of the object and the material that they are for.
 
-    None stands for all of them; tiles are one image.
+    None stands for all of them; tiles are one image. colours: what the images are called, where they hold colours.
     """
     kinds: dict[tuple[str | None, str | None], list[Mapping[str, Any]]] = {}
     for output in outputs:
         kinds.setdefault((output.get("object"), output.get("material")), []).append(output)
     images = {}
     for key, files in kinds.items():
-        named = " ".join(["MPS", *filter(None, key)] if any(key) else ["MPS", name])
+        of_what = [*filter(None, key)] if any(key) else [name]
+        named = " ".join(filter(None, ["MPS", *of_what, colours]))
         if "tile" in files[0]:
-            images[key] = load_tiles(Path(files[0]["tiles"]), [file["tile"] for file in files], named)
+            numbers = [file["tile"] for file in files]
+            images[key] = load_tiles(Path(files[0]["tiles"]), numbers, named, is_data=not colours)
         else:
-            images[key] = load_image(Path(files[0]["output"]), named, is_data=True)
+            images[key] = load_image(Path(files[0]["output"]), named, is_data=not colours)
     return images
 
 

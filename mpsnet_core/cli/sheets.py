@@ -120,7 +120,7 @@ def write_textures(
 def told_textures(made: Sequence[Made]) -> dict[str, Any]:
     """What became of the textures as plain data: each one's file, what it is of, and the share of it that was seen.
 
-    tiles: the file's name for all tiles, with <UDIM> in it.
+    tiles, albedo_tiles: the file's name for all tiles, with <UDIM> in it.
     """
     outputs = []
     for one in made:
@@ -130,6 +130,8 @@ def told_textures(made: Sequence[Made]) -> dict[str, Any]:
             known["tiles"] = str(one.pattern)
         if one.albedo is not None:
             known["albedo"] = str(one.albedo)
+            if one.sheet.tile is not None:
+                known["albedo_tiles"] = str(albedo_file(one.pattern))
         outputs.append({"output": str(one.file), **known, "seen": round(one.seen / one.covered, 4)})
     return {"outputs": outputs, "seen": round(seen_share(made), 4)}
 

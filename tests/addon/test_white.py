@@ -30,6 +30,17 @@ def test_the_albedo_is_made_from_the_white_photo_and_shown(white, scene, tmp_pat
     assert scene.mps.estimate.albedo_image is None, "it is not of the normals beside it"
 
 
+@pytest.mark.parametrize("tiles", [False, True])
+def test_the_albedo_is_baked_beside_the_normals(white, photographed, tmp_path, tiles):
+    bpy.ops.mps.estimate(model="LAMBERTIAN", white=white, albedo=True, output=str(tmp_path / "n.png"))
+    bpy.ops.mps.bake(target=photographed.name, size=64, tiles=tiles, output=str(tmp_path / "t.png"))
+    image = bpy.data.images[f"MPS {photographed.name} Albedo"]
+    assert image.colorspace_settings.name == "sRGB" and image.source == ("TILED" if tiles else "FILE")
+    seen = read_albedo(image.filepath.replace("<UDIM>", "1001"))
+    found = np.median(seen[seen.any(axis=-1)], axis=0)
+    np.testing.assert_allclose(found / found.sum(), COLOUR / COLOUR.sum(), rtol=0.03)
+
+
 def test_another_white_photo_makes_the_estimate_out_of_date(white, scene, tmp_path):
     bpy.ops.mps.estimate(model="LAMBERTIAN", white=white, output=str(tmp_path / "n.png"))
     assert MPS_PT_estimate.state(bpy.context).kind is Kind.DONE
