@@ -195,7 +195,8 @@ def near_rig(positions: ArrayLike, target: ArrayLike, mixing: ArrayLike | None =
     mixing: (3, 3), as it is at the target; identity unless given.
     """
     near = NearLights(_matrix(positions, "light positions"), _three(target, "the lights' target"), lobe)
-    return LightRig(near.positions - near.target, np.eye(3) if mixing is None else np.asarray(mixing), near)
+    mixed = np.eye(3) if mixing is None else _matrix(mixing, "the mixing matrix")
+    return LightRig(near.positions - near.target, mixed, near)
 
 
 def read_rig(path: str | os.PathLike[str]) -> LightRig:

@@ -22,6 +22,8 @@ from mpsnet_core.surface.mikktspace import mikktspace_tangents
 MESH_FORMAT = "mpsnet-mesh"
 MESH_VERSION = 1
 MAX_MESH_BYTES = 4 << 30
+# In any unit: products of three such lengths are numbers still.
+MOST = 1e12
 # More corners than a modeller gives a face; fans of thin triangles from one corner make no texture.
 MAX_CORNERS = 4096
 
@@ -74,11 +76,9 @@ class Mesh:
                 raise InputError(f"the mesh's {name} are not numbers; export it again") from None
             if value.shape != shape:
                 raise InputError(f"the mesh's {name} have shape {value.shape}, expected {shape}; export it again")
-            if not np.isfinite(value).all():
-                raise InputError(f"the mesh's {name} hold a value that is not finite; mend the mesh")
+            _check_finite(name, value)
             object.__setattr__(self, name, value)
-        if self.triangles.min() < 0 or self.triangles.max() >= len(self.vertices):
-            raise InputError("the mesh's triangles name vertices that it does not have; export it again")
+        _check_numbers(self.triangles, points)
         scales = np.linalg.svd(self.world_from_object[:3, :3], compute_uv=False)
         if scales[-1] <= 1e-9 * scales[0]:
             raise InputError("the object is scaled to nothing in one direction; give it a scale above 0")
@@ -97,6 +97,16 @@ class Mesh:
     def world_vertices(self) -> NDArray[np.float64]:
         """(V, 3) vertices in world space."""
         return self.vertices @ self.world_from_object[:3, :3].T + self.world_from_object[:3, 3]
+
+
+def _check_finite(name: str, values: NDArray[Any]) -> None:
+    if not (np.abs(values) <= MOST).all():
+        raise InputError(f"the mesh's {name} hold a value that is not finite, or beyond {MOST:g}; mend the mesh")
+
+
+def _check_numbers(triangles: NDArray[Any], count: int) -> None:
+    if triangles.size and not 0 <= triangles.min() <= triangles.max() < count:
+        raise InputError("the mesh's triangles name vertices that it does not have; export it again")
 
 
 def read_mesh(path: str | os.PathLike[str], *, shape_only: bool = False) -> Mesh:
@@ -224,6 +234,7 @@ def _read_obj(path: Path, shape_only: bool) -> Mesh:
     if (vt < 0).any() and not shape_only:
         raise _without_uvs("its faces have" if (vt < 0).all() else "some of its faces have")
     vertices = np.array(values["v"])
+    _check_finite("vertices", vertices)
     normals = smooth_corner_normals(vertices, v)
     normals[vn >= 0] = np.array(values["vn"]).reshape(-1, 3)[vn[vn >= 0]]
     return Mesh(
@@ -273,6 +284,7 @@ def _read_with_trimesh(path: Path, shape_only: bool) -> Mesh:
     starts = np.cumsum([0] + [len(part[0]) for part in parts[:-1]])
     triangles = np.concatenate([part[1] + start for part, start in zip(parts, starts, strict=True)])
     vertices, normals, uvs = (np.concatenate([part[index] for part in parts]) for index in (0, 2, 3))
+    _check_finite("vertices", vertices)
     # These formats split vertices where UVs part; for smooth normals those at one place count as one.
     places, place = np.unique(vertices, axis=0, return_inverse=True)
     smooth = smooth_corner_normals(places, place.reshape(-1)[triangles])
@@ -301,6 +313,7 @@ def _placed(part: Any, pose: NDArray[np.float64], shape_only: bool) -> tuple[NDA
     """Vertices, triangles, normals (NaN where the file has none) and UVs of one of trimesh's meshes where it stands."""
     faces = np.asarray(getattr(part, "faces", np.empty((0, 3))), np.int32)
     vertices = np.asarray(part.vertices, np.float64)
+    _check_numbers(faces, len(vertices))
     uvs = getattr(part.visual, "uv", None) if len(faces) else np.empty((len(vertices), 2))
     if shape_only:
         uvs = np.zeros((len(vertices), 2))

@@ -167,7 +167,9 @@ def _array_changed(draw: st.DrawFn, data: bytes) -> bytes:
     elif way == "kind":
         arrays[name] = array.astype(draw(st.sampled_from(["U", "S5", "c16", "f2", "i1", "?", "u8"])))
     elif way == "shape":
-        arrays[name] = draw(st.sampled_from([array.ravel(), array[None], array[:0], np.array(7), array[..., None]]))
+        arrays[name] = draw(
+            st.sampled_from([array.ravel(), array[None], np.atleast_1d(array)[:0], np.array(7), array[..., None]])
+        )
     elif way == "empty":
         arrays[name] = np.empty((0, 3))
     elif array.dtype.kind in "fiu" and array.size:

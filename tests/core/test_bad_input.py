@@ -28,6 +28,7 @@ from networks import DENSE, card, conv, pass_through, random_weights, write_mode
 from onnx import TensorProto, helper
 from sphere_sample import sphere_sample
 from synthetic import diligent_object, mat_file, named, shaded_sphere, write_file, write_parts
+from test_mesh import glb
 
 from mpsnet_core import (
     Camera,
@@ -980,6 +981,11 @@ MESHES: list[Case] = [
         "a face of a hundred thousand corners",
         lambda b: read_mesh(b.text("m.obj", "v 0 0 0\nvt 0 0\nf" + " 1/1" * 100_000)),
         "m.obj: line 3 is a face of 100000 corners, more than 4096; triangulate it",
+    ),
+    (
+        "a GLB whose faces name vertices that it lacks",
+        lambda b: read_mesh(b.replaced(glb(b / "m.glb", normals=True), b"\2\0\0\0\3\0\0\0", b"\2\0\0\0\3\0\0\1")),
+        "m.glb: the mesh's triangles name vertices that it does not have; export it again",
     ),
     ("an archive", lambda b: read_mesh(b.mesh().rename(b / "m.zip")), "m.zip: .zip is not a mesh format we read"),
     ("a packed mesh", lambda b: read_mesh(b.bytes("m.obj.bz2", b"BZh")), ".bz2 is not a mesh format we read; use OBJ"),

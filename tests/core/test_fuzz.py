@@ -49,6 +49,7 @@ from mpsnet_core.synthesis.job import SampleJob, write_job
 from mpsnet_core.synthesis.reflectance.fits import read_fits
 from mpsnet_core.synthesis.sample import read_sample, write_sample
 from mpsnet_core.view_files import write_views
+from mpsnet_core.world_lights import WorldLights, write_world_lights
 
 MINUTES = float(os.environ.get("MPSNET_FUZZ_MINUTES", "0"))
 QUICK = 150
@@ -57,6 +58,7 @@ SIDE = 24
 SPHERE = shaded_sphere(SIDE)
 
 ESTIMATE = "estimate photo.exr --model lambertian -o o.png"
+VIEWS = "views --mesh mesh.npz --cameras views.json --model lambertian --size 16 -o o.png"
 BAKE = "bake --size 16 --margin 2 --view camera.json=normals.png -o o.png"
 # Command lines that work, by the file that each reads first and foremost; what it writes is called o*.
 READS = {
@@ -96,7 +98,8 @@ READS = {
     "binary/images.bin": "cameras binary --photos photos -o o",
     "cameras.xml": "cameras cameras.xml --photos photos -o o",
     "cameras.sfm": "cameras cameras.sfm --photos photos -o o",
-    "views.json": "views --mesh mesh.npz --cameras views.json --rig rig.json --model lambertian --size 16 -o o.png",
+    "views.json": f"{VIEWS} --rig rig.json",
+    "world.json": f"{VIEWS} --rig world.json --lights-in world",
     "sample.exr": "show sample.exr -o o.png",
     "job/job.json": "make job --processes 1",
     "pmsData/ballPNG/light_directions.txt": "evaluate diligent pmsData --lights 1,2,3 --model lambertian",
@@ -157,6 +160,7 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_file(here / "present.exr", np.full((16, 16, 3), (0.5, 0.5, 1.0)), "float")
     write_rig(here / "rig.json", SPHERE.rig)
     write_rig(here / "near.json", near_rig([[0, 2, 1], [-2, -1, 1], [2, -1, 1]], [0, 0, -5.0]))
+    write_world_lights(here / "world.json", WorldLights(SPHERE.rig.directions))
     write_lp(here / "rig.lp", SPHERE.rig.directions, list("abc"))
     write_lp(here / "lights.lp", np.vstack([SPHERE.rig.directions, [0, 0, 1]]), list("abcd"))
     camera = Camera("orthographic", SIDE, SIDE, (SIDE / 2.2,) * 2, None, pose)
