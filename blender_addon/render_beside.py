@@ -165,7 +165,7 @@ def render_job(folder: Path) -> int:
         scene = _opened(job)
         window = bpy.context.window_manager.windows[0]
         with bpy.context.temp_override(window=window), _telling(answers) as tell:
-            first = render(job.what, scene, Path(job.output), tell)
+            rendered = render(job.what, scene, Path(job.output), tell)
     except InputError as error:
         _answer(answers, error=" ".join(str(error).split()))
         return 2
@@ -174,7 +174,7 @@ def render_job(folder: Path) -> int:
         return 2
     except Cancelled:
         return EXIT_CANCELLED
-    _answer(answers, result={"output": str(first), "notes": kept_back()})
+    _answer(answers, result={"output": str(rendered.file), "notes": [*kept_back(), *rendered.notes]})
     return 0
 
 
