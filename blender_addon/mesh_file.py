@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import bpy
 import numpy as np
 from mathutils import Matrix
 from numpy.typing import NDArray
@@ -63,6 +64,7 @@ def begin_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: M
         raise InputError(f'"{obj.name}" is not a mesh but {obj.type.lower()}; convert it to a mesh first')
     if obj.mode == "EDIT":
         obj.update_from_editmode()
+    if obj.mode == "EDIT" or bpy.app.background:  # scripts may not tell what they changed; what is tagged is drawn anew
         obj.data.update_tag()
     with as_rendered(obj):
         depsgraph.update()

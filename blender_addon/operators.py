@@ -252,7 +252,7 @@ class RunsCore(SaysWhy):
         return {"RUNNING_MODAL"} if self.done(lambda: self._start(context)) else {"CANCELLED"}
 
     def _start(self, context: Any) -> None:
-        folder = TemporaryDirectory(prefix="mpsnet-")
+        folder, begun = TemporaryDirectory(prefix="mpsnet-"), time.monotonic()
         try:
             arguments, outputs = self._prepared(context, Path(folder.name))
         except BaseException:
@@ -264,7 +264,8 @@ class RunsCore(SaysWhy):
         self._job = _Job(folder, self._slices, lambda: CoreProcess(arguments, outputs, program), timer)
         _jobs.append(self._job)
         manager.mps.running, manager.mps.cancel = self.bl_idname, False  # MPS_OT_..., as Blender writes it
-        self._go_on(context)
+        if time.monotonic() - begun < SLICE_SECONDS:
+            self._go_on(context)
         self._show(context)
         manager.modal_handler_add(self)
 
@@ -298,7 +299,7 @@ class RunsCore(SaysWhy):
 
     def _show(self, context: Any) -> None:
         shown, process = context.window_manager.mps, self._job.process
-        progress, message = (process.progress, process.message) if process else (0.0, "reading the mesh")
+        progress, message = (process.progress, process.message) if process else (0.0, "starting")
         left = in_words(self._job.pace.left(time.monotonic(), progress))
         if (shown.progress, shown.message, shown.left) != (progress, message, left):
             shown.progress, shown.message, shown.left = progress, message, left

@@ -52,10 +52,10 @@ class _Renders(RunsCore):
         refuse_to_overwrite(verb_of(self.bl_idname), [output])
         self._notes = not_found(context.scene)
         with at_the_pointer(context.window_manager) as told:
-            first = render(what, context.scene, output, lambda done, of, words: told(done / of, words))
-        self._notes += kept_back()
+            rendered = render(what, context.scene, output, lambda done, of, words: told(done / of, words))
+        self._notes += [*kept_back(), *rendered.notes]
         self._made_from = self.made_from(context)
-        self._finished(context, {"output": str(first)})
+        self._finished(context, {"output": str(rendered.file)})
 
 
 class MPS_OT_render_photo(_Renders, PhotoSettings, bpy.types.Operator):

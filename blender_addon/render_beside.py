@@ -166,7 +166,7 @@ def render_job(folder: Path) -> int:
         scene = _opened(job)
         window = bpy.context.window_manager.windows[0]
         with bpy.context.temp_override(window=window), _telling(answers) as tell:
-            first = render(job.what, scene, Path(job.output), tell)
+            rendered = render(job.what, scene, Path(job.output), tell)
     except InputError as error:
         _answer(answers, error=str(error))
         return 2
@@ -178,7 +178,7 @@ def render_job(folder: Path) -> int:
     except Exception as error:  # noqa: BLE001
         _answer(answers, error=unforeseen(error, folder.parent))  # the folder itself goes
         return 1
-    _answer(answers, result={"output": str(first), "notes": kept_back()})
+    _answer(answers, result={"output": str(rendered.file), "notes": [*kept_back(), *rendered.notes]})
     return 0
 
 

@@ -1,7 +1,7 @@
 """The rig: three coloured lights and a camera around an object, and what they are as the core's nouns."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import bpy
@@ -143,16 +143,7 @@ def bounding_sphere(depsgraph: Any, objects: Iterable[Any]) -> tuple[Vector, flo
 
     Raises InputError where none of them has a surface.
     """
-    wanted = set(objects)
-    clouds = []
-    for instance in depsgraph.object_instances:
-        owner = instance.parent or instance.object
-        if owner.original not in wanted:
-            continue
-        points = _vertices(instance.object)
-        if len(points):
-            matrix = np.array(instance.matrix_world)
-            clouds.append(points @ matrix[:3, :3].T + matrix[:3, 3])
+    clouds = [points for _, points in surfaces(depsgraph, objects)]
     if not clouds:
         raise InputError("no selected object has a surface; select the mesh that the rig shall stand around")
     points = np.concatenate(clouds)
@@ -161,6 +152,17 @@ def bounding_sphere(depsgraph: Any, objects: Iterable[Any]) -> tuple[Vector, flo
     if radius == 0:
         raise InputError("the selected object is a single point; select a mesh with a surface")
     return Vector(centre), radius
+
+
+def surfaces(depsgraph: Any, objects: Iterable[Any]) -> Iterator[tuple[Any, NDArray[np.float64]]]:
+    """The surfaces of objects as modifiers and instances make them: whose, and the points (N, 3) in the world."""
+    wanted = set(objects)
+    for instance in depsgraph.object_instances:
+        owner = (instance.parent or instance.object).original
+        points = _vertices(instance.object) if owner in wanted else ()
+        if len(points):
+            matrix = np.array(instance.matrix_world)
+            yield owner, points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def _vertices(evaluated: Any) -> NDArray[np.float64]:

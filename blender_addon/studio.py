@@ -1,12 +1,15 @@
 """The studio: what the rig's camera sees of the scene under the rig's lights alone, and its true normals, rendered."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from itertools import combinations
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import bpy
+import numpy as np
+from numpy.typing import NDArray
 
 from mpsnet_core.camera import write_camera
 from mpsnet_core.errors import InputError
@@ -16,12 +19,14 @@ from mpsnet_core.rig import write_rig
 from .core_process import run
 from .operators import told_by
 from .outputs import beside, literally, render_path
-from .rig import light_rig, rig_parts, scene_camera, view_layer
+from .rig import light_rig, rig_parts, scene_camera, surfaces, view_layer
 
 # Called before each of Cycles's renders, with how many are done of how many, and words for the one that begins.
 Told = Callable[[int, int, str], None]
 
 _NORMAL_SAMPLES = 16
+# As a share of a box's diagonal: as much as the box of a low-poly object differs from that of the detailed one.
+_SAME_PLACE = 0.1
 
 
 # A photo, one of each frame, or the true normals of the photo's view.
@@ -32,19 +37,26 @@ def untold(done: int, renders: int, words: str) -> None:
     """Renders that nobody waits for."""
 
 
-def render(what: What, scene: Any, output: Path, told: Told = untold) -> Path:
-    """Render into a file, or frames into a folder, and give the file or the first frame's. Raises InputError."""
+class Rendered(NamedTuple):
+    """A file that was rendered, of frames the first; and what there is to say of it, in sentences."""
+
+    file: Path
+    notes: list[str]
+
+
+def render(what: What, scene: Any, output: Path, told: Told = untold) -> Rendered:
+    """Render into a file, or frames into a folder. Raises InputError."""
     if what == "frames":
         return render_frames(scene, output, told)
-    (render_photo if what == "photo" else render_normals)(scene, output, told)
-    return output
+    return (render_photo if what == "photo" else render_normals)(scene, output, told)
 
 
-def render_photo(scene: Any, path: Path, told: Told = untold) -> None:
+def render_photo(scene: Any, path: Path, told: Told = untold) -> Rendered:
     """Render what the rig's camera sees under the rig's lights alone, as a linear float EXR with alpha.
 
     Size and samples are those of ``scene.mps.photo``. The rig and the camera are written beside the photo, see
-    :func:`.outputs.beside`. Nothing in the .blend file changes.
+    :func:`.outputs.beside`. Nothing in the .blend file changes. The bake's target is not in the photo where something
+    else is in its place.
 
     Raises InputError where the rig is incomplete, something else shines, nothing is seen or the file cannot be written.
     """
@@ -52,6 +64,7 @@ def render_photo(scene: Any, path: Path, told: Told = untold) -> None:
     rig, photo = light_rig(scene), scene.mps.photo
     camera, _, lights = rig_parts(scene)
     with _studio(scene) as studio, TemporaryDirectory(prefix="mpsnet-") as folder:
+        notes = _leave_target_out(studio, scene.mps.bake)
         _refuse_other_light(studio)
         studio.cycles.samples = photo.samples
         # Each Cycles sample draws one of the lights by chance; with one light at a time there is no such noise.
@@ -68,10 +81,11 @@ def render_photo(scene: Any, path: Path, told: Told = untold) -> None:
             write_rig(beside(path, "rig"), rig)
             write_camera(beside(path, "camera"), scene_camera(camera, scene, (photo.width, photo.height)))
             run(["superpose", *map(str, parts), "--output", str(path)], [path])
+    return Rendered(path, notes)
 
 
-def render_frames(scene: Any, folder: Path, told: Told = untold) -> Path:
-    """:func:`render_photo` of each frame of the scene into `folder`, called by their numbers; gives the first's file.
+def render_frames(scene: Any, folder: Path, told: Told = untold) -> Rendered:
+    """:func:`render_photo` of each frame of the scene into `folder`, called by their numbers; gives the first.
 
     Raises InputError as that does.
     """
@@ -79,6 +93,7 @@ def render_frames(scene: Any, folder: Path, told: Told = untold) -> Path:
     digits = max(4, len(str(scene.frame_end)))
     numbers = range(scene.frame_start, scene.frame_end + 1)
     files = [folder / f"{folder.name}_{number:0{digits}d}.exr" for number in numbers]
+    rendered = []
     try:
         for place, (number, file) in enumerate(zip(numbers, files, strict=True)):
             scene.frame_set(number)
@@ -87,15 +102,15 @@ def render_frames(scene: Any, folder: Path, told: Told = untold) -> Path:
                 told(place * renders + done, len(files) * renders, f"frame {number}: {words}")
 
             try:
-                render_photo(scene, file, of_all)
+                rendered.append(render_photo(scene, file, of_all))
             except InputError as error:
                 raise InputError(f"frame {number}: {error}") from None
     finally:
         scene.frame_set(current, subframe=subframe)
-    return files[0]
+    return rendered[0]
 
 
-def render_normals(scene: Any, path: Path, told: Told = untold) -> None:
+def render_normals(scene: Any, path: Path, told: Told = untold) -> Rendered:
     """Render the true normals of the photo's view as a float multi-layer EXR, H x W as the photo.
 
     Channels ``ViewLayer.Normal.X``, ``.Y``, ``.Z`` hold the normal in WORLD space (rotate by the transpose of
@@ -106,11 +121,13 @@ def render_normals(scene: Any, path: Path, told: Told = untold) -> None:
     """
     render_path(path)
     with _studio(scene) as studio:
+        notes = _leave_target_out(studio, scene.mps.bake)
         studio.cycles.samples = _NORMAL_SAMPLES
         studio.cycles.max_bounces = 0
         studio.view_layers[0].use_pass_normal = True
         told(0, 1, "rendering the true normals")
         _render(studio, path, "OPEN_EXR_MULTILAYER")
+    return Rendered(path, notes)
 
 
 @contextmanager
@@ -165,6 +182,59 @@ def _rendered(layer: Any, special: str = "") -> Iterator[Any]:
         yield obj
     for child in layer.children:
         yield from _rendered(child, special)
+
+
+def _leave_target_out(studio: Any, bake: Any) -> list[str]:
+    """Take the object that is baked onto out of the studio where another, or several together, are in its place.
+
+    Gives a sentence for that, or where two are in one place and none of them is known as the target.
+    """
+    if bake.objects != "ACTIVE":
+        return []
+    clouds: dict[Any, list[NDArray[np.float64]]] = {}
+    for owner, points in surfaces(studio.view_layers[0].depsgraph, studio.objects):
+        clouds.setdefault(owner, []).append(np.stack([points.min(axis=0), points.max(axis=0)]))
+    # (2, 3) each: the lowest and the highest coordinates.
+    boxes = {obj: np.stack([np.min(ends, axis=0)[0], np.max(ends, axis=0)[1]]) for obj, ends in clouds.items()}
+    if bake.target is None:
+        return _two_in_one_place({obj: box for obj, box in boxes.items() if obj.type == "MESH"})
+    place = boxes.pop(bake.target, None)
+    if place is None:
+        return []
+    reach = _SAME_PLACE * np.linalg.norm(place[1] - place[0])
+    within = {
+        obj: box
+        for obj, box in boxes.items()
+        if (box[0] > place[0] - reach).all() and (box[1] < place[1] + reach).all()
+    }
+    if not within:
+        return []
+    ends = np.stack(list(within.values()))
+    if not _in_one_place(place, np.stack([ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)])):
+        return []
+    studio.collection.objects.unlink(bake.target)
+    studio.view_layers[0].update()
+    names = sorted(obj.name for obj in within)
+    others = f'"{names[0]}" is' if len(names) == 1 else f'"{names[0]}" and {len(names) - 1} more are'
+    return [f'"{bake.target.name}" is left out of the photo: it is the target of the bake, and {others} in its place']
+
+
+def _two_in_one_place(boxes: Mapping[Any, NDArray[np.float64]]) -> list[str]:
+    """A sentence where two objects are in one place."""
+    for one, other in combinations(boxes, 2):
+        if _in_one_place(boxes[one], boxes[other]):
+            return [
+                f'"{one.name}" and "{other.name}" are in one place and both in the photo; choose the one that is baked '
+                "onto as Target of the step Bake, and it is left out"
+            ]
+    return []
+
+
+def _in_one_place(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
+    """Whether two boxes (2, 3) are nearly one."""
+    reach = _SAME_PLACE * np.linalg.norm(one[1] - one[0])
+    # Most pairs of a scene with many objects are told apart by a single number.
+    return bool(abs(one[0, 0] - other[0, 0]) < reach and np.abs(one - other).max() < reach)
 
 
 def _refuse_other_light(studio: Any) -> None:

@@ -246,7 +246,8 @@ class MPS_PG_bake(BakeSettings, bpy.types.PropertyGroup):
 
     target: PointerProperty(
         name="Target",
-        description="Mesh object that gets the texture. Empty: the active object",
+        description="Mesh object that gets the texture. Empty: the active object. Photos that are rendered leave the "
+        "target out where the detailed object is in its place",
         type=bpy.types.Object,
         poll=lambda _, candidate: candidate.type == "MESH",
     )

@@ -25,7 +25,7 @@ class EstimateSettings:
         items=[
             (
                 "AUTO",
-                "Alpha or Find Object",
+                "Alpha or Find",
                 "The photo's alpha if it has one, as rendered photos do; else the object is found as by Find Object",
             ),
             (

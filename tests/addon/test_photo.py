@@ -6,6 +6,7 @@ import OpenImageIO as oiio
 import pytest
 
 from blender_addon.rig import light_rig, scene_camera
+from blender_addon.settings.record import notes_of
 from blender_addon.studio import render_normals
 from mpsnet_core.images import read_image, write_image
 
@@ -98,6 +99,48 @@ def test_what_the_scenes_render_hides_is_not_in_the_photo(sphere, scene, tmp_pat
     bpy.ops.mps.render_photo(width=16, height=16, samples=1, output=str(tmp_path / "photo.exr"))
     photo = pixels(tmp_path / "photo.exr")
     assert photo[:5, :5].any() and not photo[6:, 6:].any()
+
+
+def test_the_bakes_target_is_left_out_where_something_else_is_in_its_place(sphere, scene, tmp_path):
+    """A cube around the sphere that hides it, and a floor; the sphere of two halves; a cube that has no other."""
+    bpy.ops.mps.add_rig()
+    given = {"width": 32, "height": 32, "samples": 1}
+    bpy.ops.mesh.primitive_plane_add(size=20, location=(0, 0, -1.1))
+
+    def shot(name, verb="render_photo"):
+        getattr(bpy.ops.mps, verb)(**(given if verb == "render_photo" else {}), output=str(tmp_path / f"{name}.exr"))
+        return notes_of(scene, verb)
+
+    assert shot("alone") == []
+    alone = pixels(tmp_path / "alone.exr")
+    bpy.ops.mesh.primitive_cube_add(size=2.1)
+    low = bpy.context.object
+    both = '"Sphere" and "Cube" are in one place and both in the photo; choose the one that is baked onto as Target of'
+    assert shot("both")[0].startswith(both) and not np.allclose(pixels(tmp_path / "both.exr"), alone, atol=1e-3)
+
+    scene.mps.bake.target = low
+    left_out = '"Cube" is left out of the photo: it is the target of the bake, and "Sphere" is in its place'
+    assert shot("truth", "render_truth") == [left_out]
+    before = everything(scene)
+    assert shot("without") == [left_out]
+    np.testing.assert_allclose(pixels(tmp_path / "without.exr"), alone, atol=1e-5)
+    assert everything(scene) == before
+
+    # What the photo is of, baked onto itself, with the floor or something small beside it.
+    scene.mps.bake.target = sphere
+    bpy.data.objects.remove(low)
+    bpy.ops.mesh.primitive_cube_add(size=0.2, location=(0.5, 0, 0.2))
+    assert shot("itself") == []
+    assert pixels(tmp_path / "itself.exr")[16, 16, 3] == 1
+
+    bpy.data.objects.remove(bpy.context.object)
+    for side in (-1, 1):  # two parts that make one object
+        bpy.ops.mesh.primitive_cube_add(location=(side / 2, 0, 0))
+        bpy.context.object.scale = (0.5, 1, 1)
+        bpy.context.object.name = f"Half {side}"
+    assert shot("parts") == [
+        '"Sphere" is left out of the photo: it is the target of the bake, and "Half -1" and 1 more are in its place'
+    ]
 
 
 def test_a_photo_that_would_show_nothing_is_refused_and_the_one_before_it_stays(sphere, scene, tmp_path):

@@ -1,5 +1,7 @@
 """The panel in a real window: drawn, and clicked through as a person would."""
 
+import json
+
 import numpy as np
 import pytest
 from live import STEP, TITLE
@@ -61,6 +63,55 @@ def test_the_steps_run_beside_a_live_window(window, tmp_path):
     window.wait(lambda state: state["nodes"] == plain, 60, "undo of the bake")
     window.input("key", "ctrl+shift+z")
     window.wait(lambda state: "MPS Normal" in state["nodes"], 60, "redo of the bake")
+
+
+# Counts how often the viewport is drawn, and how often the sidebar is; a slice of a mesh fills a tick.
+COUNTING = """
+import sys
+bpy.app.driver_namespace["drawn"] = drawn = {"WINDOW": 0, "UI": 0}
+def count(region):
+    drawn[region] += 1
+for region in drawn:
+    bpy.types.SpaceView3D.draw_handler_add(count, (region,), region, "POST_PIXEL")
+addon = sys.modules[bpy.types.MPS_OT_cancel.__module__]
+addon.SLICE_SECONDS = 0
+bpy.ops.mesh.primitive_grid_add(x_subdivisions=400, y_subdivisions=400, location=(0, -2, 0), rotation=(1.5708, 0, 0))
+"""
+TELL = """
+import json
+with open({path!r}, "w") as file:
+    json.dump(bpy.app.driver_namespace["drawn"], file)
+"""
+
+
+def test_a_heavy_bake_leaves_the_viewport_undrawn_and_is_cancelled_before_it_began(window, tmp_path):
+    def drawn():
+        window.ask("run", TELL.format(path=str(tmp_path / "drawn.json")))
+        return json.loads((tmp_path / "drawn.json").read_text())
+
+    window.ask("invoke", "add_rig", {})
+    window.ask("invoke", "render_photo", {"width": 64, "height": 64, "samples": 1})
+    window.wait(lambda state: "MPS Photo" in state["images"] and not state["running"], 120, "photo")
+    window.ask("invoke", "estimate", {"model": "LAMBERTIAN"})
+    window.wait(lambda state: "MPS Normals" in state["images"] and not state["running"], 120, "normals")
+    window.ask("run", COUNTING)
+    window.input("mousemove", 300, 880, "sleep", "3")
+
+    texture = tmp_path / "texture.png"
+    window.ask("invoke", "bake", {"size": 2048, "output": str(texture)})
+    window.wait(lambda state: state["message"] == "starting", 60, "mesh that is handed over")
+    window.input("key", "Escape")
+    window.wait(lambda state: not state["running"], 60, "end of the cancelled bake")
+    assert not texture.exists() and not window.state["errors"].get("bake")
+
+    window.input("sleep", "3")
+    window.ask("invoke", "bake", {"size": 2048, "output": str(texture)})
+    before = window.wait(lambda state: state["progress"] > 0, 60, "running bake") and drawn()
+    window.wait(lambda state: state["progress"] > 0.5 or not state["running"], 120, "half of the bake")
+    after = drawn()
+    assert after["UI"] - before["UI"] >= 4
+    assert after["WINDOW"] - before["WINDOW"] <= 2  # `drawn` itself has it drawn
+    window.wait(lambda state: "MPS Grid" in state["images"] and not state["running"], 120, "texture")
 
 
 def test_a_photo_is_rendered_beside_a_live_window(window, album, tmp_path):

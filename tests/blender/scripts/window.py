@@ -70,6 +70,7 @@ def state():
         "errors": {record.name: record.error for record in bpy.context.scene.mps.records},
         "running": manager.mps.running,
         "progress": manager.mps.progress,
+        "message": manager.mps.message,
         "left": manager.mps.left,
     }
 
