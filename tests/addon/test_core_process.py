@@ -144,7 +144,8 @@ def test_taking_the_add_on_away_ends_what_it_runs(job, tmp_path):
     folder = TemporaryDirectory(dir=tmp_path)
     manager = bpy.context.window_manager
     timer = manager.event_timer_add(0.1, window=manager.windows[0])
-    running = operators._Job(CoreProcess(arguments, [output]), folder, timer)
+    running = operators._Job(folder, [], lambda: CoreProcess(arguments, [output]), timer)
+    running.go_on()
     operators._jobs.append(running)
     manager.mps.running = "MPS_OT_estimate"
     wait_for_writing(running.process, output.parent)
