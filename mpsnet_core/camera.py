@@ -14,8 +14,9 @@ CAMERA_FORMAT = "mpsnet-camera"
 CAMERA_VERSION = 1
 CAMERA_KEYS = ("projection", "width", "height", "focal", "centre", "world_from_camera")
 MAX_SIDE = 1_000_000
-# Pixels, pixels a world unit, and world units; what is computed of them stays a number.
+# Pixels and pixels a world unit, and world units; what is computed of them stays a number.
 MOST = 1e9
+FARTHEST = 1e12
 LEAST_FOCAL = 1e-6
 FULL_FRAME = 36.0  # mm, the longer side of what focal lengths are told for
 
@@ -50,12 +51,12 @@ class Camera:
         for what, size in (("width", self.width), ("height", self.height)):
             if isinstance(size, bool) or not isinstance(size, int | np.integer) or not 1 <= size <= MAX_SIDE:
                 raise InputError(f"the camera's {what} must be a whole number of pixels from 1 to {MAX_SIDE}")
-        focal = _numbers(self.focal, (2,), "focal")
+        focal = _numbers(self.focal, (2,), "focal", np.inf)
         if not ((focal >= LEAST_FOCAL) & (focal <= MOST)).all():
             raise InputError(f"the camera's focal must be above 0 in x and in y, {LEAST_FOCAL:g} to {MOST:g} pixels")
         middle = np.array([self.width / 2, self.height / 2])
-        centre = _numbers(middle if self.centre is None else self.centre, (2,), "centre")
-        pose = _numbers(self.world_from_camera, (4, 4), "world_from_camera")
+        centre = _numbers(middle if self.centre is None else self.centre, (2,), "centre", MOST)
+        pose = _numbers(self.world_from_camera, (4, 4), "world_from_camera", FARTHEST)
         turn = pose[:3, :3]
         rigid = np.allclose(turn.T @ turn, np.eye(3), atol=1e-4) and np.linalg.det(turn) > 0
         if not rigid or not np.allclose(pose[3], [0, 0, 0, 1]):
@@ -117,13 +118,15 @@ def camera_of_lens(focal_length: float, width: int, height: int) -> Camera:
     return Camera("perspective", width, height, np.full(2, focal_length / FULL_FRAME * max(width, height)))
 
 
-def _numbers(value: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float64]:
+def _numbers(value: ArrayLike, shape: tuple[int, ...], what: str, most: float) -> NDArray[np.float64]:
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         array = np.empty(0)
     if array.shape != shape or not np.isfinite(array).all():
         raise InputError(f"the camera's {what} must be {' by '.join(map(str, shape))} finite numbers")
+    if (np.abs(array) > most).any():
+        raise InputError(f"the camera's {what} holds a number beyond {most:g}; mend it")
     return array
 
 

@@ -340,7 +340,7 @@ def test_the_workshop_is_in_order(bench: Bench) -> None:
     assert not refused, "\n".join(f"{line}: {why}" for line, why in refused.items())
 
 
-@pytest.mark.filterwarnings("error")
+@pytest.mark.filterwarnings("error", "ignore::hypothesis.errors.HypothesisWarning")
 def test_spoilt_files(bench: Bench) -> None:
     @st.composite
     def cases(draw: st.DrawFn) -> Spoilt:
@@ -356,7 +356,7 @@ def test_spoilt_files(bench: Bench) -> None:
     hold(check, case=cases())
 
 
-@pytest.mark.filterwarnings("error")
+@pytest.mark.filterwarnings("error", "ignore::hypothesis.errors.HypothesisWarning")
 def test_odd_pixels(bench: Bench) -> None:
     pictures = sorted(name for name in READS if name.endswith(".exr") and name not in ("sample.exr", "height.exr"))
 
@@ -376,7 +376,7 @@ def test_odd_pixels(bench: Bench) -> None:
     hold(check, case=cases())
 
 
-@pytest.mark.filterwarnings("error")
+@pytest.mark.filterwarnings("error", "ignore::hypothesis.errors.HypothesisWarning")
 def test_odd_options(bench: Bench) -> None:
     lines = [line.split() for line in (*dict.fromkeys(READS.values()), *VERBS)]
 
@@ -399,7 +399,7 @@ def test_odd_options(bench: Bench) -> None:
     hold(check, line=cases())
 
 
-@pytest.mark.filterwarnings("error")
+@pytest.mark.filterwarnings("error", "ignore::hypothesis.errors.HypothesisWarning")
 def test_spoilt_files_of_the_library(bench: Bench) -> None:
     @st.composite
     def cases(draw: st.DrawFn) -> Spoilt:
