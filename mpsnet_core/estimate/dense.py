@@ -162,6 +162,7 @@ def _previous(answer: NDArray[Any], window: Window) -> Floats:
     )
     part = answer[rows, columns].astype(np.float32)
     there = (part[..., :3] != 0).any(axis=-1, keepdims=True)
+    part[..., :3] = normalised(part[..., :3])
     part[..., 3:] = (1 - part[..., 3:]) * RIGHT_ANGLE
     part = np.concatenate([part, np.ones_like(there, np.float32)], axis=-1) * there
     part = _doubled(_doubled(part, 0), 1)
