@@ -88,7 +88,7 @@ READS = {
     "albedo.png": f"{BAKE} --mesh mesh.npz --albedo albedo.png",
     "present.png": f"{BAKE} --mesh mesh.npz --onto present.png",
     "maps.json": f"{BAKE} --mesh mesh.npz --onto maps.json",
-    "height.json": "integrate normals.png --height height.exr",
+    "height.exr.json": "integrate normals.png --height height.exr",
     "wide.json": "integrate normals.png --camera wide.json --occlusion oo.png --relit or.png --method bilateral",
     "present.exr": "integrate present.exr --uvs mesh.obj --height o.png",
     "cloth.exr": "material cloth.exr --rig rig.json --pixel-size 0.1mm --overlap 0.3 -o o",
@@ -130,7 +130,7 @@ VERBS = [
 # What the library reads and no verb does, or no quick one.
 READERS: dict[str, Callable[[Path], Any]] = {
     "height.exr": read_height,
-    "height.json": lambda path: read_height(path.with_suffix(".exr")),
+    "height.exr.json": lambda path: read_height(path.with_suffix("")),
     "sample.exr": read_sample,
     "fits.npz": read_fits,
     "cameras.xml": read_cameras,
