@@ -521,7 +521,7 @@ IMAGES: list[Case] = [
     (
         "a link to itself",
         lambda b: b.estimate(mask=loop(b / "m.png")),
-        "m.png does not exist; check the path",
+        "mask …m.png does not exist",
     ),
     (
         "values whose squares no float holds",
