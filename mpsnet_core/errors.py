@@ -10,7 +10,7 @@ class InputError(Exception):
     Whatever a file or a path puts into it, it stays one readable line: see :func:`in_one_line`.
     """
 
-    def __init__(self, sentence: str) -> None:
+    def __init__(self, sentence: str = "") -> None:
         super().__init__(in_one_line(sentence))
 
 

@@ -100,8 +100,10 @@ class Mesh:
 
 
 def _check_finite(name: str, values: NDArray[Any]) -> None:
-    if not (np.abs(values) <= MOST).all():
-        raise InputError(f"the mesh's {name} hold a value that is not finite, or beyond {MOST:g}; mend the mesh")
+    if not np.isfinite(values).all():
+        raise InputError(f"the mesh's {name} hold a value that is not finite; mend the mesh")
+    if name != "uvs" and (np.abs(values) > MOST).any():
+        raise InputError(f"the mesh's {name} hold a value beyond {MOST:g}; mend the mesh")
 
 
 def _check_numbers(triangles: NDArray[Any], count: int) -> None:

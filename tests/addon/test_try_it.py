@@ -3,6 +3,7 @@
 import math
 import subprocess
 import sys
+import tempfile
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -127,10 +128,10 @@ def broken(context):
     raise ZeroDivisionError
 
 
-def test_a_defect_in_a_step_does_not_keep_the_add_on_busy(scene, pressed):
+def test_a_defect_in_a_step_does_not_keep_the_add_on_busy(scene, pressed, tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))  # its log's place
     pressed._left = [broken]
-    with pytest.raises(ZeroDivisionError):
-        tick(pressed)
+    assert tick(pressed) == {"CANCELLED"}
     assert bpy.ops.mps.try_it.poll()
 
 

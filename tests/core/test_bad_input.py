@@ -126,8 +126,9 @@ class Bench:
         return self.photo("photo.png", kind="uint8").rename(self / os.fsdecode(b"gr\xf6sse.png"))
 
     def gif(self, name: str) -> Path:
-        self.photo("p.gif", kind="uint8")
-        return (self / "p.gif").rename(self / name)
+        """One black pixel."""
+        head = b"GIF89a" + bytes((1, 0, 1, 0, 0x80, 0, 0)) + bytes(6)
+        return self.bytes(name, head + b"," + bytes((0, 0, 0, 0, 1, 0, 1, 0, 0, 2, 2, 0x44, 1, 0)) + b";")
 
     def turned_bit(self, byte: int) -> Path:
         """A PNG whose head says something else than its checksum."""
@@ -516,12 +517,12 @@ IMAGES: list[Case] = [
     (
         "an EXR that OpenImageIO complains of in letters that are no UTF-8",
         lambda b: read_image(b.replaced(b.photo(), b"chlist", b"chlis\x80")),
-        "photo.exr cannot be read as an image (a text in it is not UTF-8)",
+        "photo.exr cannot be read as an image",
     ),
     (
         "a link to itself",
         lambda b: b.estimate(mask=loop(b / "m.png")),
-        "m.png does not exist, and is none of",
+        "mask …m.png does not exist",
     ),
     (
         "values whose squares no float holds",
