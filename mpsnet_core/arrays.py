@@ -39,7 +39,13 @@ def read_arrays(path: Path, most: int) -> dict[str, NDArray[Any]]:
         if size <= most:
             with np.load(path, allow_pickle=False) as data:
                 arrays = {name: data[name] for name in data.files}
-            return {name: array for name, array in arrays.items() if isinstance(array, np.ndarray)}
+            return {name: _plain(name, array) for name, array in arrays.items() if isinstance(array, np.ndarray)}
     except _UNREADABLE as error:
         raise InputError(f"it cannot be read ({error}); export it again") from None
     raise InputError(f"it unpacks to {size / (1 << 20):.0f} MiB, and may to {most >> 20}; reduce it first")
+
+
+def _plain(name: str, array: NDArray[Any]) -> NDArray[Any]:
+    if array.dtype.kind not in "biufU":
+        raise InputError(f'its "{name}" holds neither numbers nor texts; export it again')
+    return array

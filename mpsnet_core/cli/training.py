@@ -9,7 +9,7 @@ from mpsnet_core.cli.arguments import Help, Verbs
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.shelf import find_network, shelf
-from mpsnet_core.files import writable_path
+from mpsnet_core.files import makeable_folder, writable_path
 from mpsnet_core.frames import check_apart
 
 log = logging.getLogger(__name__)
@@ -80,7 +80,7 @@ def _train(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     places = Places(
         checkpoint=writable_path(checkpoint),
         resume=_resumed(options.resume) if options.resume else None,
-        logs=Path(options.logs) if options.logs else None,
+        logs=makeable_folder(options.logs, "logs") if options.logs else None,
     )
     check_apart([checkpoint, *([places.resume] if places.resume else [])], [output])
     trained = train(

@@ -995,6 +995,7 @@ MESHES: list[Case] = [
         lambda b: read_mesh(locked(b)),
         "mesh.npz: it cannot be read (…encrypted…); export it again",
     ),
+    ("npz of complex numbers", lambda b: read_mesh(b.mesh(uvs=1j * SQUARE["uvs"])), '"uvs" holds neither numbers nor'),
     ("npz whose array has half a head", lambda b: read_mesh(half_a_head(b)), "mesh.npz: it cannot be read…export it"),
     (
         "PLY with a misspelled property",
@@ -1700,7 +1701,11 @@ if find_spec("torch"):
         ),
         ("model in no folder", lambda b: b.train("-o", b / "no" / "m.onnx"), "no does not exist; create it first"),
         ("checkpoint in no folder", lambda b: b.train("--checkpoint", b / "no" / "c"), "no does not exist; create it"),
-        ("logs in a file", lambda b: b.train("--logs", b.text("logs", "")), "logs: File exists; check the path"),
+        (
+            "logs in a file",
+            lambda b: b.train("--logs", b.text("logs", "")),
+            "logs is a file; name a folder for the logs",
+        ),
         (
             "unknown precision",
             lambda b: b.train("--precision", "int8"),
