@@ -19,8 +19,9 @@ def leave() -> None:
 import bpy  # noqa: E402
 
 import blender_addon  # noqa: E402
-from blender_addon.commands import COMMAND, EXIT_BAD_INPUT, main  # noqa: E402
+from blender_addon.commands import COMMAND, main  # noqa: E402
 from blender_addon.trust import preferences_trust  # noqa: E402
+from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_UNFORESEEN  # noqa: E402
 from mpsnet_core.unforeseen import unforeseen  # noqa: E402
 
 
@@ -44,6 +45,7 @@ def run(arguments: list[str]) -> int:
 try:
     code = run(sys.argv[1:])
 except Exception as error:  # noqa: BLE001
+    code = EXIT_UNFORESEEN
     sys.stderr.write(f"{COMMAND}: {unforeseen(error)}\n")
 except SystemExit as ended:  # argparse's
     code = ended.code if isinstance(ended.code, int) else 0 if ended.code is None else 1

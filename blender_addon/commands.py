@@ -10,6 +10,7 @@ from typing import Any, NoReturn
 
 import bpy
 
+from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_CANCELLED, EXIT_UNFORESEEN
 from mpsnet_core.errors import InputError, in_one_line
 from mpsnet_core.unforeseen import unforeseen
 
@@ -36,9 +37,6 @@ VERBS = (
     "make_material",
     "render_samples",
 )
-EXIT_UNFORESEEN = 1
-EXIT_BAD_INPUT = 2
-EXIT_CANCELLED = 130
 
 
 class _Parser(argparse.ArgumentParser):

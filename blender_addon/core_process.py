@@ -21,6 +21,7 @@ import bpy
 import numpy
 
 import mpsnet_core
+from mpsnet_core.cli import EXIT_CANCELLED
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.files import remove_unfinished
 
@@ -122,7 +123,7 @@ class CoreProcess:
         _clear(self.pid, self._folders)
         if "error" in self._said.answer:
             raise InputError(self._said.answer["error"])
-        if code == 130:
+        if code == EXIT_CANCELLED:
             raise Cancelled
         words = self._said.last_words[-1] if self._said.last_words else "it said nothing"
         raise CoreCrashed(f"{self._name} ended unexpectedly (exit code {code}); its last words: {words}")

@@ -30,6 +30,7 @@ import bpy
 import numpy as np
 from bpy.app.handlers import render_stats
 
+from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_CANCELLED, EXIT_UNFORESEEN
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.unforeseen import unforeseen
 
@@ -42,7 +43,6 @@ from .trust import asked_for_this_run, kept_back
 
 JOB_FILE = "render.json"
 TELL_SECONDS = 0.5
-EXIT_CANCELLED = 130
 
 _REMAINING = re.compile(r"Remaining: ?(?:(\d+):)?(\d+):(\d+\.\d+)")  # as Cycles writes hours, minutes and seconds
 # A render that takes longer than it should have never looks done.
@@ -169,15 +169,15 @@ def render_job(folder: Path) -> int:
             rendered = render(job.what, scene, Path(job.output), tell)
     except InputError as error:
         _answer(answers, error=str(error))
-        return 2
+        return EXIT_BAD_INPUT
     except OSError as error:
         _answer(answers, error=f"{error.filename or job.output}: {error.strerror or error}; check the path")
-        return 2
+        return EXIT_BAD_INPUT
     except Cancelled:
         return EXIT_CANCELLED
     except Exception as error:  # noqa: BLE001
         _answer(answers, error=unforeseen(error, folder.parent))  # the folder itself goes
-        return 1
+        return EXIT_UNFORESEEN
     _answer(answers, result={"output": str(rendered.file), "notes": [*kept_back(), *rendered.notes]})
     return 0
 

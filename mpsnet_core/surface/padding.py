@@ -18,8 +18,9 @@ PADDINGS: tuple[Padding, ...] = ("nearest", "push-pull", "none")
 def padded(
     vectors: NDArray[np.float32], covered: NDArray[np.bool_], padding: Padding, margin: int
 ) -> NDArray[np.float32]:
-    """Unit vectors (S, S, 3) with texels beyond the covered ones filled, in place where nothing else is needed; those
-    that are covered stay as they are.
+    """Unit vectors (S, S, 3) with texels beyond the covered ones filled; those that are covered stay as they are.
+
+    The array that is given may be the one that is filled and returned: a copy of a large texture takes much memory.
 
     padding: "nearest" continues the islands by `margin` texels with their nearest texel's vector; "push-pull" fills
     the whole texture, smoothly; "none" leaves it.

@@ -10,7 +10,7 @@ import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
@@ -245,6 +245,13 @@ class Spoilt:
     data: Any = field(repr=False)
 
 
+@st.composite
+def spoilt_files(draw: st.DrawFn, workshop: Path, names: Mapping[str, Any]) -> Spoilt:
+    """One of the workshop's files, not quite as it is."""
+    name = draw(st.sampled_from(sorted(names)))
+    return Spoilt(name, draw(spoilt(workshop / name)))
+
+
 class Bench:
     """Copies of the workshop, in which one case after the other is tried."""
 
@@ -342,18 +349,13 @@ def test_the_workshop_is_in_order(bench: Bench) -> None:
 
 @pytest.mark.filterwarnings("error", "ignore::hypothesis.errors.HypothesisWarning")
 def test_spoilt_files(bench: Bench) -> None:
-    @st.composite
-    def cases(draw: st.DrawFn) -> Spoilt:
-        name = draw(st.sampled_from(sorted(READS)))
-        return Spoilt(name, draw(spoilt(bench.workshop / name)))
-
     def check(case: Spoilt) -> None:
         here = bench.copy()
         _put(here / case.name, case.data)
         bench.run(here, READS[case.name].split())
         bench.leave(here)
 
-    hold(check, case=cases())
+    hold(check, case=spoilt_files(bench.workshop, READS))
 
 
 @pytest.mark.filterwarnings("error", "ignore::hypothesis.errors.HypothesisWarning")
@@ -401,11 +403,6 @@ def test_odd_options(bench: Bench) -> None:
 
 @pytest.mark.filterwarnings("error", "ignore::hypothesis.errors.HypothesisWarning")
 def test_spoilt_files_of_the_library(bench: Bench) -> None:
-    @st.composite
-    def cases(draw: st.DrawFn) -> Spoilt:
-        name = draw(st.sampled_from(sorted(READERS)))
-        return Spoilt(name, draw(spoilt(bench.workshop / name)))
-
     def check(case: Spoilt) -> None:
         here = bench.copy()
         _put(here / case.name, case.data)
@@ -416,7 +413,7 @@ def test_spoilt_files_of_the_library(bench: Bench) -> None:
         assert bench._capfd.readouterr() == ("", "")
         bench.leave(here)
 
-    hold(check, case=cases())
+    hold(check, case=spoilt_files(bench.workshop, READERS))
 
 
 def _options(line: list[str]) -> list[str]:
