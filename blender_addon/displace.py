@@ -22,7 +22,7 @@ from .displaced import (
 from .made_for import keep_wearers
 from .made_from import Ingredients, chosen, stamp
 from .mesh_file import DISPLACE, begin_mesh
-from .nodes import TEXTURE_NODE
+from .nodes import TEXTURE_NODE, present_node
 from .operators import same
 from .outputs import ending_wins, fine_preview, image_file, load_image, load_tiles, output_path, remembered, tile_files
 from .settings.declared import take_given
@@ -145,7 +145,7 @@ def _texture_of(target: Any) -> Any:
 
 def _textures(materials: Iterable[Any]) -> set[Any]:
     trees = (material.node_tree for material in materials if material and material.node_tree)
-    return {tree.nodes[TEXTURE_NODE].image for tree in trees if TEXTURE_NODE in tree.nodes} - {None}
+    return {node.image for tree in trees if (node := present_node(tree, TEXTURE_NODE))} - {None}
 
 
 def _size(target: Any) -> float:

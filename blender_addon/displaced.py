@@ -8,8 +8,8 @@ import bpy
 
 from mpsnet_core.errors import InputError
 
-from .mesh_file import DISPLACE, SUBDIVISION
-from .nodes import BEFORE_NODE, DISPLACEMENT_NODE, HEIGHT_NODE, NORMAL_NODE, UV_NODE, own_node
+from .mesh_file import DISPLACE, MODIFIERS, SUBDIVISION, TRIAL, present_modifier
+from .nodes import BEFORE_NODE, DISPLACEMENT_NODE, HEIGHT_NODE, NORMAL_NODE, UV_NODE, own_node, present_node
 
 # Kept with a material: its displacement method before it wore heights.
 _METHOD_BEFORE = "mpsnet_displacement_method"
@@ -25,10 +25,10 @@ def subdivide(target: Any, kind: str, levels: int, rendered: int, name: str = SU
     if not levels:
         no_modifier(target, name)
         return
-    modifier = target.modifiers.get(name)
+    modifier = present_modifier(target, name)
     if modifier is None:
-        modifier = target.modifiers.new(name, "SUBSURF")
-        if DISPLACE in target.modifiers:  # which moves the vertices that there are by then
+        modifier = _new_modifier(target, name)
+        if present_modifier(target, DISPLACE):  # which moves the vertices that there are by then
             target.modifiers.move(len(target.modifiers) - 1, target.modifiers.find(DISPLACE))
     modifier.subdivision_type = kind
     modifier.levels, modifier.render_levels = levels, rendered
@@ -40,11 +40,11 @@ def subdivide(target: Any, kind: str, levels: int, rendered: int, name: str = SU
 @contextmanager
 def subdivided(target: Any, kind: str, levels: int) -> Iterator[None]:
     """Within, the object is subdivided by one more modifier."""
-    subdivide(target, kind, levels, levels, "MPS Trial")
+    subdivide(target, kind, levels, levels, TRIAL)
     try:
         yield
     finally:
-        no_modifier(target, "MPS Trial")
+        no_modifier(target, TRIAL)
 
 
 def move_by_modifier(target: Any, image: Any, uv_map: str, strength: float, midlevel: float) -> None:
@@ -52,7 +52,7 @@ def move_by_modifier(target: Any, image: Any, uv_map: str, strength: float, midl
 
     strength, midlevel: the heights' in the object's own units.
     """
-    modifier = target.modifiers.get(DISPLACE) or target.modifiers.new(DISPLACE, "DISPLACE")
+    modifier = present_modifier(target, DISPLACE) or _new_modifier(target, DISPLACE)
     texture = modifier.texture
     # A duplicate of the object has the same texture.
     if texture is None or texture.type != "IMAGE" or texture.users > 1:
@@ -66,9 +66,16 @@ def move_by_modifier(target: Any, image: Any, uv_map: str, strength: float, midl
 
 def no_modifier(target: Any, name: str) -> None:
     """Take a modifier off the object, where it has one of that name."""
-    modifier = target.modifiers.get(name)
+    modifier = present_modifier(target, name)
     if modifier is not None:
         target.modifiers.remove(modifier)
+
+
+def _new_modifier(target: Any, name: str) -> Any:
+    """A modifier of that name after all others; one of another kind gives the name up."""
+    if name in target.modifiers:
+        target.modifiers[name].name = "Modifier"
+    return target.modifiers.new(name, MODIFIERS[name])
 
 
 # --- materials --------------------------------------------------------------------------------------------------------
@@ -113,15 +120,16 @@ def wear_heights(material: Any, image: Any, uv_map: str, strength: float, midlev
 def take_heights_off(material: Any) -> list[str]:
     """Take the heights off a material, and give what displaced it before its place back; gives that node's name."""
     tree, output = material.node_tree, _output_of(material)
-    for node in [tree.nodes[name] for name in (DISPLACEMENT_NODE, HEIGHT_NODE) if name in tree.nodes]:
-        tree.nodes.remove(node)
-    method, kept = material.pop(_METHOD_BEFORE, None), tree.nodes.get(BEFORE_NODE)
+    for node in [present_node(tree, name) for name in (DISPLACEMENT_NODE, HEIGHT_NODE)]:
+        if node is not None:
+            tree.nodes.remove(node)
+    method, kept = material.pop(_METHOD_BEFORE, None), present_node(tree, BEFORE_NODE)
     before = [link.from_socket for link in kept.inputs[0].links] if kept is not None else []
     if kept is not None:
         tree.nodes.remove(kept)
     if output is None or output.inputs["Displacement"].is_linked:  # somebody has linked another since
         return []
-    if method is not None:
+    if isinstance(method, str) and method in material.bl_rna.properties["displacement_method"].enum_items:
         material.displacement_method = method
     for socket in before:
         tree.links.new(socket, output.inputs["Displacement"])
@@ -138,8 +146,8 @@ def undisplaced(target: Any) -> bool:
     Left on where the normal map was left on beside it.
     """
     materials = [slot.material for slot in target.material_slots if slot.material and slot.material.node_tree]
-    displacing = [material for material in materials if DISPLACEMENT_NODE in material.node_tree.nodes]
-    if (DISPLACE not in target.modifiers and not displacing) or any(map(_shows_normals, materials)):
+    displacing = [material for material in materials if present_node(material.node_tree, DISPLACEMENT_NODE)]
+    if (not present_modifier(target, DISPLACE) and not displacing) or any(map(_shows_normals, materials)):
         return False
     for name in (DISPLACE, SUBDIVISION):
         no_modifier(target, name)
@@ -150,14 +158,14 @@ def undisplaced(target: Any) -> bool:
 
 def _shows_normals(material: Any) -> bool:
     """Whether a baked normal map in tangent space is linked to a shader."""
-    normal = material.node_tree.nodes.get(NORMAL_NODE)
+    normal = present_node(material.node_tree, NORMAL_NODE)
     return normal is not None and normal.space == "TANGENT" and normal.outputs["Normal"].is_linked
 
 
 def show_normals(material: Any, shown: bool) -> bool:
     """Link the baked normal map to the material's shaders, or take it off; True where it was there and is off now."""
     tree = material.node_tree
-    normal = tree.nodes.get(NORMAL_NODE)
+    normal = present_node(tree, NORMAL_NODE)
     if normal is None:
         return False
     for shader in tree.nodes:

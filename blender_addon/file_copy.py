@@ -17,11 +17,14 @@ def save_copy(path: Path, *, compress: bool, mend: str) -> None:
     """
     preferences = bpy.context.preferences
     changed, preview = preferences.is_dirty, preferences.filepaths.file_preview_type
+    packing = bpy.data.use_autopack
     try:
+        bpy.data.use_autopack = False  # it would pack what the open file uses, too, and fail where that is gone
         preferences.filepaths.file_preview_type = "NONE"
         bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, compress=compress)
     except RuntimeError as error:
         raise InputError(f"cannot write {path} ({told_by(error)}); {mend}") from None
     finally:
+        bpy.data.use_autopack = packing
         preferences.filepaths.file_preview_type = preview
         preferences.is_dirty = changed  # else Blender would save the preferences when it quits

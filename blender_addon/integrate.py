@@ -1,6 +1,7 @@
 """The heights of what the photo shows: as a file, as a mesh where the camera saw it, and as pictures."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -72,8 +73,10 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
     def _place(self, context: Any, image: Any, folder: Path) -> list[str]:
         """The camera that took the photo, and how far the object is from it."""
         scene = context.scene
-        lens = remembered(image, "lens")
-        seen = seen_through(scene, image, scene.mps.estimate.lens if lens is None else float(lens), folder)
+        lens = scene.mps.estimate.lens
+        with suppress(ValueError):
+            lens = float(remembered(image, "lens") or lens)
+        seen = seen_through(scene, image, lens, folder)
         if self.distance:
             return [*seen, "--distance", f"{self.distance:.9g}"]
         target = scene.mps.bake.target or context.view_layer.objects.active

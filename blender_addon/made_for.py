@@ -11,10 +11,10 @@ import bpy
 from mpsnet_core.errors import InputError
 from mpsnet_core.surface.texture_names import tile_patterns
 
-from .mesh_file import DISPLACE
-from .nodes import HEIGHT_NODE, TEXTURE_NODE
+from .mesh_file import DISPLACE, present_modifier
+from .nodes import HEIGHT_NODE, TEXTURE_NODE, present_node
 from .operators import same
-from .outputs import remember, remembered
+from .outputs import from_json, remember, remembered
 from .present_map import Part, parts_of
 from .textures import TILE, Onto, Worn
 
@@ -81,7 +81,7 @@ def refuse_anothers(files: Mapping[Path, Collection[Any]]) -> None:
 
 
 def _meant(image: Any, obj: Any) -> bool:
-    return obj.data.name in json.loads(remembered(image, "onto") or "[]") and obj.data.library == image.library
+    return obj.data.name in from_json(remembered(image, "onto"), list) and obj.data.library == image.library
 
 
 def _placed() -> set[Any]:
@@ -103,7 +103,8 @@ def _holds(file: Path, path: Path, image: Any) -> bool:
 def _images_on(obj: Any) -> Iterator[Any]:
     """What an object wears of bakes and displacements."""
     trees = [slot.material.node_tree for slot in obj.material_slots if slot.material and slot.material.node_tree]
-    yield from (tree.nodes[name].image for tree in trees for name in (TEXTURE_NODE, HEIGHT_NODE) if name in tree.nodes)
-    modifier = obj.modifiers.get(DISPLACE)
+    names = (TEXTURE_NODE, HEIGHT_NODE)
+    yield from (node.image for tree in trees for name in names if (node := present_node(tree, name)))
+    modifier = present_modifier(obj, DISPLACE)
     if modifier and modifier.texture and modifier.texture.type == "IMAGE":
         yield modifier.texture.image

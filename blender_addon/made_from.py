@@ -19,13 +19,12 @@ from numpy.typing import ArrayLike
 
 from mpsnet_core.errors import InputError
 
-from .outputs import remembered
+from .outputs import from_json, origin, remember, remembered
 
 Ingredients = dict[str, str]
 
-_MADE = "mpsnet_made"
-_MADE_BY = "mpsnet_made_by"
-_MADE_FROM = "mpsnet_made_from"
+# Kept with the image.
+_MADE, _MADE_BY, _MADE_FROM = "made", "made_by", "made_from"
 
 # What later steps take from those who make it.
 _TAKEN_ON = {"render_photo": "photo", "open_photo": "photo", "superpose": "photo", "estimate": "normals"}
@@ -55,8 +54,9 @@ def stamp(image: bpy.types.Image | None) -> str:
     """
     if image is None:
         return ""
-    path = Path(remembered(image, "source") or bpy.path.abspath(image.filepath, library=image.library))
-    return f"{path.name} {image.get(_MADE, '')} {image.packed_file.size if image.packed_file else _size(path)}"
+    path = origin(image)
+    size = image.packed_file.size if image.packed_file else _size(path)
+    return f"{path.name} {remembered(image, _MADE) or ''} {size}"
 
 
 def file_stamp(path: str) -> str:
@@ -95,13 +95,14 @@ def rounded(values: ArrayLike, decimals: int) -> str:
 
 def keep_made_from(image: bpy.types.Image, verb: str, ingredients: Ingredients) -> None:
     """Note with an image that it was made now, by which operator ("estimate" for ``mps.estimate``), and of what."""
-    image[_MADE], image[_MADE_BY] = datetime.now().isoformat(), verb
-    image[_MADE_FROM] = json.dumps(ingredients)
+    kept = {_MADE: datetime.now().isoformat(), _MADE_BY: verb, _MADE_FROM: json.dumps(ingredients)}
+    for what, text in kept.items():
+        remember(image, what, text)
 
 
 def made_by(image: bpy.types.Image) -> str:
     """The operator that made an image; "" where none is known."""
-    return str(image.get(_MADE_BY, ""))
+    return remembered(image, _MADE_BY) or ""
 
 
 def refuse_to_overwrite(verb: str, outputs: Iterable[Path]) -> None:
@@ -114,7 +115,7 @@ def refuse_to_overwrite(verb: str, outputs: Iterable[Path]) -> None:
         what = _TAKEN_ON.get(made_by(image), "")
         if not image.users or what in ("", _TAKEN_ON.get(verb)):
             continue
-        path = Path(remembered(image, "source") or bpy.path.abspath(image.filepath, library=image.library))
+        path = origin(image)
         if path.resolve() in files:
             raise InputError(f'the result would overwrite {path}, the {what} "{image.name}"; choose another output')
 
@@ -124,19 +125,14 @@ def changed_since(image: bpy.types.Image, ingredients: Ingredients) -> list[str]
 
     What is not known of both times counts as unchanged.
     """
-    try:
-        before = json.loads(image.get(_MADE_FROM, "{}"))
-    except ValueError:
-        return []
-    if not isinstance(before, dict):
-        return []
+    before = from_json(remembered(image, _MADE_FROM), dict)
     return [name for name, text in ingredients.items() if before.get(name, text) != text]
 
 
 def made_when(image: bpy.types.Image) -> str:
     """When an image was made, in words for the panel: "14:32", or with its day where that was another; "" unknown."""
     try:
-        made = datetime.fromisoformat(image.get(_MADE, ""))
+        made = datetime.fromisoformat(remembered(image, _MADE) or "")
     except ValueError:
         return ""
     today = made.date() == datetime.now().date()

@@ -28,7 +28,8 @@ _SHOWN_AND_RENDERED = (
     ("viewport_resolution", "resolution"),
 )
 # What `mps.displace` gives an object. Textures are baked onto the object without them, and heights are of that.
-SUBDIVISION, DISPLACE = "MPS Subdivision", "MPS Displace"
+SUBDIVISION, DISPLACE, TRIAL = "MPS Subdivision", "MPS Displace", "MPS Trial"
+MODIFIERS = {SUBDIVISION: "SUBSURF", DISPLACE: "DISPLACE", TRIAL: "SUBSURF"}
 
 _ROWS_A_SLICE = 100_000
 
@@ -125,6 +126,12 @@ def _written(path: Path, arrays: Mapping[str, _Array]) -> Slices:
                     yield
 
 
+def present_modifier(obj: Any, name: str) -> Any:
+    """The object's modifier of that name, None where there is none; one of another kind has the name by chance."""
+    found = obj.modifiers.get(name)
+    return found if found is not None and found.type == MODIFIERS[name] else None
+
+
 @contextmanager
 def as_rendered(obj: Any) -> Iterator[None]:
     """Within, the object's modifiers show in the viewport, and so in the dependency graph, what a render shows; without
@@ -132,7 +139,7 @@ def as_rendered(obj: Any) -> Iterator[None]:
     kept = []
     try:
         for modifier in obj.modifiers:
-            if modifier.name in (SUBDIVISION, DISPLACE):
+            if modifier in (present_modifier(obj, SUBDIVISION), present_modifier(obj, DISPLACE)):
                 wanted = {"show_viewport": False}
             else:
                 wanted = {

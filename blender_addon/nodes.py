@@ -9,9 +9,27 @@ HEIGHT_NODE, DISPLACEMENT_NODE, BEFORE_NODE = "MPS Height", "MPS Displacement", 
 UV_NODE = "MPS UV"
 
 
-def own_node(tree: Any, name: str, kind: str, x: float, y: float) -> Any:
-    """The tree's node of that name, made at a place where there is none."""
+_KINDS = {
+    TEXTURE_NODE: "ShaderNodeTexImage",
+    GREEN_NODE: "ShaderNodeVectorMath",
+    NORMAL_NODE: "ShaderNodeNormalMap",
+    HEIGHT_NODE: "ShaderNodeTexImage",
+    DISPLACEMENT_NODE: "ShaderNodeDisplacement",
+    BEFORE_NODE: "NodeReroute",
+}
+
+
+def present_node(tree: Any, name: str) -> Any:
+    """The tree's node of that name, None where there is none; a node of another kind has the name by chance."""
     found = tree.nodes.get(name)
+    return found if found is not None and found.bl_idname == _KINDS[name] else None
+
+
+def own_node(tree: Any, name: str, kind: str, x: float, y: float) -> Any:
+    """The tree's node of that name, made at a place where there is none; a node of another kind gives the name up."""
+    found = tree.nodes.get(name)
+    if found is not None and found.bl_idname != kind:
+        found.name, found = found.bl_label, None
     if found is None:
         found = tree.nodes.new(kind)
         found.name = found.label = name

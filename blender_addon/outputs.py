@@ -1,8 +1,11 @@
 """Where files go, and how they come into Blender as images."""
 
+import json
 import re
+import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any, TypeVar
 
 import bpy
 import numpy as np
@@ -13,6 +16,8 @@ from mpsnet_core.files import PHOTO_SUFFIXES, made_folder, writable_path
 from mpsnet_core.rig import read_rig
 
 from .preferences import output_folder
+
+Kept = TypeVar("Kept", list[Any], dict[str, Any])
 
 _NOT_IN_NAMES = re.compile(r"[^\w-]")
 FORMATS = {"PNG": "png", "TIFF": "tif", "EXR": "exr"}
@@ -96,6 +101,17 @@ def output_frames(given: str, name: str) -> Path:
     if not lasting(folder):
         raise InputError("no folder is named for the frames; name one, or save this file and they go beside it")
     return made_folder(folder, "frames")
+
+
+def may_open(given: str | Path) -> bool:
+    """Whether a path is a folder or a page: what the system opens otherwise it may run, and a file named it."""
+    path = Path(bpy.path.abspath(str(given)))
+    try:
+        if path.is_dir():
+            return sys.platform != "darwin" or not path.suffix  # macOS runs folders with an ending
+        return path.suffix.lower() == ".html" and path.is_file()
+    except OSError:  # a name may be too long
+        return False
 
 
 def lasting(folder: Path) -> bool:
@@ -188,7 +204,17 @@ def remember(image: bpy.types.Image, what: str, text: str | None) -> None:
 
 def remembered(image: bpy.types.Image, what: str) -> str | None:
     """The text that :func:`remember` kept, or None."""
-    return image.get(f"mpsnet_{what}")
+    text = image.get(f"mpsnet_{what}")
+    return text if isinstance(text, str) else None  # a file may hold anything by that name
+
+
+def from_json(text: str | None, kind: type[Kept]) -> Kept:
+    """What was kept as JSON; an empty one where it is of another kind or none at all, as a hostile file may have it."""
+    try:
+        found = json.loads(text or "null")
+    except (ValueError, RecursionError):
+        found = None
+    return found if isinstance(found, kind) else kind()
 
 
 def load_image(path: Path, name: str, *, is_data: bool) -> bpy.types.Image:
@@ -309,15 +335,20 @@ def _folder_to_unpack(image: bpy.types.Image) -> Path:
     return folder
 
 
+def origin(image: bpy.types.Image) -> Path:
+    """The file that an image shows: its own, or the camera raw file that its own was made of."""
+    source = remembered(image, "source")
+    if source is not None and Path(source).is_absolute():
+        return Path(source)
+    return Path(bpy.path.abspath(image.filepath, library=image.library))
+
+
 def image_file(image: bpy.types.Image | None, what: str, mend: str) -> Path:
     """The file an image comes from. Raises InputError where there is no image or it has no file on disk."""
     if image is None:
         raise InputError(f"there is no {what} yet; {mend}")
-    source = remembered(image, "source")
-    if source is not None:
-        return Path(source)
-    path = Path(bpy.path.abspath(image.filepath, library=image.library))
-    if image.packed_file and not path.is_file():
+    path = origin(image)
+    if image.packed_file and remembered(image, "source") is None and not path.is_file():
         # What was painted and packed never had a name.
         unnamed = f"{file_name(what)}.{'exr' if image.file_format == 'OPEN_EXR' else 'png'}"
         path = _folder_to_unpack(image) / (path.name or unnamed)

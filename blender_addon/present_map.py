@@ -11,7 +11,7 @@ import bpy
 from mpsnet_core.errors import InputError
 from mpsnet_core.surface.map_list import ListedMap, write_map_list
 
-from .nodes import GREEN_NODE, NORMAL_NODE, TEXTURE_NODE
+from .nodes import GREEN_NODE, NORMAL_NODE, TEXTURE_NODE, present_node
 from .operators import same
 from .outputs import image_file, tile_files
 from .textures import MATERIAL, OBJECT, TILE, Onto
@@ -146,7 +146,7 @@ def _normal_maps(target: Any, onto: Onto, part: Part) -> Iterator[Any]:
         if material not in (None, label):
             continue
         if tree:
-            baked = tree.nodes.get(NORMAL_NODE)
+            baked = present_node(tree, NORMAL_NODE)
             taken_off = [baked] if baked and _before(baked, "Color") else []
             yield from list(_shaders_normal_maps(tree)) or taken_off
 
@@ -169,7 +169,7 @@ def _source(normal: Any, uv_map: str, rendered: str) -> tuple[Any, str]:
     """
     convention = getattr(normal, "convention", "OPENGL")  # from Blender 5.2 on
     texture = _before(normal, "Color")
-    if texture is not None and texture.name == GREEN_NODE:
+    if texture is not None and texture == present_node(normal.id_data, GREEN_NODE):
         convention, texture = "DIRECTX", _before(texture, 0)
     if texture is None or texture.type != "TEX_IMAGE" or texture.image is None:
         raise InputError(f"the present normal map does not come straight from an image texture; {_BY_FILE}")
@@ -178,9 +178,9 @@ def _source(normal: Any, uv_map: str, rendered: str) -> tuple[Any, str]:
             raise InputError(f'the present normal map is on UV map "{placed}"; bake onto that one')
     if texture.name == TEXTURE_NODE:
         base = texture.image.get(_BASE)
-        if base is None:
+        if not isinstance(base, bpy.types.Image):
             raise InputError(f'the only normal map is "{texture.image.name}", which was baked here; {_BY_FILE}')
-        return base, texture.image[_BASE_CONVENTION]
+        return base, "DIRECTX" if texture.image.get(_BASE_CONVENTION) == "DIRECTX" else "OPENGL"
     if normal.space != "TANGENT":
         raise InputError(f'the present normal map "{texture.image.name}" is not in tangent space; {_BY_FILE}')
     strength = normal.inputs["Strength"]

@@ -4,6 +4,7 @@ import json
 import math
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any
 
 import bpy
@@ -11,6 +12,7 @@ from bpy.app.handlers import persistent
 from mathutils import Euler, Matrix, Vector
 
 from .operators import SaysWhy
+from .outputs import from_json
 from .rig import bounding_sphere
 from .rigs import all_rigs
 
@@ -92,7 +94,7 @@ def _end(context: Any) -> None:
         if shading.type == _SHADING["type"] and all(
             _alike(getattr(shading, name), _SHADING[name]) for name in _SHADING
         ):
-            _set(shading, json.loads(settings.shading))
+            _set(shading, from_json(settings.shading, dict))
     settings.shading = ""
 
 
@@ -124,9 +126,9 @@ def _alike(one: Any, other: Any) -> bool:
 
 
 def _set(shading: Any, values: dict[str, Any]) -> None:
-    shading.type = values["type"]  # what else can be set depends on it
-    for name, value in values.items():
-        setattr(shading, name, value)
+    for name in _SHADING:  # the type first: what else can be set depends on it
+        with suppress(KeyError, TypeError, ValueError):  # as a hostile file may have kept them
+            setattr(shading, name, values[name])
 
 
 _swung_at = 0.0  # time.monotonic()

@@ -187,7 +187,7 @@ def load_raw(path: Path) -> bpy.types.Image:
     shown = Path(bpy.app.tempdir) / f"{path.stem}.exr"
     run(["superpose", str(path), "--output", str(shown)], [shown])
     image = load_photo(shown, path.stem)
-    remember(image, "source", str(path))
+    remember(image, "source", str(path.absolute()))
     for what in ("rig", "camera"):
         remember(image, what, read_beside(path, what))
     return image

@@ -85,7 +85,7 @@ def written_job(context: Any, what: What, output: Path, folder: Path) -> list[st
     save_copy(copy, compress=False, mend="make room for a copy of this file")
     caches = original.with_name(f"blendcache_{original.stem}")  # beside a file and called after it, as the copy is
     if bpy.data.filepath and caches.is_dir():
-        shutil.copytree(caches, folder / caches.name)
+        shutil.copytree(caches, folder / caches.name, ignore=_no_files)
     job = RenderJob(
         str(copy),
         what,
@@ -99,6 +99,12 @@ def written_job(context: Any, what: What, output: Path, folder: Path) -> list[st
     )
     (folder / JOB_FILE).write_text(json.dumps(asdict(job)), encoding="utf-8")
     return [str(folder)]
+
+
+def _no_files(folder: str, names: list[str]) -> list[str]:
+    """What cannot be copied to an end: pipes, devices, and links to folders, which may lead back."""
+    paths = {name: Path(folder, name) for name in names}
+    return [name for name, path in paths.items() if not path.is_file() and (path.is_symlink() or not path.is_dir())]
 
 
 def _only_in_memory(image: bpy.types.Image) -> bool:

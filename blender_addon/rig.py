@@ -274,6 +274,8 @@ def rig_parts(scene: Any) -> tuple[Any, Any, list[Any]]:
     if settings.target not in in_scene:
         raise InputError("the rig's target was deleted; add the rig again")
     lights = [light.object for light in settings.lights]
+    if len(lights) != len(COLOURS):
+        raise InputError(f"the rig has {len(lights)} lights, not a red, a green and a blue one; add the rig again")
     for colour, light in zip(COLOURS, lights, strict=True):
         if light is None or light not in in_scene or light.type != "LIGHT":
             raise InputError(f"the rig's {colour.lower()} light was deleted; add the rig again")
@@ -326,11 +328,14 @@ def scene_camera(camera: Any, scene: Any, size: tuple[int, int] | None = None) -
 
     size: width and height of the picture in pixels, which are square; the scene's own resolution unless given.
 
-    Raises InputError for a panoramic camera and for one that its parents shear.
+    Raises InputError for a panoramic or custom camera and for one that its parents shear.
     """
     data = camera.data
     if data.type not in {"PERSP", "ORTHO"}:
-        raise InputError(f'camera "{camera.name}" is panoramic; make it orthographic or perspective in its properties')
+        raise InputError(
+            f'camera "{camera.name}" is panoramic or has a shader of its own; make it orthographic or perspective in '
+            "its properties"
+        )
     render = scene.render
     if size is None:
         width = int(render.resolution_x * render.resolution_percentage / 100)

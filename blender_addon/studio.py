@@ -145,6 +145,8 @@ def _studio(scene: Any) -> Iterator[Any]:
             studio.collection.objects.link(obj)
         studio.camera = camera
         studio.frame_set(scene.frame_current, subframe=scene.frame_subframe)
+        # As it is in this frame: animation may change its type, too, and a custom camera is a shader that would run.
+        scene_camera(camera.evaluated_get(studio.view_layers[0].depsgraph), scene)
         studio.view_layers[0].name = "ViewLayer"
         render = studio.render
         render.engine = "CYCLES"
@@ -153,7 +155,7 @@ def _studio(scene: Any) -> Iterator[Any]:
         render.use_compositing = render.use_sequencer = False
         render.use_simplify = False
         cycles = studio.cycles
-        cycles.device = scene.cycles.device
+        cycles.device = scene.cycles.device or "CPU"  # "" where the file has one that there is not
         cycles.use_denoising = cycles.use_adaptive_sampling = False
         cycles.sample_clamp_indirect = 0.0
         yield studio

@@ -7,7 +7,7 @@ from mpsnet_core.errors import InputError
 
 from .displaced import undisplaced
 from .made_for import keep_wearers
-from .nodes import GREEN_NODE, NORMAL_NODE, TEXTURE_NODE, UV_NODE, own_node
+from .nodes import GREEN_NODE, NORMAL_NODE, TEXTURE_NODE, UV_NODE, own_node, present_node
 from .outputs import remember
 from .textures import Worn, own_materials
 
@@ -67,8 +67,8 @@ def wear(material: Any, image: Any, uv_map: str, space: str, convention: str) ->
         turn.inputs[1].default_value, turn.inputs[2].default_value = (1, -1, 1), (0, 1, 0)
         links.new(colour, turn.inputs[0])
         colour = turn.outputs["Vector"]
-    elif GREEN_NODE in nodes:
-        nodes.remove(nodes[GREEN_NODE])
+    elif turn := present_node(material.node_tree, GREEN_NODE):
+        nodes.remove(turn)
     links.new(colour, normal.inputs["Color"])
     before = [link.from_node for shader in shaders for link in shader.inputs["Normal"].links]
     for shader in shaders:

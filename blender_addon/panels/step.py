@@ -15,6 +15,7 @@ import bpy
 
 from ..made_from import changed_since, made_by, made_when, seen_lately
 from ..operators import SaysWhy, verb_of
+from ..outputs import may_open
 from ..settings.record import error_of, notes_of
 from .text import fitted, wrapped
 
@@ -159,7 +160,8 @@ class Step(bpy.types.Panel):
         row = self.layout.row()
         when = made_when(image)
         row.label(text=fitted(f"{when}  {path.name}" if when else path.name, take=1.5))
-        row.operator("wm.path_open", text="", icon="FILE_FOLDER", emboss=False).filepath = str(path.parent)
+        if may_open(path.parent):
+            row.operator("wm.path_open", text="", icon="FILE_FOLDER", emboss=False).filepath = str(path.parent)
 
 
 def _operator(verb: str) -> Any:

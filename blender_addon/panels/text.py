@@ -6,6 +6,8 @@ from typing import Any
 import blf
 import bpy
 
+from mpsnet_core.errors import LONGEST, in_one_line
+
 # What stands left and right of a label besides its text, in Blender's unit of widgets (20 pixels at scale 1): the
 # panel's and a box's margins, the label's own, and the tabs at the region's edge.
 _BESIDE = 3.2
@@ -33,7 +35,7 @@ def lines(sentence: str, width: float, measure: Callable[[str], float]) -> list[
     """Break a sentence at its spaces into lines up to `width` wide; a longer word, a path, where it has to."""
     broken: list[str] = []
     line = ""
-    for word in sentence.split():
+    for word in in_one_line(sentence).split():
         longer = f"{line} {word}" if line else word
         if measure(longer) <= width:
             line = longer
@@ -50,7 +52,7 @@ def lines(sentence: str, width: float, measure: Callable[[str], float]) -> list[
 
 def shortened(text: str, width: float, measure: Callable[[str], float]) -> str:
     """The text with as much of its middle as must go replaced by "…"."""
-    for kept in range(len(text), 1, -1):
+    for kept in range(min(len(text), LONGEST), 1, -1):
         head = kept - kept // 2
         shorter = text if kept == len(text) else f"{text[:head]}…{text[len(text) - kept // 2 :]}"
         if measure(shorter) <= width:

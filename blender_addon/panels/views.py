@@ -3,6 +3,7 @@
 from typing import Any
 
 from ..made_from import made_by
+from ..outputs import may_open
 from ..views import background
 from .step import Step
 from .text import wrapped
@@ -41,7 +42,7 @@ class MPS_PT_views(Step):
         wrapped(self.layout, "Model as in 3 Estimate; target, size and file as in 4 Bake")
         self.progress_or(context, "bake_views", "CAMERA_STEREO")
         self.picture(self.result(context))
-        if views.report_file:
+        if views.report_file and may_open(views.report_file):
             self.layout.operator("wm.path_open", text="Open Report", icon="URL").filepath = views.report_file
 
 

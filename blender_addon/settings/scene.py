@@ -4,6 +4,7 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from ..trust import is_ticked, tick
+from . import unknown
 from .bake import MPS_PG_bake
 from .calibrate import MPS_PG_calibrate
 from .displace import MPS_PG_displace
@@ -90,9 +91,11 @@ def register() -> None:
         bpy.utils.register_class(cls)
     bpy.types.Scene.mps = PointerProperty(type=MPS_PG_scene)
     bpy.types.WindowManager.mps = PointerProperty(type=MPS_PG_job)
+    unknown.register()
 
 
 def unregister() -> None:
+    unknown.unregister()
     del bpy.types.WindowManager.mps
     del bpy.types.Scene.mps
     for cls in reversed(CLASSES):

@@ -299,7 +299,7 @@ CASES = [
     (light_in_the_target, 'light "MPS Red" stands in the rig\'s target'),
     (lights_in_a_plane, "lie (nearly) in one plane"),
     (lights_off, "the rig's lights are all black"),
-    (panorama, "is panoramic; make it orthographic or perspective"),
+    (panorama, "is panoramic or has a shader of its own; make it orthographic or perspective"),
     (no_photo, "Render or open a photo first"),
     (photo_without_file, 'the photo "Painted" has no file on disk'),
     (photo_gone, "has no file on disk"),

@@ -1,0 +1,56 @@
+"""Settings as a .blend file has them may be none that can be set: it is a later version's, or somebody made it so."""
+
+from typing import Any
+
+import bpy
+from bpy.app.handlers import persistent
+
+
+@persistent
+def take_back_unknown(*_: Any) -> None:
+    """Give settings of the open file that nobody could have set in the panel their defaults.
+
+    Called when a file is opened or linked, so that whatever reads a setting can take it for one of its own.
+    """
+    for scene in bpy.data.scenes:
+        _take_back(scene.mps)
+        if scene.mps.chosen_rig >= len(scene.mps.rigs):
+            scene.mps.property_unset("chosen_rig")
+
+
+def _take_back(group: Any) -> None:
+    for setting in group.bl_rna.properties:
+        name = setting.identifier
+        if setting.type == "COLLECTION":
+            for item in getattr(group, name):
+                _take_back(item)
+        elif setting.type == "POINTER":
+            if name != "rna_type" and isinstance(inner := getattr(group, name), bpy.types.PropertyGroup):
+                _take_back(inner)
+        elif group.is_property_set(name) and not _can_be(group, setting):
+            group.property_unset(name)
+
+
+def _can_be(group: Any, setting: Any) -> bool:
+    try:
+        value = getattr(group, setting.identifier)
+    except UnicodeDecodeError:
+        return False
+    if setting.type == "ENUM":
+        return setting.is_enum_flag or bool(value)  # "" where the file's number is of no item
+    if setting.type in {"INT", "FLOAT"}:
+        return bool(setting.hard_min <= value <= setting.hard_max)  # not so for what is no number
+    return True
+
+
+_HANDLERS = (bpy.app.handlers.load_post, bpy.app.handlers.blend_import_post)
+
+
+def register() -> None:
+    for handlers in _HANDLERS:
+        handlers.append(take_back_unknown)
+
+
+def unregister() -> None:
+    for handlers in _HANDLERS:
+        handlers.remove(take_back_unknown)
