@@ -260,6 +260,15 @@ def test_between_two_slices_the_window_goes_on_and_cancel_leaves_nothing(heavy, 
     assert len(started) == 1 and not list(tmp_path.iterdir())
 
 
+def test_a_texture_is_read_when_it_is_shown(estimated, scene, tmp_path):
+    """To read 4096² pixels takes half a second."""
+    for _ in range(2):  # the second time the image is there already
+        bpy.ops.mps.bake(size=32, output=str(tmp_path / "texture.png"))
+        image = scene.mps.bake.image
+        assert not image.has_data
+        assert tuple(image.size) == (32, 32) and image.has_data
+
+
 def test_the_window_is_drawn_before_a_long_slice(scene, tmp_path, monkeypatch):
     monkeypatch.setattr(operators, "SLICE_SECONDS", 60)
     manager, done = bpy.context.window_manager, []
