@@ -1,6 +1,7 @@
 """The bake: normals seen by the camera become a texture on the target's UVs, and its material wears it."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from mpsnet_core.surface.presets import PRESETS
 from .made_for import FRAME, files_for, refuse_anothers
 from .made_from import Ingredients, chosen, rounded, stamp
 from .mesh_file import BegunMesh, begin_mesh
+from .moving import CAMERAS, MESHES, Moving
 from .operators import RunsCore, same
 from .outputs import (
     FORMATS,
@@ -258,29 +260,21 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
 
     def _write_place(self, context: Any, folder: Path, target: Any, normals_image: Any) -> tuple[str, str]:
         """Write mesh and camera for a sequence: as they stand, or for each frame where they shall move along."""
-        scene, moving = context.scene, remembered(normals_image, "camera") is None
-
-        def write(mesh: str, camera: str) -> None:
-            context.view_layer.update()
-            begun = begin_mesh(folder / mesh, target, context.evaluated_depsgraph_get(), self.uv_map)
-            if self.animated:
-                begun.whole()  # the memory would not hold the copies of all frames
-            else:
-                self.later(begun.slices)
-            self._onto = [_onto(target, begun)]
-            self._write_camera(scene, folder / camera, normals_image)
-
+        scene, camera = context.scene, "camera.json"
         if not self.animated:
-            write("mesh.npz", "camera.json")
-            return str(folder / "mesh.npz"), str(folder / "camera.json")
-        current = scene.frame_current
-        try:
-            for number in self._frames:
-                scene.frame_set(number)
-                write(f"mesh_{number:06d}.npz", f"camera_{number:06d}.json" if moving else "camera.json")
-        finally:
-            scene.frame_set(current)
-        return str(folder / "mesh_######.npz"), str(folder / ("camera_######.json" if moving else "camera.json"))
+            context.view_layer.update()
+            begun = begin_mesh(folder / "mesh.npz", target, context.evaluated_depsgraph_get(), self.uv_map)
+        else:
+            place = Moving(folder, scene.session_uid, target.session_uid, self.uv_map)
+            if remembered(normals_image, "camera") is None:
+                seen_by, camera = rig_camera(scene), CAMERAS
+                place = replace(place, camera=seen_by.session_uid, size=picture_size(normals_image))
+            begun = place.begin(self._frames)
+        self.later(begun.slices)
+        self._onto = [_onto(target, begun)]
+        if camera != CAMERAS:
+            self._write_camera(scene, folder / camera, normals_image)
+        return str(folder / (MESHES if self.animated else "mesh.npz")), str(folder / camera)
 
     def _other_rigs(self, scene: Any) -> list[Any]:
         """The scene's rigs that are not chosen and have normals."""

@@ -27,8 +27,9 @@ SLICE_SECONDS = 0.03
 TELL_SECONDS = 10.0
 CANCELLED = "cancelled"
 
-# Work of which each step is short enough for a live window to wait for; to close it gives it up.
-Slices = Generator[None, None, None]
+# Work of which each step is short enough for a live window to wait for; to close it gives it up. It yields whether the
+# next step is a long one, before which the window is drawn.
+Slices = Generator[bool, None, None]
 
 log = logging.getLogger(__name__)
 
@@ -151,8 +152,8 @@ class _Job:
         """Do what fits between two redraws of the window; after the last slice the process starts."""
         until = time.monotonic() + SLICE_SECONDS
         while self.slices:
-            for _ in self.slices[0]:
-                if time.monotonic() > until:
+            for is_long in self.slices[0]:
+                if is_long or time.monotonic() > until:
                     return
             del self.slices[0]
         self.process = self.start()

@@ -180,6 +180,9 @@ def load_photo(path: Path, name: str) -> bpy.types.Image:
     """
     known = {what: read_beside(path, what) for what in _READERS}
     image = load_image(path, name, is_data=False)
+    if not image.size[0]:
+        bpy.data.images.remove(image)
+        raise InputError(f"cannot read {path}: it is not an image or is damaged; export it again")
     for what, text in known.items():
         remember(image, what, text)
     return image
@@ -218,13 +221,13 @@ def from_json(text: str | None, kind: type[Kept]) -> Kept:
 
 
 def load_image(path: Path, name: str, *, is_data: bool) -> bpy.types.Image:
-    """The file as an image of Blender's, read anew where it is one already.
+    """The file as an image of Blender's, which reads its pixels, anew where it is one already, when it shows them.
 
     A file in Blender's temporary folder, which goes when Blender quits, is packed into the .blend file as well.
 
     is_data: its colours are numbers, not light: no colour space is applied.
 
-    Raises InputError where Blender cannot read it.
+    Raises InputError where Blender cannot open it.
     """
     try:
         image = bpy.data.images.load(str(path), check_existing=True)
@@ -237,9 +240,6 @@ def load_image(path: Path, name: str, *, is_data: bool) -> bpy.types.Image:
     if is_data:  # said before its pixels are read: 4.5 does not convert them again
         image.colorspace_settings.is_data = True
     image.reload()
-    if not image.has_data and not image.size[0]:
-        bpy.data.images.remove(image)
-        raise InputError(f"cannot read {path}: it is not an image or is damaged; export it again")
     image.name = name
     if image.preview:  # else the panel goes on showing what the file held before
         image.preview.reload()

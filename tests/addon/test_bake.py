@@ -3,6 +3,7 @@
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import bmesh
 import bpy
 import numpy as np
 import pytest
@@ -185,6 +186,28 @@ def test_the_mesh_file_is_the_evaluated_mesh(scene, tmp_path):
     assert np.allclose(tangents[..., :3].mean(1), direction, atol=2e-2)
 
 
+def uneven_faces():
+    """Triangles, quads that Blender splits along either diagonal, and n-gons, of which some are not convex."""
+    bpy.ops.mesh.primitive_monkey_add()
+    mesh, rng = bmesh.new(), np.random.default_rng(5)
+    mesh.from_mesh(bpy.context.object.data)
+    for vertex in mesh.verts:
+        vertex.co += Vector(rng.normal(0, 0.05, 3))
+    bmesh.ops.dissolve_edges(mesh, edges=mesh.edges[:][::5])
+    mesh.to_mesh(bpy.context.object.data)
+    mesh.free()
+    return bpy.context.object
+
+
+def test_triangles_are_blenders_own(scene, tmp_path):
+    obj, graph = uneven_faces(), bpy.context.evaluated_depsgraph_get()
+    begin_mesh(tmp_path / "mesh.npz", obj, graph, None).whole()
+    mesh = obj.evaluated_get(graph).data
+    assert {3, 4} < {len(polygon.vertices) for polygon in mesh.polygons}
+    expected = [triangle.vertices[:] for triangle in mesh.loop_triangles]
+    np.testing.assert_array_equal(read_mesh(tmp_path / "mesh.npz").triangles, expected)
+
+
 @pytest.fixture
 def heavy(scene):
     """A grid of more triangles than a slice holds."""
@@ -235,6 +258,33 @@ def test_between_two_slices_the_window_goes_on_and_cancel_leaves_nothing(heavy, 
     for one in (cancelled, whole):
         one.leave(manager)
     assert len(started) == 1 and not list(tmp_path.iterdir())
+
+
+def test_a_texture_is_read_when_it_is_shown(estimated, scene, tmp_path):
+    """To read 4096² pixels takes half a second."""
+    for _ in range(2):  # the second time the image is there already
+        bpy.ops.mps.bake(size=32, output=str(tmp_path / "texture.png"))
+        image = scene.mps.bake.image
+        assert not image.has_data
+        assert tuple(image.size) == (32, 32) and image.has_data
+
+
+def test_the_window_is_drawn_before_a_long_slice(scene, tmp_path, monkeypatch):
+    monkeypatch.setattr(operators, "SLICE_SECONDS", 60)
+    manager, done = bpy.context.window_manager, []
+
+    def slices():
+        for name, is_next_long in (("short", False), ("short", True), ("long", True), ("long", False)):
+            done.append(name)
+            yield is_next_long
+
+    timer = manager.event_timer_add(0.1, window=bpy.context.window)
+    job = operators._Job(TemporaryDirectory(dir=tmp_path), [slices()], lambda: done.append("started"), timer)
+    for until in (["short", "short"], ["long"], ["long", "started"]):
+        done.clear()
+        job.go_on()
+        assert done == until
+    manager.event_timer_remove(timer)
 
 
 def linked_sphere(folder):

@@ -7,7 +7,11 @@ import bpy
 import numpy as np
 import pytest
 
+from blender_addon.mesh_file import begin_mesh
+from blender_addon.moving import Moving
 from blender_addon.outputs import frame_pattern
+from mpsnet_core.camera import read_camera
+from mpsnet_core.errors import InputError
 from mpsnet_core.images import read_image, write_image
 from mpsnet_core.normals import read_normals
 from mpsnet_core.rig import published_rig, write_rig
@@ -160,6 +164,53 @@ def test_the_texture_may_follow_the_animation(moving, scene, tmp_path):
         assert 0.3 < before.mean() < 0.6
         moved = max((np.roll(before, shift, axis=1) == after).mean() for shift in (16, -16))
         assert moved > 0.9 > 0.7 > (before == after).mean()
+
+
+@pytest.fixture
+def waving(scene, tmp_path):
+    """A grid that a modifier bends anew at each frame, before a camera that moves, at frame 3.5."""
+    scene.frame_set(3, subframe=0.5)
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=9, y_subdivisions=9)
+    grid = bpy.context.object
+    grid.modifiers.new("Wave", "WAVE")
+    bpy.ops.object.camera_add(location=(0, 0, 5))
+    camera = bpy.context.object
+    for number in NUMBERS:
+        camera.location.x = number
+        camera.keyframe_insert("location", frame=number)
+    return Moving(tmp_path, scene.session_uid, grid.session_uid, "", camera.session_uid, (40, 30))
+
+
+def test_only_the_first_frame_is_read_at_once_and_the_person_sees_none(waving, scene, tmp_path):
+    begun, grid = waving.begin(NUMBERS), bpy.data.objects["Grid"]
+    assert begun.uv_map == "UVMap" and not (tmp_path / "camera_000009.json").exists()
+    longs = 0
+    for is_long in begun.slices:
+        longs += is_long
+        assert (scene.frame_current, scene.frame_subframe) == (3, 0.5)
+        grid.name, scene.name = f"renamed {longs}", f"renamed {longs}"
+        bpy.context.window.scene = bpy.data.scenes.new("Another")
+    assert longs == len(NUMBERS) - 1
+    bpy.context.window.scene = scene
+    shapes = []
+    for number in NUMBERS:
+        scene.frame_set(number)
+        begin_mesh(tmp_path / "expected.npz", grid, bpy.context.evaluated_depsgraph_get(), "").whole()
+        with np.load(tmp_path / f"mesh_{number:06d}.npz") as found, np.load(tmp_path / "expected.npz") as expected:
+            for name in set(found.files) - {"materials", "objects"}:  # they have the names of the time
+                np.testing.assert_array_equal(found[name], expected[name])
+            shapes.append(found["vertices"])
+        assert read_camera(tmp_path / f"camera_{number:06d}.json").world_from_camera[0, 3] == pytest.approx(number)
+    assert all(np.abs(one - other).max() > 0.01 for one, other in itertools.pairwise(shapes))
+
+
+@pytest.mark.parametrize("gone", ["target", "camera"])
+def test_what_is_deleted_while_frames_are_read_is_told(waving, tmp_path, gone):
+    slices = waving.begin(NUMBERS).slices
+    next(slices)
+    bpy.data.objects.remove(bpy.data.objects["Grid" if gone == "target" else "Camera"])
+    with pytest.raises(InputError, match=f"the {gone} was deleted before all frames were read; undo that"):
+        list(slices)
 
 
 @pytest.mark.parametrize(

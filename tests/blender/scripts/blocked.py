@@ -1,7 +1,7 @@
 """Runs inside a Blender with a window: photographs, estimates and bakes a heavy object as its buttons do, and tells how
 long the window was blocked at a time; see tests/benchmarks/window_blocked.py.
 
-Arguments: the JSON file to write, how many faces, 1 for an n-gon beside them, how the viewport is shaded.
+Arguments: the JSON file to write, and the benchmark's options as JSON.
 """
 
 import json
@@ -12,13 +12,22 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-report, faces, ngon, shading = sys.argv[sys.argv.index("--") + 1 :]
-folder, side = Path(report).parent, round(int(faces) ** 0.5)
+report, options = sys.argv[sys.argv.index("--") + 1 :]
+folder, options = Path(report).parent, json.loads(options)
+side, frames = round(options["faces"] ** 0.5), options["frames"]
 TICK, QUIET = 0.005, 30  # seconds; so many ticks in a row without a longer block between steps
+
+
+def place(name):
+    """A file for a result, a folder for the frames of one."""
+    return str(folder / (name if frames == 1 else Path(name).stem))
+
+
+moving = {"animation": True} if frames > 1 else {}
 STEPS = (
-    ("render_photo", {"width": 64, "height": 64, "samples": 1, "output": str(folder / "photo.exr")}),
-    ("estimate", {"model": "LAMBERTIAN", "output": str(folder / "normals.png")}),
-    ("bake", {"size": 512, "output": str(folder / "texture.png")}),
+    ("render_photo", {"width": 64, "height": 64, "samples": 1, "output": place("photo.exr"), **moving}),
+    ("estimate", {"model": "LAMBERTIAN", "output": place("normals.png")}),
+    ("bake", {"size": options["size"], "output": place("texture.png"), "animated": frames > 1}),
 )
 
 bpy.context.preferences.view.show_splash = False
@@ -40,10 +49,11 @@ def call(operator, *how, **settings):
 
 def build():
     bpy.data.batch_remove(list(bpy.data.objects))
-    bpy.ops.mesh.primitive_grid_add(x_subdivisions=side, y_subdivisions=side)
+    subdivided = options["subdivided"]
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=side >> subdivided, y_subdivisions=side >> subdivided)
     obj = bpy.context.object
     bpy.ops.object.shade_smooth()
-    if ngon == "1":
+    if options["ngon"]:
         bpy.ops.mesh.primitive_circle_add(vertices=8, radius=0.1, fill_type="NGON", location=(1.2, 0, 0))
         obj.select_set(True)
         bpy.context.view_layer.objects.active = obj
@@ -53,9 +63,15 @@ def build():
     points[:, 2] = 0.05 * np.sin(20 * points[:, 0]) * np.sin(15 * points[:, 1])
     obj.data.vertices.foreach_set("co", points.ravel())
     obj.data.update()
+    if subdivided:
+        modifier = obj.modifiers.new("Subdivision", "SUBSURF")
+        modifier.levels, modifier.render_levels = 0, 1
+    if frames > 1:
+        bpy.context.scene.frame_end = frames
+        obj.modifiers.new("Wave", "WAVE").height = 0.05
     call(bpy.ops.mps.add_rig, view="TOP")
     space = viewport()[1].spaces.active
-    space.shading.type, space.show_region_ui = shading, True
+    space.shading.type, space.show_region_ui = options["shading"], True
 
 
 def count():
@@ -72,7 +88,8 @@ def tick():
     quiet = quiet + 1 if passed[0] < 0.1 and not bpy.context.window_manager.mps.running else 0
     if step >= 0:
         told = found[STEPS[step][0]]
-        told["blocked"], told["processor"] = max(told["blocked"], passed[0]), max(told["processor"], passed[1])
+        phase = told["runs" if bpy.context.window_manager.mps.running else "ends"]
+        phase[:] = map(max, phase, passed)
         told["seconds"] += passed[0]
         told["drawn"] = drawn
     sidebar = next(region for region in viewport()[1].regions if region.type == "UI")
@@ -88,8 +105,9 @@ def tick():
     operator, settings = STEPS[step]
     begun = time.monotonic(), time.thread_time()
     call(getattr(bpy.ops.mps, operator), "INVOKE_DEFAULT", **settings)
-    passed = [one - other for one, other in zip((time.monotonic(), time.thread_time()), begun, strict=True)]
-    found[operator] = {"begun": passed, "blocked": 0.0, "processor": 0.0, "seconds": 0.0}
+    last = time.monotonic(), time.thread_time()
+    passed = [one - other for one, other in zip(last, begun, strict=True)]
+    found[operator] = {"begins": passed, "runs": [0.0, 0.0], "ends": [0.0, 0.0], "seconds": 0.0}
     return TICK
 
 
