@@ -16,7 +16,7 @@ from mpsnet_core.correction import Correction, corrected
 from mpsnet_core.encoding import CLOSE, DECIDED, linear_rather
 from mpsnet_core.errors import InputError
 from mpsnet_core.frames import expand_images
-from mpsnet_core.images import Encoding, Image, layer_in, read_image, saturated
+from mpsnet_core.images import Encoding, Image, as_stored, layer_in, read_image, saturated
 from mpsnet_core.masks import Notes, find_mask
 from mpsnet_core.rig import LightRig, NearLights
 from mpsnet_core.surface.raster import grown
@@ -171,8 +171,7 @@ def read_capture(
     Raises InputError where a file is missing or broken, or photo, mask, camera, depth and white photo do not fit each
     other.
     """
-    compact = correction is None
-    image = read_image(path, encoding=encoding, layer=layer, compact=compact)
+    image = read_image(path, encoding=encoding, layer=layer, compact=correction is None)
 
     def taken(image: Image) -> Capture:
         try:
@@ -185,7 +184,7 @@ def read_capture(
     capture = taken(image)
     if image.assumed and _linear_rather(path, image, capture, decide=correction is None):
         encoding = "linear"
-        capture = taken(read_image(path, encoding=encoding, layer=layer, compact=compact))
+        capture = taken(as_stored(image))
     if white is not None:
         several = [white] if isinstance(white, str | os.PathLike) else white
         capture = with_white(capture, several, encoding=encoding, layer=layer, correction=correction)

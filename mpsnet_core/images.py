@@ -7,7 +7,7 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -183,6 +183,13 @@ def read_image(
         pixels[rows] = band if linear else srgb_to_linear(band)
     clip = np.inf if is_float else 1.0
     return Image(pixels, alpha, clip, note, exposure_time=_exposure_time(spec), assumed=assumed)
+
+
+def as_stored(image: Image) -> Image:
+    """An image that was taken as sRGB with the values that its file holds, as linear ones, in place of its own."""
+    for rows in bands(len(image.pixels)):
+        image.pixels[rows] = linear_to_srgb(image.pixels[rows].astype(np.float32, copy=False))
+    return replace(image, note="taken as linear", assumed=False)
 
 
 def _says_its_curve(path: Path, spec: Any) -> bool:

@@ -68,7 +68,7 @@ def find_mask(
     if words == "none" or (not words and image.alpha is None):
         if not words:
             log.warning("no mask and no alpha: the whole photo is taken as the object")
-        return np.ones(image.pixels.shape[:2], bool)
+        return _whole(image)
     if words in ("", "alpha"):
         if image.alpha is None:
             raise InputError("the photo has no alpha channel to take the mask from; give a mask file or a threshold")
@@ -78,7 +78,7 @@ def find_mask(
             return find_mask(image, "auto" if image.alpha is None else "alpha", notes=notes)
         except InputError:
             log.warning("no object stands out from the background: the whole photo is taken as the object")
-            return np.ones(image.pixels.shape[:2], bool)
+            return _whole(image)
     if words == "auto":
         return auto_mask(image.pixels, notes)
     if kind == "threshold":
@@ -95,6 +95,11 @@ def find_mask(
             f"mask {words} does not exist, and is none of alpha, auto, none, threshold:T and background:FILE; check it"
         )
     return read_mask(words)
+
+
+def _whole(image: Image) -> NDArray[np.bool_]:
+    """True for every pixel; it is to be read only, and takes no memory."""
+    return np.broadcast_to(np.True_, image.pixels.shape[:2])
 
 
 def mask_source(choice: str) -> str | None:

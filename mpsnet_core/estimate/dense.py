@@ -58,6 +58,8 @@ def dense_answer(network: Network, card: ModelCard, capture: Capture, tile: int,
         result = answer[photo.box] if halving == 0 else np.zeros((*shape, 4), held_type(shape))
         work = list(_tiles(shape, tile, card.multiple, card.halo))
         for number, (window, place) in enumerate(work):
+            if previous is not None:  # rows that no further tile sees are given back
+                previous.resize((_window_before(window, previous)[0].stop, *previous.shape[1:]), refcheck=False)
             progress(_done(halving, halvings, number / len(work)), f"tile {number + 1} of {len(work)}")
             if photo.holds_object(place, halving):
                 kept, seen = _within(place, window), photo.seen(window, halving, previous)
@@ -156,10 +158,7 @@ def _means(image: Floats, mask: NDArray[np.bool_], halving: int) -> tuple[Floats
 
 def _previous(answer: NDArray[Any], window: Window) -> Floats:
     """The map "previous" (h, w, 4) of a window at twice the resolution of `answer`; bilinear, from answers alone."""
-    rows, columns = (
-        slice(max(side.start // 2 - 1, 0), min(-(-side.stop // 2) + 1, length))
-        for side, length in zip(window, answer.shape, strict=False)
-    )
+    rows, columns = _window_before(window, answer)
     part = answer[rows, columns].astype(np.float32)
     there = (part[..., :3] != 0).any(axis=-1, keepdims=True)
     part[..., :3] = normalised(part[..., :3])
@@ -174,6 +173,15 @@ def _previous(answer: NDArray[Any], window: Window) -> Floats:
     values = part[..., :4] / np.maximum(part[..., 4:], np.float32(1e-3))
     values[..., :3] = normalised(values[..., :3])
     return values
+
+
+def _window_before(window: Window, answer: NDArray[Any]) -> Window:
+    """What of an answer a window at twice its resolution is made from."""
+    rows, columns = (
+        slice(max(side.start // 2 - 1, 0), min(-(-side.stop // 2) + 1, length))
+        for side, length in zip(window, answer.shape, strict=False)
+    )
+    return rows, columns
 
 
 def _doubled(values: Floats, axis: int) -> Floats:
@@ -195,6 +203,18 @@ def _doubled(values: Floats, axis: int) -> Floats:
 def _tile_answer(network: Network, card: ModelCard, seen: Seen, frame: LightFrame) -> Floats:
     """(H, W, 4) unit normals in camera space and confidence; zero outside the mask."""
     height, width = seen.mask.shape
+    size = _padded(frame.picture(seen.mask).shape, card.multiple)
+    vectors, confidence = (values[0] for values in network(_inputs(card, seen, frame), 1, *size))
+    answer = np.zeros((*_padded(seen.mask.shape, card.multiple), 4), np.float32)
+    view = frame.picture(answer)
+    turned_back = frame.rotation.T.astype(np.float32) @ vectors.reshape(3, -1)
+    view[..., :3] = turned_back.reshape(vectors.shape).transpose(1, 2, 0)
+    view[..., 3] = np.clip(confidence[0], 0, 1)
+    return answer[:height, :width] * seen.mask[..., None]
+
+
+def _inputs(card: ModelCard, seen: Seen, frame: LightFrame) -> dict[str, Floats]:
+    """The network's inputs by name, (1, C, H, W) in a frame."""
     turned = _in_frame(seen, frame, card.multiple)
     inputs = {}
     for name, features in card.inputs.items():
@@ -206,13 +226,7 @@ def _tile_answer(network: Network, card: ModelCard, seen: Seen, frame: LightFram
             stacked[0, first : first + len(values)] = values
             first += len(values)
         inputs[name] = stacked
-    vectors, confidence = (values[0] for values in network(inputs, 1, *turned.mask.shape))
-    answer = np.zeros((*_padded(seen.mask.shape, card.multiple), 4), np.float32)
-    view = frame.picture(answer)
-    turned_back = frame.rotation.T.astype(np.float32) @ vectors.reshape(3, -1)
-    view[..., :3] = turned_back.reshape(vectors.shape).transpose(1, 2, 0)
-    view[..., 3] = np.clip(confidence[0], 0, 1)
-    return answer[:height, :width] * seen.mask[..., None]
+    return inputs
 
 
 def _in_frame(seen: Seen, frame: LightFrame, multiple: int) -> Seen:
@@ -245,7 +259,7 @@ def _padded(shape: tuple[int, ...], multiple: int) -> tuple[int, ...]:
 
 
 def _tiles(shape: tuple[int, int], tile: int, grain: int, halo: int) -> Iterator[tuple[Window, Window]]:
-    """For each tile: the window that is read, with the halo; the tile itself."""
+    """For each tile, from the bottom up: the window that is read, with the halo; the tile itself."""
     # Tiles and windows begin on the network's grain, so that pooling falls on the same pixels as untiled.
     reach = -(-halo // grain) * grain
     height, width = shape
@@ -257,7 +271,7 @@ def _tiles(shape: tuple[int, int], tile: int, grain: int, halo: int) -> Iterator
             slice(max(left - by, 0), min(left + right + by, width)),
         )
 
-    for top in range(0, height, down):
+    for top in reversed(range(0, height, down)):
         for left in range(0, width, right):
             yield grown(top, left, reach), grown(top, left, 0)
 

@@ -5,6 +5,8 @@ from numpy.typing import NDArray
 
 # Triangles of less than this many texels are lines or points in the texture.
 NO_AREA = 1e-9
+# Texels, and rows of triangles, that are laid out at once; a hundred bytes each.
+AT_ONCE = 1 << 20
 
 
 def texel_coordinates(uvs: NDArray[np.floating], size: int) -> NDArray[np.float64]:
@@ -22,15 +24,30 @@ def triangle_of_texel(corners: NDArray[np.float64], size: int, rows: slice | Non
     """(size, size) the number of the triangle that covers each texel's centre, -1 where none does.
 
     corners: (T, 3, 2) texel coordinates. rows: only these, from a start to a stop. Where triangles overlap, the one
-    with the highest number wins; those without area cover nothing.
+    with the highest number wins; those without area cover nothing. Any number may overlap: memory stays bounded.
     """
-    x, y = corners[..., 0], corners[..., 1]
+    y = corners[..., 1]
     above, below = (0, size) if rows is None else (rows.start, rows.stop)
     top = np.clip(np.ceil(y.min(axis=1)), above, below).astype(np.int64)
     bottom = np.clip(np.floor(y.max(axis=1)) + 1, top, below).astype(np.int64)
-    bottom = np.where(texel_areas(corners) > NO_AREA, bottom, top)
-    triangle = np.repeat(np.arange(len(corners), dtype=np.int32), bottom - top)
-    row = _counted(top, bottom - top)
+    height = np.where(texel_areas(corners) > NO_AREA, bottom - top, 0)
+    owner = np.full((below - above) * size, -1, np.int32)
+    end = len(corners)
+    while end and (owner < 0).any():
+        begin = _last_few(height[:end])
+        triangle = np.repeat(np.arange(begin, end, dtype=np.int32), height[begin:end])
+        row = _counted(top[begin:end], height[begin:end])
+        start, stop = _span(corners, triangle, row, size)
+        _lay(owner, triangle, (row - above) * np.int64(size) + start, stop - start)
+        end = begin
+    return owner.reshape(below - above, size)
+
+
+def _span(
+    corners: NDArray[np.float64], triangle: NDArray[np.int32], row: NDArray[np.int32], size: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Of triangles in rows, each (N,): the first column whose texel's centre is covered, and the one after the last."""
+    x, y = corners[..., 0], corners[..., 1]
     # Where each of the three edges crosses the row; edges that do not reach it take no part.
     left, right = np.full(len(row), np.inf), np.full(len(row), -np.inf)
     for first, second in ((0, 1), (1, 2), (2, 0)):
@@ -42,11 +59,30 @@ def triangle_of_texel(corners: NDArray[np.float64], size: int, rows: slice | Non
         left = np.where(reaches, np.minimum(left, np.where(level, np.minimum(x0, x1), crossing)), left)
         right = np.where(reaches, np.maximum(right, np.where(level, np.maximum(x0, x1), crossing)), right)
     start = np.clip(np.ceil(left), 0, size).astype(np.int64)
-    stop = np.clip(np.floor(np.maximum(right, -1.0)) + 1, start, size).astype(np.int64)
-    texel = _counted((row - above) * np.int64(size) + start, stop - start)
-    owner = np.full((below - above) * size, -1, np.int32)
-    owner[texel] = np.repeat(triangle, stop - start)
-    return owner.reshape(below - above, size)
+    return start, np.clip(np.floor(np.maximum(right, -1.0)) + 1, start, size).astype(np.int64)
+
+
+def _lay(
+    owner: NDArray[np.int32], triangle: NDArray[np.int32], first: NDArray[np.int64], count: NDArray[np.int64]
+) -> None:
+    """Give spans of texels, from `first` on `count` of them, to their triangles, each (N,) by rising triangles; what
+    has an owner, (texels,) -1 for none, keeps it."""
+    while len(triangle):
+        if count.sum() > np.count_nonzero(owner < 0):  # some overlap, and may be hidden as a whole
+            free = np.concatenate([[0], np.cumsum(owner < 0, dtype=np.int32)])
+            shown = free[first + count] > free[first]
+            triangle, first, count = triangle[shown], first[shown], count[shown]
+        begin = _last_few(count)
+        texel, new = _counted(first[begin:], count[begin:]), np.repeat(triangle[begin:], count[begin:])
+        free = owner[texel] < 0
+        owner[texel[free]] = new[free]
+        triangle, first, count = triangle[:begin], first[:begin], count[:begin]
+
+
+def _last_few(counts: NDArray[np.int64]) -> int:
+    """Where the last of some counts begin that add up to at most `AT_ONCE`, one of them at least; 0 where none is."""
+    few = np.searchsorted(np.cumsum(counts[::-1]), AT_ONCE, side="right")
+    return max(len(counts) - max(int(few), 1), 0)
 
 
 def _counted(start: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.int32]:

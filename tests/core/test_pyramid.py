@@ -288,3 +288,20 @@ def test_beside_the_answers_of_two_scales_memory_is_for_a_few_tiles() -> None:
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak < 1.25 * side * side * 4 * 4 + 0.6 * photo.nbytes
+
+
+def test_the_answer_of_the_scale_before_is_given_back_as_it_is_used_up() -> None:
+    side, told = 1024, []
+    capture = Capture(np.ones((side, side, 3), np.float32), np.ones((side, side), bool), RIG)
+
+    def network(inputs: Inputs, count: int, *size: int) -> tuple[np.ndarray, np.ndarray]:
+        told.append(tracemalloc.get_traced_memory()[0])
+        return always_facing(inputs, count, *size)
+
+    seen = card(kind="pyramid", inputs={"mask": ("mask",)}, halo=16, multiple=16)
+    tracemalloc.start()
+    dense_answer(network, seen, capture, 64, silent)
+    tracemalloc.stop()
+    before = (side // 2) ** 2 * 4 * 4
+    first, *_, last = told[-((side // 64) ** 2) :]
+    assert first - last > 0.8 * before

@@ -1,9 +1,12 @@
 """Rasterising UVs and growing margins, against twins that look at every texel on its own."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from surface_shapes import texels_of
 
+from mpsnet_core.surface import raster
 from mpsnet_core.surface.raster import grown, texel_coordinates, triangle_of_texel
 
 
@@ -32,11 +35,28 @@ def random_triangles(kind: str, count: int = 150) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", ["ordinary", "slivers", "smaller than a texel", "far outside"])
 @pytest.mark.parametrize("size", [1, 31, 64])
-def test_each_texel_is_the_last_triangles_that_holds_its_centre(kind: str, size: int) -> None:
+@pytest.mark.parametrize("at_once", [1 << 20, 1000, 1])
+def test_each_texel_is_the_last_triangles_that_holds_its_centre(
+    monkeypatch: pytest.MonkeyPatch, kind: str, size: int, at_once: int
+) -> None:
+    monkeypatch.setattr(raster, "AT_ONCE", at_once)
     uvs = random_triangles(kind)
     expected = owners_one_by_one(uvs, size)
     assert (owners(uvs, size) == expected).all()
     assert (expected >= 0).any() or size == 1
+
+
+def test_memory_is_bounded_however_many_triangles_overlap() -> None:
+    """As where somebody reset the UVs of a whole mesh: each polygon fills the texture."""
+    count, size = 4000, 256
+    uvs = np.tile([[[0.0, 0], [1, 0], [1, 1]]], (count, 1, 1))
+    uvs[: count // 2] = 1 - uvs[: count // 2]
+    tracemalloc.start()
+    found = owners(uvs, size)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert set(np.unique(found)) == {count // 2 - 1, count - 1}
+    assert peak < count * size**2  # a byte for each texel of each triangle
 
 
 def test_triangles_without_area_leave_the_others_as_they_are() -> None:
