@@ -212,8 +212,12 @@ def is_utf8(path: str | os.PathLike[str]) -> bool:
 
 
 def resolved(path: str | os.PathLike[str]) -> Path:
-    """Where a path leads, as far as links can be followed: one that leads to itself stays as it is."""
-    return Path(os.path.realpath(path))
+    """Where a path leads, as far as links can be followed: one that leads to itself stays as it is, and so does one
+    that cannot be a file's name (out of a JSON file, say): whoever opens it tells."""
+    try:
+        return Path(os.path.realpath(path))
+    except ValueError:
+        return Path(path)
 
 
 def _takes_files(folder: Path) -> bool:

@@ -33,6 +33,7 @@ from mpsnet_core.errors import InputError, printable
 
 def run(arguments: Sequence[str]) -> int:
     """Run a verb and give the exit code. What is neither bad input nor a fault of the machine is raised."""
+    _open_closed_streams()
     notes = Notes()
     core_log = logging.getLogger("mpsnet_core")
     core_log.addHandler(notes)
@@ -81,6 +82,16 @@ def _run(arguments: Sequence[str], notes: Notes) -> None:
         print(f"note: {line}", file=sys.stderr)
     if result.get("text"):
         print(printable(result["text"]), flush=True)
+
+
+def _open_closed_streams() -> None:
+    """Give streams that are closed (``2>&-``) to nobody: the next file to be opened would take a stream's number, and
+    libraries would write their words into it."""
+    while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
+        pass
+    os.close(number)
+    sys.stdout = sys.stdout or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - it stays open
+    sys.stderr = sys.stderr or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
 
 
 def _flush_stdout() -> None:

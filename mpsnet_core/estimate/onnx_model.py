@@ -154,7 +154,11 @@ def _session(path: Path, provider: str, threads: int) -> Any:
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.log_severity_level = 4  # what goes wrong is said in our own sentence
     try:
-        return onnxruntime.InferenceSession(str(path), options, providers=[PROVIDERS[provider]])
+        # On failure it would print on stdout, and try the CPU: in vain, where that is what failed.
+        fallback = int(provider != "cpu")
+        return onnxruntime.InferenceSession(
+            str(path), options, providers=[PROVIDERS[provider]], enable_fallback=fallback
+        )
     except _RUNTIME_ERRORS as error:
         reason = " ".join(str(error).split())[:200]
         raise InputError(

@@ -65,7 +65,7 @@ def read_diligent(folder: str | os.PathLike[str], lights: Lights, protocol: str)
     intensities = _numbers(folder / "light_intensities.txt")
     if (intensities <= 0).any():
         raise InputError(f"{folder / 'light_intensities.txt'} holds a light without intensity; all must be above 0")
-    names = existing_file(folder / "filenames.txt", "DiLiGenT's list").read_text().split()
+    names = _text(folder / "filenames.txt").split()
     count = min(len(directions), len(intensities), len(names))
     for light in lights:
         if not 1 <= light <= count:
@@ -200,9 +200,13 @@ def _with_means(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     return lines + [{**line, "lights": f"mean of {triples}"} for line in lines if triples > 1]
 
 
+def _text(path: Path) -> str:
+    return existing_file(path, "DiLiGenT's list").read_text(encoding="utf-8", errors="backslashreplace")
+
+
 def _numbers(path: Path) -> NDArray[np.float64]:
     try:
-        lines = existing_file(path, "DiLiGenT's list").read_text().splitlines()
+        lines = _text(path).splitlines()
         values = np.array([[float(number) for number in line.split()] for line in lines if line.strip()])
     except ValueError as error:
         raise InputError(f"{path} is not a table of numbers ({error}); copy it again") from None

@@ -80,7 +80,12 @@ def quantise(
     card = source.card
     if card.kind == "patch":
         raise InputError(f"model file {source.path} works patch by patch; only those that do not have int8 twins")
-    graph = onnx.load(str(source.path))
+    try:
+        graph = onnx.load(str(source.path))
+    except onnx.checker.ValidationError as error:
+        raise InputError(
+            f"model file {source.path} has weights elsewhere ({error}); give one that has them all"
+        ) from None
     if any(node.op_type == "QuantizeLinear" for node in graph.graph.node):
         raise InputError(f"model file {source.path} is in eight bits already; give the one that it was made from")
     inner = _inner_nodes(graph, card)

@@ -39,7 +39,20 @@ TEXTS = [
     "1,2,3",
     "--",
 ]
-VALUES: list[Any] = [*NUMBERS, *NOT_FINITE, *TEXTS, None, True, [], {}, [[]], [1, 2, 3], [[1, 0], [0, 1]], DEEP]
+VALUES: list[Any] = [
+    *NUMBERS,
+    *NOT_FINITE,
+    *TEXTS,
+    "\ud800.png",
+    None,
+    True,
+    [],
+    {},
+    [[]],
+    [1, 2, 3],
+    [[1, 0], [0, 1]],
+    DEEP,
+]
 # Of options: sizes and counts that are valid are small, so that no case takes long.
 WORDS = [
     *(str(value) for value in [0, 1, -1, 2, 3, 0.5, 7, -0.0, *NOT_FINITE, 1e300, -1e300, 1e-300, 10**400, "1_0", "٣"]),

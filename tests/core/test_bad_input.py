@@ -1363,6 +1363,14 @@ DILIGENT: list[Case] = [
         lambda b: read_diligent(b.diligent(filenames="x.png " * 4) / "ballPNG", (1, 2, 3), "white"),
         "x.png does not exist",
     ),
+    (
+        "a photograph's name in no encoding",
+        lambda b: (
+            (b.diligent() / "ballPNG" / "filenames.txt").write_bytes(b"\xff.png " * 4),
+            read_diligent(b / "pmsData" / "ballPNG", (1, 2, 3), "white"),
+        ),
+        "xff.png does not exist",
+    ),
     ("truth missing", lambda b: read_truth(b.diligent(Normal_gt="") / "ballPNG"), "Normal_gt.mat does not exist"),
     (
         "truth broken",

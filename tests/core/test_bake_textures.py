@@ -171,6 +171,7 @@ def test_each_wrong_present_map_gets_one_sentence(bench: Bench) -> None:
             '{"format": "mpsnet-rig", "version": 1}',
             '{"format": "mpsnet-present-maps", "version": 1, "maps": [{"file": "x.png", "convention": "metal"}]}',
             '{"format": "mpsnet-present-maps", "version": 1, "maps": []}',
+            '{"format": "mpsnet-present-maps", "version": 1, "maps": [{"file": "\\ud800.png"}]}',
         )
     ):
         (bench / f"{number}.json").write_text(text)
@@ -187,6 +188,7 @@ def test_each_wrong_present_map_gets_one_sentence(bench: Bench) -> None:
         ("3.json", "s.png", "is not a mpsnet-present-maps file"),
         ("4.json", "s.png", "convention 'metal' is not known"),
         ("5.json", "s.png", "present map for any of the textures; check the objects, materials and files in it"),
+        ("6.json", "s.png", "\\ud800.png does not exist"),
         ("..", "s.png", "is a folder, not a file"),
     ]:
         assert said in bench.refused("--onto", bench / given, "--space", "tangent", output=output), given

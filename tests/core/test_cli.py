@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import shutil
 import signal
 import subprocess
@@ -28,6 +29,14 @@ def events(stdout: str) -> tuple[list[float], dict[str, Any]]:
     lines = [json.loads(line) for line in stdout.splitlines()]
     assert all(set(line) == {"progress", "message"} for line in lines[:-1])
     return [line["progress"] for line in lines[:-1]], lines[-1]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a POSIX shell")
+@pytest.mark.parametrize(("closed", "told"), [("2>&-", ""), ("<&- >&- 2>&-", ""), (">&-", "check the path")])
+def test_closed_streams_are_nobody_s(closed: str, told: str) -> None:
+    command = f"{shlex.quote(sys.executable)} -m mpsnet_core models no.onnx {closed}"
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout) == (2, "") and told in done.stderr, done
 
 
 def test_estimate_writes_what_it_says(

@@ -4,6 +4,7 @@ import gc
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -134,6 +135,32 @@ def test_an_address_where_nobody_answers_is_told(
         make_samples(tmp_path, job(3), COMMAND, cluster=address, cluster_trusted=True)
     assert capfd.readouterr().err == ""
     assert not [thing for thing in gc.get_objects() if isinstance(thing, Client) and thing.status == "connecting"]
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (b"", "it says nothing"),
+        (b"HTTP/1.0 200 OK\r\n\r\n" * 9, "Unable to allocate .*"),
+        (b"\xff" * 99, "Maximum .* exceeded"),
+    ],
+)
+def test_a_port_where_something_else_answers_is_told(
+    tmp_path: Path, words: bytes, told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(dask, "CONNECT_SECONDS", 0.2)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+
+        def answer() -> None:
+            with server.accept()[0] as caller:
+                caller.sendall(words)
+                while caller.recv(4096):
+                    pass
+
+        threading.Thread(target=answer, daemon=True).start()
+        with pytest.raises(InputError, match=rf"no Dask scheduler answers at {address} \({told}\)"):
+            make_samples(tmp_path, job(1), COMMAND, cluster=address)
 
 
 @pytest.mark.parametrize("address", ["tcp://10.0.0.1:8786", "127.0.0.1.evil.example:8786", "wss://10.0.0.1:8786"])

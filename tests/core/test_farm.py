@@ -17,7 +17,7 @@ from synthetic import left_by, listing
 
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.synthesis.farm.run import FAILURES_IN_A_ROW, Harvest, blender_command, duration, make_samples
-from mpsnet_core.synthesis.farm.work import THIS_PYTHON, clear_unfinished
+from mpsnet_core.synthesis.farm.work import LAST_WORDS, LONGEST_LINE, THIS_PYTHON, Worker, clear_unfinished
 from mpsnet_core.synthesis.job import SampleJob
 
 RUN = """
@@ -170,6 +170,54 @@ def test_workers_that_cannot_start_are_one_sentence(tmp_path: Path, command: lis
     with pytest.raises(InputError, match=words) as caught:
         make_samples(tmp_path, job(50), command, processes=2)
     assert "\n" not in str(caught.value)
+
+
+def answering(*lines: str) -> list[str]:
+    """The command of a worker that gives these answers, one to each number, whatever it is asked."""
+    return [
+        THIS_PYTHON,
+        "-c",
+        f"print('{{\"ready\": true}}', flush=True)\nfor line in {lines}: input(), print(line, flush=True)",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        (answering('{"error": "seven is no number"}'), "^seven is no number$"),
+        (answering('{"ready": true}'), "does not answer as a worker does .*; is it Blender with this extension"),
+        (answering('{"number": 7, "answer": "made"}'), "does not answer as a worker does"),
+        (answering('{"number": 0, "answer": {}}'), "does not answer as a worker does"),
+        (answering('{"number": 0, "answer": "failed", "error": 3}'), "does not answer as a worker does"),
+        ([THIS_PYTHON, "-c", """print('{"error": {}}')"""], "does not answer as a worker does"),
+        ([THIS_PYTHON, "-c", "print('[' * 60000)"], r"exit code 0; its last words: \[\["),
+    ],
+)
+def test_a_program_that_is_no_worker_of_ours_is_told(tmp_path: Path, command: list[str], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        make_samples(tmp_path, job(1), command, processes=1)
+
+
+def test_a_sample_that_is_said_to_be_made_has_to_be_there(tmp_path: Path) -> None:
+    harvest = make_samples(tmp_path, job(1), answering('{"number": 0, "answer": "made"}'), processes=1)
+    assert harvest == Harvest(failed={0: "its worker says that it is made, but it is not in the folder"})
+
+
+def test_of_a_line_without_end_the_last_words_are_kept(tmp_path: Path) -> None:
+    worker = Worker([THIS_PYTHON, "-c", "for _ in range(30): print('x' * 1_000_000, end='')"], tmp_path)
+    with pytest.raises(InputError, match="exit code 0; its last words: x"):
+        worker.make(0)
+    assert sum(map(len, worker._words)) <= LAST_WORDS * LONGEST_LINE
+
+
+@posix
+def test_what_a_worker_started_ends_with_it(tmp_path: Path) -> None:
+    """It holds the worker's pipes, whose end is waited for."""
+    script = "import subprocess, sys; child = subprocess.Popen(['sleep', '1000']); sys.exit(f'left {child.pid}')"
+    with pytest.raises(InputError, match="exit code 1; its last words: left ") as caught:
+        make_samples(tmp_path, job(1), [THIS_PYTHON, "-c", script], processes=1)
+    pid = int(str(caught.value).partition("left ")[2].partition(")")[0])
+    until(lambda: not alive(pid))
 
 
 def test_cancelling_ends_the_workers_at_once_and_the_next_run_goes_on(tmp_path: Path) -> None:

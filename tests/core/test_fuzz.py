@@ -103,6 +103,7 @@ READS = {
     "sample.exr": "show sample.exr -o o.png",
     "job/job.json": "make job --processes 1",
     "pmsData/ballPNG/light_directions.txt": "evaluate diligent pmsData --lights 1,2,3 --model lambertian",
+    "pmsData/ballPNG/filenames.txt": "evaluate diligent pmsData --lights 1,2,3 --model lambertian",
     "pmsData/ballPNG/Normal_gt.mat": "evaluate diligent pmsData --lights 1,2,3 --model lambertian",
     "pmsData/ballPNG/mask.png": "evaluate diligent pmsData --lights 1,2,3 --model lambertian",
 }

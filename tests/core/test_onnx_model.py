@@ -35,6 +35,17 @@ def difference(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.abs(a - b).max())
 
 
+def test_onnxruntime_says_nothing_of_a_graph_whose_names_are_no_text(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "net.onnx"
+    pass_through(path)
+    path.write_bytes(path.read_bytes().replace(b"Conv", b"Con\x80"))
+    with pytest.raises(InputError, match="is not an ONNX model that can be run"):
+        OnnxModel(path)
+    assert capfd.readouterr() == ("", "")
+
+
 def test_passing_the_initial_normals_through_is_the_lambertian_baseline(tmp_path: Path, sphere: Sphere) -> None:
     network = estimate_normals(sphere.capture(), pass_through(tmp_path / "identity.onnx"))
     baseline = estimate_normals(sphere.capture(), "lambertian")

@@ -164,4 +164,12 @@ def test_what_has_no_int8_twin_is_told(made: tuple[Path, Twin], model: Path, sam
         quantise(model, [samples], out, count=0)
     with pytest.raises(InputError, match=r"folder of samples .* does not exist"):
         quantise(model, [tmp_path / "no"], out)
-    assert listing(tmp_path) == ["mpsnet.onnx"]
+    elsewhere = onnx.load(model)
+    weights = elsewhere.graph.initializer.add(name="unused", data_type=1, dims=[4], data_location=1)
+    weights.external_data.add(key="location", value="/dev/zero")
+    (tmp_path / "elsewhere.onnx").write_bytes(elsewhere.SerializeToString())
+    with pytest.raises(
+        InputError, match=r"elsewhere.onnx has weights elsewhere \(.*/dev/zero\); give one that has them"
+    ):
+        quantise(tmp_path / "elsewhere.onnx", [samples], out)
+    assert listing(tmp_path) == ["elsewhere.onnx", "mpsnet.onnx"]

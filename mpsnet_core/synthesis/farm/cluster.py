@@ -107,7 +107,11 @@ def _answer(task: Future, number: int, address: str) -> Answer | None:
 
 
 async def _reach(address: str, security: Security) -> None:
-    comm = await connect(address, timeout=CONNECT_SECONDS, **security.get_connection_args("client"))
+    connecting = connect(address, timeout=CONNECT_SECONDS, **security.get_connection_args("client"))
+    try:  # which waits for ever for a word from a port that is open
+        comm = await asyncio.wait_for(connecting, CONNECT_SECONDS + 1)
+    except TimeoutError:
+        raise OSError("it says nothing") from None
     await comm.close()
 
 
@@ -148,8 +152,8 @@ def _client(address: str) -> Iterator[Client]:
                 with ThreadPoolExecutor(1) as elsewhere:  # this thread may have an event loop already
                     elsewhere.submit(asyncio.run, _reach(address, security)).result()
                 client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False, security=security)
-            except (OSError, ValueError, TypeError) as error:
-                reason = " ".join(str(error).split())
+            except Exception as error:  # noqa: BLE001 - whatever comes of bytes that no scheduler sent
+                reason = " ".join(str(error).split()) or type(error).__name__
                 raise InputError(
                     f"no Dask scheduler answers at {address} ({reason}); give an address like tcp://host:8786"
                 ) from None

@@ -16,15 +16,16 @@ died is nobody's: its claim is gone with the process, and :func:`clear_unfinishe
 import contextlib
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import threading
 from collections import deque
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Literal
+from typing import IO, Any, Literal, get_args
 
 import mpsnet_core
 from mpsnet_core.errors import InputError
@@ -40,6 +41,8 @@ THREADS_VARIABLE = "MPSNET_THREADS"
 
 START_SECONDS = 300.0
 LAST_WORDS = 20
+# Answers are shorter; what is longer, or never ends, is taken piece by piece.
+LONGEST_LINE = 1 << 16
 
 
 # --- from within ------------------------------------------------------------------------------------------------------
@@ -66,7 +69,7 @@ def serve(folder: str | os.PathLike[str], make: Callable[[SampleJob, int, Path],
         with claims:
             _answer(answers, ready=True)
             for line in sys.stdin:
-                if not line.strip().isdecimal():
+                if not re.fullmatch(r"\d{1,8}", line.strip()):
                     return _answer(answers, error=f"{line.strip()!r} is not a sample's number; give one a line")
                 number = int(line)
                 with claims.claim(number) as ours:
@@ -118,12 +121,15 @@ def clear_unfinished(folder: str | os.PathLike[str]) -> None:
 # --- from without -----------------------------------------------------------------------------------------------------
 
 
+State = Literal["made", "there", "held", "failed"]
+
+
 @dataclass(frozen=True)
 class Answer:
     """What became of a sample. error: a sentence, where it failed."""
 
     number: int
-    state: Literal["made", "there", "held", "failed"]
+    state: State
     error: str = ""
 
 
@@ -155,7 +161,7 @@ class Worker:
     def make(self, number: int) -> Answer:
         """Have a sample made. One that the worker dies of is tried once more, in a new process.
 
-        Raises InputError where the worker cannot be started, WorkerLost where it was ended.
+        Raises InputError where the worker cannot be started or is none of ours, WorkerLost where it was ended.
         """
         for attempt in (1, 2):
             try:
@@ -212,6 +218,8 @@ class Worker:
             raise InputError(f"cannot run {self._command[0]} ({error.strerror}); check the path") from None
         self._listener = threading.Thread(target=self._listen, args=(self._child,), daemon=True)
         self._listener.start()
+        if sys.platform != "win32":
+            threading.Thread(target=_end_group, args=(self._child,), daemon=True).start()
         patience = threading.Timer(START_SECONDS, _kill, (self._child,))
         patience.start()
         try:
@@ -223,8 +231,8 @@ class Worker:
             raise InputError(f"the worker cannot start ({death}); run it by hand to see why: {words}") from None
         finally:
             patience.cancel()
-        if "error" in said:
-            raise InputError(said["error"])
+        if said.get("ready") is not True:
+            raise self._refusal(said)
 
     def _ask(self, number: int) -> Answer:
         assert self._child and self._child.stdin
@@ -234,13 +242,26 @@ class Worker:
         except OSError:
             raise WorkerLost(self._death()) from None
         said = self._read()
-        return Answer(said["number"], said["answer"], said.get("error", ""))
+        state: Any = said.get("answer")
+        error = said.get("error", "")
+        if said.get("number") != number or state not in get_args(State) or not isinstance(error, str):
+            raise self._refusal(said)
+        if state in ("made", "there") and not is_whole(sample_path(self._folder, number)):
+            return Answer(number, "failed", f"its worker says that it is {state}, but it is not in the folder")
+        return Answer(number, state, error)
+
+    def _refusal(self, said: dict[str, Any]) -> InputError:
+        """What to raise where a worker does not answer what it was asked."""
+        if "number" not in said and isinstance(said.get("error"), str):
+            return InputError(said["error"])
+        words = " ".join(self._command)
+        return InputError(f"{words} does not answer as a worker does ({said}); is it Blender with this extension?")
 
     def _read(self) -> dict[str, Any]:
         assert self._child and self._child.stdout
-        for line in self._child.stdout:
+        for line in _lines(self._child.stdout):
             # Before it is ready, a program may print what it likes: Blender tells its version, for one.
-            with contextlib.suppress(ValueError):
+            with contextlib.suppress(ValueError, RecursionError):
                 said = json.loads(line)
                 if isinstance(said, dict) and said.keys() & {"ready", "answer", "error"}:
                     return said
@@ -258,7 +279,7 @@ class Worker:
     def _listen(self, child: "subprocess.Popen[str]") -> None:
         assert child.stderr
         with contextlib.suppress(ValueError):  # closed under our eyes
-            self._words.extend(line for line in child.stderr if line.strip())
+            self._words.extend(line for line in _lines(child.stderr) if line.strip())
 
     def _release(self) -> None:
         """Close the pipes of a process that has ended."""
@@ -275,6 +296,10 @@ class Worker:
                 pipe.close()
 
 
+def _lines(pipe: IO[str]) -> Iterator[str]:
+    return iter(lambda: pipe.readline(LONGEST_LINE), "")
+
+
 def _kill(child: "subprocess.Popen[str]") -> None:
     if child.poll() is None:
         with contextlib.suppress(ProcessLookupError, PermissionError):  # it ended just now
@@ -283,6 +308,13 @@ def _kill(child: "subprocess.Popen[str]") -> None:
             else:
                 os.killpg(child.pid, signal.SIGKILL)
     child.wait()
+
+
+def _end_group(child: "subprocess.Popen[str]") -> None:
+    """Once a process has ended, end what it started and left: that holds its pipes, whose end is waited for."""
+    child.wait()
+    with contextlib.suppress(ProcessLookupError, PermissionError):  # it left nothing
+        os.killpg(child.pid, signal.SIGKILL)
 
 
 def _environment(threads: int) -> dict[str, str]:
