@@ -22,7 +22,7 @@ import blender_addon  # noqa: E402
 from blender_addon.commands import COMMAND, main  # noqa: E402
 from blender_addon.trust import preferences_trust  # noqa: E402
 from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_UNFORESEEN  # noqa: E402
-from mpsnet_core.unforeseen import unforeseen  # noqa: E402
+from mpsnet_core.io.crash_log import unforeseen  # noqa: E402
 
 
 def run(arguments: list[str]) -> int:

@@ -9,9 +9,9 @@ import bpy
 from bpy.props import StringProperty
 from mathutils import Matrix
 
-from mpsnet_core.camera import write_camera
+from mpsnet_core.bake.presets import PRESETS
 from mpsnet_core.errors import InputError
-from mpsnet_core.surface.presets import PRESETS
+from mpsnet_core.scene.camera import write_camera
 
 from .made_for import FRAME, files_for, refuse_anothers
 from .made_from import Ingredients, chosen, rounded, stamp

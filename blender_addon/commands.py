@@ -12,7 +12,7 @@ import bpy
 
 from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_CANCELLED, EXIT_UNFORESEEN
 from mpsnet_core.errors import InputError, in_one_line
-from mpsnet_core.unforeseen import unforeseen
+from mpsnet_core.io.crash_log import unforeseen
 
 from .operators import CANCELLED
 from .render_beside import render_job

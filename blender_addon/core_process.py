@@ -23,7 +23,7 @@ import numpy
 import mpsnet_core
 from mpsnet_core.cli import EXIT_CANCELLED
 from mpsnet_core.errors import Cancelled, InputError
-from mpsnet_core.files import remove_unfinished
+from mpsnet_core.io.files import remove_unfinished
 
 CANCEL_SECONDS = 0.8
 LAST_WORDS = 20

@@ -8,9 +8,9 @@ from typing import Any
 import bpy
 from bpy.props import StringProperty
 
-from mpsnet_core.camera import write_camera
 from mpsnet_core.errors import InputError
-from mpsnet_core.rig import LightRig, read_rig, write_rig
+from mpsnet_core.scene.camera import write_camera
+from mpsnet_core.scene.rig import LightRig, read_rig, write_rig
 
 from .bake import named_object
 from .made_from import Ingredients, chosen, file_stamp, made_by, stamp

@@ -9,9 +9,9 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
-from mpsnet_core.camera import read_camera
 from mpsnet_core.errors import InputError
-from mpsnet_core.heights.height_names import scale_beside
+from mpsnet_core.relief.height_names import scale_beside
+from mpsnet_core.scene.camera import read_camera
 
 from .estimate import seen_through
 from .made_from import Ingredients, chosen, stamp

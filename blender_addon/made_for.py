@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import bpy
 
+from mpsnet_core.bake.texture_names import tile_patterns
 from mpsnet_core.errors import InputError
-from mpsnet_core.surface.texture_names import tile_patterns
 
 from .mesh_file import DISPLACE, present_modifier
 from .nodes import HEIGHT_NODE, TEXTURE_NODE, present_node

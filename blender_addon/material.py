@@ -7,9 +7,9 @@ from typing import Any
 
 import bpy
 
-from mpsnet_core.camera import read_camera
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import makeable_folder
+from mpsnet_core.io.files import makeable_folder
+from mpsnet_core.scene.camera import read_camera
 
 from .displaced import no_modifier, subdivide
 from .estimate import MPS_OT_estimate, lit_and_seen, network, unmasked_reading

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import bpy
 
-from mpsnet_core.camera import write_camera
 from mpsnet_core.errors import InputError
+from mpsnet_core.scene.camera import write_camera
 
 from .mesh_file import BegunMesh, begin_mesh
 from .operators import Slices, same

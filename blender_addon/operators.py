@@ -14,8 +14,8 @@ import bpy
 from bpy.props import StringProperty
 
 from mpsnet_core.errors import Cancelled, InputError, in_one_line
+from mpsnet_core.io.crash_log import unforeseen
 from mpsnet_core.progress import Progress
-from mpsnet_core.unforeseen import unforeseen
 
 from .core_process import CORE, CoreCrashed, CoreProcess, Program, run
 from .made_from import Ingredients, keep_made_from, refuse_to_overwrite

@@ -10,10 +10,10 @@ from typing import Any, TypeVar
 import bpy
 import numpy as np
 
-from mpsnet_core.camera import read_camera
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import PHOTO_SUFFIXES, made_folder, writable_path
-from mpsnet_core.rig import read_rig
+from mpsnet_core.io.files import PHOTO_SUFFIXES, made_folder, writable_path
+from mpsnet_core.scene.camera import read_camera
+from mpsnet_core.scene.rig import read_rig
 
 from .preferences import output_folder
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import bpy
 
+from mpsnet_core.bake.map_list import ListedMap, write_map_list
 from mpsnet_core.errors import InputError
-from mpsnet_core.surface.map_list import ListedMap, write_map_list
 
 from .nodes import GREEN_NODE, NORMAL_NODE, TEXTURE_NODE, present_node
 from .operators import same

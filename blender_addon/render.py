@@ -8,7 +8,7 @@ import bpy
 from bpy.props import StringProperty
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import PHOTO_SUFFIXES, RAW_SUFFIXES, VIDEO_SUFFIXES
+from mpsnet_core.io.files import PHOTO_SUFFIXES, RAW_SUFFIXES, VIDEO_SUFFIXES
 
 from .core_process import Program, run
 from .made_from import Ingredients, chosen, file_stamp, refuse_to_overwrite, rounded

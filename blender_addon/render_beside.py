@@ -32,7 +32,7 @@ from bpy.app.handlers import render_stats
 
 from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_CANCELLED, EXIT_UNFORESEEN
 from mpsnet_core.errors import Cancelled, InputError
-from mpsnet_core.unforeseen import unforeseen
+from mpsnet_core.io.crash_log import unforeseen
 
 from .core_process import Program
 from .file_copy import save_copy

@@ -9,9 +9,9 @@ import numpy as np
 from mathutils import Matrix, Vector
 from numpy.typing import NDArray
 
-from mpsnet_core.camera import Camera
 from mpsnet_core.errors import InputError
-from mpsnet_core.rig import LightRig, direction_from_angles, near_rig
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.rig import LightRig, direction_from_angles, near_rig
 
 from .operators import SaysWhy
 from .settings.declared import take_given

@@ -11,10 +11,10 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.camera import write_camera
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import written_together, written_whole
-from mpsnet_core.rig import write_rig
+from mpsnet_core.io.files import written_together, written_whole
+from mpsnet_core.scene.camera import write_camera
+from mpsnet_core.scene.rig import write_rig
 
 from .core_process import run
 from .operators import told_by

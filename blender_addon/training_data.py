@@ -10,7 +10,7 @@ import bpy
 from bpy.props import BoolProperty, StringProperty
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import written_whole
+from mpsnet_core.io.files import written_whole
 from mpsnet_core.synthesis.farm.address import is_loopback
 from mpsnet_core.synthesis.job import CONTACT_SHEET, JOB_FILE, SHAPES, SampleJob, place_job, read_job, samples_there
 

@@ -10,7 +10,7 @@ from bpy.props import IntProperty, StringProperty
 from mathutils import Euler, Vector
 
 from mpsnet_core.errors import Cancelled, InputError
-from mpsnet_core.files import made_folder
+from mpsnet_core.io.files import made_folder
 
 from .demo import make_demo, remove_demo
 from .operators import TICK_SECONDS, SaysWhy, idle, redraw_panels, same, told_by

@@ -10,9 +10,9 @@ import numpy as np
 from mathutils import Matrix
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.rig import write_rig
-from mpsnet_core.view_files import write_views
-from mpsnet_core.world_lights import in_world, write_world_lights
+from mpsnet_core.scene.rig import write_rig
+from mpsnet_core.scene.view_files import write_views
+from mpsnet_core.scene.world_lights import in_world, write_world_lights
 
 from .bake import BakesOnto, bits, sampling, targets_place
 from .estimate import network, reading

@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from mpsnet_core import NormalMap
-from mpsnet_core.evaluation.pictures import cropped, legend, normals_picture, sheet
-from mpsnet_core.heights.integrate import METHODS, integrate
-from mpsnet_core.images import write_image
-from mpsnet_core.regions import grown
+from mpsnet_core.arrays.mask_regions import grown
+from mpsnet_core.io.images import write_image
+from mpsnet_core.relief.integration.integrate import METHODS, integrate
+from mpsnet_core.scene.pictures import cropped, legend, normals_picture, sheet
 
 OUTPUT = Path(__file__).resolve().parent / "output"
 WIDE, THICK = 0.68, 0.28  # the ring's radius and its own; the picture shows -1 to 1

@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 
 from mpsnet_core import Capture, NormalMap, angular_error, estimate_normals, published_rig, write_image, write_rig
-from mpsnet_core.estimate.shelf import DEFAULT_MODEL
-from mpsnet_core.evaluation.pictures import photo_picture, sheet
-from mpsnet_core.heights.relight import relit
-from mpsnet_core.material.material import Material, flat_material
-from mpsnet_core.material.material_files import PREVIEW_LIGHT, repeated_picture, write_material
-from mpsnet_core.material.seam import measured_seam
-from mpsnet_core.normals import encode
+from mpsnet_core.estimate.registry import DEFAULT_MODEL
+from mpsnet_core.relief.material.material import Material, flat_material
+from mpsnet_core.relief.material.material_files import PREVIEW_LIGHT, repeated_picture, write_material
+from mpsnet_core.relief.material.seam import measured_seam
+from mpsnet_core.relief.relight import relit
+from mpsnet_core.scene.normal_map import encode
+from mpsnet_core.scene.pictures import photo_picture, sheet
 from mpsnet_core.synthesis.swatches import Swatch, leather, photographed, woven
 
 OUTPUT = Path(__file__).resolve().parent / "output"

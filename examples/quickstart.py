@@ -15,7 +15,9 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from mpsnet_core.evaluation.pictures import (
+from mpsnet_core.io.images import read_data, read_image, write_image
+from mpsnet_core.scene.normal_map import NormalMap, angular_error, read_normals
+from mpsnet_core.scene.pictures import (
     colour_scale,
     cropped,
     error_picture,
@@ -23,8 +25,6 @@ from mpsnet_core.evaluation.pictures import (
     photo_picture,
     sheet,
 )
-from mpsnet_core.images import read_data, read_image, write_image
-from mpsnet_core.normals import NormalMap, angular_error, read_normals
 
 OUTPUT = Path(__file__).resolve().parent / "output"
 PIXELS = 640

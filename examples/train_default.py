@@ -48,7 +48,7 @@ def main() -> None:
 
 def steps_of(checkpoint: Path) -> int:
     """How many steps a checkpoint has had."""
-    from mpsnet_core.training.checkpoint import read_checkpoint
+    from mpsnet_core.learning.training.checkpoint import read_checkpoint
 
     return read_checkpoint(checkpoint).step
 

@@ -12,7 +12,7 @@ from mathutils import Matrix
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import existing_file
+from mpsnet_core.io.files import existing_file
 from mpsnet_core.synthesis.recipe import Recipe
 
 from ..mesh_file import as_rendered

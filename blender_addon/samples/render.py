@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import unfinished_path
+from mpsnet_core.io.files import unfinished_path
 from mpsnet_core.synthesis.cycles import sample_from_cycles
 from mpsnet_core.synthesis.farm.work import THREADS_VARIABLE
 from mpsnet_core.synthesis.recipe import Recipe

@@ -15,7 +15,7 @@ import numpy as np
 from mathutils import Matrix, Vector
 from numpy.typing import NDArray
 
-from mpsnet_core.camera import Camera
+from mpsnet_core.scene.camera import Camera
 from mpsnet_core.synthesis.cycles import LIGHT_GROUPS
 from mpsnet_core.synthesis.recipe import Recipe
 from mpsnet_core.synthesis.shapes import Shape

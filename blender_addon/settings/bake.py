@@ -5,8 +5,8 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
+from mpsnet_core.bake.presets import PRESETS
 from mpsnet_core.defaults import MARGIN, TEXTURE_SIZE
-from mpsnet_core.surface.presets import PRESETS
 
 from .declared import FILE_FORMATS, GIVEN, PATH
 

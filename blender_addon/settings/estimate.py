@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
-from mpsnet_core.estimate.shelf import DEFAULT_MODEL, shelf
+from mpsnet_core.estimate.registry import DEFAULT_MODEL, shelf
 
 from .declared import ENCODINGS, FILE_FORMATS, GIVEN, PATH
 

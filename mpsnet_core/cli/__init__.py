@@ -34,7 +34,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return EXIT_CANCELLED
     except Exception as error:  # noqa: BLE001
         from mpsnet_core.cli.reporter import refuse
-        from mpsnet_core.unforeseen import unforeseen
+        from mpsnet_core.io.crash_log import unforeseen
 
         refuse(unforeseen(error), arguments)
         return EXIT_UNFORESEEN

@@ -8,9 +8,9 @@ from mpsnet_core.defaults import MARGIN, TEXTURE_SIZE
 from mpsnet_core.errors import InputError
 
 if TYPE_CHECKING:
-    from mpsnet_core.correction import Correction
+    from mpsnet_core.bake.settings import Baking
+    from mpsnet_core.capture.correction import Correction
     from mpsnet_core.estimate import Estimator
-    from mpsnet_core.surface.baking import Baking
 
 
 class Help(argparse.ArgumentDefaultsHelpFormatter):
@@ -67,7 +67,7 @@ def asked_baking(options: argparse.Namespace, feather: float) -> "Baking":
 
     Raises InputError where one is out of range, or a margin is given that the padding does not use.
     """
-    from mpsnet_core.surface.baking import Baking
+    from mpsnet_core.bake.settings import Baking
 
     if options.margin is not None and options.padding in ("push-pull", "none"):
         raise InputError(f"--margin goes with --padding nearest, not with {options.padding}; leave it out")
@@ -105,7 +105,7 @@ def add_level(parser: argparse.ArgumentParser, default: str | None) -> None:
 
 def level_scale(text: str) -> float:
     """The levelling's scale that --level means, 0 for none. Raises InputError where it means none of them."""
-    from mpsnet_core.surface.level import LEVEL_SCALE, MAX_SCALE, MIN_SCALE
+    from mpsnet_core.bake.low_frequency_correction import LEVEL_SCALE, MAX_SCALE, MIN_SCALE
 
     if text in ("on", "off"):
         return LEVEL_SCALE if text == "on" else 0.0
@@ -162,7 +162,7 @@ def asked_estimator(
     model: where they name none; the default model. passes: as :class:`mpsnet_core.estimate.Estimator` takes them.
     """
     from mpsnet_core.estimate import Estimator
-    from mpsnet_core.estimate.shelf import DEFAULT_MODEL, DEFAULT_TILE
+    from mpsnet_core.estimate.registry import DEFAULT_MODEL, DEFAULT_TILE
 
     return Estimator(
         options.model or model or DEFAULT_MODEL,
@@ -178,7 +178,7 @@ def asked_correction(options: argparse.Namespace) -> "Correction | None":
 
     Raises InputError as `read_correction` does, and where the flat field to smooth is lacking.
     """
-    from mpsnet_core.correction import read_correction
+    from mpsnet_core.capture.correction import read_correction
 
     if options.flat_smooth and options.flat is None:
         raise InputError("--flat-smooth smooths the flat field; give --flat, or leave it out")
@@ -191,10 +191,10 @@ def asked_correction(options: argparse.Namespace) -> "Correction | None":
 
 def asked_place(options: argparse.Namespace) -> tuple[Any, Any]:
     """Camera (or focal length) and depth (or distance) as :func:`add_place` takes them, None where not told."""
-    from mpsnet_core.camera import read_camera
-    from mpsnet_core.rays import RayScene
-    from mpsnet_core.surface.depth import depth_of_mesh
-    from mpsnet_core.surface.mesh import read_mesh
+    from mpsnet_core.scene.camera import read_camera
+    from mpsnet_core.scene.mesh import read_mesh
+    from mpsnet_core.scene.mesh_depth import depth_of_mesh
+    from mpsnet_core.scene.rays import RayScene
 
     if options.camera and options.focal is not None:
         raise InputError("--camera and --focal both tell the lens; give one of them")
@@ -229,8 +229,8 @@ def read_files(options: argparse.Namespace) -> list[Path]:
 
     Raises InputError where a folder or a pattern means none.
     """
-    from mpsnet_core.frames import expand_images, is_several
-    from mpsnet_core.masks import mask_source
+    from mpsnet_core.capture.masks import mask_source
+    from mpsnet_core.io.frames import expand_images, is_several
 
     mask = None if options.mask in (None, "mesh") else mask_source(options.mask)  # mesh is a word of views
     meshes = getattr(options, "mesh", None) or []

@@ -15,12 +15,12 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.progress import Progress, part
 
 if TYPE_CHECKING:
-    from mpsnet_core.surface.bake import View
-    from mpsnet_core.surface.baking import Baking
-    from mpsnet_core.surface.mesh import Mesh
-    from mpsnet_core.surface.sheets import Sheet
-    from mpsnet_core.surface.shown import Present
-    from mpsnet_core.surface.texture import Texture
+    from mpsnet_core.bake.bake import View
+    from mpsnet_core.bake.base_detail_removal import Present
+    from mpsnet_core.bake.settings import Baking
+    from mpsnet_core.bake.texture import Texture
+    from mpsnet_core.bake.texture_sets import Sheet
+    from mpsnet_core.scene.mesh import Mesh
 
 log = logging.getLogger(__name__)
 
@@ -84,10 +84,10 @@ class _Job:
 
 
 def _bake(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
-    from mpsnet_core.files import writable_path, written_together
-    from mpsnet_core.frames import is_several
-    from mpsnet_core.images import checked_bits
-    from mpsnet_core.normals import check_convention
+    from mpsnet_core.io.files import writable_path, written_together
+    from mpsnet_core.io.frames import is_several
+    from mpsnet_core.io.images import checked_bits
+    from mpsnet_core.scene.normal_map import check_convention
 
     views = []
     for view in options.view:
@@ -139,14 +139,14 @@ def _views(
 
     known: these shares, where they have been found before.
     """
-    from mpsnet_core.camera import read_camera
+    from mpsnet_core.bake.bake import View
+    from mpsnet_core.bake.base_detail_removal import without_presents
+    from mpsnet_core.bake.low_frequency_correction import levelled
     from mpsnet_core.estimate.albedo import read_albedo
-    from mpsnet_core.normals import read_normals
-    from mpsnet_core.rays import RayScene
-    from mpsnet_core.surface.bake import View
-    from mpsnet_core.surface.joined import joined
-    from mpsnet_core.surface.level import levelled
-    from mpsnet_core.surface.shown import without_presents
+    from mpsnet_core.scene.camera import read_camera
+    from mpsnet_core.scene.joined_mesh import joined
+    from mpsnet_core.scene.normal_map import read_normals
+    from mpsnet_core.scene.rays import RayScene
 
     level = level_scale(options.level)
     whole = joined(meshes)
@@ -180,13 +180,13 @@ def _baked(
     options: argparse.Namespace,
     progress: Progress,
 ) -> "Iterator[tuple[Sheet, Texture]]":
-    from mpsnet_core.surface.bake import bake_sheets
+    from mpsnet_core.bake.bake import bake_sheets
 
     return bake_sheets(meshes, views, sheets, _asked_baking(options), progress=progress)
 
 
 def _asked_baking(options: argparse.Namespace) -> "Baking":
-    from mpsnet_core.surface.feather import FEATHER
+    from mpsnet_core.bake.feather import FEATHER
 
     # Views that are levelled are meant to leave no seam.
     return asked_baking(options, FEATHER if level_scale(options.level) else 0.0)
@@ -201,14 +201,14 @@ def _facts(options: argparse.Namespace) -> str:
 
 def _bake_frames(options: argparse.Namespace, views: Sequence[tuple[str, str]], reporter: Reporter) -> dict[str, Any]:
     """A texture for each frame. What is there already, made of the same files and settings, is not made again."""
-    from mpsnet_core.files import made_folder, remove_abandoned
-    from mpsnet_core.frames import check_apart, results_folder
-    from mpsnet_core.made_from import is_made
-    from mpsnet_core.surface.mesh import read_mesh
-    from mpsnet_core.surface.onto import laid_onto
-    from mpsnet_core.surface.sheets import sheets
-    from mpsnet_core.surface.texture import write_texture
-    from mpsnet_core.surface.texture_names import split_by
+    from mpsnet_core.bake.detail_blending import laid_onto
+    from mpsnet_core.bake.texture import write_texture
+    from mpsnet_core.bake.texture_names import split_by
+    from mpsnet_core.bake.texture_sets import sheets
+    from mpsnet_core.io.files import made_folder, remove_abandoned
+    from mpsnet_core.io.frames import check_apart, results_folder
+    from mpsnet_core.io.provenance import is_made
+    from mpsnet_core.scene.mesh import read_mesh
 
     if len(options.mesh) > 1 or split_by(options.output):
         raise InputError(
@@ -272,7 +272,7 @@ def _bake_frames(options: argparse.Namespace, views: Sequence[tuple[str, str]], 
 
 def _jobs(options: argparse.Namespace, views: Sequence[tuple[str, str]]) -> dict[int, _Job]:
     """The textures of a sequence by the numbers of its frames; what has no number is the same for all frames."""
-    from mpsnet_core.images import checked_bits
+    from mpsnet_core.io.images import checked_bits
 
     meshes = _by_number(options.mesh[0], "mesh")
     pairs = [(_by_number(camera, "camera"), _by_number(normals, "normal map")) for camera, normals in views]
@@ -302,7 +302,7 @@ def _jobs(options: argparse.Namespace, views: Sequence[tuple[str, str]]) -> dict
 
 def _by_number(given: str, what: str) -> Path | dict[int, Path]:
     """A file, or the files of a folder or a pattern by the numbers in their names."""
-    from mpsnet_core.frames import is_several, matching_files, numbering
+    from mpsnet_core.io.frames import is_several, matching_files, numbering
 
     if not is_several(given):
         return Path(given)
@@ -319,7 +319,7 @@ def _file_of(files: Path | dict[int, Path], number: int) -> Path:
 
 def _line(job: _Job, first: _Job, options: argparse.Namespace) -> str:
     """The line that a texture keeps: what made it of what. first: the frame that tells what is shown of --onto."""
-    from mpsnet_core.made_from import content, identity, made_line
+    from mpsnet_core.io.provenance import content, identity, made_line
 
     facts = [f"{name}: {value!r}" for name, value in sorted(vars(options).items()) if name not in NOT_IN_RECIPE]
     # Meshes and cameras by what they hold: Blender writes them anew for every run.

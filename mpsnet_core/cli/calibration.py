@@ -15,12 +15,12 @@ from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.errors import InputError
 
 if TYPE_CHECKING:
-    from mpsnet_core.calibrate.ball import Ball, Circle
-    from mpsnet_core.calibrate.lights import LightsFound
-    from mpsnet_core.calibrate.mixing import MixingFound
-    from mpsnet_core.calibrate.photos import BallPhotos
-    from mpsnet_core.images import Image
-    from mpsnet_core.rig import LightRig
+    from mpsnet_core.capture.calibrate.ball import Ball, Circle
+    from mpsnet_core.capture.calibrate.lights import LightsFound
+    from mpsnet_core.capture.calibrate.mixing import MixingFound
+    from mpsnet_core.capture.calibrate.photos import BallPhotos
+    from mpsnet_core.io.images import Image
+    from mpsnet_core.scene.rig import LightRig
 
 log = logging.getLogger(__name__)
 
@@ -102,14 +102,14 @@ def _add_lights(parser: argparse.ArgumentParser) -> None:
 def _lights(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     if Path(options.ball[0]).suffix.lower() == ".lp":
         return _lights_of_lp(options)
-    from mpsnet_core.calibrate.lights import find_lights, write_lp
-    from mpsnet_core.calibrate.overlay import lights_picture
-    from mpsnet_core.calibrate.photos import mean_photo, read_sightings
-    from mpsnet_core.evaluation.pictures import sheet
-    from mpsnet_core.files import written_together
-    from mpsnet_core.images import write_image
+    from mpsnet_core.capture.calibrate.lights import find_lights, write_lp
+    from mpsnet_core.capture.calibrate.overlay import lights_picture
+    from mpsnet_core.capture.calibrate.photos import mean_photo, read_sightings
+    from mpsnet_core.io.files import written_together
+    from mpsnet_core.io.images import write_image
     from mpsnet_core.progress import part
-    from mpsnet_core.rig import LightRig, near_rig, write_rig
+    from mpsnet_core.scene.pictures import sheet
+    from mpsnet_core.scene.rig import LightRig, near_rig, write_rig
 
     files = _inputs(options.ball, options)
     is_lp = Path(options.output).suffix.lower() == ".lp"
@@ -175,9 +175,9 @@ def _lights(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
 
 def _lights_of_lp(options: argparse.Namespace) -> dict[str, Any]:
     """A rig of three of an .lp file's lights."""
-    from mpsnet_core.files import writable_path
-    from mpsnet_core.frames import check_apart
-    from mpsnet_core.rig import LightRig, angles_of, read_lp, write_rig
+    from mpsnet_core.io.files import writable_path
+    from mpsnet_core.io.frames import check_apart
+    from mpsnet_core.scene.rig import LightRig, angles_of, read_lp, write_rig
 
     if len(options.ball) > 1 or options.overlay or options.json:
         raise InputError("an .lp file is taken by itself, with --lights and -o alone; leave the rest out")
@@ -216,9 +216,9 @@ def _numbered(files: Iterable[Path]) -> str:
 
 def _ball_drawn(photos: "BallPhotos", overlay: str | None) -> bool:
     """Draw at least the first ball, where its highlights were not found: most often it is none."""
-    from mpsnet_core.calibrate.overlay import ball_picture
-    from mpsnet_core.calibrate.photos import mean_photo, seen_balls
-    from mpsnet_core.images import write_image
+    from mpsnet_core.capture.calibrate.overlay import ball_picture
+    from mpsnet_core.capture.calibrate.photos import mean_photo, seen_balls
+    from mpsnet_core.io.images import write_image
 
     if not overlay:
         return False
@@ -235,7 +235,7 @@ def _note_replaced(file: Path) -> None:
     """Tell of a mixing that goes with the rig file that is written over: it was that of other lights."""
     import numpy as np
 
-    from mpsnet_core.rig import read_rig
+    from mpsnet_core.scene.rig import read_rig
 
     with contextlib.suppress(InputError):
         if file.is_file() and not np.array_equal(read_rig(file).mixing, np.eye(3)):
@@ -271,7 +271,7 @@ def _by_place(files: Sequence[Path], places: int, options: argparse.Namespace) -
 
 
 def _lights_data(found: "LightsFound", names: Sequence[str], files: Sequence[str] | None) -> dict[str, Any]:
-    from mpsnet_core.rig import angles_of
+    from mpsnet_core.scene.rig import angles_of
 
     lights = []
     lines = []
@@ -335,12 +335,12 @@ def _add_mixing(parser: argparse.ArgumentParser) -> None:
 
 
 def _mixing(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
-    from mpsnet_core.calibrate.mixing import mixing_from_ball, mixing_from_ball_by_light
-    from mpsnet_core.calibrate.overlay import ball_picture
-    from mpsnet_core.calibrate.photos import mean_photo, seen_balls
-    from mpsnet_core.files import written_together
-    from mpsnet_core.images import write_image
-    from mpsnet_core.rig import read_rig, write_rig
+    from mpsnet_core.capture.calibrate.mixing import mixing_from_ball, mixing_from_ball_by_light
+    from mpsnet_core.capture.calibrate.overlay import ball_picture
+    from mpsnet_core.capture.calibrate.photos import mean_photo, seen_balls
+    from mpsnet_core.io.files import written_together
+    from mpsnet_core.io.images import write_image
+    from mpsnet_core.scene.rig import read_rig, write_rig
 
     files = _inputs(options.photo, options)
     rig = read_rig(options.rig)
@@ -379,8 +379,8 @@ def _mixing(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
 def _card(photos: "BallPhotos", read: Sequence["Image"], options: argparse.Namespace, rig: "LightRig") -> "MixingFound":
     import numpy as np
 
-    from mpsnet_core.calibrate.mixing import mixing_from_card
-    from mpsnet_core.images import read_mask
+    from mpsnet_core.capture.calibrate.mixing import mixing_from_card
+    from mpsnet_core.io.images import read_mask
 
     if options.overlay:
         raise InputError("--overlay shows a ball; leave it out with --card")
@@ -427,9 +427,9 @@ def _mixing_data(found: "MixingFound") -> dict[str, Any]:
 
 def _inputs(given: Sequence[str], options: argparse.Namespace) -> list[Path]:
     """The photos, once it is sure that the results can be written and overwrite none of what is read."""
-    from mpsnet_core.files import writable_path
-    from mpsnet_core.frames import check_apart, expand_images, natural_order
-    from mpsnet_core.images import checked_bits
+    from mpsnet_core.io.files import writable_path
+    from mpsnet_core.io.frames import check_apart, expand_images, natural_order
+    from mpsnet_core.io.images import checked_bits
 
     if options.radius is not None and not 0 < options.radius < math.inf:
         raise InputError(f"--radius is the ball's radius, a number above 0, not {options.radius:g}")
@@ -460,8 +460,8 @@ def _without_masks(files: list[Path]) -> list[Path]:
 def _photos(
     options: argparse.Namespace, files: Sequence[Path], circles: Sequence["Circle"], **more: Any
 ) -> "BallPhotos":
-    from mpsnet_core.calibrate.photos import BallPhotos
-    from mpsnet_core.camera import read_camera
+    from mpsnet_core.capture.calibrate.photos import BallPhotos
+    from mpsnet_core.scene.camera import read_camera
 
     return BallPhotos(
         files,
@@ -477,7 +477,7 @@ def _photos(
 
 
 def _circles(options: argparse.Namespace) -> list["Circle"]:
-    from mpsnet_core.calibrate.ball import Circle
+    from mpsnet_core.capture.calibrate.ball import Circle
 
     if options.circle and options.mask:
         raise InputError("--circle and --mask both say where it is; give one of them")
@@ -518,7 +518,7 @@ def _ball_line(ball: "Ball") -> str:
 
 def _told(options: argparse.Namespace, data: dict[str, Any]) -> dict[str, Any]:
     """The result, with where it was written; also as a JSON file where that is asked for."""
-    from mpsnet_core.files import write_json
+    from mpsnet_core.io.files import write_json
 
     text = data.pop("text")
     result = {"output": options.output, "overlay": options.overlay, **data}

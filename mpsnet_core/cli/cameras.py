@@ -30,13 +30,13 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
 def _cameras(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     import numpy as np
 
-    from mpsnet_core.camera import write_camera
+    from mpsnet_core.bake.multi_view import CAMERA_SUFFIX, posed_photos
     from mpsnet_core.errors import InputError
-    from mpsnet_core.files import made_folder, written_together
-    from mpsnet_core.frames import check_apart
-    from mpsnet_core.images import read_image, write_image
-    from mpsnet_core.photogrammetry import undistorted, undistorted_mask
-    from mpsnet_core.views import CAMERA_SUFFIX, posed_photos
+    from mpsnet_core.io.files import made_folder, written_together
+    from mpsnet_core.io.frames import check_apart
+    from mpsnet_core.io.images import read_image, write_image
+    from mpsnet_core.scene.camera import write_camera
+    from mpsnet_core.scene.photogrammetry import undistorted, undistorted_mask
 
     views = posed_photos(options.cameras, options.photos)
     folder = made_folder(options.output, "cameras")

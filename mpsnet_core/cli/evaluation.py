@@ -50,10 +50,10 @@ def _test(
 
 
 def _evaluate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
-    from mpsnet_core.estimate.shelf import DEFAULT_MODEL
-    from mpsnet_core.evaluation.evaluation import evaluate
-    from mpsnet_core.evaluation.report import report_path
-    from mpsnet_core.files import writable_path
+    from mpsnet_core.estimate.registry import DEFAULT_MODEL
+    from mpsnet_core.io.files import writable_path
+    from mpsnet_core.learning.evaluation.evaluation import evaluate
+    from mpsnet_core.learning.evaluation.report import report_path
 
     # Asked first, as a test's data may take a while to look through.
     if options.json:
@@ -104,8 +104,8 @@ def _add_diligent(parser: argparse.ArgumentParser) -> None:
 
 
 def _diligent(options: argparse.Namespace) -> Any:
-    from mpsnet_core.evaluation.diligent import OBJECTS, PROTOCOLS, Diligent
-    from mpsnet_core.evaluation.published import PUBLISHED_LIGHTS
+    from mpsnet_core.learning.evaluation.diligent import OBJECTS, PROTOCOLS, Diligent
+    from mpsnet_core.learning.evaluation.published import PUBLISHED_LIGHTS
 
     return Diligent(
         options.folder,
@@ -130,7 +130,7 @@ def _add_materials(parser: argparse.ArgumentParser) -> None:
 
 
 def _materials(options: argparse.Namespace) -> Any:
-    from mpsnet_core.evaluation.materials import Materials
+    from mpsnet_core.learning.evaluation.materials import Materials
 
     return Materials(options.merl, **_synthetic(options))
 
@@ -143,7 +143,7 @@ def _add_rendered(parser: argparse.ArgumentParser) -> None:
 
 
 def _rendered(options: argparse.Namespace) -> Any:
-    from mpsnet_core.evaluation.rendered import Rendered
+    from mpsnet_core.learning.evaluation.rendered import Rendered
 
     return Rendered(options.mesh, merl=options.merl, views=options.views, **_synthetic(options))
 
@@ -165,7 +165,7 @@ def _add_statues(parser: argparse.ArgumentParser) -> None:
 
 
 def _statues(options: argparse.Namespace) -> Any:
-    from mpsnet_core.evaluation.statues import TILTS, Statues
+    from mpsnet_core.learning.evaluation.statues import TILTS, Statues
 
     return Statues(
         options.mesh,
@@ -179,7 +179,7 @@ def _statues(options: argparse.Namespace) -> Any:
 
 
 def _colour(options: argparse.Namespace) -> Any:
-    from mpsnet_core.evaluation.colour import ColourChanges
+    from mpsnet_core.learning.evaluation.colour import ColourChanges
 
     return ColourChanges(**_synthetic(options))
 
@@ -196,7 +196,7 @@ def _add_samples(parser: argparse.ArgumentParser) -> None:
 
 
 def _samples(options: argparse.Namespace) -> Any:
-    from mpsnet_core.evaluation.samples import Samples
+    from mpsnet_core.learning.evaluation.samples import Samples
 
     return Samples(options.folder, count=options.count, magnify=options.magnify or (1,), white=options.white)
 
@@ -220,7 +220,7 @@ def _add_patch_sizes(parser: argparse.ArgumentParser) -> None:
 
 
 def _evaluate_patch_sizes(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
-    from mpsnet_core.training.patch_sizes import evaluate_patch_sizes
+    from mpsnet_core.learning.evaluation.patch_sizes import evaluate_patch_sizes
 
     note_removed_options(options)
     return evaluate_patch_sizes(

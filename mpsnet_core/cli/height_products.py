@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from mpsnet_core.camera import Camera
-    from mpsnet_core.heights.height_map import HeightMap
-    from mpsnet_core.normals import NormalMap
+    from mpsnet_core.relief.height_map import HeightMap
+    from mpsnet_core.scene.camera import Camera
+    from mpsnet_core.scene.normal_map import NormalMap
 
 
 @dataclass(frozen=True)
@@ -53,14 +53,14 @@ class Product:
 
 
 def _height_files(options: argparse.Namespace) -> list[Path]:
-    from mpsnet_core.heights.height_files import height_files
+    from mpsnet_core.relief.height_files import height_files
 
     return height_files(options.height, options.height_bits)
 
 
 def _height(options: argparse.Namespace, surface: Surface, progress: Progress) -> Made:
-    from mpsnet_core.heights.height_files import write_height
-    from mpsnet_core.heights.height_names import height_names
+    from mpsnet_core.relief.height_files import write_height
+    from mpsnet_core.relief.height_names import height_names
 
     heights = surface.heights
     assert heights is not None
@@ -85,14 +85,14 @@ def _height(options: argparse.Namespace, surface: Surface, progress: Progress) -
 
 
 def _mesh_files(options: argparse.Namespace) -> list[Path]:
-    from mpsnet_core.heights.surface_mesh import check_surface_mesh, writable_mesh
+    from mpsnet_core.relief.surface_mesh import check_surface_mesh, writable_mesh
 
     check_surface_mesh(options.faces, options.open)
     return [writable_mesh(options.mesh)]
 
 
 def _mesh(options: argparse.Namespace, surface: Surface, progress: Progress) -> Made:
-    from mpsnet_core.heights.surface_mesh import Up, surface_mesh, write_surface_mesh
+    from mpsnet_core.relief.surface_mesh import Up, surface_mesh, write_surface_mesh
 
     assert surface.heights is not None
     heights = surface.heights
@@ -111,15 +111,15 @@ def _mesh(options: argparse.Namespace, surface: Surface, progress: Progress) -> 
 
 
 def _curvature_files(options: argparse.Namespace) -> list[Path]:
-    from mpsnet_core.heights.curvature import check_curvature
+    from mpsnet_core.relief.curvature import check_curvature
 
     check_curvature(options.curvature_radius, options.curvature_range)
     return _image(options.curvature)
 
 
 def _curvature(options: argparse.Namespace, surface: Surface, progress: Progress) -> Made:
-    from mpsnet_core.heights.curvature import curvature, curvature_picture, curvature_range
-    from mpsnet_core.images import write_image
+    from mpsnet_core.io.images import write_image
+    from mpsnet_core.relief.curvature import curvature, curvature_picture, curvature_range
 
     output, normals, unit = Path(options.curvature), surface.normals, surface.unit
     depth = None if surface.heights is None else -surface.heights.values
@@ -138,14 +138,14 @@ def _curvature(options: argparse.Namespace, surface: Surface, progress: Progress
 
 
 def _occlusion_files(options: argparse.Namespace) -> list[Path]:
-    from mpsnet_core.heights.occlusion import check_reach
+    from mpsnet_core.relief.occlusion import check_reach
 
     check_reach(options.occlusion_reach)
     return _image(options.occlusion)
 
 
 def _occlusion(options: argparse.Namespace, surface: Surface, progress: Progress) -> Made:
-    from mpsnet_core.images import write_image
+    from mpsnet_core.io.images import write_image
 
     assert surface.occlusion is not None
     write_image(options.occlusion, surface.occlusion)
@@ -158,7 +158,7 @@ def _occlusion(options: argparse.Namespace, surface: Surface, progress: Progress
 
 def _relit_files(options: argparse.Namespace) -> list[Path]:
     """One picture, or a frame for each light of a turntable where the name has a run of #."""
-    from mpsnet_core.heights.relight import turntable_tilts
+    from mpsnet_core.relief.relight import turntable_tilts
 
     tilts = turntable_tilts(options.turntable, 0) if options.turntable is not None else [0.0]
     output = Path(options.relit)
@@ -175,9 +175,9 @@ def _relit_files(options: argparse.Namespace) -> list[Path]:
 
 
 def _relit(options: argparse.Namespace, surface: Surface, progress: Progress) -> Made:
-    from mpsnet_core.heights.relight import relit, turntable_sheet, turntable_tilts
-    from mpsnet_core.images import write_image
-    from mpsnet_core.rig import direction_from_angles
+    from mpsnet_core.io.images import write_image
+    from mpsnet_core.relief.relight import relit, turntable_sheet, turntable_tilts
+    from mpsnet_core.scene.rig import direction_from_angles
 
     slant, tilt = slant_and_tilt("--light", options.light)
     shown = {"occlusion": surface.occlusion, "albedo": surface.albedo}
@@ -196,8 +196,8 @@ def _relit(options: argparse.Namespace, surface: Surface, progress: Progress) ->
 
 
 def _image(path: str | Path) -> list[Path]:
-    from mpsnet_core.files import writable_path
-    from mpsnet_core.images import checked_bits
+    from mpsnet_core.io.files import writable_path
+    from mpsnet_core.io.images import checked_bits
 
     path = writable_path(path)
     checked_bits(path)

@@ -29,8 +29,8 @@ _NEEDED = {
 }
 
 if TYPE_CHECKING:
-    from mpsnet_core.camera import Camera
-    from mpsnet_core.normals import NormalMap
+    from mpsnet_core.scene.camera import Camera
+    from mpsnet_core.scene.normal_map import NormalMap
 
 
 def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
@@ -121,12 +121,12 @@ def _check_together(parser: argparse.ArgumentParser, options: argparse.Namespace
 
 
 def _integrate(parser: argparse.ArgumentParser, options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
-    from mpsnet_core.files import written_together
-    from mpsnet_core.frames import check_apart, is_several
-    from mpsnet_core.heights.integrate import METHODS
-    from mpsnet_core.heights.surface_mesh import NoFaceError, check_has_faces
-    from mpsnet_core.normals import OUTWARDS_SHARE, check_convention, read_normals
-    from mpsnet_core.surface.texture_names import check_one_texture
+    from mpsnet_core.bake.texture_names import check_one_texture
+    from mpsnet_core.io.files import written_together
+    from mpsnet_core.io.frames import check_apart, is_several
+    from mpsnet_core.relief.integration.integrate import METHODS
+    from mpsnet_core.relief.surface_mesh import NoFaceError, check_has_faces
+    from mpsnet_core.scene.normal_map import OUTWARDS_SHARE, check_convention, read_normals
 
     check_convention(options.convention)
     _check_together(parser, options)
@@ -182,11 +182,11 @@ def _integrate(parser: argparse.ArgumentParser, options: argparse.Namespace, rep
 
 def _asked_surface(options: argparse.Namespace, normals: "NormalMap", progress: Progress) -> Surface:
     """What the outputs that are asked for are made of, and no more."""
-    from mpsnet_core.heights.height_map import pixel_camera
-    from mpsnet_core.heights.integrate import integrate
-    from mpsnet_core.heights.occlusion import ambient_occlusion
-    from mpsnet_core.heights.sizes import check_size
-    from mpsnet_core.images import read_image
+    from mpsnet_core.io.images import read_image
+    from mpsnet_core.relief.height_map import pixel_camera
+    from mpsnet_core.relief.integration.integrate import integrate
+    from mpsnet_core.relief.occlusion import ambient_occlusion
+    from mpsnet_core.relief.sizes import check_size
 
     given = _asked_camera(options, normals)
     camera = given or pixel_camera(*normals.mask.shape)
@@ -219,7 +219,7 @@ def _asked_camera(options: argparse.Namespace, normals: "NormalMap") -> "Camera 
     """The camera that the options tell, None where they tell none."""
     import numpy as np
 
-    from mpsnet_core.camera import Camera, camera_of_lens, read_camera
+    from mpsnet_core.scene.camera import Camera, camera_of_lens, read_camera
 
     given = [name for name in ("camera", "focal", "pixel_size") if getattr(options, name) is not None]
     if len(given) > 1:

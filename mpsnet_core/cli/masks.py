@@ -27,12 +27,12 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
 
 
 def _mask(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
-    from mpsnet_core.correction import corrected
-    from mpsnet_core.evaluation.pictures import mask_picture
-    from mpsnet_core.files import writable_path, written_together
-    from mpsnet_core.frames import check_apart
-    from mpsnet_core.images import checked_bits, read_image, write_image
-    from mpsnet_core.masks import find_mask
+    from mpsnet_core.capture.correction import corrected
+    from mpsnet_core.capture.masks import find_mask
+    from mpsnet_core.io.files import writable_path, written_together
+    from mpsnet_core.io.frames import check_apart
+    from mpsnet_core.io.images import checked_bits, read_image, write_image
+    from mpsnet_core.scene.pictures import mask_picture
 
     outputs = [options.output, *([options.overlay] if options.overlay else [])]
     for number, output in enumerate(outputs):

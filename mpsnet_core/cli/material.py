@@ -64,15 +64,15 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
 
 
 def _material(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
-    from mpsnet_core.capture import capture_from, note_doubts
-    from mpsnet_core.files import IMAGE_SUFFIXES, makeable_folder
-    from mpsnet_core.frames import check_apart
-    from mpsnet_core.images import read_image
-    from mpsnet_core.material.material import check_material, filled_part, flat_material
-    from mpsnet_core.material.material_files import material_files, write_material
-    from mpsnet_core.normals import check_convention
+    from mpsnet_core.capture.capture import capture_from, note_doubts
+    from mpsnet_core.io.files import IMAGE_SUFFIXES, makeable_folder
+    from mpsnet_core.io.frames import check_apart
+    from mpsnet_core.io.images import read_image
     from mpsnet_core.progress import part
-    from mpsnet_core.rig import read_rig
+    from mpsnet_core.relief.material.material import check_material, filled_part, flat_material
+    from mpsnet_core.relief.material.material_files import material_files, write_material
+    from mpsnet_core.scene.normal_map import check_convention
+    from mpsnet_core.scene.rig import read_rig
 
     check_convention(options.convention)
     check_material(options.size, options.overlap, options.bend)
@@ -141,7 +141,7 @@ def _repeats(alike: tuple[float | None, float | None]) -> str:
 
 def _asked_scale(options: argparse.Namespace) -> tuple[float, float | None]:
     """A length in millimetres, and how many of the photo's pixels it is; None for its width, not known yet."""
-    from mpsnet_core.lengths import millimetres
+    from mpsnet_core.cli.units import millimetres
 
     given = [name for name in ("width", "pixel_size", "ruler") if getattr(options, name) is not None]
     if len(given) != 1:

@@ -46,14 +46,14 @@ def integrate_on_uvs(options: argparse.Namespace, reporter: Reporter) -> dict[st
     """
     import numpy as np
 
-    from mpsnet_core.files import written_together
-    from mpsnet_core.heights.height_files import write_height
-    from mpsnet_core.heights.on_uvs import displacement
-    from mpsnet_core.heights.tiles import tiles_of
-    from mpsnet_core.normals import read_normals
-    from mpsnet_core.surface.mesh import read_mesh
-    from mpsnet_core.surface.sheets import sheets
-    from mpsnet_core.surface.texture_names import texture_files
+    from mpsnet_core.bake.texture_names import texture_files
+    from mpsnet_core.bake.texture_sets import sheets
+    from mpsnet_core.io.files import written_together
+    from mpsnet_core.relief.displacement.displacement import displacement
+    from mpsnet_core.relief.displacement.udim import tiles_of
+    from mpsnet_core.relief.height_files import write_height
+    from mpsnet_core.scene.mesh import read_mesh
+    from mpsnet_core.scene.normal_map import read_normals
 
     tiled = _tiled(options)
     reporter.progress(0.0, "reading the mesh")
@@ -119,7 +119,7 @@ def integrate_on_uvs(options: argparse.Namespace, reporter: Reporter) -> dict[st
 
 def _tiled(options: argparse.Namespace) -> bool:
     """Whether texture and heights are of UDIM tiles. Raises InputError where no heights are asked for, or one is."""
-    from mpsnet_core.surface.texture_names import check_one_texture, split_by
+    from mpsnet_core.bake.texture_names import check_one_texture, split_by
 
     if not options.height:
         raise InputError("--uvs makes heights; name their file with --height")
@@ -135,8 +135,8 @@ def _tiled(options: argparse.Namespace) -> bool:
 
 def _checked_outputs(options: argparse.Namespace, textures: Sequence[Path], outputs: Sequence[Path]) -> list[Path]:
     """The heights' files and their scales. Raises InputError where they cannot be written."""
-    from mpsnet_core.frames import check_apart
-    from mpsnet_core.heights.height_files import height_files
+    from mpsnet_core.io.frames import check_apart
+    from mpsnet_core.relief.height_files import height_files
 
     files = []
     for output in outputs:

@@ -92,15 +92,15 @@ def _add_estimate(parser: argparse.ArgumentParser) -> None:
 
 
 def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
-    from mpsnet_core.capture import read_capture
+    from mpsnet_core.capture.capture import read_capture
     from mpsnet_core.estimate.albedo import albedo_from_white, write_albedo
-    from mpsnet_core.files import made_folder, writable_path, written_together
-    from mpsnet_core.frames import check_apart, expand_images, is_several, output_files
-    from mpsnet_core.images import checked_bits, write_image
-    from mpsnet_core.normals import check_convention, write_normals
+    from mpsnet_core.estimate.sequence.video import is_video
+    from mpsnet_core.io.files import made_folder, writable_path, written_together
+    from mpsnet_core.io.frames import check_apart, expand_images, is_several, output_files
+    from mpsnet_core.io.images import checked_bits, write_image
     from mpsnet_core.progress import part
-    from mpsnet_core.rig import read_rig
-    from mpsnet_core.sequence.video import is_video
+    from mpsnet_core.scene.normal_map import check_convention, write_normals
+    from mpsnet_core.scene.rig import read_rig
 
     check_convention(options.convention)
     if options.albedo and not options.white:
@@ -160,7 +160,7 @@ def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
 
 def _white_light(given: str) -> "NDArray[np.float64] | None":
     """(3,) the direction of the white photo's one light, None where it was the rig's lights."""
-    from mpsnet_core.rig import direction_from_angles
+    from mpsnet_core.scene.rig import direction_from_angles
 
     return None if given == "rig" else direction_from_angles(*slant_and_tilt("--white-light", given))
 
@@ -188,9 +188,9 @@ def _add_superpose(parser: argparse.ArgumentParser) -> None:
 def _superpose(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     import numpy as np
 
-    from mpsnet_core.frames import check_apart
-    from mpsnet_core.images import checked_bits, linear_to_srgb, write_image
-    from mpsnet_core.superpose import as_channels, superpose
+    from mpsnet_core.capture.superpose import as_channels, superpose
+    from mpsnet_core.io.frames import check_apart
+    from mpsnet_core.io.images import checked_bits, linear_to_srgb, write_image
 
     check_apart(options.image, [options.output])
     is_png = options.channels and Path(options.output).suffix.lower() == ".png"
@@ -215,7 +215,7 @@ def _superpose(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any
 
 
 def _models(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
-    from mpsnet_core.estimate.shelf import shelf
+    from mpsnet_core.estimate.registry import shelf
 
     if options.model:
         return _card(options.model)
@@ -230,7 +230,7 @@ def _models(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
 
 def _card(model: str) -> dict[str, Any]:
     from mpsnet_core.estimate.onnx_model import OnnxModel
-    from mpsnet_core.estimate.shelf import find_network
+    from mpsnet_core.estimate.registry import find_network
 
     network = OnnxModel(find_network(model).path, threads=1)
     told = {"card": json.loads(network.card.to_json()), "training": network.record}

@@ -7,7 +7,7 @@ from typing import Any
 from mpsnet_core.cli.arguments import Help, Verbs
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import resolved
+from mpsnet_core.io.files import resolved
 
 # So many of the files that `show` skips are named; all are counted.
 NAMED = 10
@@ -160,9 +160,9 @@ def _add_show(parser: argparse.ArgumentParser) -> None:
 
 
 def _show(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
-    from mpsnet_core.files import writable_path
-    from mpsnet_core.frames import check_apart
-    from mpsnet_core.images import checked_bits
+    from mpsnet_core.io.files import writable_path
+    from mpsnet_core.io.frames import check_apart
+    from mpsnet_core.io.images import checked_bits
     from mpsnet_core.progress import part
     from mpsnet_core.synthesis.contact_sheet import folder_samples, is_sample, show, summarise, write_sheet
     from mpsnet_core.synthesis.job import CONTACT_SHEET

@@ -7,11 +7,12 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Literal
 
-from mpsnet_core.capture import Capture, capture_from
+from mpsnet_core.capture.capture import Capture, capture_from
+from mpsnet_core.capture.masks import Notes
 from mpsnet_core.cli.arguments import asked_correction, asked_estimator, asked_place, read_files
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.errors import InputError
-from mpsnet_core.estimate.shelf import (
+from mpsnet_core.estimate.registry import (
     AVERAGED_MODEL,
     DEFAULT_MODEL,
     LAMBERTIAN,
@@ -19,15 +20,14 @@ from mpsnet_core.estimate.shelf import (
     STILL_PASSES,
     find_network,
 )
-from mpsnet_core.files import resolved
-from mpsnet_core.frames import check_apart, numbering, output_files
-from mpsnet_core.made_from import content, identity
-from mpsnet_core.masks import Notes
-from mpsnet_core.rig import LightRig
-from mpsnet_core.sequence.run import Outcome, estimate_sequence
-from mpsnet_core.sequence.smoothing import MAX_REACH
-from mpsnet_core.sequence.source import Frame, frame_masks, photo_frames
-from mpsnet_core.sequence.video import is_video, read_video_header, video_frames, video_outputs
+from mpsnet_core.estimate.sequence.run import Outcome, estimate_sequence
+from mpsnet_core.estimate.sequence.smoothing import MAX_REACH
+from mpsnet_core.estimate.sequence.source import Frame, frame_masks, photo_frames
+from mpsnet_core.estimate.sequence.video import is_video, read_video_header, video_frames, video_outputs
+from mpsnet_core.io.files import resolved
+from mpsnet_core.io.frames import check_apart, numbering, output_files
+from mpsnet_core.io.provenance import content, identity
+from mpsnet_core.scene.rig import LightRig
 
 log = logging.getLogger(__name__)
 

@@ -12,10 +12,10 @@ import numpy as np
 from mpsnet_core.errors import InputError
 
 if TYPE_CHECKING:
-    from mpsnet_core.surface.mesh import Mesh
-    from mpsnet_core.surface.present_maps import PresentMaps
-    from mpsnet_core.surface.sheets import Sheet
-    from mpsnet_core.surface.texture import Texture
+    from mpsnet_core.bake.existing_maps import PresentMaps
+    from mpsnet_core.bake.texture import Texture
+    from mpsnet_core.bake.texture_sets import Sheet
+    from mpsnet_core.scene.mesh import Mesh
 
 log = logging.getLogger(__name__)
 
@@ -57,12 +57,12 @@ def planned(options: argparse.Namespace, taken: Sequence[Path]) -> Plan:
 
     Raises InputError where a mesh cannot be read, no texture has a present map, or a texture has no place.
     """
-    from mpsnet_core.files import writable_path
-    from mpsnet_core.frames import check_apart
-    from mpsnet_core.surface.mesh import read_mesh
-    from mpsnet_core.surface.present_maps import PresentMaps, maps_beneath
-    from mpsnet_core.surface.sheets import sheets
-    from mpsnet_core.surface.texture_names import split_by, texture_files, tile_patterns
+    from mpsnet_core.bake.existing_maps import PresentMaps, maps_beneath
+    from mpsnet_core.bake.texture_names import split_by, texture_files, tile_patterns
+    from mpsnet_core.bake.texture_sets import sheets
+    from mpsnet_core.io.files import writable_path
+    from mpsnet_core.io.frames import check_apart
+    from mpsnet_core.scene.mesh import read_mesh
 
     by = split_by(options.output)
     meshes = [read_mesh(file) for file in options.mesh]
@@ -86,7 +86,7 @@ def albedo_file(texture: Path) -> Path:
 
 def _named(mesh: "Mesh", name: str) -> "Mesh":
     """The mesh, as an object of that name where its file tells none."""
-    from mpsnet_core.surface.labels import Labels
+    from mpsnet_core.scene.mesh_labels import Labels
 
     return mesh if mesh.objects else replace(mesh, objects=Labels((name,), np.zeros(len(mesh.triangles), np.int32)))
 
@@ -98,9 +98,9 @@ def write_textures(
 
     Raises InputError where one cannot be baked or written.
     """
+    from mpsnet_core.bake.detail_blending import laid_onto
+    from mpsnet_core.bake.texture import write_texture
     from mpsnet_core.estimate.albedo import write_albedo
-    from mpsnet_core.surface.onto import laid_onto
-    from mpsnet_core.surface.texture import write_texture
 
     for sheet, texture in baked:
         place = plan.sheets.index(sheet)

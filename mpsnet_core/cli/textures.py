@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import made_folder
+from mpsnet_core.io.files import made_folder
 
 if TYPE_CHECKING:
-    from mpsnet_core.surface.shown import Present
+    from mpsnet_core.bake.base_detail_removal import Present
 
 
 log = logging.getLogger(__name__)
@@ -54,10 +54,10 @@ def settle(options: argparse.Namespace, *, sequence: bool = False) -> None:
     Raises InputError where the preset is not known, what is asked for does not fit the output's ending, the detail
     cannot be had, or a folder is given for what several meshes share, which no preset has a name for.
     """
-    from mpsnet_core.normals import check_convention
-    from mpsnet_core.surface.onto import check_onto
-    from mpsnet_core.surface.presets import preset_named, preset_output
-    from mpsnet_core.surface.shown import check_shown
+    from mpsnet_core.bake.base_detail_removal import check_shown
+    from mpsnet_core.bake.detail_blending import check_onto
+    from mpsnet_core.bake.presets import preset_named, preset_output
+    from mpsnet_core.scene.normal_map import check_convention
 
     check_convention(options.onto_convention)
     check_shown(options.onto_shown)
@@ -101,9 +101,9 @@ def asked_present(options: argparse.Namespace) -> "Present | None":
 
     Raises InputError where it stands for several, or cannot be read.
     """
-    from mpsnet_core.surface.onto import read_present_map
-    from mpsnet_core.surface.shown import Present
-    from mpsnet_core.surface.texture_names import check_one_texture
+    from mpsnet_core.bake.base_detail_removal import Present
+    from mpsnet_core.bake.detail_blending import read_present_map
+    from mpsnet_core.bake.texture_names import check_one_texture
 
     if options.onto is None:
         return None

@@ -8,9 +8,9 @@ from typing import Any
 from mpsnet_core.cli.arguments import Help, Verbs
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.errors import InputError
-from mpsnet_core.estimate.shelf import find_network, shelf
-from mpsnet_core.files import makeable_folder, writable_path
-from mpsnet_core.frames import check_apart
+from mpsnet_core.estimate.registry import find_network, shelf
+from mpsnet_core.io.files import makeable_folder, writable_path
+from mpsnet_core.io.frames import check_apart
 
 log = logging.getLogger(__name__)
 
@@ -59,9 +59,9 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
 
 
 def _train(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
-    from mpsnet_core.training.export import export_onnx
-    from mpsnet_core.training.loop import PRECISIONS, Places, train
-    from mpsnet_core.training.recipe import read_recipe
+    from mpsnet_core.learning.training.export import export_onnx
+    from mpsnet_core.learning.training.loop import PRECISIONS, Places, train
+    from mpsnet_core.learning.training.recipe import read_recipe
 
     output = _model_path(options.output)
     if options.precision not in PRECISIONS:
@@ -122,7 +122,7 @@ def note_removed_options(options: argparse.Namespace) -> None:
 
 
 def _quantize(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
-    from mpsnet_core.training.quantize import quantise
+    from mpsnet_core.learning.training.quantize import quantise
 
     output = _model_path(options.output)
     model = find_network(options.model).path

@@ -29,9 +29,9 @@ from mpsnet_core.cli.sheets import planned, seen_share, textures_in_words, told_
 from mpsnet_core.cli.textures import add_detail, add_preset, note_shown, settle
 
 if TYPE_CHECKING:
-    from mpsnet_core.camera import Camera
-    from mpsnet_core.rig import LightRig
-    from mpsnet_core.surface.agreement import ViewAgreement
+    from mpsnet_core.bake.view_agreement import ViewAgreement
+    from mpsnet_core.scene.camera import Camera
+    from mpsnet_core.scene.rig import LightRig
 
 log = logging.getLogger(__name__)
 
@@ -92,10 +92,13 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
 
 def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core import __version__
-    from mpsnet_core.estimate.shelf import DEFAULT_MODEL
-    from mpsnet_core.evaluation.bake_report import texture_maps, view_table, write_bake_report
-    from mpsnet_core.evaluation.report import report_path
-    from mpsnet_core.files import (
+    from mpsnet_core.bake.bake import bake_sheets
+    from mpsnet_core.bake.feather import FEATHER
+    from mpsnet_core.bake.multi_view import KeptView, KeptViews, Photography, posed_photos, sources_of
+    from mpsnet_core.bake.report import texture_maps, view_table, write_bake_report
+    from mpsnet_core.bake.view_agreement import agreement, table_rows
+    from mpsnet_core.estimate.registry import DEFAULT_MODEL
+    from mpsnet_core.io.files import (
         files_within,
         made_folder,
         remove_abandoned,
@@ -103,19 +106,16 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         write_json,
         written_together,
     )
-    from mpsnet_core.frames import check_apart
-    from mpsnet_core.images import checked_bits
-    from mpsnet_core.made_from import identity
-    from mpsnet_core.normals import check_convention
+    from mpsnet_core.io.frames import check_apart
+    from mpsnet_core.io.images import checked_bits
+    from mpsnet_core.io.provenance import identity
+    from mpsnet_core.learning.evaluation.report import report_path
     from mpsnet_core.progress import part
-    from mpsnet_core.rays import RayScene
-    from mpsnet_core.rig import read_rig
-    from mpsnet_core.surface.agreement import agreement, table_rows
-    from mpsnet_core.surface.bake import bake_sheets
-    from mpsnet_core.surface.feather import FEATHER
-    from mpsnet_core.surface.joined import joined
-    from mpsnet_core.views import KeptView, KeptViews, Photography, posed_photos, sources_of
-    from mpsnet_core.world_lights import read_world_lights
+    from mpsnet_core.scene.joined_mesh import joined
+    from mpsnet_core.scene.normal_map import check_convention
+    from mpsnet_core.scene.rays import RayScene
+    from mpsnet_core.scene.rig import read_rig
+    from mpsnet_core.scene.world_lights import read_world_lights
 
     # All that can be known beforehand is asked before the long work.
     settle(options)

@@ -4,12 +4,12 @@ import logging
 import os
 from typing import TYPE_CHECKING, Any, Literal
 
-from mpsnet_core.estimate.shelf import DEFAULT_MODEL, LAMBERTIAN, LAMBERTIAN_GREY_WORLD, find_network
+from mpsnet_core.estimate.registry import DEFAULT_MODEL, LAMBERTIAN, LAMBERTIAN_GREY_WORLD, find_network
 from mpsnet_core.progress import Progress, silent
 
 if TYPE_CHECKING:  # Blender imports the shelf beside this file, and shall not wait for OpenImageIO
-    from mpsnet_core.capture import Capture
-    from mpsnet_core.normals import NormalMap
+    from mpsnet_core.capture.capture import Capture
+    from mpsnet_core.scene.normal_map import NormalMap
 
 log = logging.getLogger(__name__)
 

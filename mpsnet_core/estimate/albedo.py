@@ -18,12 +18,12 @@ import os
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mpsnet_core.bands import bands
-from mpsnet_core.capture import Capture
+from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import InputError
-from mpsnet_core.estimate.afar import lights_by_rows
-from mpsnet_core.images import linear_to_srgb, read_image, write_image
-from mpsnet_core.normals import NormalMap
+from mpsnet_core.estimate.distant_lights import lights_by_rows
+from mpsnet_core.io.images import linear_to_srgb, read_image, write_image
+from mpsnet_core.scene.normal_map import NormalMap
 
 # Where less light than this arrives (a cosine), a surface is taken to be as bright as if so much did: its albedo comes
 # out too dark there, and not as noise.
@@ -84,7 +84,7 @@ def write_albedo(
     """Write an albedo (H, W, 3), linear: as sRGB in PNG or TIFF (16 bits unless told), where above 1 is 1, or linear in
     EXR (float unless told). mask: (H, W), kept as alpha.
 
-    Raises InputError as :func:`mpsnet_core.images.write_image` does.
+    Raises InputError as :func:`mpsnet_core.io.images.write_image` does.
     """
     linear = os.fspath(path).lower().endswith(".exr")
     values = albedo if linear else linear_to_srgb(albedo)

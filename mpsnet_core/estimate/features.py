@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.bands import bands
-from mpsnet_core.capture import Capture
+from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.lambertian import divided, initial_normals
 
 # Channels of each map; maps are zero outside the mask.

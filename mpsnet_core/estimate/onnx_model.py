@@ -10,17 +10,17 @@ import numpy as np
 import onnxruntime
 from numpy.typing import NDArray
 
-from mpsnet_core.capture import Capture
+from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import InputError
-from mpsnet_core.estimate.afar import seen_from_afar, turn_back
 from mpsnet_core.estimate.card import ModelCard, card_from_metadata, record_from_metadata
 from mpsnet_core.estimate.dense import dense_answer
+from mpsnet_core.estimate.distant_lights import seen_from_afar, turn_back
 from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS
 from mpsnet_core.estimate.patches import patch_answer
-from mpsnet_core.estimate.shelf import DEFAULT_TILE
-from mpsnet_core.files import existing_file
-from mpsnet_core.normals import NormalMap
+from mpsnet_core.estimate.registry import DEFAULT_TILE
+from mpsnet_core.io.files import existing_file
 from mpsnet_core.progress import Progress, silent
+from mpsnet_core.scene.normal_map import NormalMap
 
 PROVIDERS = {
     "cpu": "CPUExecutionProvider",

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.capture import Capture
+from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.card import ModelCard
 from mpsnet_core.estimate.dense import Network
 from mpsnet_core.estimate.features import CONSTANTS, feature_maps

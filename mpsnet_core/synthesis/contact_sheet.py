@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.evaluation.pictures import BACKGROUND, legend, photo_picture, sheet
-from mpsnet_core.images import image_layers, linear_to_srgb, read_image, write_image
-from mpsnet_core.made_from import identity, made_line
-from mpsnet_core.normals import encode
+from mpsnet_core.io.images import image_layers, linear_to_srgb, read_image, write_image
+from mpsnet_core.io.provenance import identity, made_line
 from mpsnet_core.progress import Progress, silent
+from mpsnet_core.scene.normal_map import encode
+from mpsnet_core.scene.pictures import BACKGROUND, legend, photo_picture, sheet
 from mpsnet_core.synthesis.sample import Sample, read_sample, read_sample_data
 
 ROWS = 8

@@ -12,8 +12,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.camera import Camera
-from mpsnet_core.rig import direction_from_angles
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.rig import direction_from_angles
 from mpsnet_core.synthesis.job import SampleJob
 from mpsnet_core.synthesis.recipe import Bump, Colour, Dirt, Material, Paint, Pattern, Recipe
 from mpsnet_core.synthesis.reflectance import material_names

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import made_folder, read_json, write_json
+from mpsnet_core.io.files import made_folder, read_json, write_json
 from mpsnet_core.synthesis.farm.claims import Claims
 
 JOB_FORMAT = "mpsnet-samples"

@@ -6,8 +6,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.camera import Camera, camera_data, camera_from_data
 from mpsnet_core.errors import InputError
+from mpsnet_core.scene.camera import Camera, camera_data, camera_from_data
 
 RECIPE_VERSION = 1
 

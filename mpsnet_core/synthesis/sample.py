@@ -13,10 +13,10 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import MAX_JSON_BYTES, existing_file, written_whole
-from mpsnet_core.images import MAX_VALUE, complaint, image_input, libraries_silent, told_in
-from mpsnet_core.normals import normalised
-from mpsnet_core.rig import LightRig
+from mpsnet_core.io.files import MAX_JSON_BYTES, existing_file, written_whole
+from mpsnet_core.io.images import MAX_VALUE, complaint, image_input, libraries_silent, told_in
+from mpsnet_core.scene.normal_map import normalised
+from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.synthesis.recipe import Recipe, recipe_from_data
 
 SAMPLE_VERSION = 1

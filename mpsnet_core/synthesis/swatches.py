@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mpsnet_core.normals import normalised
-from mpsnet_core.rig import LightRig
+from mpsnet_core.scene.normal_map import normalised
+from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise, voronoi
 
 Array = NDArray[np.float64]

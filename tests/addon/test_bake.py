@@ -14,7 +14,7 @@ from blender_addon.mesh_file import begin_mesh
 from blender_addon.rig import light_rig
 from mpsnet_core import angular_error, read_normals
 from mpsnet_core.errors import InputError
-from mpsnet_core.surface.mesh import read_mesh
+from mpsnet_core.scene.mesh import read_mesh
 
 from .conftest import matte
 from .test_photo import pixels, sphere_normals

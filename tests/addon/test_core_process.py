@@ -16,7 +16,7 @@ import pytest
 from blender_addon import operators
 from blender_addon.core_process import CoreCrashed, CoreProcess, _environment, run
 from mpsnet_core.errors import Cancelled, InputError
-from mpsnet_core.rig import published_rig, write_rig
+from mpsnet_core.scene.rig import published_rig, write_rig
 
 # The child takes its last step, the renaming of what it wrote, only when the test is over.
 BLOCK = """

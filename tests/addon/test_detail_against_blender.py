@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from mathutils import Matrix, Vector
 
-from mpsnet_core.camera import write_camera
+from mpsnet_core.arrays.rasterize import texel_coordinates, triangle_of_texel
+from mpsnet_core.bake.bake import View
+from mpsnet_core.bake.detail_blending import read_present_map
 from mpsnet_core.cli import main
-from mpsnet_core.normals import NormalMap, write_normals
-from mpsnet_core.surface.bake import View
-from mpsnet_core.surface.mesh import read_mesh
-from mpsnet_core.surface.onto import read_present_map
-from mpsnet_core.surface.raster import texel_coordinates, triangle_of_texel
+from mpsnet_core.scene.camera import write_camera
+from mpsnet_core.scene.mesh import read_mesh
+from mpsnet_core.scene.normal_map import NormalMap, write_normals
 
 from .test_bake_against_blender import (
     SIDES,

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from dng import write_dng
 
-from mpsnet_core.images import read_image, read_mask, write_image
-from mpsnet_core.normals import read_normals
-from mpsnet_core.rig import published_rig, write_rig
+from mpsnet_core.io.images import read_image, read_mask, write_image
+from mpsnet_core.scene.normal_map import read_normals
+from mpsnet_core.scene.rig import published_rig, write_rig
 
 
 @pytest.fixture

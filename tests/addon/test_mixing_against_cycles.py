@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from mathutils import Vector
 
-from mpsnet_core.calibrate.ball import distant_camera
-from mpsnet_core.calibrate.circles import find_balls
-from mpsnet_core.calibrate.mixing import mixing_from_ball
-from mpsnet_core.images import Image, linear_to_srgb, read_image, srgb_to_linear
-from mpsnet_core.rig import LightRig, direction_from_angles
+from mpsnet_core.capture.calibrate.ball import distant_camera
+from mpsnet_core.capture.calibrate.circles import find_balls
+from mpsnet_core.capture.calibrate.mixing import mixing_from_ball
+from mpsnet_core.io.images import Image, linear_to_srgb, read_image, srgb_to_linear
+from mpsnet_core.scene.rig import LightRig, direction_from_angles
 
 SIDE = 320
 ANGLES = [(35, 100), (30, 215), (40, 325)]

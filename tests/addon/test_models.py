@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from blender_addon.panels.models import MPS_MT_estimate_models, MPS_MT_material_models
-from mpsnet_core.normals import angular_error, read_normals
+from mpsnet_core.scene.normal_map import angular_error, read_normals
 
 
 @pytest.mark.parametrize(

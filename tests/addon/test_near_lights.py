@@ -4,9 +4,9 @@ import bpy
 import numpy as np
 import pytest
 
-from mpsnet_core.camera import read_camera
-from mpsnet_core.normals import angular_error, read_normals
-from mpsnet_core.rig import LightRig, read_rig, write_rig
+from mpsnet_core.scene.camera import read_camera
+from mpsnet_core.scene.normal_map import angular_error, read_normals
+from mpsnet_core.scene.rig import LightRig, read_rig, write_rig
 
 SIZE = 96
 

@@ -8,7 +8,7 @@ import pytest
 from blender_addon.rig import light_rig, scene_camera
 from blender_addon.settings.record import notes_of
 from blender_addon.studio import render_normals
-from mpsnet_core.images import read_image, write_image
+from mpsnet_core.io.images import read_image, write_image
 
 from .conftest import matte
 

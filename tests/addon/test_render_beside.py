@@ -12,10 +12,10 @@ import pytest
 
 from blender_addon.core_process import CoreProcess
 from blender_addon.render_beside import rendering_blender, written_job
-from mpsnet_core.camera import read_camera
 from mpsnet_core.errors import InputError
-from mpsnet_core.images import write_image
-from mpsnet_core.rig import read_rig
+from mpsnet_core.io.images import write_image
+from mpsnet_core.scene.camera import read_camera
+from mpsnet_core.scene.rig import read_rig
 
 from .test_photo import everything, glowing
 

@@ -10,11 +10,11 @@ import pytest
 from blender_addon.mesh_file import begin_mesh
 from blender_addon.moving import Moving
 from blender_addon.outputs import frame_pattern
-from mpsnet_core.camera import read_camera
 from mpsnet_core.errors import InputError
-from mpsnet_core.images import read_image, write_image
-from mpsnet_core.normals import read_normals
-from mpsnet_core.rig import published_rig, write_rig
+from mpsnet_core.io.images import read_image, write_image
+from mpsnet_core.scene.camera import read_camera
+from mpsnet_core.scene.normal_map import read_normals
+from mpsnet_core.scene.rig import published_rig, write_rig
 
 NUMBERS = range(8, 12)
 

@@ -6,9 +6,9 @@ import bpy
 import numpy as np
 import pytest
 
-from mpsnet_core.frames import output_files
-from mpsnet_core.images import write_image
-from mpsnet_core.sequence.video import video_outputs
+from mpsnet_core.estimate.sequence.video import video_outputs
+from mpsnet_core.io.frames import output_files
+from mpsnet_core.io.images import write_image
 
 NAMES = ["frame_{:04d}.png", "shot2_{:04d}_v3.png", "take{}.png", "1.{:03d}.exr"]
 

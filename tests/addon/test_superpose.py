@@ -9,9 +9,9 @@ from synthetic import degrees_between, shaded_sphere
 
 from blender_addon.panels.photo import MPS_PT_superpose
 from blender_addon.panels.step import Kind
-from mpsnet_core.images import read_image, write_image
-from mpsnet_core.normals import read_normals
-from mpsnet_core.rig import write_rig
+from mpsnet_core.io.images import read_image, write_image
+from mpsnet_core.scene.normal_map import read_normals
+from mpsnet_core.scene.rig import write_rig
 
 SPHERE = shaded_sphere(64)
 PAINT = np.array([0.9, 0.5, 0.2])

@@ -7,8 +7,8 @@ import pytest
 import trimesh
 
 from blender_addon.samples.render import render_sample
-from mpsnet_core.camera import Camera
-from mpsnet_core.rig import direction_from_angles
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.rig import direction_from_angles
 from mpsnet_core.synthesis.recipe import Material, Recipe
 from mpsnet_core.synthesis.reflectance import load_reflectance
 from mpsnet_core.synthesis.sample import Sample

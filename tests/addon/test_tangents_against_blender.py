@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from blender_addon.mesh_file import begin_mesh
-from mpsnet_core.surface.mesh import Mesh, read_mesh
+from mpsnet_core.scene.mesh import Mesh, read_mesh
 
 Build = Callable[[], None]
 

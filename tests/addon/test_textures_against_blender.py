@@ -8,13 +8,13 @@ import numpy as np
 import OpenImageIO as oiio
 from mathutils import Matrix, Vector
 
-from mpsnet_core.images import write_image
-from mpsnet_core.surface.bake import bake_sheets
-from mpsnet_core.surface.baking import Baking
-from mpsnet_core.surface.labels import Labels
-from mpsnet_core.surface.mesh import Mesh
-from mpsnet_core.surface.sheets import Sheet, sheets
-from mpsnet_core.surface.texture import Texture
+from mpsnet_core.bake.bake import bake_sheets
+from mpsnet_core.bake.settings import Baking
+from mpsnet_core.bake.texture import Texture
+from mpsnet_core.bake.texture_sets import Sheet, sheets
+from mpsnet_core.io.images import write_image
+from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.mesh_labels import Labels
 
 from .test_bake_against_blender import (
     SIDES,

@@ -8,8 +8,8 @@ import pytest
 from mathutils import Matrix, Vector
 
 from blender_addon.panels.views import MPS_PT_views
-from mpsnet_core.images import read_image
-from mpsnet_core.normals import angular_error, decode
+from mpsnet_core.io.images import read_image
+from mpsnet_core.scene.normal_map import angular_error, decode
 
 from .test_steps import Kind, stands
 

@@ -7,7 +7,7 @@ import pytest
 from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.step import Kind
 from mpsnet_core.estimate.albedo import read_albedo
-from mpsnet_core.images import read_image, write_image
+from mpsnet_core.io.images import read_image, write_image
 
 COLOUR = np.array([0.6, 0.3, 0.15])
 

@@ -10,8 +10,8 @@ import numpy as np
 from reliefs import Relief, bumps, grid_triangles, orthographic
 
 from mpsnet_core import Camera
-from mpsnet_core.heights.occlusion import ambient_occlusion
-from mpsnet_core.rays import RayScene
+from mpsnet_core.relief.occlusion import ambient_occlusion
+from mpsnet_core.scene.rays import RayScene
 
 
 def by_rays(surface: Relief, rays: int, seed: int) -> np.ndarray:

@@ -19,10 +19,10 @@ import bpy
 import numpy as np
 from quiet import quiet
 
-from mpsnet_core.camera import Camera
-from mpsnet_core.normals import NormalMap
-from mpsnet_core.surface.bake import View, bake_normals
-from mpsnet_core.surface.mesh import Mesh
+from mpsnet_core.bake.bake import View, bake_normals
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.normal_map import NormalMap
 
 
 def array_of(collection: object, name: str, width: int, kind: type = np.float32) -> np.ndarray:

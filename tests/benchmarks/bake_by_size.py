@@ -14,11 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from mpsnet_core.camera import Camera
-from mpsnet_core.normals import NormalMap
-from mpsnet_core.surface.bake import View, bake_normals
-from mpsnet_core.surface.mesh import Mesh
-from mpsnet_core.surface.texture import write_texture
+from mpsnet_core.bake.bake import View, bake_normals
+from mpsnet_core.bake.texture import write_texture
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.normal_map import NormalMap
 
 LARGE = 8192
 

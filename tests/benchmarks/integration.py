@@ -18,14 +18,14 @@ from functools import partial
 import numpy as np
 from height_shapes import square_camera, two_spheres
 
-from mpsnet_core.bands import bands
-from mpsnet_core.heights.bilateral import PASSES, chosen_sides
-from mpsnet_core.heights.fast import equations, fast
-from mpsnet_core.heights.gradients import gradients
-from mpsnet_core.heights.height_map import pixel_camera
-from mpsnet_core.heights.integrate import METHODS, Method, integrate
-from mpsnet_core.heights.multigrid import Links
-from mpsnet_core.normals import NormalMap
+from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.relief.height_map import pixel_camera
+from mpsnet_core.relief.integration.bilateral import PASSES, chosen_sides
+from mpsnet_core.relief.integration.fast import equations, fast
+from mpsnet_core.relief.integration.gradients import gradients
+from mpsnet_core.relief.integration.integrate import METHODS, Method, integrate
+from mpsnet_core.relief.integration.multigrid import Links
+from mpsnet_core.scene.normal_map import NormalMap
 
 try:
     import resource

@@ -7,7 +7,7 @@ import argparse
 
 from eight_views import all_levelled, outcome, sphere_texels, wrong_views
 
-from mpsnet_core.surface.feather import FEATHER
+from mpsnet_core.bake.feather import FEATHER
 
 
 def main() -> None:

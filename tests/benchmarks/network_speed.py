@@ -28,15 +28,15 @@ import onnxruntime
 import torch
 from onnx import TensorProto, helper
 
-from mpsnet_core.capture import Capture
+from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate import Estimator
 from mpsnet_core.estimate.card import CARD_KEY, ModelCard
 from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS
-from mpsnet_core.estimate.shelf import find_network
-from mpsnet_core.images import write_image
-from mpsnet_core.rig import LightRig, published_rig, write_rig
-from mpsnet_core.training.networks import Network, build_network
+from mpsnet_core.estimate.registry import find_network
+from mpsnet_core.io.images import write_image
+from mpsnet_core.learning.training.networks import Network, build_network
+from mpsnet_core.scene.rig import LightRig, published_rig, write_rig
 
 SIDE, LARGE = 512, (4096, 6000, 10_000)
 

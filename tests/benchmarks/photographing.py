@@ -15,11 +15,11 @@ os.environ["OMP_NUM_THREADS"] = "1"
 
 import torch
 
-from mpsnet_core.training.loop import _Run
-from mpsnet_core.training.networks import build_network
-from mpsnet_core.training.packed import PackedSamples
-from mpsnet_core.training.photographing import Photographer
-from mpsnet_core.training.recipe import read_recipe
+from mpsnet_core.learning.training.loop import _Run
+from mpsnet_core.learning.training.networks import build_network
+from mpsnet_core.learning.training.packed import PackedSamples
+from mpsnet_core.learning.training.photographing import Photographer
+from mpsnet_core.learning.training.recipe import read_recipe
 
 
 def main() -> None:

@@ -22,14 +22,14 @@ from pathlib import Path
 
 import numpy as np
 
-from mpsnet_core.capture import Capture, capture_from
+from mpsnet_core.capture.capture import Capture, capture_from
 from mpsnet_core.estimate import Estimator
-from mpsnet_core.images import write_image
-from mpsnet_core.normals import normalised
-from mpsnet_core.rig import LightRig, published_rig, write_rig
-from mpsnet_core.sequence.run import estimate_sequence
-from mpsnet_core.sequence.source import Frame, Masks, photo_frames
-from mpsnet_core.sequence.video import read_video_header, video_frames, video_outputs
+from mpsnet_core.estimate.sequence.run import estimate_sequence
+from mpsnet_core.estimate.sequence.source import Frame, Masks, photo_frames
+from mpsnet_core.estimate.sequence.video import read_video_header, video_frames, video_outputs
+from mpsnet_core.io.images import write_image
+from mpsnet_core.scene.normal_map import normalised
+from mpsnet_core.scene.rig import LightRig, published_rig, write_rig
 
 SIDE, DIFFERENT = 512, 6
 
@@ -137,7 +137,7 @@ def main() -> None:
 
         def one_after_the_other() -> None:
             """What it would be without threads: reading, estimating, writing in turn."""
-            from mpsnet_core.normals import write_normals
+            from mpsnet_core.scene.normal_map import write_normals
 
             for frame in photo_frames(photos, outputs, masks=Masks(None)):
                 write_normals(folder / "turn.png", estimator(take(frame)))

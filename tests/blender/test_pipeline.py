@@ -6,9 +6,9 @@ import pytest
 from mirror_ball import CROSSTALK, Scene, around, grey_photograph, lamps_around, photograph
 from synthetic import degrees_between, shaded_sphere, write_file
 
-from mpsnet_core.camera import Camera, write_camera
-from mpsnet_core.images import write_image
-from mpsnet_core.rig import published_rig, read_rig, write_rig
+from mpsnet_core.io.images import write_image
+from mpsnet_core.scene.camera import Camera, write_camera
+from mpsnet_core.scene.rig import published_rig, read_rig, write_rig
 
 
 def read(path):

@@ -14,7 +14,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from synthetic import Sphere, shaded_sphere, write_file
 
-from mpsnet_core.rig import write_rig
+from mpsnet_core.scene.rig import write_rig
 
 Mpsnet = Callable[..., "subprocess.CompletedProcess[str]"]
 

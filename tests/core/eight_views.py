@@ -9,14 +9,14 @@ import numpy as np
 from surface_shapes import camera_looking, first_on_sphere, sphere_mesh, towards_camera
 from synthetic import degrees_between
 
-from mpsnet_core.camera import Camera
-from mpsnet_core.capture import Capture
+from mpsnet_core.bake.bake import View, bake_normals
+from mpsnet_core.bake.feather import FEATHER
+from mpsnet_core.bake.low_frequency_correction import levelled
+from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate import estimate_normals
-from mpsnet_core.normals import NormalMap
-from mpsnet_core.rig import published_rig
-from mpsnet_core.surface.bake import View, bake_normals
-from mpsnet_core.surface.feather import FEATHER
-from mpsnet_core.surface.level import levelled
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.normal_map import NormalMap
+from mpsnet_core.scene.rig import published_rig
 
 CORNERS = [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
 

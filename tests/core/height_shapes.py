@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpsnet_core.camera import Camera
-from mpsnet_core.normals import NormalMap
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.normal_map import NormalMap
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from surface_shapes import texels_of
 
-from mpsnet_core.surface.mesh import Mesh
+from mpsnet_core.scene.mesh import Mesh
 
 Field = Callable[[np.ndarray], np.ndarray]
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import height_shapes
 import numpy as np
 
-from mpsnet_core.camera import Camera
-from mpsnet_core.heights.height_map import HeightMap
-from mpsnet_core.normals import NormalMap
+from mpsnet_core.relief.height_map import HeightMap
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.normal_map import NormalMap
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from surface_shapes import sphere_mesh
 
-from mpsnet_core.camera import Camera
-from mpsnet_core.rig import direction_from_angles
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.rig import direction_from_angles
 from mpsnet_core.synthesis.recipe import Material, Recipe
 from mpsnet_core.synthesis.shapes import Shape
 

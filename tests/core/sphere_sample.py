@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from synthetic import shaded_sphere
 
-from mpsnet_core.camera import Camera
-from mpsnet_core.rig import direction_from_angles
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.rig import direction_from_angles
 from mpsnet_core.synthesis.recipe import Material, Recipe
 from mpsnet_core.synthesis.sample import Sample
 

@@ -17,7 +17,7 @@ import numpy as np
 from synthetic import write_file
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import written_whole
+from mpsnet_core.io.files import written_whole
 from mpsnet_core.synthesis.farm.work import THIS_PYTHON, serve
 from mpsnet_core.synthesis.job import SampleJob, samples_there
 

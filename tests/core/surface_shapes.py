@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpsnet_core.camera import Camera
-from mpsnet_core.normals import NormalMap
-from mpsnet_core.surface.bake import View
-from mpsnet_core.surface.mesh import Mesh
+from mpsnet_core.bake.bake import View
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.normal_map import NormalMap
 
 
 def sphere_mesh(

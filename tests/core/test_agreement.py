@@ -10,11 +10,11 @@ from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import degrees_between
 from test_bake import SIX_SIDES, constant_view, plane
 
+from mpsnet_core.bake.bake import bake_normals
+from mpsnet_core.bake.report import texture_maps, view_table, write_bake_report
+from mpsnet_core.bake.view_agreement import agreement, table_rows
 from mpsnet_core.errors import InputError
-from mpsnet_core.evaluation.bake_report import texture_maps, view_table, write_bake_report
-from mpsnet_core.rays import RayScene
-from mpsnet_core.surface.agreement import agreement, table_rows
-from mpsnet_core.surface.bake import bake_normals
+from mpsnet_core.scene.rays import RayScene
 
 AHEAD = camera_looking((0, 0, 1))
 

@@ -11,13 +11,13 @@ from conftest import Mpsnet
 from sphere_sample import sphere_sample
 from synthetic import CROSSTALK, Sphere, shaded_sphere, write_file
 
-from mpsnet_core.camera import Camera
-from mpsnet_core.capture import Capture, read_capture
-from mpsnet_core.correction import read_correction
-from mpsnet_core.estimate.afar import seen_from_afar
+from mpsnet_core.capture.capture import Capture, read_capture
+from mpsnet_core.capture.correction import read_correction
 from mpsnet_core.estimate.albedo import albedo_from_white, read_albedo, write_albedo
-from mpsnet_core.normals import NormalMap
-from mpsnet_core.rig import LightRig, direction_from_angles, near_rig, published_rig, write_rig
+from mpsnet_core.estimate.distant_lights import seen_from_afar
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.normal_map import NormalMap
+from mpsnet_core.scene.rig import LightRig, direction_from_angles, near_rig, published_rig, write_rig
 
 OCHRE, TEAL = np.array([0.7, 0.42, 0.15]), np.array([0.1, 0.35, 0.4])
 TILTED = LightRig(direction_from_angles([25.0, 35.0, 45.0], [80.0, 215.0, 330.0]))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from photogrammetry_scene import POINTS, TURN, Array, opencv, refusal, seen
 
-from mpsnet_core.photogrammetry import read_cameras
+from mpsnet_core.scene.photogrammetry import read_cameras
 
 CENTRE = np.array([0.3, -0.2, -6.0])
 SIZE = (4092, 2048)

@@ -41,7 +41,6 @@ from mpsnet_core import (
     albedo_from_white,
     bake_normals,
     estimate_normals,
-    images,
     published_rig,
     read_camera,
     read_capture,
@@ -60,10 +59,11 @@ from mpsnet_core.cli import main
 from mpsnet_core.errors import LONGEST
 from mpsnet_core.estimate.card import CARD_VERSION
 from mpsnet_core.estimate.lambertian import lambertian_normals
-from mpsnet_core.evaluation.diligent import read_diligent, read_truth
-from mpsnet_core.evaluation.magnify import estimate_magnified
-from mpsnet_core.frames import output_files
-from mpsnet_core.surface.mesh import write_mesh
+from mpsnet_core.io import images
+from mpsnet_core.io.frames import output_files
+from mpsnet_core.learning.evaluation.diligent import read_diligent, read_truth
+from mpsnet_core.learning.evaluation.magnify import estimate_magnified
+from mpsnet_core.scene.mesh import write_mesh
 from mpsnet_core.synthesis.job import SampleJob, write_job
 from mpsnet_core.synthesis.sample import write_sample
 
@@ -220,8 +220,8 @@ class Bench:
 
     def checkpoint(self, name: str = "c", **changes: Any) -> Path:
         """What a run leaves that had the good samples and, with these changes, the good recipe."""
-        from mpsnet_core.training.loop import Places, train
-        from mpsnet_core.training.recipe import read_recipe
+        from mpsnet_core.learning.training.loop import Places, train
+        from mpsnet_core.learning.training.recipe import read_recipe
 
         samples = self / "samples"
         folder = samples if samples.exists() else self.samples()
@@ -315,7 +315,7 @@ def with_code(b: Bench, archived: bool) -> Path:
 def without(library: str, b: Bench, run: Callable[[], Any] | None = None) -> None:
     """Train, or what else is to be done, where a library is not installed."""
     with pytest.MonkeyPatch.context() as patch:
-        places = ("mpsnet_core.training", "mpsnet_core.evaluation.samples")
+        places = ("mpsnet_core.learning.training", "mpsnet_core.learning.evaluation.samples")
         for name in [name for name in sys.modules if name.startswith(places)]:
             patch.delitem(sys.modules, name)
         patch.setitem(sys.modules, library, None)
@@ -1818,7 +1818,7 @@ def torch_file(path: Path, data: Any) -> Path:
 
 def renamed(path: Path) -> Path:
     """A checkpoint whose network has a layer of another name."""
-    from mpsnet_core.training.checkpoint import read_checkpoint, write_checkpoint
+    from mpsnet_core.learning.training.checkpoint import read_checkpoint, write_checkpoint
 
     found = read_checkpoint(path)
     write_checkpoint(path, found._replace(weights={f"{name}s": value for name, value in found.weights.items()}))

@@ -5,13 +5,13 @@ import pytest
 from surface_shapes import camera_looking, first_on_sphere, sphere_mesh, sphere_view, texels_of, towards_camera
 from synthetic import degrees_between
 
-from mpsnet_core.camera import Camera
+from mpsnet_core.bake import bake
+from mpsnet_core.bake.bake import View, bake_normals
+from mpsnet_core.bake.texture import Texture
 from mpsnet_core.errors import Cancelled, InputError
-from mpsnet_core.normals import NormalMap
-from mpsnet_core.surface import bake
-from mpsnet_core.surface.bake import View, bake_normals
-from mpsnet_core.surface.mesh import Mesh
-from mpsnet_core.surface.texture import Texture
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.normal_map import NormalMap
 
 SIZE = 96
 SIX_SIDES = [(1, 0.1, 0), (-1, 0, 0.1), (0, 1, 0.1), (0.1, -1, 0), (0.1, 0, 1), (0, 0.1, -1)]

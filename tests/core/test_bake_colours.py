@@ -11,12 +11,12 @@ from surface_shapes import camera_looking, sphere_mesh, sphere_view, texels_of
 from test_bake import SIX_SIDES, SIZE, plane
 from test_cli import events
 
-from mpsnet_core.camera import Camera, write_camera
+from mpsnet_core.bake.bake import View, bake_normals
 from mpsnet_core.estimate.albedo import write_albedo
-from mpsnet_core.images import linear_to_srgb
-from mpsnet_core.normals import NormalMap, write_normals
-from mpsnet_core.surface.bake import View, bake_normals
-from mpsnet_core.surface.mesh import Mesh, write_mesh
+from mpsnet_core.io.images import linear_to_srgb
+from mpsnet_core.scene.camera import Camera, write_camera
+from mpsnet_core.scene.mesh import Mesh, write_mesh
+from mpsnet_core.scene.normal_map import NormalMap, write_normals
 
 
 def paint(points: np.ndarray) -> np.ndarray:

@@ -9,16 +9,16 @@ from surface_shapes import camera_looking, first_on_sphere, sphere_mesh, sphere_
 from synthetic import degrees_between
 from uv_squares import squares
 
-from mpsnet_core.camera import Camera
+from mpsnet_core.bake.bake import View, bake_normals, bake_sheets
+from mpsnet_core.bake.settings import Baking
+from mpsnet_core.bake.texture import Texture
+from mpsnet_core.bake.texture_sets import sheets
 from mpsnet_core.errors import InputError
-from mpsnet_core.normals import NormalMap
 from mpsnet_core.progress import Progress, silent
-from mpsnet_core.surface.bake import View, bake_normals, bake_sheets
-from mpsnet_core.surface.baking import Baking
-from mpsnet_core.surface.joined import joined
-from mpsnet_core.surface.mesh import Mesh
-from mpsnet_core.surface.sheets import sheets
-from mpsnet_core.surface.texture import Texture
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.joined_mesh import joined
+from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.normal_map import NormalMap
 
 SIZE = 64
 SIDES = [(1, 0.1, 0), (-1, 0, 0.1), (0, 1, 0.1), (0.1, -1, 0), (0.1, 0, 1), (0, 0.1, -1)]

@@ -9,15 +9,22 @@ import pytest
 from mirror_ball import CROSSTALK, Scene, around, developed, lamps_around, photograph, taken
 from synthetic import degrees_between
 
-from mpsnet_core.calibrate.ball import Circle, ball_from_circle, ball_from_mask, distant_camera, fit_ball, mirrored
-from mpsnet_core.calibrate.circles import find_balls
-from mpsnet_core.calibrate.highlights import Highlight, find_coloured_highlights, find_highlight
-from mpsnet_core.calibrate.lights import LightsFound, Sighting, find_lights, meeting_point, write_lp
-from mpsnet_core.camera import Camera
+from mpsnet_core.capture.calibrate.ball import (
+    Circle,
+    ball_from_circle,
+    ball_from_mask,
+    distant_camera,
+    fit_ball,
+    mirrored,
+)
+from mpsnet_core.capture.calibrate.circles import find_balls
+from mpsnet_core.capture.calibrate.highlights import Highlight, find_coloured_highlights, find_highlight
+from mpsnet_core.capture.calibrate.lights import LightsFound, Sighting, find_lights, meeting_point, write_lp
 from mpsnet_core.errors import InputError
-from mpsnet_core.images import Image, read_image, read_mask
-from mpsnet_core.normals import normalised
-from mpsnet_core.rig import read_rig
+from mpsnet_core.io.images import Image, read_image, read_mask
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.normal_map import normalised
+from mpsnet_core.scene.rig import read_rig
 
 FAR = 1e6
 MIDDLE = (20.3, -11.7, 0.0)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mpsnet_core.camera import Camera, read_camera, write_camera
+from mpsnet_core.scene.camera import Camera, read_camera, write_camera
 
 # Looks along world -x from (5, 2, 1): camera x is world y, camera y is world z, camera z is world x.
 SIDEWAYS = np.array([[0, 0, 1, 5], [1, 0, 0, 2], [0, 1, 0, 1], [0, 0, 0, 1.0]])

@@ -12,15 +12,15 @@ torch = pytest.importorskip("torch")
 from sphere_sample import RED, sphere_sample
 from synthetic import degrees_between, write_file
 
-from mpsnet_core.capture import Capture
+from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.lambertian import lambertian_normals
-from mpsnet_core.images import linear_to_srgb, read_image
-from mpsnet_core.rig import published_rig
-from mpsnet_core.synthesis.photographs.capture_model import CaptureDraw, CaptureModel, turned
+from mpsnet_core.io.images import linear_to_srgb, read_image
+from mpsnet_core.learning.training.packed import Packed
+from mpsnet_core.learning.training.photographing import photograph
+from mpsnet_core.scene.rig import published_rig
+from mpsnet_core.synthesis.capture_model import CaptureDraw, CaptureModel, turned
 from mpsnet_core.synthesis.sample import Sample
-from mpsnet_core.training.packed import Packed
-from mpsnet_core.training.photographing import photograph
 
 DIRECTIONS = published_rig().directions
 

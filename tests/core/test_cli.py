@@ -18,10 +18,10 @@ from networks import pass_through
 from numpy.typing import NDArray
 from synthetic import Sphere, degrees_between, diligent_object, listing, named, write_file, write_parts
 
-from mpsnet_core.capture import read_capture
+from mpsnet_core.capture.capture import read_capture
 from mpsnet_core.estimate import estimate_normals
-from mpsnet_core.normals import read_normals
-from mpsnet_core.rig import read_rig
+from mpsnet_core.scene.normal_map import read_normals
+from mpsnet_core.scene.rig import read_rig
 
 
 def events(stdout: str) -> tuple[list[float], dict[str, Any]]:

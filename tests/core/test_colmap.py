@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from photogrammetry_scene import POINTS, QUATERNION, TURN, Array, opencv, refusal, seen
 
-from mpsnet_core.photogrammetry import Lens, read_cameras
+from mpsnet_core.scene.photogrammetry import Lens, read_cameras
 
 SIZE = (640, 480)
 TRANSLATION = (0.3, -0.2, 6.0)

@@ -8,10 +8,10 @@ import pytest
 from conftest import Mpsnet
 from synthetic import degrees_between, diligent_object, mat_file
 
-from mpsnet_core.evaluation.diligent import PROTOCOLS, Diligent, read_diligent, read_truth
-from mpsnet_core.evaluation.matfile import read_mat_array
-from mpsnet_core.evaluation.measure import measure
-from mpsnet_core.evaluation.published import PUBLISHED_LIGHTS
+from mpsnet_core.learning.evaluation.diligent import PROTOCOLS, Diligent, read_diligent, read_truth
+from mpsnet_core.learning.evaluation.matfile import read_mat_array
+from mpsnet_core.learning.evaluation.measure import measure
+from mpsnet_core.learning.evaluation.published import PUBLISHED_LIGHTS
 
 COLOURED = (0.3, 0.2, 0.1)
 # Each capture channel's colour: the photographs' three channels weighted, of a surface that is COLOURED.

@@ -9,11 +9,11 @@ import OpenImageIO as oiio
 import pytest
 from synthetic import Sphere, shaded_sphere
 
-from mpsnet_core.capture import read_capture
-from mpsnet_core.correction import read_correction
-from mpsnet_core.encoding import CLOSE, DECIDED, linear_rather
-from mpsnet_core.images import Encoding, linear_to_srgb, read_image, read_mask, srgb_to_linear
-from mpsnet_core.rig import LightRig
+from mpsnet_core.capture.capture import read_capture
+from mpsnet_core.capture.correction import read_correction
+from mpsnet_core.capture.transfer_curve import CLOSE, DECIDED, linear_rather
+from mpsnet_core.io.images import Encoding, linear_to_srgb, read_image, read_mask, srgb_to_linear
+from mpsnet_core.scene.rig import LightRig
 
 PAINTS = {
     "matt": lambda x, y: np.ones(3),

@@ -7,9 +7,9 @@ import pytest
 from networks import card, conv, write_model
 from synthetic import degrees_between, diligent_object
 
-from mpsnet_core.evaluation.confidence import ConfidencePool, error_by_confidence, rank_correlation
-from mpsnet_core.evaluation.diligent import Diligent
-from mpsnet_core.evaluation.evaluation import evaluate
+from mpsnet_core.learning.evaluation.confidence import ConfidencePool, error_by_confidence, rank_correlation
+from mpsnet_core.learning.evaluation.diligent import Diligent
+from mpsnet_core.learning.evaluation.evaluation import evaluate
 
 
 def test_ranks_correlate_as_spearman_says() -> None:

@@ -13,7 +13,7 @@ from sphere_sample import RED, sphere_sample
 from synthetic import degrees_between
 
 from mpsnet_core.estimate.lambertian import lambertian_normals
-from mpsnet_core.evaluation.colour import (
+from mpsnet_core.learning.evaluation.colour import (
     CHANGE,
     COLOURINGS,
     NEAR,
@@ -21,11 +21,11 @@ from mpsnet_core.evaluation.colour import (
     near_colour_edges,
     surface_colours,
 )
-from mpsnet_core.evaluation.evaluation import evaluate
-from mpsnet_core.evaluation.materials import Materials
-from mpsnet_core.evaluation.measure import measure
-from mpsnet_core.evaluation.rendered import Rendered
-from mpsnet_core.evaluation.scenes import HELD_OUT_BLOB, HELD_OUT_SEED, published_view
+from mpsnet_core.learning.evaluation.evaluation import evaluate
+from mpsnet_core.learning.evaluation.materials import Materials
+from mpsnet_core.learning.evaluation.measure import measure
+from mpsnet_core.learning.evaluation.rendered import Rendered
+from mpsnet_core.learning.evaluation.scenes import HELD_OUT_BLOB, HELD_OUT_SEED, published_view
 from mpsnet_core.synthesis.job import sample_path
 from mpsnet_core.synthesis.recipe import Material
 from mpsnet_core.synthesis.reflectance import load_reflectance
@@ -182,7 +182,7 @@ def samples(tmp_path: Path) -> Path:
 
 def test_samples_are_photographed_the_same_every_time(samples: Path) -> None:
     pytest.importorskip("torch")
-    from mpsnet_core.evaluation.samples import Samples
+    from mpsnet_core.learning.evaluation.samples import Samples
 
     first, again = (list(measure(Samples([samples]).cases, ["lambertian"])) for _ in range(2))
     assert len(first) == 4
@@ -196,7 +196,7 @@ def test_samples_are_photographed_the_same_every_time(samples: Path) -> None:
 
 def test_magnified_samples_are_measured_on_the_same_pixels(samples: Path) -> None:
     pytest.importorskip("torch")
-    from mpsnet_core.evaluation.samples import Samples
+    from mpsnet_core.learning.evaluation.samples import Samples
 
     told = evaluate(Samples([samples], count=1, magnify=(1, 2)), ["lambertian"])
     one, two = told["rows"]
@@ -207,7 +207,7 @@ def test_magnified_samples_are_measured_on_the_same_pixels(samples: Path) -> Non
 
 def test_a_white_photo_stands_beside_the_same_photo(samples: Path) -> None:
     pytest.importorskip("torch")
-    from mpsnet_core.evaluation.samples import Samples
+    from mpsnet_core.learning.evaluation.samples import Samples
 
     (alone,), (beside,) = measure(Samples([samples], count=1, white=True).cases, ["lambertian"])
     assert (alone.row()["photos"], beside.row()["photos"]) == (1, 2)

@@ -9,15 +9,15 @@ import trimesh
 from conftest import Mpsnet
 from synthetic import diligent_object, shaded_sphere
 
-from mpsnet_core.capture import Capture
+from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.lambertian import lambertian_normals
-from mpsnet_core.evaluation.diligent import Diligent
-from mpsnet_core.evaluation.evaluation import evaluate
-from mpsnet_core.evaluation.fine_relief import fine_relief
-from mpsnet_core.evaluation.magnify import estimate_magnified
-from mpsnet_core.evaluation.statues import Statues
-from mpsnet_core.normals import NormalMap
+from mpsnet_core.learning.evaluation.diligent import Diligent
+from mpsnet_core.learning.evaluation.evaluation import evaluate
+from mpsnet_core.learning.evaluation.fine_relief import fine_relief
+from mpsnet_core.learning.evaluation.magnify import estimate_magnified
+from mpsnet_core.learning.evaluation.statues import Statues
 from mpsnet_core.progress import Progress
+from mpsnet_core.scene.normal_map import NormalMap
 
 SIZE = 128
 SIGMA = 6.0

@@ -18,13 +18,13 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.card import CARD_KEY
 from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS, feature_maps
 from mpsnet_core.estimate.onnx_model import OnnxModel
-from mpsnet_core.training import export
-from mpsnet_core.training.export import TRAINING_KEY, export_onnx
-from mpsnet_core.training.further import read_exported, take_weights
-from mpsnet_core.training.loop import Trained
-from mpsnet_core.training.networks import NETWORKS, Network, build_network
-from mpsnet_core.training.recipe import recipe_from_data
-from mpsnet_core.training.validation import Figures
+from mpsnet_core.learning.training import export
+from mpsnet_core.learning.training.export import TRAINING_KEY, export_onnx
+from mpsnet_core.learning.training.fine_tune import read_exported, take_weights
+from mpsnet_core.learning.training.loop import Trained
+from mpsnet_core.learning.training.networks import NETWORKS, Network, build_network
+from mpsnet_core.learning.training.recipe import recipe_from_data
+from mpsnet_core.learning.training.validation import Figures
 
 
 def untrained(name: str) -> Trained:

@@ -6,11 +6,11 @@ from surface_shapes import camera_looking
 from synthetic import degrees_between
 from test_bake import constant_view, plane
 
+from mpsnet_core.bake.bake import View, bake_normals
+from mpsnet_core.bake.feather import border_distance
 from mpsnet_core.errors import InputError
-from mpsnet_core.normals import NormalMap
-from mpsnet_core.surface.bake import View, bake_normals
-from mpsnet_core.surface.feather import border_distance
-from mpsnet_core.surface.mesh import Mesh
+from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.normal_map import NormalMap
 
 
 @pytest.mark.parametrize("limit", [1, 4, 40])

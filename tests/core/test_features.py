@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from synthetic import CROSSTALK, degrees_between, shaded_sphere
 
-from mpsnet_core.capture import Capture
+from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS, feature_maps
-from mpsnet_core.rig import LightRig, published_rig
+from mpsnet_core.scene.rig import LightRig, published_rig
 
 SPHERE = shaded_sphere(48, LightRig(published_rig().directions, np.array(CROSSTALK)), albedo=(0.9, 0.5, 0.3))
 UNMIXED = np.linalg.solve(np.array(CROSSTALK), SPHERE.image.astype(float)[..., None])[..., 0]

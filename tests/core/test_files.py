@@ -11,7 +11,7 @@ import pytest
 from synthetic import left_by, listing
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import (
+from mpsnet_core.io.files import (
     makeable_folder,
     remove_abandoned,
     remove_file,
@@ -102,8 +102,8 @@ import resource, sys
 import numpy as np
 from pathlib import Path
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import write_json
-from mpsnet_core.images import write_image
+from mpsnet_core.io.files import write_json
+from mpsnet_core.io.images import write_image
 
 resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
 path = Path(sys.argv[1])
@@ -132,7 +132,7 @@ def test_a_disk_that_fills_up_leaves_the_old_file_and_no_litter(tmp_path: Path, 
 
 def killed_while_writing(path: Path) -> tuple[int, Path]:
     """The number of a process that ended in the middle of writing a file, and what it left."""
-    code = "import os, sys; from mpsnet_core.files import written_whole\n" + (
+    code = "import os, sys; from mpsnet_core.io.files import written_whole\n" + (
         "with written_whole(sys.argv[1]) as unfinished: unfinished.write_text('half'); os._exit(9)"
     )
     before = set(path.parent.iterdir())
@@ -165,7 +165,7 @@ def test_what_another_host_writes_into_a_shared_folder_is_left_alone(
 ) -> None:
     """No process of this host has the number, which says nothing of that one."""
     pid, left = killed_while_writing(tmp_path / "out.png")
-    monkeypatch.setattr("mpsnet_core.files._place", lambda: "0badc0de")
+    monkeypatch.setattr("mpsnet_core.io.files._place", lambda: "0badc0de")
     remove_abandoned(tmp_path)
     remove_unfinished(tmp_path, pid)
     assert listing(tmp_path) == [left.name]

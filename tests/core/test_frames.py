@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from mpsnet_core.frames import expand_images, numbering, output_files
+from mpsnet_core.io.frames import expand_images, numbering, output_files
 
 NAMES = ["b.TIF", "frame_0001.png", "frame_01.png", "frame_0002.png", "frame_0010.png", "frame_a.png"]
 

@@ -33,23 +33,23 @@ from test_alicevision import write as write_alicevision
 from test_colmap import binary_cameras, binary_images, write_binary, write_text
 from test_metashape import SENSOR, cameras_file
 
-from mpsnet_core.calibrate.lights import write_lp
-from mpsnet_core.camera import Camera, write_camera
+from mpsnet_core.capture.calibrate.lights import write_lp
 from mpsnet_core.cli import main
 from mpsnet_core.cli.command import _parser
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import write_json
-from mpsnet_core.heights.height_files import read_height, write_height
-from mpsnet_core.heights.integrate import integrate
-from mpsnet_core.normals import NormalMap, write_normals
-from mpsnet_core.photogrammetry import read_cameras
-from mpsnet_core.rig import near_rig, write_rig
-from mpsnet_core.surface.mesh import write_mesh
+from mpsnet_core.io.files import write_json
+from mpsnet_core.relief.height_files import read_height, write_height
+from mpsnet_core.relief.integration.integrate import integrate
+from mpsnet_core.scene.camera import Camera, write_camera
+from mpsnet_core.scene.mesh import write_mesh
+from mpsnet_core.scene.normal_map import NormalMap, write_normals
+from mpsnet_core.scene.photogrammetry import read_cameras
+from mpsnet_core.scene.rig import near_rig, write_rig
+from mpsnet_core.scene.view_files import write_views
+from mpsnet_core.scene.world_lights import WorldLights, write_world_lights
 from mpsnet_core.synthesis.job import SampleJob, write_job
 from mpsnet_core.synthesis.reflectance.fits import read_fits
 from mpsnet_core.synthesis.sample import read_sample, write_sample
-from mpsnet_core.view_files import write_views
-from mpsnet_core.world_lights import WorldLights, write_world_lights
 
 MINUTES = float(os.environ.get("MPSNET_FUZZ_MINUTES", "0"))
 QUICK = 150
@@ -231,8 +231,8 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     (here / "tiny.toml").write_text(recipe + "learning_rate = 0.001\n[options]\nwidth = 4\n")
     if find_spec("torch"):
-        from mpsnet_core.training.loop import Places, train
-        from mpsnet_core.training.recipe import read_recipe
+        from mpsnet_core.learning.training.loop import Places, train
+        from mpsnet_core.learning.training.recipe import read_recipe
 
         train(read_recipe(here / "tiny.toml"), [here / "job"], [], places=Places(here / "checkpoint"))
     return here

@@ -10,9 +10,9 @@ from reliefs import Relief, ball, orthographic, plane
 from synthetic import listing, write_file
 
 from mpsnet_core import Camera, InputError, write_camera
-from mpsnet_core.heights.height_files import read_height, write_height
-from mpsnet_core.heights.height_map import HeightMap
-from mpsnet_core.images import write_image
+from mpsnet_core.io.images import write_image
+from mpsnet_core.relief.height_files import read_height, write_height
+from mpsnet_core.relief.height_map import HeightMap
 
 POSE = np.array([[0, 0, 1, 2.0], [1, 0, 0, 3], [0, 1, 0, 4], [0, 0, 0, 1]])
 BALL = ball(orthographic(40, 50, 11.0, POSE), (0.2, -0.3, 0), 1.7)

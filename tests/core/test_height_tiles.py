@@ -11,11 +11,11 @@ from test_on_uvs import AMPLITUDE, bumpy_sphere
 
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
-from mpsnet_core.heights.height_files import read_height
-from mpsnet_core.heights.tiles import Tiles
-from mpsnet_core.images import read_channel, write_image
-from mpsnet_core.normals import encode
-from mpsnet_core.surface.mesh import Mesh, write_mesh
+from mpsnet_core.io.images import read_channel, write_image
+from mpsnet_core.relief.displacement.udim import Tiles
+from mpsnet_core.relief.height_files import read_height
+from mpsnet_core.scene.mesh import Mesh, write_mesh
+from mpsnet_core.scene.normal_map import encode
 
 SIZE = 64
 # Where the unit square's quarters go, from the lower left on: row by row, and not in their order.

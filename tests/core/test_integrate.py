@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from height_shapes import Surface, off, plane, saddle, spheres, square_camera
 
-from mpsnet_core.camera import Camera
+from mpsnet_core.arrays.mask_regions import labelled
 from mpsnet_core.errors import Cancelled, InputError
-from mpsnet_core.heights.fast import LOOSE
-from mpsnet_core.heights.gradients import LEAST_FACING
-from mpsnet_core.heights.integrate import METHODS, Method, integrate
-from mpsnet_core.heights.multigrid import Links
-from mpsnet_core.heights.poisson import solved
-from mpsnet_core.normals import NormalMap
-from mpsnet_core.regions import labelled
+from mpsnet_core.relief.integration.fast import LOOSE
+from mpsnet_core.relief.integration.gradients import LEAST_FACING
+from mpsnet_core.relief.integration.integrate import METHODS, Method, integrate
+from mpsnet_core.relief.integration.multigrid import Links
+from mpsnet_core.relief.integration.poisson import solved
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.normal_map import NormalMap
 
 # Its axis does not meet the picture's middle, and its pixels are not square.
 WIDE = Camera("perspective", 64, 101, [70.0, 55.0], [25.0, 60.0])
@@ -255,7 +255,7 @@ def test_a_long_strip_is_right(caplog: pytest.LogCaptureFixture) -> None:
 def test_heights_that_are_off_are_told(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
     """As the solver leaves them where it ends too early."""
     for name in ("MOST", "LEAST"):
-        monkeypatch.setattr(f"mpsnet_core.heights.poisson.{name}", 10)
+        monkeypatch.setattr(f"mpsnet_core.relief.integration.poisson.{name}", 10)
     surface = saddle(square_camera(128))
     with caplog.at_level("INFO"):
         found(surface, "fast")

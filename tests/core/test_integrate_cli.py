@@ -10,8 +10,8 @@ from synthetic import listing, write_file
 
 from mpsnet_core import Camera, read_image, read_mesh, write_camera, write_normals
 from mpsnet_core.cli import main
-from mpsnet_core.heights.height_files import read_height
-from mpsnet_core.images import read_channel
+from mpsnet_core.io.images import read_channel
+from mpsnet_core.relief.height_files import read_height
 
 BALL = ball(orthographic(64, 72, 16), (0, 0, 0), 3.5)  # larger than the picture: no rim
 NEAR = ball(Camera("perspective", 72, 64, (100.0, 100.0)), (0, 0, -6), 2.6)

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from height_shapes import Surface, off, square_camera, torus, two_spheres
 
-from mpsnet_core.camera import Camera
-from mpsnet_core.heights.bilateral import chosen_sides
-from mpsnet_core.heights.gradients import Gradients
-from mpsnet_core.heights.height_map import HeightMap
-from mpsnet_core.heights.integrate import METHODS, Method, integrate
-from mpsnet_core.heights.occlusion import ambient_occlusion
-from mpsnet_core.normals import NormalMap, normalised
-from mpsnet_core.regions import grown
+from mpsnet_core.arrays.mask_regions import grown
+from mpsnet_core.relief.height_map import HeightMap
+from mpsnet_core.relief.integration.bilateral import chosen_sides
+from mpsnet_core.relief.integration.gradients import Gradients
+from mpsnet_core.relief.integration.integrate import METHODS, Method, integrate
+from mpsnet_core.relief.occlusion import ambient_occlusion
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.normal_map import NormalMap, normalised
 
 
 def beside_steps(surface: Surface, least: float, reach: int) -> np.ndarray:
@@ -127,7 +127,7 @@ def test_what_does_not_fit_together_stays_where_it_is(monkeypatch: pytest.Monkey
     surface = two_spheres(square_camera(192))
     away = surface.mask & ~beside_steps(surface, 4 / 96, 12)
     error = errors(surface, "fast")[away].mean()
-    monkeypatch.setattr("mpsnet_core.heights.fast.LOOSE", np.float32(1e9))
+    monkeypatch.setattr("mpsnet_core.relief.integration.fast.LOOSE", np.float32(1e9))
     assert error < errors(surface, "fast")[away].mean() / 2
 
 

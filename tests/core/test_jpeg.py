@@ -10,7 +10,7 @@ torch = pytest.importorskip("torch")
 
 from synthetic import Sphere, write_file
 
-from mpsnet_core.training import jpeg
+from mpsnet_core.learning.training import jpeg
 
 
 def jpeg_losses(levels: np.ndarray, quality: int, halved_chroma: bool = True) -> np.ndarray:

@@ -8,11 +8,11 @@ import OpenImageIO as oiio
 import pytest
 from photogrammetry_scene import TURN, Array, refusal
 
-from mpsnet_core.camera import Camera
 from mpsnet_core.errors import InputError
-from mpsnet_core.images import read_image, read_orientation
-from mpsnet_core.photo_folder import PhotoFolder
-from mpsnet_core.photogrammetry import (
+from mpsnet_core.io.images import read_image, read_orientation
+from mpsnet_core.io.photo_folder import PhotoFolder
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.photogrammetry import (
     Lens,
     PosedPhoto,
     as_shown,

@@ -6,12 +6,12 @@ from eight_views import bumpy_normals, smoothly_wrong, turn, unit
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import degrees_between
 
-from mpsnet_core.camera import Camera
+from mpsnet_core.bake.bake import View
+from mpsnet_core.bake.low_frequency_correction import levelled, levelling, rotated, rotation_between
 from mpsnet_core.errors import InputError
-from mpsnet_core.normals import NormalMap
-from mpsnet_core.surface.bake import View
-from mpsnet_core.surface.level import levelled, levelling, rotated, rotation_between
-from mpsnet_core.surface.mesh import Mesh
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.normal_map import NormalMap
 
 MESH = sphere_mesh(96, 48)
 

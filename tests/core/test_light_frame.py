@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mpsnet_core.estimate.light_frame import CAMERA_FRAME, LightFrame, canonical_frames
-from mpsnet_core.rig import LightRig, direction_from_angles, published_rig
+from mpsnet_core.scene.rig import LightRig, direction_from_angles, published_rig
 
 TILTS = [
     [90, 210, 330],

@@ -10,12 +10,12 @@ import pytest
 from conftest import Mpsnet
 from synthetic import shaded_sphere, write_file
 
-from mpsnet_core.capture import read_capture
-from mpsnet_core.correction import read_correction
+from mpsnet_core.capture.capture import read_capture
+from mpsnet_core.capture.correction import read_correction
+from mpsnet_core.capture.masks import auto_mask, background_mask, find_mask, threshold_mask
 from mpsnet_core.errors import InputError
-from mpsnet_core.images import Image, read_image, read_mask
-from mpsnet_core.masks import auto_mask, background_mask, find_mask, threshold_mask
-from mpsnet_core.rig import published_rig
+from mpsnet_core.io.images import Image, read_image, read_mask
+from mpsnet_core.scene.rig import published_rig
 
 SIDE = 200
 

@@ -21,14 +21,14 @@ from mpsnet_core import (
 )
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
-from mpsnet_core.images import read_channel
-from mpsnet_core.material.albedo import estimated_albedo
-from mpsnet_core.material.flatten import evened, flattened, trend
-from mpsnet_core.material.material import filled_part, flat_material
-from mpsnet_core.material.relief import periodic_height
-from mpsnet_core.material.sampled import resampled
-from mpsnet_core.material.slopes import normals_of, slopes_of
-from mpsnet_core.normals import decode
+from mpsnet_core.io.images import read_channel
+from mpsnet_core.relief.material.albedo import estimated_albedo
+from mpsnet_core.relief.material.flatten import evened, flattened, trend
+from mpsnet_core.relief.material.gradients import normals_of, slopes_of
+from mpsnet_core.relief.material.material import filled_part, flat_material
+from mpsnet_core.relief.material.periodic_heights import periodic_height
+from mpsnet_core.relief.material.resampling import resampled
+from mpsnet_core.scene.normal_map import decode
 from mpsnet_core.synthesis.swatches import leather, photographed, woven
 
 # --- laid flat --------------------------------------------------------------------------------------------------------

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from photogrammetry_scene import POINTS, TURN, Array, refusal, seen
 
-from mpsnet_core.photogrammetry import read_cameras
+from mpsnet_core.scene.photogrammetry import read_cameras
 
 CALIBRATION = {"f": 520.0, "cx": 4.5, "cy": -7.25, "b1": 3.5, "b2": -1.75}
 CALIBRATION |= {"k1": -0.1, "k2": 0.06, "k3": -0.02, "k4": 0.004, "p1": 0.003, "p2": -0.002}

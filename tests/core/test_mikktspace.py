@@ -5,7 +5,7 @@ import pytest
 from surface_shapes import sphere_mesh
 from synthetic import degrees_between
 
-from mpsnet_core.surface.mikktspace import mikktspace_tangents
+from mpsnet_core.scene.mikktspace import mikktspace_tangents
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
 HALVES = np.array([[0, 1, 2], [0, 2, 3]])

@@ -4,7 +4,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from mpsnet_core.training.muon import Muon, orthogonal
+from mpsnet_core.learning.training.muon import Muon, orthogonal
 
 
 @pytest.mark.parametrize("shape", [(48, 48), (32, 200), (200, 32)])

@@ -10,17 +10,17 @@ from near_scene import NEAR, SIZE, WIDE, Scene, ball
 from networks import pass_through
 from synthetic import CROSSTALK, degrees_between, write_file
 
-from mpsnet_core.camera import Camera, camera_of_lens, write_camera
-from mpsnet_core.capture import Capture, read_capture
+from mpsnet_core.capture.capture import Capture, read_capture
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate import estimate_normals
-from mpsnet_core.estimate.afar import seen_from_afar
-from mpsnet_core.normals import read_normals
-from mpsnet_core.rays import RayScene
-from mpsnet_core.rig import LightRig, near_rig, published_rig, read_rig, write_rig
-from mpsnet_core.surface.depth import depth_of_mesh
-from mpsnet_core.surface.mesh import Mesh, smooth_corner_normals
+from mpsnet_core.estimate.distant_lights import seen_from_afar
+from mpsnet_core.scene.camera import Camera, camera_of_lens, write_camera
+from mpsnet_core.scene.mesh import Mesh, smooth_corner_normals
+from mpsnet_core.scene.mesh_depth import depth_of_mesh
+from mpsnet_core.scene.normal_map import read_normals
+from mpsnet_core.scene.rays import RayScene
+from mpsnet_core.scene.rig import LightRig, near_rig, published_rig, read_rig, write_rig
 
 
 @pytest.fixture(scope="module")

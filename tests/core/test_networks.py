@@ -11,12 +11,12 @@ from small_networks import SMALL
 from synthetic import degrees_between, shaded_sphere
 from torch import Tensor, nn
 
-from mpsnet_core.capture import Capture
+from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS, feature_maps
 from mpsnet_core.estimate.lambertian import initial_normals
-from mpsnet_core.rig import direction_from_angles
-from mpsnet_core.training.networks import NETWORKS, Network, build_network
+from mpsnet_core.learning.training.networks import NETWORKS, Network, build_network
+from mpsnet_core.scene.rig import direction_from_angles
 
 RIGHT_HANDED = direction_from_angles([25.0, 35.0, 45.0], [80.0, 215.0, 330.0])
 LEFT_HANDED = RIGHT_HANDED[[0, 2, 1]]

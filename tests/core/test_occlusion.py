@@ -5,10 +5,10 @@ import pytest
 from reliefs import Relief, ball, bowl, bumps, grid_triangles, orthographic, plane
 
 from mpsnet_core import Camera, InputError
-from mpsnet_core.heights.height_map import HeightMap
-from mpsnet_core.heights.occlusion import ambient_occlusion
-from mpsnet_core.normals import NormalMap
-from mpsnet_core.rays import RayScene
+from mpsnet_core.relief.height_map import HeightMap
+from mpsnet_core.relief.occlusion import ambient_occlusion
+from mpsnet_core.scene.normal_map import NormalMap
+from mpsnet_core.scene.rays import RayScene
 
 NEAR = Camera("perspective", 200, 180, (240.0, 260.0), (90.0, 100.0))
 FAR = orthographic(180, 200, 60)

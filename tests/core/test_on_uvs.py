@@ -11,12 +11,12 @@ from surface_shapes import texels_of
 
 from mpsnet_core.cli import main
 from mpsnet_core.errors import Cancelled, InputError
-from mpsnet_core.heights.height_files import read_height, write_height
-from mpsnet_core.heights.on_uvs import Displacement, displacement
-from mpsnet_core.heights.sewn import Solver, graph_of
-from mpsnet_core.images import write_image
-from mpsnet_core.normals import encode
-from mpsnet_core.surface.mesh import Mesh, write_mesh
+from mpsnet_core.io.images import write_image
+from mpsnet_core.relief.displacement.displacement import Displacement, displacement
+from mpsnet_core.relief.displacement.graph_poisson import Solver, graph_of
+from mpsnet_core.relief.height_files import read_height, write_height
+from mpsnet_core.scene.mesh import Mesh, write_mesh
+from mpsnet_core.scene.normal_map import encode
 
 SIZE = 128
 AMPLITUDE = 0.04

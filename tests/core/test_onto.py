@@ -8,14 +8,14 @@ from eight_views import turn, unit
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import degrees_between, write_file
 
-from mpsnet_core.camera import write_camera
+from mpsnet_core.bake.bake import View, bake_normals
+from mpsnet_core.bake.detail_blending import laid_onto, read_present_map, reoriented
+from mpsnet_core.bake.texture import Texture
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
-from mpsnet_core.normals import NormalMap, encode, write_normals
-from mpsnet_core.surface.bake import View, bake_normals
-from mpsnet_core.surface.mesh import Mesh, write_mesh
-from mpsnet_core.surface.onto import laid_onto, read_present_map, reoriented
-from mpsnet_core.surface.texture import Texture
+from mpsnet_core.scene.camera import write_camera
+from mpsnet_core.scene.mesh import Mesh, write_mesh
+from mpsnet_core.scene.normal_map import NormalMap, encode, write_normals
 
 FLAT = np.array([0, 0, 1.0])
 

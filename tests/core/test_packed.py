@@ -15,9 +15,9 @@ torch = pytest.importorskip("torch")
 from sphere_sample import RED, sphere_sample
 
 from mpsnet_core.errors import Cancelled, InputError
+from mpsnet_core.learning.training.packed import DATA, MARGIN, PackedSamples
 from mpsnet_core.synthesis.job import sample_path
 from mpsnet_core.synthesis.sample import write_sample
-from mpsnet_core.training.packed import DATA, MARGIN, PackedSamples
 
 
 @pytest.fixture
@@ -106,7 +106,7 @@ def test_two_processes_that_pack_at_once_read_the_same(folder: Path) -> None:
     for number in range(3, 12):
         write_sample(sample_path(folder, number), sphere_sample(64, number=number))
     script = (
-        "import sys; from mpsnet_core.training.packed import PackedSamples; s = PackedSamples([sys.argv[1]]);"
+        "import sys; from mpsnet_core.learning.training.packed import PackedSamples; s = PackedSamples([sys.argv[1]]);"
         "print(len(s), float(sum(p.lights.float().sum() for p in (s[k] for k in range(len(s))))))"
     )
     both = [

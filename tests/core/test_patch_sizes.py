@@ -7,10 +7,10 @@ import pytest
 pytest.importorskip("torch")
 
 from mpsnet_core.errors import Cancelled
-from mpsnet_core.evaluation.published import TABLE_1
+from mpsnet_core.learning.evaluation.patch_sizes import evaluate_patch_sizes
+from mpsnet_core.learning.evaluation.published import TABLE_1
 from mpsnet_core.synthesis.job import SampleJob
 from mpsnet_core.synthesis.make import make_sample
-from mpsnet_core.training.patch_sizes import evaluate_patch_sizes
 
 
 def test_a_stopped_evaluation_goes_on(tmp_path: Path) -> None:

@@ -13,13 +13,13 @@ from torch import Tensor
 from torch.nn import functional
 
 from mpsnet_core.estimate.features import Seen, window_map
+from mpsnet_core.learning.training.inputs import map_of
+from mpsnet_core.learning.training.loss import angle_between
+from mpsnet_core.learning.training.packed import PackedSamples
+from mpsnet_core.learning.training.photographing import WINDOW, Photographer, Scale
+from mpsnet_core.synthesis.capture_model import CaptureModel
 from mpsnet_core.synthesis.job import sample_path
-from mpsnet_core.synthesis.photographs.capture_model import CaptureModel
 from mpsnet_core.synthesis.sample import write_sample
-from mpsnet_core.training.inputs import map_of
-from mpsnet_core.training.loss import angle_between
-from mpsnet_core.training.packed import PackedSamples
-from mpsnet_core.training.photographing import WINDOW, Photographer, Scale
 
 EVERY_SCALE = (0.0, 0.0, 0.0, 0.0, 1.0)  # four scales behind the first
 

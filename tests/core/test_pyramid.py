@@ -10,14 +10,14 @@ import pytest
 from networks import ALL, card, hands_on, sees_all
 from synthetic import CROSSTALK, degrees_between
 
-from mpsnet_core.capture import Capture
+from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import Cancelled
 from mpsnet_core.estimate import dense, estimate_normals
 from mpsnet_core.estimate.dense import dense_answer
 from mpsnet_core.estimate.features import FEATURE_CHANNELS
 from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.progress import silent
-from mpsnet_core.rig import LightRig, direction_from_angles
+from mpsnet_core.scene.rig import LightRig, direction_from_angles
 
 RIG = LightRig(direction_from_angles([25.0, 35.0, 45.0], [75.0, 210.0, 320.0]), np.array(CROSSTALK))
 Inputs = dict[str, np.ndarray]

@@ -17,16 +17,16 @@ from synthetic import degrees_between, listing, shaded_sphere
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.estimate.card import TRAINING_KEY
 from mpsnet_core.estimate.onnx_model import OnnxModel
+from mpsnet_core.learning.training.export import export_onnx
+from mpsnet_core.learning.training.loop import Trained
+from mpsnet_core.learning.training.networks import Network, build_network
+from mpsnet_core.learning.training.packed import PackedSamples
+from mpsnet_core.learning.training.photographing import Photographer
+from mpsnet_core.learning.training.quantize import CROP, SEED, Twin, quantise
+from mpsnet_core.learning.training.recipe import recipe_from_data
+from mpsnet_core.learning.training.validation import measured
 from mpsnet_core.synthesis.job import sample_path
 from mpsnet_core.synthesis.sample import write_sample
-from mpsnet_core.training.export import export_onnx
-from mpsnet_core.training.loop import Trained
-from mpsnet_core.training.networks import Network, build_network
-from mpsnet_core.training.packed import PackedSamples
-from mpsnet_core.training.photographing import Photographer
-from mpsnet_core.training.quantize import CROP, SEED, Twin, quantise
-from mpsnet_core.training.recipe import recipe_from_data
-from mpsnet_core.training.validation import measured
 
 OPTIONS = {**SMALL, "multiscale": {"widths": [8, 8, 8, 8]}}
 

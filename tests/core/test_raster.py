@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from surface_shapes import texels_of
 
-from mpsnet_core.surface import raster
-from mpsnet_core.surface.raster import grown, texel_coordinates, triangle_of_texel
+from mpsnet_core.arrays import rasterize as raster
+from mpsnet_core.arrays.rasterize import grown, texel_coordinates, triangle_of_texel
 
 
 def owners_one_by_one(uvs: np.ndarray, size: int) -> np.ndarray:

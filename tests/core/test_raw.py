@@ -8,13 +8,13 @@ import pytest
 from dng import BAYER, X_TRANS, mosaic, write_dng
 from synthetic import degrees_between, shaded_sphere
 
-from mpsnet_core import files
-from mpsnet_core.capture import read_capture
+from mpsnet_core.capture.capture import read_capture
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate import estimate_normals
-from mpsnet_core.frames import expand_images
-from mpsnet_core.images import Encoding, read_image
-from mpsnet_core.rig import published_rig
+from mpsnet_core.io import files
+from mpsnet_core.io.frames import expand_images
+from mpsnet_core.io.images import Encoding, read_image
+from mpsnet_core.scene.rig import published_rig
 
 rawpy = pytest.importorskip("rawpy")
 
@@ -234,7 +234,7 @@ class TestBadInput:
         self.refused(path, "huge.dng says it is 60000 x 60000", "400 megapixels")
 
     def test_more_pixels_than_are_read(self, good: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr("mpsnet_core.raw.MAX_PIXELS", 48 * 60 - 1)
+        monkeypatch.setattr("mpsnet_core.io.raw.MAX_PIXELS", 48 * 60 - 1)
         self.refused(good, "60 x 48")
 
     @pytest.mark.parametrize("pattern", ["GMCY", "RGBW", "RRRR"])

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from surface_shapes import sphere_mesh
 
-from mpsnet_core.rays import RayScene
-from mpsnet_core.surface.mesh import Mesh
+from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.rays import RayScene
 
 PLACE = np.array([5.0, -3.0, 40.0])
 SIZE = 7.0

@@ -11,9 +11,9 @@ torch = pytest.importorskip("torch")
 from small_networks import recipe_data
 
 from mpsnet_core.cli.command import _parser
-from mpsnet_core.training.loop import _check_fit
-from mpsnet_core.training.networks import NETWORKS, build_network
-from mpsnet_core.training.recipe import read_recipe, recipe_from_data, recipe_names
+from mpsnet_core.learning.training.loop import _check_fit
+from mpsnet_core.learning.training.networks import NETWORKS, build_network
+from mpsnet_core.learning.training.recipe import read_recipe, recipe_from_data, recipe_names
 
 
 def test_there_is_a_recipe_for_every_network() -> None:

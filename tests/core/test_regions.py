@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from mpsnet_core.regions import box_sums, filled, grown, labelled, shrunk, without_specks
+from mpsnet_core.arrays.mask_regions import box_sums, filled, grown, labelled, shrunk, without_specks
 
 
 def random_masks() -> Iterator[np.ndarray]:

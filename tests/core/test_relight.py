@@ -5,8 +5,8 @@ import pytest
 from reliefs import ball, orthographic
 
 from mpsnet_core import InputError
-from mpsnet_core.heights.relight import AMBIENT, relit, turntable_sheet, turntable_tilts
-from mpsnet_core.rig import direction_from_angles
+from mpsnet_core.relief.relight import AMBIENT, relit, turntable_sheet, turntable_tilts
+from mpsnet_core.scene.rig import direction_from_angles
 
 BALL = ball(orthographic(300, 80, 30), (0, 0, 0), 1.2)
 

@@ -11,10 +11,13 @@ import OpenImageIO as oiio
 import pytest
 from synthetic import Sphere, diligent_object, listing
 
-from mpsnet_core.evaluation.charts import Curve, line_chart
-from mpsnet_core.evaluation.diligent import Diligent
-from mpsnet_core.evaluation.measure import measure
-from mpsnet_core.evaluation.pictures import (
+from mpsnet_core.io.text_table import table_of_means
+from mpsnet_core.learning.evaluation.charts import Curve, line_chart
+from mpsnet_core.learning.evaluation.diligent import Diligent
+from mpsnet_core.learning.evaluation.measure import measure
+from mpsnet_core.learning.evaluation.report import HIGHEST_ERROR, TILE_HEIGHT, begun_report, case_picture
+from mpsnet_core.scene.normal_map import NormalMap
+from mpsnet_core.scene.pictures import (
     BACKGROUND,
     GAP,
     TITLE_HEIGHT,
@@ -25,9 +28,6 @@ from mpsnet_core.evaluation.pictures import (
     photo_picture,
     sheet,
 )
-from mpsnet_core.evaluation.report import HIGHEST_ERROR, TILE_HEIGHT, begun_report, case_picture
-from mpsnet_core.evaluation.tables import table_of_means
-from mpsnet_core.normals import NormalMap
 
 
 def test_the_table_has_a_line_for_each_key_and_a_mean_over_all_its_rows() -> None:

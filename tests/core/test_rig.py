@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from synthetic import CROSSTALK
 
-from mpsnet_core.rig import LightRig, direction_from_angles, published_rig, read_rig, write_rig
+from mpsnet_core.scene.rig import LightRig, direction_from_angles, published_rig, read_rig, write_rig
 
 HALF, ROOT = 0.5, np.sqrt(3) / 2
 

@@ -16,8 +16,8 @@ import pytest
 from sphere_sample import RED, sphere_sample
 from synthetic import listing, write_file
 
-from mpsnet_core.camera import Camera
 from mpsnet_core.errors import InputError
+from mpsnet_core.scene.camera import Camera
 from mpsnet_core.synthesis.recipe import Bump, Dirt, Paint, Pattern
 from mpsnet_core.synthesis.sample import Sample, read_sample, read_sample_data, write_sample
 

@@ -17,15 +17,15 @@ import pytest
 from conftest import Mpsnet
 from synthetic import degrees_between, left_by, listing, named, shaded_sphere, write_file, write_parts
 
-from mpsnet_core.capture import Capture, capture_from
+from mpsnet_core.capture.capture import Capture, capture_from
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.estimate import Estimator
-from mpsnet_core.images import Image, image_description, write_image
-from mpsnet_core.normals import NormalMap, read_normals
+from mpsnet_core.estimate.sequence.run import Outcome, estimate_sequence
+from mpsnet_core.estimate.sequence.source import Frame, Masks, frame_masks, photo_frames
+from mpsnet_core.io.images import Image, image_description, write_image
 from mpsnet_core.progress import Progress
-from mpsnet_core.rig import write_rig
-from mpsnet_core.sequence.run import Outcome, estimate_sequence
-from mpsnet_core.sequence.source import Frame, Masks, frame_masks, photo_frames
+from mpsnet_core.scene.normal_map import NormalMap, read_normals
+from mpsnet_core.scene.rig import write_rig
 
 SPHERE = shaded_sphere(48)
 LAMBERTIAN = Estimator("lambertian")

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from shaded_shapes import Lambert, ball, camera, plane_points, recipe, rectangle, together
 
-from mpsnet_core.normals import angular_error
-from mpsnet_core.rig import direction_from_angles
+from mpsnet_core.scene.normal_map import angular_error
+from mpsnet_core.scene.rig import direction_from_angles
 from mpsnet_core.synthesis.recipe import Bump, Dirt, Material, Paint, Pattern
 from mpsnet_core.synthesis.reflectance import load_reflectance
 from mpsnet_core.synthesis.shading.gloss import lobe, reflected

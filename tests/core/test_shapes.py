@@ -10,7 +10,7 @@ import pytest
 import trimesh
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.rays import RayScene
+from mpsnet_core.scene.rays import RayScene
 from mpsnet_core.synthesis.shapes import KINDS, Shape, build_shape, draw_shape, mesh_files, meshes
 from mpsnet_core.synthesis.shapes.blobs import CHARACTERS as BLOBS
 from mpsnet_core.synthesis.shapes.composites import CHARACTERS as COMPOSITES

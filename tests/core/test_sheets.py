@@ -8,11 +8,11 @@ import trimesh
 from surface_shapes import sphere_mesh
 from uv_squares import squares
 
+from mpsnet_core.bake.texture_names import split_by, texture_files
+from mpsnet_core.bake.texture_sets import Sheet, sheets
 from mpsnet_core.errors import InputError
-from mpsnet_core.surface.labels import Labels, labels_of_runs
-from mpsnet_core.surface.mesh import read_mesh, write_mesh
-from mpsnet_core.surface.sheets import Sheet, sheets
-from mpsnet_core.surface.texture_names import split_by, texture_files
+from mpsnet_core.scene.mesh import read_mesh, write_mesh
+from mpsnet_core.scene.mesh_labels import Labels, labels_of_runs
 
 
 def told(found: list[Sheet]) -> list[tuple]:

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mpsnet_core.capture import Capture
+from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate import Estimator, estimate_normals
-from mpsnet_core.estimate.shelf import AVERAGED_MODEL, DEFAULT_MODEL, SHELF, shelf
-from mpsnet_core.evaluation.confidence import rank_correlation
-from mpsnet_core.evaluation.scenes import HELD_OUT_BLOB, ideal_photograph, published_view
-from mpsnet_core.normals import NormalMap, angular_error
-from mpsnet_core.rig import LightRig, direction_from_angles
+from mpsnet_core.estimate.registry import AVERAGED_MODEL, DEFAULT_MODEL, SHELF, shelf
+from mpsnet_core.learning.evaluation.confidence import rank_correlation
+from mpsnet_core.learning.evaluation.scenes import HELD_OUT_BLOB, ideal_photograph, published_view
+from mpsnet_core.scene.normal_map import NormalMap, angular_error
+from mpsnet_core.scene.rig import LightRig, direction_from_angles
 from mpsnet_core.synthesis.job import SampleJob
 from mpsnet_core.synthesis.make import make_sample
 from mpsnet_core.synthesis.recipe import Material, Pattern, Recipe
@@ -184,7 +184,7 @@ def test_default_is_better_than_every_other(seed: int) -> None:
 def test_confidence_ranks_the_errors(tmp_path: Path) -> None:
     """On photographs with noise, crosstalk and errors of the rig, pooled, as a bake would weigh them."""
     pytest.importorskip("torch")
-    from mpsnet_core.evaluation.samples import Samples
+    from mpsnet_core.learning.evaluation.samples import Samples
 
     job = SampleJob("synthesis", count=12, seed=20_261_120, size=144)
     for number in range(job.count):

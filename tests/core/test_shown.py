@@ -9,16 +9,16 @@ from eight_views import bumpy_normals, smoothly_wrong, unit
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import degrees_between
 
-from mpsnet_core.camera import write_camera
+from mpsnet_core.bake.bake import View
+from mpsnet_core.bake.base_detail_removal import Present, without_present, without_presents
+from mpsnet_core.bake.detail_blending import read_present_map
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
-from mpsnet_core.images import write_image
-from mpsnet_core.normals import NormalMap, encode, write_normals
-from mpsnet_core.rays import RayScene
-from mpsnet_core.surface.bake import View
-from mpsnet_core.surface.mesh import write_mesh
-from mpsnet_core.surface.onto import read_present_map
-from mpsnet_core.surface.shown import Present, without_present, without_presents
+from mpsnet_core.io.images import write_image
+from mpsnet_core.scene.camera import write_camera
+from mpsnet_core.scene.mesh import write_mesh
+from mpsnet_core.scene.normal_map import NormalMap, encode, write_normals
+from mpsnet_core.scene.rays import RayScene
 
 POSE = np.diag([1.2, 1.2, 1.2, 1.0])
 POSE[:3, 3] = (4, -2, 1)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mpsnet_core.images import write_image
-from mpsnet_core.rig import published_rig, write_rig
+from mpsnet_core.io.images import write_image
+from mpsnet_core.scene.rig import published_rig, write_rig
 
 
 def test_an_estimate_with_a_network_leaves_nothing_in_home_or_the_temporary_folder(tmp_path: Path) -> None:

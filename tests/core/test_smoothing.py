@@ -7,9 +7,9 @@ import pytest
 from synthetic import degrees_between
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.normals import NormalMap
-from mpsnet_core.rig import published_rig
-from mpsnet_core.sequence.smoothing import Shot, smoothed
+from mpsnet_core.estimate.sequence.smoothing import Shot, smoothed
+from mpsnet_core.scene.normal_map import NormalMap
+from mpsnet_core.scene.rig import published_rig
 
 SIZE = 96
 NOISE = 0.01

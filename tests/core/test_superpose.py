@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from synthetic import Sphere, degrees_between, write_file
 
-from mpsnet_core.capture import read_capture
+from mpsnet_core.capture.capture import read_capture
+from mpsnet_core.capture.superpose import as_channels
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate import estimate_normals
-from mpsnet_core.images import linear_to_srgb, read_image
-from mpsnet_core.superpose import as_channels
+from mpsnet_core.io.images import linear_to_srgb, read_image
 
 PAINT = np.array([[0.9, 0.2, 0.1], [0.2, 0.4, 0.8]])
 

@@ -9,9 +9,9 @@ from reliefs import Relief, ball, bumps, orthographic, plane
 from synthetic import listing
 
 from mpsnet_core import Camera, InputError, read_mesh
-from mpsnet_core.heights.height_map import HeightMap
-from mpsnet_core.heights.surface_mesh import SurfaceMesh, surface_mesh, write_surface_mesh
-from mpsnet_core.normals import NormalMap
+from mpsnet_core.relief.height_map import HeightMap
+from mpsnet_core.relief.surface_mesh import SurfaceMesh, surface_mesh, write_surface_mesh
+from mpsnet_core.scene.normal_map import NormalMap
 
 # The camera looks along the world's +y, its right is +x, its up +z.
 POSE = np.array([[1, 0, 0, 10.0], [0, 0, -1, -20], [0, 1, 0, 30], [0, 0, 0, 1]])

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from flat_weave import Weave
 
-from mpsnet_core.material import tiling as tiling_module
-from mpsnet_core.material.seam import FEATHER, least_cut
-from mpsnet_core.material.tiling import find_tiling
+from mpsnet_core.relief.material import tiling as tiling_module
+from mpsnet_core.relief.material.seam import FEATHER, least_cut
+from mpsnet_core.relief.material.tiling import find_tiling
 
 
 def features(weave, noise=0.3, seed=0):

@@ -24,16 +24,16 @@ from torch import Tensor, nn
 
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.estimate.onnx_model import OnnxModel
+from mpsnet_core.learning.training.checkpoint import read_checkpoint
+from mpsnet_core.learning.training.export import export_onnx
+from mpsnet_core.learning.training.inputs import Batch, patches_of
+from mpsnet_core.learning.training.loop import LOGGED_EVERY, Places, Trained, learning_rate, train
+from mpsnet_core.learning.training.loss import angle_between, loss_of
+from mpsnet_core.learning.training.networks import Prediction, build_network
+from mpsnet_core.learning.training.recipe import TrainingRecipe, recipe_from_data
 from mpsnet_core.synthesis.job import SampleJob, sample_path
 from mpsnet_core.synthesis.make import make_sample
 from mpsnet_core.synthesis.sample import write_sample
-from mpsnet_core.training.checkpoint import read_checkpoint
-from mpsnet_core.training.export import export_onnx
-from mpsnet_core.training.inputs import Batch, patches_of
-from mpsnet_core.training.loop import LOGGED_EVERY, Places, Trained, learning_rate, train
-from mpsnet_core.training.loss import angle_between, loss_of
-from mpsnet_core.training.networks import Prediction, build_network
-from mpsnet_core.training.recipe import TrainingRecipe, recipe_from_data
 
 
 @pytest.fixture(scope="module")

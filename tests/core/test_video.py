@@ -16,10 +16,10 @@ from conftest import Mpsnet
 from synthetic import Sphere, listing, write_file
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.images import srgb_to_linear
-from mpsnet_core.normals import read_normals
-from mpsnet_core.sequence.source import Frame, Masks
-from mpsnet_core.sequence.video import is_video, read_video_header, video_frames, video_outputs
+from mpsnet_core.estimate.sequence.source import Frame, Masks
+from mpsnet_core.estimate.sequence.video import is_video, read_video_header, video_frames, video_outputs
+from mpsnet_core.io.images import srgb_to_linear
+from mpsnet_core.scene.normal_map import read_normals
 
 if find_spec("av") is None:
     pytest.skip("needs PyAV (the extra video)", allow_module_level=True)
@@ -251,7 +251,7 @@ def test_a_size_beyond_reason_is_refused_before_memory_is_asked_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = clip(tmp_path / "a.mkv", noise(1))
-    monkeypatch.setattr("mpsnet_core.sequence.video.MAX_PIXELS", WIDTH * HEIGHT - 1)
+    monkeypatch.setattr("mpsnet_core.estimate.sequence.video.MAX_PIXELS", WIDTH * HEIGHT - 1)
     with pytest.raises(InputError, match=r"a\.mkv says it is 40 x 24; this program reads up to"):
         decoded(path)
 

@@ -17,21 +17,21 @@ from eight_views import CORNERS, all_levelled, outcome, shot, sphere_texels, tur
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import degrees_between, listing, write_file
 
-from mpsnet_core.camera import read_camera, write_camera
-from mpsnet_core.capture import read_capture
+from mpsnet_core.bake.bake import View, bake_normals
+from mpsnet_core.bake.multi_view import Photography, ViewPhoto, posed_photos, sources_of
+from mpsnet_core.capture.capture import read_capture
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate import estimate_normals
-from mpsnet_core.images import read_image
-from mpsnet_core.normals import NormalMap, decode, read_normals, write_normals
-from mpsnet_core.photo_folder import PhotoFolder
-from mpsnet_core.photogrammetry import Lens, PosedPhoto, find_photo
-from mpsnet_core.rig import LightRig, near_rig, published_rig, write_rig
-from mpsnet_core.surface.bake import View, bake_normals
-from mpsnet_core.surface.mesh import write_mesh
-from mpsnet_core.view_files import write_views
-from mpsnet_core.views import Photography, ViewPhoto, posed_photos, sources_of
-from mpsnet_core.world_lights import WorldLights, in_world, read_world_lights, write_world_lights
+from mpsnet_core.io.images import read_image
+from mpsnet_core.io.photo_folder import PhotoFolder
+from mpsnet_core.scene.camera import read_camera, write_camera
+from mpsnet_core.scene.mesh import write_mesh
+from mpsnet_core.scene.normal_map import NormalMap, decode, read_normals, write_normals
+from mpsnet_core.scene.photogrammetry import Lens, PosedPhoto, find_photo
+from mpsnet_core.scene.rig import LightRig, near_rig, published_rig, write_rig
+from mpsnet_core.scene.view_files import write_views
+from mpsnet_core.scene.world_lights import WorldLights, in_world, read_world_lights, write_world_lights
 
 
 def test_eight_wrong_views_become_one_texture_without_seams() -> None:
@@ -75,7 +75,7 @@ def test_views_that_memory_does_not_hold_at_once_give_the_same_texture(
     views = [sphere_view(camera_looking(corner, size=100)) for corner in CORNERS[:5]]
     at_once, in_parts = Asked(views), Asked(views)
     one = bake_normals(mesh, at_once, size=96)
-    monkeypatch.setattr("mpsnet_core.surface.looks.HELD_BYTES", held)
+    monkeypatch.setattr("mpsnet_core.bake.view_accumulator.HELD_BYTES", held)
     other = bake_normals(mesh, in_parts, size=96)
     assert np.array_equal(one.vectors, other.vectors) and np.array_equal(one.views, other.views)
     assert np.array_equal(one.spread, other.spread)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from surface_shapes import camera_looking, sphere_mesh, towards_camera
 
-from mpsnet_core.rays import RayScene
-from mpsnet_core.surface.mesh import Mesh
-from mpsnet_core.surface.visibility import Visibility
+from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.rays import RayScene
+from mpsnet_core.scene.visibility import Visibility
 
 VIEWS = [((1, 0.2, 0.1), "orthographic"), ((-0.3, 1, 0.4), "perspective"), ((-0.8, -0.3, -0.4), "perspective")]
 

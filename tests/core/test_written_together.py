@@ -30,8 +30,8 @@ from test_calibrate_cli import CIRCLE, SCENE
 
 from mpsnet_core import write_normals
 from mpsnet_core.cli import main
-from mpsnet_core.images import write_image
-from mpsnet_core.rig import write_rig
+from mpsnet_core.io.images import write_image
+from mpsnet_core.scene.rig import write_rig
 
 # Each verb's command, and the options of an earlier and of a later run.
 VERBS = {

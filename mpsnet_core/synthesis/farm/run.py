@@ -14,9 +14,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import resolved, writable_path
-from mpsnet_core.images import is_whole
-from mpsnet_core.made_from import is_made
+from mpsnet_core.io.files import resolved, writable_path
+from mpsnet_core.io.images import is_whole
+from mpsnet_core.io.provenance import is_made
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.contact_sheet import contact_sheet, sheet_line, write_sheet
 from mpsnet_core.synthesis.farm.claims import Claims

@@ -29,8 +29,8 @@ from typing import IO, Any, Literal, get_args
 
 import mpsnet_core
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import remove_abandoned
-from mpsnet_core.images import is_whole
+from mpsnet_core.io.files import remove_abandoned
+from mpsnet_core.io.images import is_whole
 from mpsnet_core.synthesis.farm.claims import Claims
 from mpsnet_core.synthesis.job import SampleJob, read_job, sample_number, sample_path
 
@@ -53,7 +53,7 @@ def serve(folder: str | os.PathLike[str], make: Callable[[SampleJob, int, Path],
 
     From here on stdout is stderr for everybody else: the answers have it for themselves.
 
-    make: writes the sample of a number to a path, whole (:func:`mpsnet_core.files.written_whole`) or not at all. An
+    make: writes the sample of a number to a path, whole (:func:`mpsnet_core.io.files.written_whole`) or not at all. An
         InputError that it raises is told as that sample's failure, and the next one is made.
     """
     sys.stdout.flush()

@@ -9,9 +9,9 @@ import os
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays import read_arrays
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import existing_file
+from mpsnet_core.io.files import existing_file
+from mpsnet_core.io.npz import read_arrays
 from mpsnet_core.synthesis.reflectance.hemisphere import AboveSurface
 from mpsnet_core.synthesis.reflectance.rusinkiewicz import rusinkiewicz_angles
 

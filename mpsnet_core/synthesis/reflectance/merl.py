@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import existing_file
+from mpsnet_core.io.files import existing_file
 from mpsnet_core.synthesis.reflectance.hemisphere import AboveSurface
 from mpsnet_core.synthesis.reflectance.rusinkiewicz import rusinkiewicz_angles
 

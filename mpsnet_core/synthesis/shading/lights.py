@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.rays import RayScene
+from mpsnet_core.scene.rays import RayScene
 from mpsnet_core.synthesis.reflectance.hemisphere import dot
 from mpsnet_core.synthesis.shading.directions import disc, frames, tiled
 from mpsnet_core.synthesis.shading.surface_points import SurfacePoints

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.camera import Camera
-from mpsnet_core.normals import normalised
-from mpsnet_core.rays import Hits, RayScene
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.normal_map import normalised
+from mpsnet_core.scene.rays import Hits, RayScene
 from mpsnet_core.synthesis.recipe import Recipe
 from mpsnet_core.synthesis.reflectance.hemisphere import dot
 from mpsnet_core.synthesis.shading.pattern import bumped

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.files import existing_file
-from mpsnet_core.normals import normalised
-from mpsnet_core.scenes import read_scene
+from mpsnet_core.io.files import existing_file
+from mpsnet_core.io.mesh_import import read_scene
+from mpsnet_core.scene.normal_map import normalised
 from mpsnet_core.synthesis.shapes.shape import Shape, fitted
 
 Array = NDArray[np.float64]

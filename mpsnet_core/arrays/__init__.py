@@ -1,0 +1,1 @@
+"""Arrays: what images, masks, graphs and statistics need, without knowing what they show."""

@@ -1,0 +1,98 @@
+"""Connected parts of masks: found, small ones removed, holes filled."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.connected_components import connected
+
+# Of parts' labels (H, W) and sizes, (parts + 1,) which of them.
+Chosen = Callable[[NDArray[np.int32], NDArray[np.int64]], NDArray[np.bool_]]
+
+
+def labelled(mask: NDArray[np.bool_], *, diagonal: bool = False) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """The mask's connected parts.
+
+    diagonal: whether pixels that touch at a corner are connected as well.
+
+    Returns (H, W) the number of each pixel's part, from 1, and 0 outside the mask; and (parts + 1,) the size of each
+    in pixels, that of the outside first.
+    """
+    height, width = mask.shape
+    # Runs of pixels, row by row: a column of background at either side sets every row's runs apart.
+    padded = np.zeros((height, width + 2), np.int8)
+    padded[:, 1:-1] = mask
+    steps = np.diff(padded, axis=1).ravel()
+    starts, ends = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1)  # places in rows of width + 1
+    roots = connected(len(starts), *_touching(starts, ends, width + 1, int(diagonal)))
+    parts = np.unique(roots, return_inverse=True)[1].reshape(-1)
+    sizes = np.bincount(parts, ends - starts, parts.max(initial=-1) + 1).astype(np.int64)
+    numbers = np.zeros(height * (width + 1) + 1, np.int32)
+    numbers[starts] = parts + 1
+    numbers[ends] -= (parts + 1).astype(np.int32)
+    labels = np.cumsum(numbers[:-1], dtype=np.int32).reshape(height, width + 1)[:, :-1]
+    return labels, np.concatenate([[mask.size - sizes.sum()], sizes])
+
+
+def without_specks(mask: NDArray[np.bool_], least: float) -> NDArray[np.bool_]:
+    """The mask's connected parts of at least `least` pixels."""
+    labels, sizes = labelled(mask)
+    kept = sizes >= least
+    kept[0] = False
+    return kept[labels]
+
+
+def filled(mask: NDArray[np.bool_], most: float = np.inf) -> NDArray[np.bool_]:
+    """The mask with its holes of at most `most` pixels: background that does not reach the picture's border."""
+    return without_holes(mask, lambda labels, sizes: sizes <= most)
+
+
+def without_holes(mask: NDArray[np.bool_], chosen: Chosen) -> NDArray[np.bool_]:
+    """The mask with those of its holes filled that are chosen, by the labels and sizes that :func:`labelled` gives."""
+    labels, sizes = labelled(~mask, diagonal=True)
+    hole = chosen(labels, sizes)
+    for border in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
+        hole[border] = False
+    hole[0] = True  # the mask itself
+    return hole[labels]
+
+
+def grown(mask: NDArray[np.bool_], pixels: int) -> NDArray[np.bool_]:
+    """The mask, (H, W) or (H, W, C), and all within `pixels` of it in rows and columns: a square around each pixel."""
+    for axis in (0, 1):
+        lines = np.moveaxis(mask, axis, 0)
+        places = np.arange(len(lines))
+        marks = np.zeros((len(lines) + 1, *lines.shape[1:]), np.int32)
+        np.cumsum(lines, axis=0, out=marks[1:])
+        ahead, behind = np.minimum(places + pixels + 1, len(lines)), np.maximum(places - pixels, 0)
+        mask = np.moveaxis(marks[ahead] > marks[behind], 0, axis)
+    return mask
+
+
+def box_sums(values: NDArray[np.floating], reach: int) -> NDArray[np.float64]:
+    """(H, W) the sum over the square of 2 reach + 1 pixels around each pixel; beyond the edges there is nothing."""
+    sums = values.astype(np.float64)
+    width = 2 * reach + 1
+    for axis in (0, 1):
+        total = np.cumsum(np.pad(sums, [(reach + 1, reach) if a == axis else (0, 0) for a in (0, 1)]), axis=axis)
+        sums = total[width:] - total[:-width] if axis == 0 else total[:, width:] - total[:, :-width]
+    return sums
+
+
+def shrunk(mask: NDArray[np.bool_], pixels: int) -> NDArray[np.bool_]:
+    """The mask less all within `pixels` of the background; the picture's border is none."""
+    return ~grown(~mask, pixels)
+
+
+def _touching(
+    starts: NDArray[np.int64], ends: NDArray[np.int64], stride: int, reach: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Pairs of runs that touch from one row to the next, as two lists of their numbers."""
+    # Seen from the row below, the runs that end after a run's start and start before its end, a row up.
+    first = np.searchsorted(ends, starts - stride - reach, side="right")
+    last = np.searchsorted(starts, ends - stride + reach, side="left")
+    counts = np.maximum(last - first, 0)
+    below = np.repeat(np.arange(len(starts)), counts)
+    above = np.arange(len(below)) - np.repeat(np.cumsum(counts) - counts, counts) + np.repeat(first, counts)
+    return below, above

@@ -1,0 +1,317 @@
+"""Baking: camera-space normals of one or more views onto the UVs of one or more meshes."""
+
+import logging
+import os
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.push_pull import push_pull
+from mpsnet_core.arrays.rasterize import texel_areas, triangle_of_texel
+from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.bake.padding import Padding, padded
+from mpsnet_core.bake.projection import Projector, View
+from mpsnet_core.bake.settings import Baking
+from mpsnet_core.bake.texel_surface import Place, UnderTexels
+from mpsnet_core.bake.texture import Space, Texture
+from mpsnet_core.bake.texture_sets import Sheet, sheets
+from mpsnet_core.bake.view_accumulator import Looks, Projectors, seen_triangles
+from mpsnet_core.defaults import MARGIN, TEXTURE_SIZE
+from mpsnet_core.errors import InputError
+from mpsnet_core.progress import Progress, part, silent
+from mpsnet_core.scene.joined_mesh import joined
+from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.normal_map import normalised
+from mpsnet_core.scene.rays import RayScene
+
+log = logging.getLogger(__name__)
+
+# Points worked on at once: small enough to stay in a core's cache.
+POINTS_AT_ONCE = 1 << 16
+# Points of a texture whose looks are held at once; about 70 bytes each.
+POINTS_HELD = 1 << 22
+# The weight of the mesh's own normal where views fade out: that of a view at 80 degrees.
+FADE = 1e-3
+
+
+def bake_normals(
+    mesh: Mesh,
+    views: Sequence[View],
+    *,
+    size: int = TEXTURE_SIZE,
+    space: Space = "tangent",
+    margin: int = MARGIN,
+    padding: Padding = "nearest",
+    samples: int = 1,
+    feather: float = 0.0,
+    strength: float = 1.0,
+    progress: Progress = silent,
+) -> Texture:
+    """Bake the views' normals onto the mesh's UVs, those from 0 to 1.
+
+    Every texel takes the mean of the views that see it, weighted by confidence and by how squarely they look at the
+    surface. Texels that none sees keep the mesh's own shading normal. Where the views have colours, so has the texture,
+    by the same weights; where no view tells them, and beyond the islands, they go on smoothly.
+
+    views: asked for one after the other, and more than once where they are too large to be held all at once.
+    size, space, margin, padding, samples, feather, strength: of :class:`mpsnet_core.bake.settings.Baking`.
+
+    Raises InputError where there is no view, a number is out of range or no texel is seen; Cancelled where `progress`
+    does.
+    """
+    baking = Baking(size, space, margin, padding, samples, feather, strength)
+    ((_, texture),) = bake_sheets([mesh], views, sheets([mesh]), baking, progress=progress)
+    return texture
+
+
+def bake_sheets(
+    meshes: Sequence[Mesh],
+    views: Sequence[View],
+    chosen: Sequence[Sheet],
+    baking: Baking,
+    *,
+    progress: Progress = silent,
+) -> Iterator[tuple[Sheet, Texture]]:
+    """Bake the views' normals onto the UVs of several meshes, which hide one another, a texture for each sheet.
+
+    One texture is made at a time, when it is asked for. Sheets that hold no texel have none. What has been seen once is
+    not forgotten: views are held in memory from one texture to the next as far as they fit.
+
+    chosen: of :func:`mpsnet_core.bake.texture_sets.sheets`, of the same meshes. views: as in :func:`bake_normals`.
+
+    Raises InputError as it does; for what no view sees only where none sees any of the meshes.
+    """
+    if not len(views):
+        raise InputError("there is no view to bake; give at least one camera with its normal map")
+    progress(0.0, "laying out the UVs")
+    whole = joined(meshes)
+    scene = RayScene(whole.world_vertices, whole.triangles)
+    del whole
+    projectors = Projectors(views, scene, baking.feather)
+    seen = seen_triangles(meshes, projectors, scene, part(progress, 0.0, 0.1))
+    bake = _Bake(meshes, projectors, seen, scene.middle, baking)
+    # Before anything is known to be seen, textures that are not seen wait: it may be that none is.
+    any_seen, any_covered, waiting = any(one.any() for one in seen), False, list[Sheet]()
+    for number, sheet in enumerate(chosen):
+        step = part(progress, 0.1 + 0.9 * number / len(chosen), 0.1 + 0.9 * (number + 1) / len(chosen))
+        texture = bake.texture(sheet, step)
+        if texture is None:
+            if sheet.named:
+                log.info("%s: no texel lies on its UVs, so there is no texture of it", sheet.named)
+            continue
+        any_covered, any_seen = True, any_seen or bool(texture.seen.any())
+        if not any_seen:
+            waiting.append(sheet)
+            continue
+        step(0.9, "growing the margin")
+        yield sheet, _finished(texture, baking)
+        step(1.0, "baked")
+    if not any_covered:
+        size = baking.size
+        raise InputError(f"no texel of a {size} x {size} texture lies on the mesh's UVs; choose a larger size")
+    if not any_seen:
+        raise InputError("no view sees any of the mesh; check that the cameras and the mesh share one world")
+    for sheet in waiting:
+        texture = bake.texture(sheet, part(progress, 1.0, 1.0))
+        if texture is not None:
+            yield sheet, _finished(texture, baking)
+
+
+def _finished(texture: Texture, baking: Baking) -> Texture:
+    colours = texture.colours
+    if colours is not None:
+        # No mesh tells the colour of what no view sees: it goes on smoothly, there and beyond the islands.
+        known = colours[..., 3] > 0
+        colours = np.concatenate([push_pull(colours[..., :3], known), known[..., None]], axis=-1, dtype=np.float32)
+        if baking.padding == "none":
+            colours[~texture.covered] = 0
+    vectors = padded(texture.vectors, texture.covered, baking.padding, baking.margin)
+    return replace(texture, vectors=vectors, colours=colours)
+
+
+@dataclass(frozen=True)
+class _Bake:
+    """What all textures of a bake share. seen: for each mesh, (T,) whether a view sees its triangles' middles."""
+
+    meshes: Sequence[Mesh]
+    projectors: Projectors
+    seen: Sequence[NDArray[np.bool_]]
+    middle: NDArray[np.float64]
+    baking: Baking
+
+    def texture(self, sheet: Sheet, progress: Progress) -> Texture | None:
+        """The sheet's texture, without padding; None where no texel lies on it."""
+        size, samples = self.baking.size, self.baking.samples
+        surfaces, seen = [], []
+        for mesh, triangles, seen_of in zip(self.meshes, sheet.parts, self.seen, strict=True):
+            if triangles is None or len(triangles):
+                surfaces.append(UnderTexels(mesh, triangles, sheet.corner, self.middle, size * samples))
+                seen.append(seen_of if triangles is None else seen_of[triangles])
+        # Where UVs overlap (mirrored halves, say), the triangle that a view sees wins: the last one laid down.
+        order = np.argsort(np.concatenate(seen), kind="stable")
+        corners = np.concatenate([surface.corners for surface in surfaces])
+        # A few rows at once. Views that memory does not hold are read again for each time: then as many as texels.
+        held = POINTS_HELD if self.projectors.all else size**2
+        rows = list(bands(size, max(1, held // (size * samples**2))))
+        texture = _blank(size, self.baking.space, colours=self.projectors.values > 4)
+        for number, band in enumerate(rows):
+            told = part(progress, 0.9 * number / len(rows), 0.9 * (number + 1) / len(rows))
+            fine = slice(band.start * samples, band.stop * samples)
+            laid = triangle_of_texel(corners[order], size * samples, fine)
+            patches = _patches(surfaces, order, laid, self.projectors.values)
+            part_of_it = _averaged(self._points(patches, laid >= 0, fine.start, told), samples)
+            for name, values in vars(part_of_it).items():
+                if isinstance(values, np.ndarray):
+                    getattr(texture, name)[band] = values
+            del laid, patches, part_of_it
+        if not texture.covered.any():
+            return None
+        if texel_areas(_within(corners, size * samples)).sum() > 1.05 * texture.covered.sum() * samples**2:
+            mend = (
+                ""
+                if len(surfaces) == 1
+                else "; pack the objects' UVs together, or give each object a texture of its own"
+            )
+            log.info("UVs overlap: where they do, the texture shows the part of the surface that a view sees%s", mend)
+        return texture
+
+    def _points(
+        self, patches: "Sequence[_Patch]", covered: NDArray[np.bool_], first: int, progress: Progress
+    ) -> Texture:
+        """What the views say at points in rows from `first` on, (R, C), as a texture of R rows and C columns."""
+        width = covered.shape[1]
+        vectors = np.zeros((covered.size, 3), np.float32)
+        vectors[:, 2] = 1
+        spread = np.zeros(covered.size, np.float32)
+        colours = np.zeros((covered.size, 4), np.float32) if self.projectors.values > 4 else None
+        chunks = [(patch, start) for patch in patches for start in range(0, len(patch.texels), POINTS_AT_ONCE)]
+        views, done = len(self.projectors.views), 0
+        fade = np.float32(FADE * (self.projectors.feather > 0))
+        with ThreadPoolExecutor(_usable_cores()) as pool:
+            try:
+                for batch in self.projectors.batches() if chunks else ():
+                    last = done + len(batch) * len(chunks) == views * len(chunks)
+
+                    def work(job: tuple[_Patch, int], batch: list[Projector] = batch, last: bool = last) -> None:
+                        patch, start = job
+                        chunk = slice(start, start + POINTS_AT_ONCE)
+                        texels = patch.texels[chunk]
+                        row, column = np.divmod(texels, width)
+                        place = Place(patch.triangle[chunk], column, row + first)
+                        point, normal = patch.surface.points(place)
+                        looked = patch.looks.of(chunk)
+                        for projector in batch:
+                            looked.add(*projector.look(point, normal))
+                        if last:
+                            vectors[texels] = patch.surface.encoded(
+                                place, looked.sums[:, :3] + normal * fade, self.baking.space, self.baking.strength
+                            )
+                            spread[texels] = looked.spread()
+                            if colours is not None:
+                                weight = looked.sums[:, 7:]
+                                colours[texels] = looked.sums[:, 4:] / np.where(weight > 0, weight, 1)
+
+                    for _ in pool.map(work, chunks):
+                        progress(done / (views * len(chunks)), "baking")
+                        done += len(batch)
+            except BaseException:
+                pool.shutdown(cancel_futures=True)
+                raise
+        count = np.zeros(covered.size, np.uint16)
+        for patch in patches:
+            count[patch.texels] = patch.looks.views
+        shape = covered.shape
+        counts = count.reshape(shape)
+        return Texture(
+            vectors.reshape(*shape, 3),
+            counts > 0,
+            covered,
+            self.baking.space,
+            counts,
+            spread.reshape(shape),
+            None if colours is None else colours.reshape(*shape, 4),
+        )
+
+
+@dataclass(frozen=True)
+class _Patch:
+    """Points of a texture that lie on one mesh. triangle, texels: (N,) what lies under which of them, row by row."""
+
+    surface: UnderTexels
+    triangle: NDArray[np.int64]
+    texels: NDArray[np.int64]
+    looks: Looks
+
+
+def _patches(
+    surfaces: Sequence[UnderTexels], order: NDArray[np.int64], laid: NDArray[np.int32], values: int
+) -> list[_Patch]:
+    """laid: (R, C) what of the `order` lies under each point, -1 for nothing. values: of :meth:`Looks.none`."""
+    texels = np.flatnonzero(laid >= 0)
+    triangle = order[laid.ravel()[texels]]
+    if len(surfaces) == 1:
+        return [_Patch(surfaces[0], triangle, texels, Looks.none(len(texels), values))]
+    ends = np.cumsum([len(surface.corners) for surface in surfaces])
+    owner = np.searchsorted(ends, triangle, side="right")
+    patches = []
+    for number, surface in enumerate(surfaces):
+        mine = np.flatnonzero(owner == number)
+        of_surface = triangle[mine] - (ends[number] - len(surface.corners))
+        patches.append(_Patch(surface, of_surface, texels[mine], Looks.none(len(mine), values)))
+    return patches
+
+
+def _averaged(points: Texture, samples: int) -> Texture:
+    """Texels of samples x samples points: the mean of those on the surface, as vectors; its length is brought to 1.
+    Of colours the mean of those that are known."""
+    if samples == 1:
+        return points
+    height, width = (length // samples for length in points.covered.shape)
+
+    def blocks(values: NDArray[Any]) -> NDArray[Any]:
+        return values.reshape(height, samples, width, samples, *values.shape[2:])
+
+    weight = blocks(points.covered).sum(axis=(1, 3), dtype=np.float32)
+    vectors = blocks(np.where(points.covered[..., None], points.vectors, 0)).sum(axis=(1, 3))
+    colours = None
+    if points.colours is not None:
+        # Unknown colours are zero, and so is what they count for.
+        total = blocks(points.colours).sum(axis=(1, 3))
+        colours = total / np.maximum(total[..., 3:], 1)
+    assert points.views is not None and points.spread is not None
+    return Texture(
+        normalised(vectors),
+        blocks(points.seen).any(axis=(1, 3)),
+        weight > 0,
+        points.space,
+        blocks(points.views).max(axis=(1, 3)),
+        (blocks(points.spread).sum(axis=(1, 3)) / np.maximum(weight, 1)).astype(np.float32),
+        colours,
+    )
+
+
+def _blank(size: int, space: Space, colours: bool) -> Texture:
+    """A texture of zeros, to be filled in."""
+    return Texture(
+        np.zeros((size, size, 3), np.float32),
+        np.zeros((size, size), bool),
+        np.zeros((size, size), bool),
+        space,
+        np.zeros((size, size), np.uint16),
+        np.zeros((size, size), np.float32),
+        np.zeros((size, size, 4), np.float32) if colours else None,
+    )
+
+
+def _within(corners: NDArray[np.float64], size: int) -> NDArray[np.float64]:
+    """Of triangles by their texel coordinates (T, 3, 2), those that lie in the texture as a whole."""
+    inside: NDArray[np.float64] = corners[((corners > -1) & (corners < size)).all(axis=(1, 2))]
+    return inside
+
+
+def _usable_cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,0 +1,226 @@
+"""What a photo shows of the normal map that an object wears already: taken out of it, lest it be laid onto itself.
+
+A map that was sculpted is not to be seen in a photo; one that was made of the same object is.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape
+from mpsnet_core.bake.detail_blending import resampled
+from mpsnet_core.bake.low_frequency_correction import levelled, rotated, rotation_between
+from mpsnet_core.errors import InputError
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.normal_map import NormalMap, normalised
+from mpsnet_core.scene.rays import RayScene
+
+Shown = Literal["auto", "yes", "no"]
+SHOWN: tuple[Shown, ...] = ("auto", "yes", "no")
+
+# A smaller share of the map than this is chance.
+LEAST_SHARE = 0.25
+# Radians: maps whose relief is fainter than this tell no share.
+FAINT = 0.01
+# How fine the map is beside the photo is probed at this many pixels on the photo's longer side.
+PROBED_PIXELS = 128
+
+
+@dataclass(frozen=True)
+class Present:
+    """The normal map that an object wears, to add detail to.
+
+    vectors: (H, W, 3) float32 unit vectors in tangent space, row 0 at v = 1. shown: whether the photos show its relief
+    as well; "auto" finds out, and how much of it. triangles: (T,) which of the mesh's triangles wear it, None for all.
+    corner: the lower left corner of the only unit square of UV space where it lies, None where it lies from 0 to 1.
+
+    Raises InputError where `shown` is none of these words.
+    """
+
+    vectors: NDArray[np.float32]
+    shown: Shown = "auto"
+    triangles: NDArray[np.bool_] | None = None
+    corner: tuple[int, int] | None = None
+
+    def __post_init__(self) -> None:
+        check_shown(self.shown)
+
+
+def without_presents(
+    normals: NormalMap,
+    camera: Camera,
+    mesh: Mesh,
+    scene: RayScene,
+    presents: Sequence[Present],
+    shares: Sequence[float] | None = None,
+) -> tuple[NormalMap, tuple[float, ...]]:
+    """:func:`without_present` for each of several maps that parts of the mesh wear, with the shares of all."""
+    found = []
+    for number in range(len(presents)):
+        share = None if shares is None else shares[number]
+        if share != 0:  # else it need not even be read
+            normals, share = without_present(normals, camera, mesh, scene, presents[number], share)
+        found.append(share)
+    return normals, tuple(found)
+
+
+def without_present(
+    normals: NormalMap, camera: Camera, mesh: Mesh, scene: RayScene, present: Present, share: float | None = None
+) -> tuple[NormalMap, float]:
+    """A view's normals with the present map's relief taken out, and the share of the relief that was, 0 to 1.
+
+    Each normal is turned by that share of the rotation that brings the mesh's normal with the map to that without.
+    share: where it is known from before. Where the map's `shown` is "auto", it is the least-squares share of the map's
+    relief in the view's, both levelled (:mod:`mpsnet_core.bake.low_frequency_correction`): what is large may be wrong
+    in the view.
+    """
+    if share is None and present.shown != "auto":
+        share = float(present.shown == "yes")
+    if share == 0:
+        return normals, 0.0
+    mask = _where_worn(normals.mask, camera, mesh, present)
+    worn_map = _as_fine_as_seen(present, mask, camera, mesh, scene)
+    own, worn, seen = _normals_worn(mask, camera, mesh, scene, replace(present, vectors=worn_map))
+    if not seen.any():
+        return normals, 0.0
+    if share is None:
+        given = normals if present.triangles is None else replace(normals, mask=seen)
+        view, relief = (levelled(one, camera, mesh, scene).vectors for one in (given, NormalMap(worn, seen)))
+        share = _share(view[seen] - own[seen], relief[seen] - own[seen])
+        if share == 0:
+            return normals, 0.0
+    vectors = normals.vectors.copy()
+    vectors[seen] = rotated(vectors[seen], np.float32(share) * rotation_between(worn[seen], own[seen]))
+    return replace(normals, vectors=vectors), share
+
+
+def check_shown(shown: str) -> None:
+    """Raises InputError where `shown` is none of the words that :class:`Present` knows."""
+    if shown not in SHOWN:
+        raise InputError(f"{shown!r} does not say whether the photos show the present map; choose {', '.join(SHOWN)}")
+
+
+def _share(view: NDArray[np.float32], relief: NDArray[np.float32]) -> float:
+    """The share of a map's relief, departures (N, 3) from the mesh's normals, in those of a view (N, 3)."""
+    known = float((relief * relief).sum(dtype=np.float64)) + len(relief) * FAINT**2
+    share = float((view * relief).sum(dtype=np.float64)) / known
+    return min(share, 1.0) if share >= LEAST_SHARE else 0.0
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """Where a camera's rays through N pixels meet the mesh.
+
+    hit: (M,) which of the pixels do. triangle: (M,) what they meet. weights: (M, 3, 1) barycentric coordinates.
+    directions: (M, 3) of the rays, in camera space.
+    """
+
+    hit: NDArray[np.int64]
+    triangle: NDArray[np.int32]
+    weights: NDArray[np.float32]
+    directions: NDArray[np.float64]
+
+    def at(self, corners: NDArray[np.floating]) -> NDArray[np.floating]:
+        """(M, K) values that are given at the corners of triangles, (T, 3, K)."""
+        return (corners[self.triangle] * self.weights).sum(axis=1)
+
+
+def _seen_by(camera: Camera, scene: RayScene, pixels: NDArray[np.floating]) -> _Seen:
+    origins, directions, _ = scene.rays_of(camera, pixels)
+    hits = scene.hits(origins, directions)
+    hit = np.flatnonzero(hits.triangle >= 0)
+    hits = hits.chosen(hit)
+    weights = np.stack([1 - hits.u - hits.v, hits.u, hits.v], axis=1)[..., None]
+    return _Seen(hit, hits.triangle, weights, directions[hit] @ camera.rotation)
+
+
+def _where_worn(mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, present: Present) -> NDArray[np.bool_]:
+    """(H, W) the mask within the rectangle in which the camera sees the triangles that wear the map, if any."""
+    if present.triangles is None:
+        return mask
+    points = mesh.world_vertices[np.unique(mesh.triangles[present.triangles])]
+    x, y, w = camera.projection_rows() @ np.concatenate([points, np.ones((len(points), 1))], axis=1).T
+    if (w <= 0).any():  # some are behind the camera, and their pixels are not where these numbers say
+        return mask
+    height, width = mask.shape
+    (left, right), (top, bottom) = (
+        np.clip([np.floor((c / w).min()), np.ceil((c / w).max())], 0, end).astype(int)
+        for c, end in ((x, width), (y, height))
+    )
+    inside = np.zeros_like(mask)
+    inside[top:bottom, left:right] = mask[top:bottom, left:right]
+    return inside
+
+
+def _wears(seen: _Seen, mesh: Mesh, present: Present) -> NDArray[np.bool_]:
+    """(M,) whether what is seen wears the map."""
+    worn = np.ones(len(seen.triangle), bool) if present.triangles is None else present.triangles[seen.triangle]
+    if present.corner is None:
+        return worn
+    worn &= (np.floor(seen.at(mesh.uvs)) == present.corner).all(axis=1)
+    return worn
+
+
+def _normals_worn(
+    mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, scene: RayScene, present: Present
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
+    """The mesh's own shading normals (H, W, 3), those with its present map, in camera space, and (H, W) where it is
+    seen within the mask and wears the map."""
+    own, worn = np.zeros((2, *mask.shape, 3), np.float32)
+    visible = np.zeros_like(mask)
+    # Normals are carried by the inverse transpose; a row times a matrix transposes once more.
+    to_camera = (np.linalg.inv(mesh.world_from_object[:3, :3]) @ camera.rotation).astype(np.float32)
+    for rows in bands(len(mask)):
+        row, column = np.nonzero(mask[rows])
+        row += rows.start
+        seen = _seen_by(camera, scene, np.stack([column, row], axis=1) + 0.5)
+        wears = _wears(seen, mesh, present)
+        normal, tangent = seen.at(mesh.corner_normals), seen.at(mesh.tangents[..., :3])
+        bitangent = np.cross(normal, tangent) * mesh.tangents[seen.triangle, 0, 3:]
+        x, y, z = _sampled(present.vectors, seen.at(mesh.uvs) - (present.corner or (0, 0))).T[..., None]
+        place = row[seen.hit], column[seen.hit]
+        own[place] = normalised(normal @ to_camera)
+        worn[place] = normalised((x * tangent + y * bitangent + z * normal) @ to_camera)
+        visible[place] = wears & (np.einsum("ni,ni->n", own[place], seen.directions) < 0)
+    return own, worn, visible
+
+
+def _as_fine_as_seen(
+    present: Present, mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, scene: RayScene
+) -> NDArray[np.float32]:
+    """The map with about as many pixels as the photo has on the surface: finer relief is not seen in it."""
+    height, width = mask.shape
+    rows, columns = chosen_pixels(*reduced_shape(height, width, PROBED_PIXELS), height, width)
+    row, column = np.nonzero(mask[np.ix_(rows, columns)])
+    pixels = np.stack([columns[column], rows[row]], axis=1) + 0.5
+    first, second = (_seen_by(camera, scene, pixels + step) for step in ((0, 0), (1, 0)))
+    _, of_first, of_second = np.intersect1d(first.hit, second.hit, assume_unique=True, return_indices=True)
+    together = first.triangle[of_first] == second.triangle[of_second]
+    together &= _wears(first, mesh, present)[of_first]
+    vectors = present.vectors
+    if not together.any():
+        return vectors
+    steps = (second.at(mesh.uvs)[of_second] - first.at(mesh.uvs)[of_first])[together] * vectors.shape[1::-1]
+    texels = float(np.median(np.linalg.norm(steps, axis=1)))
+    if texels <= 1:
+        return vectors
+    return normalised(resampled(vectors, *(max(1, round(side / texels)) for side in vectors.shape[:2])))
+
+
+def _sampled(values: NDArray[np.float32], uv: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(N, 3) of an image (H, W, 3) at UVs (N, 2), linear between pixels."""
+    height, width = values.shape[:2]
+    x = np.clip(uv[:, 0] * width - 0.5, 0, width - 1)
+    y = np.clip((1 - uv[:, 1]) * height - 0.5, 0, height - 1)
+    left, top = x.astype(np.int64), y.astype(np.int64)
+    right, below = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)
+    across, down = (x - left)[:, None], (y - top)[:, None]
+    above = values[top, left] * (1 - across) + values[top, right] * across
+    beneath = values[below, left] * (1 - across) + values[below, right] * across
+    result: NDArray[np.float32] = (above * (1 - down) + beneath * down).astype(np.float32)
+    return result

@@ -1,0 +1,92 @@
+"""Detail on top of a normal map that the object has already: nothing of that is lost, whatever the photo shows."""
+
+import os
+from dataclasses import replace
+
+import numpy as np
+import OpenImageIO as oiio
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.rasterize import grown
+from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.bake.texture import Texture
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.images import read_data
+from mpsnet_core.scene.normal_map import OUTWARDS_SHARE, Convention, decode, normalised
+
+# How far a colour's vector may be from unit length: 8 bits, JPEG and averages of steep slopes are.
+NEARLY_UNIT = 0.1
+# Of the pixels that are no background, the share that must be normals.
+NORMALS_SHARE = 0.6
+# Background (black, white, a clear grey, transparent) takes the value of normals so many pixels away.
+MARGIN = 16
+
+
+def read_present_map(path: str | os.PathLike[str], *, convention: Convention = "opengl") -> NDArray[np.float32]:
+    """Read a tangent-space normal map that an object wears: (H, W, 3) unit vectors, +z where the file has no normals.
+
+    8 or 16 bits or float, of any size; row 0 at v = 1.
+
+    Raises InputError where the file cannot be read, is no normal map or is one in object space.
+    """
+    colours, alpha = read_data(path)
+    length = np.empty(colours.shape[:2], np.float32)
+    for rows in bands(len(colours)):
+        length[rows] = np.linalg.norm(np.nan_to_num(colours[rows]) * 2 - 1, axis=-1)
+    # Where alpha holds something else, such as gloss, normals are there all the same.
+    there = np.ones(length.shape, bool) if alpha is None else alpha > 0
+    unit = there & (np.abs(length - 1) < NEARLY_UNIT)
+    # Black and white are the corners of all colours, furthest from grey, which is no direction at all.
+    filled = there & (length > NEARLY_UNIT) & (length < np.sqrt(3) - NEARLY_UNIT)
+    if unit.sum() < NORMALS_SHARE * max(filled.sum(), 1):
+        raise InputError(f"{path} is not a normal map: its colours are not unit vectors 0.5 + 0.5 n; choose another")
+    normals = unit & (colours[..., 2] >= 0.5)
+    if normals.sum() < OUTWARDS_SHARE * unit.sum():
+        raise InputError(f"{path} is not in tangent space: many of its normals point inwards; bake it in tangent space")
+    vectors = np.empty_like(colours)
+    for rows in bands(len(colours)):
+        vectors[rows] = np.where(normals[rows, :, None], decode(colours[rows], convention), [0, 0, 1])
+    return grown(vectors, normals, MARGIN)
+
+
+def laid_onto(texture: Texture, present: NDArray[np.float32]) -> Texture:
+    """The texture's normals as detail on the present map's, (H, W, 3) unit vectors, resampled to the texture's size.
+
+    The texture's flat normals leave the present map as it is, and a flat present map the texture.
+
+    Raises InputError where the texture is not in tangent space.
+    """
+    check_onto(texture.space)
+    height, width = texture.vectors.shape[:2]
+    if present.shape[:2] != (height, width):
+        present = resampled(present, height, width)
+    vectors = np.empty_like(texture.vectors)
+    for rows in bands(height):
+        vectors[rows] = reoriented(texture.vectors[rows], normalised(present[rows]))
+    return replace(texture, vectors=vectors)
+
+
+def check_onto(space: str) -> None:
+    """Raises InputError where a texture in that space cannot be laid onto another."""
+    if space != "tangent":
+        raise InputError("only a texture in tangent space can go on top of a present map; bake in tangent space")
+
+
+def reoriented(detail: NDArray[np.float32], base: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Detail (..., 3) turned by the shortest rotation from +z to the base (..., 3); unit vectors in tangent space.
+
+    Reoriented Normal Mapping: Barré-Brisebois and Hill, "Blending in Detail" (2012), its closed form of the rotation,
+    r = t (t·u) / t_z - u for t = base + (0, 0, 1) and u = detail with x and y negated.
+    """
+    t = base + np.array([0, 0, 1], np.float32)
+    u = detail * np.array([-1, -1, 1], np.float32)
+    along = np.einsum("...i,...i->...", t, u) / np.maximum(t[..., 2], 1e-6)
+    result: NDArray[np.float32] = normalised(t * along[..., None] - u)
+    return result
+
+
+def resampled(vectors: NDArray[np.float32], height: int, width: int) -> NDArray[np.float32]:
+    """Linear between pixels where there are more than before, means of pixels where there are fewer."""
+    region = oiio.ROI(0, width, 0, height, 0, 1, 0, 3)
+    result = oiio.ImageBufAlgo.resize(oiio.ImageBuf(np.ascontiguousarray(vectors)), filtername="triangle", roi=region)
+    return np.asarray(result.get_pixels(oiio.FLOAT), np.float32)

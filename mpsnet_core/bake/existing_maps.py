@@ -1,0 +1,131 @@
+"""Which present normal map lies beneath which texture: by the textures' tokens in its name, or listed in a file."""
+
+import logging
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.bake.base_detail_removal import Present, Shown
+from mpsnet_core.bake.detail_blending import read_present_map
+from mpsnet_core.bake.map_list import ListedMap, read_map_list
+from mpsnet_core.bake.texture_names import TOKENS, map_files
+from mpsnet_core.bake.texture_sets import Sheet
+from mpsnet_core.errors import InputError
+from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.normal_map import Convention, check_convention
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class MapFile:
+    """The file of a present map and the way its green points."""
+
+    file: Path
+    convention: Convention
+
+
+def maps_beneath(
+    given: str | os.PathLike[str], convention: Convention, sheets: Sequence[Sheet]
+) -> list[MapFile | None]:
+    """The map beneath each of the sheets, None where there is none.
+
+    given: an image, <UDIM>, <MATERIAL> and <OBJECT> in its name standing for what they do in the textures' names; or a
+    .json file that lists several (:mod:`mpsnet_core.bake.map_list`), of which the first that is for a sheet's object
+    and material is taken. convention: of the image.
+
+    Raises InputError where the list is malformed, the textures are not parted as a name's tokens are, or no sheet has
+    a map.
+    """
+    beneath: list[MapFile | None] = [None] * len(sheets)
+    is_list = Path(given).suffix.lower() == ".json"
+    listed = read_map_list(given) if is_list else [ListedMap(Path(given), convention=convention)]
+    sought: list[Path | None] = [None] * len(sheets)
+    for one in listed:
+        check_convention(one.convention)
+        for number, (sheet, file) in enumerate(zip(sheets, map_files(one.file, sheets), strict=True)):
+            meant = one.object in (None, sheet.object) and one.material in (None, sheet.material)
+            # Not every object or tile need have a map; of one that is named in full it is told where it is read.
+            if meant and beneath[number] is None:
+                sought[number] = file
+                if file == one.file or file.is_file():
+                    beneath[number] = MapFile(file, one.convention)
+    if not any(beneath):
+        check = "the objects, materials and files in it" if is_list else f"the path, and {', '.join(TOKENS)} in it"
+        raise InputError(f"{given}: there is no present map for any of the textures; check {check}")
+    for sheet, found, missing in zip(sheets, beneath, sought, strict=True):
+        if found is None:
+            named = f" {missing}" if missing else ""
+            log.info("%s: there is no present map%s, so nothing lies beneath its texture", sheet.named, named)
+    return beneath
+
+
+class PresentMaps(Sequence[Present]):
+    """The present maps of meshes, read when one is asked for; the last one stays in memory. All are read once at first.
+
+    Sheets that share a map and a unit square of UV space share one :class:`Present`, whose triangles are those of the
+    meshes joined (:func:`mpsnet_core.scene.joined_mesh.joined`).
+
+    beneath: of :func:`maps_beneath`, for the sheets.
+
+    Raises InputError where a map cannot be read.
+    """
+
+    def __init__(
+        self, beneath: Sequence[MapFile | None], sheets: Sequence[Sheet], meshes: Sequence[Mesh], shown: Shown
+    ) -> None:
+        self.shown = shown
+        together: dict[tuple[MapFile, tuple[int, int] | None], list[Sheet]] = {}
+        for sheet, one in zip(sheets, beneath, strict=True):
+            if one is not None:
+                together.setdefault((one, None if sheet.tile is None else sheet.corner), []).append(sheet)
+        self._maps = [(*key, _triangles(parts, meshes)) for key, parts in together.items()]
+        self._number = {sheet: number for number, parts in enumerate(together.values()) for sheet in parts}
+        self._last: tuple[MapFile, NDArray[np.float32]] | None = None
+        for one in dict.fromkeys(key for key, _ in together):
+            self._vectors(one)  # what is wrong with one is said before the work
+
+    def __len__(self) -> int:
+        return len(self._maps)
+
+    @overload
+    def __getitem__(self, number: int) -> Present: ...
+    @overload
+    def __getitem__(self, number: slice) -> Sequence[Present]: ...
+    def __getitem__(self, number: int | slice) -> Present | Sequence[Present]:
+        if isinstance(number, slice):
+            return [self[one] for one in range(len(self))[number]]
+        one, corner, triangles = self._maps[number]
+        return Present(self._vectors(one), self.shown, triangles, corner)
+
+    def beneath(self, sheet: Sheet) -> NDArray[np.float32] | None:
+        """(H, W, 3) the vectors of the map beneath a sheet, None where there is none."""
+        number = self._number.get(sheet)
+        return None if number is None else self._vectors(self._maps[number][0])
+
+    def in_photos(self) -> Sequence[Present]:
+        """Those whose relief the photos may show."""
+        return () if self.shown == "no" else self
+
+    def _vectors(self, one: MapFile) -> NDArray[np.float32]:
+        if self._last is None or self._last[0] != one:
+            self._last = None  # before the next is read: each may be large
+            self._last = one, read_present_map(one.file, convention=one.convention)
+        return self._last[1]
+
+
+def _triangles(sheets: Sequence[Sheet], meshes: Sequence[Mesh]) -> NDArray[np.bool_] | None:
+    """(T,) which of the meshes' triangles lie on one of the sheets; None for all."""
+    if any(all(part is None for part in sheet.parts) for sheet in sheets):
+        return None
+    ends = np.cumsum([0] + [len(mesh.triangles) for mesh in meshes])
+    worn = np.zeros(ends[-1], bool)
+    for sheet in sheets:
+        for start, end, part in zip(ends[:-1], ends[1:], sheet.parts, strict=True):
+            worn[start:end][slice(None) if part is None else part] = True
+    return worn

@@ -1,0 +1,213 @@
+"""Levelling: a view's low frequencies taken from the mesh, its detail from the photo.
+
+An estimate errs smoothly: it is tilted, or too flat here and too steep there, and differently so in every view. A mesh
+from photogrammetry is right there, and has no detail. So each pixel's normal is turned by the rotation that carries the
+estimate, smoothed around it, onto the mesh's normals, smoothed in the same way.
+
+Both are smoothed along the surface, not along the image: over a grid of cells in space, so that the scale is a length
+on the object, the same in each view, and nothing reaches over from what only stands behind it in the image.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape, upsampled
+from mpsnet_core.errors import InputError
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.normal_map import NormalMap, normalised
+from mpsnet_core.scene.rays import RayScene
+
+# Smoothing's standard deviation as a share of the mesh's size (its bounding box's diagonal).
+LEVEL_SCALE = 0.03
+MIN_SCALE, MAX_SCALE = 0.01, 1.0
+# The mesh is traced at no more than this many pixels on the image's longer side: what is wanted of it is smooth.
+TRACED_PIXELS = 1024
+# Cells to a standard deviation, and standard deviations that the smoothing reaches.
+CELLS, REACH = 2.0, 3.0
+# How firmly the rotation about the mean normal is held at 0, which only a curved surface tells.
+HOLD = 0.1
+
+
+@dataclass(frozen=True)
+class Levelling:
+    """What turns a view's normals.
+
+    turns: (h, w, 3) float32 rotation vectors (axis times angle in radians) in camera space, for an image of fewer
+    pixels, with the nearest ones where the mesh is not seen. known: (h, w) bool, where it is.
+    """
+
+    turns: NDArray[np.float32]
+    known: NDArray[np.bool_]
+
+    @property
+    def mean_angle(self) -> float:
+        """How far the normals are turned, in degrees, mean over where the mesh is seen; 0 where it is not."""
+        angles = np.linalg.norm(self.turns[self.known], axis=1)
+        return float(np.degrees(angles.mean())) if len(angles) else 0.0
+
+
+def levelled(
+    normals: NormalMap, camera: Camera, mesh: Mesh, scene: RayScene | None = None, *, scale: float = LEVEL_SCALE
+) -> NormalMap:
+    """The normals with the low frequencies of the mesh's own; as they are where the mesh is not seen.
+
+    scene: the mesh's, where it has been made before. scale: see :func:`levelling`.
+
+    Raises InputError where the scale is out of range, or normals and camera differ in size.
+    """
+    return turned(normals, levelling(normals, camera, mesh, scene, scale=scale))
+
+
+def levelling(
+    normals: NormalMap, camera: Camera, mesh: Mesh, scene: RayScene | None = None, *, scale: float = LEVEL_SCALE
+) -> Levelling:
+    """The rotations that :func:`levelled` turns the normals by.
+
+    scale: of the smoothing, its standard deviation as a share of the mesh's size. Relief that is smaller than about
+    twice this stays as the photo shows it; of what is larger the mesh decides.
+
+    Around each place the rotation vector r is sought that brings the estimates n onto the mesh's normals m in the least
+    squares, w Gaussian weights: sum w |r x n - t|², t the rotation vector from n to m, which is at right angles to n.
+    That is (sum w (1 - n nᵀ)) r = sum w t: Wahba's problem (1965), linearised.
+    """
+    if not MIN_SCALE <= scale <= MAX_SCALE:
+        raise InputError(f"a levelling scale of {scale:g} cannot be used; choose {MIN_SCALE:g} to {MAX_SCALE:g}")
+    height, width = normals.mask.shape
+    if (camera.width, camera.height) != (width, height):
+        raise InputError(f"the camera is {camera.width} x {camera.height} but its normals are {width} x {height}")
+    scene = scene or RayScene(mesh.world_vertices, mesh.triangles)
+    rows, columns = chosen_pixels(*reduced_shape(height, width, TRACED_PIXELS), height, width)
+    known = normals.mask[np.ix_(rows, columns)]
+    row, column = np.nonzero(known)
+    points, own = _mesh_seen(mesh, scene, camera, np.stack([columns[column] + 0.5, rows[row] + 0.5], axis=1))
+    hit = np.isfinite(points).all(axis=1)
+    known[row[~hit], column[~hit]] = False
+    row, column, points, own = row[hit], column[hit], points[hit], own[hit]
+    turns = np.zeros((*known.shape, 3), np.float32)
+    if len(points):
+        estimate = normals.vectors[rows[row], columns[column]]
+        turns[row, column] = _smoothed_turns(points, estimate, own, scale * scene.size)
+    return Levelling(_filled(turns, known), known)
+
+
+def turned(normals: NormalMap, by: Levelling) -> NormalMap:
+    """The normals turned by a levelling of their own view."""
+    vectors = np.empty_like(normals.vectors)
+    for rows in bands(len(vectors)):
+        vectors[rows] = rotated(normals.vectors[rows], upsampled(by.turns, normals.mask.shape, rows))
+    return replace(normals, vectors=vectors)
+
+
+def rotated(vectors: NDArray[np.float32], turns: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Vectors (..., 3) rotated by rotation vectors (..., 3), by Rodrigues' formula."""
+    angle = np.sqrt(np.einsum("...i,...i->...", turns, turns))[..., None]
+    sine, versine = np.sinc(angle / np.pi), 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
+    across = np.cross(turns, vectors)
+    result: NDArray[np.float32] = (vectors + sine * across + versine * np.cross(turns, across)).astype(np.float32)
+    return result
+
+
+def _mesh_seen(
+    mesh: Mesh, scene: RayScene, camera: Camera, pixels: NDArray[np.float64]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """(N, 3) world points, relative to the scene's middle, and (N, 3) unit shading normals in camera space.
+
+    NaN where the mesh is not seen, or from behind.
+    """
+    origins, directions, _ = scene.rays_of(camera, pixels)
+    hits = scene.hits(origins, directions)
+    weights = np.stack([1 - hits.u - hits.v, hits.u, hits.v], axis=1)
+    # Normals are carried by the inverse transpose; a row times a matrix transposes once more.
+    to_camera = (np.linalg.inv(mesh.world_from_object[:3, :3]) @ camera.rotation).astype(np.float32)
+    own = normalised(np.einsum("nci,nc->ni", mesh.corner_normals[hits.triangle], weights) @ to_camera)
+    hit = (hits.triangle >= 0) & (np.einsum("ni,ni->n", own, directions @ camera.rotation) < 0)
+    points = np.full_like(origins, np.nan)
+    points[hit] = origins[hit] - scene.middle + directions[hit] * hits.distance[hit, None]
+    return points.astype(np.float32), own
+
+
+def _smoothed_turns(
+    points: NDArray[np.float32], estimate: NDArray[np.float32], own: NDArray[np.float32], sigma: float
+) -> NDArray[np.float32]:
+    """(N, 3) rotation vectors that carry the estimate to the mesh's own normals around each point."""
+    cell = sigma / CELLS
+    low = points.min(axis=0)
+    place = (points - low) / cell + 1  # a border of one cell, for what lies between it and the first
+    shape = tuple((np.floor(place.max(axis=0)) + 2).astype(int))
+    number = np.ravel_multi_index(tuple(np.round(place).astype(np.int64).T), shape)
+    x, y, z = estimate.T
+    layers = [*rotation_between(estimate, own).T, *own.T, 1 - x * x, -x * y, -x * z, 1 - y * y, -y * z, 1 - z * z]
+    count = int(np.prod(shape))
+    grid = np.stack([np.bincount(number, layer, count).astype(np.float32) for layer in [*layers, np.ones(len(x))]])
+    grid = _blurred(grid.reshape(-1, *shape)).reshape(len(grid), -1)
+    # Only cells that a point lies between are asked for.
+    corner = np.floor(place).astype(np.int64)
+    step = place - corner
+    first = np.ravel_multi_index(tuple(corner.T), shape)
+    asked = np.zeros(count, bool)
+    for offset in np.ndindex(2, 2, 2):
+        asked[first + np.ravel_multi_index(offset, shape)] = True
+    cells = np.flatnonzero(asked)
+    solved = np.zeros((count, 3), np.float32)
+    solved[cells] = _rotation(grid[:, cells])
+    turns = np.zeros_like(points)
+    for offset in np.ndindex(2, 2, 2):
+        along = np.where(offset, step, 1 - step)
+        # NumPy's own product is slow along so short an axis.
+        share = along[:, 0] * along[:, 1] * along[:, 2]
+        turns += share[:, None] * solved[first + np.ravel_multi_index(offset, shape)]
+    return turns
+
+
+def rotation_between(start: NDArray[np.float32], end: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(N, 3) the shortest rotation, as a vector, that carries unit vectors `start` (N, 3) to `end` (N, 3)."""
+    axis = np.cross(start, end)
+    sine = np.linalg.norm(axis, axis=1)
+    angle = np.arctan2(sine, np.einsum("ni,ni->n", start, end))
+    result: NDArray[np.float32] = (axis * (angle / np.maximum(sine, 1e-9))[:, None]).astype(np.float32)
+    return result
+
+
+def _rotation(sums: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(N, 3) the rotation vectors that solve the sums (13, N) of :func:`_smoothed_turns`' layers."""
+    sums = sums.astype(np.float64) / np.maximum(sums[-1], 1e-12)
+    middle = normalised(sums[3:6].T)
+    upper = sums[[6, 7, 8, 7, 9, 10, 8, 10, 11]].T.reshape(-1, 3, 3)
+    matrix = upper + HOLD * middle[:, :, None] * middle[:, None, :] + 1e-6 * np.eye(3)
+    return np.linalg.solve(matrix, sums[:3].T[..., None])[..., 0].astype(np.float32)
+
+
+def _blurred(grid: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(K, X, Y, Z) smoothed along its last three axes by a Gaussian of `CELLS` cells."""
+    # Values are laid into the nearest cell and read from between cells, which smooths them by a little already.
+    spread = CELLS**2 - 1 / 12 - 1 / 6
+    reach = int(np.ceil(REACH * CELLS))
+    weights = np.exp(-(np.arange(-reach, reach + 1) ** 2) / (2 * spread)).astype(np.float32)
+    for axis in (1, 2, 3):
+        padded = np.pad(grid, [(reach, reach) if a == axis else (0, 0) for a in range(4)])
+        length = grid.shape[axis]
+        grid = np.zeros_like(grid)
+        for start, weight in enumerate(weights):
+            grid += weight * padded[(slice(None),) * axis + (slice(start, start + length),)]
+    return grid
+
+
+def _filled(values: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """(h, w, K) with what is not known given the mean of what is around it, from ever smaller images; 0 if all is not.
+
+    Rays slip between triangles here and there, and a mask may reach a little beyond the mesh.
+    """
+    if known.all() or not known.any():
+        return values
+    height, width = known.shape
+    odd = [(0, height % 2), (0, width % 2)]
+    blocks = (-(-height // 2), 2, -(-width // 2), 2)
+    count = np.pad(known, odd).reshape(blocks).sum(axis=(1, 3))
+    total = np.pad(values * known[..., None], [*odd, (0, 0)]).reshape(*blocks, -1).sum(axis=(1, 3))
+    coarse = _filled(total / np.maximum(count, 1)[..., None].astype(np.float32), count > 0)
+    around = coarse.repeat(2, axis=0).repeat(2, axis=1)[:height, :width]
+    return np.where(known[..., None], values, around)

@@ -1,0 +1,55 @@
+"""List files of present normal maps: which file lies beneath the texture of which object and material."""
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.files import read_json, write_json
+
+if TYPE_CHECKING:  # this module is imported into Blender, where OpenImageIO is not
+    from mpsnet_core.scene.normal_map import Convention
+
+FORMAT, VERSION = "mpsnet-present-maps", 1
+
+
+@dataclass(frozen=True)
+class ListedMap:
+    """A map, and for which object and material it is; None stands for all. convention: the way its green points."""
+
+    file: Path
+    object: str | None = None
+    material: str | None = None
+    convention: "Convention" = "opengl"
+
+
+def read_map_list(path: str | os.PathLike[str]) -> list[ListedMap]:
+    """Read a list; files that it names without a folder lie beside it.
+
+    {"format": "mpsnet-present-maps", "version": 1, "maps": [{"file": "oak.png", "object": "Oak", "material": "Bark",
+    "convention": "directx"}]}, all but the file as needed. Raises InputError where it is malformed.
+    """
+    maps = read_json(path, FORMAT, VERSION, ("maps",)).get("maps")
+    found = []
+    for one in maps if isinstance(maps, list) else [maps]:
+        if not isinstance(one, dict) or not _KNOWN >= one.keys() >= {"file"} or not all(map(_is_text, one.values())):
+            raise InputError(
+                f'{path}: each of its "maps" has a "file" and may have "object", "material" and "convention", as texts'
+            )
+        found.append(ListedMap(**{**one, "file": Path(path).parent / one["file"]}))
+    return found
+
+
+def write_map_list(path: str | os.PathLike[str], maps: Iterable[ListedMap]) -> None:
+    """Write a list that :func:`read_map_list` reads."""
+    listed = [{what: str(value) for what, value in vars(one).items() if value is not None} for one in maps]
+    write_json(path, {"format": FORMAT, "version": VERSION, "maps": listed})
+
+
+_KNOWN = set(ListedMap.__dataclass_fields__)
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str)

@@ -1,0 +1,337 @@
+"""Many views: from a posed photo each to normals on disk, one photo in memory at a time, ready to be baked."""
+
+import hashlib
+import json
+import logging
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape
+from mpsnet_core.bake.base_detail_removal import Present, without_presents
+from mpsnet_core.bake.low_frequency_correction import Levelling, levelling, turned
+from mpsnet_core.bake.projection import View
+from mpsnet_core.capture.capture import Capture, capture_of, note_doubts, taken_in
+from mpsnet_core.capture.correction import Correction
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.files import read_json, write_json
+from mpsnet_core.io.images import Encoding, is_whole, read_image, write_image
+from mpsnet_core.io.photo_folder import PhotoFolder
+from mpsnet_core.io.provenance import identity
+from mpsnet_core.scene.camera import Camera, camera_data, read_camera
+from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.mesh_depth import depth_of_mesh
+from mpsnet_core.scene.normal_map import NormalMap, read_normals, write_normals
+from mpsnet_core.scene.rays import RayScene
+from mpsnet_core.scene.rig import LightRig
+from mpsnet_core.scene.view_files import read_views
+
+if TYPE_CHECKING:
+    from mpsnet_core.scene.photogrammetry import Lens
+
+log = logging.getLogger(__name__)
+
+# So many photos that are missing are named.
+NAMED_PHOTOS = 3
+CAMERA_SUFFIX = ".camera.json"
+VIEW_FORMAT, VIEW_VERSION = "mpsnet-view", 1
+# A mask from the mesh is traced at no more than this many pixels on the longer side.
+MASK_PIXELS = 2048
+
+
+@dataclass(frozen=True)
+class ViewPhoto:
+    """A photo and the camera that took it.
+
+    name: what it is called in messages and files, like no other of its views. lens: what bends the camera's picture
+    into the photo, if anything. folder: where the photo lies in the folder of all photos.
+    """
+
+    name: str
+    photo: Path
+    camera: Camera
+    lens: "Lens | None" = None
+    folder: Path = Path()
+
+
+def posed_photos(cameras: str | os.PathLike[str], photos: str | os.PathLike[str] | None = None) -> list[ViewPhoto]:
+    """Photos with their cameras, sorted by name.
+
+    cameras: what a photogrammetry program wrote (:func:`mpsnet_core.scene.photogrammetry.read_cameras`); a folder of
+        our own camera files, NAME.camera.json for the photo NAME.png; or a file of ours that names the photos as well
+        ("mpsnet-views", as the add-on writes it).
+    photos: their folder; None where `cameras` names the photos.
+
+    Raises InputError where a camera has no photo, or several photos fit it.
+    """
+    cameras = Path(cameras)
+    if photos is None:
+        if cameras.suffix.lower() != ".json":
+            raise InputError(f"{cameras} does not name its photos; give the folder of the photos")
+        found = [ViewPhoto(*view) for view in read_views(cameras)]
+    else:
+        folder = PhotoFolder(photos)
+        own = sorted(cameras.glob(f"*{CAMERA_SUFFIX}")) if cameras.is_dir() else []
+        found = [_own_photo(file, folder) for file in own] if own else _photogrammetry_photos(cameras, folder)
+    for what, names in (("called", [view.name for view in found]), ("in", [str(view.photo) for view in found])):
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice:
+            raise InputError(f"{cameras} has two cameras for photos {what} {twice}; rename one of the photos")
+    return found
+
+
+def _own_photo(camera: Path, photos: PhotoFolder) -> ViewPhoto:
+    name = camera.name.removesuffix(CAMERA_SUFFIX)
+    photo = photos.find([name], f"the photo of camera {camera.name}")
+    if photo is None:
+        raise InputError(f"camera {camera.name} has no photo {name} in {photos.path}; put it there")
+    return ViewPhoto(name, photo, read_camera(camera))
+
+
+def _photogrammetry_photos(cameras: Path, photos: PhotoFolder) -> list[ViewPhoto]:
+    from mpsnet_core.scene.photogrammetry import as_shown, find_photo, read_cameras
+
+    views, missing = [], []
+    for posed in read_cameras(cameras):
+        photo = find_photo(posed, photos)
+        if photo is None:
+            missing.append(posed.photo)
+            continue
+        posed = as_shown(posed, photo)
+        # Photos in folders below this one may share their names.
+        place = photo.relative_to(photos.path)
+        views.append(ViewPhoto("_".join(place.with_suffix("").parts), photo, posed.camera, posed.lens, place.parent))
+    if not views:
+        raise InputError(f"none of the {len(missing)} photos of {cameras}, such as {missing[0]}, is in {photos.path}")
+    if missing:
+        named = ", ".join(missing[:NAMED_PHOTOS]) + (", ..." if len(missing) > NAMED_PHOTOS else "")
+        log.warning("%d camera(s) have no photo in %s and are left out: %s", len(missing), photos.path, named)
+    return views
+
+
+@dataclass(frozen=True)
+class Photography:
+    """How the photos of all views are taken in.
+
+    rig_of: the lights in a camera's space. mask: "mesh" (where the camera sees the mesh), a folder of masks named as
+    the photos or with _mask behind, or what :func:`read_capture` takes. encoding, layer, correction: as there.
+    """
+
+    rig_of: Callable[[Camera], LightRig]
+    mask: str = "mesh"
+    encoding: Encoding = "auto"
+    layer: str | None = None
+    correction: Correction | None = None
+
+    @cached_property
+    def masks(self) -> PhotoFolder | None:
+        """The folder of masks, if they come from one."""
+        return PhotoFolder(self.mask, "masks") if self.mask != "mesh" and Path(self.mask).is_dir() else None
+
+    def mask_of(self, view: ViewPhoto) -> str:
+        """What :func:`read_capture` shall take the view's mask from.
+
+        In a folder of masks: what lies there as the photo does among the photos, else what is named as the view or the
+        photo. Raises InputError where that folder has none, or several fit.
+        """
+        if self.mask == "mesh":
+            return "none"
+        if self.masks is None:
+            return self.mask
+        photo, top = view.photo, self.masks.path
+        for within, stem in ((top / view.folder, photo.stem), (top, view.name), (top, photo.stem)):
+            stems = [stem, f"{stem}_mask", f"{stem}{photo.suffix}"]
+            mask = self.masks.find(stems, f"the mask of photo {photo.name}", within)
+            if mask:
+                return os.fspath(mask)
+        raise InputError(f"photo {photo.name} has no mask {photo.stem} in {top}; put it there")
+
+    def capture(self, view: ViewPhoto, scene: RayScene) -> Capture:
+        """The view's photo, without its lens. Raises InputError, which names the view, where it cannot be had."""
+        try:
+            capture = self._capture(view, scene)
+        except InputError as error:
+            raise InputError(f"view {view.name}: {error}") from None
+        note_doubts(capture, f"view {view.name}")
+        return capture
+
+    def _capture(self, view: ViewPhoto, scene: RayScene) -> Capture:
+        image = read_image(view.photo, encoding=self.encoding, layer=self.layer)
+        rig = self.rig_of(view.camera)
+        image, mask = taken_in(
+            image, rig, self.mask_of(view), encoding=self.encoding, layer=self.layer, correction=self.correction
+        )
+        if view.lens is not None and not view.lens.is_identity:
+            from mpsnet_core.scene.photogrammetry import undistorted, undistorted_mask
+
+            pixels = undistorted(image.pixels, view.camera, view.lens)
+            mask = undistorted_mask(mask, view.camera, view.lens)
+            clip, clipped = image.clip, image.clipped
+            if clipped is not None or np.isfinite(clip):
+                # Pixels that a clipped one had a share in are wrong, though no longer at the channel's end.
+                whole = undistorted_mask(~image.saturated.any(axis=-1), view.camera, view.lens)
+                clip, clipped = np.inf, np.broadcast_to(~whole[..., None], pixels.shape)
+            image = replace(image, pixels=pixels, alpha=None, clip=clip, clipped=clipped)
+        if self.mask == "mesh":
+            if mask.shape == (view.camera.height, view.camera.width):
+                mask = mask & mesh_mask(view.camera, scene)
+            if not mask.any():
+                raise InputError("its camera does not see the mesh; do the cameras and the mesh share one world?")
+        depth = depth_of_mesh(view.camera, scene) if rig.near is not None else None
+        return capture_of(image, mask, rig, view.camera, depth)
+
+
+def mesh_mask(camera: Camera, scene: RayScene) -> NDArray[np.bool_]:
+    """(H, W) bool: the pixels in which the camera sees the mesh; of large images in blocks of a few pixels."""
+    small = reduced_shape(camera.height, camera.width, MASK_PIXELS)
+    rows, columns = chosen_pixels(*small, camera.height, camera.width)
+    pixels = np.stack(np.meshgrid(columns + 0.5, rows + 0.5), axis=-1).reshape(-1, 2)
+    origins, directions, _ = scene.rays_of(camera, pixels)
+    seen = np.isfinite(scene.distances(origins, directions)).reshape(small)
+    row, column = (
+        np.minimum(((np.arange(n) + 0.5) * count / n).astype(np.int64), count - 1)
+        for n, count in ((camera.height, small[0]), (camera.width, small[1]))
+    )
+    return seen[np.ix_(row, column)]
+
+
+@dataclass(frozen=True)
+class KeptView:
+    """One view's estimated normals and confidence on disk, and what they were made of."""
+
+    folder: Path
+    name: str
+
+    @property
+    def normals(self) -> Path:
+        return self.folder / f"{self.name}_normals.png"
+
+    @property
+    def confidence(self) -> Path:
+        return self.folder / f"{self.name}_confidence.png"
+
+    @property
+    def record(self) -> Path:
+        return self.folder / f"{self.name}_view.json"
+
+    def is_of(self, source: dict[str, Any]) -> bool:
+        """Whether both files are there, whole, and were made of the same as is told by `source`."""
+        try:
+            made_of = read_json(self.record, VIEW_FORMAT, VIEW_VERSION, ("of",)).get("of")
+        except InputError:
+            return False
+        return made_of == source and is_whole(self.normals) and is_whole(self.confidence)
+
+    def write(self, normals: NormalMap, source: dict[str, Any]) -> None:
+        """Write both files, and last the record that they are whole."""
+        self.record.unlink(missing_ok=True)
+        write_normals(self.normals, normals)
+        write_image(self.confidence, normals.confidence)
+        write_json(self.record, {"format": VIEW_FORMAT, "version": VIEW_VERSION, "of": source})
+
+    def read(self) -> NormalMap:
+        """The normals as they were estimated."""
+        return read_normals(self.normals, confidence=self.confidence)
+
+
+def sources_of(
+    views: Sequence[ViewPhoto], photography: Photography, mesh: Mesh, others: Sequence[str]
+) -> list[dict[str, Any]]:
+    """What each view's normals depend on, as plain data: another photo, camera, rig, mask or mesh makes others.
+
+    The mesh counts where masks or depth come from it. others: what else all views are made by: model, dark frame, flat
+    field.
+
+    Raises InputError, which names the view, where a mask is missing, two views would share one out of a folder, or a
+    light is behind the object.
+    """
+    shape, whose, sources = _shape(mesh), dict[str, str](), []
+    for view in views:
+        try:
+            mask = photography.mask_of(view)
+            if photography.masks and whose.setdefault(mask, view.name) != view.name:
+                raise InputError(f"its mask would be that of view {whose[mask]}, {mask}; name one {view.name}")
+            sources.append(_source(view, photography, mask, shape, others))
+        except InputError as error:
+            raise InputError(f"view {view.name}: {error}") from None
+    return sources
+
+
+def _source(view: ViewPhoto, photography: Photography, mask: str, shape: str, others: Sequence[str]) -> dict[str, Any]:
+    rig = photography.rig_of(view.camera)
+    lights = json.dumps([rig.directions.tolist(), rig.mixing.tolist(), repr(rig)])
+    return {
+        "photo": identity(view.photo),
+        "camera": camera_data(view.camera),
+        "lens": repr(view.lens),
+        "rig": hashlib.sha256(lights.encode()).hexdigest(),
+        "mask": [photography.mask, identity(mask)],
+        "mesh": shape if photography.mask == "mesh" or rig.near is not None else "",
+        "encoding": [photography.encoding, photography.layer],
+        "others": list(others),
+    }
+
+
+def _shape(mesh: Mesh) -> str:
+    """Text that changes with what a camera sees of a mesh: its triangles, where they stand in the world."""
+    digest = hashlib.sha256(np.ascontiguousarray(mesh.world_vertices).data)
+    digest.update(np.ascontiguousarray(mesh.triangles).data)
+    return digest.hexdigest()
+
+
+class KeptViews(Sequence[View]):
+    """Views whose normals lie on disk: read, and levelled against the mesh, each time one is asked for.
+
+    level: the levelling's scale as a share of the mesh's size, 0 for none. presents: the maps that the mesh wears, to
+    be taken out of the views (:mod:`mpsnet_core.bake.base_detail_removal`). shares: how much of each map each view
+    shows, once it was read.
+    """
+
+    def __init__(
+        self,
+        kept: Sequence[KeptView],
+        cameras: Sequence[Camera],
+        mesh: Mesh,
+        scene: RayScene,
+        level: float,
+        presents: Sequence[Present] = (),
+    ) -> None:
+        self.kept, self.cameras, self.mesh, self.scene, self.level = kept, cameras, mesh, scene, level
+        self.presents = presents
+        self._shares: dict[int, Sequence[float]] = {}
+
+    @property
+    def shares(self) -> list[Sequence[float]]:
+        return list(self._shares.values())
+
+    def __len__(self) -> int:
+        return len(self.kept)
+
+    @overload
+    def __getitem__(self, number: int) -> View: ...
+    @overload
+    def __getitem__(self, number: slice) -> Sequence[View]: ...
+    def __getitem__(self, number: int | slice) -> View | Sequence[View]:
+        if isinstance(number, slice):
+            return KeptViews(self.kept[number], self.cameras[number], self.mesh, self.scene, self.level, self.presents)
+        return self.both(number)[1]
+
+    def both(self, number: int) -> tuple[View, View, float]:
+        """A view as it was estimated, as it is levelled (the same where it is not), and the mean angle in degrees."""
+        camera = self.cameras[number]
+        normals = self.kept[number].read()
+        if self.presents:
+            known = self._shares.get(number)
+            normals, found = without_presents(normals, camera, self.mesh, self.scene, self.presents, known)
+            self._shares[number] = found
+        estimated = View(camera, normals)
+        if not self.level:
+            return estimated, estimated, 0.0
+        by: Levelling = levelling(normals, camera, self.mesh, self.scene, scale=self.level)
+        return estimated, View(camera, turned(normals, by)), by.mean_angle

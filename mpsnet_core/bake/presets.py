@@ -1,0 +1,85 @@
+"""Presets: how a normal texture has to be written for the program that shall read it.
+
+All of them want tangent space by MikkTSpace. Where the table's choices come from:
+
+- Blender: its Normal Map node takes green as up unless told otherwise (Blender manual, Normal Map Node); 16 bits, as it
+  keeps all that a file holds.
+- Unreal Engine: the prefix T_ is of Epic's "Recommended Asset Naming Conventions", _N what its own content and common
+  style guides put behind; green is down (DirectX); normal maps may stay 16-bit until they are compressed (Editor API,
+  ConvertTo8bitTextureSource).
+- Unity: "Unity uses Y+ normal maps, sometimes known as OpenGL format" (Unity manual, Normal map); the formats that it
+  brings them into, DXT5nm and BC5, have 8 bits a channel.
+- Godot: "Godot expects the normal map to use X+, Y+, and Z+ coordinates" (class reference, BaseMaterial3D); of PNG it
+  reads 8 bits a channel, whatever the file holds (godotengine/godot, issue 2911); names are in snake_case (its manual,
+  Project organization).
+- glTF: +Y is up, images are PNG or JPEG (glTF 2.0 specification, 3.9.3 and 3.8.3); 8 bits, as viewers use no more.
+"""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mpsnet_core.errors import InputError
+
+if TYPE_CHECKING:  # this module is imported into Blender, where OpenImageIO is not
+    from mpsnet_core.scene.normal_map import Convention
+
+
+@dataclass(frozen=True)
+class Preset:
+    """What a program wants of a normal texture.
+
+    label: the program's name, for people. convention, bits (a channel): of the file. suffix: its ending. naming: the
+    file's name without its ending, with {} for the object's. lower: whether names are written in snake_case.
+    """
+
+    label: str
+    convention: "Convention"
+    bits: int
+    naming: str = "{}_normal"
+    suffix: str = ".png"
+    lower: bool = False
+
+    def stem(self, name: str) -> str:
+        """The texture's name without its ending, for an object of that name."""
+        return self.naming.format(_snake_case(name) if self.lower else name)
+
+
+PRESETS = {
+    "blender": Preset("Blender", "opengl", 16),
+    "unreal": Preset("Unreal Engine", "directx", 16, naming="T_{}_N"),
+    "unity": Preset("Unity", "opengl", 8, naming="{}_Normal"),
+    "godot": Preset("Godot", "opengl", 8, lower=True),
+    "gltf": Preset("glTF", "opengl", 8),
+}
+
+
+def preset_named(name: str) -> Preset:
+    """The preset of that name. Raises InputError where there is none."""
+    if name not in PRESETS:
+        raise InputError(f"preset {name!r} is not known; choose {', '.join(PRESETS)}")
+    return PRESETS[name]
+
+
+def preset_output(preset: Preset, output: str, name: str, suffix: str | None = None) -> Path:
+    """The file to write for an object of that name: `output`, or where that is a folder, the preset's name in it.
+
+    suffix: an ending to take in place of the preset's. Raises InputError where the output has another ending.
+    """
+    suffix = suffix or preset.suffix
+    target = Path(output)
+    if target.is_dir() or output.endswith(("/", "\\")):
+        return target / f"{preset.stem(name)}{suffix}"
+    if target.suffix.lower() != suffix:
+        ends = f"ends in {target.suffix}" if target.suffix else f"has no ending (for a new folder write {target}/)"
+        raise InputError(
+            f"the preset for {preset.label} writes {suffix}, but {target} {ends}; change the ending, or leave the "
+            "preset out"
+        )
+    return target
+
+
+def _snake_case(name: str) -> str:
+    words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)
+    return re.sub(r"[\s.-]+", "_", words).lower()

@@ -1,0 +1,106 @@
+"""The report of a bake: what the views see of the surface and where they disagree, as one self-contained HTML page."""
+
+import html
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.bake.texture import Texture
+from mpsnet_core.bake.view_agreement import ViewAgreement
+from mpsnet_core.io.files import written_whole
+from mpsnet_core.io.text_table import text_table
+from mpsnet_core.learning.evaluation.report import HEAD, data_url, report_path
+from mpsnet_core.scene.normal_map import encode
+from mpsnet_core.scene.pictures import BACKGROUND, colour_scale, error_picture
+
+PICTURE = 1024  # pixels on a side, at most
+SCALES = (1.0, 2.0, 5.0, 10.0, 20.0, 45.0, 90.0)  # degrees
+# Seen by none, by one view, by two, ...; the last colour stands for all above.
+COUNTS = ("#335ca8", "#8c2121", "#d66b21", "#edbf40", "#9ecc6b", "#4db399")
+
+_STYLE = """<style>.maps{display:flex;flex-wrap:wrap;gap:1.5em;align-items:flex-start}
+figure{margin:0;max-width:620px}figcaption{margin:.2em 0 .5em}p{max-width:60em;line-height:1.4}
+i{display:inline-block;width:.9em;height:.9em;margin:0 .4em 0 1em;vertical-align:-.1em}</style>
+"""
+
+
+_COUNTED = ("none", *map(str, range(1, len(COUNTS) - 1)), f"{len(COUNTS) - 1} or more")
+_KEY = "".join(f"<i style='background:{colour}'></i>{words}" for colour, words in zip(COUNTS, _COUNTED, strict=True))
+_EXPLAINED = """<p><b>area seen</b>: share of the surface's area that the view sees. <b>apart</b>: mean angle in degrees
+between the view's normals and the mean of the others, as they were estimated, and levelled. <b>levelling</b>: mean
+angle that the view was turned by. A view that stays apart from the others after levelling has a wrong camera, mask or
+light.</p>
+"""
+
+
+def view_table(views: Sequence[ViewAgreement]) -> str:
+    """A line for each view, as text."""
+
+    def angle(value: float) -> str:
+        return f"{value:.2f}" if np.isfinite(value) else "-"
+
+    lines = [[v.name, f"{v.seen:.1%}", angle(v.before), angle(v.after), angle(v.level)] for v in views]
+    return text_table(["view", "area seen", "apart (°)", "apart, levelled (°)", "levelling (°)"], lines, 1)
+
+
+@dataclass(frozen=True)
+class TextureMap:
+    """A picture of the texture, (H, W, 3) in 0 to 1. words: what it shows; key: what its colours mean, as HTML."""
+
+    words: str
+    picture: NDArray[np.float32]
+    key: str = ""
+
+
+def texture_maps(texture: Texture, name: str = "") -> list[TextureMap]:
+    """The texture, how many views see each texel, and how far they lie apart, as far as known; of at most `PICTURE`
+    texels a side. name: what the texture is of, where there are several."""
+    step = -(-len(texture.vectors) // PICTURE)
+    few = (slice(step // 2, None, step), slice(step // 2, None, step))
+    covered = texture.covered[few]
+
+    def on_surface(colours: NDArray[np.float32]) -> NDArray[np.float32]:
+        return np.where(covered[..., None], colours, np.float32(BACKGROUND))
+
+    maps = [
+        TextureMap(
+            f"the texture{name and f' of {name}'}, {texture.space} space; what no view sees has the mesh's own normals",
+            on_surface(encode(texture.vectors[few])),
+        )
+    ]
+    if texture.views is not None and texture.spread is not None:
+        palette = np.array([list(bytes.fromhex(colour[1:])) for colour in COUNTS], np.float32) / 255
+        counts = on_surface(palette[np.minimum(texture.views[few], len(palette) - 1)])
+        maps.append(TextureMap("how many views see it:", counts, _KEY))
+        shared, spread = texture.views[few] > 1, texture.spread[few].astype(np.float64)
+        high = float(np.percentile(spread[shared], 98)) if shared.any() else 0.0
+        highest = next(scale for scale in SCALES if scale >= min(high, SCALES[-1]))
+        picture = error_picture(spread, shared, highest)
+        scaled = np.concatenate([picture, colour_scale(highest, len(picture))], axis=1)
+        maps.append(TextureMap("how far the views, as they were baked, lie apart where several see it (°)", scaled))
+    return maps
+
+
+def write_bake_report(
+    path: str | os.PathLike[str],
+    title: str,
+    maps: Sequence[TextureMap],
+    views: Sequence[ViewAgreement],
+    notes: Sequence[str] = (),
+) -> None:
+    """Write the page: the textures' maps, and a line for each view.
+
+    Raises InputError where no report can be put there.
+    """
+    path = report_path(path)
+    with written_whole(path) as unfinished, unfinished.open("w", encoding="utf-8") as page:
+        page.write(HEAD.format(title=html.escape(title)) + _STYLE)
+        page.writelines(f"<p>{html.escape(note)}</p>\n" for note in notes)
+        page.write("<div class='maps'>\n")
+        for shown in maps:
+            image = f"<img alt='{html.escape(shown.words)}' src='{data_url(shown.picture)}'>"
+            page.write(f"<figure><figcaption>{html.escape(shown.words)}{shown.key}</figcaption>{image}</figure>\n")
+        page.write(f"</div>\n<h2>The views</h2>\n<pre>{html.escape(view_table(views))}</pre>\n{_EXPLAINED}</html>\n")

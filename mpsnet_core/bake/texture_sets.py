@@ -1,0 +1,205 @@
+"""Sheets: which parts of which meshes share a texture, by UDIM tiles, materials and objects.
+
+UDIM is the numbering of unit squares of UV space that Mari brought: 1001 + u + 10 v, ten squares to a row.
+"""
+
+import logging
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.connected_components import connected
+from mpsnet_core.errors import InputError
+from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.mesh_labels import Labels
+
+log = logging.getLogger(__name__)
+
+FIRST_TILE, TILES_IN_A_ROW, ROWS_OF_TILES = 1001, 10, 100
+# Models have a few tiles, films' heroes some dozens. UVs in more are scaled to something else than the texture.
+MAX_TILES = 100
+# UVs that reach no further than this beyond a unit square are meant to end at its border.
+ROUNDING = 1e-5
+# What triangles without a name are called.
+NAMELESS = {"material": "no_material", "object": "object"}
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """What shares one texture. No two are equal.
+
+    parts: for each mesh, (K,) the numbers of its triangles that do, or None for all of them.
+    tile: the UDIM tile's number, None for the unit square from 0 to 1. material, object: the names of what is baked
+    here where each has a sheet of its own, else None.
+    """
+
+    parts: tuple[NDArray[np.int64] | None, ...]
+    tile: int | None = None
+    material: str | None = None
+    object: str | None = None
+
+    @property
+    def corner(self) -> tuple[int, int]:
+        """The unit square's lower left corner in UV space."""
+        row, column = divmod((self.tile or FIRST_TILE) - FIRST_TILE, TILES_IN_A_ROW)
+        return column, row
+
+    @property
+    def named(self) -> str:
+        """In words, "" for what is the only one."""
+        told = {"object": self.object, "material": self.material, "tile": self.tile}
+        return ", ".join(f"{what} {name}" for what, name in told.items() if name is not None)
+
+
+def sheets(
+    meshes: Sequence[Mesh], *, tiles: bool = False, materials: bool = False, objects: bool = False
+) -> list[Sheet]:
+    """The sheets of meshes: one for all, or one for each UDIM tile, material and object, or each of their combinations.
+
+    Materials of one name are one; objects of several meshes are several, whatever their names, which are then numbered.
+
+    Raises InputError where no UV lies where textures are, or UVs lie in more than `MAX_TILES` tiles.
+    """
+    if not (tiles or materials or objects):
+        _note_outside(meshes, "0 to 1", 1, 1)
+        return [Sheet((None,) * len(meshes))]
+    found = []
+    for obj, material, parts in _groups(meshes, materials, objects):
+        group = Sheet(parts, None, material, obj)
+        if not tiles:
+            found.append(group)
+            continue
+        try:
+            found += _tiles(meshes, group)
+        except InputError as error:
+            raise InputError(f"{group.named}: {error}" if group.named else str(error)) from None
+    if tiles:
+        _note_crossings(meshes)
+        _note_outside(meshes, "the UDIM tiles", TILES_IN_A_ROW, ROWS_OF_TILES)
+    else:
+        _note_outside(meshes, "0 to 1", 1, 1)
+    return found
+
+
+def _groups(
+    meshes: Sequence[Mesh], materials: bool, objects: bool
+) -> Iterator[tuple[str | None, str | None, tuple[NDArray[np.int64] | None, ...]]]:
+    """Object, material, and of each mesh the triangles that are of both."""
+    if not (materials or objects):
+        yield None, None, (None,) * len(meshes)
+        return
+    groups: dict[tuple[str | None, str | None], list[NDArray[np.int64]]] = {}
+    taken: Counter[str] = Counter()
+    for place, mesh in enumerate(meshes):
+        object_names, object_of = _labels(mesh, mesh.objects, "object", objects)
+        material_names, material_of = _labels(mesh, mesh.materials, "material", materials)
+        distinct = [_numbered(name, taken) for name in object_names] if objects else [None]
+        for key in np.unique(object_of * len(material_names) + material_of):
+            one, other = divmod(int(key), len(material_names))
+            triangles = np.flatnonzero((object_of == one) & (material_of == other))
+            name = (distinct[one], material_names[other] if materials else None)
+            parts = groups.setdefault(name, [np.empty(0, np.int64) for _ in meshes])
+            parts[place] = triangles
+    for (obj, material), parts in groups.items():
+        yield obj, material, tuple(parts)
+
+
+def _labels(mesh: Mesh, labels: Labels | None, what: str, asked: bool) -> tuple[list[str], NDArray[np.int64]]:
+    if not asked or labels is None:
+        return [NAMELESS[what]], np.zeros(len(mesh.triangles), np.int64)
+    return [name or NAMELESS[what] for name in labels.names], labels.number.astype(np.int64)
+
+
+def _numbered(name: str, taken: Counter[str]) -> str:
+    """The name, with a number where it has come before."""
+    while True:
+        taken[name] += 1
+        numbered = name if taken[name] == 1 else f"{name}_{taken[name]}"
+        if numbered == name or not taken[numbered]:
+            taken[numbered] += numbered != name
+            return numbered
+
+
+def _tiles(meshes: Sequence[Mesh], group: Sheet) -> list[Sheet]:
+    """The group's tiles in order; a triangle that crosses into another tile is in both."""
+    reaches = [_reach(mesh, part) for mesh, part in zip(meshes, group.parts, strict=True)]
+    tiles = {number for low, high in reaches for number in _tile_numbers(low, high)}
+    if not tiles:
+        raise InputError(
+            "all UVs lie outside the UDIM tiles, the first of which, 1001, is 0 to 1; move the UV islands into them"
+        )
+    if len(tiles) > MAX_TILES:
+        raise InputError(
+            f"the UVs lie in {len(tiles)} UDIM tiles, more than the {MAX_TILES} that are baked at once; scale the UV "
+            "islands so that each tile is a unit square"
+        )
+    found = []
+    for number in sorted(tiles):
+        sheet = Sheet((), number, group.material, group.object)
+        parts = []
+        for (low, high), part in zip(reaches, group.parts, strict=True):
+            within = np.flatnonzero(((low <= sheet.corner) & (high >= sheet.corner)).all(axis=1))
+            parts.append(within if part is None else part[within])
+        found.append(Sheet(tuple(parts), number, group.material, group.object))
+    return found
+
+
+def _reach(mesh: Mesh, part: NDArray[np.int64] | None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(K, 2) the unit squares, by their lower left corners, that the triangles reach from and to."""
+    uvs = mesh.uvs if part is None else mesh.uvs[part]
+    # Beyond the tiles by no more than one: enough to tell, and numbers that fit.
+    limits = (-1, (TILES_IN_A_ROW, ROWS_OF_TILES))
+    low = np.clip(np.floor(uvs.min(axis=1).astype(np.float64) + ROUNDING), *limits).astype(np.int64)
+    high = np.clip(np.ceil(uvs.max(axis=1).astype(np.float64) - ROUNDING) - 1, *limits).astype(np.int64)
+    return low, np.maximum(low, high)
+
+
+def _tile_numbers(low: NDArray[np.int64], high: NDArray[np.int64]) -> set[int]:
+    numbers = set()
+    for first_u, first_v, last_u, last_v in np.unique(np.concatenate([low, high], axis=1), axis=0).tolist():
+        for v in range(max(first_v, 0), min(last_v, ROWS_OF_TILES - 1) + 1):
+            for u in range(max(first_u, 0), min(last_u, TILES_IN_A_ROW - 1) + 1):
+                numbers.add(FIRST_TILE + u + TILES_IN_A_ROW * v)
+    return numbers
+
+
+def _note_outside(meshes: Sequence[Mesh], where: str, width: int, height: int) -> None:
+    """Tell of triangles outside of all textures. Raises InputError where all are."""
+    limit = np.array([width, height])
+    count = sum(int(((m.uvs < -1e-4) | (m.uvs > limit + 1e-4)).any(axis=(1, 2)).sum()) for m in meshes)
+    bounds = [(mesh.uvs.min(axis=(0, 1)), mesh.uvs.max(axis=(0, 1))) for mesh in meshes]
+    if all((high <= 0).any() or (low >= limit).any() for low, high in bounds):
+        raise InputError(
+            f"all of the mesh's UVs lie outside the texture ({where}); move the UV islands into it, or bake UDIM tiles "
+            "(<UDIM> in the file's name)"
+        )
+    if count:
+        total = sum(len(mesh.triangles) for mesh in meshes)
+        tiles = "" if width * height > 1 else "; bake UDIM tiles (<UDIM> in the file's name) to have them too"
+        log.info(
+            "%d of %d triangles have UVs outside %s, which the texture does not reach%s", count, total, where, tiles
+        )
+
+
+def _note_crossings(meshes: Sequence[Mesh]) -> None:
+    """Tell of UV islands that lie in several tiles: textures end at a tile's border, and so does their margin."""
+    crossing = sum(_crossing_islands(mesh) for mesh in meshes)
+    if crossing:
+        islands = "1 UV island lies" if crossing == 1 else f"{crossing} UV islands lie"
+        log.info("%s across the border of two UDIM tiles; filtered textures show it as a seam", islands)
+
+
+def _crossing_islands(mesh: Mesh) -> int:
+    low, high = _reach(mesh, None)
+    if (low == low[0]).all() and (high == low[0]).all():
+        return 0
+    corners = np.concatenate([mesh.triangles.reshape(-1, 1), mesh.uvs.reshape(-1, 2)], axis=1)
+    point = np.unique(corners, axis=0, return_inverse=True)[1].reshape(-1, 3)
+    island = connected(int(point.max()) + 1, point[:, [0, 1]].ravel(), point[:, [1, 2]].ravel())[point[:, 0]]
+    least, most = (np.full((len(mesh.triangles) * 3, 2), start) for start in (1 << 30, -1))
+    np.minimum.at(least, island, low)
+    np.maximum.at(most, island, high)
+    return int(((most > least).any(axis=1) & (most[:, 0] >= 0)).sum())

@@ -1,0 +1,119 @@
+"""What the views say of points on the surface, summed up view by view; and the views, held as memory allows."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.bake.projection import Projector, View
+from mpsnet_core.errors import InputError
+from mpsnet_core.progress import Progress
+from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.normal_map import normalised
+from mpsnet_core.scene.rays import RayScene
+
+# Views beyond about this much memory are not held at once, but asked for again in each pass.
+HELD_BYTES = 1 << 30
+
+
+class Projectors:
+    """The views' projectors, as many at once as memory shall hold; all of them kept where that is enough."""
+
+    def __init__(self, views: Sequence[View], scene: RayScene, feather: float) -> None:
+        self.views, self.scene, self.feather = views, scene, feather
+        self.all: list[Projector] = []
+        # How many values a view says at a point, see `Projector.look`; known once views were asked for.
+        self.values = 0
+
+    def batches(self) -> Iterator[list[Projector]]:
+        """All projectors in the views' order, in groups of about HELD_BYTES; a group is let go before the next.
+
+        Raises InputError where a view that is not held in memory cannot be read again, or only some have colours.
+        """
+        if self.all:
+            yield self.all
+            return
+        batch: list[Projector] = []
+        held = 0
+        for number in range(len(self.views)):
+            batch.append(Projector(self.views[number], self.scene, self.feather))
+            values = batch[-1].samples.shape[2]
+            if self.values not in (0, values):
+                raise InputError("some views have colours and others none; give colours for all of them, or for none")
+            self.values = values
+            held += _held_bytes(batch[-1])
+            if number + 1 == len(self.views) == len(batch):
+                self.all = batch
+            if held >= HELD_BYTES or number + 1 == len(self.views):
+                yield batch
+                batch, held = [], 0
+
+
+def _held_bytes(projector: Projector) -> int:
+    """What its images take up: the normals and the depth image."""
+    arrays = [*vars(projector).values(), *vars(projector.visibility).values()]
+    return sum(array.nbytes for array in arrays if isinstance(array, np.ndarray))
+
+
+@dataclass(frozen=True)
+class Looks:
+    """What the views so far say of N texels.
+
+    sums: (N, 4) their weighted normals in world space, and those vectors' lengths; (N, 8) with their weighted colours
+    and those weights. views: (N,) how many see the texel.
+    """
+
+    sums: NDArray[np.float32]
+    views: NDArray[np.uint16]
+
+    @classmethod
+    def none(cls, count: int, values: int) -> "Looks":
+        """values: how many a view says at a texel."""
+        return cls(np.zeros((count, values), np.float32), np.zeros(count, np.uint16))
+
+    def of(self, chunk: slice) -> "Looks":
+        """Some of the texels; what is added to them is added here."""
+        return Looks(self.sums[chunk], self.views[chunk])
+
+    def add(self, seen: NDArray[np.int64], samples: NDArray[np.float32]) -> None:
+        """Add what one more view says, see :meth:`Projector.look`."""
+        samples[:, 3] = np.sqrt(np.einsum("ni,ni->n", samples[:, :3], samples[:, :3]))
+        self.sums[seen] += samples
+        self.views[seen] += 1
+
+    def spread(self) -> NDArray[np.float32]:
+        """(N,) degrees: the angle whose cosine is the weighted mean cosine between the views' normals and their mean.
+
+        That mean cosine is the weighted sum's length over the sum of the lengths.
+        """
+        spread = np.zeros(len(self.views), np.float32)
+        several = np.flatnonzero(self.views > 1)
+        sums = self.sums[several].astype(np.float64)
+        cosine = np.linalg.norm(sums[:, :3], axis=1) / sums[:, 3]
+        spread[several] = np.degrees(np.arccos(np.minimum(cosine, 1)))
+        return spread
+
+
+def seen_triangles(
+    meshes: Sequence[Mesh], projectors: Projectors, scene: RayScene, progress: Progress
+) -> list[NDArray[np.bool_]]:
+    """For each mesh, (T,) whether any view sees the triangle's middle."""
+    middles, outwards = (
+        np.concatenate(parts) for parts in zip(*(_faces(m, scene.middle) for m in meshes), strict=True)
+    )
+    seen = np.zeros(len(middles), bool)
+    for batch in projectors.batches():
+        progress(0.0, "laying out the UVs")
+        for projector in batch:
+            seen[projector.look(middles, outwards)[0]] = True
+    return np.split(seen, np.cumsum([len(mesh.triangles) for mesh in meshes])[:-1])
+
+
+def _faces(mesh: Mesh, middle: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """(T, 3) the triangles' middles in the world, relative to `middle`, and (T, 3) their unit normals."""
+    corners = mesh.world_vertices[mesh.triangles] - middle
+    outwards = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    if np.linalg.det(mesh.world_from_object[:3, :3]) < 0:
+        outwards = -outwards
+    return corners.mean(axis=1).astype(np.float32), normalised(outwards).astype(np.float32)

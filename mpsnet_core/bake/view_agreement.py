@@ -1,0 +1,122 @@
+"""Agreement: how much of the surface each view sees, and how far it departs from the others, levelled and not.
+
+It is asked at points spread evenly over the surface, so that neither UVs nor the texture's size come into it, and while
+each view is at hand, so that none needs to be read again.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.bake.projection import Projector, View
+from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.normal_map import angular_error, normalised
+from mpsnet_core.scene.rays import RayScene
+
+POINTS = 20_000
+# Roberts' additive sequence for two dimensions, from the plastic number.
+_STEPS = np.array([0.7548776662466927, 0.5698402909980532])
+
+
+@dataclass(frozen=True)
+class ViewAgreement:
+    """What one view contributes. Angles are in degrees, NaN where no other view sees what it sees.
+
+    seen: share of the surface's area. level: mean angle that levelling turns it by. before, after: mean angle between
+    its normals and the mean of the others, weighted as in the bake, with none and with all of the views levelled.
+    """
+
+    name: str
+    seen: float
+    level: float
+    before: float
+    after: float
+
+
+@dataclass
+class Agreement:
+    """What the views say at points of the surface.
+
+    points: (N, 3) relative to the scene's middle. normals: (N, 3) unit, in the world. feather: the bake's.
+    """
+
+    scene: RayScene
+    feather: float
+    points: NDArray[np.float32]
+    normals: NDArray[np.float32]
+    _views: list[tuple[str, float]] = field(default_factory=list)
+    _looks: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = field(default_factory=list)
+
+    def add(self, name: str, estimated: View, levelled: View, level: float) -> None:
+        """One more view, as estimated and as levelled by `level` degrees in the mean."""
+        self._views.append((name, level))
+        looks = [self._look(view) for view in ([estimated] if levelled is estimated else [estimated, levelled])]
+        self._looks.append((looks[0], looks[-1]))
+
+    def _look(self, view: View) -> NDArray[np.float32]:
+        look = np.zeros((len(self.points), 4), np.float32)
+        seen, samples = Projector(view, self.scene, self.feather).look(self.points, self.normals)
+        look[seen] = samples[:, :4]
+        return look
+
+    def views(self) -> list[ViewAgreement]:
+        """What each view contributes, in the order that they were added."""
+        before, after = (_departures([looks[place] for looks in self._looks]) for place in (0, 1))
+        return [
+            ViewAgreement(name, float((looks[1][:, 3] > 0).mean()), level, one, other)
+            for (name, level), looks, one, other in zip(self._views, self._looks, before, after, strict=True)
+        ]
+
+
+def agreement(mesh: Mesh, scene: RayScene, feather: float = 0.0, count: int = POINTS) -> Agreement:
+    """Nothing said yet, at `count` points that are spread over the mesh by area, the same ones every time.
+
+    feather: as :func:`mpsnet_core.bake.bake.bake_normals` takes it.
+    """
+    corners = mesh.world_vertices[mesh.triangles]
+    outwards = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = np.cumsum(np.linalg.norm(outwards, axis=1))
+    number = np.arange(count)
+    triangle = np.searchsorted(areas, (number + 0.5) / count * areas[-1]).clip(max=len(areas) - 1)
+    u, v = ((number[:, None] + 0.5) * _STEPS % 1).T
+    u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
+    weights = np.stack([1 - u - v, u, v], axis=1)[..., None]
+    points = (corners[triangle] * weights).sum(axis=1) - scene.middle
+    normals = (mesh.corner_normals[triangle] * weights).sum(axis=1) @ np.linalg.inv(mesh.world_from_object[:3, :3])
+    return Agreement(scene, feather, points.astype(np.float32), normalised(normals).astype(np.float32))
+
+
+def _departures(looks: Sequence[NDArray[np.float32]]) -> list[float]:
+    """Each view's mean angle in degrees to the mean of the others, weighted as in the bake."""
+    total = np.sum(looks, axis=0)
+    departures = []
+    for look in looks:
+        others = total - look
+        # Subtracting leaves rounding behind where no other view looks.
+        shared = np.flatnonzero((look[:, 3] > 0) & (others[:, 3] > 1e-5 * total[:, 3]))
+        own, rest = normalised(look[shared, :3]), normalised(others[shared, :3])
+        weights = look[shared, 3]
+        mean = float(np.average(angular_error(own, rest), weights=weights)) if len(shared) else float("nan")
+        departures.append(mean)
+    return departures
+
+
+def table_rows(views: Sequence[ViewAgreement]) -> list[dict[str, Any]]:
+    """The views as plain data, for JSON: no NaN but None, angles to a thousandth of a degree."""
+    return [
+        {
+            "view": view.name,
+            "seen_area": round(view.seen, 4),
+            "level_deg": _rounded(view.level),
+            "before_deg": _rounded(view.before),
+            "after_deg": _rounded(view.after),
+        }
+        for view in views
+    ]
+
+
+def _rounded(value: float) -> float | None:
+    return round(value, 3) if np.isfinite(value) else None

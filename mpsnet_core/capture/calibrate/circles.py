@@ -1,0 +1,183 @@
+"""Finding balls in a photo: circles by the Hough transform along gradients, then their outlines to parts of a pixel."""
+
+import logging
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.block_means import block_means
+from mpsnet_core.arrays.mask_regions import box_sums, grown
+from mpsnet_core.capture.calibrate.ball import Ball, Circle, fit_ball
+from mpsnet_core.capture.calibrate.outlines import Pyramid, near_outline, sharp_outline
+from mpsnet_core.errors import InputError
+from mpsnet_core.scene.camera import Camera
+
+# Longer side of the picture that circles are looked for in.
+SEARCHED_SIDE = 400
+LEAST_SIDE = 16
+# A ball's radius, as a share of the photo's shorter side.
+SMALLEST, LARGEST = 0.04, 0.75
+CANDIDATES = 12
+# Circles whose middles and radii are no further apart than so, as a share of the radius, are one: as edges vote for
+# them, and once they were moved to the same outline.
+ALIKE, SAME = 0.1, 0.02
+# With less of its outline, or one that is rougher (as a share of the radius), a circle is not a ball that was found.
+LEAST_SEEN = 0.2
+ROUGHEST = 0.01
+# Above this share of the brightest pixel one belongs to a mirrored light, if those are a small part of the photo.
+BRIGHT = 0.5
+MOST_BRIGHT = 0.03
+
+# With so much of its score, another circle in its place may be the ball instead.
+RIVAL = 0.6
+
+log = logging.getLogger(__name__)
+
+
+def find_balls(
+    image: NDArray[np.float32], camera: Camera, *, count: int = 1, radius: float = 1.0, mirror: bool = True
+) -> list[Ball]:
+    """The `count` balls that a photo shows, from left to right.
+
+    image: (H, W, 3) linear. radius: the balls' own, see :func:`fit_ball`. mirror: whether they mirror lights, so that
+    each holds some of the brightest pixels.
+
+    Edges vote for the middles of circles along their gradients (after Yuen et al., "Comparative study of Hough
+    transform methods for circle finding", 1990); those that are voted for are moved to the outline that is nearest, and
+    the largest that are seen all around are taken. Another circle in a ball's place that is nearly as likely to be it
+    is told as a warning. Raises InputError where not as many are found.
+    """
+    if min(image.shape[:2]) < LEAST_SIDE:
+        raise InputError(f"a photo of {image.shape[1]} x {image.shape[0]} pixels is too small to show a ball")
+    step = max(1, int(np.ceil(max(image.shape[:2]) / SEARCHED_SIDE)))
+    small = block_means(image, step)
+    bright = _bright(small) if mirror else np.zeros(small.shape[:2], bool)
+    photo = Pyramid(image)
+    near: list[tuple[Circle, Ball]] = []
+    for circle in _circles(small, bright):
+        whole = Circle(circle.x * step, circle.y * step, circle.radius * step)
+        try:
+            ball = near_outline(photo, fit_ball(whole.points(), camera, radius))
+        except InputError:
+            continue
+        outline = ball.circle
+        if all(_differ(outline, other, SAME) for other, _ in near):
+            near.append((outline, ball))
+    found: list[tuple[float, Ball]] = []
+    for _, ball in near:
+        try:
+            ball = sharp_outline(photo, ball, mirror=mirror)
+        except InputError:
+            continue
+        if ball.seen >= LEAST_SEEN and ball.residual <= ROUGHEST * ball.circle.radius:
+            found.append((_score(ball), ball))
+    found.sort(key=lambda pair: -pair[0])
+    chosen: list[tuple[float, Ball]] = []
+    for score, ball in found:
+        if len(chosen) < count and all(_apart(ball.circle, other.circle) for _, other in chosen):
+            chosen.append((score, ball))
+    balls = [ball for _, ball in chosen]
+    if len(balls) < count:
+        told = "no ball was" if not balls else f"only {len(balls)} of {count} balls were"
+        raise InputError(f"{told} found in the photo; give the circle by hand (x,y,r), or a mask of the ball")
+    for score, ball in chosen:
+        _note_rival(score, ball, found)
+    return sorted(balls, key=lambda ball: ball.circle.x)
+
+
+def _note_rival(score: float, ball: Ball, found: list[tuple[float, Ball]]) -> None:
+    """Tell of another circle in the ball's place that is nearly as likely to be it."""
+    for other_score, other in found:
+        a, b = ball.circle, other.circle
+        if other_score > RIVAL * score and _differ(a, b, ALIKE) and not _apart(a, b):
+            log.warning(
+                "the ball may be the circle %.0f,%.0f,%.0f or %.0f,%.0f,%.0f; the first was taken: look at the "
+                "overlay, and give the circle by hand (x,y,r) if it is not the ball's",
+                *(a.x, a.y, a.radius, b.x, b.y, b.radius),
+            )
+            return
+
+
+def _score(ball: Ball) -> float:
+    return ball.seen**2 * float(np.sqrt(ball.circle.radius)) / (1 + ball.residual)
+
+
+def _apart(a: Circle, b: Circle) -> bool:
+    return float(np.hypot(a.x - b.x, a.y - b.y)) > 0.9 * (a.radius + b.radius)
+
+
+def _smooth(picture: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Under the binomial filter 1 4 6 4 1, twice as wide as a pixel."""
+    for axis in (0, 1):
+        around = np.pad(picture, [(2, 2) if a == axis else (0, 0) for a in (0, 1)], mode="edge")
+        parts = np.lib.stride_tricks.sliding_window_view(around, 5, axis=axis)
+        picture = (parts @ (np.array([1, 4, 6, 4, 1], np.float32) / 16)).astype(np.float32)
+    return picture
+
+
+def _bright(image: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """(H, W) where the brightest pixels are; nowhere, where they are too many to be mirrored lights."""
+    brightness = image.max(axis=-1)
+    bright = brightness > BRIGHT * brightness.max()
+    return bright if bright.mean() < MOST_BRIGHT else np.zeros_like(bright)
+
+
+def _circles(image: NDArray[np.float32], bright: NDArray[np.bool_]) -> list[Circle]:
+    """Circles that many edges vote for, most votes for their size first."""
+    # The eye's cube root: a mirror ball's outline is faint beside the lights that it mirrors.
+    picture = _smooth(np.cbrt(np.maximum(image.mean(axis=-1), 0)))
+    height, width = picture.shape
+    slope_y, slope_x = np.gradient(picture)
+    steep = np.hypot(slope_x, slope_y)
+    edge = _ridge(steep, slope_x, slope_y) & ~grown(bright, 4)
+    edge &= steep > max(2.0 * float(np.median(steep)), 0.02 * float(np.percentile(steep, 99.5)))
+    y, x = np.nonzero(edge)
+    if len(x) == 0:
+        return []
+    across = slope_x[edge] / steep[edge], slope_y[edge] / steep[edge]
+    shorter = min(height, width)
+    found = []
+    radii = np.arange(max(5.0, SMALLEST * shorter), LARGEST * shorter)
+    for size in radii:
+        shape = height // 2 + 1, width // 2 + 1
+        votes = np.zeros(shape)
+        for side in (-size, size):
+            column, row = (x + side * across[0]).astype(int) // 2, (y + side * across[1]).astype(int) // 2
+            within = (column >= 0) & (column < votes.shape[1]) & (row >= 0) & (row < votes.shape[0])
+            place = np.ravel_multi_index((row[within], column[within]), shape)
+            votes += np.bincount(place, minlength=votes.size).reshape(shape)
+        votes = box_sums(votes, 1 + int(size) // 40)
+        for _ in range(2):  # a second ball of the same size stands elsewhere
+            row, column = (int(place) for place in np.unravel_index(votes.argmax(), votes.shape))
+            found.append((votes[row, column] / np.sqrt(size), Circle(2 * column + 1, 2 * row + 1, float(size))))
+            gone = int(size) // 2
+            votes[max(row - gone, 0) : row + gone + 1, max(column - gone, 0) : column + gone + 1] = 0
+    rows, columns = np.nonzero(bright)
+    chosen: list[Circle] = []
+    for _, circle in sorted(found, key=lambda pair: -pair[0]):
+        if bright.any() and not (np.hypot(columns + 0.5 - circle.x, rows + 0.5 - circle.y) < circle.radius).any():
+            continue
+        if all(_differ(circle, other, ALIKE) for other in chosen):
+            chosen.append(circle)
+        if len(chosen) == CANDIDATES:
+            break
+    return chosen
+
+
+def _differ(a: Circle, b: Circle, share: float) -> bool:
+    """Whether their middles or radii are apart by over a share of the larger radius."""
+    limit = share * max(a.radius, b.radius)
+    return float(np.hypot(a.x - b.x, a.y - b.y)) > limit or abs(a.radius - b.radius) > limit
+
+
+def _ridge(steep: NDArray[np.float32], slope_x: NDArray[np.float32], slope_y: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """(H, W) where the slope is steepest along its own direction, to the nearest of four."""
+    eighth = np.round(np.arctan2(slope_y, slope_x) / (np.pi / 4)).astype(int) % 4
+    around = np.pad(steep, 1)
+    height, width = steep.shape
+    top = np.zeros(steep.shape, bool)
+    for number, (row, column) in enumerate(((0, 1), (1, 1), (1, 0), (1, -1))):
+        ahead = around[1 + row : 1 + row + height, 1 + column : 1 + column + width]
+        behind = around[1 - row : 1 - row + height, 1 - column : 1 - column + width]
+        top |= (eighth == number) & (steep >= ahead) & (steep > behind)
+    return top

@@ -1,0 +1,215 @@
+"""Where the lights stand, by what mirror balls show of them: directions, and positions from two places."""
+
+import logging
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mpsnet_core.capture.calibrate.ball import Ball, fit_ball, mirrored
+from mpsnet_core.capture.calibrate.highlights import Highlight
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.files import written_whole
+from mpsnet_core.scene.camera import camera_of_lens
+from mpsnet_core.scene.normal_map import angular_error, normalised
+
+log = logging.getLogger(__name__)
+
+# A position is kept while it is known better than to this share of its distance.
+UNSURE = 0.25
+# From this share of a highlight's light on, another spot may be a light as well.
+RIVAL = 0.5
+# Rays that miss each other by so many times what their uncertainty explains are not one light's.
+MISSED = 4.0
+ROUNDS = 4
+# In millimetres on a sensor 36 mm wide. Where no lens is told, what this one would have done to a direction is one
+# standard deviation: of lenses between 24 and 200 mm, evenly in their logarithm, two in three are longer.
+USUAL_LENS = 45.0
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """A mirror ball at one place, and the highlight of each light in it, in the lights' order.
+
+    lens_told: whether the ball's camera is known; else it is taken as far away though it may have stood near.
+    """
+
+    ball: Ball
+    highlights: tuple[Highlight, ...]
+    lens_told: bool = True
+
+    def rays(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Where on the ball each light is mirrored and the unit direction to it from there; each (N, 3)."""
+        return mirrored(self.ball, [spot.point for spot in self.highlights])
+
+    def uncertainties(self) -> NDArray[np.float64]:
+        """(N,) degrees, of each direction: what the uncertainty of outline and highlight makes of it."""
+        _, sure = self.rays()
+        points = np.array([spot.point for spot in self.highlights])
+        step = 0.1
+        slope = [mirrored(self.ball.nudged(*nudge), points)[1] - sure for nudge in step * np.eye(3)]
+        by_ball = np.stack(slope, axis=-1) / step
+        variance = np.einsum("nij,jk,nik->n", by_ball, self.ball.covariance, by_ball)
+        blur = np.array([spot.uncertainty for spot in self.highlights])
+        for shift in ((step, 0.0), (0.0, step)):
+            moved = (mirrored(self.ball, points + shift)[1] - sure) / step
+            variance += (moved**2).sum(axis=1) * blur**2
+        return np.degrees(np.sqrt(variance))
+
+    def by_lens(self) -> NDArray[np.float64]:
+        """(N,) degrees, of each direction: by how much it would be another one before a camera with a usual lens."""
+        if self.lens_told:
+            return np.zeros(len(self.highlights))
+        camera = camera_of_lens(USUAL_LENS, self.ball.camera.width, self.ball.camera.height)
+        near = fit_ball(self.ball.outline(), camera)
+        return angular_error(mirrored(near, [spot.point for spot in self.highlights])[1], self.rays()[1])
+
+
+@dataclass(frozen=True)
+class LightsFound:
+    """Where N lights stand, in camera space.
+
+    directions: (N, 3) unit vectors from the target to the lights, or from wherever for lights that are far away.
+    uncertainties: (N,) degrees, one standard deviation, with what the camera's perspective does where its lens is not
+        told.
+    target: (3,) the middle of the ball, or of the balls' places.
+    positions: (N, 3) in the unit of the balls' radius, where the lights were seen from two places and are near enough.
+    position_uncertainties, gaps: (N,) in the same unit: one standard deviation; how far the rays to a light miss each
+        other (rms distance from where they meet best).
+    """
+
+    sightings: tuple[Sighting, ...]
+    directions: NDArray[np.float64]
+    uncertainties: NDArray[np.float64]
+    target: NDArray[np.float64]
+    positions: NDArray[np.float64] | None = None
+    position_uncertainties: NDArray[np.float64] | None = None
+    gaps: NDArray[np.float64] | None = None
+
+
+def find_lights(sightings: Sequence[Sighting]) -> LightsFound:
+    """The lights that mirror balls show.
+
+    One sighting gives directions. More, before a perspective camera, give positions too: where the rays from the balls
+    meet best, by least squares weighted with how sure each ray is at that distance. Lights so far away that the rays
+    are nearly parallel keep their directions alone, and that is noted.
+
+    Raises InputError where there is no sighting, or they do not show the same number of lights.
+    """
+    if not sightings:
+        raise InputError("there is no photo of a mirror ball; give at least one")
+    counts = {len(sighting.highlights) for sighting in sightings}
+    if len(counts) != 1:
+        raise InputError("the ball's places do not show the same number of lights; give as many photos for each place")
+    places, aims = (np.stack(parts) for parts in zip(*(sighting.rays() for sighting in sightings), strict=True))
+    blur = np.stack([sighting.uncertainties() for sighting in sightings])
+    target = np.mean([sighting.ball.centre for sighting in sightings], axis=0)
+    _note_doubts(sightings)
+    trust = 1 / blur**2
+    mean = normalised(np.einsum("pni,pn->ni", aims, trust))
+    # What the lens does it does at all places.
+    unsure = np.hypot(1 / np.sqrt(trust.sum(axis=0)), np.mean([sighting.by_lens() for sighting in sightings], axis=0))
+    found = LightsFound(tuple(sightings), mean, unsure, target)
+    if len(sightings) == 1:
+        return found
+    if sightings[0].ball.camera.projection == "orthographic":
+        log.info(
+            "several places give positions only where the camera's focal length is known; these are directions alone"
+        )
+        return _with_spread(found, aims)
+    met = [meeting_point(places[:, k], aims[:, k], np.radians(blur[:, k])) for k in range(aims.shape[1])]
+    points, errors, gaps = (np.array(values) for values in zip(*met, strict=True))
+    away = points - target
+    distance = np.linalg.norm(away, axis=1)
+    ahead = np.einsum("pni,pni->n", points - places, aims) > 0
+    far = ~ahead | (errors > UNSURE * distance)
+    if far.any():
+        names = ", ".join(str(k + 1) for k in np.flatnonzero(far))
+        log.info(
+            "light %s: the rays from the ball's places are nearly parallel, so it is far away; "
+            "these are directions alone",
+            names,
+        )
+        return _with_spread(found, aims)
+    for k in np.flatnonzero(gaps > MISSED * errors):
+        log.warning(
+            "light %d: the rays to it miss each other by %.3g, more than they should; did camera or light move between "
+            "the photos, is the focal length right, and are the balls of one size?",
+            k + 1,
+            gaps[k],
+        )
+    turn = np.degrees(errors / distance)
+    return LightsFound(tuple(sightings), normalised(away), turn, target, points, errors, gaps)
+
+
+def meeting_point(
+    origins: ArrayLike, directions: ArrayLike, spreads: ArrayLike
+) -> tuple[NDArray[np.float64], float, float]:
+    """Where rays meet best: the point, one standard deviation of it, and its rms distance from the rays.
+
+    origins, directions: (P, 3). spreads: (P,) standard deviations of the directions, in radians.
+    """
+    origins, directions = np.asarray(origins, np.float64), np.asarray(directions, np.float64)
+    spreads = np.asarray(spreads, np.float64)
+    across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
+    weight = 1 / spreads**2
+    for _ in range(ROUNDS):
+        normal = np.einsum("pij,p->ij", across, weight)
+        # Parallel rays meet nowhere: the least squares solution nearest to the origin stands in, and is not sure.
+        point = np.linalg.lstsq(normal, np.einsum("pij,pj,p->i", across, origins, weight), rcond=None)[0]
+        reach = np.maximum(np.linalg.norm(point - origins, axis=1), 1e-9)
+        weight = 1 / (spreads * reach) ** 2
+    values = np.linalg.eigvalsh(np.einsum("pij,p->ij", across, weight))
+    error = float(np.sqrt((1 / np.maximum(values, 1e-18)).sum()))
+    missed = np.einsum("pij,pj->pi", across, point - origins)
+    return point, error, float(np.sqrt((missed**2).sum(axis=1).mean()))
+
+
+def write_lp(path: str | os.PathLike[str], directions: ArrayLike, names: Sequence[str]) -> None:
+    """Write directions (N, 3) in the ``.lp`` format of reflectance transformation imaging, whole or not at all.
+
+    A count, then "name x y z" a line: x right, y up, z towards the camera. Names are the photos'.
+    """
+    rows = np.asarray(directions, np.float64)
+    lines = [f"{name} {x:.6f} {y:.6f} {z:.6f}" for name, (x, y, z) in zip(names, rows, strict=True)]
+    with written_whole(path) as unfinished:
+        unfinished.write_text("\n".join([str(len(lines)), *lines]) + "\n", encoding="utf-8")
+
+
+def _with_spread(found: LightsFound, aims: NDArray[np.float64]) -> LightsFound:
+    """Note where the places disagree about a distant light's direction: it is near, or something moved."""
+    apart = angular_error(aims, np.broadcast_to(found.directions, aims.shape)).max(axis=0)
+    worst = int(apart.argmax())
+    if apart[worst] > MISSED * found.uncertainties[worst]:
+        log.info("light %d: its directions from the ball's places differ by up to %.2g°", worst + 1, 2 * apart[worst])
+    return found
+
+
+def _note_doubts(sightings: Sequence[Sighting]) -> None:
+    for sighting in sightings:
+        ball = sighting.ball
+        if ball.residual > 0.004 * ball.circle.radius or ball.seen < 0.5:
+            log.warning(
+                "the ball's outline was seen to %.0f%% and fits to %.2g pixels: look at the overlay, and give the "
+                "circle by hand (x,y,r) if it is not the ball's",
+                100 * ball.seen,
+                ball.residual,
+            )
+        for number, spot in enumerate(sighting.highlights, 1):
+            if spot.rival > RIVAL:
+                log.warning(
+                    "light %d: another spot on the ball holds %.0f%% as much light: a window, a lamp? Look at the "
+                    "overlay",
+                    number,
+                    100 * spot.rival,
+                )
+    by_lens = max(float(sighting.by_lens().max()) for sighting in sightings)
+    if by_lens:
+        log.info(
+            "the camera is taken as far away; tell its lens (--focal, --camera): one of %g mm would make these "
+            "directions wrong by up to %.1f°, which their uncertainty includes",
+            USUAL_LENS,
+            by_lens,
+        )

@@ -1,0 +1,358 @@
+"""How the lights' colours mix into the camera's channels, by a matt grey ball or card under the rig."""
+
+import itertools
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mpsnet_core.arrays.robust_statistics import DEVIATIONS, biweight, spread
+from mpsnet_core.capture.calibrate.ball import Ball, surface
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.images import Image
+from mpsnet_core.scene.normal_map import normalised
+from mpsnet_core.scene.rig import LIGHT_NAMES, LightRig
+
+log = logging.getLogger(__name__)
+
+# The ball is used to this share of its radius: its rim is blurred, and grazing light is not Lambert's.
+USED_RADIUS = 0.9
+# Pixels enough for a matrix; more of them are thinned out.
+MOST_PIXELS = 10_000
+LEAST_PIXELS = 200
+ROUNDS = 20
+# How far the outline is moved at most in a round, in pixels.
+MOST_NUDGE = 2.0
+# What else is put right: the outline's middle and radius in pixels, two turns of each light in radians, and by how much
+# the exponent of the cosine differs from Lambert's 1. So well are the last seven known (2°, and a rough ball's 0.9).
+OTHERS = 10
+UNCERTAINTIES = [0.035] * 6 + [0.1]
+# How far each is moved to measure what that does.
+STEPS = [0.1] * 3 + [0.002] * 7
+# What the model leaves out (gloss, light thrown back) is alike over much of the ball: all of it tells of the lights as
+# much as so many pixels that err each by itself.
+INDEPENDENT = 300
+# What the model leaves out is not alike in all parts of the ball: what the matrix becomes without each of these sectors
+# of it shows how much it hangs on that.
+SECTORS = 6
+# Where an entry beside the diagonal is known no better than this, of the largest, it is not told. Of the matrices that
+# are, 97% are within 0.1: DiLiGenT's ball and glossy ones under lights that are known to 2°, in eight bits.
+UNDETERMINED = 0.06
+# Where more than this share of the photo's variance is left, it is of something else.
+FOREIGN = 0.5
+# Light that grazes tells little of its strength.
+LEAST_COSINE = 0.1
+# Worse than this share of the brightness the model does not describe the photo.
+POOR = 0.05
+AMBIENT = 0.03
+
+
+@dataclass(frozen=True)
+class MixingFound:
+    """A mixing matrix and how well it describes the photo.
+
+    mixing: (3, 3): rows are the camera's channels red, green, blue, columns the lights in rig order; its largest entry
+        is 1. It holds brightness too: of two lights the fainter has the smaller column.
+    residual: rms of what it leaves unexplained, as a share of the mean brightness.
+    ambient: (3,) light that comes from everywhere, in the matrix' unit; 0 for a card, which does not tell it.
+    pixels: how many were looked at, clipped ones aside. left_out: share of these that fitted badly: highlights, stains.
+    ball: with its outline put right by the shading, or None for a card.
+    determined: whether the photo tells the whole matrix; else it is diagonal, the lights' strengths alone.
+    uncertainty: of the entries beside the diagonal, the largest, by what may be off in ball and lights and by how much
+        the matrix differs where a part of the ball is left out.
+    unexplained: share of the photo's variance that the matrix leaves, whether or not pixels were left out.
+    """
+
+    mixing: NDArray[np.float64]
+    residual: float
+    ambient: NDArray[np.float64]
+    pixels: int
+    left_out: float
+    ball: Ball | None
+    determined: bool = True
+    uncertainty: float = 0.0
+    unexplained: float = 0.0
+
+
+def mixing_from_ball(photo: Image, ball: Ball, rig: LightRig) -> MixingFound:
+    """The mixing matrix from one photo of a matt grey ball under all three lights.
+
+    rig: where the lights are; its own mixing is of no account.
+
+    Each channel is ``c_i = Σ_k M_ik max(n·l_k, 0) + a_i``, linear in M and the ambient light a, none of which is below
+    zero: least squares over the ball's pixels, those that fit badly left out by Tukey's biweight. As the normals hang
+    on the outline, which may be off by a pixel, lights may be off by a degree or two, and no ball is quite matt, the
+    outline's middle and radius, the lights' directions and the cosine's exponent are put right in the same equations,
+    as far as their own uncertainty allows.
+    Where what is left of that could be crosstalk as well, the lights' strengths alone are told.
+
+    Raises InputError where too few pixels are usable, or the rig's lights do not explain the photo.
+    """
+    points, colours = _ball_pixels(photo, ball)
+    found = _fitted(points, colours, ball, rig, np.ones((3, 3), bool))
+    found = replace(
+        found, uncertainty=float(np.hypot(found.uncertainty, _by_sectors(points, colours, ball, rig, found)))
+    )
+    if found.uncertainty > UNDETERMINED:
+        log.warning(
+            "how the lights' colours mix cannot be told from this photo (to ± %.2f): the rig gets their strengths "
+            "alone; for the rest take three photos, one under each light alone, or lights that stand wider apart",
+            found.uncertainty,
+        )
+        alone = _fitted(points, colours, ball, rig, np.eye(3, dtype=bool))
+        found = replace(alone, determined=False, uncertainty=found.uncertainty)
+    return _checked(found)
+
+
+def _fitted(
+    points: NDArray[np.float64],
+    colours: NDArray[np.float64],
+    ball: Ball,
+    rig: LightRig,
+    allowed: NDArray[np.bool_],
+) -> MixingFound:
+    """The matrix by points (P, 2) and their colours (P, 3). allowed: (3, 3) which entries may differ from zero."""
+    drawn, moved = ball, np.zeros(OTHERS)
+    precision = np.diag([0.0] * 3 + [len(points) / INDEPENDENT / size**2 for size in UNCERTAINTIES])
+    precision[:3, :3] = np.linalg.inv(ball.covariance)
+    free = np.concatenate([np.concatenate([allowed.T, np.ones((1, 3), bool)]).T.ravel(), np.ones(OTHERS, bool)])
+    weight: NDArray[np.float64] = np.ones(colours.shape)
+    scale = float(colours.std())
+    answer = np.concatenate([np.diag(colours.max(axis=0)), np.zeros((1, 3))])
+    for turn in range(ROUNDS):
+        basis = _shading(ball, rig, points, moved[3:])
+        slopes = np.zeros((len(points), 3, OTHERS))
+        if turn == 0:
+            answer = _joint_step(basis, slopes, colours, weight, np.eye(OTHERS), moved, free)[0]
+        for number, size in enumerate(STEPS):
+            aside = moved + size * np.eye(OTHERS)[number]
+            beside = _shading(drawn.nudged(*aside[:3]), rig, points, aside[3:])
+            slopes[..., number] = (beside - basis) @ answer / size
+        prior = precision * scale**2
+        answer, step, left = _joint_step(basis, slopes, colours, weight, prior, moved, free)
+        step[:3] = np.clip(step[:3], -MOST_NUDGE, MOST_NUDGE)
+        moved = moved + step
+        ball = drawn.nudged(*moved[:3])
+        error = _shading(ball, rig, points, moved[3:]) @ answer - colours
+        scale = spread(error, weight > 0)
+        lighter = biweight(error, scale)
+        settled = turn > 3 and np.abs(lighter - weight).mean() < 1e-3 and np.abs(step).max() < 1e-3
+        weight = lighter
+        if settled:
+            break
+    used = weight > 0
+    largest = max(float(answer[:3].max()), 1e-12)
+    variances = np.zeros(12 + OTHERS)
+    variances[free] = np.diag(np.linalg.pinv(left[np.ix_(free, free)], hermitian=True))
+    doubt = scale * np.sqrt(variances[:12] * len(points) / INDEPENDENT).reshape(3, 4)[:, :3] / largest
+    return MixingFound(
+        answer[:3].T / largest,
+        float(np.sqrt((weight * error**2).sum() / weight.sum()) / colours[used].mean()),
+        answer[3] / largest,
+        len(points),
+        float(1 - used.mean()),
+        ball,
+        uncertainty=float(doubt[~np.eye(3, dtype=bool)].max()),
+        unexplained=float((error**2).mean() / colours.var(axis=0).mean()),
+    )
+
+
+def _by_sectors(
+    points: NDArray[np.float64], colours: NDArray[np.float64], ball: Ball, rig: LightRig, found: MixingFound
+) -> float:
+    """Of what was found by points (P, 2) and their colours (P, 3), the largest deviation of the entries beside the
+    diagonal, by the jackknife (Tukey 1958) over sectors of the ball.
+    """
+    x, y = (points - (ball.circle.x, ball.circle.y)).T
+    sector = np.floor((np.arctan2(y, x) / (2 * np.pi) + 0.5) * SECTORS) % SECTORS
+    variance = np.zeros((3, 3))
+    for left_out in range(SECTORS):
+        kept = sector != left_out
+        other = _fitted(points[kept], colours[kept], ball, rig, np.ones((3, 3), bool))
+        variance += (SECTORS - 1) / SECTORS * (other.mixing - found.mixing) ** 2
+    return float(np.sqrt(variance[~np.eye(3, dtype=bool)].max()))
+
+
+def mixing_from_ball_by_light(photos: Sequence[Image], ball: Ball, rig: LightRig) -> MixingFound:
+    """The mixing matrix from three photos of a matt grey ball, each under one light alone, in rig order.
+
+    As :func:`mixing_from_ball`, but every photo gives its light's column by itself, so that nothing rests on telling
+    the lights' shadings apart. All photos have the same exposure. Raises InputError as there.
+    """
+    columns = []
+    for light, photo in enumerate(_three_photos(photos)):
+        points, colours = _ball_pixels(photo, ball)
+        shading = _shading(ball, rig, points)[:, light]
+        lit = shading > LEAST_COSINE
+        if lit.sum() < LEAST_PIXELS:
+            raise InputError(f"the {LIGHT_NAMES[light]} light reaches too little of the ball; check rig and circle")
+        columns.append((colours[lit] / shading[lit, None], lit))
+    return _from_columns([values for values, _ in columns], ball)
+
+
+def mixing_from_card(
+    photos: Sequence[Image], mask: NDArray[np.bool_], rig: LightRig, normal: ArrayLike = (0.0, 0.0, 1.0)
+) -> MixingFound:
+    """The mixing matrix from three photos of a matt grey card, each under one light alone, in rig order.
+
+    photos: of the same exposure. mask: (H, W), where the card is. normal: (3,) which way it faces,
+    in camera space. One photo under all lights would be three numbers for nine unknowns. The card stands where the
+    rig's directions hold: where the ball stood. Raises InputError where a light does not reach the card.
+    """
+    facing = normalised(np.asarray(normal, np.float64))
+    cosines = rig.directions @ facing
+    columns = []
+    for light, photo in enumerate(_three_photos(photos)):
+        if cosines[light] <= LEAST_COSINE:
+            raise InputError(f"the {LIGHT_NAMES[light]} light does not reach the card's face; check its normal")
+        inside = photo.pixels[mask].astype(np.float64)
+        usable = ~photo.saturated[mask].any(axis=1) & np.isfinite(inside).all(axis=1)
+        if usable.sum() < LEAST_PIXELS:
+            raise InputError(
+                f"the photo of the {LIGHT_NAMES[light]} light has fewer than {LEAST_PIXELS} usable pixels of the card; "
+                "expose shorter, or mark more of it"
+            )
+        columns.append(inside[usable] / cosines[light])
+    return _from_columns(columns, None)
+
+
+def _three_photos(photos: Sequence[Image]) -> Sequence[Image]:
+    if len(photos) != 3:
+        raise InputError(
+            f"{len(photos)} photo(s) where three are needed, one under each light alone in the rig's order; one photo "
+            "under all of them will do for a grey ball"
+        )
+    return photos
+
+
+def _ball_pixels(photo: Image, ball: Ball) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points (P, 2) well inside the ball and their colours (P, 3), without those that are clipped."""
+    height, width = photo.pixels.shape[:2]
+    left, right, top, bottom = ball.window(width, height)
+    x, y = np.meshgrid(np.arange(left, right), np.arange(top, bottom))
+    x, y = x.ravel(), y.ravel()
+    points = np.stack([x, y], axis=-1) + 0.5
+    if len(points):
+        _, normal, back = surface(ball, points)
+        inside = np.einsum("ni,ni->n", normal, back) > np.sqrt(1 - USED_RADIUS**2)
+        colours = photo.pixels[y, x].astype(np.float64)
+        usable = inside & ~photo.saturated[y, x].any(axis=1) & np.isfinite(colours).all(axis=1)
+        chosen = np.flatnonzero(usable)[:: max(1, int(usable.sum()) // MOST_PIXELS)]
+    if not len(points) or len(chosen) < LEAST_PIXELS:
+        raise InputError(
+            f"the photo has fewer than {LEAST_PIXELS} usable pixels of the ball; is the circle right, and is it not "
+            "overexposed?"
+        )
+    if not colours[chosen].any():
+        raise InputError("the ball is black in the photo; were the lights on, and is the circle right?")
+    return points[chosen], colours[chosen]
+
+
+def _shading(
+    ball: Ball, rig: LightRig, points: NDArray[np.float64], other: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """(P, 4) how much of each light a white matt surface sends back at points of the ball, and 1 for ambient light.
+
+    other: (7,) how many radians each light is turned, along and across, and what the cosine's exponent is above 1.
+    """
+    if rig.near is not None and ball.camera.projection == "orthographic":
+        raise InputError(
+            "the rig's lights have positions, which only a perspective camera sees; give the camera or its focal length"
+        )
+    place, normal, _ = surface(ball, points)
+    lights = rig.directions if rig.near is None else rig.near.light_at(place)
+    exponent = 1.0
+    if other is not None:
+        across = normalised(np.cross(rig.directions, [0.6, 0.8, 0.0]))
+        along = np.cross(across, rig.directions)
+        turn = other[:6].reshape(3, 2)
+        length = np.linalg.norm(lights, axis=-1, keepdims=True)
+        lights = normalised(lights + length * (turn[:, :1] * along + turn[:, 1:] * across)) * length
+        exponent += other[6]
+    shading = np.maximum(np.einsum("...ki,...i->...k", lights, normal), 0) ** exponent
+    return np.column_stack([shading, np.ones(len(points))])
+
+
+def _joint_step(
+    basis: NDArray[np.float64],
+    slopes: NDArray[np.float64],
+    colours: NDArray[np.float64],
+    weight: NDArray[np.float64],
+    prior: NDArray[np.float64],
+    moved: NDArray[np.float64],
+    free: NDArray[np.bool_],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """The matrix with ambient light (4, 3), the step (9,) of outline and lights that explain the colours (P, 3) best,
+    and the equations' matrix (21, 21).
+
+    basis: (P, 4). slopes: (P, 3, 9), what a step does to each channel. prior: (9, 9) precision of `moved` (9,), how
+    far outline and lights have come. free: (21,) which unknowns may differ from zero.
+    """
+    left = np.zeros((12 + OTHERS, 12 + OTHERS))
+    right = np.zeros(12 + OTHERS)
+    for channel in range(3):
+        rows = np.zeros((len(basis), 12 + OTHERS))
+        rows[:, 4 * channel : 4 * channel + 4] = basis
+        rows[:, 12:] = slopes[:, channel]
+        weighted = rows * weight[:, channel, None]
+        left += weighted.T @ rows
+        right += weighted.T @ colours[:, channel]
+    left[12:, 12:] += prior
+    right[12:] -= prior @ moved
+    # What would be below zero is zero, the worst of it first.
+    free = free.copy()
+    while True:
+        solution = np.zeros(12 + OTHERS)
+        solution[free] = np.linalg.lstsq(left[np.ix_(free, free)], right[free], rcond=1e-12)[0]
+        worst = int(solution[:12].argmin())
+        if solution[worst] >= 0:
+            return solution[:12].reshape(3, 4).T, solution[12:], left
+        free[worst] = False
+
+
+def _from_columns(columns: Sequence[NDArray[np.float64]], ball: Ball | None) -> MixingFound:
+    """Each light's column is the median of what pixels (P, 3) say of it."""
+    middles = [np.median(values, axis=0) for values in columns]
+    mixing = np.stack(middles, axis=-1)
+    if not mixing.max() > 0:
+        raise InputError("the photos are black where the ball or card is; were the lights on?")
+    off = [
+        np.median(np.abs(values - middle)) / max(float(middle.max()), 1e-12)
+        for values, middle in zip(columns, middles, strict=True)
+    ]
+    pixels = sum(map(len, columns))
+    return _checked(
+        MixingFound(mixing / mixing.max(), float(DEVIATIONS * np.mean(off)), np.zeros(3), pixels, 0.0, ball)
+    )
+
+
+def _checked(found: MixingFound) -> MixingFound:
+    """Raises InputError for a matrix that no photo can be unmixed by; notes what looks wrong."""
+    mixing = found.mixing
+    if not np.isfinite(mixing).all() or mixing.max() <= 0 or found.unexplained > FOREIGN:
+        raise InputError(
+            "no mixing matrix explains the photo; does the rig belong to this photo, is the circle right, and is the "
+            "ball matt and grey, before dark surroundings?"
+        )
+    # Neither lights nor channels of other strengths change which of these products is the largest.
+    orders = itertools.permutations(range(3))
+    if max(orders, key=lambda order: float(mixing[range(3), order].prod())) != (0, 1, 2):
+        raise InputError(
+            "the lights stand where the rig has other ones; does the rig belong to this photo, with its lights in the "
+            "order red, green, blue?"
+        )
+    if found.residual > POOR:
+        log.warning(
+            "the matrix leaves %.0f%% of the brightness unexplained: is the ball or card matt, grey and evenly lit, "
+            "and does the rig belong to this photo?",
+            100 * found.residual,
+        )
+    if np.abs(found.ambient).max() > AMBIENT:
+        log.info(
+            "there is light from everywhere, %.0f%% as bright as the brightest lamp: darken the room, or subtract a "
+            "photo with the lamps off",
+            100 * np.abs(found.ambient).max(),
+        )
+    return found

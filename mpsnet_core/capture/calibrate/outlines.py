@@ -1,0 +1,178 @@
+"""A ball's outline in a photo, to parts of a pixel, and how much of it is sure to be there, however noisy the photo."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.block_means import block_means
+from mpsnet_core.capture.calibrate.ball import Ball, fit_ball
+
+# How far from a circle its outline is looked for, as shares of the radius, round after round, and at last.
+REACHES = (0.12, 0.04)
+CLOSE = 0.012
+# Radii, in pixels of the picture that is looked at: the photo is made so small for the rounds, and for the last look.
+ROUGHLY, FINELY = 50, 150
+# A mirror's rim fades into what stands behind it, as all surfaces mirror fully at grazing angles: so many pixels of its
+# radius may be lost.
+FADING = 0.3
+# The outline is crossed by so many lines. Pixels from place to place on each, and the weights of lines beside each
+# other.
+LINES = 180
+STEP = 0.5
+BESIDE = (0.1, 0.2, 0.4, 0.2, 0.1)
+# So many lines together, an arc of the outline, tell whether there is an edge at all.
+ARC = 15
+# So many times what is usual along the lines beside it, an edge is one: three standard deviations, were it noise.
+CLEAR = 3 / 0.6745
+# Lines to either side whose noise is taken together, and how far along them it is measured, as a share of the radius.
+NOISE_LINES, NOISE_REACH = 10, 0.06
+
+
+class Pyramid:
+    """A photo's brightness, and that of the photo made 2, 4, 8 ... times smaller, each made when it is asked for."""
+
+    def __init__(self, image: NDArray[np.float32]) -> None:
+        self._levels = [image.sum(axis=-1, keepdims=True)]
+
+    def level(self, radius: float, wanted: float) -> tuple[NDArray[np.float32], int]:
+        """(H, W) the smallest where a circle of `radius` pixels has `wanted` or more, and how many times smaller."""
+        number = max(0, int(np.floor(np.log2(max(radius, 1) / wanted))))
+        while len(self._levels) <= number:
+            self._levels.append(block_means(self._levels[-1], 2))
+        return self._levels[number][..., 0], 2**number
+
+
+def near_outline(photo: Pyramid, ball: Ball) -> Ball:
+    """The ball near one that is roughly known.
+
+    The outline is moved to where most of it lies on edges, however faint (after Daugman's integro-differential
+    operator, "High confidence visual recognition of persons", PAMI 1993): a mirror ball's rim blends with what stands
+    behind it, and what it mirrors has stronger edges.
+    """
+    for share in REACHES:
+        ball = ball.nudged(*_edges(photo, ball, share, ROUGHLY).best_nudge())
+    return ball
+
+
+def sharp_outline(photo: Pyramid, ball: Ball, *, mirror: bool = True) -> Ball:
+    """The ball by the steepest places along the outline of one that is nearly it, and how much of it is seen.
+
+    Raises InputError where no ball fits.
+    """
+    edges = _edges(photo, ball, CLOSE, FINELY)
+    points, clear = edges.steepest()
+    ball = fit_ball(points[clear], ball.camera, ball.radius)
+    away = np.linalg.norm(points[:, None] - ball.outline(LINES)[None], axis=2).min(axis=1)
+    seen = clear & (away < max(CLOSE / 2 * ball.circle.radius, 0.75))
+    fading = np.diag([0, 0, FADING**2 if mirror else 0.0])
+    return replace(ball, seen=float(seen.mean()), covariance=ball.covariance + fading)
+
+
+@dataclass(frozen=True)
+class _Edges:
+    """How steep a picture is along lines across a ball's outline.
+
+    outline, across: (LINES, 2) where the lines cross it, and their directions, in the photo's pixels. offsets: (N,)
+    pixels along each. steep: (LINES, N). usual: (LINES,) the median of it about there. sure: (LINES,) whether the arc
+    about it has an edge within reach that is no noise. whole: (LINES,) whether all of the line lies in the photo.
+    reach, step: pixels.
+    """
+
+    outline: NDArray[np.float64]
+    across: NDArray[np.float64]
+    offsets: NDArray[np.float64]
+    steep: NDArray[np.float64]
+    usual: NDArray[np.float64]
+    sure: NDArray[np.bool_]
+    whole: NDArray[np.bool_]
+    reach: float
+    step: float
+
+    def best_nudge(self) -> tuple[float, float, float]:
+        """How far, within reach, most of the outline lies on edges: pixels to the right, down, and outwards."""
+        # Half of what is steepest anywhere: what is steeper counts little more, however strong it is.
+        evidence = self.steep / (self.steep + 2 * self.usual[:, None])
+        evidence[~self.whole] = 0
+        line = np.arange(len(evidence))
+        best, span = np.zeros(3), self.reach / 2
+        while span > 0.4 * self.step:
+            grid = np.linspace(-span, span, 7)
+            nudges = best + np.stack(np.meshgrid(grid, grid, grid, indexing="ij"), axis=-1).reshape(-1, 3)
+            offsets = nudges[:, :2] @ self.across.T + nudges[:, 2:]
+            place = np.rint((offsets - self.offsets[0]) / self.step).astype(int)
+            within = (place >= 0) & (place < evidence.shape[1])
+            total = np.where(within, evidence[line, np.clip(place, 0, evidence.shape[1] - 1)], 0).sum(axis=1)
+            best = nudges[total.argmax()]
+            span /= 2.5
+        return float(best[0]), float(best[1]), float(best[2])
+
+    def steepest(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """(N, 2) the steepest place on each line, to parts of a step, and (N,) whether it is an edge, not noise."""
+        liked = (
+            self.steep
+            * np.exp(-((self.offsets / self.reach) ** 2))
+            * (np.abs(self.offsets) < self.reach + 2 * self.step)
+        )
+        best = np.clip(liked.argmax(axis=1), 1, len(self.offsets) - 2)
+        line = np.arange(len(best))
+        before, here, after = (self.steep[line, best + k] for k in (-1, 0, 1))
+        bend = np.minimum(before - 2 * here + after, -1e-12)
+        part = np.clip(0.5 * (before - after) / bend, -0.5, 0.5)
+        points = self.outline + (self.offsets[best] + self.step * part)[:, None] * self.across
+        return points, self.whole & self.sure & (here > 0.05 * np.median(here))
+
+
+def _edges(photo: Pyramid, ball: Ball, share: float, wanted: float) -> _Edges:
+    """Along lines across the ball's outline, so far to either side: a share of its radius."""
+    radius = ball.circle.radius
+    picture, smaller = photo.level(radius, wanted)
+    step = STEP * smaller
+    reach = max(share * radius, 2.0 * smaller)
+    # All pixels beside a line are looked at, not only those under it: their mean has less noise.
+    beside = 2 * int(np.pi * radius / smaller / LINES) + 1
+    outline = ball.outline(LINES * beside)
+    along = np.roll(outline, -1, axis=0) - np.roll(outline, 1, axis=0)
+    across = np.stack([-along[:, 1], along[:, 0]], axis=-1)  # outwards
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    count = int(np.ceil((max(reach, NOISE_REACH * radius) + 2 * step) / step))
+    offsets = step * np.arange(-count, count + 1)
+    places = outline[:, None] + offsets[:, None] * across[:, None]
+    fine = np.roll(_sampled(picture, places / smaller), beside // 2, axis=0)
+    profile = fine.reshape(LINES, beside, -1).mean(axis=1)
+    slope = profile[:, 2:] - profile[:, :-2]
+    steep, usual = _steepness(slope, BESIDE)
+    on_arc, usual_on_arc = _steepness(slope, [1 / ARC] * ARC)
+    near = np.abs(offsets[1:-1]) <= reach
+    sure = on_arc[:, near].max(axis=1) > CLEAR * usual_on_arc
+    outline, across = outline[::beside], across[::beside]
+    height, width = picture.shape
+    ends = outline[:, None] + np.array([-1, 1])[:, None] * (reach + step) * across[:, None]
+    whole = ((ends > smaller) & (ends < np.array([width - 1, height - 1]) * smaller)).all(axis=(1, 2))
+    return _Edges(outline, across, offsets[1:-1], steep, usual, sure, whole, reach, step)
+
+
+def _steepness(slope: NDArray[np.float64], weights: Sequence[float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(LINES, N) how steep weighted means of lines beside each other are, and (LINES,) what is usual of it there."""
+    around = _ring(slope, len(weights) // 2)
+    steep = np.abs(sum(weight * around[turn : turn + LINES] for turn, weight in enumerate(weights)))
+    usual = _ring(np.median(steep, axis=1), NOISE_LINES)
+    usual = np.median(np.lib.stride_tricks.sliding_window_view(usual, 2 * NOISE_LINES + 1), axis=1)
+    return steep, np.maximum(usual, 1e-12)
+
+
+def _ring(lines: NDArray[np.float64], more: int) -> NDArray[np.float64]:
+    """The lines of a closed outline, with so many of the last ones before the first and of the first after the last."""
+    return np.concatenate([lines[-more:], lines, lines[:more]])
+
+
+def _sampled(picture: NDArray[np.float32], places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Bilinear values of a picture (H, W) at places (..., 2) in pixels."""
+    height, width = picture.shape
+    x, y = np.clip(places[..., 0] - 0.5, 0, width - 1.001), np.clip(places[..., 1] - 0.5, 0, height - 1.001)
+    column, row = x.astype(int), y.astype(int)
+    fx, fy = x - column, y - row
+    above = picture[row, column] * (1 - fx) + picture[row, column + 1] * fx
+    below = picture[row + 1, column] * (1 - fx) + picture[row + 1, column + 1] * fx
+    return above * (1 - fy) + below * fy

@@ -1,0 +1,128 @@
+"""From photo files to balls and highlights, one photo in memory at a time."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.capture.calibrate.ball import Ball, Circle, ball_from_circle, ball_from_mask, distant_camera
+from mpsnet_core.capture.calibrate.circles import find_balls
+from mpsnet_core.capture.calibrate.highlights import Highlight, find_coloured_highlights, find_highlight
+from mpsnet_core.capture.calibrate.lights import Sighting
+from mpsnet_core.capture.correction import Correction, corrected
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.images import Encoding, Image, read_image, read_mask
+from mpsnet_core.progress import Progress, silent
+from mpsnet_core.scene.camera import Camera, camera_of_lens
+
+
+@dataclass(frozen=True)
+class BallPhotos:
+    """Photos of a ball and how to look at them.
+
+    files: photos of the ball that stand for one place of it: one under all lights, or one for each light alone.
+    circles: the ball's outlines, drawn by hand; mask: a file that shows the ball; else the ball is looked for.
+    balls: how many there are. radius: theirs, in the unit that positions are wanted in.
+    camera: a Camera, a focal length as :func:`camera_of_lens` takes it, or None for a camera far away.
+    mirror: whether the ball is a mirror; else it is matt.
+    encoding, layer: as in :func:`mpsnet_core.io.images.read_image`. correction: dark frame and flat field.
+    """
+
+    files: Sequence[Path]
+    circles: Sequence[Circle] = ()
+    mask: Path | None = None
+    balls: int = 1
+    radius: float = 1.0
+    camera: Camera | float | None = None
+    encoding: Encoding = "auto"
+    mirror: bool = True
+    layer: str | None = None
+    correction: Correction | None = None
+
+    def read(self, file: Path) -> Image:
+        """One of the photos."""
+        image = read_image(file, encoding=self.encoding, layer=self.layer)
+        return image if self.correction is None else corrected(image, self.correction)
+
+
+def mean_photo(photos: BallPhotos, images: Iterable[Image] | None = None) -> NDArray[np.float32]:
+    """(H, W, 3) linear, the mean: what is dark in one photo is lit in another. Raises InputError where sizes differ.
+
+    images: the photos, where they are read already.
+    """
+    total: NDArray[np.float32] = np.zeros((), np.float32)
+    for file, image in zip(photos.files, images or map(photos.read, photos.files), strict=True):
+        if total.ndim and image.pixels.shape != total.shape:
+            raise InputError(
+                f"{file} is {image.pixels.shape[1]} x {image.pixels.shape[0]} but {photos.files[0]} is "
+                f"{total.shape[1]} x {total.shape[0]}; they must be the same size"
+            )
+        total = total + image.pixels
+    return np.nan_to_num(total / np.float32(len(photos.files)), posinf=0.0, neginf=0.0)
+
+
+def seen_balls(photos: BallPhotos, image: NDArray[np.float32]) -> list[Ball]:
+    """The balls that the photos show. image: (H, W, 3), their mean. Raises InputError where they are not found."""
+    height, width = image.shape[:2]
+    camera = _camera(photos, width, height)
+    if photos.circles:
+        for circle in photos.circles:
+            if circle.radius > max(width, height):
+                raise InputError(f"a circle of {circle.radius:g} pixels is larger than the photo, {width} x {height}")
+            if not (0 <= circle.x <= width and 0 <= circle.y <= height):
+                told = f"the circle {circle.x:g},{circle.y:g},{circle.radius:g}"
+                raise InputError(
+                    f"{told} has its middle outside the photo, which is {width} x {height}; x and y count pixels from "
+                    "the top left corner"
+                )
+        return [ball_from_circle(circle, camera, photos.radius) for circle in photos.circles]
+    if photos.mask is not None:
+        mask = read_mask(photos.mask)
+        if mask.shape != (height, width):
+            raise InputError(
+                f"the mask {photos.mask} is {mask.shape[1]} x {mask.shape[0]} but the photo is {width} x {height}; "
+                "they must be the same size"
+            )
+        return [ball_from_mask(mask, camera, photos.radius)]
+    try:
+        return find_balls(image, camera, count=photos.balls, radius=photos.radius, mirror=photos.mirror)
+    except InputError as error:
+        raise InputError(f"{photos.files[0]}: {error}") from None
+
+
+def read_sightings(photos: BallPhotos, progress: Progress = silent) -> list[Sighting]:
+    """What each ball in the photos mirrors: of one photo the red, the green and the blue light, of several one each.
+
+    Raises InputError where a file cannot be read, or a ball or a highlight is not found.
+    """
+    progress(0.0, "looking for the ball")
+    balls = seen_balls(photos, mean_photo(photos))
+    found: list[list[Highlight]] = [[] for _ in balls]
+    for number, file in enumerate(photos.files):
+        progress((number + 1) / (len(photos.files) + 1), f"looking for highlights in {file.name}")
+        image = photos.read(file)
+        for spots, ball in zip(found, balls, strict=True):
+            try:
+                if len(photos.files) == 1:
+                    spots += find_coloured_highlights(image, ball)
+                else:
+                    spots.append(find_highlight(image, ball))
+            except InputError as error:
+                raise InputError(f"{file}: {error}") from None
+    told = photos.camera is not None
+    return [Sighting(ball, tuple(spots), told) for ball, spots in zip(balls, found, strict=True)]
+
+
+def _camera(photos: BallPhotos, width: int, height: int) -> Camera:
+    if photos.camera is None:
+        return distant_camera(width, height)
+    if not isinstance(photos.camera, Camera):
+        return camera_of_lens(photos.camera, width, height)
+    if (photos.camera.width, photos.camera.height) != (width, height):
+        raise InputError(
+            f"the camera is {photos.camera.width} x {photos.camera.height} but the photo is {width} x {height}; "
+            "they must be the same size"
+        )
+    return photos.camera

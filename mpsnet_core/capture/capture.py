@@ -1,0 +1,394 @@
+"""Capture: the one photo as linear values, with its mask, rig and camera, and a white photo where there is one."""
+
+import logging
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.rasterize import grown
+from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.capture.correction import Correction, corrected
+from mpsnet_core.capture.masks import Notes, find_mask
+from mpsnet_core.capture.transfer_curve import CLOSE, DECIDED, linear_rather
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.frames import expand_images
+from mpsnet_core.io.images import Encoding, Image, as_stored, layer_in, read_image, saturated
+from mpsnet_core.scene.camera import Camera, camera_of_lens
+from mpsnet_core.scene.rig import LightRig, NearLights
+
+log = logging.getLogger(__name__)
+
+# A mesh that covers less of the mask than this hardly belongs to the photo.
+LEAST_KNOWN = 0.8
+# An object that is this many times nearer or farther than the lights' target is hardly in the rig's unit.
+MOST_OFF = 2.0
+# The angle, in radians, between two channels as vectors of all pixels, below which they show the same light.
+ALIKE = 0.03
+# Pixels by which a mesh's depth is continued where the mask is larger than the mesh.
+DEPTH_MARGIN = 32
+
+
+@dataclass(frozen=True)
+class Capture:
+    """One photo under three lights at once, and a second one under white light where it could be had.
+
+    image: (H, W, 3) float32, or float16 where it is given so, linear; channel i is camera channel R, G, B.
+    mask: (H, W) bool, the pixels of the object.
+    rig: the lights, in camera space.
+    camera: its projection and pose, where known.
+    clip: linear value at which a channel saturates; infinity for renders and where `clipped` tells it.
+    depth: (H, W) how far in front of the camera, along its axis, each pixel's surface is, in the unit of the camera's
+        pose; needed where the rig's lights are near.
+    clipped: (H, W, 3) bool, where a channel is at its end, or None where `clip` tells it.
+    white: (H, W, 3) float32, linear RGB of the same pose under white light; zero where it is not finite,
+        outside the mask. What is clipped in it keeps its value, the least that it can be.
+    white_clipped: (H, W, 3) bool, where a channel of `white` is at its end; None where none is.
+
+    Raises InputError where the shapes do not agree, the mask is empty, a value is not finite or the depth is lacking.
+    """
+
+    image: NDArray[np.floating]
+    mask: NDArray[np.bool_]
+    rig: LightRig
+    camera: Camera | None = None
+    clip: float = np.inf
+    depth: NDArray[np.float32] | None = None
+    clipped: NDArray[np.bool_] | None = None
+    white: NDArray[np.float32] | None = None
+    white_clipped: NDArray[np.bool_] | None = None
+
+    def __post_init__(self) -> None:
+        image, mask = np.asarray(self.image), np.asarray(self.mask, bool)
+        if image.dtype != np.float16:
+            image = image.astype(np.float32, copy=False)
+        if image.ndim != 3 or image.shape[2] != 3:
+            raise InputError(f"a photo has three channels a pixel; this one has shape {image.shape}")
+        if mask.shape != image.shape[:2]:
+            raise InputError(f"the mask is {_size(mask)} but the photo is {_size(image)}; they must be the same size")
+        if not mask.any():
+            raise InputError("the mask is empty: no pixel of the object is marked; choose another mask or threshold")
+        image = _finite_inside(image, mask, "photo")
+        if not any((image[rows] > 0).any(where=mask[rows, :, None]) for rows in bands(len(mask))):
+            raise InputError("the photo is black inside the mask; were the lights on, and is it the right mask?")
+        if self.clipped is not None and self.clipped.shape != image.shape:
+            raise InputError(f"what is clipped is {_size(self.clipped)} but the photo is {_size(image)}")
+        if self.camera is not None and (self.camera.height, self.camera.width) != mask.shape:
+            raise InputError(
+                f"the camera is {self.camera.width} x {self.camera.height} but the photo is {_size(image)}; "
+                "they must be the same size"
+            )
+        if self.rig.near is not None and (self.camera is None or self.depth is None):
+            raise InputError(
+                "the rig's lights stand near the object, so its distance counts: give the camera, and the object's "
+                "mesh or distance"
+            )
+        if self.depth is not None:
+            depth = np.asarray(self.depth, np.float32)
+            if depth.shape != mask.shape:
+                raise InputError(
+                    f"the depth is {_size(depth)} but the photo is {_size(image)}; they must be the same size"
+                )
+            if not (np.isfinite(depth) & (depth > 0)).all(where=mask):
+                raise InputError("the object's depth is not above 0 everywhere inside the mask; check camera and mesh")
+            object.__setattr__(self, "depth", depth)
+        if self.white is not None:
+            object.__setattr__(self, "white", _checked_white(self.white, self.white_clipped, mask))
+        object.__setattr__(self, "image", image)
+        object.__setattr__(self, "mask", mask)
+
+    @property
+    def saturated(self) -> NDArray[np.bool_]:
+        """(H, W, 3) where a channel is at its end, and so wrong."""
+        return saturated(self.image, self.clip) if self.clipped is None else self.clipped
+
+
+def _finite_inside(image: NDArray[Any], mask: NDArray[np.bool_], name: str) -> NDArray[Any]:
+    """The image (H, W, 3) with zeros where it is not finite, outside the mask; itself where it is finite."""
+    result = image
+    for rows in bands(len(mask)):
+        finite = np.isfinite(image[rows])
+        if not finite.all(where=mask[rows, :, None]):
+            raise InputError(f"the {name} holds values that are not finite inside the mask; export it again")
+        if not finite.all():
+            result = image.copy() if result is image else result
+            result[rows][~finite] = 0
+    return result
+
+
+def _checked_white(
+    white: NDArray[np.floating], clipped: NDArray[np.bool_] | None, mask: NDArray[np.bool_]
+) -> NDArray[np.float32]:
+    white = np.asarray(white, np.float32)
+    if white.ndim != 3 or white.shape[2] != 3:
+        raise InputError(f"a white photo has three channels a pixel; this one has shape {white.shape}")
+    if white.shape[:2] != mask.shape:
+        raise InputError(
+            f"the white photo is {_size(white)} but the photo is {_size(mask)}; take both with the same camera, held "
+            "alike"
+        )
+    white = _finite_inside(white, mask, "white photo")
+    if not (white > 0).any(where=mask[..., None]):
+        raise InputError("the white photo is black inside the mask; was the light on, and is it of the same pose?")
+    if clipped is not None and clipped.shape != white.shape:
+        raise InputError(f"what is clipped in the white photo is {_size(clipped)} but that is {_size(white)}")
+    return white
+
+
+def _size(array: NDArray[np.generic]) -> str:
+    return f"{array.shape[1]} x {array.shape[0]}"
+
+
+def read_capture(
+    path: str | os.PathLike[str],
+    rig: LightRig,
+    *,
+    mask: str | os.PathLike[str] | None = None,
+    encoding: Encoding = "auto",
+    layer: str | None = None,
+    camera: Camera | float | None = None,
+    depth: NDArray[np.float32] | float | None = None,
+    correction: Correction | None = None,
+    white: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None = None,
+) -> Capture:
+    """Read a photo as a capture.
+
+    mask: a mask file, or "alpha", "none" (the whole photo), "threshold:T", "auto" or "background:FILE", as
+        :func:`mpsnet_core.capture.masks.find_mask` says. Unless given: alpha where the photo has it, else the whole
+        photo.
+    encoding, layer: as in :func:`mpsnet_core.io.images.read_image`; but where neither `encoding` nor the file says how
+        its values are meant, and its shading does (:mod:`mpsnet_core.capture.transfer_curve`), they are linear.
+    camera: or the focal length of its lens in millimetres, see :func:`mpsnet_core.scene.camera.camera_of_lens`.
+    depth: (H, W) how far in front of the camera the surface is, with infinity where that is not known (see
+        :func:`mpsnet_core.scene.mesh_depth.depth_of_mesh`), or one distance for all. Under near lights, unless given,
+        that of the lights' target.
+    correction: dark frame and flat field (:func:`mpsnet_core.capture.correction.read_correction`), of the white photo
+    too.
+    white: a photo of the same pose under white light, or several to be added up: one for each light, turned white.
+
+    Raises InputError where a file is missing or broken, or photo, mask, camera, depth and white photo do not fit each
+    other.
+    """
+    image = read_image(path, encoding=encoding, layer=layer, compact=correction is None)
+
+    def taken(image: Image) -> Capture:
+        try:
+            return capture_from(
+                image, rig, mask=mask, encoding=encoding, layer=layer, camera=camera, depth=depth, correction=correction
+            )
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+
+    capture = taken(image)
+    if image.assumed and _linear_rather(path, image, capture, decide=correction is None):
+        encoding = "linear"
+        capture = taken(as_stored(image))
+    if white is not None:
+        several = [white] if isinstance(white, str | os.PathLike) else white
+        capture = with_white(capture, several, encoding=encoding, layer=layer, correction=correction)
+    note_doubts(capture)
+    return capture
+
+
+def _linear_rather(path: str | os.PathLike[str], image: Image, capture: Capture, decide: bool) -> bool:
+    """Whether to take a file that says nothing of its values as linear, not as sRGB; tells where that is or may be so.
+
+    decide: whether it may be taken so; dark frames and flat fields have been read as sRGB.
+    """
+    rather = linear_rather(image.pixels, capture.mask, capture.rig)
+    if rather > DECIDED and decide:
+        log.warning(
+            "%s does not say how its values are meant, and is TAKEN AS LINEAR: as sRGB its normals would be of no one "
+            "surface; if it is sRGB, set the encoding to srgb (--encoding srgb)",
+            Path(path).name,
+        )
+        return True
+    if rather > CLOSE:
+        log.warning(
+            "%s does not say how its values are meant, is taken as sRGB, and MAY WELL BE LINEAR; then set the encoding "
+            "to linear (--encoding linear): a wrong curve turns normals by ten degrees and more",
+            Path(path).name,
+        )
+    return False
+
+
+def with_white(
+    capture: Capture,
+    photos: Sequence[str | os.PathLike[str]],
+    *,
+    encoding: Encoding = "auto",
+    layer: str | None = None,
+    correction: Correction | None = None,
+) -> Capture:
+    """The capture with the sum of `photos`, read as the photo was, as its white photo; folders and patterns count for
+    what is in them.
+
+    Raises InputError where one is missing, broken or does not fit the photo.
+    """
+    total, clipped = np.zeros(capture.image.shape, np.float32), np.zeros(capture.image.shape, bool)
+    for file in expand_images(photos):
+        image = read_image(file, encoding=encoding, layer=layer_in(file, layer))
+        try:
+            image = image if correction is None else corrected(image, correction)
+            # Checked one by one: the sum would not tell which of them does not fit.
+            total += _checked_white(image.pixels, None, capture.mask)
+        except InputError as error:
+            raise InputError(f"{file}: {error}") from None
+        clipped |= image.saturated
+    if np.array_equal(total, capture.image):
+        raise InputError(f"{photos[0]}: the white photo is the photo itself; give the one under white light")
+    return replace(capture, white=total, white_clipped=clipped if clipped.any() else None)
+
+
+def capture_from(
+    image: Image,
+    rig: LightRig,
+    *,
+    mask: str | os.PathLike[str] | None = None,
+    encoding: Encoding = "auto",
+    layer: str | None = None,
+    camera: Camera | float | None = None,
+    depth: NDArray[np.float32] | float | None = None,
+    correction: Correction | None = None,
+    notes: Notes = "all",
+) -> Capture:
+    """An image that has been read, a video's frame for instance, as a capture; all else as of :func:`read_capture`.
+
+    notes: what to tell of a mask that is found, see :func:`mpsnet_core.capture.masks.find_mask`.
+
+    Raises InputError where the mask cannot be read, or image, mask, camera and depth do not fit each other.
+    """
+    image, inside = taken_in(image, rig, mask, encoding=encoding, layer=layer, correction=correction, notes=notes)
+    height, width, _ = image.pixels.shape
+    if camera is not None and not isinstance(camera, Camera):
+        camera = camera_of_lens(camera, width, height)
+    return capture_of(image, inside, rig, camera, depth)
+
+
+def taken_in(
+    image: Image,
+    rig: LightRig,
+    mask: str | os.PathLike[str] | None,
+    *,
+    encoding: Encoding = "auto",
+    layer: str | None = None,
+    correction: Correction | None = None,
+    notes: Notes = "all",
+) -> tuple[Image, NDArray[np.bool_]]:
+    """The image without what camera and lights add, and (H, W) its mask; all as of :func:`capture_from`."""
+    check_fall_off(rig, correction)
+    if correction is not None:
+        image = corrected(image, correction)
+    return image, find_mask(image, mask, encoding=encoding, layer=layer, correction=correction, notes=notes)
+
+
+def capture_of(
+    image: Image,
+    mask: NDArray[np.bool_],
+    rig: LightRig,
+    camera: Camera | None,
+    depth: NDArray[np.float32] | float | None,
+) -> Capture:
+    """What :func:`taken_in` gave as a capture. depth: as of :func:`read_capture`."""
+    return Capture(image.pixels, mask, rig, camera, image.clip, depth_within(mask, depth, rig), image.clipped)
+
+
+def check_fall_off(rig: LightRig, correction: Correction | None) -> None:
+    """Raises InputError where near lights' fall-off would be taken out twice: by the rig, and by a flat field."""
+    if rig.near is not None and correction is not None and correction.gain is not None:
+        raise InputError(
+            "the rig's lights stand near the object, and their fall-off is in the flat field too; leave the flat field "
+            "out, or give the lights as directions"
+        )
+
+
+def depth_within(
+    mask: NDArray[np.bool_], depth: NDArray[np.float32] | float | None, rig: LightRig
+) -> NDArray[np.float32] | None:
+    """(H, W) a depth for every pixel of the mask, from what is known of it; None where the rig's lights are distant.
+
+    mask: (H, W). depth: as :func:`read_capture` takes it. Raises InputError where it is known nowhere inside the mask.
+    """
+    if rig.near is None:
+        if depth is not None:
+            log.info("the rig's lights are distant, so how far the object is does not count")
+        return None
+    if depth is None:
+        depth = -float(rig.near.target[2])
+        log.info("the object is taken as flat, %.4g in front of the camera as the lights' target is", depth)
+    if not isinstance(depth, np.ndarray):
+        if not (np.isfinite(depth) and depth > 0):
+            raise InputError(f"the object's distance is a number above 0, not {depth:g}")
+        _note_unit(depth, rig.near)
+        return np.full(mask.shape, depth, np.float32)
+    if depth.shape != mask.shape:
+        raise InputError(f"the camera is {_size(depth)} but the photo is {_size(mask)}; they must be the same size")
+    known = np.isfinite(depth)
+    inside = np.count_nonzero(known & mask)
+    if not inside:
+        raise InputError("the camera sees nothing of the mesh inside the mask; check that they belong to one photo")
+    if inside < LEAST_KNOWN * mask.sum():
+        log.info(
+            "the mesh covers %.0f%% of the mask: do camera, mesh and mask belong to this photo?",
+            100 * inside / mask.sum(),
+        )
+    _note_unit(float(np.median(depth[known & mask])), rig.near)
+    # Beside the mesh, its nearest pixel's depth, and far from it the mean.
+    filled = np.where(known, depth, depth[known & mask].mean())[..., None]
+    return grown(filled, known, DEPTH_MARGIN)[..., 0]
+
+
+def _note_unit(distance: float, near: NearLights) -> None:
+    """Tell of an object that is far from what the lights are turned to: most likely in another unit."""
+    expected = -float(near.target[2])
+    if not expected / MOST_OFF < distance < expected * MOST_OFF:
+        log.info(
+            "the object is %.3g away, but the lights' target %.3g: are camera, mesh and rig in one unit?",
+            distance,
+            expected,
+        )
+
+
+def note_doubts(capture: Capture, name: str = "") -> None:
+    """Tell of photos that normals can be estimated from, but hardly right ones. name: which, if there are several."""
+    which = f"{name}: " if name else ""
+    spoilt = 0
+    total, products = np.zeros(3), np.zeros((3, 3))
+    for rows in bands(len(capture.mask)):
+        mask = capture.mask[rows]
+        inside = capture.image[rows][mask]
+        if len(inside):
+            clipped = saturated(inside, capture.clip) if capture.clipped is None else capture.clipped[rows][mask]
+            spoilt += int(clipped.any(axis=1).sum())
+            total += inside.sum(axis=0, dtype=np.float64)
+            products += inside.T.astype(np.float64) @ inside
+    pixels = int(capture.mask.sum())
+    means, sizes = total / pixels, np.sqrt(np.diag(products))
+    # Where all of it faces one way, the channels are alike under any light: only equal ones tell something there.
+    told = np.ptp(means) <= 1e-3 * means.max() or (sizes**2 / pixels > 1.01 * means**2).all()
+    if told and (products >= np.cos(ALIKE) * np.outer(sizes, sizes)).all():
+        log.warning(
+            "%sthe photo's three channels are all but the same: it looks like a photo under white light, which tells "
+            "no normals; of three photos under one white light each, mpsnet superpose --channels makes one that does",
+            which,
+        )
+    if spoilt > 0.05 * pixels:
+        share = 100 * spoilt / pixels
+        log.info("%s%.0f%% of the object's pixels are saturated, and wrong; expose shorter", which, share)
+    if capture.white_clipped is not None:
+        spoilt = int(capture.white_clipped[capture.mask].any(axis=1).sum())
+        if spoilt > 0.05 * pixels:
+            log.info(
+                "%s%.0f%% of the white photo's pixels are saturated; expose it shorter", which, 100 * spoilt / pixels
+            )
+    if np.array_equal(capture.rig.mixing, np.eye(3)) and means.min() > 0 and means.max() > 1.5 * means.min():
+        log.info(
+            "%sone channel is %.1f times as bright as another: the object is coloured or the lights are unequal, which "
+            "misleads the models lambertian and mpsnet unless the mixing is in the rig; multiscale allows for it",
+            which,
+            means.max() / means.min(),
+        )

@@ -1,0 +1,322 @@
+"""Where the object is: masks from files, alpha, a threshold, the empty scene, or the picture's border alone."""
+
+import logging
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.block_means import block_means
+from mpsnet_core.arrays.mask_regions import filled, grown, labelled, shrunk, without_holes, without_specks
+from mpsnet_core.arrays.robust_statistics import DEVIATIONS
+from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.capture.correction import Correction, corrected
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.images import Encoding, Image, layer_in, read_image, read_mask
+
+log = logging.getLogger(__name__)
+
+Notes = Literal["all", "doubts", "none"]
+
+# Object and background are told apart in a picture of at most this side; the outline is then drawn at full size,
+# within so many of that picture's pixels.
+WORKING_SIDE, OUTLINE = 1024, 2
+# The picture's border, by which the background is known, is as wide as this share of the shorter side; the object may
+# take up so much of it.
+BORDER_SHARE, OBJECT_AT_BORDER = 0.04, 0.2
+# On a screen's scale, 0 to 1: what differs less from the background is it, and a background below it is dark.
+LEAST_CONTRAST, DARK = 0.02, 0.1
+# Gaps up to this share of the picture's side are closed; holes are filled up to these shares of the object's area, the
+# first where a shadow may have made them, the second always.
+GAP, SHADOW, SPECK = 0.004, 0.05, 0.001
+# Parts smaller than this share of the largest are not of the object.
+PART = 0.02
+# Otsu's criterion, 0 to 1: 0.64 for a single bell curve cut in two.
+CLEAR = 0.75
+# Shares of the photo. What is below the first and not clear is noise; most objects are between the others.
+NOISE_SHARE, SMALL_SHARE, LARGE_SHARE = 0.002, 0.01, 0.8
+
+
+def find_mask(
+    image: Image,
+    choice: str | os.PathLike[str] | None,
+    *,
+    encoding: Encoding = "auto",
+    layer: str | None = None,
+    correction: Correction | None = None,
+    notes: Notes = "all",
+) -> NDArray[np.bool_]:
+    """The object's pixels in a photo, (H, W) bool.
+
+    choice: a mask file; "alpha"; "none", the whole photo; "threshold:T", see :func:`threshold_mask`; "auto", see
+        :func:`auto_mask`; "background:FILE", a photo of the same scene without the object, see
+        :func:`background_mask`; "alpha-or-auto": alpha where the photo has it, else as "auto", and the whole photo
+        where nothing stands out. None: alpha where the photo has it, else the whole photo.
+    encoding, layer, correction: how the photo was read and corrected; the background's photo is too, but for the layer
+        where it has one alone.
+
+    notes: what to tell of a mask that is found: "all", its size and "doubts", or "none".
+
+    Raises InputError where a file is missing or broken, or nothing
+    stands out from the background.
+    """
+    words = "" if choice is None else os.fspath(choice)
+    kind, _, given = words.partition(":")
+    if words == "none" or (not words and image.alpha is None):
+        if not words:
+            log.warning("no mask and no alpha: the whole photo is taken as the object")
+        return _whole(image)
+    if words in ("", "alpha"):
+        if image.alpha is None:
+            raise InputError("the photo has no alpha channel to take the mask from; give a mask file or a threshold")
+        return image.alpha > 0.5
+    if words == "alpha-or-auto":
+        try:
+            return find_mask(image, "auto" if image.alpha is None else "alpha", notes=notes)
+        except InputError:
+            log.warning("no object stands out from the background: the whole photo is taken as the object")
+            return _whole(image)
+    if words == "auto":
+        return auto_mask(image.pixels, notes)
+    if kind == "threshold":
+        return threshold_mask(image.pixels, given)
+    if kind == "background":
+        if not given:
+            raise InputError("a mask by background names a photo of the scene without the object: background:FILE")
+        background = read_image(given, encoding=encoding, layer=layer_in(given, layer))
+        if correction is not None:
+            background = corrected(background, correction)
+        return background_mask(image.pixels, background.pixels, notes)
+    if not Path(words).exists():
+        raise InputError(
+            f"mask {words} does not exist, and is none of alpha, auto, none, threshold:T and background:FILE; check it"
+        )
+    return read_mask(words)
+
+
+def _whole(image: Image) -> NDArray[np.bool_]:
+    """True for every pixel; it is to be read only, and takes no memory."""
+    return np.broadcast_to(np.True_, image.pixels.shape[:2])
+
+
+def mask_source(choice: str) -> str | None:
+    """The file, folder or pattern that a choice of mask names, None where it is a word: that a folder may be called so
+    too changes nothing."""
+    if choice in ("alpha", "auto", "alpha-or-auto", "none") or choice.startswith("threshold:"):
+        return None
+    return choice.removeprefix("background:")
+
+
+def threshold_mask(pixels: NDArray[np.float32], threshold: str | float) -> NDArray[np.bool_]:
+    """(H, W) bool: where the brightest channel is above `threshold` (0 to 1) times its 99.9th percentile."""
+    try:
+        level = float(threshold)
+    except ValueError:
+        level = -1.0
+    if not 0 <= level < 1:
+        raise InputError(f"a mask threshold is a number from 0 up to 1, not {threshold!r}; 0.05 is a good start")
+    brightest = np.nan_to_num(pixels.max(axis=-1), posinf=0.0)
+    return brightest > level * np.percentile(brightest, 99.9)
+
+
+def auto_mask(pixels: NDArray[np.float32], notes: Notes = "all") -> NDArray[np.bool_]:
+    """(H, W) the object before a dark or plain background, which takes up most of the picture's border.
+
+    pixels: (H, W, 3) linear. The background is a smooth surface (a quadratic in x and y for each channel) through the
+    border's values. What differs from it by more than border and noise do, and more than the threshold that parts all
+    differences best (Otsu 1979, on their logarithm), is the object. Gaps in it are closed, and holes that a shadow may
+    have made are filled: small ones where the background is dark too, or that do not look like it.
+
+    Raises InputError where nothing stands out.
+    """
+    factor = _factor(pixels)
+    small = block_means(pixels, factor)
+    white = _white(small)
+    photo = _on_screen(small, white)
+    behind = _smooth_background(photo)
+
+    def contrast(rows: slice) -> NDArray[np.float32]:
+        lines, columns = np.arange(rows.start, rows.stop) // factor, np.arange(pixels.shape[1]) // factor
+        return _contrast(_on_screen(pixels[rows], white), behind[lines][:, columns])
+
+    return _outlined(_standing_out(photo, behind, notes), contrast, factor, pixels.shape[:2])
+
+
+def background_mask(
+    pixels: NDArray[np.float32], background: NDArray[np.float32], notes: Notes = "all"
+) -> NDArray[np.bool_]:
+    """(H, W) where the photo differs from one of the same scene without the object.
+
+    pixels, background: (H, W, 3) linear, under the same lights. The exposure may differ: the ratio is taken from the
+    picture's border. Otherwise as :func:`auto_mask`; a shadow that the object casts differs from the scene as well.
+
+    Raises InputError where the sizes differ or nothing stands out.
+    """
+    if background.shape != pixels.shape:
+        sizes = [f"{array.shape[1]} x {array.shape[0]}" for array in (background, pixels)]
+        raise InputError(f"the background is {sizes[0]} but the photo is {sizes[1]}; take both with the same camera")
+    factor = _factor(pixels)
+    small, empty = block_means(pixels, factor), block_means(background, factor)
+    white = _white(small)
+    scale = white / _exposure_ratio(small, empty)
+    photo, behind = _on_screen(small, white), _on_screen(empty, scale)
+
+    def contrast(rows: slice) -> NDArray[np.float32]:
+        return _contrast(_on_screen(pixels[rows], white), _on_screen(background[rows], scale))
+
+    return _outlined(_standing_out(photo, behind, notes), contrast, factor, pixels.shape[:2])
+
+
+# --- what stands out --------------------------------------------------------------------------------------------------
+
+
+class _Found(NamedTuple):
+    """The object's mask in the small picture, and the contrast that an object's pixel has at least."""
+
+    mask: NDArray[np.bool_]
+    threshold: float
+
+
+def _standing_out(photo: NDArray[np.float32], behind: NDArray[np.float32], notes: Notes) -> _Found:
+    """The object where a photo differs from what is behind it, both (H, W, 3) on the screen's scale."""
+    contrast = _contrast(photo, behind)
+    at_border = contrast[_border(contrast.shape)]
+    # Twice what noise and a background of several things do, where the object is not.
+    least = max(LEAST_CONTRAST, 2 * float(np.quantile(at_border, 1 - OBJECT_AT_BORDER)))
+    parting, clearness = _otsu(np.log(np.maximum(contrast, least / 4)))
+    threshold = max(float(np.exp(parting)), least)
+    mask = _mended(contrast > threshold, contrast, threshold, dark=float(np.median(behind)) < DARK)
+    if not mask.any() or (clearness < CLEAR and mask.mean() < NOISE_SHARE):
+        raise InputError("no object stands out from the background; give a mask file, or a photo of the background")
+    if notes == "all":
+        share = 100 * mask.mean()
+        log.info("the mask covers %.1f%% of the photo; it is clear by %.2f, where 1 is wholly", share, clearness)
+    if notes != "none":
+        _note_doubts(mask, clearness)
+    return _Found(mask, threshold)
+
+
+def _mended(
+    mask: NDArray[np.bool_], contrast: NDArray[np.float32], threshold: float, *, dark: bool
+) -> NDArray[np.bool_]:
+    """The mask without specks, its gaps closed and the holes filled that a shadow may have made."""
+    mask = without_specks(mask, PART * labelled(mask)[1][1:].max(initial=0))
+    gap = max(1, round(GAP * max(mask.shape)))
+    mask = shrunk(grown(mask, gap), gap)
+
+    def by_shadow(labels: NDArray[np.int32], sizes: NDArray[np.int64]) -> NDArray[np.bool_]:
+        unlike = np.bincount(labels.ravel(), contrast.ravel(), len(sizes)) / np.maximum(sizes, 1)
+        area = sizes[0]
+        return (sizes <= SPECK * area) | ((sizes <= SHADOW * area) & (dark | (unlike > threshold / 2)))
+
+    mask = without_holes(mask, by_shadow)
+    return without_specks(mask, PART * labelled(mask)[1][1:].max(initial=0))
+
+
+def _note_doubts(mask: NDArray[np.bool_], clearness: float) -> None:
+    share, touching = mask.mean(), mask[_border(mask.shape, 1)].mean()
+    if clearness < CLEAR:
+        log.warning("object and background hardly differ in places: look at the mask before you use it")
+    if touching > 0.01:
+        log.warning(
+            "the mask meets %.0f%% of the photo's border: is the object wholly in the picture, before a dark or plain "
+            "background?",
+            100 * touching,
+        )
+    if not SMALL_SHARE <= share <= LARGE_SHARE:
+        size = "small" if share < SMALL_SHARE else "large"
+        log.warning("the mask is %s for an object: look at it before you use it", size)
+
+
+def _otsu(values: NDArray[np.float32]) -> tuple[float, float]:
+    """The threshold that parts values best, and how well: variance between the two classes by all variance, 0 to 1."""
+    counts, edges = np.histogram(values, 256)
+    share, middles = counts / counts.sum(), (edges[1:] + edges[:-1]) / 2
+    weight, moment = np.cumsum(share)[:-1], np.cumsum(share * middles)
+    mean = moment[-1]
+    inner = weight * (1 - weight)
+    between = np.divide((mean * weight - moment[:-1]) ** 2, inner, out=np.zeros_like(inner), where=inner > 1e-12)
+    # Between two classes far apart every threshold is as good: the middle one.
+    best = np.flatnonzero(between >= between.max() * (1 - 1e-9))
+    total = float((share * (middles - mean) ** 2).sum())
+    return float(edges[1 + best[len(best) // 2]]), float(between.max() / total) if total > 0 else 0.0
+
+
+# --- the background ---------------------------------------------------------------------------------------------------
+
+
+def _smooth_background(photo: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(H, W, 3) the quadratic through the border's values, fitted to the most of them that agree."""
+    height, width, channels = photo.shape
+    y, x = np.meshgrid(np.linspace(-1, 1, height), np.linspace(-1, 1, width), indexing="ij")
+    powers = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1).astype(np.float32)
+    border = _border(photo.shape)
+    behind = np.empty_like(photo)
+    for channel in range(channels):
+        values, terms = photo[border, channel], powers[border]
+        fitted = np.full_like(values, np.median(values))
+        for _ in range(6):
+            off = np.abs(values - fitted)
+            agree = off <= 4 * max(DEVIATIONS * float(np.median(off)), LEAST_CONTRAST / 8)
+            factors = np.linalg.lstsq(terms[agree], values[agree], rcond=None)[0]
+            fitted = terms @ factors
+        behind[..., channel] = np.clip(powers @ factors, values[agree].min(), values[agree].max())
+    return behind
+
+
+def _exposure_ratio(photo: NDArray[np.float32], background: NDArray[np.float32]) -> float:
+    """By how much the photo is brighter than the background, at the picture's border; 1 where that is too dark."""
+    border = _border(photo.shape)
+    shown, empty = photo[border], background[border]
+    bright = empty > max(float(np.quantile(empty, 0.75)), 0.002 * float(photo.max()))
+    return float(np.median(shown[bright] / empty[bright])) if bright.any() else 1.0
+
+
+def _border(shape: tuple[int, ...], wide: int | None = None) -> NDArray[np.bool_]:
+    """(H, W) the pixels along the picture's border, `wide` or BORDER_SHARE of its shorter side."""
+    wide = wide or max(2, round(BORDER_SHARE * min(shape[:2])))
+    border = np.ones(shape[:2], bool)
+    border[wide:-wide, wide:-wide] = False
+    return border
+
+
+# --- sizes and scales -------------------------------------------------------------------------------------------------
+
+
+def _outlined(
+    found: _Found, contrast: Callable[[slice], NDArray[np.float32]], factor: int, shape: tuple[int, ...]
+) -> NDArray[np.bool_]:
+    """The small mask at full size, (H, W): along its outline each pixel is judged by its own contrast."""
+    if factor == 1:
+        return found.mask
+    height, width = shape
+    columns = np.arange(width) // factor
+    surely, maybe = shrunk(found.mask, OUTLINE), grown(found.mask, OUTLINE)
+    mask = np.empty((height, width), bool)
+    for rows in bands(height):
+        lines = np.arange(rows.start, rows.stop) // factor
+        mask[rows] = (contrast(rows) > found.threshold) & maybe[lines][:, columns] | surely[lines][:, columns]
+    fine = factor**2 * OUTLINE**2
+    return without_specks(filled(mask, fine), fine)
+
+
+def _factor(pixels: NDArray[np.float32]) -> int:
+    return -(-max(pixels.shape[:2]) // WORKING_SIDE)
+
+
+def _white(small: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(3,) what counts as white in each channel, so that a weak light's counts as much as a strong one's."""
+    return np.maximum(np.quantile(small, 0.999, axis=(0, 1)), 1e-9).astype(np.float32)
+
+
+def _on_screen(pixels: NDArray[np.float32], white: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Values about as the eye counts them, 0 to 1; the root also makes light's own noise as large everywhere."""
+    return np.sqrt(np.clip(np.nan_to_num(pixels / white), 0, 1))
+
+
+def _contrast(photo: NDArray[np.float32], behind: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(H, W) the largest difference of the three channels."""
+    return np.abs(photo - behind).max(axis=-1)

@@ -1,0 +1,194 @@
+"""Which photos are meant by files, folders and frame patterns, and what their results are called."""
+
+import glob
+import itertools
+import os
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.files import IMAGE_SUFFIXES, PHOTO_SUFFIXES, RAW_SUFFIXES, makeable_folder, resolved, writable_path
+from mpsnet_core.io.images import checked_bits
+
+# What a photo's name is given to name its normals.
+RESULT = "_normals"
+
+# So many gaps in a sequence are named; more are only said to be.
+NAMED_GAPS = 5
+
+
+@dataclass(frozen=True)
+class Numbering:
+    """The numbers of files whose names differ in one run of digits alone, or of one file by its last: of a sequence.
+
+    head, tail: the names without suffix, before and behind the digits. digits: of each file, as written.
+    """
+
+    head: str
+    tail: str
+    digits: tuple[str, ...]
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """The frame number of each file."""
+        return tuple(map(int, self.digits))
+
+    @property
+    def stems(self) -> list[str]:
+        """The files' names without suffix, the number moved behind all other digits, where Blender looks for it."""
+        if not re.search("[0-9]", self.tail):
+            return [f"{self.head}{digits}{self.tail}" for digits in self.digits]
+        return [f"{self.head.rstrip('_.- ')}{self.tail}_{digits}" for digits in self.digits]
+
+    @property
+    def step(self) -> int:
+        """How far apart the numbers of two frames are that follow each other: the smallest distance of any two."""
+        return min((b - a for a, b in itertools.pairwise(sorted(self.numbers))), default=1)
+
+    @property
+    def gaps(self) -> str:
+        """The numbers that are missing between the first and the last, in words; "" where none is."""
+        step, gaps = self.step, []
+        for a, b in itertools.pairwise(sorted(self.numbers)):
+            first, last = a + step, a + (b - a - 1) // step * step
+            if first <= last:
+                gaps.append(str(first) if first == last else f"{first} to {last}")
+        return ", ".join(gaps[:NAMED_GAPS] + ["and more"] * (len(gaps) > NAMED_GAPS))
+
+
+def numbering(files: Sequence[Path]) -> Numbering | None:
+    """The numbers of `files`, or None where they are no sequence: names that differ in more, or a number twice."""
+    names = [re.split("([0-9]+)", file.stem) for file in files]
+    if len({len(name) for name in names}) != 1:
+        return None
+    columns = list(zip(*names, strict=True))
+    differing = [place for place, column in enumerate(columns) if len(set(column)) > 1]
+    if len(files) == 1 and len(columns) > 1:
+        differing = [len(columns) - 2]
+    if len(differing) != 1 or differing[0] % 2 == 0:  # text stands at even places, digits between
+        return None
+    place = differing[0]
+    found = Numbering("".join(names[0][:place]), "".join(names[0][place + 1 :]), columns[place])
+    return found if len(set(found.numbers)) == len(files) else None
+
+
+def natural_order(file: Path) -> tuple[list[str | int], str]:
+    """Sorts frame_2 before frame_10: runs of digits count as numbers."""
+    parts: list[str | int] = [
+        int(part) if place % 2 else part for place, part in enumerate(re.split("([0-9]+)", file.name))
+    ]
+    return parts, file.name
+
+
+def expand_images(inputs: Sequence[str | os.PathLike[str]]) -> list[Path]:
+    """The photos meant by `inputs`, in order: files as they are, a folder's or a pattern's images by name, numbers in
+    names by their size (frame_2 before frame_10).
+
+    A run of # in a pattern stands for as many digits; * and ? as in a shell. Where a camera wrote a photo both as raw
+    and as JPEG, folders and patterns mean the raw file.
+
+    Raises InputError where something is missing or matches no image.
+    """
+    photos: list[Path] = []
+    for given in inputs:
+        path = Path(given)
+        if path.is_dir():
+            # A folder may hold the results of an earlier run beside the photos.
+            found = _photos(file for file in path.iterdir() if not _is_result(file))
+            if not found:
+                kinds = ", ".join(IMAGE_SUFFIXES)
+                raise InputError(f"folder {path} holds no images ({kinds}, or camera raw); choose another")
+        elif path.is_file():
+            found = [path]
+        elif any(sign in path.name for sign in "#*?"):
+            found = _photos(matching_files(path))
+            if RESULT not in path.stem:  # as in a folder
+                found = [file for file in found if not _is_result(file)]
+            if not found:
+                raise InputError(f"no image matches {path}; check the pattern")
+        else:
+            raise InputError(f"image {path} does not exist; check the path")
+        photos += found
+    return photos
+
+
+def is_several(given: str | os.PathLike[str]) -> bool:
+    """Whether a folder or a pattern is meant, and not one file."""
+    path = Path(given)
+    return path.is_dir() or (bool(set("#*?") & set(path.name)) and not path.is_file())
+
+
+def matching_files(given: str | os.PathLike[str], what: str = "image") -> list[Path]:
+    """The files of a folder, or those that match a pattern, numbers in names by their size; see :func:`expand_images`.
+
+    what: they are called. Raises InputError where there are none.
+    """
+    path = Path(given)
+    if path.is_dir():
+        found = path.iterdir()
+    else:
+        found = path.parent.glob(re.sub("#", "[0-9]", glob.escape(path.name).replace("[*]", "*").replace("[?]", "?")))
+    files = sorted((file for file in found if file.is_file() and not file.name.startswith(".")), key=natural_order)
+    if not files:
+        raise InputError(f"no {what} matches {path}; check the pattern")
+    return files
+
+
+def output_files(photos: Sequence[Path], output: str | os.PathLike[str], suffix: str) -> list[Path]:
+    """Where each photo's normals go: `output` itself for one photo, NAME_normals in the folder `output` for several.
+
+    Raises InputError where two results would share a name, or a result would overwrite a photo.
+    """
+    target = Path(output)
+    if len(photos) == 1 and not target.is_dir() and (target.suffix or target.is_file()):
+        checked_bits(target)
+        check_apart(photos, [target])
+        return [writable_path(target)]
+    results_folder(target, f"there are {len(photos)} photos")
+    checked_bits(Path(f"normals{suffix}"))
+    numbered = numbering(photos)
+    stems = numbered.stems if numbered else [photo.stem for photo in photos]
+    files = [target / f"{stem}{RESULT}{suffix}" for stem in stems]
+    if len(set(files)) < len(files):
+        twice = next(file for file, times in Counter(files).items() if times > 1)
+        raise InputError(f"two photos would both be written to {twice}; rename one or estimate them apart")
+    check_apart(photos, files)
+    return files
+
+
+def results_folder(output: str | os.PathLike[str], given: str, what: str = "normals") -> Path:
+    """The folder for the normals of several pictures, which is made with the first of them.
+
+    given: what asks for a folder, for people. what: what goes into it, if not normals.
+
+    Raises InputError where `output` names a file, or cannot be made.
+    """
+    target = Path(output)
+    if not target.is_dir() and (target.exists() or target.suffix.lower() in PHOTO_SUFFIXES):
+        raise InputError(f"{target} is one file, but {given}; give a folder")
+    return makeable_folder(target, what)
+
+
+def check_apart(taken: Iterable[str | os.PathLike[str]], outputs: Iterable[str | os.PathLike[str]]) -> None:
+    """Raises InputError where one of `outputs` is among the files that are `taken` already, as input or output."""
+    files = {resolved(file) for file in taken}
+    for output in outputs:
+        if resolved(output) in files:
+            raise InputError(f"the result would overwrite {output}, a file that it needs; choose another output")
+
+
+def _is_result(file: Path) -> bool:
+    return file.stem.endswith(RESULT)
+
+
+def _photos(files: Iterable[Path]) -> list[Path]:
+    found = sorted(filter(_is_image, files), key=natural_order)
+    raw = {file.with_suffix("") for file in found if file.suffix.lower() in RAW_SUFFIXES}
+    return [file for file in found if file.suffix.lower() not in (".jpg", ".jpeg") or file.with_suffix("") not in raw]
+
+
+def _is_image(file: Path) -> bool:
+    return file.suffix.lower() in PHOTO_SUFFIXES and not file.name.startswith(".") and file.is_file()

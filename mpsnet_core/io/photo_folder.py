@@ -1,0 +1,56 @@
+"""PhotoFolder: photos found by their names without suffix."""
+
+import os
+from collections.abc import Collection
+from pathlib import Path
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.files import PHOTO_SUFFIXES, RAW_SUFFIXES
+
+
+class PhotoFolder:
+    """A folder of photos or masks, with folders in it or not. Each is listed once, however many are looked for.
+
+    Raises InputError where it is no folder.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], what: str = "photos") -> None:
+        self.path = Path(path)
+        if not self.path.is_dir():
+            raise InputError(f"{path} is not a folder; name the folder of the {what}")
+        self._listed: dict[Path, dict[str, list[Path]]] = {}
+
+    def find(
+        self, stems: Collection[str], who: str, within: Path | None = None, *, raw_only: bool = False
+    ) -> Path | None:
+        """The one image in the folder `within` (this one unless given) that has one of these names without suffix.
+
+        Where a camera wrote a photo both as raw and otherwise, the raw file is meant. Upper and lower case count where
+        they tell images apart. raw_only: nothing but a raw file will do.
+
+        Raises InputError, for `who`, where several fit.
+        """
+        folder = self.path if within is None else within
+        if folder not in self._listed:
+            self._listed[folder] = _by_stem(folder)
+        alike = [file for stem in {stem.lower() for stem in stems} for file in self._listed[folder].get(stem, [])]
+        found = sorted([file for file in alike if file.stem in stems] or alike)
+        raw = [file for file in found if file.suffix.lower() in RAW_SUFFIXES]
+        if len(raw) == 1 or raw_only:
+            return raw[0] if len(raw) == 1 else None
+        if len(found) > 1:
+            names = ", ".join(file.name for file in found)
+            raise InputError(f"{who} may be any of {names} in {folder}; keep one of them")
+        return found[0] if found else None
+
+
+def _by_stem(folder: Path) -> dict[str, list[Path]]:
+    """The images of a folder by their names without suffix, in lower case; none where it cannot be listed."""
+    found: dict[str, list[Path]] = {}
+    try:
+        for file in folder.iterdir():
+            if file.suffix.lower() in PHOTO_SUFFIXES and file.is_file():
+                found.setdefault(file.stem.lower(), []).append(file)
+    except (OSError, ValueError):  # not there, or a name that is too long or holds a zero
+        return {}
+    return found

@@ -1,0 +1,52 @@
+"""Lines that change when what a result was made from changes: how a run that goes on knows what need not be made."""
+
+import hashlib
+import os
+from pathlib import Path
+
+from mpsnet_core import __version__
+from mpsnet_core.io.files import existing_file
+
+
+def made_line(what: str, facts: str) -> str:
+    """The line that a picture keeps: what it is, and what changes with any of the facts that it was made of."""
+    digest = hashlib.sha256(facts.encode(errors="surrogateescape")).hexdigest()
+    return f"{what} by mpsnet {__version__}, {digest[:32]}"
+
+
+def is_made(picture: Path, line: str) -> bool:
+    """Whether a picture is there, keeps this line, and is whole."""
+    from mpsnet_core.io.images import image_description, is_whole
+
+    return image_description(picture) == line and is_whole(picture)
+
+
+def identity(given: str | os.PathLike[str] | None) -> str:
+    """Text that changes when the file or files that are meant do: their names, sizes and times.
+
+    given: a file, a folder or a pattern (frame_####.png), also behind "background:". What means no file stands for
+    itself.
+    """
+    if given is None:
+        return str(given)
+    from mpsnet_core.io.frames import is_several, matching_files
+
+    path = Path(str(given).removeprefix("background:"))
+    if path.is_file():
+        files = [path]
+    elif is_several(path):
+        files = matching_files(path)
+    else:
+        return str(given)
+    return "; ".join(map(_stamp, files))
+
+
+def content(file: str | os.PathLike[str]) -> str:
+    """Text that changes with what a file holds. Raises InputError where there is no such file."""
+    with existing_file(file, "file").open("rb") as opened:
+        return hashlib.file_digest(opened, "sha256").hexdigest()
+
+
+def _stamp(file: Path) -> str:
+    facts = existing_file(file, "file").stat()
+    return f"{file.name} {facts.st_size} {facts.st_mtime_ns}"

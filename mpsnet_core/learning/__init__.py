@@ -1,0 +1,1 @@
+"""Learning: training of the networks, and evaluation of every model."""

@@ -1,0 +1,141 @@
+"""Colour: one smooth shape in many colours; what their edges cost, and what a change of colour alone does."""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.io.text_table import table_of_means
+from mpsnet_core.learning.evaluation.diligent import protocol_weights
+from mpsnet_core.learning.evaluation.evaluation import Evaluation
+from mpsnet_core.learning.evaluation.measure import Case, Result
+from mpsnet_core.learning.evaluation.scenes import HELD_OUT_BLOB, SIZE, held_out_blob, ideal_photograph, published_view
+from mpsnet_core.scene.normal_map import angular_error
+from mpsnet_core.synthesis.recipe import Colour, Material, Pattern, Recipe
+from mpsnet_core.synthesis.reflectance import load_reflectance
+from mpsnet_core.synthesis.shading.pattern import material_weights
+from mpsnet_core.synthesis.shading.surface_points import Surface
+from mpsnet_core.synthesis.shading.synthesise import synthesise
+from mpsnet_core.synthesis.shapes import Shape
+
+ROUGHNESS = 0.6
+WHITE: Colour = (0.8, 0.8, 0.8)
+RED, GREEN, BLUE, YELLOW, DARK = (
+    (0.6, 0.06, 0.04),
+    (0.06, 0.36, 0.08),
+    (0.05, 0.09, 0.5),
+    (0.75, 0.55, 0.05),
+    (0.06, 0.06, 0.06),
+)
+MANY = (RED, GREEN, BLUE, YELLOW, DARK, WHITE)
+
+# The colours of the surface and how they are spread; white, which the others are compared with, comes first.
+COLOURINGS: dict[str, tuple[tuple[Colour, ...], Pattern]] = {
+    "white": ((WHITE,), Pattern()),
+    "red": ((RED,), Pattern()),
+    "hard cells": (MANY, Pattern("voronoi", scale=3.0, seed=1)),
+    "hard stripes": ((RED, WHITE, BLUE, YELLOW), Pattern("stripes", scale=4.0, direction=(0.6, 0.8, 0.0), warp=0.3)),
+    "soft bands": (MANY, Pattern("noise", scale=1.0, softness=0.5, seed=2)),
+    "soft grey": ((WHITE, DARK), Pattern("noise", scale=2.5, softness=0.6, seed=3)),
+}
+# Neighbouring pixels whose colours differ by more than this share of the brighter are a change of colour.
+CHANGE = 0.02
+NEAR = 3  # pixels
+
+
+class ColourChanges(Evaluation):
+    """A blob that no training data shows, in one and in many colours of equal roughness, under direct light.
+
+    protocols, size: as in :class:`mpsnet_core.learning.evaluation.materials.Materials`.
+    """
+
+    title = "One blob, many colours"
+
+    def __init__(self, *, protocols: Sequence[str] = ("published",), size: int = SIZE) -> None:
+        for protocol in protocols:
+            protocol_weights(protocol)
+        self._white: dict[tuple[str, str], NDArray[np.float32]] = {}
+        self.cases = [partial(_case, name, protocol, size) for name in COLOURINGS for protocol in protocols]
+
+    def rows(self, results: Sequence[Result]) -> list[dict[str, Any]]:
+        """Rows that also have "moved_deg": the mean angle between this estimate and that of the same shape in white."""
+        rows = []
+        for result, row in zip(results, super().rows(results), strict=True):
+            white = self._white.setdefault((row["protocol"], result.model), result.estimate.vectors)
+            moved = angular_error(result.estimate.vectors, white)[result.case.scored].mean()
+            rows.append({**row, "moved_deg": round(float(moved), 4)} if row["colouring"] != "white" else row)
+        return rows
+
+    def table(self, rows: Sequence[dict[str, Any]]) -> str:
+        """A line for each protocol, model and measure, a column for each colouring."""
+        measures = {
+            "error": "mae_deg",
+            "near edges": "near_edges_deg",
+            "far from edges": "far_from_edges_deg",
+            "moved by colour": "moved_deg",
+        }
+        lines = [
+            {**row, "measure": words, "value": row.get(key)}
+            for protocol in dict.fromkeys(row["protocol"] for row in rows)
+            for model in dict.fromkeys(row["model"] for row in rows)
+            for words, key in measures.items()
+            for row in rows
+            if (row["protocol"], row["model"]) == (protocol, model)
+        ]
+        return table_of_means(lines, ("protocol", "model", "measure"), "colouring", "value")
+
+    def notes(self, rows: Sequence[dict[str, Any]]) -> list[str]:
+        """What the measures mean."""
+        return [
+            f"near edges: within {NEAR} pixels of neighbouring pixels whose surface colours, as the recipe says them, "
+            f"differ by more than {CHANGE:.0%} of the brighter",
+            "moved by colour: mean angle between the estimates of the same shape in these colours and in white",
+        ]
+
+
+def _case(name: str, protocol: str, size: int) -> Case:
+    colours, pattern = COLOURINGS[name]
+    materials = tuple(Material(base_color=colour, roughness=ROUGHNESS) for colour in colours)
+    recipe = published_view(HELD_OUT_BLOB, materials, size, pattern=pattern)
+    sample = synthesise(recipe, held_out_blob(), [load_reflectance(material) for material in materials])
+    near = near_colour_edges(surface_colours(recipe, held_out_blob()))
+    return Case(
+        {"object": "blob", "colouring": name, "protocol": protocol},
+        ideal_photograph(sample, protocol),
+        sample.normals,
+        {"near_edges": near, "far_from_edges": ~near},
+    )
+
+
+def surface_colours(recipe: Recipe, shape: Shape) -> NDArray[np.float32]:
+    """(H, W, 3) base colour of the surface at each pixel's middle, from the recipe; NaN where there is none.
+
+    recipe: of principled materials, without paint or dirt.
+    """
+    pixels, _, points = Surface(recipe, shape).seen(recipe.camera)
+    weights = material_weights(recipe.pattern, len(recipe.materials), points.place, points.part)
+    colours = np.full((recipe.camera.height * recipe.camera.width, 3), np.nan, np.float32)
+    colours[pixels] = weights @ np.array([material.base_color for material in recipe.materials], np.float32)
+    return colours.reshape(recipe.camera.height, recipe.camera.width, 3)
+
+
+def near_colour_edges(colours: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """(H, W) whether a pixel is within :data:`NEAR` pixels of a change between neighbours; where NaN begins is none."""
+    height, width = colours.shape[:2]
+    edge = np.zeros((height, width), bool)
+    for axis in (0, 1):
+        one, other = (colours.swapaxes(0, axis)[part] for part in (slice(None, -1), slice(1, None)))
+        # A comparison with NaN is false.
+        changed = np.abs(one - other).max(axis=-1) > CHANGE * np.maximum(one, other).max(axis=-1)
+        view = edge.swapaxes(0, axis)
+        view[:-1] |= changed
+        view[1:] |= changed
+    padded = np.pad(edge, NEAR)
+    near = np.zeros_like(edge)
+    for down in range(2 * NEAR + 1):
+        for right in range(2 * NEAR + 1):
+            if (down - NEAR) ** 2 + (right - NEAR) ** 2 <= NEAR**2:
+                near |= padded[down : down + height, right : right + width]
+    return near

@@ -1,0 +1,85 @@
+"""Confidence against error: how well a model knows where it errs."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.estimate.registry import LAMBERTIAN, LAMBERTIAN_GREY_WORLD
+
+GROUPS = 10
+# Pixels of each photo that are kept until all have been seen.
+PIXELS_A_PHOTO = 4096
+
+
+def rank_correlation(one: NDArray[Any], other: NDArray[Any]) -> float | None:
+    """Spearman's rank correlation of two series (N,); None where one is constant or there are fewer than ten values."""
+    if len(one) < GROUPS or np.ptp(one) == 0 or np.ptp(other) == 0:
+        return None
+    return float(np.corrcoef(_ranks(one), _ranks(other))[0, 1])
+
+
+def error_by_confidence(confidence: NDArray[Any], error: NDArray[Any]) -> NDArray[np.float64]:
+    """(10,) mean errors of ten equally large groups of pixels, those of the highest confidence first.
+
+    Pixels of equal confidence, which no order tells apart, share their mean error.
+    """
+    return _group_means(-confidence, error)
+
+
+def _ranks(values: NDArray[Any]) -> NDArray[np.float64]:
+    """Places in ascending order; equal values share the mean of theirs."""
+    _, place, count = np.unique(values, return_inverse=True, return_counts=True)
+    ranks: NDArray[np.float64] = (np.cumsum(count) - (count - 1) / 2)[place.reshape(-1)]
+    return ranks
+
+
+def _group_means(order: NDArray[Any], values: NDArray[Any]) -> NDArray[np.float64]:
+    """(10,) means of `values` in ten groups by ascending `order`."""
+    _, place, count = np.unique(order, return_inverse=True, return_counts=True)
+    shared = np.repeat(np.bincount(place.reshape(-1), values.astype(np.float64)) / count, count)
+    return np.array([group.mean() for group in np.array_split(shared, GROUPS)])
+
+
+class ConfidencePool:
+    """Confidence and error of pixels from many photos, so many of each, evenly spread."""
+
+    def __init__(self) -> None:
+        self._pixels: dict[str, list[NDArray[np.float32]]] = {}
+
+    def add(self, model: str, confidence: NDArray[np.float32], error: NDArray[np.float32]) -> None:
+        """Take in one photo's scored pixels, (N,) each."""
+        step = -(-len(error) // PIXELS_A_PHOTO)
+        self._pixels.setdefault(model, []).append(np.stack([confidence[::step], error[::step]]))
+
+    def calibration(self) -> list[dict[str, Any]]:
+        """A row for each model whose confidence says something: over all photos' pixels together.
+
+        "rank_correlation": of 1 - confidence and error. "error_deg": ten mean errors, of the most trusted pixels first.
+        "expected_deg": the errors that the model expected of the same groups, 90° · (1 - confidence); networks only, as
+        the baselines' confidence is the share of lights that reach a pixel.
+        """
+        rows = []
+        for model, parts in self._pixels.items():
+            confidence, error = np.concatenate(parts, axis=1)
+            correlation = rank_correlation(1 - confidence, error)
+            if correlation is None:
+                continue
+            row: dict[str, Any] = {
+                "model": model,
+                "rank_correlation": round(correlation, 4),
+                "error_deg": error_by_confidence(confidence, error).round(4).tolist(),
+            }
+            if model.split(" ×")[0] not in (LAMBERTIAN, LAMBERTIAN_GREY_WORLD):  # magnified or not
+                row["expected_deg"] = _group_means(-confidence, 90 * (1 - confidence)).round(4).tolist()
+            rows.append(row)
+        return rows
+
+
+def calibration_lines(row: Mapping[str, Any]) -> list[list[str]]:
+    """A row of :meth:`ConfidencePool.calibration` as lines of a table: model, rank correlation, what, ten groups."""
+    lines = [[row["model"], f"{row['rank_correlation']:.2f}", "error", *(f"{mean:.1f}" for mean in row["error_deg"])]]
+    if "expected_deg" in row:
+        lines.append(["", "", "expected", *(f"{mean:.1f}" for mean in row["expected_deg"])])
+    return lines

@@ -1,0 +1,215 @@
+"""DiLiGenT (Shi et al. 2016) as a test of one-shot captures multiplexed from white photographs."""
+
+import os
+from collections.abc import Sequence
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.capture.capture import Capture
+from mpsnet_core.errors import InputError
+from mpsnet_core.estimate.lambertian import usable_channels
+from mpsnet_core.io.files import existing_file
+from mpsnet_core.io.images import read_data, read_mask
+from mpsnet_core.io.text_table import table_of_means
+from mpsnet_core.learning.evaluation.evaluation import Evaluation
+from mpsnet_core.learning.evaluation.magnify import check_magnify
+from mpsnet_core.learning.evaluation.matfile import read_mat_array
+from mpsnet_core.learning.evaluation.measure import Case
+from mpsnet_core.learning.evaluation.published import PUBLISHED_LIGHTS, Lights, diligent_figures
+from mpsnet_core.scene.normal_map import normalised
+from mpsnet_core.scene.rig import LightRig
+
+OBJECTS = ("ball", "bear", "buddha", "cat", "cow", "goblet", "harvest", "pot1", "pot2", "reading")
+
+# How a white photograph's R, G, B make up one channel of the capture: c_i = Σ_j P_ij I_k(i),j.
+PROTOCOLS: dict[str, NDArray[np.float64]] = {
+    "separated": np.eye(3),
+    "published": np.full((3, 3), 2 / 9) + np.eye(3) * (5 / 9 - 2 / 9),
+    "white": np.full((3, 3), 1 / 3),
+}
+# The data set's authors say so of its bear.
+DAMAGED_PHOTOGRAPHS = 20
+BRIGHT_FACING = "bright_facing_mae_deg"
+
+
+def protocol_weights(protocol: str) -> NDArray[np.float64]:
+    """(3, 3) weights of a protocol of :data:`PROTOCOLS`. Raises InputError where there is none of that name."""
+    if protocol not in PROTOCOLS:
+        raise InputError(f"protocol {protocol!r} is not known; choose {', '.join(PROTOCOLS)}")
+    return PROTOCOLS[protocol]
+
+
+def object_folder(root: str | os.PathLike[str], name: str) -> Path | None:
+    """The folder of one object under DiLiGenT's ``pmsData``, or None where it is absent."""
+    for folder in (Path(root) / f"{name}PNG", Path(root) / "pmsData" / f"{name}PNG"):
+        if folder.is_dir():
+            return folder
+    return None
+
+
+def read_diligent(folder: str | os.PathLike[str], lights: Lights, protocol: str) -> Capture:
+    """Multiplex a capture from three of an object's white photographs.
+
+    lights: numbers from 1; light a gives the red channel, b green, c blue. Each photograph is divided by its light's
+    intensity. protocol: a key of :data:`PROTOCOLS`.
+
+    Raises InputError where a file is missing or does not fit.
+    """
+    folder = Path(folder)
+    channels = protocol_weights(protocol)
+    directions = _numbers(folder / "light_directions.txt")
+    intensities = _numbers(folder / "light_intensities.txt")
+    if (intensities <= 0).any():
+        raise InputError(f"{folder / 'light_intensities.txt'} holds a light without intensity; all must be above 0")
+    names = _text(folder / "filenames.txt").split()
+    count = min(len(directions), len(intensities), len(names))
+    for light in lights:
+        if not 1 <= light <= count:
+            raise InputError(f"{folder.name} has lights 1 to {count}, not {light}; mend --lights")
+    mixed = []
+    for weights, light in zip(channels, lights, strict=True):
+        # The photographs' 16-bit values are linear, whatever the files say.
+        photo, _ = read_data(folder / names[light - 1])
+        mixed.append(photo / intensities[light - 1] @ weights)
+    try:
+        rig = LightRig(directions[[light - 1 for light in lights]])
+    except InputError as error:
+        raise InputError(f"{folder.name}, lights {lights}: {error}") from None
+    return Capture(np.stack(mixed, axis=-1).astype(np.float32), read_mask(folder / "mask.png"), rig)
+
+
+def read_truth(folder: str | os.PathLike[str]) -> NDArray[np.float32]:
+    """(H, W, 3) true normals in camera space. Raises InputError where they are missing."""
+    truth = read_mat_array(Path(folder) / "Normal_gt.mat", "Normal_gt")
+    if truth.ndim != 3 or truth.shape[2] != 3:
+        raise InputError(f"{folder}: Normal_gt has shape {truth.shape}, expected height x width x 3")
+    return normalised(truth).astype(np.float32)
+
+
+class Diligent(Evaluation):
+    """The photographs of DiLiGenT under a root folder, multiplexed.
+
+    objects: of :data:`OBJECTS`; those that are absent are skipped and named. lights, protocols: as for
+    :func:`read_diligent`. magnify: how many times the photographs are magnified, see
+    :func:`mpsnet_core.learning.evaluation.magnify.estimate_magnified`.
+
+    Which pixels all lights reach is not known, as the data has true normals and no shape that casts shadows. Rows have
+    "bright_facing_mae_deg" for the nearest thing to it: the mean over the pixels whose true normal faces all three
+    lights and whose channels are all above 2% of their 99th percentile. Light between surfaces may make a cast shadow
+    so bright.
+
+    Raises InputError where an object or a protocol is not known, or none of the objects is there.
+    """
+
+    title = "DiLiGenT, one photo each"
+
+    def __init__(
+        self,
+        root: str | os.PathLike[str],
+        *,
+        objects: Sequence[str] = OBJECTS,
+        lights: Sequence[Lights] = PUBLISHED_LIGHTS,
+        protocols: Sequence[str] = tuple(PROTOCOLS),
+        magnify: Sequence[int] = (1,),
+    ) -> None:
+        check_magnify(magnify)
+        for name in objects:
+            if name not in OBJECTS:
+                raise InputError(f"DiLiGenT has no object {name!r}; choose {', '.join(OBJECTS)}")
+        for protocol in protocols:
+            protocol_weights(protocol)
+        folders = {name: object_folder(root, name) for name in dict.fromkeys(objects)}
+        if not any(folders.values()):
+            wanted = ", ".join(f"{name}PNG" for name in list(folders)[:2])
+            raise InputError(f"{root} has none of DiLiGenT's folders ({wanted}, ...); give its pmsData folder")
+        self.lights = list(lights)
+        self.absent = [name for name, folder in folders.items() if folder is None]
+        self.cases = [
+            partial(_case, name, folder, triple, protocol, times)
+            for name, folder in folders.items()
+            if folder is not None
+            for triple in lights
+            for protocol in protocols
+            for times in magnify
+        ]
+
+    def table(self, rows: Sequence[dict[str, Any]]) -> str:
+        """A line for each protocol, model and triple, and for the means over the triples; the paper's figures below.
+
+        Below that a line for each protocol and model, of the pixels that face all lights and are bright.
+        """
+        lines: list[dict[str, Any]] = []
+        for protocol in dict.fromkeys(row["protocol"] for row in rows):
+            published = self.published(rows) if protocol == "published" else []
+            table_2, figure_8 = ([r for r in published if bool(r["lights"]) == named] for named in (True, False))
+            measured = [row for row in rows if row["protocol"] == protocol]
+            for model in dict.fromkeys(row["model"] for row in measured):
+                lines += _with_means([row for row in measured if row["model"] == model])
+            lines += _with_means([{**row, "model": f"paper: {row['model']}"} for row in table_2])
+            lines += [{**row, "model": f"paper: {row['model']}", "lights": "figure 8"} for row in figure_8]
+        table = table_of_means(lines, ("protocol", "model", "lights"), "object")
+        if not any(BRIGHT_FACING in row for row in rows):
+            return table
+        bright = table_of_means(rows, ("protocol", "model"), "object", BRIGHT_FACING)
+        return f"{table}\n\nwhere the true normal faces all three lights and no channel is dark\n{bright}"
+
+    def published(self, rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+        """The paper's table 2 and figure 8 of the objects and lights measured; under its own protocol only."""
+        if not any(row["protocol"] == "published" for row in rows):
+            return []
+        return diligent_figures(list(dict.fromkeys(row["object"] for row in rows)), self.lights)
+
+    def notes(self, rows: Sequence[dict[str, Any]]) -> list[str]:
+        """Whose figures these are, and what ails the data."""
+        notes = []
+        if self.published(rows):
+            notes.append("paper: table 2 and figure 8 of Ju et al. 2019, as printed; figure 8 names no lights")
+        damaged = any(row["object"] == "bear" and min(row["lights"]) <= DAMAGED_PHOTOGRAPHS for row in rows)
+        if damaged:
+            notes.append(
+                f"the bear's first {DAMAGED_PHOTOGRAPHS} photographs are known to be damaged; they are used here"
+            )
+        return notes
+
+    def skipped(self) -> list[str]:
+        """The absent objects."""
+        return [f"absent, skipped: {', '.join(self.absent)}"] if self.absent else []
+
+
+def _case(name: str, folder: Path, lights: Lights, protocol: str, magnify: int) -> Case:
+    labels = {"object": name, "lights": list(lights), "protocol": protocol}
+    capture, truth = read_diligent(folder, lights, protocol), _truth(folder)
+    if truth.shape != capture.image.shape:
+        raise InputError(f"{folder}: the truth is {truth.shape}, the photos {capture.image.shape}")
+    bright_facing = usable_channels(capture).all(axis=-1) & (truth @ capture.rig.directions.T > 0).all(axis=-1)
+    return Case(labels, capture, truth, {BRIGHT_FACING.removesuffix("_deg"): bright_facing}, magnify)
+
+
+# Many cases in a row are of one object.
+_truth = lru_cache(maxsize=1)(read_truth)
+
+
+def _with_means(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """One model's rows, and once more as those of all triples, where there are several."""
+    lines = [{**row, "lights": ",".join(map(str, row["lights"]))} for row in rows]
+    triples = len({line["lights"] for line in lines})
+    return lines + [{**line, "lights": f"mean of {triples}"} for line in lines if triples > 1]
+
+
+def _text(path: Path) -> str:
+    return existing_file(path, "DiLiGenT's list").read_text(encoding="utf-8", errors="backslashreplace")
+
+
+def _numbers(path: Path) -> NDArray[np.float64]:
+    try:
+        lines = _text(path).splitlines()
+        values = np.array([[float(number) for number in line.split()] for line in lines if line.strip()])
+    except ValueError as error:
+        raise InputError(f"{path} is not a table of numbers ({error}); copy it again") from None
+    if values.shape[1:] != (3,) or not np.isfinite(values).all():
+        raise InputError(f"{path} must hold three numbers a line; copy it again")
+    return values

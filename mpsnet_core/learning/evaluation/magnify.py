@@ -1,0 +1,91 @@
+"""Magnified photographs: what it costs a model that a thing is shown by more pixels than its detail fills."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.capture.capture import Capture
+from mpsnet_core.errors import InputError
+from mpsnet_core.progress import Progress, silent
+from mpsnet_core.scene.normal_map import NormalMap
+
+MAX_MAGNIFY = 8
+MAX_SIDE = 8192  # pixels of a magnified object
+MARGIN = 2  # pixels around the mask that are magnified with it
+
+
+def check_magnify(magnify: Sequence[int]) -> None:
+    """Raises InputError where photographs are not magnified so many times."""
+    for times in magnify:
+        if not 1 <= times <= MAX_MAGNIFY:
+            raise InputError(f"photographs cannot be magnified {times} times; choose 1, which is not at all, to 8")
+
+
+def magnified_name(name: str, times: int) -> str:
+    """What is told of `name`, a model or a photo, where photographs are magnified so many times."""
+    return name if times == 1 else f"{name} ×{times}"
+
+
+def estimate_magnified(
+    estimator: Callable[[Capture, Progress], NormalMap], capture: Capture, times: int, progress: Progress = silent
+) -> NormalMap:
+    """Normals of the capture on its own pixels (H, W), estimated from the photograph magnified so many times.
+
+    Between neighbours the magnified photograph is bilinear, and every `times`-th of its pixels is a pixel of the
+    photograph, unchanged. The estimate is taken at those alone. So the same pixels are held against the same truth
+    whatever the magnification is: what a row differs by is what magnification costs the model, and for equation 2,
+    which sees one pixel at a time, that is nothing. A magnified truth would count the pixels that interpolation makes
+    up as well, half of one surface and half of another where one ends before the other.
+
+    Of the photograph the mask's box is magnified. Its lights are distant, and its camera is left out.
+
+    Raises InputError where more than :data:`MAX_SIDE` pixels would be a side.
+    """
+    if times == 1:
+        return estimator(capture, progress)
+    box = _box(capture.mask)
+    rows, columns = capture.mask[box].shape
+    if times * max(rows, columns) > MAX_SIDE:
+        raise InputError(
+            f"the object's {columns} x {rows} pixels cannot be magnified {times} times: that is more than {MAX_SIDE} "
+            "a side; magnify less"
+        )
+    large = Capture(
+        _magnified(capture.image[box], times),
+        _magnified(capture.mask[box], times) > 0.5,
+        capture.rig,
+        clip=capture.clip,
+        clipped=None if capture.clipped is None else _magnified(capture.clipped[box], times) > 0,
+        white=None if capture.white is None else _magnified(capture.white[box], times),
+        white_clipped=None if capture.white_clipped is None else _magnified(capture.white_clipped[box], times) > 0,
+    )
+    estimate = estimator(large, progress)
+    vectors, confidence = np.zeros(capture.image.shape, np.float32), np.zeros(capture.mask.shape, np.float32)
+    vectors[box], confidence[box] = estimate.vectors[::times, ::times], estimate.confidence[::times, ::times]
+    return NormalMap(vectors, capture.mask, confidence)
+
+
+def _box(mask: NDArray[np.bool_]) -> tuple[slice, slice]:
+    """The rectangle around the mask, with a margin."""
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    return (
+        slice(max(rows[0] - MARGIN, 0), rows[-1] + MARGIN + 1),
+        slice(max(columns[0] - MARGIN, 0), columns[-1] + MARGIN + 1),
+    )
+
+
+def _magnified(values: NDArray[Any], times: int) -> NDArray[np.float32]:
+    """Values (h, w, ...) with times - 1 more between each two neighbours, both ways, linear."""
+    fine = values.astype(np.float32)
+    for axis in (0, 1):
+        coarse, before = fine, (slice(None),) * axis
+        shape = list(coarse.shape)
+        shape[axis] = (shape[axis] - 1) * times + 1
+        fine = np.empty(shape, np.float32)
+        fine[*before, ::times] = coarse
+        low, step = coarse[*before, :-1], np.diff(coarse, axis=axis)
+        for place in range(1, times):
+            fine[*before, place::times] = low + np.float32(place / times) * step
+    return fine

@@ -1,0 +1,70 @@
+"""One numeric array from a MATLAB 5 file, as DiLiGenT keeps its true normals."""
+
+import os
+import struct
+import zlib
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.files import existing_file
+
+# "MAT-File Format", MathWorks, tables 1-1 and 1-3.
+_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
+_MATRIX, _COMPRESSED, _FIRST_NUMERIC_CLASS = 14, 15, 6
+MAX_BYTES = 1 << 30
+
+
+def read_mat_array(path: str | os.PathLike[str], name: str) -> NDArray[np.float64]:
+    """The real, full, numeric array called `name`, float64 in its own shape.
+
+    Raises InputError where the file is missing, broken or holds no such array.
+    """
+    path = existing_file(path, "MATLAB file")
+    if path.stat().st_size > MAX_BYTES:
+        raise InputError(f"MATLAB file {path} is larger than 1 GiB; it is not DiLiGenT's")
+    data = path.read_bytes()
+    if data[124:128] != b"\x00\x01IM":
+        raise InputError(f"{path} is not a little-endian MATLAB 5 file; save it with -v7")
+    try:
+        for kind, body in _elements(data[128:]):
+            if kind == _COMPRESSED:
+                unpacker = zlib.decompressobj()
+                unpacked = unpacker.decompress(body, MAX_BYTES)
+                if unpacker.unconsumed_tail:
+                    raise InputError(f"{path} unpacks to more than 1 GiB; it is not DiLiGenT's")
+                kind, body = next(_elements(unpacked))
+            if kind == _MATRIX:
+                found = _matrix(body, name)
+                if found is not None:
+                    return found
+    except (zlib.error, struct.error, ValueError, StopIteration, KeyError, IndexError) as error:
+        raise InputError(f"{path} is damaged ({error or 'it ends early'}); copy it again") from None
+    raise InputError(f"{path} holds no numeric array called {name!r}")
+
+
+def _elements(data: bytes) -> Iterator[tuple[int, bytes]]:
+    offset = 0
+    while offset + 8 <= len(data):
+        kind, size = struct.unpack_from("<II", data, offset)
+        if kind >> 16:  # a small element: its size and up to four bytes of data share the tag
+            kind, size, start, end = kind & 0xFFFF, kind >> 16, offset + 4, offset + 8
+        else:
+            start = offset + 8
+            end = start + size + (0 if kind == _COMPRESSED else -size % 8)
+        if start + size > len(data):
+            raise ValueError("it ends early")
+        yield kind, data[start : start + size]
+        offset = end
+
+
+def _matrix(body: bytes, name: str) -> NDArray[np.float64] | None:
+    parts = _elements(body)
+    (_, flags), (_, shape), (_, title) = next(parts), next(parts), next(parts)
+    if title.decode("latin-1") != name or flags[0] < _FIRST_NUMERIC_CLASS:
+        return None
+    kind, values = next(parts)
+    array = np.frombuffer(values, "<" + _TYPES[kind]).astype(np.float64)
+    return array.reshape(np.frombuffer(shape, "<i4"), order="F")

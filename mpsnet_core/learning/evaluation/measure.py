@@ -1,0 +1,137 @@
+"""Measuring: models against photos whose true normals are known."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.capture.capture import Capture
+from mpsnet_core.errors import InputError
+from mpsnet_core.estimate import Estimator
+from mpsnet_core.estimate.registry import AVERAGED_MODEL, shelf
+from mpsnet_core.learning.evaluation.confidence import error_by_confidence, rank_correlation
+from mpsnet_core.learning.evaluation.magnify import estimate_magnified, magnified_name
+from mpsnet_core.progress import Progress, part, silent
+from mpsnet_core.scene.normal_map import NormalMap, angular_error
+
+EVERY_MODEL = "all"
+
+
+@dataclass(frozen=True)
+class Case:
+    """One photo whose normals are known.
+
+    labels: what it shows, as its rows say it. truth: (H, W, 3) true unit normals in camera space, zero where there are
+    none (a mask that is too large reaches there). regions: parts of the picture, (H, W) bool, whose mean errors are
+    told as well, by name. magnify: how many times the photo is magnified before the estimate, which is measured on the
+    photo's own pixels all the same; see :func:`mpsnet_core.learning.evaluation.magnify.estimate_magnified`.
+
+    Raises InputError where truth and photo differ in size, or no pixel of the mask has a true normal.
+    """
+
+    labels: Mapping[str, Any]
+    capture: Capture
+    truth: NDArray[np.float32]
+    regions: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    magnify: int = 1
+
+    def __post_init__(self) -> None:
+        if self.truth.shape != self.capture.image.shape:
+            raise InputError(
+                f"{self.title}: the truth is {self.truth.shape}, the photos {self.capture.image.shape}; take those of "
+                "one size"
+            )
+        if not self.scored.any():
+            raise InputError(f"{self.title}: no pixel inside the mask has a true normal; choose another mask")
+
+    @property
+    def title(self) -> str:
+        """The labels in one line."""
+        return magnified_name(", ".join(_told(value) for value in self.labels.values()), self.magnify)
+
+    @property
+    def scored(self) -> NDArray[np.bool_]:
+        """(H, W) pixels of the mask that have a true normal."""
+        return self.capture.mask & (np.abs(self.truth).max(axis=-1) > 0)
+
+
+@dataclass(frozen=True)
+class Result:
+    """One model's answer to a case. error: (H, W) angular error in degrees, zero where nothing is scored."""
+
+    case: Case
+    model: str
+    estimate: NormalMap
+    error: NDArray[np.float32]
+
+    @property
+    def mae_deg(self) -> float:
+        """Mean angular error over the scored pixels, in degrees."""
+        return float(self.error[self.case.scored].mean(dtype=np.float64))
+
+    def row(self) -> dict[str, Any]:
+        """The result as a row of the table that ``--json`` writes.
+
+        Beside the case's labels, the model and "magnify": "mae_deg", "median_deg", "NAME_deg" for each region that has
+        pixels, and for models that give a confidence "confidence_rank_correlation" (Spearman's, of 1 - confidence and
+        error) and "confidence_decile_deg", the mean errors of ten equally large groups of pixels, the most trusted
+        first.
+        """
+        scored = self.case.scored
+        error, confidence = self.error[scored], self.estimate.confidence[scored]
+        row = {
+            **self.case.labels,
+            "model": self.model,
+            "magnify": self.case.magnify,
+            "mae_deg": _rounded(error.mean(dtype=np.float64)),
+            "median_deg": _rounded(np.median(error)),
+        }
+        for name, region in self.case.regions.items():
+            if (region & scored).any():
+                row[f"{name}_deg"] = _rounded(self.error[region & scored].mean(dtype=np.float64))
+        correlation = rank_correlation(1 - confidence, error)
+        if correlation is not None:
+            row["confidence_rank_correlation"] = _rounded(correlation)
+            row["confidence_decile_deg"] = [_rounded(mean) for mean in error_by_confidence(confidence, error)]
+        return row
+
+
+def chosen_models(names: Sequence[str]) -> list[str]:
+    """The models asked for, each once; "all" stands for every model that `mpsnet models` lists, by one name."""
+    every = [entry.name for entry in shelf() if entry.name != AVERAGED_MODEL]  # a still's answer is the default's
+    return list(dict.fromkeys(name for asked in names for name in (every if asked == EVERY_MODEL else [asked])))
+
+
+def measure(
+    cases: Sequence[Callable[[], Case]], models: Sequence[str], progress: Progress = silent
+) -> Iterator[list[Result]]:
+    """For each case, which is made only then, the results of all models.
+
+    Raises InputError where there is no such model, or a case cannot be made.
+    """
+    estimators = [Estimator(model) for model in models]
+    total = len(cases) * (len(estimators) + 1)  # making a case takes a while too
+    for number, make in enumerate(cases):
+        start = number * (len(estimators) + 1)
+        progress(start / total, f"case {number + 1} of {len(cases)}")
+        case = make()
+        results = []
+        for place, estimator in enumerate(estimators, start + 1):
+            told = f"{case.title}, {estimator.name}"
+            progress(place / total, told)
+            share = part(progress, place / total, (place + 1) / total, told)
+            estimate = estimate_magnified(estimator, case.capture, case.magnify, share)
+            error = np.where(case.scored, angular_error(estimate.vectors, case.truth), 0).astype(np.float32)
+            results.append(Result(case, estimator.name, estimate, error))
+        yield results
+    progress(1.0, "measured")
+
+
+def _told(value: object) -> str:
+    return "-".join(map(str, value)) if isinstance(value, list) else str(value)
+
+
+def _rounded(value: Any) -> float:
+    return round(float(value), 4)

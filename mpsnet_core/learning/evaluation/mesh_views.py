@@ -1,0 +1,68 @@
+"""Views of mesh files: each mesh upright, seen from all around."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.learning.evaluation.scenes import HELD_OUT_SEED, published_view
+from mpsnet_core.synthesis.recipe import Material, Recipe
+from mpsnet_core.synthesis.reflectance import load_reflectance
+from mpsnet_core.synthesis.sample import Sample
+from mpsnet_core.synthesis.shading.synthesise import synthesise
+from mpsnet_core.synthesis.shapes.meshes import load_mesh, mesh_files
+from mpsnet_core.synthesis.shapes.shape import turn_about
+
+VIEWS = 2
+ELEVATION, FIRST_TURN = 15.0, 20.0  # degrees
+MAX_VIEWS = 360
+
+
+@dataclass(frozen=True)
+class MeshView:
+    """A mesh file as it is seen from one side. number: of the view, from 1. turn: degrees about the upright axis."""
+
+    file: Path
+    number: int
+    turn: float
+
+    @property
+    def labels(self) -> dict[str, Any]:
+        """Mesh and view, as rows say them."""
+        return {"object": self.file.stem, "view": self.number}
+
+    def recipe(self, materials: tuple[Material, ...], size: int, **changes: Any) -> Recipe:
+        """The mesh's z upwards in the picture, seen from a little above; see :func:`published_view`."""
+        standing = turn_about((1, 0, 0), ELEVATION - 90).T @ turn_about((0, 0, 1), self.turn).T
+        shape = {
+            "kind": "meshes",
+            "seed": HELD_OUT_SEED,
+            "pose": "upright",
+            "files": [self.file.name],
+            "deformed": False,
+        }
+        return published_view(shape, materials, size, standing, **changes)
+
+    def sample(self, recipe: Recipe, merl: str = "") -> Sample:
+        """What such a recipe shows. merl: where measured materials are. Raises InputError where the mesh is broken."""
+        return synthesise(
+            recipe, load_mesh(str(self.file)), [load_reflectance(material, merl) for material in recipe.materials]
+        )
+
+
+def mesh_views(paths: Sequence[str | os.PathLike[str]], views: int) -> list[MeshView]:
+    """So many views of each mesh. paths: mesh files, or folders of them.
+
+    Raises InputError where a file is missing, a folder has no meshes, or the number of views cannot be shown.
+    """
+    if not 1 <= views <= MAX_VIEWS:
+        raise InputError(f"{views} views of a mesh cannot be shown; choose 1 to {MAX_VIEWS}")
+    files: list[Path] = []
+    for path in map(Path, paths):
+        files += [path / name for name in mesh_files(path)] if path.is_dir() else [path]
+    for file in files:
+        if not file.is_file():
+            raise InputError(f"the mesh file or folder {file} does not exist; check the path")
+    return [MeshView(file, view + 1, FIRST_TURN + 360 * view / views) for file in files for view in range(views)]

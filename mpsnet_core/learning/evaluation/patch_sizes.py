@@ -1,0 +1,137 @@
+"""Table 1 of the MPS-Net paper: how large a patch should be, and what initial normals are worth.
+
+Ten networks are trained alike, one for each side of a patch (1 to 9) with and without initial normals, and measured on
+the same patches of held-out samples.
+"""
+
+import math
+import os
+from collections.abc import Sequence
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.files import made_folder, writable_path, write_json, written_together
+from mpsnet_core.io.text_table import text_table
+from mpsnet_core.learning.evaluation.charts import Curve, line_chart
+from mpsnet_core.learning.evaluation.published import TABLE_1
+from mpsnet_core.learning.evaluation.report import begun_report
+from mpsnet_core.learning.training.loop import VALIDATION_SEED, Places, train
+from mpsnet_core.learning.training.packed import PackedSamples
+from mpsnet_core.learning.training.photographing import Photographer
+from mpsnet_core.learning.training.recipe import TrainingRecipe
+from mpsnet_core.learning.training.validation import validate
+from mpsnet_core.progress import Progress, part, silent
+
+SIDES = (1, 3, 5, 7, 9)
+INPUTS = {"image": False, "image and initial normals": True}
+PICTURES_A_STEP, PATCHES_A_PICTURE = 10, 50
+
+
+def patch_size_recipe(side: int, normals: bool, width: float, steps: int) -> TrainingRecipe:
+    """What one of the ten networks is trained by; all but side and normals is the same for all."""
+    return TrainingRecipe(
+        name=f"patch-{side}{'-normals' if normals else ''}",
+        title=f"MPS-Net, patches of {side} x {side}",
+        network="mpsnet",
+        options={"width": width, "patch": side, "normals": normals},
+        steps=steps,
+        batch=PICTURES_A_STEP,
+        crop=0,
+        patches=PATCHES_A_PICTURE,
+        warm_up=min(100, math.ceil(steps / 10)),
+        ema=0.995,
+    )
+
+
+def evaluate_patch_sizes(
+    samples: Sequence[Path],
+    validation: Sequence[Path],
+    runs: str | os.PathLike[str],
+    *,
+    width: float,
+    steps: int,
+    patches: int,
+    json: str | os.PathLike[str] | None = None,
+    report: str | os.PathLike[str] | None = None,
+    progress: Progress = silent,
+) -> dict[str, Any]:
+    """Train and measure the ten networks: "rows", "published" (plain data), and "text" for the terminal.
+
+    runs: a folder for their checkpoints; a run that was cancelled goes on from them. width: factor of the published
+    numbers of maps. steps: of each training, of 500 patches. patches: how many are measured, or a few more: as many
+    from each held-out sample. json: a file for all but the text. report: an HTML page.
+
+    Raises InputError where samples, validation or runs cannot be used, and Cancelled where `progress` does.
+    """
+    if json:
+        writable_path(json)
+    if patches < 1:
+        raise InputError(f"{patches} patches cannot be measured; choose 1 or more")
+    held_out = PackedSamples(validation)  # what is missing is told before hours of training
+    a_picture = math.ceil(patches / len(held_out))
+    runs = made_folder(runs, "runs")
+    rows = []
+    variants = [(words, normals, side) for words, normals in INPUTS.items() for side in SIDES]
+    with begun_report(report) if report else nullcontext() as page:
+        for number, (words, normals, side) in enumerate(variants):
+            recipe = patch_size_recipe(side, normals, width, steps)
+            checkpoint = runs / f"{recipe.name}.checkpoint"
+            progress(number / len(variants), recipe.title)
+            trained = train(
+                recipe,
+                list(samples),
+                [],
+                places=Places(checkpoint, checkpoint if checkpoint.exists() else None),
+                progress=part(progress, number / len(variants), (number + 1) / len(variants)),
+            )
+            photographer = Photographer.of(trained.network, held_out, seed=VALIDATION_SEED, window=0, shuffled=False)
+            figures = validate(trained.network, photographer, a_picture)
+            rows.append(
+                {
+                    "input": words,
+                    "patch": side,
+                    "mae_deg": round(figures.mae_deg, 4),
+                    "highest_deg": round(figures.highest_deg, 2),
+                    "width": width,
+                    "steps": steps,
+                    "patches": a_picture * len(held_out),
+                    "minutes": round(trained.seconds / 60, 1),
+                }
+            )
+        published = [
+            {"input": words, "patch": side, "mae_deg": error, "source": "Table 1"}
+            for words, errors in TABLE_1.items()
+            for side, error in errors.items()
+        ]
+        table = _table(rows)
+        with written_together():
+            if json:
+                write_json(json, {"rows": rows, "published": published})
+            if page:
+                curves = [
+                    Curve(f"{source}{words}", list(errors), list(errors.values()))
+                    for source, errors_of in (("", _by_input(rows)), ("paper: ", TABLE_1))
+                    for words, errors in errors_of.items()
+                ]
+                title = "Patch sizes"
+                page.write(title, table, [], [line_chart(title, curves, "side of a patch", "mean error in degrees")])
+    return {"rows": rows, "published": published, "text": table}
+
+
+def _by_input(rows: Sequence[dict[str, Any]], value: str = "mae_deg") -> dict[str, dict[int, float]]:
+    return {words: {row["patch"]: row[value] for row in rows if row["input"] == words} for words in INPUTS}
+
+
+def _table(rows: Sequence[dict[str, Any]]) -> str:
+    lines = []
+    for words in INPUTS:
+        for what, errors in (
+            ("mean", _by_input(rows)[words]),
+            ("largest", _by_input(rows, "highest_deg")[words]),
+            ("paper: mean", TABLE_1[words]),
+        ):
+            lines.append([words, what, *(f"{errors[side]:.2f}" for side in SIDES)])
+    title = f"angular error in degrees over {rows[0]['patches']} patches, by the side of a patch\n"
+    return title + text_table(["input", "", *map(str, SIDES)], lines, 2)

@@ -1,0 +1,96 @@
+"""Rendered: meshes from files, of one and of several materials, as in figure 6 of the paper."""
+
+import os
+from collections.abc import Sequence
+from functools import lru_cache, partial
+from typing import Any
+
+import numpy as np
+
+from mpsnet_core.io.text_table import table_of_means
+from mpsnet_core.learning.evaluation.diligent import protocol_weights
+from mpsnet_core.learning.evaluation.evaluation import Evaluation
+from mpsnet_core.learning.evaluation.measure import Case
+from mpsnet_core.learning.evaluation.mesh_views import VIEWS, MeshView, mesh_views
+from mpsnet_core.learning.evaluation.published import FIGURE_6
+from mpsnet_core.learning.evaluation.scenes import HELD_OUT_SEED, SIZE, ideal_photograph
+from mpsnet_core.synthesis.drawing import HELD_OUT, draw_recipe
+from mpsnet_core.synthesis.job import SampleJob
+from mpsnet_core.synthesis.recipe import Material, Pattern
+from mpsnet_core.synthesis.reflectance import material_names
+from mpsnet_core.synthesis.sample import Sample
+
+SEVERAL = 4  # materials
+
+
+class Rendered(Evaluation):
+    """Meshes, each seen from all around, once of one material and once of several in a pattern, synthesised.
+
+    paths: mesh files, or folders of them. merl: where measured materials are taken from, every fifth of them, which
+    training can leave out; "" for principled ones. views: of each mesh. Views and materials are the same every time.
+
+    Raises InputError where a file is missing or there are no meshes or materials.
+    """
+
+    title = "Rendered meshes"
+
+    def __init__(
+        self,
+        paths: Sequence[str | os.PathLike[str]],
+        *,
+        merl: str | os.PathLike[str] = "",
+        protocols: Sequence[str] = ("published",),
+        views: int = VIEWS,
+        size: int = SIZE,
+    ) -> None:
+        for protocol in protocols:
+            protocol_weights(protocol)
+        source = os.fspath(merl)
+        self.measured = bool(source)
+        self.cases = [
+            partial(_case, view, count, number, source, protocol, size)
+            for number, view in enumerate(mesh_views(paths, views))
+            for count in (1, SEVERAL)
+            for protocol in protocols
+        ]
+
+    def table(self, rows: Sequence[dict[str, Any]]) -> str:
+        """A line for each protocol and model, a column for each mesh with one and with several materials."""
+        named = [{**row, "picture": f"{row['object']}, {row['materials']}"} for row in rows]
+        return table_of_means(named, ("protocol", "model"), "picture")
+
+    def published(self, rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+        """Figure 6, which shows other meshes."""
+        return [{"model": "MPS-Net", "mae_deg": error, "source": "Figure 6"} for error in FIGURE_6]
+
+    def notes(self, rows: Sequence[dict[str, Any]]) -> list[str]:
+        """What was photographed, and what the paper found on its own."""
+        figure = ", ".join(f"{error:.2f}" for error in FIGURE_6)
+        kind = "every fifth of the measured ones, or of fits to them" if self.measured else "principled materials"
+        return [
+            f"of one and of {SEVERAL} materials: {kind}; one bounce of light, three point lights, orthographic",
+            f"paper, on other meshes than these: MPS-Net {figure} (figure 6 of Ju et al. 2019)",
+        ]
+
+
+def _case(view: MeshView, count: int, number: int, merl: str, protocol: str, size: int) -> Case:
+    sample = _sample(view, count, number, merl, size)
+    labels = {**view.labels, "materials": "one" if count == 1 else "several", "protocol": protocol}
+    return Case(labels, ideal_photograph(sample, protocol), sample.normals)
+
+
+@lru_cache(maxsize=1)
+def _sample(view: MeshView, count: int, number: int, merl: str, size: int) -> Sample:
+    pattern = Pattern("voronoi" if number % 2 else "noise", scale=2.5, seed=number)
+    return view.sample(view.recipe(_materials(number, count, merl), size, pattern=pattern, bounces=1), merl)
+
+
+def _materials(number: int, count: int, merl: str) -> tuple[Material, ...]:
+    """Materials of picture `number`: no two of a picture's alike, where they are measured."""
+    if merl:
+        names = material_names(merl)[::HELD_OUT]
+        rng = np.random.Generator(np.random.PCG64([HELD_OUT_SEED, number]))
+        chosen = rng.permutation(len(names))[np.arange(count) % len(names)]
+        return tuple(Material(kind=names[place][0], source=names[place][1]) for place in chosen)
+    job = SampleJob("synthesis", 1, seed=HELD_OUT_SEED)
+    return tuple(draw_recipe(job, SEVERAL * number + place).materials[0] for place in range(count))

@@ -1,0 +1,122 @@
+"""The report of an evaluation: one self-contained HTML page with table, charts and pictures."""
+
+import base64
+import html
+import os
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.files import writable_path, written_whole
+from mpsnet_core.io.images import png_bytes
+from mpsnet_core.learning.evaluation.measure import Result
+from mpsnet_core.scene.normal_map import NormalMap
+from mpsnet_core.scene.pictures import (
+    BACKGROUND,
+    colour_scale,
+    cropped,
+    error_picture,
+    normals_picture,
+    photo_picture,
+    sheet,
+)
+
+HIGHEST_ERROR = 45.0  # degrees; one scale for all models and cases
+TILE_HEIGHT = 176
+LONGEST_TITLE = 21  # letters above a tile
+_COPIED = 1 << 20  # characters at a time
+
+HEAD = """<!doctype html><html lang='en'><meta charset='utf-8'><title>{title}</title>
+<style>body{{background:#222;color:#eee;font:15px sans-serif;margin:2em}}pre{{font-size:14px;overflow-x:auto}}
+h2{{font-size:16px;margin:1.5em 0 .3em}}img{{max-width:100%}}svg{{display:block;margin:1em 0}}</style>
+<h1>{title}</h1>
+"""
+
+
+@dataclass(frozen=True)
+class Report:
+    """A page that grows case by case on disk, as its pictures would fill the memory; see :func:`begun_report`."""
+
+    path: Path
+    figures: TextIO
+
+    def add(self, results: Sequence[Result]) -> None:
+        """One case's pictures: photo and truth, and each model's normals and errors."""
+        title = html.escape(results[0].case.title, quote=True)
+        picture = data_url(case_picture(results))
+        self.figures.write(f"<h2>{title}</h2>\n<img alt='{title}' loading='lazy' src='{picture}'>\n")
+
+    def write(self, title: str, table: str, notes: Sequence[str], charts: Sequence[str]) -> None:
+        """Put the page in its place: title, table, notes, SVG charts, and all cases' pictures."""
+        self.figures.seek(0)
+        with written_whole(self.path) as unfinished, unfinished.open("w", encoding="utf-8") as page:
+            page.write(HEAD.format(title=html.escape(title)))
+            page.write(f"<pre>{html.escape(table)}</pre>\n")
+            page.writelines(f"<p>{html.escape(note)}</p>\n" for note in notes)
+            page.writelines(f"{chart}\n" for chart in charts)
+            while part := self.figures.read(_COPIED):
+                page.write(part)
+            page.write("</html>\n")
+
+
+@contextmanager
+def begun_report(path: str | os.PathLike[str]) -> Iterator[Report]:
+    """A report to add cases to, which :meth:`Report.write` puts at `path`, whole or not at all.
+
+    Raises InputError where no report can be put there.
+    """
+    path = report_path(path)
+    with tempfile.TemporaryFile("w+", encoding="utf-8") as figures:
+        yield Report(path, figures)
+
+
+def report_path(path: str | os.PathLike[str]) -> Path:
+    """`path` as a Path, or InputError where no report can be put there; asked before long work starts."""
+    path = writable_path(path)
+    if path.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"cannot write {path}: reports are written as .html; change the suffix")
+    return path
+
+
+def case_picture(results: Sequence[Result]) -> NDArray[np.float32]:
+    """(H, W, 3) display values: the photo and each model's normals; below, the truth, their errors and the scale."""
+    case = results[0].case
+    pictures = [
+        photo_picture(case.capture.image, case.capture.mask),
+        *(normals_picture(result.estimate) for result in results),
+        normals_picture(NormalMap(case.truth, case.scored)),
+        *(error_picture(result.error.astype(np.float64), case.scored, HIGHEST_ERROR) for result in results),
+    ]
+    tiles = [_at_least_square(picture) for picture in cropped(pictures, case.capture.mask)]
+    count = len(results)
+    names = [result.model[-LONGEST_TITLE:] for result in results]
+    errors = [f"{result.mae_deg:.2f}°" for result in results]
+    nothing = np.full((TILE_HEIGHT, 1, 3), BACKGROUND, np.float32)
+    return sheet(
+        [
+            *zip(["photo", *names], tiles[: count + 1], strict=True),
+            ("", nothing),
+            *zip(["truth", *errors], tiles[count + 1 :], strict=True),
+            ("degrees", colour_scale(HIGHEST_ERROR, TILE_HEIGHT)),
+        ],
+        count + 2,
+        TILE_HEIGHT,
+    )
+
+
+def _at_least_square(picture: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The picture with background at its sides, so that its title has room."""
+    missing = max(picture.shape[0] - picture.shape[1], 0)
+    return np.pad(picture, [(0, 0), (missing // 2, missing - missing // 2), (0, 0)], constant_values=BACKGROUND)
+
+
+def data_url(picture: NDArray[np.float32]) -> str:
+    """Display values (H, W, 3) as a PNG inside a URL."""
+    return "data:image/png;base64," + base64.b64encode(png_bytes(picture)).decode("ascii")

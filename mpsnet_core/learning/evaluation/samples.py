@@ -1,0 +1,86 @@
+"""Samples: photographs of held-out samples, as varied as those that training sees. Models are chosen by this test.
+
+It needs PyTorch (extra ``train``), as training does, whose camera takes the photographs.
+"""
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.text_table import table_of_means
+from mpsnet_core.learning.evaluation.evaluation import Evaluation
+from mpsnet_core.learning.evaluation.magnify import check_magnify
+from mpsnet_core.learning.evaluation.measure import Case
+from mpsnet_core.learning.training.packed import PackedSamples
+from mpsnet_core.learning.training.photographing import photograph
+from mpsnet_core.synthesis.capture_model import CaptureModel
+from mpsnet_core.synthesis.sample import read_sample_data
+
+# What the photographs of the samples are drawn from.
+SEED = 0
+
+
+class Samples(Evaluation):
+    """Samples in folders, each photographed once by the default capture model; the same photographs every time.
+
+    count: how many, spread evenly over the samples in the order of their names; 0 for all. magnify: how many times the
+    photographs are magnified, see :func:`mpsnet_core.learning.evaluation.magnify.estimate_magnified`. white: whether
+    each is measured once more with a white photo beside it.
+
+    Raises InputError where there are no samples, or the count is below 0.
+    """
+
+    title = "Held-out samples, photographed"
+
+    def __init__(
+        self,
+        folders: Sequence[str | os.PathLike[str]],
+        *,
+        count: int = 0,
+        magnify: Sequence[int] = (1,),
+        white: bool = False,
+    ) -> None:
+        check_magnify(magnify)
+        if count < 0:
+            raise InputError(f"{count} samples cannot be measured; choose 0, which is all, or more")
+        self._samples = PackedSamples(folders)
+        there = len(self._samples)
+        count = min(count or there, there)
+        self.cases = [
+            partial(_case, self._samples, index * there // count, times, beside)
+            for index in range(count)
+            for times in magnify
+            for beside in ((False, True) if white else (False,))
+        ]
+
+    def table(self, rows: Sequence[dict[str, Any]]) -> str:
+        """A line for each model, a column for each kind of shape; the last is the mean over all samples.
+
+        And the same for the number of colours.
+        """
+        lines = ("model", "photos") if any(row["photos"] > 1 for row in rows) else ("model",)
+        return "\n\n".join(table_of_means(rows, lines, column) for column in ("shape", "colours"))
+
+    def notes(self, rows: Sequence[dict[str, Any]]) -> list[str]:
+        """How the photographs come about."""
+        return ["photographed by the default capture model, with crosstalk, noise, JPEG and errors of mask and lights"]
+
+    def skipped(self) -> list[str]:
+        """The files that are no whole samples."""
+        return [f"left out: {path} is no whole sample that light reaches" for path in self._samples.left_out]
+
+
+def _case(samples: PackedSamples, index: int, magnify: int, white: bool) -> Case:
+    packed, path = samples[index], samples.paths[index]
+    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([SEED, index])))
+    # Draws are the same with and without the white photo.
+    capture, truth = photograph(packed, replace(CaptureModel(), white=float(white)).draw(rng))
+    recipe = read_sample_data(path)["recipe"]
+    many = len(recipe["materials"]) > 1 or recipe["paint"]["amount"] * recipe["paint"]["hue"] > 0
+    labels = {"object": path.stem, "shape": packed.kind, "colours": "many" if many else "one", "photos": 1 + white}
+    return Case(labels, capture, truth, magnify=magnify)

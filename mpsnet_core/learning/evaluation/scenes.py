@@ -1,0 +1,77 @@
+"""What the synthetic tests share: shapes that no training job shows, seen by the published rig and photographed.
+
+Jobs draw their shapes from seeds below 2^62 (:func:`mpsnet_core.synthesis.shapes.draws.new_seed`), whatever their own
+seed is. The seed here is above, so that no training data holds these shapes.
+"""
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.capture.capture import Capture
+from mpsnet_core.errors import InputError
+from mpsnet_core.learning.evaluation.diligent import protocol_weights
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.rig import LightRig, published_rig
+from mpsnet_core.synthesis.recipe import Material, Recipe
+from mpsnet_core.synthesis.sample import Sample
+from mpsnet_core.synthesis.shapes import Shape, build_shape
+
+HELD_OUT_SEED = 1 << 62
+HELD_OUT_BLOB = {"kind": "blobs", "seed": HELD_OUT_SEED, "pose": "any", "character": "smooth"}
+SIZE = 256
+DISTANCE = 10.0
+HIGHLIGHTS = 0.01  # share of the pixels that are brighter than 1
+MARGIN = 1.02  # half the picture's width, in radii of the object's bounding sphere
+
+
+@lru_cache(maxsize=1)
+def held_out_blob() -> Shape:
+    """The shape of :data:`HELD_OUT_BLOB`."""
+    return build_shape(HELD_OUT_BLOB)
+
+
+def published_view(
+    shape: dict[str, Any],
+    materials: tuple[Material, ...],
+    size: int,
+    rotation: NDArray[np.float64] | None = None,
+    **changes: Any,
+) -> Recipe:
+    """The shape seen orthographically under the paper's rig: three point lights, slant 30°, tilts 120° apart.
+
+    changes: what else of the :class:`Recipe` is not as it is without them.
+    """
+    if not 16 <= size <= 8192:
+        raise InputError(f"pictures of {size} pixels a side cannot be made; choose a size from 16 to 8192")
+    pose = np.eye(4)
+    pose[2, 3] = DISTANCE
+    return Recipe(
+        seed=HELD_OUT_SEED,
+        number=0,
+        shape=shape,
+        rotation=np.eye(3) if rotation is None else rotation,
+        camera=Camera("orthographic", size, size, np.full(2, size / (2 * MARGIN)), np.full(2, size / 2), pose),
+        light_directions=published_rig().directions,
+        light_sizes=np.zeros(3),
+        materials=materials,
+        **changes,
+    )
+
+
+def ideal_photograph(sample: Sample, protocol: str) -> Capture:
+    """The sample photographed without noise or error, its colours weighed as the protocol says.
+
+    protocol: of :data:`mpsnet_core.learning.evaluation.diligent.PROTOCOLS`; "separated" is an ideal rig, "published"
+    the paper's multiplexed images. Raises InputError where it is not known or no light reaches the object.
+    """
+    weights = protocol_weights(protocol).astype(np.float32)
+    # Not as a matrix product, whose order of summing differs between machines.
+    image = np.stack([sum(weights[k, j] * sample.lights[k, ..., j] for j in range(3)) for k in range(3)], axis=-1)
+    seen = image.max(axis=-1)[sample.mask]
+    bright = float(np.quantile(seen, 1 - HIGHLIGHTS, method="higher")) if len(seen) else 0.0
+    if bright <= 0:
+        raise InputError("no pixel shows the object wholly, or no light reaches it; take another sample")
+    return Capture(image * np.float32(1 / bright), sample.mask, LightRig(sample.recipe.light_directions))

@@ -1,0 +1,121 @@
+"""Statues: plain matt grey meshes under an exact rig, where all that misleads equation 2 is shadow."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache, partial
+from typing import Any
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.text_table import table_of_means
+from mpsnet_core.learning.evaluation.evaluation import Evaluation
+from mpsnet_core.learning.evaluation.fine_relief import fine_relief
+from mpsnet_core.learning.evaluation.magnify import check_magnify
+from mpsnet_core.learning.evaluation.measure import Case, Result
+from mpsnet_core.learning.evaluation.mesh_views import VIEWS, MeshView, mesh_views
+from mpsnet_core.learning.evaluation.scenes import ideal_photograph
+from mpsnet_core.scene.rig import published_rig
+from mpsnet_core.synthesis.job import MAX_BOUNCES
+from mpsnet_core.synthesis.recipe import Material
+from mpsnet_core.synthesis.sample import Sample
+
+MATT_GREY = Material(base_color=(0.6, 0.6, 0.6), roughness=1.0, specular=0.0)
+SIZE = 640
+SLANT = 30.0
+# Of the first light: straight above the camera, where networks turn no picture, and two odd angles.
+TILTS = (90.0, 107.0, 131.0)
+# From this share on a light counts as reaching a pixel.
+REACHED = 0.99
+# The Gaussian that tells detail from shape, as a share of the picture's width.
+DETAIL = 0.01
+
+
+class Statues(Evaluation):
+    """Meshes of matt grey, each seen from all around under lights 120° apart, photographed without noise or error.
+
+    paths: mesh files, or folders of them. views: of each mesh. slant, tilts: degrees, of all three lights and of the
+    first one; each view is photographed under each tilt. bounces: of light between surfaces; without any, equation 2 is
+    exact where all lights reach. magnify: how many times photographs are magnified, see
+    :func:`mpsnet_core.learning.evaluation.magnify.estimate_magnified`. size: pixels a side.
+
+    Raises InputError where a file is missing or a number out of its range.
+    """
+
+    title = "Matt grey statues"
+
+    def __init__(
+        self,
+        paths: Sequence[str | os.PathLike[str]],
+        *,
+        views: int = VIEWS,
+        slant: float = SLANT,
+        tilts: Sequence[float] = TILTS,
+        bounces: int = 0,
+        magnify: Sequence[int] = (1,),
+        size: int = SIZE,
+    ) -> None:
+        check_magnify(magnify)
+        if not 0 <= bounces <= MAX_BOUNCES:
+            raise InputError(f"light cannot be followed over {bounces} bounces; choose 0 to {MAX_BOUNCES}")
+        for tilt in tilts:
+            published_rig(slant, tilt)
+        self.bounces = bounces
+        self.cases = [
+            partial(_case, view, slant, tilt, bounces, size, times)
+            for view in mesh_views(paths, views)
+            for tilt in tilts
+            for times in magnify
+        ]
+
+    def rows(self, results: Sequence[Result]) -> list[dict[str, Any]]:
+        """Rows that also have "fine_relief" (:func:`.fine_relief.fine_relief`), where known."""
+        rows = []
+        for result, row in zip(results, super().rows(results), strict=True):
+            case = result.case
+            sigma = max(DETAIL * case.truth.shape[1], 1.0)
+            kept = fine_relief(result.estimate.vectors, case.truth, case.scored, case.regions["lit_mae"], sigma)
+            rows.append(row if kept is None else {**row, "fine_relief": round(kept, 4)})
+        return rows
+
+    def table(self, rows: Sequence[dict[str, Any]]) -> str:
+        """A line for each model and measure, a column for each mesh: means over views and tilts."""
+        measures = {
+            "all pixels": "mae_deg",
+            "where all lights reach": "lit_mae_deg",
+            "elsewhere": "elsewhere_mae_deg",
+            "fine relief kept (1: all)": "fine_relief",
+        }
+        lines = [
+            {**row, "measure": words, "value": row.get(key)}
+            for model in dict.fromkeys(row["model"] for row in rows)
+            for words, key in measures.items()
+            for row in rows
+            if row["model"] == model
+        ]
+        return table_of_means(lines, ("model", "measure"), "object", "value")
+
+    def notes(self, rows: Sequence[dict[str, Any]]) -> list[str]:
+        """What was photographed."""
+        tilts = ", ".join(f"{tilt:g}°" for tilt in dict.fromkeys(row["tilt"] for row in rows))
+        return [
+            f"matt grey with cast shadows, no noise; the rig is exact; bounces of light: {self.bounces}; first light's "
+            f"tilt: {tilts}"
+        ]
+
+
+def _case(view: MeshView, slant: float, tilt: float, bounces: int, size: int, magnify: int) -> Case:
+    sample = _sample(view, slant, tilt, bounces, size)
+    lit = (sample.lit >= REACHED).all(axis=0)
+    return Case(
+        {**view.labels, "tilt": tilt},
+        ideal_photograph(sample, "separated"),
+        sample.normals,
+        {"lit_mae": lit, "elsewhere_mae": ~lit},
+        magnify,
+    )
+
+
+@lru_cache(maxsize=1)
+def _sample(view: MeshView, slant: float, tilt: float, bounces: int, size: int) -> Sample:
+    recipe = view.recipe((MATT_GREY,), size, bounces=bounces)
+    return view.sample(replace(recipe, light_directions=published_rig(slant, tilt).directions))

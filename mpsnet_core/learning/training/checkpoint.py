@@ -1,0 +1,99 @@
+"""Checkpoints: all that a run needs to go on as if it had never stopped."""
+
+import os
+import pickle
+import struct
+import warnings
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import torch
+from torch import Tensor
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.files import existing_file, written_whole
+from mpsnet_core.learning.training.recipe import TrainingRecipe, recipe_from_data
+
+FORMAT = "mpsnet-checkpoint"
+MAX_BYTES = 4 << 30
+# What reading a file that is damaged, or was never a checkpoint, ends with.
+_DAMAGED = (
+    AssertionError,
+    AttributeError,
+    EOFError,
+    LookupError,
+    OSError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+    pickle.UnpicklingError,
+    struct.error,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+
+
+class Checkpoint(NamedTuple):
+    """step: how many are done. weights, mean_weights: the network's, and their running mean. optimisers: their states.
+    seconds: trained so far. samples: fingerprint of the samples. precision: as it was asked for.
+    keep: no longer says anything. continues: record of the network that it began with. See
+    :class:`mpsnet_core.learning.training.loop.Trained`."""
+
+    recipe: TrainingRecipe
+    step: int
+    weights: dict[str, Tensor]
+    mean_weights: dict[str, Tensor]
+    optimisers: list[dict[str, Any]]
+    seconds: float
+    samples: str
+    precision: str
+    keep: bool
+    continues: dict[str, Any] | None
+
+
+# As they are in the file.
+_KINDS: dict[str, Any] = {
+    "recipe": dict,
+    "step": int,
+    "weights": dict,
+    "mean_weights": dict,
+    "optimisers": list,
+    "seconds": float,
+    "samples": str,
+    "precision": str,
+    "keep": bool,
+    "continues": dict | None,
+}
+
+
+def write_checkpoint(path: str | os.PathLike[str], checkpoint: Checkpoint) -> None:
+    """Whole or not at all."""
+    data = {**checkpoint._asdict(), "format": FORMAT, "recipe": checkpoint.recipe.to_json()}
+    with written_whole(Path(path)) as unfinished:
+        torch.save(data, unfinished)
+
+
+def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
+    """Raises InputError where the file is missing, damaged or no checkpoint of ours. No code in it is run."""
+    path = existing_file(path, "checkpoint")
+    if path.stat().st_size > MAX_BYTES:
+        raise InputError(f"checkpoint {path} is larger than 4 GiB; it is not one of ours")
+    try:
+        with zipfile.ZipFile(path) as archive:  # PyTorch does not look at the checksums
+            whole = archive.testzip() is None
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of what is odd about a damaged file
+            data = torch.load(path, map_location="cpu", weights_only=True) if whole else None
+    except _DAMAGED:
+        data = None
+    if not isinstance(data, dict) or data.pop("format", None) != FORMAT or set(data) != set(_KINDS):
+        raise InputError(f"checkpoint {path} is damaged or not one of ours; resume from another")
+    for name, kind in _KINDS.items():
+        if not isinstance(data[name], kind):
+            raise InputError(f"checkpoint {path} is not one of ours: {name} is of another kind; resume from another")
+    try:
+        return Checkpoint(**{**data, "recipe": recipe_from_data(data["recipe"])})
+    except InputError as error:
+        raise InputError(f"checkpoint {path}: {error}") from None

@@ -1,0 +1,155 @@
+"""Export: a trained network as an ONNX file with its card, proved equal to PyTorch's before it is kept."""
+
+import json
+import os
+import platform
+import tempfile
+import time
+import warnings
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import onnxruntime
+import torch
+from torch import Tensor, nn
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.estimate.card import CARD_KEY, TRAINING_KEY, ModelCard
+from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS
+from mpsnet_core.io.files import writable_path, written_whole
+from mpsnet_core.learning.training.loop import Trained
+from mpsnet_core.learning.training.networks import Network
+
+OPSET = 17
+LICENCE = "GPL-3.0-or-later"
+TOLERANCE = 1e-4
+RIGHT_ANGLE = float(np.pi / 2)
+
+
+def export_onnx(trained: Trained, path: str | os.PathLike[str]) -> ModelCard:
+    """Write the network's ONNX file: opset 17, batch, height and width free, shapes inferred, card and record inside.
+
+    Outputs are "normals", and "confidence" where the network expects an error e of itself: 1 - e / 90°.
+    The file is kept if onnxruntime gives what PyTorch gives, to 1e-4, on pictures of two sizes.
+
+    Raises InputError where `path` cannot be written, the two differ, or training went astray.
+    """
+    path = writable_path(path)
+    for name, values in trained.network.state_dict().items():
+        if not values.isfinite().all():
+            raise InputError(f"weights of the network are not finite ({name}); train again with a lower learning rate")
+    network = trained.network.eval()
+    card = card_of(network, trained.recipe.name)
+    model = _onnx_of(network)
+    model.metadata_props.add(key=CARD_KEY, value=card.to_json())
+    model.metadata_props.add(key=TRAINING_KEY, value=json.dumps(record_of(trained)))
+    _prove(network, model)
+    with written_whole(path) as unfinished:
+        unfinished.write_bytes(model.SerializeToString())
+    return card
+
+
+def card_of(network: Network, name: str) -> ModelCard:
+    """The card of a network that goes by `name`."""
+    card = ModelCard(name, type(network).__name__, LICENCE, network.kind, network.inputs)
+    if network.kind == "patch":
+        return replace(card, patch=network.patch)
+    return replace(card, halo=network.halo, multiple=network.multiple, frame=network.frame)
+
+
+def record_of(trained: Trained) -> dict[str, Any]:
+    """How a model came about, as plain data: recipe, date, time, hardware, versions, figures."""
+    figures, before = trained.figures, trained.continues or {}
+    return {
+        "recipe": trained.recipe.to_json(),
+        "steps": trained.step,
+        "samples": trained.samples,
+        "samples_fingerprint": trained.fingerprint,
+        "date": time.strftime("%Y-%m-%d"),
+        "minutes": round(trained.seconds / 60 + before.get("minutes", 0.0), 1),
+        "hardware": trained.hardware,
+        "precision": trained.precision,
+        "torch": torch.__version__,
+        "python": platform.python_version(),
+        "validation_mae_deg": figures and round(figures.mae_deg, 3),
+        "validation_rank_correlation": figures and figures.rank_correlation and round(figures.rank_correlation, 3),
+        "continues": trained.continues,
+    }
+
+
+class _Answer(nn.Module):
+    """A network whose outputs are what the card promises."""
+
+    def __init__(self, network: Network) -> None:
+        super().__init__()
+        self.network = network
+        self.eval()  # the exporter puts back the mode that it finds
+
+    def forward(self, *inputs: Tensor) -> Tensor | tuple[Tensor, Tensor]:
+        prediction = self.network.predict(*inputs)
+        if prediction.expected_error is None:
+            return prediction.normals
+        return prediction.normals, (1 - prediction.expected_error / RIGHT_ANGLE).clamp(0, 1)
+
+
+def _onnx_of(network: Network) -> onnx.ModelProto:
+    answer = _Answer(network)
+    inputs = _examples(network, 2, network.patch if network.kind == "patch" else 64)
+    outputs = ["normals", "confidence"] if isinstance(answer(*inputs), tuple) else ["normals"]
+    axes: dict[str, dict[int, str]] = {}
+    for name, features in network.inputs.items():
+        free = network.kind != "patch" and not _constant(features)
+        axes[name] = {0: "batch", **({2: "height", 3: "width"} if free else {})}
+    for name in outputs:
+        axes[name] = {0: "batch", **({2: "height", 3: "width"} if network.kind != "patch" else {})}
+    with warnings.catch_warnings(), tempfile.TemporaryDirectory() as folder:
+        warnings.simplefilter("ignore")  # of the exporter, about itself
+        file = Path(folder) / "model.onnx"
+        torch.onnx.export(
+            answer,
+            inputs,
+            str(file),
+            input_names=list(network.inputs),
+            output_names=outputs,
+            dynamic_axes=axes,
+            opset_version=OPSET,
+            dynamo=False,
+        )
+        return onnx.shape_inference.infer_shapes(onnx.load(str(file)), strict_mode=True)
+
+
+def _prove(network: Network, model: onnx.ModelProto) -> None:
+    session = onnxruntime.InferenceSession(model.SerializeToString(), providers=["CPUExecutionProvider"])
+    sides = (network.patch,) if network.kind == "patch" else (64, 96)
+    for side in sides:
+        inputs = _examples(network, 3, side)
+        with torch.no_grad():
+            expected = _Answer(network)(*inputs)
+        expected = expected if isinstance(expected, tuple) else (expected,)
+        given = session.run(None, {name: values.numpy() for name, values in zip(network.inputs, inputs, strict=True)})
+        for ours, theirs in zip(expected, given, strict=True):
+            off = float(np.abs(ours.numpy() - theirs).max())
+            if not off <= TOLERANCE:
+                raise InputError(f"the exported model differs from the trained one by {off:.2g}; export it elsewhere")
+
+
+def _examples(network: Network, count: int, side: int) -> tuple[Tensor, ...]:
+    """Inputs of plausible values: images at least 0, directions of unit length."""
+    generator = torch.Generator().manual_seed(side)
+    made = []
+    for features in network.inputs.values():
+        channels = sum(FEATURE_CHANNELS[name] for name in features)
+        size = 1 if _constant(features) else side
+        values = torch.rand((count, channels, size, size), generator=generator)
+        if features[0] == "lights":
+            directions = nn.functional.normalize((values[:, :9] - 0.5).view(count, 3, 3), dim=2)
+            values = torch.cat([directions.reshape(count, 9, 1, 1), values[:, 9:]], dim=1)
+        made.append(values)
+    return tuple(made)
+
+
+def _constant(features: tuple[str, ...]) -> bool:
+    return features[0] in CONSTANTS

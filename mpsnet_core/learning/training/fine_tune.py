@@ -1,0 +1,116 @@
+"""Training further: an exported network's weights back in a network that can be trained."""
+
+import json
+import os
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import onnx
+import torch
+from google.protobuf.message import DecodeError
+from onnx import numpy_helper
+from torch import Tensor, nn
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.estimate.card import TRAINING_KEY
+from mpsnet_core.io.files import existing_file
+from mpsnet_core.learning.training.networks import Network
+
+MAX_BYTES = 1 << 30
+CONVOLUTIONS = (nn.Conv2d, nn.ConvTranspose2d)
+
+Filters = tuple[np.ndarray, np.ndarray | None]
+
+
+@dataclass(frozen=True)
+class Exported:
+    """A network's ONNX file.
+
+    record: how it came about. filters: weights, and biases or None, of its convolutions in the order in which they run.
+    """
+
+    path: str
+    record: dict[str, Any]
+    filters: list[Filters]
+
+    @property
+    def step(self) -> int:
+        """How many steps it was trained for."""
+        return int(self.record["steps"])
+
+
+def read_exported(path: str | os.PathLike[str]) -> Exported:
+    """Raises InputError where the file is missing, damaged, or was not written by :func:`export_onnx`."""
+    path = existing_file(path, "model")
+    refusal = f"model {path} is damaged or was not trained here; resume from another"
+    if path.stat().st_size > MAX_BYTES:
+        raise InputError(refusal)
+    try:
+        model = onnx.load(str(path), load_external_data=False)
+        if any(node.op_type == "DequantizeLinear" for node in model.graph.node):
+            raise InputError(f"model {path} is in 8-bit numbers; resume from the one that it was made from")
+        record = json.loads({entry.key: entry.value for entry in model.metadata_props}[TRAINING_KEY])
+        values = {entry.name: numpy_helper.to_array(entry) for entry in model.graph.initializer}
+        nodes = [node for node in model.graph.node if node.op_type in ("Conv", "ConvTranspose")]
+        filters = [(values[node.input[1]], values[node.input[2]] if len(node.input) > 2 else None) for node in nodes]
+        exported = Exported(str(path), record, filters)
+        if exported.step < 0 or not isinstance(record["minutes"], int | float):
+            raise ValueError
+    except (DecodeError, LookupError, TypeError, ValueError):
+        raise InputError(refusal) from None
+    return exported
+
+
+@torch.no_grad()
+def take_weights(network: Network, exported: Exported, inputs: tuple[Tensor, ...]) -> None:
+    """Give the network the exported one's weights.
+
+    Export folds each batch norm into the convolution before it. Here every batch norm takes its mean and variance from
+    `inputs` (the network's, some pictures or patches) and undoes them by its own scale and shift, so that the network
+    answers as the exported one does, and is normalised as any other when it learns on.
+
+    Raises InputError where the file is of a network of another build.
+    """
+    filters = iter(exported.filters)
+    bias: Tensor | None = None  # of the last convolution, which its batch norm has to give
+
+    def before_convolution(layer: nn.Module, _: Any) -> None:
+        nonlocal bias
+        weight, bias = (None if values is None else torch.from_numpy(values.copy()) for values in next(filters))
+        assert isinstance(layer, CONVOLUTIONS) and weight is not None
+        if weight.shape != layer.weight.shape or (layer.bias is not None and bias is None):
+            raise ValueError
+        layer.weight.copy_(weight)
+        if layer.bias is not None and bias is not None:
+            layer.bias.copy_(bias)
+
+    def before_norm(layer: nn.Module, values: tuple[Tensor]) -> None:
+        if bias is None:
+            raise ValueError
+        assert isinstance(layer, nn.BatchNorm2d) and layer.running_mean is not None and layer.running_var is not None
+        variance, mean = torch.var_mean(values[0], dim=(0, 2, 3), correction=0)
+        layer.running_mean.copy_(mean)
+        layer.running_var.copy_(variance)
+        layer.weight.copy_(torch.sqrt(variance + layer.eps))
+        layer.bias.copy_(bias.to(mean.device) + mean)
+
+    hooks = []
+    for layer in network.modules():
+        if isinstance(layer, CONVOLUTIONS):
+            hooks.append(layer.register_forward_pre_hook(before_convolution))
+        elif isinstance(layer, nn.BatchNorm2d):
+            hooks.append(layer.register_forward_pre_hook(before_norm))
+    try:
+        network.eval()
+        network(*inputs)
+        if next(filters, None) is not None:
+            raise ValueError
+    except (ValueError, RuntimeError, StopIteration):
+        raise InputError(
+            f"model {exported.path} is of another network than the recipe's; resume from another"
+        ) from None
+    finally:
+        for hook in hooks:
+            hook.remove()
+        network.train()

@@ -1,0 +1,111 @@
+"""What networks are given of photographs: maps stacked into inputs, coarse to fine with their own answers, patches."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from mpsnet_core.estimate.features import CONSTANTS
+from mpsnet_core.learning.training.networks import Network, Prediction
+from mpsnet_core.learning.training.networks.network import unit
+from mpsnet_core.learning.training.photographing import Scale, unmixed
+
+
+class Batch(NamedTuple):
+    """inputs: (N, C, H, W) each, in the network's order. truth: (N, 3, H, W). weights: (N, H, W) 1 where a pixel
+    counts: inside the mask, and its true normal is known. lit: (N, 3, H, W) 1 where a light reaches, None for patches.
+    """
+
+    inputs: tuple[Tensor, ...]
+    truth: Tensor
+    weights: Tensor
+    lit: Tensor | None = None
+
+
+@torch.no_grad()
+def with_previous(
+    answer: Callable[..., Prediction], names: Mapping[str, Sequence[str]], scales: Sequence[Scale]
+) -> list[tuple[Tensor, ...]]:
+    """A network's inputs for each scale, with its answers on the scale before.
+
+    names: of the maps that are stacked into each input. answer: the network as it is in use, not in training mode.
+    """
+    inputs, previous = [], None
+    for number, scale in enumerate(scales):
+        mask = scale.maps["mask"]
+        if previous is None:
+            previous = mask.new_zeros(len(mask), 4, *mask.shape[2:])
+        maps = {**scale.maps, "previous": previous * mask}
+        seen = tuple(torch.cat([map_of(name, maps) for name in stacked], dim=1) for stacked in names.values())
+        inputs.append(seen)
+        if number + 1 < len(scales):
+            previous = _enlarged(answer(*seen), scale, scales[number + 1])
+    return inputs
+
+
+def map_of(name: str, maps: Mapping[str, Tensor]) -> Tensor:
+    """The named map, as :func:`mpsnet_core.estimate.features.window_map` makes it."""
+    if name == "grey_world":
+        return maps["photo"] / maps["channel_means"]
+    if not name.startswith("initial_normals"):
+        return maps[name]
+    light = map_of("grey_world" if name.endswith("grey_world") else "photo", maps)
+    solved = unmixed(light, maps["lights"].reshape(-1, 3, 3))
+    solved[:, 2] += (solved == 0).all(dim=1)  # a black pixel faces the camera
+    return unit(solved) * maps["mask"]
+
+
+def joined(scales: Sequence[Scale], inputs: Sequence[tuple[Tensor, ...]]) -> Batch:
+    """All scales' windows as one batch."""
+    return Batch(
+        tuple(torch.cat(values) for values in zip(*inputs, strict=True)),
+        *(torch.cat([getattr(scale, name) for scale in scales]) for name in ("truth", "weights", "lit")),
+    )
+
+
+def _enlarged(prediction: Prediction, scale: Scale, finer: Scale) -> Tensor:
+    """(M, 4, H, W) normals and expected error where the finer scale's windows are, at twice the resolution."""
+    assert prediction.expected_error is not None
+    side = scale.weights.shape[-1] // 2
+    where = {int(example): place for place, example in enumerate(scale.examples)}
+    answer = torch.cat([prediction.normals, prediction.expected_error, scale.maps["mask"]], dim=1).float()
+    answer[:, :4] *= answer[:, 4:]
+    parts = [
+        answer[where[int(example)], :, top : top + side, left : left + side]
+        for example, (top, left) in zip(finer.examples, finer.places, strict=True)
+    ]
+    large = functional.interpolate(torch.stack(parts), scale_factor=2, mode="bilinear", align_corners=False)
+    values = large[:, :4] / large[:, 4:].clamp(min=1e-3)
+    return torch.cat([unit(values[:, :3]), values[:, 3:]], dim=1)
+
+
+def patches_of(batch: Batch, network: Network, count: int, generator: torch.Generator) -> Batch:
+    """`count` patches from each picture of a batch, around pixels that count; pictures without any are passed over.
+
+    inputs become (N * count, C, patch, patch), zero beyond the picture; truth (N * count, 3); weights (N * count,).
+    Inputs of one pixel ("lights") are repeated as they are.
+    """
+    pictures, pixels = [], []
+    width = batch.weights.shape[2]
+    for number, weights in enumerate(batch.weights):
+        places = torch.nonzero(weights.flatten() > 0).squeeze(1).cpu()
+        if len(places):
+            chosen = places[torch.randint(len(places), (count,), generator=generator)]
+            pixels.append(chosen)
+            pictures.append(torch.full_like(chosen, number))
+    device = batch.truth.device
+    picture, pixel = torch.cat(pictures).to(device), torch.cat(pixels).to(device)
+    y, x = pixel // width, pixel % width
+    reach = network.patch // 2
+    offsets = torch.arange(network.patch, device=device)
+    rows, columns = (y[:, None] + offsets)[:, :, None], (x[:, None] + offsets)[:, None, :]
+    inputs = []
+    for names, values in zip(network.inputs.values(), batch.inputs, strict=True):
+        if names[0] in CONSTANTS:
+            inputs.append(values[picture])
+        else:
+            padded = functional.pad(values, (reach, reach, reach, reach))
+            inputs.append(padded.permute(0, 2, 3, 1)[picture[:, None, None], rows, columns].permute(0, 3, 1, 2))
+    return Batch(tuple(inputs), batch.truth[picture, :, y, x], torch.ones(len(pixel), device=device))

@@ -1,0 +1,59 @@
+"""Demultiplexer: Ju et al., "Demultiplexing colored images for multispectral photometric stereo via deep neural
+networks" (IEEE Access 6, 2018): a network turns the mixed pixel into three intensities, then equation 2.
+
+Layers and widths are our choice, and so are two things that the paper does not have: the light directions are an input,
+because our rigs differ from photo to photo, and the network learns through equation 2, from the normals alone.
+"""
+
+import torch
+from torch import Tensor, nn
+
+from mpsnet_core.learning.training.networks.network import Network, Prediction, convolution, scaled, unit
+
+
+class Demultiplexer(Network):
+    """Every pixel on its own, by layers of side 1. width: factor of the numbers of maps (64, 128, 128, 64)."""
+
+    inputs = {"photo": ("photo",), "lights": ("lights",)}
+
+    def __init__(self, width: float = 1.0) -> None:
+        super().__init__()
+        first, second, third, fourth = scaled((64, 128, 128, 64), width)
+        self.photo = convolution(3, first, 1)
+        self.lights = convolution(9, first, 1)
+        self.layers = nn.Sequential(
+            nn.ELU(),
+            convolution(first, second, 1),
+            nn.ELU(),
+            convolution(second, third, 1),
+            nn.ELU(),
+            convolution(third, fourth, 1),
+            nn.ELU(),
+            convolution(fourth, 3, 1),
+        )
+
+    def predict(self, *inputs: Tensor) -> Prediction:
+        photo, lights = inputs
+        # What the network adds; at first the three intensities are the pixel's own.
+        intensities = photo + self.layers(self.photo(photo) + self.lights(lights))
+        return Prediction(_equation_2(intensities.float(), lights))
+
+
+def _equation_2(intensities: Tensor, lights: Tensor) -> Tensor:
+    """``L⁻¹ c``, normalised: (N, 3, H, W) for lights (N, 9, 1, 1). The inverse by cross products: ONNX has no other."""
+    first, second, third = lights[:, 0:3], lights[:, 3:6], lights[:, 6:9]
+    columns = (_cross(second, third), _cross(third, first), _cross(first, second))
+    determinant = (first * columns[0]).sum(dim=1, keepdim=True)
+    total = sum(intensities[:, k : k + 1] * column for k, column in enumerate(columns))
+    return unit(total * torch.sign(determinant))
+
+
+def _cross(a: Tensor, b: Tensor) -> Tensor:
+    return torch.cat(
+        [
+            a[:, 1:2] * b[:, 2:3] - a[:, 2:3] * b[:, 1:2],
+            a[:, 2:3] * b[:, 0:1] - a[:, 0:1] * b[:, 2:3],
+            a[:, 0:1] * b[:, 1:2] - a[:, 1:2] * b[:, 0:1],
+        ],
+        dim=1,
+    )

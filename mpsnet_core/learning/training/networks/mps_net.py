@@ -1,0 +1,106 @@
+"""MPS-Net: Ju et al., "MPS-Net: Learning to recover surface normal for multispectral photometric stereo" (2019).
+
+Section 3 and figure 3 leave open what is chosen here:
+
+* *Image and normal features concatenated*: conv2's maps and the three components of the initial normals themselves; the
+  only layer on the initial normals beside that is the shortcut conv8.
+* *Permutation of conv2's maps*: one permutation a training step, drawn anew, for the whole batch (of one
+  process, where several share it); none when estimating.
+* *Dropout* has rate 0.1, and falls on single values, not on whole maps: a cast shadow takes away a place.
+* *Batch norm* comes before ELU and stands after conv3 to conv7 and conv9 ("except on the first two"; conv8 is added as
+  it is, conv10 is the answer).
+* *Shortcut added* to conv7's maps, after their ELU.
+
+In the patch-wise form every one of the 5 x 5 places has a zero border of its own: SAME padding inside a patch sees
+zeros where its neighbours would be. Shared exactly between overlapping patches are therefore only the layers of side 1
+(conv1, conv2, conv8) and conv3, which has nine variants, one for each way in which the patch's edge cuts its 3 x 3
+window. From conv4 on all 25 places differ. That is 0.03 of 0.72 thousand million multiply-adds a patch: sharing gains
+4%, so patches run as patches. :class:`MpsNetDense` is another network: the same layers over the whole picture, with
+neighbours in place of zeros, and conv9's stride as conv10's dilation.
+"""
+
+import torch
+from torch import Tensor, nn
+
+from mpsnet_core.learning.training.networks.network import Network, Prediction, convolution, scaled, unit
+
+DROPOUT = 0.1
+
+
+class _Layers(Network):
+    """conv1 to conv8, which both forms have; `width` scales all numbers of maps (1: as published)."""
+
+    inputs = {"photo": ("photo",), "initial_normals": ("initial_normals",)}
+
+    def __init__(self, width: float = 1.0, normals: bool = True) -> None:
+        super().__init__()
+        small, middle, large = scaled((256, 512, 1024), width)
+        self.conv1 = convolution(3, small, 1)
+        self.conv2 = convolution(small, small, 1)
+        self.conv3 = _normed(small + 3 * normals, middle)
+        self.conv4 = _normed(middle, middle)
+        self.conv5 = _normed(middle, large)
+        self.conv6 = _normed(large, large)
+        self.conv7 = _normed(large, large)
+        self.conv8 = convolution(3, large, 1) if normals else None
+        self.dropout = nn.Dropout(DROPOUT)
+        self.elu = nn.ELU()
+        self.maps = (middle, large)
+
+    def _features(self, photo: Tensor, initial_normals: Tensor) -> Tensor:
+        image = self.elu(self.conv2(self.elu(self.conv1(photo))))
+        if self.training:
+            image = image[:, torch.randperm(image.shape[1], device=image.device)]
+        maps = image if self.conv8 is None else torch.cat([image, initial_normals.to(image.dtype)], dim=1)
+        maps = self.conv4(self.dropout(self.conv3(maps)))
+        maps = self.conv7(self.conv6(self.dropout(self.conv5(maps))))
+        return maps if self.conv8 is None else maps + self.conv8(initial_normals)
+
+
+def _normed(channels: int, maps: int, **options: int) -> nn.Sequential:
+    return nn.Sequential(convolution(channels, maps, bias=False, **options), nn.BatchNorm2d(maps), nn.ELU())
+
+
+class MpsNet(_Layers):
+    """The patch-wise form, as published: one normal for the middle of each patch.
+
+    width: factor of the published numbers of maps. patch: side of a patch, 5 as published; 1, 3, 7 and 9 for the
+    paper's table 1, where conv9 halves the side, rounded up, and conv10 is as large as what is left. normals: False
+    leaves the initial normals and their shortcut out (table 1).
+    """
+
+    kind = "patch"
+
+    def __init__(self, width: float = 1.0, patch: int = 5, normals: bool = True) -> None:
+        super().__init__(width, normals)
+        if not isinstance(patch, int) or patch % 2 == 0 or not 1 <= patch <= 15:
+            raise ValueError(f"patch {patch!r} is not an odd number from 1 to 15")
+        self.patch = patch
+        middle, large = self.maps
+        # A single pixel is what it is with either stride; oneDNN's bfloat16 slopes of stride 2 on it are not finite.
+        self.conv9 = _normed(large, middle, stride=2 if patch > 1 else 1)
+        self.conv10 = convolution(middle, 3, (patch + 1) // 2, padding=0)
+
+    def predict(self, *inputs: Tensor) -> Prediction:
+        photo, initial_normals = inputs
+        return Prediction(unit(self.conv10(self.conv9(self._features(photo, initial_normals))).flatten(1)))
+
+
+class MpsNetDense(_Layers):
+    """The dense-trained form: the layers run over the whole picture, which is why it is quick; not the paper's network.
+
+    conv9 runs at every pixel and conv10 takes every second of its values, so both see the same places of a patch as in
+    the patch-wise form; SAME padding happens at the picture's border only. It sees 17 x 17 pixels.
+    """
+
+    halo = 8
+
+    def __init__(self, width: float = 1.0) -> None:
+        super().__init__(width)
+        middle, large = self.maps
+        self.conv9 = _normed(large, middle)
+        self.conv10 = convolution(middle, 3, 3, padding=2, dilation=2)
+
+    def predict(self, *inputs: Tensor) -> Prediction:
+        photo, initial_normals = inputs
+        return Prediction(unit(self.conv10(self.conv9(self._features(photo, initial_normals)))))

@@ -1,0 +1,192 @@
+"""Multiscale: our own network, the default. One network for every scale of a photo, coarse to fine.
+
+First it sees the whole object, small; then, at each doubling of the resolution, the photo there and its own answer on
+the scale before (after the multi-scale networks of Ikehata, "Scalable, detailed and mask-free universal photometric
+stereo", CVPR 2023, and Hardy et al., "MS-PS", 2023). So every pixel knows the whole object, however large the photo is.
+On each scale it is a U-Net over five resolutions. What it stands on:
+
+* *Canonical frame*: the picture is turned by quarters, before the network sees it, so that the first light stands
+  nearly straight up and the lights run counter-clockwise. The network learns one arrangement instead of all.
+* *Two views of the photo*: each channel divided by its own mean (grey world), where exposure, the lights' strengths and
+  the object's overall colour cannot change the answer; and the photo as it was calibrated, where equation 2 is exact
+  on anything grey. A white photo, where there is one, gives a third: the photo divided by it has no colour left.
+* *Logarithms*: a surface's colour is a factor of all that is seen, in logarithms an offset, which convolutions remove.
+* *The formula inside*: the network predicts a gain for each channel, and a weight. By the weight its answer is equation
+  2 on the calibrated photo (divided by the white one) times the gains, which keeps the finest relief, and else what it
+  makes up itself.
+* *Light directions* scale and shift the maps where each resolution begins (Perez et al., "FiLM", AAAI 2018).
+* *Expected error*: a further output, learned as the mean of the angular error (squared loss).
+* *Which lights reach* a pixel: learned beside, in training alone.
+"""
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from mpsnet_core.learning.training.networks.network import Network, Prediction, convolution, unit
+
+# Added to values before their logarithm: shadows of a 30th of the mean are as good as black.
+DARKEST = 0.03
+SEEN = 24  # maps that are made of the inputs
+FINE_MAPS, JOINED = 8, 16  # together with SEEN 32 maps, which processors take in blocks of 16
+ANSWER = 8  # normals, expected error, gains, weight of the formula
+MAX_GAIN = 2.0  # of the gains' logarithms
+LEAST_WHITE = 0.02  # of a white photo's mean: what is darker tells no colour
+RIG = 14  # light directions, channel means, what is given
+
+
+class Multiscale(Network):
+    """widths: maps at a half, a quarter, an eighth and a sixteenth of the photo's resolution. formula: whether equation
+    2 is a part of the answer. calibrated: whether the calibrated photo is seen beside grey world."""
+
+    inputs = {
+        "pixels": ("photo", "mask", "white", "previous"),
+        "rig": ("lights", "channel_means", "given"),
+    }
+    kind = "pyramid"
+    frame = "canonical"
+    multiple = 16
+    halo = 112  # what lies further, up to 133, moves trained answers by less than 0.01 degrees
+
+    def __init__(
+        self, widths: Sequence[int] = (32, 64, 128, 152), formula: bool = True, calibrated: bool = True
+    ) -> None:
+        super().__init__()
+        numbers = isinstance(widths, list | tuple) and all(type(maps) is int and 1 <= maps <= 4096 for maps in widths)
+        if not numbers or len(widths) != 4:
+            raise ValueError(f"widths {widths!r} are not four whole numbers from 1 to 4096")
+        half, quarter, eighth, sixteenth = widths
+        self.formula, self.calibrated = formula, calibrated
+        self.rig = nn.Sequential(convolution(RIG, 64, 1), nn.ReLU())
+        self.down1 = _Down(SEEN, half, side=4, residual=False)
+        self.down2 = _Down(half, quarter)
+        self.down3 = _Down(quarter, eighth)
+        self.down4 = _Down(eighth, sixteenth)
+        self.bottom = _Residual(sixteenth)
+        self.up4 = _Up(sixteenth, eighth)
+        self.up3 = _Up(eighth, quarter)
+        self.up2 = _Up(quarter, half)
+        self.fine = nn.Sequential(convolution(half, 4 * FINE_MAPS, 1), nn.PixelShuffle(2))
+        self.joined = nn.Sequential(
+            convolution(FINE_MAPS + SEEN, JOINED, bias=False), nn.BatchNorm2d(JOINED), nn.ReLU()
+        )
+        self.answer = convolution(JOINED, ANSWER)
+        self.lit = convolution(JOINED, 3, 1)
+        with torch.no_grad():
+            self.answer.get_parameter("bias")[3] = -2.0  # 7 degrees by softplus: of the right size from the start
+
+    def predict(self, *inputs: Tensor) -> Prediction:
+        pixels, rig = inputs
+        photo, mask, white, previous = pixels[:, 0:3], pixels[:, 3:4], pixels[:, 4:7], pixels[:, 7:11]
+        lights, means, given = rig[:, 0:9], rig[:, 9:12], rig[:, 12:14]
+        there = given[:, 0:1]
+        solve = _inverse(lights)
+        pseudo = _mixed(solve, photo)
+        length = (pseudo * pseudo).sum(dim=1, keepdim=True)
+        calibrated = pseudo * torch.rsqrt(length + 1e-12)
+        # Zero outside the mask, as the photo is.
+        own = unit(_mixed(solve / means.flatten(1)[:, None], photo))
+        size = torch.log(torch.sqrt(length + 1e-12) + DARKEST)
+        white_given = given[:, 1:2]
+        uncoloured = unit(_mixed(solve, photo / (white + DARKEST) * (white > 0))) * white_given
+        told = [
+            0.5 * mask * _logarithm(photo / means),
+            own,
+            0.5 * mask * _logarithm(photo) if self.calibrated else 0 * own,
+            calibrated if self.calibrated else 0 * own,
+            0.5 * mask * size if self.calibrated else 0 * mask,
+            mask,
+            previous,
+            0.5 * mask * white_given * _logarithm(white),
+            uncoloured,
+        ]
+        seen = torch.cat(told, dim=1)
+        rig_maps = self.rig(rig)
+        scale2 = self.down1(seen, rig_maps)
+        scale4 = self.down2(scale2, rig_maps)
+        scale8 = self.down3(scale4, rig_maps)
+        scale16 = self.bottom(self.down4(scale8, rig_maps))
+        maps = self.up2(self.up3(self.up4(scale16, scale8), scale4), scale2)
+        maps = self.joined(torch.cat([self.fine(maps), seen], dim=1))
+        answer = self.answer(maps).float()
+        normals = unit(previous[:, 0:3] * there + own * (1 - there) + answer[:, 0:3])
+        if self.formula:
+            gains = torch.exp(MAX_GAIN * torch.tanh(answer[:, 4:7]))
+            weight = torch.sigmoid(answer[:, 7:8])
+            # A white photo takes the colour away; what gains are left belong to its light and camera.
+            light = torch.where(white > 0, photo / white.clamp(min=LEAST_WHITE), photo)
+            normals = unit(weight * unit(_mixed(solve, light * gains)) + (1 - weight) * normals)
+        lit = self.lit(maps).float() if self.training else None
+        return Prediction(normals, _softplus(answer[:, 3:4]), lit)
+
+
+def _logarithm(values: Tensor) -> Tensor:
+    return torch.log(values.clamp(min=0) + DARKEST)
+
+
+def _softplus(values: Tensor) -> Tensor:
+    # As onnxruntime is quick in it: its own Softplus is ten times slower than both of these.
+    return -torch.log(torch.sigmoid(-values).clamp(min=1e-30))
+
+
+def _inverse(lights: Tensor) -> Tensor:
+    """(N, 3, 3) that makes of what each light gives a normal times albedo (equation 2), for lights (N, 9, 1, 1)."""
+    first, second, third = lights.flatten(1).reshape(-1, 3, 3).unbind(dim=1)
+    columns = [_cross(second, third), _cross(third, first), _cross(first, second)]
+    volume = (first * columns[0]).sum(dim=1)[:, None, None]
+    # In the plane of the three lights no normal can be told.
+    volume = torch.where(volume.abs() < 1e-6, torch.full_like(volume, 1e-6), volume)
+    return torch.stack(columns, dim=2) / volume
+
+
+def _mixed(matrix: Tensor, light: Tensor) -> Tensor:
+    """Each pixel of (N, 3, H, W) multiplied by a matrix (N, 3, 3), in single precision."""
+    with torch.autocast(light.device.type, enabled=False):
+        return torch.matmul(matrix, light.float().flatten(2)).reshape(light.shape)
+
+
+def _cross(a: Tensor, b: Tensor) -> Tensor:
+    ax, ay, az = a[:, 0], a[:, 1], a[:, 2]
+    bx, by, bz = b[:, 0], b[:, 1], b[:, 2]
+    return torch.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], dim=1)
+
+
+class _Residual(nn.Module):
+    def __init__(self, maps: int) -> None:
+        super().__init__()
+        self.first = nn.Sequential(convolution(maps, maps, bias=False), nn.BatchNorm2d(maps), nn.ReLU())
+        self.second = nn.Sequential(convolution(maps, maps, bias=False), nn.BatchNorm2d(maps))
+
+    def forward(self, maps: Tensor) -> Tensor:
+        return functional.relu(maps + self.second(self.first(maps)))
+
+
+class _Down(nn.Module):
+    """To half the resolution; the rig scales and shifts what comes out."""
+
+    def __init__(self, channels: int, maps: int, side: int = 2, residual: bool = True) -> None:
+        super().__init__()
+        self.shrink = nn.Sequential(
+            convolution(channels, maps, side, stride=2, padding=side // 2 - 1, bias=False), nn.BatchNorm2d(maps)
+        )
+        self.told = convolution(64, 2 * maps, 1)
+        self.residual = _Residual(maps) if residual else nn.Identity()
+
+    def forward(self, maps: Tensor, told: Tensor) -> Tensor:
+        scale, shift = self.told(told).chunk(2, dim=1)
+        result: Tensor = self.residual(functional.relu(self.shrink(maps) * (1 + scale) + shift))
+        return result
+
+
+class _Up(nn.Module):
+    """To twice the resolution, joined with what was there on the way down."""
+
+    def __init__(self, channels: int, maps: int) -> None:
+        super().__init__()
+        self.grow = nn.Sequential(convolution(channels, 4 * maps, 1), nn.PixelShuffle(2))
+        self.residual = _Residual(maps)
+
+    def forward(self, maps: Tensor, beside: Tensor) -> Tensor:
+        return self.residual(functional.relu(self.grow(maps) + beside))

@@ -1,0 +1,146 @@
+"""Training recipe: all that a training run is made of, but for the samples' place. One TOML file per shipped model."""
+
+import os
+import tomllib
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.files import existing_file
+from mpsnet_core.synthesis.job import SHAPES
+
+RECIPES = Path(__file__).parent / "recipes"
+MAX_RECIPE_BYTES = 1 << 16
+OPTIMISERS = ("adamw", "muon")
+
+# Smallest and largest value of each number of a recipe.
+_RANGES: dict[str, tuple[float, float]] = {
+    "steps": (1, 100_000_000),
+    "batch": (1, 65536),
+    "crop": (0, 8192),
+    "patches": (0, 65536),
+    "seed": (0, 2**31 - 1),
+    "learning_rate": (1e-8, 1.0),
+    "weight_decay": (0.0, 1.0),
+    "warm_up": (0, 1_000_000),
+    "decay": (0, 100_000_000),
+    "ema": (0.0, 0.99999),
+    "error_weight": (0.0, 100.0),
+    "gradient_weight": (0.0, 100.0),
+}
+
+
+@dataclass(frozen=True)
+class TrainingRecipe:
+    """How one model is trained.
+
+    name: the model's. title: a line for people. network: of :data:`mpsnet_core.learning.training.networks.NETWORKS`,
+    options: its own, such as its width. samples: the commands that make the samples it was meant for; for people.
+    steps: of the optimiser. batch: pictures a step (over all processes). crop: side of a picture in pixels, 0 for whole
+    pictures (patch-wise networks alone). patches: places taken from each picture where the network is patch-wise, so
+    that a step sees batch * patches of them.
+    optimiser: "adamw", or "muon" for the weights of convolutions and AdamW for the rest.
+    learning_rate: it rises over `warm_up` steps, stays, and falls to nothing over the last `decay` steps, in a straight
+    line (Hägele et al., "Scaling laws and compute-optimal training beyond fixed training durations", 2024).
+    weight_decay: of weights, not of biases and batch norm. ema: decay of the weights' running mean, which is what
+    becomes the model. error_weight: of the squared error of the expected error in the loss, for networks that give one.
+    gradient_weight: of the difference between the normals' steps from pixel to pixel and the true ones.
+    kinds: of shapes to train on, of those in the samples; empty for all. seed: of the first weights, the photographs
+    and their order.
+
+    Raises InputError where a value is out of its range.
+    """
+
+    name: str
+    title: str
+    network: str
+    steps: int
+    options: Mapping[str, Any] = field(default_factory=dict)
+    samples: tuple[str, ...] = ()
+    batch: int = 16
+    crop: int = 128
+    patches: int = 0
+    learning_rate: float = 1e-3
+    weight_decay: float = 1e-2
+    warm_up: int = 200
+    decay: int = 0
+    ema: float = 0.999
+    error_weight: float = 1.0
+    gradient_weight: float = 0.0
+    optimiser: str = "adamw"
+    kinds: tuple[str, ...] = ()
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("name", "title", "network"):
+            value = getattr(self, name)
+            if not isinstance(value, str) or not value:
+                raise InputError(f"the recipe's {name} must be a text, not {value!r}")
+        if not isinstance(self.options, Mapping):
+            raise InputError(f"the recipe's options must be a table, not {self.options!r}")
+        if not all(isinstance(line, str) for line in self.samples):
+            raise InputError("the recipe's samples must be a list of texts")
+        if self.optimiser not in OPTIMISERS:
+            raise InputError(f"the recipe's optimiser must be {' or '.join(OPTIMISERS)}, not {self.optimiser!r}")
+        for shape in self.kinds:
+            if shape not in SHAPES:
+                raise InputError(f"the recipe's kinds must be some of {', '.join(SHAPES)}, not {shape!r}")
+        for name, (low, high) in _RANGES.items():
+            value, kind = getattr(self, name), type(getattr(self, name))
+            if kind not in (int, float) or (kind is float and isinstance(low, int)) or not low <= value <= high:
+                raise InputError(f"the recipe's {name} must be from {low:g} to {high:g}, not {value!r}")
+        if self.warm_up + self.decay > self.steps:
+            raise InputError(
+                f"the recipe's warm_up and decay take {self.warm_up + self.decay} steps of {self.steps}; give it more"
+            )
+
+    def to_json(self) -> dict[str, Any]:
+        """The recipe as plain data, which :func:`recipe_from_data` takes."""
+        return {
+            **asdict(self),
+            "options": dict(self.options),
+            "samples": list(self.samples),
+            "kinds": list(self.kinds),
+        }
+
+
+def recipe_names() -> list[str]:
+    """The recipes that come with the package."""
+    return sorted(file.stem for file in RECIPES.glob("*.toml"))
+
+
+def read_recipe(name: str | os.PathLike[str]) -> TrainingRecipe:
+    """A recipe by its name, or from a TOML file. Raises InputError where there is none or it is malformed."""
+    name = os.fspath(name)
+    path = RECIPES / f"{name}.toml" if name in recipe_names() else Path(name)
+    if path.suffix.lower() != ".toml":
+        raise InputError(f"there is no recipe {name!r}; choose {', '.join(recipe_names())} or give a .toml file")
+    path = existing_file(path, "recipe")
+    if path.stat().st_size > MAX_RECIPE_BYTES:
+        raise InputError(f"recipe {path} is larger than 64 KiB; it is not one of ours")
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:  # also what Python says of a number of 5,000 digits
+        raise InputError(f"recipe {path} is not valid TOML: {error}") from None
+    try:
+        return recipe_from_data(data)
+    except InputError as error:
+        raise InputError(f"recipe {path}: {error}") from None
+
+
+def recipe_from_data(data: Mapping[str, Any]) -> TrainingRecipe:
+    """A recipe from plain data. Raises InputError where something is missing, unknown or out of its range."""
+    known = {entry.name for entry in fields(TrainingRecipe)}
+    for name in data:
+        if name not in known:
+            raise InputError(f"the recipe's {name!r} is not known; choose {', '.join(sorted(known))}")
+    for name in ("name", "title", "network", "steps"):
+        if name not in data:
+            raise InputError(f'the recipe lacks "{name}"; add it')
+    lists = {name: data[name] for name in ("samples", "kinds") if name in data}
+    for name, values in lists.items():
+        if not isinstance(values, list | tuple):
+            raise InputError(f"the recipe's {name} must be a list, not {values!r}")
+    return TrainingRecipe(**{**data, **{name: tuple(values) for name, values in lists.items()}})

@@ -1,0 +1,84 @@
+"""Validation: how well a network does on samples that it was not trained on."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from mpsnet_core.learning.evaluation.confidence import rank_correlation
+from mpsnet_core.learning.training.inputs import Batch, joined, patches_of, with_previous
+from mpsnet_core.learning.training.loss import angle_between
+from mpsnet_core.learning.training.networks import Network, Prediction
+from mpsnet_core.learning.training.photographing import Photographer, Scale
+
+PATCHES_A_PICTURE = 200
+PATCHES_AT_ONCE = 1000
+PICTURES_AT_ONCE = 8
+
+
+class Figures(NamedTuple):
+    """mae_deg, highest_deg: mean and largest angular error over all pixels. rank_correlation: Spearman's, between the
+    error that the network expects and the true one; None where it expects none."""
+
+    mae_deg: float
+    highest_deg: float
+    rank_correlation: float | None
+
+    def __str__(self) -> str:
+        rank = "" if self.rank_correlation is None else f", rank correlation {self.rank_correlation:.2f}"
+        return f"{self.mae_deg:.2f}°{rank}"
+
+
+@torch.no_grad()
+def validate(network: Network, photographer: Photographer, patches_a_picture: int = PATCHES_A_PICTURE) -> Figures:
+    """Over all windows on all scales of each held-out sample, photographed once.
+
+    patches_a_picture: how many pixels of each, drawn with a fixed seed, a patch-wise network is asked for.
+    """
+    network.eval()
+    errors, expected = [], []
+    for start in range(0, len(photographer.samples), PICTURES_AT_ONCE):
+        scales = photographer.batch(start // PICTURES_AT_ONCE, PICTURES_AT_ONCE)
+        for scale in scales:  # the last batch begins anew, and what was seen already does not count again
+            scale.weights[scale.examples >= len(photographer.samples) - start] = 0
+        if network.kind == "patch":
+            batch = joined(scales, with_previous(network, network.inputs, scales))
+            for one in _patches(network, batch, patches_a_picture, start):
+                errors.append(_missed(network(*one.inputs), one)[0])
+        else:
+            for missed, told in measured(network, network.inputs, scales):
+                errors.append(missed)
+                expected += [told] if told is not None else []
+    error = np.concatenate(errors).astype(np.float64)
+    rank = rank_correlation(np.concatenate(expected), error) if expected else None
+    return Figures(float(error.mean()), float(error.max()), rank)
+
+
+def measured(
+    answer: Callable[..., Prediction], names: Mapping[str, Sequence[str]], scales: Sequence[Scale]
+) -> list[tuple[NDArray[np.float32], NDArray[np.float32] | None]]:
+    """Of each scale angular errors in degrees, over the pixels that count, and what was expected of them in radians.
+
+    answer, names: as of :func:`mpsnet_core.learning.training.inputs.with_previous`.
+    """
+    return [
+        _missed(answer(*seen), joined([scale], [seen]))
+        for scale, seen in zip(scales, with_previous(answer, names, scales), strict=True)
+    ]
+
+
+def _missed(prediction: Prediction, batch: Batch) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
+    counted = batch.weights > 0
+    error = torch.rad2deg(angle_between(prediction.normals, batch.truth))[counted].float().cpu().numpy()
+    if prediction.expected_error is None:
+        return error, None
+    return error, prediction.expected_error.squeeze(1)[counted].float().cpu().numpy()
+
+
+def _patches(network: Network, batch: Batch, count: int, seed: int) -> list[Batch]:
+    """`count` patches of each picture, part by part, because the maps of many patches take much memory."""
+    generator = torch.Generator().manual_seed(seed)
+    most = PATCHES_AT_ONCE // PICTURES_AT_ONCE
+    return [patches_of(batch, network, min(most, count - done), generator) for done in range(0, count, most)]

@@ -1,0 +1,115 @@
+"""How a surface bends, told by its normals: edges that stick out are above 0, creases below it."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.mask_regions import box_sums
+from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.defaults import CURVATURE_RADIUS
+from mpsnet_core.errors import InputError
+from mpsnet_core.progress import Progress, silent
+from mpsnet_core.relief.sizes import check_size
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.normal_map import NormalMap
+
+# Of |curvature|: what is bent more than that is as white or black as can be.
+PICTURE_QUANTILE = 0.99
+# Enough to know a quantile by.
+_SAMPLED = 1_000_000
+
+
+def curvature(
+    normals: NormalMap,
+    camera: Camera,
+    depth: NDArray[np.floating] | None = None,
+    *,
+    radius: int = CURVATURE_RADIUS,
+    progress: Progress = silent,
+) -> NDArray[np.float32]:
+    """(H, W) the sum of the two principal curvatures (twice the mean curvature) in 1 / the camera's unit; 0 outside.
+
+    Above 0 where the surface is convex: 2 / R on a sphere of radius R, seen from outside, 1 / R on a cylinder, at every
+    slant. It is the divergence of the normals in space, each carried on along its pixel's ray, where it does not
+    change. Steps of the surface that the normals do not show are not seen.
+
+    camera: what the pixels see. depth: (H, W) along a perspective camera's axis, which it needs.
+    radius: what is averaged: squares that reach 1, 2, 4, ... up to `radius` pixels, each counted as much as it reaches,
+        so that fine grain does not drown broad shapes. 0: each pixel's own, from its neighbours.
+
+    Raises InputError where the sizes do not agree, a depth is missing or the radius is below 0.
+    """
+    height, width = normals.mask.shape
+    check_size("camera", (camera.height, camera.width), normals)
+    perspective = camera.projection == "perspective"
+    if perspective and (depth is None or np.shape(depth) != (height, width)):
+        raise InputError("the curvature under a perspective camera needs the depth of every pixel")
+    check_curvature(radius)
+    sharp = np.zeros((height, width), np.float32)
+    for rows in bands(height):
+        progress(0.5 * rows.start / height, "curvature")
+        sharp[rows] = _divergence(normals, camera, depth if perspective else None, rows)
+    if radius == 0:
+        return sharp
+    radius = min(radius, max(height, width))
+    radii = [radius, *(2**power for power in range(radius.bit_length()) if 2**power < radius)]
+    summed = np.zeros((height, width), np.float32)
+    for number, reach in enumerate(radii):
+        progress(0.5 + 0.5 * number / len(radii), "curvature")
+        total = box_sums(sharp, reach)
+        total /= np.maximum(box_sums(normals.mask.astype(np.float32), reach), 1)
+        summed += (reach / sum(radii) * total).astype(np.float32)
+    return np.where(normals.mask, summed, np.float32(0))
+
+
+def check_curvature(radius: int, limit: float | None = None) -> None:
+    """Raises InputError where curvature cannot be averaged over the radius, or not be shown up to the limit."""
+    if radius < 0:
+        raise InputError(f"a radius of {radius} pixels is none; give 0 or more")
+    if limit is not None and not 0 < limit < np.inf:
+        raise InputError(f"a curvature's range must be a number above 0, not {limit:g}")
+
+
+def curvature_range(values: NDArray[np.floating], mask: NDArray[np.bool_]) -> float:
+    """A range that suits a picture of these curvatures: 99 of 100 pixels of the mask lie within plus and minus it."""
+    inside = np.abs(values[mask])
+    limit = float(np.quantile(inside[:: -(-len(inside) // _SAMPLED)], PICTURE_QUANTILE))
+    return limit if limit > 0 else 1.0
+
+
+def curvature_picture(values: NDArray[np.floating], limit: float) -> NDArray[np.float32]:
+    """(H, W) 0 to 1 for artists: flat is 0.5, convex by `limit` (1 / unit) or more white, concave by as much black."""
+    return np.clip(0.5 + 0.5 / limit * values, 0, 1).astype(np.float32)
+
+
+def _divergence(
+    normals: NormalMap, camera: Camera, depth: NDArray[np.floating] | None, rows: slice
+) -> NDArray[np.float32]:
+    """Of some rows.
+
+    With a = X / t and b = Y / t, where t is the depth, a field n(a, b) that is constant along the rays has
+    div n = (dnx/da + dny/db + a dnz/da + b dnz/db) / t. Orthographic rays are parallel: div n = dnx/dX + dny/dY.
+    """
+    top, bottom = max(rows.start - 1, 0), min(rows.stop + 1, camera.height)
+    mask, vectors = normals.mask[top:bottom], normals.vectors[top:bottom]
+    own = slice(rows.start - top, rows.stop - top)
+    to_right = _slope(vectors[..., ::2], mask, axis=1)[own] * camera.focal[0]
+    upwards = _slope(vectors[..., 1:], mask, axis=0)[own] * -camera.focal[1]
+    found = to_right[..., 0] + upwards[..., 0]
+    if depth is not None:
+        a, b, _ = np.moveaxis(camera.points(np.ones((rows.stop - rows.start, camera.width)), rows.start), -1, 0)
+        found = (found + a * to_right[..., 1] + b * upwards[..., 1]) / np.where(normals.mask[rows], depth[rows], 1)
+    return np.where(normals.mask[rows], found, 0).astype(np.float32)
+
+
+def _slope(values: NDArray[Any], mask: NDArray[np.bool_], axis: int) -> NDArray[Any]:
+    """How values (H, W, C) grow from one pixel to the next: the mean of both sides, or the one that is in the mask."""
+    values, mask = values.swapaxes(0, axis), mask.swapaxes(0, axis)
+    known = mask[1:] & mask[:-1]
+    steps = np.where(known[..., None], values[1:] - values[:-1], 0)
+    total, count = np.zeros_like(values), np.zeros(mask.shape, np.float32)
+    for side in (slice(1, None), slice(None, -1)):
+        total[side] += steps
+        count[side] += known
+    return (total / np.maximum(count, 1)[..., None]).swapaxes(0, axis)

@@ -1,0 +1,1 @@
+"""Displacement: from baked normals to heights on a mesh's UVs."""

@@ -1,0 +1,228 @@
+"""Least squares over texels that hang together in the texture, and over its seams.
+
+Sought are the heights h whose differences come nearest to those that are known between neighbours, in the texture and
+across its seams alike: the least sum w (h_j - h_i - d_ij)², and, where low frequencies shall be held, s_i h_i² besides.
+The normal equations are Poisson's on a surface that is cut into islands and sewn together again: each picture row goes
+on somewhere else, so that the solver for pictures (:mod:`mpsnet_core.relief.integration.poisson`) cannot take them: it
+knows a pixel's neighbours by their place, which makes it several times as fast where that holds. Here each texel keeps
+a list of its neighbours. Else the way is the same, conjugate gradients preconditioned by a multigrid cycle: of every 2
+x 2 texels those of one island become one unknown, over and over, and in the end islands that share a seam do.
+"""
+
+import logging
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.connected_components import connected
+from mpsnet_core.progress import Progress, silent
+
+log = logging.getLogger(__name__)
+
+# What a step across a seam weighs, where one between neighbours in the texture weighs 1: seams crack, slopes do not.
+TOGETHER = 4.0
+# Fewer unknowns than this are solved at once.
+DIRECT = 400
+# Damping of Jacobi's method that smooths best what a 2 x 2 coarser level cannot hold (2D Laplacian).
+DAMPING = 0.8
+# The residual, as a share of the right side, at which the solution counts as found: far below any normals' own errors.
+TOLERANCE = 1e-4
+MOST_STEPS = 200
+
+Vector = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Graph:
+    """What hangs together with what: N unknowns in the texture's cells and M ties between any of them.
+
+    cells: (N, 2) row and column. islands: (N,).
+    neighbours: (4, N) the unknown to the right, below, to the left and above; its own number where there is none.
+    weights: (4, N) of those; 0 where there is none. ties: (M, 2) and tie_weights: (M,).
+    hold: (N,) what h² itself weighs.
+    """
+
+    cells: NDArray[np.int32]
+    islands: NDArray[np.int32]
+    neighbours: NDArray[np.int32]
+    weights: Vector
+    ties: NDArray[np.int32]
+    tie_weights: Vector
+    hold: Vector
+
+    def diagonal(self) -> Vector:
+        """(N,) the diagonal of the normal equations' matrix."""
+        total = self.weights.sum(axis=0) + self.hold
+        for end in self.ties.T:
+            np.add.at(total, end, self.tie_weights)
+        return total
+
+    def times(self, heights: Vector, diagonal: Vector) -> Vector:
+        """(N,) the normal equations' matrix times `heights`."""
+        out = diagonal * heights
+        for neighbour, weight in zip(self.neighbours, self.weights, strict=True):
+            out -= weight * heights[neighbour]
+        one, other = self.ties.T
+        np.subtract.at(out, one, self.tie_weights * heights[other])
+        np.subtract.at(out, other, self.tie_weights * heights[one])
+        return out
+
+    def right_side(self, right: Vector, below: Vector, across: Vector) -> Vector:
+        """(N,) the normal equations' right side for the differences that are known: to the neighbours on the right
+        and below, (N,) each, and over the ties, (M,), from the first to the second."""
+        out = np.zeros(len(self.islands), np.float32)
+        for axis, known in enumerate((right, below)):
+            out -= self.weights[axis] * known
+            back = self.neighbours[axis + 2]
+            out += self.weights[axis + 2] * known[back]
+        np.subtract.at(out, self.ties[:, 0], self.tie_weights * across)
+        np.add.at(out, self.ties[:, 1], self.tie_weights * across)
+        return out
+
+
+def graph_of(islands: NDArray[np.int32], ties: NDArray[np.int32], hold: Vector) -> Graph:
+    """The graph of a texture's N covered texels, numbered row by row. islands: (S, S) the island that holds each texel,
+    -1 where none does. ties: (M, 2). hold: (N,)."""
+    covered = islands >= 0
+    cells = np.argwhere(covered).astype(np.int32)
+    number = np.full(islands.shape, -1, np.int32)
+    number[covered] = np.arange(len(cells), dtype=np.int32)
+    own = np.arange(len(cells), dtype=np.int32)
+    neighbours = np.repeat(own[None], 4, axis=0)
+    for axis in (0, 1):
+        along = np.moveaxis(islands, 1 - axis, 0), np.moveaxis(number, 1 - axis, 0)
+        same = (along[0][:-1] >= 0) & (along[0][:-1] == along[0][1:])
+        one, other = along[1][:-1][same], along[1][1:][same]
+        neighbours[axis, one], neighbours[axis + 2, other] = other, one
+    weights = (neighbours != own).astype(np.float32)
+    return Graph(cells, islands[covered], neighbours, weights, ties, np.full(len(ties), TOGETHER, np.float32), hold)
+
+
+class Solver:
+    """Solves a graph's normal equations for any right side. Where nothing holds a connected part, its heights are
+    known up to a constant."""
+
+    def __init__(self, graph: Graph) -> None:
+        self.levels = [_Level(graph, graph.diagonal(), None)]
+        while len(self.levels[-1].graph.islands) > DIRECT:
+            fine = self.levels[-1]
+            parent = _parents(fine.graph)
+            coarse = _coarser(fine.graph, parent)
+            if len(coarse.islands) == len(parent):
+                break
+            self.levels[-1] = _Level(fine.graph, fine.diagonal, parent)
+            self.levels.append(_Level(coarse, coarse.diagonal(), None))
+        last = self.levels[-1].graph
+        self.inverse = _pseudo_inverse(last) if len(last.islands) <= DIRECT else None
+
+    def solve(self, right_side: Vector, start: Vector, progress: Progress = silent) -> Vector:
+        """(N,) the heights. start: where to begin.
+
+        Flexible conjugate gradients (Notay 2000): the cycle in float32 is not quite symmetric.
+        """
+        level = self.levels[0]
+        heights = start.copy()
+        residual = right_side - level.graph.times(heights, level.diagonal)
+        first = max(_dot(right_side, right_side), 1e-30) ** 0.5
+        direction = before = np.zeros_like(heights)
+        scale = 1.0
+        for _ in range(MOST_STEPS):
+            left = _dot(residual, residual) ** 0.5 / first
+            progress(float(np.clip(np.log(max(left, TOLERANCE)) / np.log(TOLERANCE), 0, 1)), "integrating")
+            if left <= TOLERANCE:
+                break
+            step = self._cycle(0, residual)
+            turned = (_dot(step, residual) - _dot(step, before)) / scale
+            direction = step + np.float32(turned) * direction
+            image = level.graph.times(direction, level.diagonal)
+            scale, size = _dot(step, residual), _dot(direction, image)
+            if scale <= 0 or size <= 0:  # only rounding is left
+                break
+            length = np.float32(_dot(direction, residual) / size)
+            before = residual
+            residual = residual - length * image
+            heights += length * direction
+        else:
+            log.info("the heights are not quite what the normals ask for: %d steps were too few", MOST_STEPS)
+        return heights
+
+    def _cycle(self, number: int, residual: Vector) -> Vector:
+        """One V-cycle from nothing: smoothed before and after, corrected from the coarser level in between."""
+        level = self.levels[number]
+        if level.parent is None and self.inverse is not None:
+            return (self.inverse @ residual).astype(np.float32)
+        damped = np.float32(DAMPING) / np.maximum(level.diagonal, np.float32(1e-12))
+        heights = damped * residual
+        if level.parent is not None:
+            coarse = self.levels[number + 1].graph
+            rest = residual - level.graph.times(heights, level.diagonal)
+            summed = np.bincount(level.parent, rest, len(coarse.islands)).astype(np.float32)
+            heights += self._cycle(number + 1, summed)[level.parent]
+        heights += damped * (residual - level.graph.times(heights, level.diagonal))
+        return heights
+
+
+@dataclass(frozen=True)
+class _Level:
+    """A graph, its diagonal, and for each unknown its number on the coarser level; None on the coarsest."""
+
+    graph: Graph
+    diagonal: Vector
+    parent: NDArray[np.int64] | None
+
+
+def _parents(graph: Graph) -> NDArray[np.int64]:
+    """(N,) which unknowns become one: of one island in 2 x 2 cells; where every island is one, islands that share most
+    of a seam."""
+    cells = graph.cells.astype(np.int64) // 2
+    if not (graph.neighbours == np.arange(len(cells))).all():
+        width = int(cells[:, 1].max()) + 1
+        place = cells[:, 0] * width + cells[:, 1]
+        return np.unique(place * (int(graph.islands.max()) + 1) + graph.islands, return_inverse=True)[1].reshape(-1)
+    best = np.arange(len(cells))
+    order = np.argsort(graph.tie_weights, kind="stable")
+    for one, other in (graph.ties[order].T, graph.ties[order, ::-1].T):
+        best[one] = other  # the last one stays, which is the strongest
+    return np.unique(connected(len(cells), np.arange(len(cells)), best), return_inverse=True)[1].reshape(-1)
+
+
+def _coarser(graph: Graph, parent: NDArray[np.int64]) -> Graph:
+    count = int(parent.max()) + 1
+    cells, islands = np.empty((count, 2), np.int32), np.empty(count, np.int32)
+    cells[parent], islands[parent] = graph.cells // 2, graph.islands
+    neighbours = np.repeat(np.arange(count, dtype=np.int32)[None], 4, axis=0)
+    weights = np.zeros((4, count), np.float32)
+    for side in range(4):
+        beyond = parent[graph.neighbours[side]]
+        leaves = beyond != parent
+        neighbours[side, parent[leaves]] = beyond[leaves]
+        # Twice as many differences cross to a neighbour twice as far away: half of their sum is the Laplacian again.
+        weights[side] = np.bincount(parent[leaves], graph.weights[side, leaves], count) / 2
+    ties, weight = _merged(np.sort(parent[graph.ties], axis=1), graph.tie_weights, count)
+    hold = np.bincount(parent, graph.hold, count).astype(np.float32)
+    return Graph(cells, islands, neighbours, weights, ties, weight, hold)
+
+
+def _merged(ties: NDArray[np.int64], weights: Vector, count: int) -> tuple[NDArray[np.int32], Vector]:
+    """Ties between the same two as one, those from one to itself left out."""
+    apart = ties[:, 0] != ties[:, 1]
+    keys, which = np.unique(ties[apart, 0] * count + ties[apart, 1], return_inverse=True)
+    summed = np.bincount(which.reshape(-1), weights[apart], len(keys)).astype(np.float32)
+    return np.stack(np.divmod(keys, count), axis=1).astype(np.int32), summed
+
+
+def _pseudo_inverse(graph: Graph) -> NDArray[np.float64]:
+    """(N, N): the parts that nothing holds keep a mean of 0."""
+    count = len(graph.islands)
+    matrix = np.diag(graph.diagonal().astype(np.float64))
+    for neighbour, weight in zip(graph.neighbours, graph.weights, strict=True):
+        np.subtract.at(matrix, (np.arange(count), neighbour), weight)
+    one, other = graph.ties.T
+    np.subtract.at(matrix, (one, other), graph.tie_weights)
+    np.subtract.at(matrix, (other, one), graph.tie_weights)
+    return np.linalg.pinv(matrix, rcond=1e-6, hermitian=True)
+
+
+def _dot(one: Vector, other: Vector) -> float:
+    return float(np.einsum("i,i->", one, other, dtype=np.float64))

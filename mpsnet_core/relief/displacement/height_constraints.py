@@ -1,0 +1,123 @@
+"""What baked normals ask of the heights on a mesh's UVs: how much they change from each texel to the next."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.bake.texture import Space
+from mpsnet_core.errors import InputError
+from mpsnet_core.progress import Progress
+from mpsnet_core.relief.displacement.graph_poisson import Graph
+from mpsnet_core.relief.displacement.uv_islands import welded
+from mpsnet_core.relief.displacement.uv_layout import Layout
+from mpsnet_core.scene.mesh import smooth_corner_normals
+from mpsnet_core.scene.normal_map import OUTWARDS_SHARE, normalised
+
+# Slopes steeper than this (cosine of the angle between the surface and the one it is displaced from; 80°) are taken to
+# be as steep as this: a normal at right angles to the mesh's would ask for an infinite height. Less steep than what
+# heights before a camera may be (gradients.LEAST_FACING): here steep texels count as much as all others, and what bends
+# away further from its own mesh is no height over it.
+LEAST_FACING = 0.17
+ROWS = 64
+
+
+@dataclass(frozen=True)
+class Chords:
+    """For N covered texels, h_j - h_i = -(flat + curved (h_i + h_j) / 2) to the neighbours j on the right and below.
+
+    flat: (2, N) in world units. curved: (2, N) for each unit of height. Without meaning where there is no neighbour.
+    outwards: (N,) how far the mesh with the normals lies outwards of the one that is displaced; 0 where they are one.
+    """
+
+    flat: NDArray[np.float32]
+    curved: NDArray[np.float32]
+    outwards: NDArray[np.float32]
+
+    def changes(self, graph: Graph, heights: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """(N,) the changes to the neighbours on the right and below, where the heights are about `heights`."""
+        right, below = (
+            -(self.flat[axis] + self.curved[axis] * (heights + heights[graph.neighbours[axis]]) / 2) for axis in (0, 1)
+        )
+        return right, below
+
+
+def chords(vectors: NDArray[np.float32], space: Space, own: Layout, base: Layout, progress: Progress) -> Chords:
+    """What the normals `vectors` (S, S, 3), baked onto the mesh of `own`, ask of heights on the mesh of `base`.
+
+    The displaced surface is s = p + h n, with n the base's smooth unit normals. Its chord s_j - s_i is at right angles
+    to m, the mean of the normals wanted at its two ends (exactly so on a sphere, a cylinder and a plane):
+    m (p_j - p_i) + h_j m n_j - h_i m n_i = 0.
+
+    Raises InputError where many of the normals point into the mesh, as those of another space do.
+    """
+    size = len(base.triangle)
+    numbers = np.cumsum(np.concatenate([[0], (base.triangle >= 0).sum(axis=1)]))
+    flat, curved = np.zeros((2, 2, numbers[-1]), np.float32)
+    outwards = np.zeros(numbers[-1], np.float32)
+    facing_out = 0
+    middle = base.mesh.world_vertices.mean(axis=0)
+    surface, shading = _surface(base, middle), _shading(own)
+    own_surface = surface if own is base else _surface(own, middle)
+    for rows in bands(size, ROWS):
+        progress(rows.start / size, "reading the normals")
+        more = slice(rows.start, min(rows.stop + 1, size))
+        point, normal = base.at(more, *surface)
+        normal = normalised(normal)
+        wanted = _wanted(vectors[more], space, own, shading, more)
+        if own is not base:
+            wanted = np.where((own.triangle[more] >= 0)[..., None], wanted, normal)
+        here, inside = slice(numbers[rows.start], numbers[rows.stop]), base.triangle[rows] >= 0
+        facing_out += np.count_nonzero(_dot(wanted, normal)[: len(inside)][inside] >= 0)
+        for number, axis in enumerate((1, 0)):
+            # Beyond the last column and row stands what is at the other end; there is no neighbour there.
+            towards = wanted + np.roll(wanted, -1, axis)
+            step = _dot(towards, np.roll(point, -1, axis) - point)
+            first, second = _dot(towards, normal), _dot(towards, np.roll(normal, -1, axis))
+            least = np.maximum(LEAST_FACING * np.linalg.norm(towards, axis=-1), 1e-6)
+            facing = np.maximum((first + second) / 2, least)
+            flat[number, here] = (step / facing)[: len(inside)][inside]
+            curved[number, here] = ((second - first) / facing)[: len(inside)][inside]
+        if own is not base:
+            (there,) = own.at(rows, own_surface[0])
+            apart = _dot(there - point[: len(inside)], normal[: len(inside)])
+            outwards[here] = np.where(own.triangle[rows] >= 0, apart, 0)[inside]
+    if facing_out < OUTWARDS_SHARE * numbers[-1]:
+        raise InputError(
+            f"the texture does not fit the mesh in {space} space: many of its normals point inwards; give the space "
+            "that it was baked in, and the mesh that it was baked onto"
+        )
+    return Chords(flat, curved, outwards)
+
+
+def _surface(layout: Layout, middle: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """(T, 3, 3) the corners' points in the world, relative to `middle`, and their smooth normals."""
+    mesh = layout.mesh
+    points, places = (mesh.world_vertices - middle)[mesh.triangles], welded(mesh).astype(np.int32)
+    of_place = np.empty((places.max() + 1, 3))
+    of_place[places] = points
+    normals = smooth_corner_normals(of_place, places)
+    return [points, normals if np.linalg.det(mesh.world_from_object[:3, :3]) > 0 else -normals]
+
+
+def _shading(layout: Layout) -> list[NDArray[np.floating]]:
+    """(T, 3, 3) tangents and shading normals of the corners, and (T, 3, 1) the bitangents' signs."""
+    mesh = layout.mesh
+    return [mesh.tangents[..., :3], mesh.corner_normals, np.repeat(mesh.tangents[:, :1, 3:], 3, axis=1)]
+
+
+def _wanted(
+    vectors: NDArray[np.float32], space: Space, own: Layout, shading: list[NDArray[np.floating]], rows: slice
+) -> NDArray[np.float64]:
+    """(h, S, 3) unit normals in the world for some rows of the texture."""
+    wanted = vectors.astype(np.float64)
+    if space == "tangent":
+        tangent, normal, sign = own.at(rows, *shading)
+        x, y, z = np.moveaxis(wanted, -1, 0)[..., None]
+        wanted = x * tangent + y * sign * np.cross(normal, tangent) + z * normal
+    return normalised(wanted @ np.linalg.inv(own.mesh.world_from_object[:3, :3]))
+
+
+def _dot(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.einsum("...i,...i->...", one, other)

@@ -1,0 +1,77 @@
+"""UDIM tiles as one texture, for what is solved over all of them at once."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.bake.texture_sets import Sheet
+from mpsnet_core.errors import InputError
+from mpsnet_core.relief.sizes import MAX_SIZE, check_square
+from mpsnet_core.scene.mesh import Mesh
+
+
+@dataclass(frozen=True)
+class Tiles:
+    """UDIM tiles, each in a square of its own of a texture of `side` x `side` of them, from the lower left on.
+
+    corners: (N, 2) the tiles' lower left corners in UV space.
+    """
+
+    corners: NDArray[np.int64]
+
+    @property
+    def side(self) -> int:
+        return int(np.ceil(np.sqrt(len(self.corners))))
+
+    def mesh(self, mesh: Mesh) -> Mesh:
+        """The mesh with its UVs in that texture; triangles that are in none of the tiles lie outside of it."""
+        of_triangle = np.floor(mesh.uvs.mean(axis=1, dtype=np.float64)).astype(np.int64)
+        uvs = np.full(mesh.uvs.shape, -1.0)
+        for number, corner in enumerate(self.corners):
+            inside = (of_triangle == corner).all(axis=1)
+            row, column = divmod(number, self.side)
+            uvs[inside] = (mesh.uvs[inside] - corner + (column, row)) / self.side
+        # Tangents are those of the UVs as they were, which may hang together over a tile's border.
+        return replace(mesh, uvs=uvs, given_tangents=mesh.tangents)
+
+    def joined(self, textures: Iterable[NDArray[np.float32]]) -> NDArray[np.float32]:
+        """(side S, side S, K) of the tiles' textures (S, S, K), asked for one by one; 0 where there is no tile.
+
+        Raises InputError where they are not of one size, not square, or too large together.
+        """
+        ahead = iter(textures)
+        first = next(ahead)
+        height, width, *more = first.shape
+        check_square(height, width)
+        if self.side > 1 and height * self.side > MAX_SIZE:
+            raise InputError(
+                f"{len(self.corners)} tiles of {height} texels a side are too many for heights on UVs; bake them with "
+                f"{MAX_SIZE // self.side} at most"
+            )
+        whole = np.zeros((height * self.side, width * self.side, *more), np.float32)
+        for place, texture in zip(self._places(height), chain([first], ahead), strict=True):
+            if texture.shape != first.shape:
+                sizes = " and ".join(f"{w} x {h}" for h, w, *_ in sorted((first.shape, texture.shape)))
+                raise InputError(f"the tiles' textures have several sizes, {sizes}; bake them all with one")
+            whole[place] = texture
+        return whole
+
+    def parted(self, whole: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+        """Each tile's (S, S, ...) of the texture (side S, side S, ...)."""
+        return [whole[place] for place in self._places(len(whole) // self.side)]
+
+    def _places(self, size: int) -> list[tuple[slice, slice]]:
+        places = []
+        for number in range(len(self.corners)):
+            row, column = divmod(number, self.side)
+            top = self.side - 1 - row
+            places.append((slice(top * size, (top + 1) * size), slice(column * size, (column + 1) * size)))
+        return places
+
+
+def tiles_of(sheets: Sequence[Sheet]) -> Tiles:
+    """The tiles of :func:`mpsnet_core.bake.texture_sets.sheets`."""
+    return Tiles(np.array([sheet.corner for sheet in sheets], np.int64))

@@ -1,0 +1,87 @@
+"""Where a mesh lies in a texture: what is under each texel, and which texels meet at the seams."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.rasterize import NO_AREA, texel_areas, texel_coordinates, triangle_of_texel
+from mpsnet_core.relief.displacement.uv_islands import Islands, islands_of
+from mpsnet_core.scene.mesh import Mesh
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where a mesh lies in a texture of S x S texels.
+
+    corners: (T, 3, 2) texel coordinates. triangle: (S, S) what covers each texel, -1 where nothing does.
+    island: (S, S) the UV island there, -1 likewise. Of islands that lie over each other one counts, whole.
+    """
+
+    mesh: Mesh
+    corners: NDArray[np.float64]
+    triangle: NDArray[np.int32]
+    island: NDArray[np.int32]
+    islands: Islands
+
+    def at(self, rows: slice, *layers: NDArray[np.floating]) -> list[NDArray[np.float64]]:
+        """(h, S, K) what corner values (T, 3, K) are at some rows of texels, linear over each triangle; 0 where there
+        is none."""
+        triangle = self.triangle[rows]
+        covered = triangle >= 0
+        row, column = np.nonzero(covered)
+        held = triangle[covered]
+        corners = self.corners[held]
+        x, y = column - corners[:, 0, 0], row + rows.start - corners[:, 0, 1]
+        (ax, ay), (bx, by) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
+        area = ax * by - ay * bx
+        second, third = (x * by - y * bx) / area, (ax * y - ay * x) / area
+        weights = np.stack([1 - second - third, second, third], axis=-1)
+        found = []
+        for layer in layers:
+            values = np.zeros((*triangle.shape, layer.shape[-1]))
+            values[covered] = np.einsum("nc,nck->nk", weights, layer[held])
+            found.append(values)
+        return found
+
+    def areas(self) -> NDArray[np.float64]:
+        """(T,) how large a texel on each triangle is in the world."""
+        corners = self.mesh.world_vertices[self.mesh.triangles]
+        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        return np.linalg.norm(across, axis=1) / 2 / np.maximum(texel_areas(self.corners), NO_AREA)
+
+    def meeting(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Places a texel or so apart along the seams: (M, 2) the texels nearest to them on either side, numbered row by
+        row, and (M, 2, 2) how far right and down of those texels' centres they are. Islands that are too small to cover
+        a texel there are left out."""
+        size = len(self.island)
+        ends = texel_coordinates(self.islands.seam_uvs, size)
+        count = np.ceil(np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=-1).max(axis=1)).astype(np.int64)
+        seam = np.repeat(np.arange(len(count)), count)
+        before = np.cumsum(count) - count
+        along = ((np.arange(len(seam)) - before[seam] + 0.5) / count[seam])[:, None, None]
+        places = ends[seam, :, 0] * (1 - along) + ends[seam, :, 1] * along
+        islands = self.islands.seam_islands[seam]
+        texels = np.full((len(seam), 2), -1, np.int64)
+        offsets, nearest = np.zeros((len(seam), 2, 2)), np.full((len(seam), 2), np.inf)
+        for row, column in np.ndindex(4, 4):
+            texel = np.floor(places).astype(np.int64) + np.array([column - 1, row - 1])
+            inside = ((texel >= 0) & (texel < size)).all(axis=-1)
+            x, y = np.moveaxis(np.clip(texel, 0, size - 1), -1, 0)
+            offset = places - texel
+            far = np.linalg.norm(offset, axis=-1)
+            nearer = inside & (self.island[y, x] == islands) & (far < nearest)
+            texels[nearer], offsets[nearer], nearest[nearer] = (y * size + x)[nearer], offset[nearer], far[nearer]
+        met = (texels >= 0).all(axis=1) & (texels[:, 0] != texels[:, 1])
+        return texels[met], offsets[met]
+
+
+def layout_of(mesh: Mesh, size: int) -> Layout:
+    """Lay a mesh out in a texture of `size` x `size` texels."""
+    islands = islands_of(mesh)
+    corners = texel_coordinates(mesh.uvs, size)
+    order = np.argsort(islands.of_triangle, kind="stable").astype(np.int32)
+    laid = triangle_of_texel(corners[order], size)
+    triangle = np.where(laid >= 0, order[laid], np.int32(-1))
+    island = np.where(laid >= 0, islands.of_triangle[triangle], np.int32(-1))
+    return Layout(mesh, corners, triangle, island, islands)

@@ -1,0 +1,221 @@
+"""Height maps as files: float heights in the unit itself, or 16 bits from black to white with their scale stated.
+
+Beside ``height.png`` stand ``height.png.json``, what its values mean, and ``height.png.mask.png``, where the object is.
+The picture itself has one channel and no alpha: that is what displacement takes, and in EXR colours are multiplied by
+alpha, which would tear the surface down to 0 along its outline. Instead the heights go on beyond the outline.
+"""
+
+import contextlib
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.push_pull import push_pull
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.files import (
+    MAX_JSON_BYTES,
+    existing_file,
+    read_json,
+    remove_file,
+    writable_path,
+    write_json,
+    written_together,
+)
+from mpsnet_core.io.images import checked_bits, image_description, read_channel, read_mask, write_image
+from mpsnet_core.relief.height_map import HeightMap
+from mpsnet_core.relief.height_names import earlier_scale, height_names, scale_beside
+from mpsnet_core.scene.camera import Camera, camera_data, camera_from_data
+
+HEIGHT_FORMAT = "mpsnet-height"
+HEIGHT_VERSION = 1
+HEIGHT_KEYS = ("unit", "lowest", "highest", "black", "white", "pixels_per_unit", "displace", "mask", "camera")
+# Half floats and bytes are too coarse: a surface of 256 steps shows each of them.
+HEIGHT_BITS = (16, 32)
+# Heights in files from outside; float32 holds all below it.
+MOST = 1e38
+
+
+@dataclass(frozen=True)
+class HeightScale:
+    """What the values of a height file mean: ``height = black + value * (white - black)``.
+
+    black, white: the height that value 0 and value 1 stand for. In float files these are 0 and 1: the value is the
+    height. zero: the height that stays where it is when a surface is displaced. unit: in words, as "mm".
+    """
+
+    black: float
+    white: float
+    zero: float
+    unit: str
+
+    @property
+    def strength(self) -> float:
+        """The strength of Blender's Displace modifier with which the texture moves by true heights."""
+        return self.white - self.black
+
+    @property
+    def midlevel(self) -> float:
+        """The modifier's midlevel, which is the value that stays where it is."""
+        return (self.zero - self.black) / self.strength
+
+    def __str__(self) -> str:
+        if (self.black, self.white) == (0, 1):
+            return f"its values are heights in {self.unit}"
+        return f"black is {self.black:.6g} {self.unit}, white {self.white:.6g} {self.unit}"
+
+
+def height_files(path: str | os.PathLike[str], bits: int | None = None) -> list[Path]:
+    """The files that :func:`write_height` writes for `path`: the heights, their scale, their mask.
+
+    Raises InputError where they cannot be written there, or what stands in the place of the scale or of the mask is not
+    of heights that were written there before.
+    """
+    path, scale, mask = height_names(writable_path(path))
+    bits = checked_bits(path, bits)
+    if bits not in HEIGHT_BITS or (path.suffix.lower() == ".exr" and bits == 16):
+        raise InputError(f"cannot write {path}: heights in {bits} bits show steps; take 16 bits in PNG or TIFF, or 32")
+    kept_mask = None
+    if scale.exists():
+        try:
+            kept_mask = read_json(scale, HEIGHT_FORMAT, HEIGHT_VERSION, HEIGHT_KEYS)["mask"]
+        except InputError:
+            raise InputError(
+                f"cannot write {path}: {scale}, where its scale belongs, is another file; choose another name"
+            ) from None
+    if kept_mask != mask.name and mask.exists():
+        raise InputError(f"cannot write {path}: {mask}, where its mask belongs, is another file; choose another name")
+    return [path, scale, mask]
+
+
+def write_height(
+    path: str | os.PathLike[str],
+    heights: HeightMap,
+    *,
+    bits: int | None = None,
+    unit: str = "unit",
+    on_uvs: bool = False,
+    ends: tuple[float, float] | None = None,
+) -> HeightScale:
+    """Write heights, their scale and their mask: all of them, or none, and what was there stays.
+
+    path: .exr, or .tif with `bits` 32: float32 heights in the unit itself. .png or .tif: 16 bits from black, the lowest
+    height, to white, the highest. The file itself keeps the scale too, as its description. unit: what the camera's
+    unit is called, for people. on_uvs: they are a texture, which no camera saw, and none is told. ends: the heights
+    that are black and white in 16 bits, where they are those of more than this file.
+
+    Returns what the values mean. Raises InputError as :func:`height_files` does, and where the disk is full.
+    """
+    path, scale_file, mask_file = height_files(path, bits)
+    bits = checked_bits(path, bits)
+    inside = heights.values[heights.mask]
+    lowest, highest = float(inside.min()), float(inside.max())
+    # Where heights are known up to a constant 0 is as good a place as any; those along a perspective camera's axis
+    # are all far below it.
+    zero = 0.0 if heights.camera.projection == "orthographic" else float(inside.mean(dtype=np.float64))
+    black, white = (0.0, 1.0) if bits == 32 else ends or (lowest, highest)
+    scale = HeightScale(black, white if white > black else black + 1, zero, unit)
+    data = {
+        "unit": unit,
+        "lowest": lowest,
+        "highest": highest,
+        "black": scale.black,
+        "white": scale.white,
+        "pixels_per_unit": _pixels_per_unit(heights, zero),
+        "displace": {"strength": scale.strength, "midlevel": scale.midlevel},
+        "mask": None if heights.mask.all() else mask_file.name,
+        "camera": None if on_uvs else camera_data(heights.camera),
+    }
+    values = push_pull(heights.values, heights.mask)
+    if bits != 32:
+        values = ((values - np.float32(scale.black)) / np.float32(scale.strength)).astype(np.float32)
+    whole = {"format": HEIGHT_FORMAT, "version": HEIGHT_VERSION, **data}
+    with written_together():
+        write_json(scale_file, whole)  # before the mask, which is known as its own by it
+        if data["mask"] is not None:
+            write_image(mask_file, heights.mask, bits=8)
+        else:
+            remove_file(mask_file)  # of the heights that were there before
+        _remove_earlier(path)
+        write_image(path, values, bits=bits, description=json.dumps(whole))
+    return scale
+
+
+def _remove_earlier(path: Path) -> None:
+    """Remove the scale and mask that an earlier version named otherwise, where they are of what stands at `path`."""
+    scale = earlier_scale(path)
+    if scale.is_file():
+        with contextlib.suppress(InputError):
+            data = read_json(scale, HEIGHT_FORMAT, HEIGHT_VERSION, HEIGHT_KEYS)
+            if _kept_data(path) == data:
+                remove_file(scale)
+                if data.get("mask") == f"{path.stem}_mask.png":
+                    remove_file(path.with_name(data["mask"]))
+
+
+def read_height(path: str | os.PathLike[str]) -> HeightMap:
+    """Read heights that :func:`write_height` wrote, with the scale, mask and camera that stand beside them.
+
+    Of 16 bits they are right to half a step, ``(white - black) / 131070``. Heights on UVs come with an orthographic
+    camera whose pixels are as large as their texels.
+
+    Raises InputError where a file is missing or broken, or they do not belong together.
+    """
+    path = existing_file(path, "height map")
+    scale_file = scale_beside(path)
+    data = read_json(scale_file, HEIGHT_FORMAT, HEIGHT_VERSION, HEIGHT_KEYS)
+    values = read_channel(path)
+    try:
+        black, white = _number(data, "black"), _number(data, "white")
+        kept = _kept_data(path)
+        if kept is not None and (kept.get("black"), kept.get("white")) != (black, white):
+            raise InputError("its black and white are not those that the picture itself keeps; write both again")
+        camera = _camera(data, values.shape)
+        mask = _read_mask_beside(scale_file, data.get("mask"), values.shape)
+        return HeightMap((black + values.astype(np.float64) * (white - black)).astype(np.float32), mask, camera)
+    except InputError as error:
+        raise InputError(f"height map {path} with {scale_file.name}: {error}") from None
+
+
+def _camera(data: dict[str, Any], shape: tuple[int, ...]) -> Camera:
+    if "camera" in data and data["camera"] is None:
+        return Camera("orthographic", shape[1], shape[0], np.full(2, _number(data, "pixels_per_unit")))
+    if not isinstance(data.get("camera"), dict):
+        raise InputError('it lacks "camera"; add it')
+    return camera_from_data(data["camera"])
+
+
+def _kept_data(path: Path) -> dict[str, Any] | None:
+    """The scale as the picture's own description has it, None where another program took it out."""
+    text = image_description(path)
+    try:
+        data = json.loads(text) if len(text) < MAX_JSON_BYTES else None
+    except (ValueError, RecursionError):
+        return None
+    return data if isinstance(data, dict) else None
+
+
+def _read_mask_beside(file: Path, name: Any, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    if name is None:
+        return np.ones(shape, bool)
+    # The name comes from outside, and must not lead anywhere else.
+    if not isinstance(name, str) or not name or Path(name).name != name:
+        raise InputError('its "mask" must be the name of a file beside it')
+    return read_mask(file.with_name(name))
+
+
+def _number(data: dict[str, Any], key: str) -> float:
+    value = data.get(key)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < MOST:
+        raise InputError(f'its "{key}" must be a finite number')
+    return float(value)
+
+
+def _pixels_per_unit(heights: HeightMap, zero: float) -> float:
+    """Of an orthographic camera; of a perspective one at the mean height."""
+    focal = float(heights.camera.focal.mean())
+    return focal if heights.camera.projection == "orthographic" else focal / -zero

@@ -1,0 +1,1 @@
+"""Normal integration: from normals to heights over the pixels of a photo."""

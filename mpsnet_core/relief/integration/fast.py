@@ -1,0 +1,71 @@
+"""The fast method: least squares over all pixels, which gives a surface without gaps."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.progress import Progress, silent
+from mpsnet_core.relief.integration.gradients import Gradients
+from mpsnet_core.relief.integration.multigrid import Links
+from mpsnet_core.relief.integration.poisson import solved
+
+# The changes along the four links of a loop of pixels add up to 0 on any one surface. Where they miss it by this many
+# pixels, one thing ends before another, and the links of the loop count half as much; quadratically less beyond.
+LOOSE = np.float32(0.03)
+
+
+def fast(wanted: Gradients, progress: Progress = silent) -> NDArray[np.float32]:
+    """(H, W) depth, in the unit of :class:`Gradients`, by Poisson's equation: one link's change is what the pixels at
+    both its ends ask for, each counting by the square of its `facing`.
+
+    What does not fit together stays where it is, and is not smeared over the whole: links around loops that do not
+    close count less (the curl, by which Agrawal, Raskar and Chellappa, "What is the range of surface reconstructions
+    from a gradient field?", 2006, choose weights as well).
+    """
+    return solved(*equations(wanted), np.zeros_like(wanted.facing), progress=progress)
+
+
+def equations(wanted: Gradients) -> tuple[Links, Links]:
+    """Each link's weight, and its wanted change times that."""
+    facing = wanted.facing
+    weights = _between(facing * facing, facing * facing, wanted.mask)
+    pulls = _between(facing * wanted.right, facing * wanted.down, wanted.mask)
+    trust = _trust(weights, pulls)
+    for links in (weights, pulls):
+        np.multiply(links.right, trust.right, out=links.right)
+        np.multiply(links.down, trust.down, out=links.down)
+    return weights, pulls
+
+
+def _between(right: NDArray[np.float32], down: NDArray[np.float32], mask: NDArray[np.bool_]) -> Links:
+    """The mean of both pixels' numbers, for every link between two pixels of the mask."""
+    half = np.float32(0.5)
+    across = (right[:, 1:] + right[:, :-1]) * half
+    along = (down[1:] + down[:-1]) * half
+    across[~(mask[:, 1:] & mask[:, :-1])] = 0
+    along[~(mask[1:] & mask[:-1])] = 0
+    return Links(across, along)
+
+
+def _trust(weights: Links, pulls: Links) -> Links:
+    """What each link is to be multiplied by: 0 to 1, by the looser of the two loops that it is part of."""
+    right, down = _changes(weights.right, pulls.right), _changes(weights.down, pulls.down)
+    loose = right[:-1] + down[:, 1:]
+    loose -= right[1:]
+    loose -= down[:, :-1]
+    # Of a loop that the mask cuts open nothing is known.
+    for side in (weights.right[:-1], weights.right[1:], weights.down[:, :-1], weights.down[:, 1:]):
+        loose[side == 0] = 0
+    loose *= 1 / LOOSE
+    loose *= loose
+    loose += 1
+    trust = np.reciprocal(loose, out=loose)
+    right.fill(1)
+    down.fill(1)
+    for links, first, second in ((right, np.s_[:-1], np.s_[1:]), (down, np.s_[:, :-1], np.s_[:, 1:])):
+        links[first] = trust
+        np.minimum(links[second], trust, out=links[second])
+    return Links(right, down)
+
+
+def _changes(weight: NDArray[np.float32], pull: NDArray[np.float32]) -> NDArray[np.float32]:
+    return np.divide(pull, weight, out=np.zeros_like(pull), where=weight > 0)

@@ -1,0 +1,60 @@
+"""What normals say of depth: for every pixel, how much it changes towards the neighbours."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.normal_map import NormalMap
+
+# A surface steeper than this (cosine of the angle to the line of sight; 87°) is taken to be as steep as this. Normals
+# that face away from the camera, which no camera sees, are taken likewise, and count next to nothing. Close to 90°, for
+# the rims of round things are as steep as that, and little harm is done: equations count by the square of this cosine.
+LEAST_FACING = 0.05
+
+
+@dataclass(frozen=True)
+class Gradients:
+    """For every pixel `facing * change = right`, and `= down`: the change of the unknown to the next pixel that way.
+
+    The unknown is depth along the camera's axis, in pixels, for an orthographic camera, and the logarithm of depth,
+    times the focal length in pixels, for a perspective one. A factor of `facing` on both sides makes steep pixels,
+    whose slope is not known well, count less in least squares.
+
+    facing, right, down: (H, W) float32, 0 outside the mask; facing is at least LEAST_FACING inside. mask: (H, W) bool.
+    """
+
+    facing: NDArray[np.float32]
+    right: NDArray[np.float32]
+    down: NDArray[np.float32]
+    mask: NDArray[np.bool_]
+
+
+def pixels_per_unit(camera: Camera) -> float:
+    """What :class:`Gradients` multiplies depth or its logarithm by; one number where pixels are not square, too."""
+    return float(np.sqrt(camera.focal.prod()))
+
+
+def gradients(normals: NormalMap, camera: Camera) -> Gradients:
+    """The changes of depth that normals (in camera space) ask for.
+
+    A normal n is at right angles to both of the surface's tangents, the changes of its point p along columns and rows.
+    Orthographic, with z up to a constant: n_z dz = -n_x dx. Perspective, with p = d (X, Y, -1) and u = log d:
+    (n_z - n_x X - n_y Y) du = n_x dX, so that the unknown's scale does not matter (Queau, Durou and Aujol, "Normal
+    Integration: A Survey", 2018, section 2; Cao et al., "Bilateral Normal Integration", 2022, equation 6).
+    """
+    scale = pixels_per_unit(camera)
+    height, width = normals.mask.shape
+    x = ((np.arange(width) + 0.5 - camera.centre[0]) / camera.focal[0]).astype(np.float32)
+    y = ((camera.centre[1] - np.arange(height) - 0.5) / camera.focal[1]).astype(np.float32)
+    found = np.zeros((3, height, width), np.float32)
+    for rows in bands(height):
+        n_x, n_y, n_z = np.moveaxis(normals.vectors[rows], -1, 0)
+        facing = n_z if camera.projection == "orthographic" else n_z - n_x * x - n_y * y[rows, None]
+        inside = normals.mask[rows]
+        found[0, rows][inside] = np.maximum(facing, LEAST_FACING)[inside]
+        found[1, rows][inside] = (n_x * np.float32(scale / camera.focal[0]))[inside]
+        found[2, rows][inside] = (n_y * np.float32(-scale / camera.focal[1]))[inside]
+    return Gradients(found[0], found[1], found[2], normals.mask)

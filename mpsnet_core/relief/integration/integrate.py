@@ -1,0 +1,85 @@
+"""Integration: from normals to the heights that they are the normals of."""
+
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.mask_regions import labelled
+from mpsnet_core.errors import InputError
+from mpsnet_core.progress import Progress, part, silent
+from mpsnet_core.relief.height_map import HeightMap, pixel_camera
+from mpsnet_core.relief.integration.bilateral import bilateral
+from mpsnet_core.relief.integration.fast import fast
+from mpsnet_core.relief.integration.gradients import gradients, pixels_per_unit
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.normal_map import NormalMap
+
+Method = Literal["fast", "bilateral"]
+METHODS: tuple[Method, ...] = get_args(Method)
+
+# What the logarithm of depth is kept within, so that depth stays finite whatever the normals say.
+MOST_LOG = 40.0
+
+
+def integrate(
+    normals: NormalMap,
+    camera: Camera | None = None,
+    *,
+    method: Method = "fast",
+    distance: float | None = None,
+    progress: Progress = silent,
+) -> HeightMap:
+    """The heights whose normals come closest to those given.
+
+    camera: :func:`pixel_camera` unless given. Under an orthographic camera each connected piece of the mask (over
+    pixels' sides) has mean height 0; under a perspective one its mean depth along the camera's axis is `distance`, 1
+    unless given. Heights are in the camera's unit.
+    method: "fast", least squares over all pixels: a surface without gaps, smeared where one thing stands before
+    another. "bilateral", which lets go of the links between pixels where such a gap is likely.
+
+    Raises InputError where the sizes of normals and camera differ, the method is not known, or the distance is not
+    above 0 or not a perspective camera's.
+    """
+    height, width = normals.mask.shape
+    camera = camera or pixel_camera(height, width)
+    _check(normals, camera, method, distance)
+    progress(0.0, "integrating")
+    solve = fast if method == "fast" else bilateral
+    depth = solve(gradients(normals, camera), part(progress, 0.0, 0.98))
+    values = _in_unit(depth, normals.mask, camera, distance or 1.0)
+    progress(1.0, "integrated")
+    return HeightMap(values, normals.mask, camera)
+
+
+def _check(normals: NormalMap, camera: Camera, method: str, distance: float | None) -> None:
+    height, width = normals.mask.shape
+    if (camera.height, camera.width) != (height, width):
+        raise InputError(
+            f"the camera is {camera.width} x {camera.height} but its normals are {width} x {height}; "
+            "give the camera that the photo was taken with"
+        )
+    if method not in METHODS:
+        raise InputError(f"method {method!r} is not known; choose {' or '.join(METHODS)}")
+    if distance is None:
+        return
+    if not (np.isfinite(distance) and distance > 0):
+        raise InputError(f"the distance must be a number above 0, not {distance}")
+    if camera.projection == "orthographic":
+        raise InputError("an orthographic camera sees no distance; leave it out, or give a perspective camera")
+
+
+def _in_unit(
+    depth: NDArray[np.float32], mask: NDArray[np.bool_], camera: Camera, distance: float
+) -> NDArray[np.float32]:
+    """Heights of what the solver found, each piece with the mean that it shall have."""
+    labels, sizes = labelled(mask)
+    pieces, sizes = labels[mask], np.maximum(sizes, 1)
+    inside = depth[mask].astype(np.float64) / pixels_per_unit(camera)
+    inside -= (np.bincount(pieces, inside, len(sizes)) / sizes)[pieces]
+    if camera.projection == "perspective":
+        inside = np.exp(np.clip(inside, -MOST_LOG, MOST_LOG))
+        inside *= distance / (np.bincount(pieces, inside, len(sizes)) / sizes)[pieces]
+    values = np.zeros(mask.shape, np.float32)
+    values[mask] = -inside
+    return values

@@ -1,0 +1,144 @@
+"""Multigrid on a grid of linked pixels: coarse grids mend what spans many pixels, smoothing mends the rest."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.row_bands import bands
+
+# Pixels of a band: what is made of them on the way stays in the processor's own memory.
+AT_ONCE = 1 << 16
+# Of a Jacobi step; and how many of them before and after the coarser grid has its turn.
+DAMPING, STEPS = np.float32(0.8), 2
+# The longest side of a grid that is solved directly.
+COARSEST = 4
+
+
+@dataclass(frozen=True)
+class Links:
+    """A number for every pixel's link to the next one: right (H, W - 1) and down (H - 1, W), float32."""
+
+    right: NDArray[np.float32]
+    down: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Grid:
+    """One level: the weights of its links; what a Jacobi step multiplies a residual by (H, W), 0 where nothing is
+    linked; and, of the coarsest, the inverse (H W, H W).
+    """
+
+    links: Links
+    step: NDArray[np.float32]
+    inverse: NDArray[np.float32] | None = None
+
+
+def grids_of(weights: Links) -> list[Grid]:
+    """The grid itself and ever coarser ones, each of blocks of 2 x 2 pixels of the one before."""
+    grids = []
+    while max(shape := (weights.right.shape[0], weights.down.shape[1])) > COARSEST:
+        grids.append(Grid(weights, steps_of(weights)))
+        weights = _of_blocks(weights)
+    matrix = _matrix(weights, *shape)
+    return [*grids, Grid(weights, steps_of(weights), np.linalg.pinv(matrix, 1e-6, hermitian=True).astype(np.float32))]
+
+
+def residual(
+    grid: Grid, u: NDArray[np.float32], aim: NDArray[np.float32] | None, out: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """aim - A u into `out`, which may be `aim` itself, where (A u) sums weight * (u - neighbour) over a pixel's links.
+
+    aim: 0 where it is None.
+    """
+    height, width = u.shape
+    right, down = grid.links.right, grid.links.down
+    for rows in bands(height, max(1, AT_ONCE // width)):
+        top, end = rows.start, rows.stop
+        band = out[rows]
+        if aim is not out:
+            band[:] = 0 if aim is None else aim[rows]
+        flow = u[rows, 1:] - u[rows, :-1]
+        flow *= right[rows]
+        band[:, :-1] += flow
+        band[:, 1:] -= flow
+        # The links from the row above the band to the row below it.
+        first, last = max(top - 1, 0), min(end, height - 1)
+        flow = u[first + 1 : last + 1] - u[first:last]
+        flow *= down[first:last]
+        band[: last - top] += flow[top - first :]
+        band[first + 1 - top :] -= flow[: end - 1 - first]
+    return out
+
+
+def corrected(grids: list[Grid], left: NDArray[np.float32]) -> NDArray[np.float32]:
+    """About what to add to u where `left` is its residual: one V-cycle, symmetric, so that it can precondition."""
+    grid = grids[0]
+    if grid.inverse is not None:
+        return (grid.inverse @ left.ravel()).reshape(left.shape)
+    u = left * grid.step
+    still = np.empty_like(u)
+    smooth(grid, u, left, still, STEPS - 1)
+    add_blocks(u, corrected(grids[1:], sums_of_blocks(residual(grid, u, left, still))))
+    smooth(grid, u, left, still, STEPS)
+    return u
+
+
+def sums_of_blocks(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(H / 2, W / 2) sums of blocks of 2 x 2 pixels, of what there is of them at the right and the bottom."""
+    height, width = values.shape
+    pairs = values[0::2].copy()
+    pairs[: height // 2] += values[1::2]
+    sums = pairs[:, 0::2].copy()
+    sums[:, : width // 2] += pairs[:, 1::2]
+    return sums
+
+
+def add_blocks(values: NDArray[np.float32], blocks: NDArray[np.float32]) -> None:
+    """Add to every pixel of (H, W) what its block of 2 x 2 pixels has."""
+    for row in (0, 1):
+        for column in (0, 1):
+            part = values[row::2, column::2]
+            part += blocks[: part.shape[0], : part.shape[1]]
+
+
+def smooth(grid: Grid, u: NDArray[np.float32], aim: NDArray[np.float32], room: NDArray[np.float32], times: int) -> None:
+    """So many Jacobi steps of u towards A u = aim, in place; what is in `room` (H, W) is lost."""
+    for _ in range(times):
+        residual(grid, u, aim, room)
+        room *= grid.step
+        u += room
+
+
+def steps_of(links: Links) -> NDArray[np.float32]:
+    """(H, W) what a Jacobi step multiplies a residual by, 0 where nothing is linked."""
+    sums = np.zeros((links.right.shape[0], links.down.shape[1]), np.float32)
+    sums[:, 1:] += links.right
+    sums[:, :-1] += links.right
+    sums[1:] += links.down
+    sums[:-1] += links.down
+    return np.divide(DAMPING, sums, out=sums, where=sums > 0)
+
+
+def _of_blocks(links: Links) -> Links:
+    """The links between blocks: half the sum of the pixels' links, because the blocks' middles lie twice as far apart.
+
+    Without the half, a coarse grid of constant blocks mends too little (Braess, "Towards algebraic multigrid for
+    elliptic problems of second order", 1995).
+    """
+    right, down = links.right[:, 1::2], links.down[1::2]
+    between = right[0::2].copy()
+    between[: len(right) // 2] += right[1::2]
+    below = down[:, 0::2].copy()
+    below[:, : down.shape[1] // 2] += down[:, 1::2]
+    return Links(between * np.float32(0.5), below * np.float32(0.5))
+
+
+def _matrix(links: Links, height: int, width: int) -> NDArray[np.float64]:
+    numbers = np.arange(height * width).reshape(height, width)
+    matrix = np.zeros((height * width,) * 2)
+    pairs = ((numbers[:, :-1], numbers[:, 1:], links.right), (numbers[:-1], numbers[1:], links.down))
+    for one, other, weight in pairs:
+        matrix[one.ravel(), other.ravel()] = matrix[other.ravel(), one.ravel()] = -weight.ravel()
+    np.fill_diagonal(matrix, -matrix.sum(axis=1))
+    return matrix

@@ -1,0 +1,86 @@
+"""What is no part of a material is taken out: the photo's tilt, the cloth's slow bend, lights that are uneven."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.block_means import block_means
+from mpsnet_core.relief.material.gradients import slopes_of
+from mpsnet_core.scene.normal_map import normalised
+
+# A smooth surface is as well fitted to this many block means a side as to every pixel.
+FITTED = 128
+# Of the picture's edge, where its middle counts 1.
+LEAST_WEIGHT = 0.03
+
+
+def flattened(normals: NDArray[np.float32], bend: int) -> tuple[NDArray[np.float32], float]:
+    """Slopes (H, W, 2) of the surface laid flat, and by how many degrees it was tilted.
+
+    normals: (H, W, 3) unit vectors in camera space. The mean normal is turned to +z, then what is left of slow bend
+    is taken off the slopes, :func:`trend` with up to `bend` half waves from one side of the picture to the other.
+    """
+    rows, columns = (_window(side, 1) for side in normals.shape[:2])
+    mean = normalised(np.einsum("hwc,h,w->c", normals, rows, columns, optimize=True))
+    turned = normals @ _turn_to_z(mean).T.astype(np.float32)
+    slopes = slopes_of(turned)
+    return slopes - trend(slopes, bend), float(np.degrees(np.arctan2(np.hypot(*mean[:2]), mean[2])))
+
+
+def evened(albedo: NDArray[np.float32], bend: int) -> NDArray[np.float32]:
+    """The albedo (H, W, 3) without its slow changes across the picture; each channel keeps its geometric mean."""
+    logarithm = np.log(np.maximum(albedo, 1e-4))
+    smooth = trend(logarithm, bend)
+    return np.exp(logarithm - smooth + smooth.mean(axis=(0, 1)))
+
+
+def trend(values: NDArray[np.float32], degree: int) -> NDArray[np.float32]:
+    """(H, W, C) the polynomial of total `degree` that fits values (H, W, C) best, by weighted least squares.
+
+    A polynomial of degree n crosses zero at most n times on its way across the picture: it follows n half waves.
+    Legendre's, which stay well conditioned.
+    """
+    height, width, channels = values.shape
+    factor = max(1, max(height, width) // FITTED)
+    small = block_means(values, factor)
+    powers = [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
+    rows, columns = (_legendre(_middles(side, factor) / side, degree) for side in (height, width))
+    basis = np.stack([np.outer(rows[:, i], columns[:, j]).ravel() for i, j in powers], axis=1)
+    weight = np.sqrt(np.outer(_window(height, factor), _window(width, factor))).reshape(-1, 1)
+    fitted = np.linalg.lstsq(weight * basis, weight * small.reshape(-1, channels), rcond=None)[0]
+    weights = np.zeros((degree + 1, degree + 1, channels))
+    for (i, j), weight in zip(powers, fitted, strict=True):
+        weights[i, j] = weight
+    rows, columns = (_legendre(_middles(side, 1) / side, degree) for side in (height, width))
+    smooth = np.empty_like(values)
+    for channel in range(channels):
+        smooth[..., channel] = rows @ weights[..., channel] @ columns.T
+    return smooth
+
+
+def _middles(side: int, factor: int) -> NDArray[np.float64]:
+    """Where the blocks' middles lie along a side, in pixels."""
+    return np.arange(0, side, factor) + _sizes(side, factor) / 2
+
+
+def _window(side: int, factor: int) -> NDArray[np.float64]:
+    """How much each block along a side counts: by its pixels, and less towards the ends.
+
+    There a weave is cut off within a period, and what is left of it would pass for a bend.
+    """
+    return _sizes(side, factor) * (LEAST_WEIGHT + np.sin(np.pi * _middles(side, factor) / side) ** 2)
+
+
+def _sizes(side: int, factor: int) -> NDArray[np.int64]:
+    """How many pixels of a side each block has; the last may be smaller."""
+    return np.minimum(factor, side - np.arange(0, side, factor))
+
+
+def _legendre(places: NDArray[np.float64], degree: int) -> NDArray[np.float64]:
+    return np.polynomial.legendre.legvander(2 * places - 1, degree)
+
+
+def _turn_to_z(unit: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(3, 3) the shortest rotation that brings a unit vector with z above 0 to +z (Rodrigues' formula)."""
+    x, y, z = unit
+    across = np.array([[0, 0, -x], [0, 0, -y], [x, y, 0]])
+    return np.eye(3) + across + across @ across / (1 + z)

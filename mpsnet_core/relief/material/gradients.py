@@ -1,0 +1,28 @@
+"""Slopes: how a height changes along a picture's columns and rows. Unlike normals they can be added and averaged."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.scene.normal_map import normalised
+
+# The tangent of 79°: what is steeper is hardly seen, and one such pixel would weigh as much as many others. Slopes are
+# averaged as they are, so this limit is lower than that of heights before a camera (gradients.LEAST_FACING, 87°), whose
+# steep pixels count less.
+STEEPEST = 5.0
+
+
+def slopes_of(normals: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(..., 2) height per length along columns (to the right) and along rows (downwards), of normals (..., 3).
+
+    Those steeper than STEEPEST are taken as that steep.
+    """
+    facing = np.maximum(normals[..., 2:], 1 / STEEPEST)
+    slopes = normals[..., :2] / facing * np.array([-1, 1], np.float32)
+    steep = np.maximum(np.linalg.norm(slopes, axis=-1, keepdims=True) / STEEPEST, 1)
+    return (slopes / steep).astype(np.float32)
+
+
+def normals_of(slopes: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(..., 3) unit normals, x right, y up, z towards the camera, of slopes (..., 2); inverse of :func:`slopes_of`."""
+    columns, rows = np.moveaxis(slopes, -1, 0)
+    return normalised(np.stack([-columns, rows, np.ones_like(rows)], axis=-1).astype(np.float32))

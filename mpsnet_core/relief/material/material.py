@@ -1,0 +1,224 @@
+"""Material: textures of a flat material that repeat without a seam, at a known size; and how they come of one photo."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.capture.capture import Capture
+from mpsnet_core.defaults import BEND, CURVATURE_RADIUS, OVERLAP
+from mpsnet_core.errors import InputError
+from mpsnet_core.progress import Progress, silent
+from mpsnet_core.relief.curvature import curvature
+from mpsnet_core.relief.material.albedo import estimated_albedo
+from mpsnet_core.relief.material.flatten import evened, flattened
+from mpsnet_core.relief.material.gradients import normals_of
+from mpsnet_core.relief.material.periodic_heights import periodic_height, without_slow_waves
+from mpsnet_core.relief.material.resampling import sampled
+from mpsnet_core.relief.material.seam import LEAST_JOINED, Seam, measured_seam, wrapped
+from mpsnet_core.relief.material.tiling import Tiling, find_tiling
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.normal_map import NormalMap
+
+# The largest takes about 8 GB.
+LEAST_SIDE, LARGEST_SIDE = 64, 8192
+LEAST_OVERLAP, LARGEST_OVERLAP = 0.05, 0.5
+MOST_BEND = 12
+# Brighter albedos are not seen in nature; where photographed so, all are darkened.
+BRIGHTEST = 0.95
+
+
+@dataclass(frozen=True)
+class Material:
+    """A tile of a flat material. Every picture goes on, beyond its last row and column, in its first.
+
+    normals: (H, W, 3) float32 unit vectors: x right, y up, z out of the material. Their slopes have mean 0.
+    height: (H, W) float32 in millimetres, mean 0.
+    curvature: (H, W) float32 in 1 / mm, above 0 where the material bulges.
+    albedo: (H, W, 3) float32, linear, 0 to 1.
+    width_mm, height_mm: what the tile measures.
+    tiling: where it lay in the photo. seam: how visible its joins are. tilt: degrees by which the photo was tilted.
+    """
+
+    normals: NDArray[np.float32]
+    height: NDArray[np.float32]
+    curvature: NDArray[np.float32]
+    albedo: NDArray[np.float32]
+    width_mm: float
+    height_mm: float
+    tiling: Tiling
+    seam: Seam
+    tilt: float
+
+    @property
+    def pitch(self) -> tuple[float, float]:
+        """A pixel's width and height in millimetres."""
+        rows, columns = self.height.shape
+        return self.width_mm / columns, self.height_mm / rows
+
+
+def flat_material(
+    capture: Capture,
+    normals: NormalMap,
+    pixel_mm: float,
+    *,
+    size: int | None = None,
+    overlap: float = OVERLAP,
+    bend: int = BEND,
+    grey: bool = False,
+    progress: Progress = silent,
+) -> Material:
+    """The seamless tile of a flat material that fills the photo.
+
+    capture: the photo. normals: estimated from it, (H, W) as the photo, its mask the whole of it. pixel_mm: what a
+        pixel measures on the material.
+    size: pixels of a side of the square pictures; unless given they have the photo's pixels. overlap: the share of
+        the tile over which its borders are joined. bend: half waves, across the photo and then across the tile, up to
+        which bends of the material and uneven brightness are taken out; 0: its tilt alone. grey: an albedo without
+        colour.
+
+    A tile of a weave is a whole number of its periods; of what does not repeat it is as large as the photo allows.
+    Both borders are joined along the line where they differ least, in all pictures alike (Efros and Freeman 2001),
+    in slopes, so that normals stay unit vectors. The height comes of the normals that are joined already, and so
+    repeats by itself.
+
+    Raises InputError where a size, share or bend is not one, or the photo is too small or not filled.
+    """
+    check_material(size, overlap, bend)
+    if not pixel_mm > 0:
+        raise InputError(f"a pixel measures some millimetres above 0, not {pixel_mm:g}")
+    capture = filled_part(capture)
+    if normals.mask.shape != capture.mask.shape:
+        sizes = [f"{mask.shape[1]} x {mask.shape[0]}" for mask in (normals.mask, capture.mask)]
+        raise InputError(f"the normals are {sizes[0]} but the photo is {sizes[1]}; they must be the same size")
+    features, tilt = _laid_flat(capture, normals, bend, grey, progress)
+    progress(0.3, "looking for what repeats")
+    tiling = find_tiling(_compared(features), overlap)
+    tile = _tile_size(tiling, size)
+    joined = round(overlap * tile[0]), round(overlap * tile[1])
+    _check_joined(min(joined), overlap)
+    progress(0.5, "joining the borders")
+    patch = sampled(features, tiling, tile, joined)
+    del features  # of a large photo, as large as all that is still to come
+    pictures, cut = wrapped(patch, joined)
+    del patch
+    pictures = without_slow_waves(pictures, bend)
+    slopes = pictures[..., :2] - pictures[..., :2].mean(axis=(0, 1))
+    width_mm, height_mm = (float(np.linalg.norm(step)) * pixel_mm for step in (tiling.right, tiling.down))
+    pitch = width_mm / tile[1], height_mm / tile[0]
+    progress(0.7, "integrating the height")
+    found = normals_of(slopes)
+    return Material(
+        found,
+        periodic_height(slopes, pitch),
+        _repeated_curvature(found, pitch),
+        _within_range(np.exp(pictures[..., 2:])),
+        width_mm,
+        height_mm,
+        tiling,
+        measured_seam(found, cut),
+        tilt,
+    )
+
+
+def check_material(size: int | None, overlap: float, bend: int) -> None:
+    """Raises InputError where a material of this size, overlap and bend cannot be made; asked before long work."""
+    if size is not None and not LEAST_SIDE <= size <= LARGEST_SIDE:
+        raise InputError(f"a material's pictures are {LEAST_SIDE} to {LARGEST_SIDE} pixels a side, not {size}")
+    if not LEAST_OVERLAP <= overlap <= LARGEST_OVERLAP:
+        raise InputError(f"borders overlap by {LEAST_OVERLAP:g} to {LARGEST_OVERLAP:g} of the tile, not {overlap:g}")
+    if size is not None:
+        _check_joined(round(overlap * size), overlap)
+    if not 0 <= bend <= MOST_BEND:
+        raise InputError(f"a bend of {bend} half waves cannot be taken out; choose 0 to {MOST_BEND}")
+
+
+def _check_joined(pixels: int, overlap: float) -> None:
+    if pixels < LEAST_JOINED:
+        raise InputError(
+            f"borders that overlap by {overlap:g} of the tile are joined over {pixels} pixels, and need "
+            f"{LEAST_JOINED}; choose a larger overlap, size or photo"
+        )
+
+
+def filled_part(capture: Capture, crop: tuple[int, int, int, int] | None = None) -> Capture:
+    """The capture of a part of the photo, which the material has to fill.
+
+    crop: left, top, width and height in pixels, from the photo's upper left corner; all of it unless given.
+
+    Raises InputError where the part is not within the photo, its mask is not all of it, or it is too small.
+    """
+    rows, columns = capture.mask.shape
+    left, top, width, height = crop or (0, 0, columns, rows)
+    if min(width, height) < 1:
+        raise InputError(
+            f"the crop leaves nothing of the photo's {columns} x {rows} pixels: its width and height are {width} and "
+            f"{height}; give 1 or more"
+        )
+    if min(left, top) < 0 or left + width > columns or top + height > rows:
+        raise InputError(
+            f"the crop of {width} x {height} pixels from {left} on across and from {top} on down is not within the "
+            f"photo, which is {columns} x {rows}; give places that it has"
+        )
+    if min(width, height) < LEAST_SIDE:
+        raise InputError(f"{width} x {height} pixels are too few for a material; take {LEAST_SIDE} or more each way")
+    part = slice(top, top + height), slice(left, left + width)
+    missing = 1 - float(capture.mask[part].mean())
+    if missing:
+        raise InputError(f"a flat material fills the photo, but {missing:.1%} of it is transparent; crop it")
+    camera = capture.camera
+    if camera is not None:
+        camera = replace(camera, width=width, height=height, centre=camera.centre - (left, top))
+    return replace(
+        capture,
+        image=capture.image[part],
+        mask=capture.mask[part],
+        camera=camera,
+        depth=None if capture.depth is None else capture.depth[part],
+        clipped=None if capture.clipped is None else capture.clipped[part],
+    )
+
+
+def _laid_flat(
+    capture: Capture, normals: NormalMap, bend: int, grey: bool, progress: Progress
+) -> tuple[NDArray[np.float32], float]:
+    """(H, W, 5) slopes along columns and rows and the albedo's logarithm, and the tilt that was taken out."""
+    progress(0.0, "laying the material flat")
+    slopes, tilt = flattened(normals.vectors, bend)
+    progress(0.15, "estimating the albedo")
+    albedo = evened(estimated_albedo(capture, normals_of(slopes), grey=grey), bend)
+    return np.concatenate([slopes, np.log(albedo)], axis=-1), tilt
+
+
+def _compared(features: NDArray[np.float32]) -> NDArray[np.float32]:
+    """What counts where places are compared: slopes, and the brightness's logarithm, a like change of shading."""
+    brightness = features[..., 2:].mean(axis=-1, keepdims=True)
+    return np.concatenate([features[..., :2], brightness - brightness.mean()], axis=-1)
+
+
+def _tile_size(tiling: Tiling, size: int | None) -> tuple[int, int]:
+    """Rows and columns of the tile."""
+    if size is not None:
+        return size, size
+    across, down = (max(1, round(float(np.linalg.norm(step)))) for step in (tiling.right, tiling.down))
+    return down, across
+
+
+def _repeated_curvature(normals: NDArray[np.float32], pitch: tuple[float, float]) -> NDArray[np.float32]:
+    """(H, W) the curvature of what repeats: that of the tile with as much around it as counts."""
+    around = CURVATURE_RADIUS + 1
+    vectors = np.pad(normals, ((around, around), (around, around), (0, 0)), mode="wrap")
+    shape = vectors.shape[:2]
+    found = curvature(NormalMap(vectors, np.ones(shape, bool)), _camera(shape, pitch))
+    return found[around:-around, around:-around]
+
+
+def _camera(shape: tuple[int, ...], pitch: tuple[float, float]) -> Camera:
+    """An orthographic camera whose unit is a millimetre."""
+    return Camera("orthographic", shape[1], shape[0], 1 / np.array(pitch))
+
+
+def _within_range(albedo: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Albedos of at most 1; all of them darkened where one in a hundred was above BRIGHTEST."""
+    bright = float(np.percentile(albedo[::4, ::4], 99))
+    return np.clip(albedo * np.float32(min(1.0, BRIGHTEST / max(bright, 1e-6))), 0, 1)

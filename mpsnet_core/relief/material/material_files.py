@@ -1,0 +1,126 @@
+"""A material as files: its pictures, a page of numbers that says what they measure, and a picture of it repeated."""
+
+import os
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.files import made_folder, read_json, write_json, written_together
+from mpsnet_core.io.images import linear_to_srgb, write_image
+from mpsnet_core.relief.curvature import curvature_picture, curvature_range
+from mpsnet_core.relief.material.material import Material
+from mpsnet_core.relief.material.resampling import resampled
+from mpsnet_core.relief.relight import relit
+from mpsnet_core.scene.normal_map import Convention, NormalMap, encode
+
+MATERIAL_FORMAT = "mpsnet-material"
+MATERIAL_VERSION = 1
+MATERIAL_KEYS = (
+    "width_mm",
+    "height_mm",
+    "pixels",
+    "height_of_black_mm",
+    "height_of_white_mm",
+    "curvature_of_white_per_mm",
+    "photo",
+    "seam",
+    "convention",
+    "files",
+)
+_MEND = "give another folder or name"
+PICTURES = {
+    "normal": ".png",
+    "height": ".png",
+    "height_mm": ".exr",
+    "curvature": ".png",
+    "albedo": ".png",
+    "preview": ".png",
+}
+REPEATS = 3
+PREVIEW_SIDE = 1536
+# From the upper left and low, which shows the relief, and every join in it.
+PREVIEW_LIGHT = (-0.6, 0.6, 0.6)
+
+
+def material_files(folder: str | os.PathLike[str], name: str) -> dict[str, Path]:
+    """The files that :func:`write_material` writes, by what they hold: the PICTURES, and "material".
+
+    Raises InputError where one of them is there already and is not of a material that was written there before.
+    """
+    pictures = {what: Path(folder) / f"{name}_{what}{suffix}" for what, suffix in PICTURES.items()}
+    told, own = Path(folder) / f"{name}_material.json", set[str]()
+    if told.exists():
+        try:
+            files = read_json(told, MATERIAL_FORMAT, MATERIAL_VERSION, MATERIAL_KEYS).get("files")
+        except InputError:
+            raise InputError(f"the result would overwrite {told}, which is another file; {_MEND}") from None
+        own = set(map(str, files.values())) if isinstance(files, dict) else own
+    for picture in pictures.values():
+        if picture.exists() and picture.name not in own:
+            raise InputError(f"the result would overwrite {picture}, which is not of this material; {_MEND}")
+    return {**pictures, "material": told}
+
+
+def write_material(
+    folder: str | os.PathLike[str], name: str, material: Material, *, convention: Convention = "opengl"
+) -> dict[str, Path]:
+    """Write the material into a folder, which is made; the files are those of :func:`material_files`.
+
+    normal: 0.5 + 0.5 n, 16 bits. height: 16 bits from black, the lowest, to white, the highest. height_mm: float,
+    millimetres. curvature: grey where flat, lighter where it bulges, of the range that material.json tells. albedo:
+    sRGB. preview: 3 x 3 tiles under a low light. material: JSON, put in place first: the others are known as its own
+    by it. All appear, or none.
+
+    Raises InputError where the folder cannot be made or written, and as :func:`material_files` does.
+    """
+    files = material_files(made_folder(folder, "material"), name)
+    mask = np.ones(material.height.shape, bool)
+    low, high = float(material.height.min()), float(material.height.max())
+    bend = curvature_range(material.curvature, mask)
+    told = {**_told(material, low, high, bend), "convention": convention}
+    with written_together():
+        write_json(files["material"], {**told, "files": {what: files[what].name for what in PICTURES}})
+        write_image(files["normal"], encode(material.normals, convention))
+        write_image(files["height"], (material.height - low) / max(high - low, 1e-9))
+        write_image(files["height_mm"], material.height)
+        write_image(files["curvature"], curvature_picture(material.curvature, bend), bits=8)
+        write_image(files["albedo"], linear_to_srgb(material.albedo), bits=8, color_space="sRGB")
+        write_image(files["preview"], repeated_picture(material), bits=8, color_space="sRGB")
+    return files
+
+
+def repeated_picture(material: Material, repeats: int = REPEATS) -> NDArray[np.float32]:
+    """(H, W, 3) sRGB values: the tile `repeats` times each way, as wide as it is, relit from the upper left."""
+    bright = max(float(np.percentile(material.albedo[::4, ::4], 99)), 1e-6)
+    normals = NormalMap(material.normals, np.ones(material.height.shape, bool))
+    tile = relit(normals, PREVIEW_LIGHT, albedo=material.albedo * np.float32(0.9 / bright))
+    side = PREVIEW_SIDE / repeats / max(material.width_mm, material.height_mm)
+    width, height = (max(1, round(side * length)) for length in (material.width_mm, material.height_mm))
+    rows, columns = material.height.shape
+    small = resampled(tile[..., :3], np.diag([columns / width, rows / height, 1.0]), (height, width), repeated=True)
+    return np.clip(np.tile(small, (repeats, repeats, 1)), 0, 1)
+
+
+def _told(material: Material, low: float, high: float, bend: float) -> dict[str, Any]:
+    rows, columns = material.height.shape
+    return {
+        "format": MATERIAL_FORMAT,
+        "version": MATERIAL_VERSION,
+        "width_mm": material.width_mm,
+        "height_mm": material.height_mm,
+        "pixels": [columns, rows],
+        "height_of_black_mm": low,
+        "height_of_white_mm": high,
+        "curvature_of_white_per_mm": bend,
+        "photo": {
+            "step_right": material.tiling.right.tolist(),
+            "step_down": material.tiling.down.tolist(),
+            "alike": list(material.tiling.alike),
+            "tilt_degrees": material.tilt,
+        },
+        "seam": asdict(material.seam),
+    }

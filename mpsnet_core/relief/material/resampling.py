@@ -1,0 +1,46 @@
+"""The part of a photo that becomes the tile, laid straight and brought to its size."""
+
+import numpy as np
+import OpenImageIO as oiio
+from numpy.typing import NDArray
+
+from mpsnet_core.relief.material.tiling import Tiling
+
+
+def sampled(
+    features: NDArray[np.float32], tiling: Tiling, size: tuple[int, int], overlap: tuple[int, int]
+) -> NDArray[np.float32]:
+    """(H + overlap[0], W + overlap[1], C) the middle of the photo, along the tiling's steps.
+
+    features: (H', W', C), of which the first two are slopes along columns and rows; they become slopes along the
+        tiling's steps. size: (H, W) pixels of a tile. A tile along the photo's own pixels is cut out as it is.
+    """
+    steps = np.stack([tiling.right, tiling.down])
+    rows, columns = size[0] + overlap[0], size[1] + overlap[1]
+    spans = np.array([columns / size[1], rows / size[0]])
+    start = (np.array(features.shape[1::-1]) - spans @ steps) / 2
+    if np.array_equal(steps, np.diag(size[::-1])):
+        left, top = np.round(start).astype(int)
+        return features[top : top + rows, left : left + columns].copy()
+    places = np.zeros((3, 3))  # a row vector of the tile's pixels times this is one of the photo's
+    places[:2, :2], places[2, :2], places[2, 2] = steps / [[size[1]], [size[0]]], start, 1
+    taken = resampled(features, places, (rows, columns))
+    along = steps / np.linalg.norm(steps, axis=1, keepdims=True)
+    taken[..., :2] = taken[..., :2] @ along.T.astype(np.float32)
+    return taken
+
+
+def resampled(
+    values: NDArray[np.float32], places: NDArray[np.float64], shape: tuple[int, int], *, repeated: bool = False
+) -> NDArray[np.float32]:
+    """Values (H, W, C) at other places, of `shape`, filtered where they lie farther apart than pixels do.
+
+    places: (3, 3), by which a row vector (column, row, 1) is multiplied to give the place in `values`. repeated: beyond
+        their border values go on at the other side.
+    """
+    values_to_places = tuple(np.linalg.inv(places).ravel().tolist())
+    whole = oiio.ROI(0, shape[1], 0, shape[0], 0, 1, 0, values.shape[2])
+    source = oiio.ImageBuf(np.ascontiguousarray(values))
+    beyond = "periodic" if repeated else "clamp"
+    found = oiio.ImageBufAlgo.warp(source, values_to_places, "catmull-rom", 0.0, False, beyond, whole)
+    return np.asarray(found.get_pixels(oiio.FLOAT), np.float32)

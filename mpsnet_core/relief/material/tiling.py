@@ -1,0 +1,209 @@
+"""Where a material repeats itself: the two steps in the photo after which a weave looks the same again."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.block_means import block_means
+
+# Steps are first looked for in a picture with no longer side than this, then made exact in the photo itself.
+LONGEST = 2048
+REFINED = 512
+# A tile of a weave is at least this share of the photo.
+LEAST = 0.4
+# A weave may lie turned by this slope at most, and its threads may be out of square by this.
+TURN, SKEW = 0.1, 0.03
+# How alike the photo and itself, a step further, have to be for a weave. What does not repeat comes to 0.1 or 0.2;
+# where it comes to more by chance, it is joined the better for it.
+ALIKE = 0.25
+# Steps that are nearly as good as the best are as welcome; of very many, as a fine weave has, the longest.
+NEARLY = 0.9
+MOST_PEAKS = 1000
+
+
+@dataclass(frozen=True)
+class Tiling:
+    """The two steps by which a tile of the material is repeated.
+
+    right, down: (2,) float64, (columns, rows) of the photo's pixels from a tile to its neighbour.
+    alike: how alike the photo and itself are after each step: 1 the same, 0 as two places that have nothing in
+        common. None where no step is better than another: the material does not repeat, and the tile is as large as
+        the photo allows.
+    """
+
+    right: NDArray[np.float64]
+    down: NDArray[np.float64]
+    alike: tuple[float | None, float | None]
+
+    @property
+    def turn(self) -> float:
+        """By how many degrees the tile lies turned in the photo, clockwise."""
+        return float(np.degrees(np.arctan2(self.right[1], self.right[0])))
+
+
+def find_tiling(features: NDArray[np.float32], overlap: float) -> Tiling:
+    """The tiling of a material that the photo's features (H, W, C), of mean 0, show.
+
+    A step of a weave is a whole number of its threads' periods: a place where the autocorrelation of the features
+    peaks. Of the pairs of steps that are about square and leave an overlap of so many tiles in the photo, that with the
+    largest tile is taken: the fewer repeats are seen.
+    """
+    height, width = features.shape[:2]
+    factor = -(-max(height, width) // LONGEST)
+    small = block_means(features, factor) if factor > 1 else features
+    frame = np.array([width, height]) / (1 + overlap)
+    across = _peaks(_alike(small, frame[0] / factor))
+    down = _peaks(_alike(small.swapaxes(0, 1), frame[1] / factor))
+    found = _chosen(across, _Peaks(down.steps[:, ::-1], down.alike), frame / factor)
+    exact = [None if one is None else (_refined(features, one[0] * factor, factor), one[1]) for one in found]
+    return _filled(exact, frame)
+
+
+@dataclass(frozen=True)
+class _Alike:
+    """How alike a picture is to itself, for steps along an axis of at least `least` pixels and up to `across` aside.
+
+    values: (2 across + 1, N): rows the pixels aside, columns those along.
+    """
+
+    values: NDArray[np.float64]
+    least: int
+    across: int
+
+
+def _alike(seen: NDArray[np.float32], most: float) -> _Alike:
+    """``1 - Σ|f(x) - f(x + s)|² / Σ(|f(x)|² + |f(x + s)|²)`` where both are in the picture; steps along columns."""
+    height, width, channels = seen.shape
+    last = max(1, min(int(most), width - 1))
+    least, across = max(1, int(LEAST * last)), max(1, min(int(TURN * last), height // 4))
+    shape = tuple(-(-side // 128) * 128 for side in (height + across, width + last))
+    product = np.zeros((2 * across + 1, last - least + 1))
+    for channel in range(channels):
+        spectrum = np.fft.rfft2(seen[..., channel], shape)
+        correlation = np.fft.irfft2(np.abs(spectrum) ** 2, shape)
+        product += correlation[np.arange(-across, across + 1), least : last + 1]
+    energy = np.zeros((height + 1, width + 1))
+    energy[1:, 1:] = np.einsum("ijk,ijk->ij", seen, seen, dtype=np.float64).cumsum(axis=0).cumsum(axis=1)
+    aside, along = np.arange(-across, across + 1)[:, None], np.arange(least, last + 1)
+    here, there = (_box(energy, sign * aside, sign * along) for sign in (1, -1))
+    return _Alike(2 * product / np.maximum(here + there, 1e-12), least, across)
+
+
+def _box(table: NDArray[np.float64], aside: NDArray[np.int64], along: NDArray[np.int64]) -> NDArray[np.float64]:
+    """The sum over the part of a picture that a step (`aside` rows, `along` columns) does not lead out of it."""
+    height, width = table.shape[0] - 1, table.shape[1] - 1
+    top, bottom = np.maximum(-aside, 0), height - np.maximum(aside, 0)
+    left, right = np.maximum(-along, 0), width - np.maximum(along, 0)
+    return table[bottom, right] - table[top, right] - table[bottom, left] + table[top, left]
+
+
+@dataclass(frozen=True)
+class _Peaks:
+    """Steps (N, 2) after which a picture is most alike to itself, the longest first, and how alike (N,)."""
+
+    steps: NDArray[np.float64]
+    alike: NDArray[np.float64]
+
+
+# A step (columns, rows) and how alike the picture is after it.
+_Found = tuple[NDArray[np.float64], float]
+
+
+def _peaks(alike: _Alike) -> _Peaks:
+    """The peaks that are nearly as high as the highest; none where that is no higher than by chance."""
+    values = alike.values
+    aside, along = np.arange(-alike.across, alike.across + 1)[:, None], np.arange(values.shape[1]) + alike.least
+    peaks = np.zeros(values.shape, bool)
+    around = [_part(values, i, j) for i in (0, 1, 2) for j in (0, 1, 2)]
+    peaks[1:-1, 1:-1] = values[1:-1, 1:-1] == np.max(around, axis=0)
+    heights = np.where(peaks & (np.abs(aside) <= TURN * along), values, -1.0)
+    best = heights.max()
+    rows, columns = np.nonzero(heights >= max(NEARLY * best, ALIKE))
+    order = np.argsort(-columns, kind="stable")[:MOST_PEAKS]
+    places = [
+        (
+            alike.least + column + _peak(values[row, column - 1 : column + 2]),
+            row - alike.across + _peak(values[row - 1 : row + 2, column]),
+        )
+        for row, column in zip(rows[order], columns[order], strict=True)
+    ]
+    return _Peaks(np.reshape(places, (-1, 2)), heights[rows[order], columns[order]])
+
+
+def _chosen(across: _Peaks, down: _Peaks, frame: NDArray[np.float64]) -> list[_Found | None]:
+    """The step across and the step down; None for one that repeats nothing. frame: (2,) room for the tile alone."""
+    pairs = [across.steps[:, None], down.steps[None]]
+    skew = np.abs(pairs[0][..., 1] / pairs[0][..., 0] + pairs[1][..., 0] / pairs[1][..., 1])
+    room = (np.abs(pairs[0]) + np.abs(pairs[1]) <= frame).all(axis=-1)
+    area = pairs[0][..., 0] * pairs[1][..., 1] - pairs[0][..., 1] * pairs[1][..., 0]
+    area = np.where(room & (skew <= SKEW), area, 0)
+    if area.max(initial=0) > 0:
+        i, j = np.unravel_index(np.argmax(area), area.shape)
+        return [(across.steps[i], float(across.alike[i])), (down.steps[j], float(down.alike[j]))]
+    found: list[_Found | None] = [None, None]
+    # The one that is more alike to itself, or none.
+    axis = int(across.alike.max(initial=0) < down.alike.max(initial=0))
+    peaks = (across, down)[axis]
+    slope = np.abs(peaks.steps[:, 1 - axis] / peaks.steps[:, axis])
+    fitting = np.flatnonzero(peaks.steps[:, axis] + slope * frame[1 - axis] <= frame[axis])
+    if len(fitting):
+        found[axis] = peaks.steps[fitting[0]], float(peaks.alike[fitting[0]])
+    return found
+
+
+def _part(values: NDArray[np.float64], top: int, left: int) -> NDArray[np.float64]:
+    """All but two rows and columns."""
+    return values[top : top + len(values) - 2, left : left + values.shape[1] - 2]
+
+
+def _peak(three: NDArray[np.float64]) -> float:
+    """Where between -1 and 1 the parabola through three values, the middle one the highest, has its peak."""
+    curve = three[0] - 2 * three[1] + three[2]
+    return float(np.clip(0.5 * (three[0] - three[2]) / curve, -0.5, 0.5)) if curve < 0 else 0.0
+
+
+def _refined(features: NDArray[np.float32], step: NDArray[np.float64], factor: int) -> NDArray[np.float64]:
+    """The step, found in a picture `factor` times smaller, made exact in the middle of where both its ends are seen."""
+    if factor == 1:
+        return step
+    reach = factor + 1
+    whole = np.round(step[::-1]).astype(int)  # rows, columns
+    sides = np.array(features.shape[:2])
+    size = np.minimum(REFINED, sides - np.abs(whole) - 2 * reach)
+    if size.min() < 4 * reach:
+        return step
+    top, left = (sides - np.abs(whole) - size) // 2 + np.maximum(-whole, 0)
+    here = features[top : top + size[0], left : left + size[1]]
+    apart = np.empty((2 * reach + 1, 2 * reach + 1))
+    for i, j in np.ndindex(apart.shape):
+        row, column = top + whole[0] + i - reach, left + whole[1] + j - reach
+        there = features[row : row + size[0], column : column + size[1]]
+        apart[i, j] = np.square(here - there).mean()
+    i, j = (int(place) + 1 for place in np.unravel_index(np.argmin(apart[1:-1, 1:-1]), (2 * reach - 1, 2 * reach - 1)))
+    exact = whole - reach + (i + _peak(-apart[i - 1 : i + 2, j]), j + _peak(-apart[i, j - 1 : j + 2]))
+    return np.asarray(exact[::-1], np.float64)
+
+
+def _filled(found: list[_Found | None], frame: NDArray[np.float64]) -> Tiling:
+    """The tiling with what does not repeat as large as the photo allows, and square to what does."""
+    right, down = found
+    if right is not None and down is not None:
+        steps = right[0], down[0]
+    elif right is not None:
+        steps = right[0], _across(np.array([-right[0][1], right[0][0]]), right[0], frame, 1)
+    elif down is not None:
+        steps = _across(np.array([down[0][1], -down[0][0]]), down[0], frame, 0), down[0]
+    else:
+        room = np.floor(frame)
+        steps = np.array([room[0], 0.0]), np.array([0.0, room[1]])
+    return Tiling(*steps, (right and right[1], down and down[1]))
+
+
+def _across(
+    square: NDArray[np.float64], step: NDArray[np.float64], frame: NDArray[np.float64], axis: int
+) -> NDArray[np.float64]:
+    """A step along `square`, mostly along the axis, as long as there is room beside the other step."""
+    square = square / square[axis]
+    room = (frame - np.abs(step)) / np.maximum(np.abs(square), 1e-9)
+    return square * np.floor(room.min())

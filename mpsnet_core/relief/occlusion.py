@@ -1,0 +1,209 @@
+"""Ambient occlusion: how much of the sky each pixel's surface sees, told by its heights."""
+
+from dataclasses import dataclass
+from math import hypot
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.errors import InputError
+from mpsnet_core.progress import Progress, silent
+from mpsnet_core.relief.height_map import HeightMap
+from mpsnet_core.relief.horizons import AT_ONCE, BLOCK, Ground, from_cells, horizons, sectors, to_cells
+from mpsnet_core.relief.parallel_projection import mean_depth, parallel_heights
+from mpsnet_core.relief.sizes import check_size
+from mpsnet_core.scene.normal_map import NormalMap
+
+# What a normal that is turned away from the line of sight is taken to lean at most (cosine).
+LEAST_FACING = np.float32(0.05)
+# How far on either side neighbours are averaged, and how much they count, the pixel itself 2: every place in a block
+# gets the same weight, 2 of 8, whichever pixel is in the middle.
+NEIGHBOURS = ((1, 2), (2, 1))
+# A neighbour counts half where it is so many pixels off the surface's slope for each pixel of distance, and half where
+# its normal is turned by 18° (1 - cosine).
+OFF, TURNED = np.float32(0.5), np.float32(0.05)
+
+
+def ambient_occlusion(
+    heights: HeightMap, normals: NormalMap, *, reach: int | None = None, progress: Progress = silent
+) -> NDArray[np.float32]:
+    """(H, W) 0 to 1: the share of a cosine-weighted hemisphere over each pixel's normal that the surface leaves open.
+
+    1 on what is convex or flat and outside the mask. What lies behind the visible surface does not count.
+
+    By horizons: in each of 16 directions over the picture the highest angle under which the surface is seen, and
+    between the horizons of two opposite ones the integral in closed form (Jimenez et al., Practical Real-Time
+    Strategies for Accurate Indirect Occlusion, SIGGRAPH 2016 courses, section 4). As there, each of 4 x 4 neighbours
+    looks in 16 directions of its own, and what they find is averaged over the surface that they share: of 16 the same
+    for all, every high edge would cast 16 straight shadows. Of what is far away only the highest pixel of each stretch
+    counts.
+
+    reach: how far it looks, in pixels; as far as the object goes unless given.
+
+    Raises InputError where the sizes do not agree or the reach is below 1.
+    """
+    mask = heights.mask
+    check_size("height map", mask.shape, normals)
+    check_reach(reach)
+    farthest = _extent(mask)
+    reach = min(reach or farthest, farthest)
+    views, all_sectors, spacing = _views(heights, normals), sectors(), _spacing(heights)
+    ground = _ground(heights, views)
+    seen, open_sky = np.zeros((2, *ground.heights.shape), np.float32)
+    for number, sector in enumerate(all_sectors):
+        both: list[NDArray[np.float32]] = []
+        for end in (sector, sector.turned()):
+            progress((number + len(both) / 2) / len(all_sectors), "ambient occlusion")
+            both.append(horizons(ground, end, reach))
+        for cell in np.ndindex(BLOCK, BLOCK):
+            way = sector.ways()[cell] * spacing
+            for rows in bands(seen.shape[2], max(1, AT_ONCE // seen.shape[3])):
+                share, whole = _slice(views.of(cell, rows), way, [slopes[cell][rows] for slopes in both])
+                seen[cell][rows] += np.float32(sector.share) * share
+                open_sky[cell][rows] += np.float32(sector.share) * whole
+    seen /= np.maximum(open_sky, np.float32(1e-6), out=open_sky)
+    facing = from_cells(views.facing(), mask.shape)
+    found = from_cells(np.clip(seen, 0, 1, out=seen), mask.shape)
+    return np.where(mask, _averaged(found, heights, normals, facing), np.float32(1))
+
+
+def check_reach(reach: int | None) -> None:
+    """Raises InputError where ambient occlusion cannot look so few pixels far."""
+    if reach is not None and reach < 1:
+        raise InputError(f"ambient occlusion over {reach} pixels is none; give 1 or more")
+
+
+def _extent(mask: NDArray[np.bool_]) -> int:
+    """How far apart two pixels of the mask can be."""
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    return int(hypot(rows[-1] - rows[0], columns[-1] - columns[0])) + 1
+
+
+def _spacing(heights: HeightMap) -> NDArray[np.float64]:
+    """(2,) how far pixels are from those on the right and above, in the unit of :func:`parallel_heights`."""
+    return mean_depth(heights) / heights.camera.focal
+
+
+@dataclass(frozen=True)
+class _Views:
+    """How each pixel sees its own surface; arrays of one shape.
+
+    x, y: of the normal. upright: the cosine between it and the line of sight. right, up: the unit vector to the
+    camera's x and y. scale: a slope m of :func:`parallel_heights` along a unit vector e in the picture is the direction
+    e + m scale (right, up, ..).
+    """
+
+    x: NDArray[np.float32]
+    y: NDArray[np.float32]
+    upright: NDArray[np.float32]
+    right: NDArray[np.float32]
+    up: NDArray[np.float32]
+    scale: NDArray[np.float32]
+
+    def facing(self) -> NDArray[np.float32]:
+        """The normal's part along `scale` times the line of sight, on which :func:`parallel_heights` are."""
+        return self.upright * self.scale
+
+    def of(self, cell: tuple[int, ...], rows: slice) -> "_Views":
+        """Some rows of one of the cells."""
+        return _Views(*(part[cell][rows] for part in vars(self).values()))
+
+
+def _views(heights: HeightMap, normals: NormalMap) -> _Views:
+    """In cells."""
+    camera, (x, y, z) = heights.camera, np.moveaxis(normals.vectors, -1, 0)
+    if camera.projection == "orthographic":
+        upright = to_cells(z)
+        zero, one = (np.broadcast_to(np.float32(value), upright.shape) for value in (0, 1))
+        return _Views(to_cells(x), to_cells(y), upright, zero, zero, one)
+    middle = np.float32(mean_depth(heights))
+    upright, right, up, scale = np.empty((4, *heights.mask.shape), np.float32)
+    for rows in bands(len(z)):
+        depth = np.where(heights.mask[rows], -heights.values[rows], np.float32(1))
+        towards = -camera.points(np.ones_like(depth), rows.start).astype(np.float32)
+        length = np.linalg.norm(towards, axis=-1)
+        upright[rows] = (normals.vectors[rows] * towards).sum(axis=-1) / length
+        right[rows], up[rows] = towards[..., 0] / length, towards[..., 1] / length
+        scale[rows] = depth / middle * length
+    # Where blocks go beyond the picture there is a line of sight too, for what is worked out and cut off there.
+    parts = ((x, 0), (y, 0), (upright, 0), (right, 0), (up, 0), (scale, 1))
+    return _Views(*(to_cells(part, outside) for part, outside in parts))
+
+
+def _ground(heights: HeightMap, views: _Views) -> Ground:
+    raised, mask = parallel_heights(heights), heights.mask
+    right, up = _spacing(heights).astype(np.float32)
+    facing = np.maximum(views.facing(), LEAST_FACING)
+    seen = to_cells(np.where(mask, raised, -np.inf), -np.inf)
+    return Ground(to_cells(raised), seen, -views.x * right / facing, -views.y * up / facing)
+
+
+def _slice(
+    views: _Views, way: NDArray[np.float64], slopes: list[NDArray[np.float32]]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Of the plane through the view and a line over the picture: how much light comes in, and how much if all is open.
+
+    way: (2,) a pixel's length on the line, to the right and up. slopes: along it and back, for each such length.
+    """
+    length = np.float32(np.hypot(*way))
+    east, north = way.astype(np.float32) / length
+    lean = east * views.right + north * views.up
+    # The unit vector in the plane at right angles to the view is (east, north, 0) - lean view, so long:
+    aside = np.sqrt(1 - lean * lean)
+    tilted = (east * views.x + north * views.y - lean * views.upright) / aside
+    upright, rise = views.upright, views.scale / length
+    angle, half = np.arctan2(tilted, upright), np.float32(np.pi / 2)
+    ahead = np.minimum(np.arctan2(aside, rise * slopes[0] + lean), angle + half)
+    behind = np.maximum(-np.arctan2(aside, rise * slopes[1] - lean), angle - half)
+    bent = np.cos(2 * ahead - angle) + np.cos(2 * behind - angle)
+    share = upright + (ahead + behind) * tilted - np.float32(0.5) * np.sqrt(upright * upright + tilted * tilted) * bent
+    return np.float32(0.5) * share, upright + angle * tilted
+
+
+def _averaged(
+    found: NDArray[np.float32], heights: HeightMap, normals: NormalMap, facing: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """(H, W) means over as much of a block around each pixel as is one smooth surface with it.
+
+    Along rows, then along columns, over two neighbours on either side.
+    """
+    parts = parallel_heights(heights), facing, heights.mask, normals.vectors
+    right, up = _spacing(heights)
+    for axis, pixel in ((1, right), (0, -up)):
+        means = np.empty_like(found)
+        lines: list[NDArray[Any]] = [np.moveaxis(part, axis, 0) for part in (found, means, *parts)]
+        for band in bands(lines[0].shape[1]):
+            values, out, *surface, vectors = (line[:, band] for line in lines)
+            out[:] = _means_along(values, tuple(surface), vectors, vectors[..., 1 - axis], np.float32(pixel))
+        found = means
+    return found
+
+
+def _means_along(
+    values: NDArray[np.float32],
+    surface: tuple[NDArray[Any], ...],
+    vectors: NDArray[np.float32],
+    leaning: NDArray[np.float32],
+    pixel: np.float32,
+) -> NDArray[np.float32]:
+    """(N, M) means along the first axis.
+
+    surface: its heights, the normals' part along these and the mask. leaning: the normals' part along the axis; pixel:
+    how long a step is.
+    """
+    raised, facing, mask = surface
+    counted = np.full(values.shape, 2, np.float32)
+    sums = 2 * values
+    for apart, count in NEIGHBOURS:
+        one, other = np.s_[apart:], np.s_[:-apart]
+        off = (facing[one] + facing[other]) * (raised[one] - raised[other]) / (2 * apart * pixel)
+        off += (leaning[one] + leaning[other]) / 2
+        turned = 1 - np.einsum("...i,...i->...", vectors[one], vectors[other])
+        weight = count * (mask[one] & mask[other]) / ((1 + np.square(off / OFF)) * (1 + np.square(turned / TURNED)))
+        counted[one] += weight
+        counted[other] += weight
+        sums[one] += weight * values[other]
+        sums[other] += weight * values[one]
+    return sums / counted

@@ -1,0 +1,33 @@
+"""Heights in a space where the camera's rays are parallel: a relief over the picture, whatever the camera."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.relief.height_map import HeightMap
+
+
+def parallel_heights(heights: HeightMap) -> NDArray[np.float32]:
+    """(H, W) in the camera's unit, 0 outside the mask; planes are planes and what hides what does so still.
+
+    Those of an orthographic camera as they are. Of a perspective one minus 1 / depth, which maps straight lines to
+    straight lines, scaled and shifted so that it is 0 and grows as the heights do at :func:`mean_depth`. Over the
+    picture plane at that depth, a slope m is the direction ``e + m (t / d) q`` at depth t, where d is the mean depth, e
+    a unit vector in the picture and q = (-x, -y, 1) points to the camera, x and y being where the ray meets depth 1.
+    """
+    if heights.camera.projection == "orthographic":
+        return heights.values
+    middle = mean_depth(heights)
+    depth = np.where(heights.mask, -heights.values, np.float32(middle)).astype(np.float64)
+    return (middle * middle / depth - middle).astype(np.float32)
+
+
+def mean_depth(heights: HeightMap) -> float:
+    """The mean depth along a perspective camera's axis; 1 for an orthographic one, where it is not known."""
+    if heights.camera.projection == "orthographic":
+        return 1.0
+    return -float(heights.values[heights.mask].mean(dtype=np.float64))
+
+
+def pixel_size(heights: HeightMap) -> float:
+    """How large a pixel is, in the camera's unit, at :func:`mean_depth`."""
+    return mean_depth(heights) / float(heights.camera.focal.mean())

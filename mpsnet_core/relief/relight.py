@@ -1,0 +1,72 @@
+"""The surface under a white light from anywhere: a picture to judge normals by."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.images import linear_to_srgb
+from mpsnet_core.relief.sizes import check_size
+from mpsnet_core.scene.normal_map import NormalMap
+from mpsnet_core.scene.pictures import BACKGROUND, sheet
+from mpsnet_core.scene.rig import direction_from_angles
+
+# The share of the light that comes from everywhere, and that ambient occlusion takes away.
+AMBIENT = 0.15
+MAX_TILTS = 360
+
+
+def relit(
+    normals: NormalMap,
+    direction: ArrayLike,
+    *,
+    occlusion: NDArray[np.floating] | None = None,
+    albedo: NDArray[np.floating] | None = None,
+) -> NDArray[np.float32]:
+    """(H, W, 4) sRGB values and the mask as alpha: a matt surface under a far white light, without cast shadows.
+
+    Linear radiance is ``albedo * ((1 - a) * max(n . l, 0) + a * occlusion)`` with a = 0.15. A matt surface looks the
+    same from everywhere and the light is far, so a perspective camera makes no difference.
+
+    direction: (3,) from the surface to the light in camera space, of any length. occlusion: (H, W) 0 to 1, as
+    :func:`mpsnet_core.relief.occlusion.ambient_occlusion` gives it; 1 unless given. albedo: (H, W, 3), linear; a light
+    grey of 0.8 unless given.
+
+    Raises InputError where the sizes do not agree or the direction is none.
+    """
+    light = np.asarray(direction, np.float64)
+    if light.shape != (3,) or not np.isfinite(light).all() or not light.any():
+        raise InputError("a light's direction is three finite numbers that are not all 0")
+    for what, values in (("ambient occlusion", occlusion), ("albedo", albedo)):
+        if values is not None:
+            check_size(what, values.shape, normals)
+    light = (light / np.linalg.norm(light)).astype(np.float32)
+    picture = np.empty((*normals.mask.shape, 4), np.float32)
+    for rows in bands(len(picture)):
+        shading = (1 - AMBIENT) * np.maximum(normals.vectors[rows] @ light, 0)
+        shading += AMBIENT if occlusion is None else AMBIENT * occlusion[rows]
+        radiance = shading[..., None] * (np.float32(0.8) if albedo is None else albedo[rows])
+        picture[rows, :, :3] = np.where(normals.mask[rows, :, None], linear_to_srgb(radiance), 0)
+    picture[..., 3] = normals.mask
+    return picture
+
+
+def turntable_tilts(count: int, first: float) -> list[float]:
+    """`count` tilts in degrees, evenly around from `first` on. Raises InputError where there are none, or too many."""
+    if not 1 <= count <= MAX_TILTS:
+        raise InputError(f"a turntable has 1 to {MAX_TILTS} lights, not {count}")
+    return [(first + 360 * number / count) % 360 for number in range(count)]
+
+
+def turntable_sheet(normals: NormalMap, slant: float, tilts: Sequence[float], **shown: Any) -> NDArray[np.float32]:
+    """(H, W, 3) sRGB values: a small picture for each light, titled with its tilt; `shown` goes to :func:`relit`."""
+    columns = int(np.ceil(np.sqrt(len(tilts))))
+    tiles = []
+    for tilt in tilts:
+        picture = relit(normals, direction_from_angles(slant, tilt), **shown)
+        framed = np.where(picture[..., 3:] > 0, picture[..., :3], np.float32(BACKGROUND))
+        tiles.append((f"tilt {tilt:.4g}°", framed))
+    return sheet(tiles, columns)

@@ -1,0 +1,37 @@
+"""Several meshes as one, where only their shape counts: what hides what, and what stands where in the world."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.normal_map import normalised
+
+
+def joined(meshes: Sequence[Mesh]) -> Mesh:
+    """One mesh in world space, its triangles those of the meshes in their order; a mesh alone is given as it is.
+
+    Names of materials and objects, and tangents that were given, are left behind.
+    Raises InputError where all together cannot be a mesh, as :class:`Mesh` does.
+    """
+    if len(meshes) == 1:
+        return meshes[0]
+    starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes[:-1]])
+    triangles = [_outwards(mesh, mesh.triangles) + start for mesh, start in zip(meshes, starts, strict=True)]
+    return Mesh(
+        np.concatenate([mesh.world_vertices for mesh in meshes]),
+        np.concatenate(triangles),
+        np.concatenate([_outwards(mesh, _world_normals(mesh)) for mesh in meshes]),
+        np.concatenate([_outwards(mesh, mesh.uvs) for mesh in meshes]),
+    )
+
+
+def _outwards(mesh: Mesh, at_corners: NDArray[np.generic]) -> NDArray[np.generic]:
+    """Corner values (T, 3, ...) in the order that is counter-clockwise in the world: a mirrored object's turn round."""
+    return at_corners[:, ::-1] if np.linalg.det(mesh.world_from_object[:3, :3]) < 0 else at_corners
+
+
+def _world_normals(mesh: Mesh) -> NDArray[np.float32]:
+    # Normals are carried by the inverse transpose; a row times a matrix transposes once more.
+    return normalised(mesh.corner_normals @ np.linalg.inv(mesh.world_from_object[:3, :3]).astype(np.float32))

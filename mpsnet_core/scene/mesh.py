@@ -1,0 +1,353 @@
+"""Mesh: triangles with UVs, shading normals and tangents for every corner; mesh files."""
+
+import os
+import re
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.files import existing_file, written_whole
+from mpsnet_core.io.mesh_import import read_scene
+from mpsnet_core.io.npz import read_arrays
+from mpsnet_core.scene.mesh_labels import Labels, labels_of_runs
+from mpsnet_core.scene.mikktspace import mikktspace_tangents
+from mpsnet_core.scene.normal_map import normalised
+
+MESH_FORMAT = "mpsnet-mesh"
+MESH_VERSION = 1
+MAX_MESH_BYTES = 4 << 30
+# In any unit: products of three such lengths are numbers still.
+MOST = 1e12
+# More corners than a modeller gives a face; fans of thin triangles from one corner make no texture.
+MAX_CORNERS = 4096
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """A triangle mesh; everything but world_from_object is in the object's own space.
+
+    vertices: (V, 3). triangles: (T, 3) vertex numbers, counter-clockwise seen from outside.
+    corner_normals: (T, 3, 3) unit shading normals. uvs: (T, 3, 2), v up; one unit square is the texture.
+    tangents: (T, 3, 4) MikkTSpace tangent and the bitangent's sign (B = sign N x T); computed where not given.
+    world_from_object: (4, 4) affine, may be scaled.
+    materials, objects: the name of each triangle's material, and of the object that it is of; None where not known.
+    polygons: (T,) the number of the polygon that each triangle is part of, for tangents as of quads, see
+        :func:`.mikktspace.mikktspace_tangents`; None where all are triangles.
+
+    Raises InputError where shapes do not fit or a number is not finite.
+    """
+
+    vertices: NDArray[np.float64]
+    triangles: NDArray[np.int32]
+    corner_normals: NDArray[np.float32]
+    uvs: NDArray[np.float32]
+    given_tangents: NDArray[np.float32] | None = None
+    world_from_object: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    materials: Labels | None = None
+    objects: Labels | None = None
+    polygons: NDArray[np.int32] | None = None
+
+    def __post_init__(self) -> None:
+        count, points = len(np.atleast_1d(self.triangles)), len(np.atleast_1d(self.vertices))
+        if count == 0 or points == 0:
+            raise InputError("the mesh has no faces; choose an object with a surface")
+        shapes: dict[str, tuple[int, ...]] = {
+            "vertices": (points, 3),
+            "triangles": (count, 3),
+            "corner_normals": (count, 3, 3),
+            "uvs": (count, 3, 2),
+            "world_from_object": (4, 4),
+        }
+        if self.given_tangents is not None:
+            shapes["given_tangents"] = (count, 3, 4)
+        if self.polygons is not None:
+            shapes["polygons"] = (count,)
+        kinds = {"triangles": np.int32, "polygons": np.int32, "vertices": np.float64, "world_from_object": np.float64}
+        for name, shape in shapes.items():
+            try:
+                value = np.asarray(getattr(self, name), dtype=kinds.get(name, np.float32))
+            except (TypeError, ValueError, OverflowError):
+                raise InputError(f"the mesh's {name} are not numbers; export it again") from None
+            if value.shape != shape:
+                raise InputError(f"the mesh's {name} have shape {value.shape}, expected {shape}; export it again")
+            _check_finite(name, value)
+            object.__setattr__(self, name, value)
+        _check_numbers(self.triangles, points)
+        scales = np.linalg.svd(self.world_from_object[:3, :3], compute_uv=False)
+        if scales[-1] <= 1e-9 * scales[0]:
+            raise InputError("the object is scaled to nothing in one direction; give it a scale above 0")
+        for what, labels in (("materials", self.materials), ("objects", self.objects)):
+            if labels is not None and len(labels) != count:
+                raise InputError(f"the mesh has {count} triangles, but {what} for {len(labels)}; export it again")
+
+    @cached_property
+    def tangents(self) -> NDArray[np.float32]:
+        """(T, 3, 4) tangent (unit) and bitangent sign of every corner."""
+        if self.given_tangents is not None:
+            return self.given_tangents
+        return mikktspace_tangents(self.vertices[self.triangles], self.corner_normals, self.uvs, self.polygons)
+
+    @cached_property
+    def world_vertices(self) -> NDArray[np.float64]:
+        """(V, 3) vertices in world space."""
+        return self.vertices @ self.world_from_object[:3, :3].T + self.world_from_object[:3, 3]
+
+
+def _check_finite(name: str, values: NDArray[Any]) -> None:
+    if not np.isfinite(values).all():
+        raise InputError(f"the mesh's {name} hold a value that is not finite; mend the mesh")
+    if name != "uvs" and (np.abs(values) > MOST).any():
+        raise InputError(f"the mesh's {name} hold a value beyond {MOST:g}; mend the mesh")
+
+
+def _check_numbers(triangles: NDArray[Any], count: int) -> None:
+    if triangles.size and not 0 <= triangles.min() <= triangles.max() < count:
+        raise InputError("the mesh's triangles name vertices that it does not have; export it again")
+
+
+def read_mesh(path: str | os.PathLike[str], *, shape_only: bool = False) -> Mesh:
+    """Read a mesh with UVs: OBJ; PLY and GLB through trimesh; or the ``.npz`` that the add-on writes.
+
+    Polygons become fans of triangles, and all of the file's objects and materials one mesh, which knows their names.
+    Shading normals are the file's own, else smooth ones, across UV seams too.
+    The file's axes are taken as they stand: cameras must be given in the same world.
+
+    shape_only: UVs are not needed, and if there are some they do not count.
+
+    Raises InputError where the file is missing, broken, without faces or without UVs.
+    """
+    path = existing_file(path, "mesh file")
+    if path.stat().st_size > MAX_MESH_BYTES:
+        raise InputError(f"mesh file {path} is larger than 4 GiB; reduce the mesh first")
+    readers = {".npz": _read_npz, ".obj": _read_obj, ".ply": _read_with_trimesh, ".glb": _read_with_trimesh}
+    try:
+        reader = readers.get(path.suffix.lower())
+        if reader is None:
+            raise InputError(f"{path.suffix or 'no suffix'} is not a mesh format we read; use OBJ, PLY, GLB or npz")
+        return reader(path, shape_only)
+    except InputError as error:
+        raise InputError(f"mesh file {path}: {error}") from None
+
+
+def write_mesh(path: str | os.PathLike[str], mesh: Mesh) -> None:
+    """Write a mesh as ``.npz`` with all that :func:`read_mesh` gives back, whole or not at all."""
+    if Path(path).suffix.lower() != ".npz":
+        raise InputError(f"cannot write {path}: meshes are written as .npz")
+    with written_whole(path) as unfinished:
+        np.savez(
+            unfinished,
+            format=np.array(MESH_FORMAT),
+            version=np.array(MESH_VERSION),
+            vertices=mesh.vertices,
+            triangles=mesh.triangles,
+            corner_normals=mesh.corner_normals,
+            uvs=mesh.uvs,
+            tangents=mesh.tangents,
+            world_from_object=mesh.world_from_object,
+            **_labels_as_arrays(mesh),
+        )
+
+
+# What a file calls the names of a kind of labels, and the number that each triangle has among them.
+_LABEL_KEYS = {"materials": "triangle_material", "objects": "triangle_object"}
+
+
+def _labels_as_arrays(mesh: Mesh) -> dict[str, NDArray[Any]]:
+    arrays: dict[str, NDArray[Any]] = {}
+    for names, numbers in _LABEL_KEYS.items():
+        labels: Labels | None = getattr(mesh, names)
+        if labels is not None:
+            arrays |= {names: np.array(labels.names, str), numbers: labels.number}
+    return arrays
+
+
+def _labels_of_arrays(arrays: dict[str, NDArray[Any]]) -> dict[str, Labels]:
+    found = {}
+    for names, numbers in _LABEL_KEYS.items():
+        if (names in arrays) != (numbers in arrays):
+            raise InputError(f'it has only one of "{names}" and "{numbers}"; export it again')
+        if names in arrays:
+            if arrays[names].dtype.kind != "U" or arrays[names].ndim != 1:
+                raise InputError(f'its "{names}" are no names; export it again')
+            found[names] = Labels(tuple(arrays[names].tolist()), arrays[numbers])
+    return found
+
+
+def _read_npz(path: Path, shape_only: bool) -> Mesh:
+    arrays = read_arrays(path, MAX_MESH_BYTES)
+    if str(arrays.get("format")) != MESH_FORMAT:
+        raise InputError(f"it is not a {MESH_FORMAT} file; export it with the add-on")
+    if not np.array_equal(arrays.get("version", 0), MESH_VERSION):
+        raise InputError(f"it is version {arrays.get('version')}, this program reads version {MESH_VERSION}; update it")
+    missing = [name for name in ("vertices", "triangles", "corner_normals", "uvs") if name not in arrays]
+    if missing:
+        raise InputError(f'it lacks "{missing[0]}"; export it again')
+    return Mesh(
+        arrays["vertices"],
+        arrays["triangles"],
+        arrays["corner_normals"],
+        _no_uvs(len(np.atleast_1d(arrays["triangles"]))) if shape_only else arrays["uvs"],
+        arrays.get("tangents"),
+        arrays.get("world_from_object", np.eye(4)),
+        **_labels_of_arrays(arrays),
+        polygons=arrays.get("triangle_polygon"),
+    )
+
+
+def _read_obj(path: Path, shape_only: bool) -> Mesh:
+    """OBJ by hand: trimesh splits vertices at seams and loses the UVs of files with quads or several materials."""
+    values: dict[str, list[list[float]]] = {"v": [], "vt": [], "vn": []}
+    width = {"v": 3, "vt": 2, "vn": 3}
+    corners: list[tuple[int, ...]] = []
+    # The names that hold from a corner on, under the words that OBJ has for them.
+    named: dict[str, list[tuple[int, str]]] = {"usemtl": [], "o": []}
+    # Names may be in any encoding. A backslash joins a line with the next one.
+    text = path.read_text(encoding="utf-8", errors="replace").replace("\\\n", " ")
+    for number, line in enumerate(text.splitlines(), 1):
+        key, *words = line.partition("#")[0].split() or [""]
+        try:
+            if key in values:
+                row = [float(word) for word in words[: width[key]]]
+                if len(row) < width[key]:
+                    raise ValueError
+                values[key].append(row)
+            elif key == "f":
+                if len(words) > MAX_CORNERS:
+                    raise InputError(
+                        f"line {number} is a face of {len(words)} corners, more than {MAX_CORNERS}; triangulate it"
+                    )
+                counts = [len(values[kind]) for kind in ("v", "vt", "vn")]
+                face = [_obj_corner(word, counts) for word in words]
+                for second, third in pairwise(face[1:]):
+                    corners += face[0], second, third
+            elif key in named:
+                named[key].append((len(corners), " ".join(words)))
+        except ValueError:
+            raise InputError(f"line {number} cannot be read ({line.strip()[:60]!r}); export it again") from None
+    if not corners:
+        raise InputError("it has no faces; choose a mesh with a surface")
+    v, vt, vn = np.moveaxis(np.array(corners).reshape(-1, 3, 3), 2, 0)
+    if (vt < 0).any() and not shape_only:
+        raise _without_uvs("its faces have" if (vt < 0).all() else "some of its faces have")
+    vertices = np.array(values["v"])
+    _check_finite("vertices", vertices)
+    normals = smooth_corner_normals(vertices, v)
+    normals[vn >= 0] = np.array(values["vn"]).reshape(-1, 3)[vn[vn >= 0]]
+    return Mesh(
+        vertices,
+        v,
+        normalised(normals),
+        _no_uvs(len(v)) if shape_only else np.array(values["vt"])[vt],
+        materials=_labels_from(named["usemtl"], len(corners)),
+        objects=_labels_from(named["o"], len(corners)),
+    )
+
+
+def _labels_from(starts: list[tuple[int, str]], end: int) -> Labels | None:
+    """Labels of names that hold each from a corner on, of `end` corners; None where there are no names."""
+    if not starts:
+        return None
+    runs = pairwise([(0, ""), *starts, (end, "")])
+    return labels_of_runs((name, (stop - start) // 3) for (start, name), (stop, _) in runs)
+
+
+def _obj_corner(word: str, counts: list[int]) -> tuple[int, ...]:
+    """ "5/7/2" as numbers from 0 of vertex, UV and normal; -1 for those not given. Negative ones count from the end."""
+    given = [int(part) if part else 0 for part in word.split("/")]
+    numbers = [-1, -1, -1]
+    for place, (number, count) in enumerate(zip(given, counts, strict=False)):
+        if not -count <= number <= count:
+            raise ValueError
+        if number:
+            numbers[place] = number - 1 if number > 0 else count + number
+    if len(given) > 3 or numbers[0] < 0:
+        raise ValueError
+    return tuple(numbers)
+
+
+def _read_with_trimesh(path: Path, shape_only: bool) -> Mesh:
+    with read_scene(path) as scene:
+        nodes = list(scene.graph.nodes_geometry)
+        placed = [scene.graph[node] for node in nodes]
+        parts = [_placed(scene.geometry[name], pose, shape_only) for pose, name in placed]
+        objects = [_object_name(scene.graph, node) for node in nodes]
+        materials = [_material_name(scene.geometry[name]) for _, name in placed]
+    counts = [len(part[1]) for part in parts]
+    parts = [part for part in parts if len(part[1])]
+    if not parts:
+        raise InputError("it has no faces; choose a mesh with a surface")
+    # Joined here and not by trimesh, which packs the textures of several materials anew and moves the UVs.
+    starts = np.cumsum([0] + [len(part[0]) for part in parts[:-1]])
+    triangles = np.concatenate([part[1] + start for part, start in zip(parts, starts, strict=True)])
+    vertices, normals, uvs = (np.concatenate([part[index] for part in parts]) for index in (0, 2, 3))
+    _check_finite("vertices", vertices)
+    # These formats split vertices where UVs part; for smooth normals those at one place count as one.
+    places, place = np.unique(vertices, axis=0, return_inverse=True)
+    smooth = smooth_corner_normals(places, place.reshape(-1)[triangles])
+    normals = np.where(np.isnan(normals)[triangles], smooth, normals[triangles])
+    return Mesh(
+        vertices,
+        triangles,
+        normalised(normals),
+        _no_uvs(len(triangles)) if shape_only else uvs[triangles],
+        materials=labels_of_runs(zip(materials, counts, strict=True)) if any(materials) else None,
+        objects=labels_of_runs(zip(objects, counts, strict=True)) if path.suffix.lower() == ".glb" else None,
+    )
+
+
+def _object_name(graph: Any, node: str) -> str:
+    """The name of the file's node. trimesh gives each material of a node a node of its own beneath it, NAME_1a2b3c."""
+    parent = graph.transforms.parents.get(node)
+    return parent if parent and re.fullmatch(re.escape(parent) + "_[0-9A-Za-z]{6}", node) else node
+
+
+def _material_name(part: Any) -> str:
+    return str(getattr(getattr(part.visual, "material", None), "name", None) or "")
+
+
+def _placed(part: Any, pose: NDArray[np.float64], shape_only: bool) -> tuple[NDArray[Any], ...]:
+    """Vertices, triangles, normals (NaN where the file has none) and UVs of one of trimesh's meshes where it stands."""
+    faces = np.asarray(getattr(part, "faces", np.empty((0, 3))), np.int32)
+    vertices = np.asarray(part.vertices, np.float64)
+    _check_numbers(faces, len(vertices))
+    uvs = getattr(part.visual, "uv", None) if len(faces) else np.empty((len(vertices), 2))
+    if shape_only:
+        uvs = np.zeros((len(vertices), 2))
+    if uvs is None or len(uvs) != len(vertices):
+        # trimesh drops the UVs of glTF without a material.
+        raise _without_uvs("it has no material (which glTF needs for UVs) or")
+    normals: NDArray[Any] = np.full_like(vertices, np.nan)
+    # trimesh computes vertex normals on demand; its cache holds them beforehand only where the file gave them.
+    if "vertex_normals" in part._cache:
+        normals = np.asarray(part.vertex_normals) @ np.linalg.inv(pose[:3, :3])
+    if np.linalg.det(pose[:3, :3]) < 0:
+        faces = faces[:, ::-1]
+    return vertices @ pose[:3, :3].T + pose[:3, 3], faces, normals, np.asarray(uvs)
+
+
+def _no_uvs(count: int) -> NDArray[np.float32]:
+    """(T, 3, 2) UVs that stand for none: each triangle has half of the texture."""
+    return np.broadcast_to(np.array([[0, 0], [1, 0], [0, 1]], np.float32), (count, 3, 2))
+
+
+def _without_uvs(who: str) -> InputError:
+    return InputError(f"{who} no UVs; unwrap it in Blender (UV > Smart UV Project) and export it with UVs")
+
+
+def smooth_corner_normals(vertices: NDArray[np.float64], triangles: NDArray[np.int32]) -> NDArray[np.float64]:
+    """(T, 3, 3) smooth normals, as Blender's: for each vertex the normals of its faces, weighted by their angles."""
+    corners = vertices[triangles]
+    ahead, behind = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    faces = np.cross(ahead[:, 0], behind[:, 0])
+    across = np.linalg.norm(np.cross(ahead, behind), axis=-1)
+    angles = np.arctan2(across, np.einsum("tci,tci->tc", ahead, behind))
+    weighted = (normalised(faces)[:, None] * angles[..., None]).reshape(-1, 3)
+    summed = np.stack([np.bincount(triangles.ravel(), weighted[:, axis], len(vertices)) for axis in range(3)], axis=-1)
+    normals: NDArray[np.float64] = normalised(summed)[triangles]
+    return normals

@@ -1,0 +1,243 @@
+"""MikkTSpace tangents of a triangle mesh, as Blender's ``Mesh.calc_tangents`` and other tools compute them.
+
+After Morten S. Mikkelsen, "Simulation of Wrinkled Surfaces Revisited" (2008) and his public mikktspace.c, written anew
+for NumPy because no maintained Python package carries it on all platforms.
+"""
+
+from dataclasses import dataclass
+from itertools import permutations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.connected_components import connected
+from mpsnet_core.scene.normal_map import normalised
+
+
+def mikktspace_tangents(
+    corners: NDArray[np.floating],
+    normals: NDArray[np.floating],
+    uvs: NDArray[np.floating],
+    polygons: NDArray[np.integer] | None = None,
+) -> NDArray[np.float32]:
+    """Tangent and bitangent sign for every corner of every triangle.
+
+    corners: (T, 3, 3) positions. normals: (T, 3, 3) unit shading normals. uvs: (T, 3, 2).
+    polygons: (T,) the number of the polygon that each triangle is part of, those of one polygon in a row. Two triangles
+        of one polygon are a quad: its tangents are those of the two that its shorter diagonal in UV space makes,
+        whichever diagonal these have. Polygons with more corners are their triangles. None: so is everything.
+    Returns (T, 3, 4): a unit tangent perpendicular to the corner's normal, then the sign s of B = s N x T.
+
+    Corners that share position, normal and UV, and whose triangles meet at an edge and turn the same way round in UV
+    space, share one tangent: the mean of their triangles' tangents, weighted by the triangles' angles there.
+    Triangles without area in UV space, which hold no texel, belong to their neighbours' groups; a corner that no group
+    gives a tangent takes one from a corner at the same vertex, else at the same place of its quad, else +x.
+    mikktspace.c leaves zero at the few corners whose angle is too small for single precision (about 5e-4 rad); here
+    they have the unit tangent.
+    """
+    corners, normals, uvs = (np.asarray(a, np.float64) for a in (corners, normals, uvs))
+    vertex = _welded(corners, normals, uvs)
+    if polygons is None:
+        tangents = _tangents(corners, normals, uvs, vertex, np.empty(0, np.int64))
+    else:
+        quads = _Quads.of(polygons, vertex)
+        split = quads.split(corners, uvs)
+        points, across, layout = (a.reshape(-1, a.shape[-1])[split] for a in (corners, normals, uvs))
+        tangents = np.empty((vertex.size, 4))
+        tangents[split.ravel()] = _tangents(points, across, layout, vertex.ravel()[split], quads.first)
+        quads.complete(tangents, corners.reshape(-1, 3))
+    tangents[~tangents[:, :3].any(axis=1)] = [1.0, 0.0, 0.0, -1.0]
+    return tangents.reshape(-1, 3, 4).astype(np.float32)
+
+
+def _tangents(
+    corners: NDArray[np.floating],
+    normals: NDArray[np.floating],
+    uvs: NDArray[np.floating],
+    vertex: NDArray[np.int64],
+    quads: NDArray[np.int64],
+) -> NDArray[np.floating]:
+    """(3T, 4) tangents of triangles, zero where there is none. quads: each one's first triangle, the other is next."""
+    directions, areas, usable = _triangle_tangents(corners, uvs)
+    distinct = _three_places(corners)
+    usable &= distinct
+    pairs = _meeting_edges(vertex, distinct)
+    turns = _adopted(_turned_alike(areas, usable, distinct, quads), usable, pairs)
+
+    # The triangle's tangent in each corner's own tangent plane, weighted by the triangle's angle there.
+    projected = normalised_or_zero(_in_plane(directions[:, None], normals))
+    ahead = normalised_or_zero(_in_plane(np.roll(corners, -1, axis=1) - corners, normals))
+    behind = normalised_or_zero(_in_plane(np.roll(corners, 1, axis=1) - corners, normals))
+    angles = np.arccos(np.clip(np.einsum("tci,tci->tc", ahead, behind), -1, 1))
+    weighted = np.where(usable[:, None, None], projected * angles[..., None], 0).reshape(-1, 3)
+
+    group = _groups(pairs, turns)
+    count = int(group.max()) + 1
+    summed: NDArray[np.float64] = np.stack([np.bincount(group, weighted[:, axis], count) for axis in range(3)], axis=-1)
+    tangents = np.empty((len(group), 4))
+    tangents[:, :3] = normalised_or_zero(summed)[group]
+    tangents[:, 3] = np.where(np.repeat(turns, 3), 1.0, -1.0)
+
+    # Corners without a tangent of their own borrow one from a corner at the same welded vertex.
+    flat_vertex = vertex.ravel()
+    has_tangent = tangents[:, :3].any(axis=1)
+    have = np.flatnonzero(has_tangent)
+    lender = np.full(int(flat_vertex.max()) + 1, -1)
+    lender[flat_vertex[have[::-1]]] = have[::-1]
+    need = np.flatnonzero(~has_tangent)
+    source = lender[flat_vertex[need]]
+    tangents[need[source >= 0]] = tangents[source[source >= 0]]
+    return tangents
+
+
+@dataclass(frozen=True)
+class _Quads:
+    """The quads among triangles, whose corners are numbered through.
+
+    first: (Q,) each one's first triangle; the other is the next. around: (Q, 4) its corners in turn. diagonal: (Q, 2)
+    the other two of the six, and twins: (Q, 2) those of the four that they are the same as.
+    """
+
+    first: NDArray[np.int64]
+    around: NDArray[np.int64]
+    diagonal: NDArray[np.int64]
+    twins: NDArray[np.int64]
+    triangles: int
+
+    @classmethod
+    def of(cls, polygons: NDArray[np.integer], vertex: NDArray[np.int64]) -> "_Quads":
+        starts = np.flatnonzero(np.diff(polygons, prepend=polygons[0] - 1))
+        first = starts[np.diff(starts, append=len(polygons)) == 2]
+        # The corners 0, 1, 2 and 0, 2, 3, or 0, 1, 3 and 1, 2, 3.
+        one, other = vertex[first], vertex[first + 1]
+        at_0 = (one[:, 0] == other[:, 0]) & (one[:, 2] == other[:, 1])
+        known = at_0 | ((one[:, 1] == other[:, 0]) & (one[:, 2] == other[:, 2]))
+        first, at_0 = first[known], at_0[known, None]
+        corner = 3 * first[:, None]
+
+        def numbered(one: list[int], other: list[int]) -> NDArray[np.int64]:
+            return corner + np.where(at_0, one, other)
+
+        around = numbered([0, 1, 2, 5], [0, 1, 4, 2])
+        return cls(first, around, numbered([3, 4], [3, 5]), numbered([0, 2], [1, 2]), len(vertex))
+
+    def split(self, corners: NDArray[np.floating], uvs: NDArray[np.floating]) -> NDArray[np.int64]:
+        """(T, 3) the corners of all triangles, with each quad's two by its shorter diagonal."""
+
+        def diagonals(points: NDArray[np.floating]) -> NDArray[np.floating]:
+            """(Q, 2) squared lengths, from corner 0 to 2 and from 1 to 3, in single precision as mikktspace.c."""
+            placed = points.reshape(-1, points.shape[-1])[self.around].astype(np.float32)
+            squared: NDArray[np.floating] = ((placed[:, 2:] - placed[:, :2]) ** 2).sum(axis=-1)
+            return squared
+
+        in_uv, in_space = diagonals(uvs), diagonals(corners)
+        from_0 = np.where(in_uv[:, 0] == in_uv[:, 1], in_space[:, 0] <= in_space[:, 1], in_uv[:, 0] < in_uv[:, 1])
+        split = np.arange(3 * self.triangles).reshape(-1, 3)
+        split[self.first] = np.where(from_0[:, None], self.around[:, [0, 1, 2]], self.around[:, [0, 1, 3]])
+        split[self.first + 1] = np.where(from_0[:, None], self.around[:, [0, 2, 3]], self.around[:, [1, 2, 3]])
+        return split
+
+    def complete(self, tangents: NDArray[np.floating], places: NDArray[np.floating]) -> None:
+        """Fill in what the split has left out. tangents: (3T, 4). places: (3T, 3)."""
+        missing = ~tangents[self.around, :3].any(axis=-1)
+        some = np.flatnonzero(missing.any(axis=1))
+        for one, other in permutations(range(4), 2):
+            to, source = self.around[some, one], self.around[some, other]
+            lent = missing[some, one] & ~missing[some, other] & (places[to] == places[source]).all(axis=1)
+            tangents[to[lent]] = tangents[source[lent]]
+        tangents[self.diagonal] = tangents[self.twins]
+
+
+def _turned_alike(
+    areas: NDArray[np.floating], usable: NDArray[np.bool_], distinct: NDArray[np.bool_], quads: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Whether each triangle's UVs turn counter-clockwise; where a quad's two differ, both as the larger does."""
+    turns = areas > 0
+    other = quads + 1
+    differ = (turns[quads] != turns[other]) & distinct[quads] & distinct[other]
+    as_first = ~usable[other] | (np.abs(areas[quads]) >= np.abs(areas[other]))
+    turns[other[differ & as_first]] = turns[quads[differ & as_first]]
+    turns[quads[differ & ~as_first]] = turns[other[differ & ~as_first]]
+    return turns
+
+
+def normalised_or_zero(vectors: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Vectors (..., 3) brought to unit length; those without a direction stay zero."""
+    return np.asarray(np.where(np.any(vectors != 0, axis=-1, keepdims=True), normalised(vectors), 0.0))
+
+
+def _in_plane(vectors: NDArray[np.floating], normals: NDArray[np.floating]) -> NDArray[np.floating]:
+    return vectors - normals * np.einsum("tci,tci->tc", np.broadcast_to(vectors, normals.shape), normals)[..., None]
+
+
+def _welded(
+    corners: NDArray[np.floating], normals: NDArray[np.floating], uvs: NDArray[np.floating]
+) -> NDArray[np.int64]:
+    """(T, 3) a number for every distinct position, normal and UV."""
+    rows = np.concatenate([corners, normals, uvs], axis=2).reshape(-1, 8).astype(np.float32) + np.float32(0)
+    keys = np.ascontiguousarray(rows).view(np.dtype((np.void, rows.itemsize * rows.shape[1]))).ravel()
+    return np.unique(keys, return_inverse=True)[1].reshape(-1, 3).astype(np.int64)
+
+
+def _triangle_tangents(
+    corners: NDArray[np.floating], uvs: NDArray[np.floating]
+) -> tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.bool_]]:
+    """Each triangle's unit direction of growing u, twice its area in UV space, and whether it has both."""
+    d1, d2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    t1, t2 = uvs[:, 1] - uvs[:, 0], uvs[:, 2] - uvs[:, 0]
+    doubled_area = t1[:, 0] * t2[:, 1] - t1[:, 1] * t2[:, 0]
+    along_u: NDArray[np.floating] = t2[:, 1:] * d1 - t1[:, 1:] * d2
+    along_u[doubled_area <= 0] *= -1
+    along_v = -t2[:, :1] * d1 + t1[:, :1] * d2
+    tiny = np.finfo(np.float32).tiny
+    usable = (
+        (np.abs(doubled_area) > tiny)
+        & (np.linalg.norm(along_u, axis=1) > tiny)
+        & (np.linalg.norm(along_v, axis=1) > tiny)
+    )
+    return normalised_or_zero(along_u), doubled_area, usable
+
+
+def _three_places(corners: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(T,) whether no two of a triangle's corners stand at one place."""
+    rounded = corners.astype(np.float32)
+    same: NDArray[np.bool_] = (rounded == np.roll(rounded, 1, axis=1)).all(axis=2).any(axis=1)
+    return ~same
+
+
+def _meeting_edges(vertex: NDArray[np.int64], distinct: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """(E, 2, 2) corners, numbered through, where two triangles meet: their edge's two ends, on either triangle.
+
+    They meet where they run along the edge in opposite directions.
+    """
+    corner = np.arange(vertex.size).reshape(-1, 3)[distinct]
+    ends = np.stack([corner, np.roll(corner, -1, axis=1)], axis=-1).reshape(-1, 2)
+    places = vertex.ravel()[ends]
+    forward = places[:, 0] < places[:, 1]
+    ends = np.where(forward[:, None], ends, ends[:, ::-1])
+    low, high = np.sort(places, axis=1).T
+    order = np.lexsort((np.arange(len(low)), high, low))
+    low, high, forward, ends = low[order], high[order], forward[order], ends[order]
+    first = np.flatnonzero((low[1:] == low[:-1]) & (high[1:] == high[:-1]) & (forward[1:] != forward[:-1]))
+    return np.stack([ends[first], ends[first + 1]], axis=-1)
+
+
+def _adopted(turns: NDArray[np.bool_], usable: NDArray[np.bool_], pairs: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Triangles without UV area turn as the first neighbour does, so that groups reach across them."""
+    turns, known = turns.copy(), usable.copy()
+    triangles = pairs[:, 0] // 3
+    both = np.concatenate([triangles, triangles[:, ::-1]])
+    while True:
+        waiting = both[known[both[:, 0]] & ~known[both[:, 1]]]
+        if not len(waiting):
+            return turns
+        waiting = waiting[np.argsort(-waiting[:, 0], kind="stable")]  # where several offer, the least number stays
+        turns[waiting[:, 1]] = turns[waiting[:, 0]]
+        known[waiting[:, 1]] = True
+
+
+def _groups(pairs: NDArray[np.int64], turns: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """(3T,) a number for every set of corners that share one tangent."""
+    triangles = pairs[:, 0] // 3
+    sharing = pairs[turns[triangles[:, 0]] == turns[triangles[:, 1]]].reshape(-1, 2)
+    return connected(3 * len(turns), sharing[:, 0], sharing[:, 1])

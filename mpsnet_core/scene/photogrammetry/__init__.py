@@ -1,0 +1,59 @@
+"""Cameras from photogrammetry: COLMAP, Metashape and AliceVision (Meshroom), with their lenses.
+
+:func:`read_cameras` reads what any of them wrote, :func:`find_photo` finds the photos, :func:`as_shown` turns a camera
+as the photo's EXIF orientation turns the photo, and :func:`undistorted` takes the lens out of it.
+"""
+
+import os
+from pathlib import Path
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.scene.photogrammetry.alicevision import read_alicevision
+from mpsnet_core.scene.photogrammetry.colmap import read_colmap
+from mpsnet_core.scene.photogrammetry.lens import Lens, photo_points, undistorted, undistorted_mask
+from mpsnet_core.scene.photogrammetry.metashape import read_metashape
+from mpsnet_core.scene.photogrammetry.posed_photo import PosedPhoto, as_shown, find_photo, turned
+
+__all__ = [
+    "Lens",
+    "PosedPhoto",
+    "as_shown",
+    "find_photo",
+    "photo_points",
+    "read_cameras",
+    "turned",
+    "undistorted",
+    "undistorted_mask",
+]
+
+_READERS = {
+    ".xml": read_metashape,
+    ".sfm": read_alicevision,
+    ".json": read_alicevision,
+    ".bin": read_colmap,
+    ".txt": read_colmap,
+    "": read_colmap,
+}
+
+
+def read_cameras(path: str | os.PathLike[str]) -> list[PosedPhoto]:
+    """The posed photos that a photogrammetry program found, sorted by the photos' names.
+
+    path: a COLMAP model's folder (or a project's, with sparse/0 in it) or one of its files; a Metashape .xml; an
+        AliceVision .sfm or .json.
+
+    World axes and scale are those of the meshes that the same program exports.
+
+    Raises InputError where the file is missing, broken, of none of these kinds, or has no posed photo in it.
+    """
+    path = Path(path)
+    reader = read_colmap if path.is_dir() else _READERS.get(path.suffix.lower())
+    if reader is None:
+        raise InputError(
+            f"{path} is no file of cameras that is read here: name a COLMAP folder, a Metashape .xml "
+            "(File > Export > Export Cameras) or Meshroom's cameras.sfm"
+        )
+    photos = sorted(reader(path), key=lambda posed: posed.photo)
+    if not photos:
+        raise InputError(f"{path} holds no photo with a pose; align the photos and export the cameras again")
+    return photos

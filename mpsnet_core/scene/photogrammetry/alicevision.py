@@ -1,0 +1,173 @@
+"""AliceVision, which Meshroom drives: views, intrinsics and poses of a scene as JSON (cameras.sfm, .json).
+
+https://github.com/alicevision/AliceVision/tree/develop/src/aliceVision/sfmDataIO, whose file versions differ in what
+they call a focal length and a principal point. Numbers are written as text.
+"""
+
+import json
+import math
+import os
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.files import existing_file
+from mpsnet_core.scene.photogrammetry.lens import Lens
+from mpsnet_core.scene.photogrammetry.posed_photo import FLIP_YZ, PosedPhoto, photogrammetry_camera, rotation, said_of
+
+# A scene with its points is larger than its cameras by far, and needs some ten times this while it is read.
+MAX_FILE_BYTES = 1 << 28
+
+# How many coefficients each type of distortion has; newer files give the type to a "pinhole", older ones name the
+# camera by it.
+_DISTORTIONS = {"none": 0, "radialk1": 1, "radialk3": 3, "brown": 5}
+_OLD_TYPES = {"radial1": "radialk1", "radial3": "radialk3", "brown": "brown"}
+
+Version = tuple[int, int, int]
+
+
+def read_alicevision(path: str | os.PathLike[str]) -> list[PosedPhoto]:
+    """The posed photos of an AliceVision scene; photos without a pose are left out.
+
+    The world is that of the meshes that the same version writes: since file version 1.2.3 they have y and z the other
+    way round than the poses have, and so the cameras are turned with them.
+
+    Raises InputError where the file is missing, broken, no scene, or larger than 256 MiB, or a photo was taken by
+    something else than a camera of type pinhole, radial1, radial3 or brown, or by one of several mounted together.
+    """
+    file = existing_file(path, "scene")
+    with said_of(file):
+        if file.stat().st_size > MAX_FILE_BYTES:
+            raise InputError(
+                "it is larger than 256 MiB; take cameras.sfm of Meshroom's node StructureFromMotion, without points"
+            )
+        try:
+            scene = json.loads(file.read_text(encoding="utf-8-sig"))
+        except UnicodeDecodeError:
+            raise InputError("it is not text; save the scene as JSON (node ConvertSfMFormat)") from None
+        except (ValueError, RecursionError) as error:
+            raise InputError(f"it is not valid JSON ({error}); save the scene again") from None
+        if not isinstance(scene, dict) or "views" not in scene or "version" not in scene:
+            raise InputError('it is not an AliceVision scene, which has "version" and "views"; choose cameras.sfm')
+        version = _version(scene["version"])
+        intrinsics = {str(record.get("intrinsicId")): record for record in _records(scene, "intrinsics")}
+        poses = {str(record.get("poseId")): record for record in _records(scene, "poses")}
+        photos = []
+        for view in _records(scene, "views"):
+            pose, intrinsic = poses.get(str(view.get("poseId"))), intrinsics.get(str(view.get("intrinsicId")))
+            if pose is None:
+                continue
+            name = view.get("path")
+            with said_of(f"photo {name!r}"):
+                if not isinstance(name, str):
+                    raise InputError('its "path" is not text; save the scene again')
+                if intrinsic is None:
+                    raise InputError(f"its intrinsic {view.get('intrinsicId')} is not in the scene; save both together")
+                if str(view.get("isPoseIndependant", "true")).lower() in ("false", "0"):
+                    raise InputError("it belongs to several cameras mounted together; reconstruct without their rig")
+                photos.append(_posed(name, intrinsic, pose, version))
+        return photos
+
+
+def _posed(name: str, intrinsic: dict[str, Any], pose: dict[str, Any], version: Version) -> PosedPhoto:
+    transform = _part(_part(pose, "pose"), "transform")
+    # Column by column world to camera, which read row by row is camera to world.
+    turn = rotation(_numbers(transform, "rotation", 9), "its pose")
+    position = _numbers(transform, "center", 3)
+    if version >= (1, 2, 3):
+        turn, position = FLIP_YZ @ turn, FLIP_YZ @ position
+    width, height = (_number(intrinsic, side) for side in ("width", "height"))
+    # AliceVision counts from the middle of the first pixel, we from its corner.
+    centre = _numbers(intrinsic, "principalPoint", 2) + 0.5
+    if version >= (1, 2, 1):
+        centre += np.array([width, height]) / 2
+    focal = _focal(intrinsic, width, version)
+    camera = photogrammetry_camera(int(width), int(height), focal, centre, turn, position)
+    return PosedPhoto(name, camera, _lens(intrinsic))
+
+
+def _focal(intrinsic: dict[str, Any], width: float, version: Version) -> NDArray[np.float64]:
+    """(2,) pixels. The same lens through the versions: compatibilityData/scene_v*.json of AliceVision's sources."""
+    if version < (1, 2, 0):
+        return np.repeat(_numbers(intrinsic, "pxFocalLength", 1), 2)
+    if version < (1, 2, 2):
+        return _numbers(intrinsic, "pxFocalLength", 2)
+    sensor, ratio = _number(intrinsic, "sensorWidth", 36.0), _number(intrinsic, "pixelRatio", 1.0)
+    if sensor <= 0 or ratio <= 0:
+        raise InputError('its "sensorWidth" and "pixelRatio" must be above 0; save the scene again')
+    focal = _number(intrinsic, "focalLength") / sensor * width
+    if version < (1, 2, 5):
+        return np.array([focal, focal / ratio])
+    if version < (1, 2, 9):
+        return np.array([focal, focal * ratio])
+    if version < (1, 2, 11) and ratio != 1:
+        raise InputError(
+            "file versions 1.2.9 and 1.2.10 are read with square pixels only; save it with a newer Meshroom"
+        )
+    return np.array([focal / ratio, focal])
+
+
+def _lens(intrinsic: dict[str, Any]) -> Lens:
+    kind = str(intrinsic.get("type")).lower()
+    bend = _OLD_TYPES.get(kind) or str(intrinsic.get("distortionType", "none")).lower()
+    straightened = str(intrinsic.get("undistortionType", "none")).lower()
+    for name, read in ((kind, ("pinhole", *_OLD_TYPES)), (bend, _DISTORTIONS), (straightened, ("none",))):
+        if name not in read:
+            raise InputError(
+                f"camera type {name!r} is not read here (pinhole, radial1, radial3 and brown are); choose one of these "
+                "in Meshroom's CameraInit node"
+            )
+    values = _numbers(intrinsic, "distortionParams", _DISTORTIONS[bend]).tolist() if _DISTORTIONS[bend] else []
+    return Lens(radial=tuple(values[:3]), tangential=(values[4], values[3]) if bend == "brown" else (0.0, 0.0))
+
+
+def _version(value: Any) -> Version:
+    try:
+        major, minor, revision = (int(part) for part in value)
+    except (OverflowError, TypeError, ValueError):
+        raise InputError(f'its "version" is {value!r}, not three whole numbers; save the scene again') from None
+    if major != 1:
+        raise InputError(f"it is of version {major}.{minor}.{revision}, and 1.x.x is read here; update this program")
+    return major, minor, revision
+
+
+def _records(scene: dict[str, Any], key: str) -> Iterator[dict[str, Any]]:
+    records = scene.get(key) or []  # an empty list is written as empty text
+    if not isinstance(records, list) or not all(isinstance(record, dict) for record in records):
+        raise InputError(f'its "{key}" is not a list of objects; save the scene again')
+    yield from records
+
+
+def _part(record: dict[str, Any], key: str) -> dict[str, Any]:
+    part = record.get(key)
+    if not isinstance(part, dict):
+        raise InputError(f'it lacks "{key}", or that is no object; save the scene again')
+    return part
+
+
+def _number(record: dict[str, Any], key: str, otherwise: float | None = None) -> float:
+    value = record.get(key, otherwise)
+    return float(_finite([value], key)[0])
+
+
+def _numbers(record: dict[str, Any], key: str, count: int) -> NDArray[np.float64]:
+    value = record.get(key)
+    values = value if isinstance(value, list) else [value]
+    if len(values) != count:
+        raise InputError(f'its "{key}" must be {count} numbers, not {len(values)}; save the scene again')
+    return _finite(values, key)
+
+
+def _finite(values: list[Any], key: str) -> NDArray[np.float64]:
+    try:
+        if any(isinstance(value, bool) for value in values):
+            raise ValueError
+        numbers = [float(value) for value in values]
+    except (TypeError, ValueError, OverflowError):
+        numbers = [math.nan]
+    if not all(map(math.isfinite, numbers)):
+        raise InputError(f'its "{key}" is missing or not a finite number; save the scene again')
+    return np.array(numbers)

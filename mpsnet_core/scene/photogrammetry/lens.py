@@ -1,0 +1,186 @@
+"""Lens: how a real lens bends what a pinhole camera would see; photos and masks without that bend."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import chain
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.scene.camera import Camera
+
+# Rows at a time: each pixel of them takes some 200 bytes on the way. More are no faster.
+ROWS = 32
+
+Matrix = tuple[tuple[float, float], tuple[float, float]]
+
+# Steps in which the distance from the axis is walked to find where a distortion turns back.
+_REACH_STEPS = 4096
+
+
+@dataclass(frozen=True)
+class Lens:
+    """Brown's distortion model, as COLMAP, OpenCV, Metashape and AliceVision fit it to lenses.
+
+    Where a pinhole camera sees a point p = (x, y), in focal lengths from the optical axis, x right and y down, this
+    lens shows it at A d with r² = |p|² and
+
+        d = p (1 + radial[0] r² + radial[1] r⁴ + ...) / (1 + divisor[0] r² + ...) + tangential r² + 2 (tangential·p) p
+
+    radial, divisor: any number of coefficients (k1, k2, k3, k4 and, in OpenCV's full model, k4, k5, k6).
+    tangential: (OpenCV's p2, OpenCV's p1), which are Metashape's (p1, p2).
+    affinity: A, the rows of a 2 x 2 matrix: pixels that are not square or not at right angles.
+
+    Raises InputError where a coefficient is not finite.
+
+    D. C. Brown, "Decentering Distortion of Lenses", Photogrammetric Engineering 32(3), 1966.
+    """
+
+    radial: tuple[float, ...] = ()
+    divisor: tuple[float, ...] = ()
+    tangential: tuple[float, float] = (0.0, 0.0)
+    affinity: Matrix = ((1.0, 0.0), (0.0, 1.0))
+
+    def __post_init__(self) -> None:
+        if not np.isfinite([*self.radial, *self.divisor, *self.tangential, *chain(*self.affinity)]).all():
+            raise InputError("the lens has a coefficient that is not finite; calibrate it again")
+
+    @property
+    def is_identity(self) -> bool:
+        """Whether the lens bends nothing."""
+        return not any((*self.radial, *self.divisor, *self.tangential)) and self.affinity == Lens.affinity
+
+    def distorted(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Where the lens shows points (..., 2) of the image plane, in focal lengths from the axis, y down."""
+        x, y = np.moveaxis(np.asarray(points, np.float64), -1, 0)
+        square = x * x + y * y
+        scale = _polynomial(self.radial, square) / _polynomial(self.divisor, square)
+        (right, down), ((xx, xy), (yx, yy)) = self.tangential, self.affinity
+        scale = scale + 2 * (right * x + down * y)
+        bent_x, bent_y = x * scale + right * square, y * scale + down * square
+        return np.stack([xx * bent_x + xy * bent_y, yx * bent_x + yy * bent_y], axis=-1)
+
+    def reach(self, limit: float) -> float:
+        """Distance from the axis, in focal lengths and at most `limit`, from which on the distortion turns back.
+
+        Beyond it a polynomial that was fitted inside the photo shows the photo's edge a second time, mirrored.
+        """
+        distance = np.linspace(0, limit, _REACH_STEPS)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            shown = distance * _polynomial(self.radial, distance**2) / _polynomial(self.divisor, distance**2)
+            turned = ~(np.diff(shown) > 0)
+        return float(distance[turned.argmax()]) if turned.any() else limit
+
+
+def photo_points(points: ArrayLike, camera: Camera, lens: Lens) -> NDArray[np.float64]:
+    """Pixels (..., 2) of the photo, taken through `lens`, of what stands at pixels (..., 2) of the pinhole camera."""
+    plane = (np.asarray(points, np.float64) - camera.centre) / camera.focal
+    return lens.distorted(plane) * camera.focal + camera.centre
+
+
+def undistorted(image: NDArray[np.floating], camera: Camera, lens: Lens) -> NDArray[np.float32]:
+    """A photo as the pinhole camera would have taken it, by bilinear interpolation.
+
+    image: (H, W) or (H, W, C) as the lens showed it, linear; the camera's size. Gives the same shape; what the photo
+    does not show is 0. The photo itself is given back where the lens bends nothing.
+
+    A saturated pixel is blended with its neighbours and is no longer at the end of its channel: see
+    :func:`undistorted_mask`. Beside the two images, memory is asked for a few rows only.
+
+    Raises InputError where photo and camera differ in size.
+    """
+    image = np.asarray(image, np.float32)
+    _check_size(image, camera)
+    if lens.is_identity:
+        return image
+    photo = image.reshape(*image.shape[:2], -1)
+    straight = np.zeros_like(photo)
+    for rows, source in _sources(camera, lens):
+        straight[rows] = source.read(photo)
+    return straight.reshape(image.shape)
+
+
+def undistorted_mask(mask: NDArray[np.bool_], camera: Camera, lens: Lens) -> NDArray[np.bool_]:
+    """A photo's mask (H, W) as the pinhole camera would see it.
+
+    Holds the pixels that :func:`undistorted` blends from pixels of the mask alone; so what the photo does not show is
+    not in it. Pixels that a saturated one had a share in are outside of `undistorted_mask(~saturated, camera, lens)`.
+
+    Raises InputError where mask and camera differ in size.
+    """
+    mask = np.asarray(mask, bool)
+    _check_size(mask, camera)
+    if lens.is_identity:
+        return mask
+    straight = np.zeros_like(mask)
+    for rows, source in _sources(camera, lens):
+        straight[rows] = source.all(mask)
+    return straight
+
+
+class _Source:
+    """Where in a photo of `shape` each pixel of some rows comes from: four neighbours, their shares, and whether."""
+
+    def __init__(self, points: NDArray[np.float64], inside: NDArray[np.bool_], shape: tuple[int, int]) -> None:
+        height, width = shape
+        # A pixel's value is that of its middle; the half pixel outside the outermost middles takes the edge's value.
+        with np.errstate(invalid="ignore"):  # coefficients far off their photo; those pixels are outside
+            x = np.nan_to_num(np.clip(points[..., 0] - 0.5, 0, width - 1))
+            y = np.nan_to_num(np.clip(points[..., 1] - 0.5, 0, height - 1))
+        left, top = x.astype(np.intp), y.astype(np.intp)
+        right, bottom = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)
+        self.inside = inside
+        self.across, self.down = (x - left).astype(np.float32), (y - top).astype(np.float32)
+        top, bottom = top * width, bottom * width
+        self.corners = (top + left, top + right, bottom + left, bottom + right)
+
+    def read(self, photo: NDArray[np.float32]) -> NDArray[np.float32]:
+        pixels = photo.reshape(-1, photo.shape[2])
+        upper, upper_right, lower, lower_right = (pixels[corner] for corner in self.corners)
+        across = self.across[..., None]
+        upper += (upper_right - upper) * across
+        lower += (lower_right - lower) * across
+        upper += (lower - upper) * self.down[..., None]
+        upper[~self.inside] = 0
+        return upper
+
+    def all(self, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        pixels = mask.ravel()
+        upper, upper_right, lower, lower_right = (pixels[corner] for corner in self.corners)
+        upper &= upper_right | (self.across == 0)
+        lower &= lower_right | (self.across == 0)
+        return upper & (lower | (self.down == 0)) & self.inside
+
+
+def _sources(camera: Camera, lens: Lens) -> Iterator[tuple[slice, _Source]]:
+    shape = (int(camera.height), int(camera.width))
+    size = np.array(shape[::-1])
+    corners = (np.array([[0, 0], [1, 0], [0, 1], [1, 1]]) * size - camera.centre) / camera.focal
+    reach = lens.reach(float(np.linalg.norm(corners, axis=1).max()))
+    for top in range(0, shape[0], ROWS):
+        rows = slice(top, min(top + ROWS, shape[0]))
+        plane = np.stack(np.meshgrid(np.arange(shape[1]) + 0.5, np.arange(shape[0])[rows] + 0.5), axis=-1)
+        plane = (plane - camera.centre) / camera.focal
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # where a divisor is zero
+            points = lens.distorted(plane) * camera.focal + camera.centre
+        inside = ((points >= 0) & (points <= size)).all(axis=-1) & ((plane**2).sum(axis=-1) <= reach**2)
+        yield rows, _Source(points, inside, shape)
+
+
+def _polynomial(coefficients: tuple[float, ...], square: NDArray[np.float64]) -> Any:
+    """1 + c0 s + c1 s² + ..."""
+    value: Any = 0.0
+    for coefficient in reversed(coefficients):
+        value = (value + coefficient) * square
+    return 1 + value
+
+
+def _check_size(image: NDArray[Any], camera: Camera) -> None:
+    if image.ndim not in (2, 3) or image.shape[:2] != (camera.height, camera.width):
+        found = " x ".join(map(str, image.shape[1::-1]))
+        raise InputError(
+            f"the photo is {found} but its camera {camera.width} x {camera.height}; give the photo as photogrammetry "
+            "had it, neither scaled, cropped nor turned"
+        )

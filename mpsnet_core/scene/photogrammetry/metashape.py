@@ -1,0 +1,173 @@
+"""Agisoft Metashape: cameras exported as XML (File > Export > Export Cameras).
+
+The camera model is that of the user manual's appendix "Camera models", frame cameras: with x and y in focal lengths,
+
+    u = width/2 + cx + x' f + x' b1 + y' b2        x' = x (1 + k1 r² + ... + k4 r⁸) + p1 (r² + 2x²) + 2 p2 xy
+    v = height/2 + cy + y' f                       y' = y (1 + k1 r² + ... + k4 r⁸) + p2 (r² + 2y²) + 2 p1 xy
+"""
+
+import logging
+import os
+from dataclasses import dataclass, field
+from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.files import existing_file
+from mpsnet_core.scene.photogrammetry.lens import Lens
+from mpsnet_core.scene.photogrammetry.posed_photo import PosedPhoto, photogrammetry_camera, rotation, said_of
+
+log = logging.getLogger(__name__)
+
+# A thousand photos are a few MB.
+MAX_FILE_BYTES = 1 << 26
+
+_PARAMETERS = ("f", "fx", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2", "p3", "p4")
+
+EXPORT = "export the cameras again (File > Export > Export Cameras, Agisoft XML)"
+
+
+@dataclass(frozen=True)
+class _Similarity:
+    """p to turn · scale · p + shift, chunk to world."""
+
+    turn: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+    shift: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    scale: float = 1.0
+
+
+def read_metashape(path: str | os.PathLike[str]) -> list[PosedPhoto]:
+    """The posed photos of a Metashape XML file; photos that are disabled or not aligned are left out.
+
+    The world is that of the chunk's own meshes: the transform of the chunk, or of a camera's component, is applied. Its
+    scale moves the cameras, and leaves them the rigid poses that they are.
+
+    Raises InputError where the file is missing, broken, larger than 64 MiB or holds a document type, where a chunk is
+    not the only one, or a photo was not taken by a frame camera.
+    """
+    file = existing_file(path, "camera file")
+    if file.stat().st_size > MAX_FILE_BYTES:
+        raise InputError(f"{file} is larger than 64 MiB and so no file of cameras; {EXPORT}")
+    with said_of(file):
+        try:
+            text = file.read_text(encoding="utf-8-sig")
+            # Entities would let a small file ask for any amount of memory; Metashape writes none.
+            if "<!DOCTYPE" in text or "<!ENTITY" in text:
+                raise InputError(f"it has a document type, which no file of Metashape has; {EXPORT}")
+            document = ElementTree.fromstring(text)
+        except UnicodeDecodeError:
+            raise InputError(f"it is not UTF-8 text; {EXPORT}") from None
+        except (ElementTree.ParseError, ValueError) as error:
+            raise InputError(f"it is not valid XML ({error}); {EXPORT}") from None
+        chunks = document.findall("chunk")
+        if document.tag != "document" or not chunks:
+            raise InputError(f"it is not a Metashape file of cameras (a document with a chunk); {EXPORT}")
+        if len(chunks) > 1:
+            raise InputError(f"it holds {len(chunks)} chunks, each with a world of its own; export the cameras of one")
+        return _chunk_photos(chunks[0])
+
+
+def _chunk_photos(chunk: Element) -> list[PosedPhoto]:
+    sensors = {sensor.get("id"): sensor for sensor in chunk.iterfind("sensors/sensor")}
+    whole = chunk.find("transform")
+    components = {part.get("id"): part.find("transform") for part in chunk.iterfind("components/component")}
+    system = (chunk.findtext("reference") or "LOCAL_CS").strip()
+    if not system.startswith("LOCAL_CS"):
+        log.warning(
+            "the chunk has geographic coordinates, in which Metashape writes its meshes otherwise than its cameras; "
+            "export both in local coordinates"
+        )
+    photos = []
+    for camera in chunk.iterfind("cameras//camera"):  # groups hold cameras of their own
+        pose = camera.find("transform")
+        if pose is None or camera.get("enabled", "1").lower() in ("0", "false"):
+            continue
+        name = camera.get("label", "")
+        with said_of(f"photo {name!r}"):
+            sensor = sensors.get(camera.get("sensor_id"))
+            if sensor is None:
+                raise InputError(f"its sensor {camera.get('sensor_id')} is not in the file; {EXPORT}")
+            transform = components.get(camera.get("component_id"))
+            world = _similarity(whole if transform is None else transform)
+            photos.append(_posed(name, sensor, _numbers(pose.text, 16, "its transform").reshape(4, 4), world))
+    return photos
+
+
+def _posed(name: str, sensor: Element, pose: NDArray[np.float64], world: _Similarity) -> PosedPhoto:
+    """pose: (4, 4) camera to chunk, x right, y down, z forward."""
+    turn = world.turn @ rotation(pose[:3, :3], "the camera")
+    with np.errstate(over="ignore", invalid="ignore"):  # the camera refuses what is not finite
+        position = world.scale * (world.turn @ pose[:3, 3]) + world.shift
+    width, height, values = _calibration(sensor)
+    get = values.get
+    focal = (values["f"] + get("b1", 0.0), values["f"])
+    centre = (width / 2 + get("cx", 0.0), height / 2 + get("cy", 0.0))
+    camera = photogrammetry_camera(width, height, focal, centre, turn, position)
+    lens = Lens(
+        radial=tuple(get(f"k{i}", 0.0) for i in (1, 2, 3, 4)),
+        tangential=(get("p1", 0.0), get("p2", 0.0)),
+        affinity=((1.0, get("b2", 0.0) / focal[0]), (0.0, 1.0)),
+    )
+    return PosedPhoto(name, camera, lens)
+
+
+def _calibration(sensor: Element) -> tuple[int, int, dict[str, float]]:
+    """Width, height and the parameters that are given; Metashape leaves out those that are zero."""
+    found = sensor.findall("calibration")
+    adjusted = [calibration for calibration in found if calibration.get("class") == "adjusted"]
+    if not found:
+        raise InputError(f"its sensor {sensor.get('label')!r} has no calibration; align the photos, then {EXPORT}")
+    calibration = (adjusted or found)[-1]
+    for kind in (sensor.get("type", "frame"), calibration.get("type", "frame")):
+        if kind != "frame":
+            raise InputError(
+                f"its sensor is of type {kind!r}, and only 'frame' is read here; undistort the photos in Metashape "
+                "(File > Export > Convert Images) and align those"
+            )
+    resolution = calibration.find("resolution")
+    if resolution is None:
+        resolution = sensor.find("resolution")
+    given = {} if resolution is None else resolution.attrib
+    width, height = (int(_numbers(given.get(side), 1, f"its sensor's {side}")[0]) for side in ("width", "height"))
+    parameters = [child for child in calibration if child.tag in _PARAMETERS]
+    values = {child.tag: float(_numbers(child.text, 1, f"its sensor's {child.tag}")[0]) for child in parameters}
+    if "f" not in values:
+        old = "; it was written by PhotoScan 1.1 or older" if "fx" in values else ""
+        raise InputError(f"its sensor's calibration lacks the focal length f{old}; {EXPORT} with a newer version")
+    for name in ("p3", "p4"):
+        if values.get(name):
+            raise InputError(f"its sensor has the distortion {name}, which is not read here; calibrate without p3, p4")
+    return width, height, values
+
+
+def _similarity(transform: Element | None) -> _Similarity:
+    """A chunk's or a component's transform: rotation, translation and scale, any of which may be missing."""
+    if transform is None:
+        return _Similarity()
+    if not len(transform):
+        raise InputError(f"the chunk's transform is of a version older than 1.2; {EXPORT} with a newer version")
+    given: dict[str, Any] = {}
+    if (text := transform.findtext("rotation")) is not None:
+        given["turn"] = rotation(_numbers(text, 9, "the chunk's rotation"), "the chunk")
+    if (text := transform.findtext("translation")) is not None:
+        given["shift"] = _numbers(text, 3, "the chunk's translation")
+    if (text := transform.findtext("scale")) is not None:
+        given["scale"] = float(_numbers(text, 1, "the chunk's scale")[0])
+        if given["scale"] <= 0:
+            raise InputError(f"the chunk's scale is {given['scale']:g}, which must be above 0; {EXPORT}")
+    return _Similarity(**given)
+
+
+def _numbers(text: str | None, count: int, what: str) -> NDArray[np.float64]:
+    try:
+        numbers = np.array([float(word) for word in (text or "").split()])
+    except ValueError:
+        numbers = np.empty(0)
+    if len(numbers) != count or not np.isfinite(numbers).all():
+        kind = "a finite number" if count == 1 else f"{count} finite numbers"
+        raise InputError(f"{what} must be {kind}; {EXPORT}")
+    return numbers

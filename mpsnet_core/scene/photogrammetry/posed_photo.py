@@ -1,0 +1,151 @@
+"""PosedPhoto: what photogrammetry knows of a photo, in the house's own conventions; the photo's file."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path, PureWindowsPath
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.files import PHOTO_SUFFIXES
+from mpsnet_core.io.images import read_orientation
+from mpsnet_core.io.photo_folder import PhotoFolder
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.photogrammetry.lens import Lens
+
+# Photogrammetry looks along +z with y down, we along -z with y up.
+FLIP_YZ = np.diag([1.0, -1.0, -1.0])
+
+# How far a rotation in a file may be from one: its matrix times its transpose from the identity. Files that round to
+# four digits pass, matrices with scale or shear do not.
+ROTATION_TOLERANCE = 1e-3
+
+# What turns a photo as it is stored into what a viewer shows, on the image plane (x right, y down), for each EXIF
+# orientation that does not mirror it.
+_TURNS: dict[int, NDArray[np.int64]] = {
+    1: np.array([[1, 0], [0, 1]]),
+    3: np.array([[-1, 0], [0, -1]]),
+    6: np.array([[0, -1], [1, 0]]),
+    8: np.array([[0, 1], [-1, 0]]),
+}
+
+
+@dataclass(frozen=True)
+class PosedPhoto:
+    """A photo, where it was taken from, and through what.
+
+    photo: its name or path as the file of cameras gives it.
+    camera: the pinhole camera, in the world of that file's own mesh.
+    lens: what bends that camera's picture into the photo.
+    """
+
+    photo: str
+    camera: Camera
+    lens: Lens
+
+
+@contextmanager
+def said_of(where: object) -> Iterator[None]:
+    """What is wrong in here is wrong at `where`, a file or a place in it, and says so."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+
+
+def rotation(values: ArrayLike, what: str) -> NDArray[np.float64]:
+    """The rotation nearest to `values`, nine numbers row by row; `what` is it the rotation of.
+
+    Raises InputError where that is not near, or a number is not finite.
+    """
+    matrix = np.asarray(values, np.float64).reshape(3, 3)
+    # The first bound keeps the product finite; it says no to nan as well.
+    if not (np.abs(matrix) < 2).all() or np.abs(matrix @ matrix.T - np.eye(3)).max() > ROTATION_TOLERANCE:
+        raise InputError(f"the rotation of {what} is not one; export the cameras again")
+    left, _, right = np.linalg.svd(matrix)
+    if np.linalg.det(left @ right) < 0:
+        raise InputError(f"the rotation of {what} is a mirroring; export the cameras again, without mirrored axes")
+    return left @ right
+
+
+def photogrammetry_camera(
+    width: int, height: int, focal: ArrayLike, centre: ArrayLike, turn: ArrayLike, position: ArrayLike
+) -> Camera:
+    """A pinhole camera out of a photogrammetry program's numbers.
+
+    focal, centre: (2,) pixels. turn: (3, 3) rotation from its camera space (x right, y down, z forward) to the world.
+    position: (3,) in the world. Raises InputError where a value cannot be a camera's.
+    """
+    pose = np.eye(4)
+    pose[:3, :3] = np.asarray(turn) @ FLIP_YZ
+    pose[:3, 3] = position
+    return Camera("perspective", width, height, np.asarray(focal), np.asarray(centre), pose)
+
+
+def find_photo(posed: PosedPhoto, photos: PhotoFolder) -> Path | None:
+    """The file of a photo: at its relative path, else by its name, else by its stem with any photo's suffix.
+
+    Where there is a raw file of that stem beside it, that is meant. Of a path that leads elsewhere as much is taken as
+    leads to a file inside the folder. None where no file fits.
+
+    Raises InputError where several do.
+    """
+    # Understands both kinds of slash; nothing in it may lead out of the folder.
+    path = PureWindowsPath(posed.photo)
+    parts = [part for part in path.parts if part not in (path.anchor, "..", ".")]
+    places = [photos.path.joinpath(*parts[start:]) for start in range(len(parts))]
+    for place in places:
+        if _is_file(place):
+            return photos.find([place.stem], f"photo {posed.photo!r}", place.parent, raw_only=True) or place
+    for place in places:
+        # Metashape leaves suffixes out, and so a name with a dot in it may be all stem.
+        stems = [place.name, *([place.stem] if place.suffix.lower() in PHOTO_SUFFIXES else [])]
+        found = photos.find(stems, f"photo {posed.photo!r}", place.parent)
+        if found:
+            return found
+    return None
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # a name too long, or one that holds a zero
+        return False
+
+
+def as_shown(posed: PosedPhoto, file: str | os.PathLike[str]) -> PosedPhoto:
+    """`posed` turned as :func:`mpsnet_core.io.images.read_image` turns the photo in `file` by its EXIF orientation.
+
+    Photogrammetry programs measure in photos as they are stored, whichever way up the camera was held.
+
+    Raises InputError where the file cannot be read or says that it is mirrored, which no camera pose can undo.
+    """
+    orientation = read_orientation(file)
+    if orientation not in _TURNS:
+        raise InputError(f"{file} is stored mirrored (EXIF orientation {orientation}); save it again as it is shown")
+    return turned(posed, orientation)
+
+
+def turned(posed: PosedPhoto, orientation: int) -> PosedPhoto:
+    """A photo's camera and lens once the photo is turned by EXIF orientation 1, 3 (180°), 6 (90° right) or 8 (left)."""
+    if orientation == 1:
+        return posed
+    turn, camera, lens = _TURNS[orientation], posed.camera, posed.lens
+    size = np.array([camera.width, camera.height])
+    width, height = np.abs(turn @ size).tolist()
+    # The corner that becomes the top left one is where the turned picture's most negative x and y come from.
+    centre = turn @ camera.centre - np.minimum(turn @ size, 0)
+    roll = np.eye(4)
+    roll[:2, :2] = [[turn[0, 0], -turn[0, 1]], [-turn[1, 0], turn[1, 1]]]  # the same turn with y up
+    right, down = (turn @ lens.tangential).tolist()
+    affinity = (turn @ np.array(lens.affinity) @ turn.T).tolist()
+    return PosedPhoto(
+        posed.photo,
+        Camera(
+            camera.projection, width, height, np.abs(turn @ camera.focal), centre, camera.world_from_camera @ roll.T
+        ),
+        Lens(lens.radial, lens.divisor, (right, down), (tuple(affinity[0]), tuple(affinity[1]))),
+    )

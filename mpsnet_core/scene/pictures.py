@@ -1,0 +1,120 @@
+"""Pictures for people: normals and errors in colour, sheets of titled tiles."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import OpenImageIO as oiio
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.mask_regions import grown
+from mpsnet_core.io.images import linear_to_srgb
+from mpsnet_core.scene.normal_map import NormalMap, encode
+
+BACKGROUND = 0.13
+TITLE_HEIGHT = 30
+GAP = 10
+OUTLINE_COLOUR = (1.0, 0.55, 0.1)
+LEGEND_STEP = 150
+
+
+def photo_picture(image: NDArray[np.float32], mask: NDArray[np.bool_] | None = None) -> NDArray[np.float32]:
+    """(H, W, 3) display values of a linear image, exposed so that its 99.5th percentile is white."""
+    white = np.percentile(image if mask is None else image[mask], 99.5)
+    return linear_to_srgb(image / max(float(white), 1e-12)).astype(np.float32)
+
+
+def mask_picture(image: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """(H, W, 3) display values of a linear image: outside the mask grey and dim, its outline in orange."""
+    picture = photo_picture(image, mask if mask.any() else None)
+    dim = np.float32(0.35) * picture.mean(axis=-1, keepdims=True)
+    picture = np.where(mask[..., None], picture, dim)
+    wide = max(1, round(max(mask.shape) / 600))
+    picture[grown(mask, wide) & ~mask] = OUTLINE_COLOUR
+    return picture
+
+
+def normals_picture(normals: NormalMap) -> NDArray[np.float32]:
+    """(H, W, 3) the normals' colours, the background dark."""
+    return np.where(normals.mask[..., None], encode(normals.vectors), np.float32(BACKGROUND))
+
+
+def error_picture(error: NDArray[np.float64], mask: NDArray[np.bool_], highest: float) -> NDArray[np.float32]:
+    """(H, W, 3) angular errors in colour, black at 0° and bright at `highest` degrees, the background dark grey."""
+    return np.where(mask[..., None], _inferno(np.clip(error / highest, 0, 1)), np.float32(BACKGROUND))
+
+
+def colour_scale(highest: float, height: int, width: int = 90) -> NDArray[np.float32]:
+    """(height, width, 3) the scale of :func:`error_picture`, with its degrees written beside it."""
+    bar = _inferno(np.repeat(np.linspace(1, 0, height)[:, None], width // 3, axis=1))
+    canvas = np.full((height, width, 3), BACKGROUND, np.float32)
+    canvas[:, : width // 3] = bar
+    steps = 5
+    for step in range(steps + 1):
+        y = round((1 - step / steps) * (height - 1))
+        label = f"{highest * step / steps:.3g}°"
+        _write(canvas, label, width // 3 + 6, min(max(y + 6, 14), height - 4), 15)
+    return canvas
+
+
+def legend(entries: Sequence[tuple[tuple[float, float, float], str]], width: int) -> NDArray[np.float32]:
+    """(H, width, 3) what colours mean: a swatch and its words for each, in a row."""
+    canvas = np.full((TITLE_HEIGHT, width, 3), BACKGROUND, np.float32)
+    for number, (colour, words) in enumerate(entries):
+        left = GAP + number * LEGEND_STEP
+        canvas[4:22, left : left + 18] = colour
+        _write(canvas, words, left + 26, 19, 15)
+    return canvas
+
+
+def sheet(
+    tiles: Sequence[tuple[str, NDArray[np.float32]]], columns: int, tile_height: int = 320
+) -> NDArray[np.float32]:
+    """(H, W, 3) the tiles (title, picture) in rows, each scaled to `tile_height` with its title above."""
+    scaled = [(title, _scaled(picture, tile_height)) for title, picture in tiles]
+    rows = [scaled[start : start + columns] for start in range(0, len(scaled), columns)]
+    widths = [max(row[c][1].shape[1] for row in rows if c < len(row)) for c in range(min(columns, len(scaled)))]
+    canvas = np.full(
+        (len(rows) * (tile_height + TITLE_HEIGHT + GAP) + GAP, sum(widths) + GAP * (len(widths) + 1), 3),
+        BACKGROUND,
+        np.float32,
+    )
+    for r, row in enumerate(rows):
+        top = GAP + r * (tile_height + TITLE_HEIGHT + GAP)
+        left = GAP
+        for width, (title, picture) in zip(widths, row, strict=False):
+            _write(canvas, title, left, top + 20, 17)
+            canvas[top + TITLE_HEIGHT : top + TITLE_HEIGHT + tile_height, left : left + picture.shape[1]] = picture
+            left += width + GAP
+    return canvas
+
+
+def cropped(
+    pictures: Sequence[NDArray[np.float32]], mask: NDArray[np.bool_], margin: int = 8
+) -> list[NDArray[np.float32]]:
+    """The pictures cut to the mask's bounding box and a margin."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    top, left = max(rows[0] - margin, 0), max(columns[0] - margin, 0)
+    return [picture[top : rows[-1] + 1 + margin, left : columns[-1] + 1 + margin] for picture in pictures]
+
+
+def _inferno(values: NDArray[np.floating]) -> NDArray[np.float32]:
+    source = oiio.ImageBuf(np.ascontiguousarray(values[..., None], dtype=np.float32))
+    # OpenImageIO's maps are linear.
+    linear = oiio.ImageBufAlgo.color_map(source, 0, "inferno").get_pixels(oiio.FLOAT)
+    return linear_to_srgb(np.asarray(linear)).astype(np.float32)
+
+
+def _scaled(picture: NDArray[np.float32], height: int) -> NDArray[np.float32]:
+    width = max(1, round(picture.shape[1] * height / picture.shape[0]))
+    source = oiio.ImageBuf(np.ascontiguousarray(picture, dtype=np.float32))
+    resized = oiio.ImageBufAlgo.resize(source, roi=oiio.ROI(0, width, 0, height, 0, 1, 0, 3))
+    return np.clip(np.asarray(resized.get_pixels(oiio.FLOAT), np.float32), 0, 1)
+
+
+def _write(canvas: NDArray[np.float32], text: str, x: int, y: int, size: int) -> None:
+    # Of a large canvas only the line is copied to the library and back.
+    top = max(y - size, 0)
+    line = canvas[top : y + size // 2]
+    buffer = oiio.ImageBuf(np.ascontiguousarray(line))
+    oiio.ImageBufAlgo.render_text(buffer, x, y - top, text, size, "", (0.92, 0.92, 0.92))
+    line[...] = buffer.get_pixels(oiio.FLOAT)

@@ -1,0 +1,291 @@
+"""LightRig: the three lights and how their colours mix into the camera's channels; rig files."""
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.files import existing_file, read_json, write_json
+
+RIG_FORMAT = "mpsnet-rig"
+RIG_VERSION = 1
+
+# Below this smallest singular value the inverse amplifies camera noise more than fifty times. Three lights 120° apart
+# reach it at a slant of 0.94°.
+MIN_SINGULAR_VALUE = 0.02
+
+LIGHT_NAMES = ("first", "second", "third")
+
+# Lengths and shares in rig files; their squares and inverses are numbers still.
+MOST = 1e12
+LEAST_MIXING = 1e-6
+
+MAX_LOBE = 100
+# Behind a light with a lobe nothing is lit; this keeps what is divided by its brightness finite.
+LEAST_LOBE_COSINE = 0.01
+
+
+def _matrix(value: ArrayLike, what: str) -> NDArray[np.float64]:
+    try:
+        matrix = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{what} must be three rows of three numbers") from None
+    if matrix.shape != (3, 3):
+        raise InputError(f"{what} must be three rows of three numbers, not an array of shape {matrix.shape}")
+    if not (np.abs(matrix) <= MOST).all():
+        raise InputError(f"{what} holds a value that is not finite or beyond {MOST:g}; every entry must be a number")
+    return matrix
+
+
+def _three(value: ArrayLike, what: str) -> NDArray[np.float64]:
+    try:
+        three = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        three = np.empty(0)
+    if three.shape != (3,) or not (np.abs(three) <= MOST).all():
+        raise InputError(f"{what} must be three finite numbers")
+    return three
+
+
+@dataclass(frozen=True)
+class NearLights:
+    """Lights so near that their directions and brightness differ from point to point of the object.
+
+    positions: (3, 3) float64, where each light stands, a light a row, in camera space with the camera in the origin
+        (the scene has negative z), in the unit of the camera's pose and the mesh.
+    target: (3,) float64, the point that the lights are turned to, and where the rig's directions and mixing hold.
+    lobe: how a light's brightness falls off its axis towards the target, as a power of the cosine: 0 for a bare bulb, 1
+        for a disc or a bare LED chip, more for LEDs with a lens (Quéau et al. 2018, equation 2.5).
+
+    Raises InputError where a number is not finite, a light stands in the target or the lobe is below 0.
+    """
+
+    positions: NDArray[np.float64]
+    target: NDArray[np.float64]
+    lobe: float = 0.0
+
+    def __post_init__(self) -> None:
+        positions, target = _matrix(self.positions, "light positions"), _three(self.target, "the lights' target")
+        for name, place in zip(LIGHT_NAMES, positions, strict=True):
+            if np.linalg.norm(place - target) < 1e-9:
+                raise InputError(f"the {name} light stands in the target; move one of them")
+        if isinstance(self.lobe, bool) or not isinstance(self.lobe, int | float) or not 0 <= self.lobe <= MAX_LOBE:
+            raise InputError(f"the lights' lobe is a number from 0 (all round) to {MAX_LOBE}, not {self.lobe!r}")
+        positions.flags.writeable = target.flags.writeable = False
+        object.__setattr__(self, "positions", positions)
+        object.__setattr__(self, "target", target)
+
+    def light_at(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
+        """(..., 3, 3) for points (..., 3) in camera space: a row a light, its unit direction times its brightness.
+
+        The brightness falls with the square of the distance and with the lobe, and is 1 at the target.
+        """
+        towards = self.positions - np.asarray(points, np.float64)[..., None, :]
+        distance = np.linalg.norm(towards, axis=-1)
+        axes = self.positions - self.target
+        reach = np.linalg.norm(axes, axis=-1)
+        brightness = (reach / distance) ** 2
+        if self.lobe:
+            cosine = np.einsum("...ki,ki->...k", towards, axes) / (distance * reach)
+            brightness *= np.maximum(cosine, LEAST_LOBE_COSINE) ** self.lobe
+        lights: NDArray[np.float64] = towards * (brightness / distance)[..., None]
+        return lights
+
+
+@dataclass(frozen=True)
+class LightRig:
+    """Three lights in camera space and the mixing of their colours. They are distant, or near: :func:`near_rig`.
+
+    directions: (3, 3) float64, a unit vector a row, from the surface to the light; normalised here. Rows in rig
+        order: the lights of camera channels R, G, B. Those of near lights hold at the target.
+    mixing: (3, 3) float64, the mixing matrix M: rows are the camera's channels, columns the lights in rig order;
+        identity for a rig without crosstalk. That of near lights holds at the target.
+    near: where the lights stand, if they are near.
+
+    Raises InputError where a direction is zero or behind the object, where the three lie (nearly) in one plane, or
+    where the mixing matrix cannot be inverted.
+    """
+
+    directions: NDArray[np.float64]
+    mixing: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+    near: "NearLights | None" = None
+
+    def __post_init__(self) -> None:
+        directions = _matrix(self.directions, "light directions")
+        length = np.linalg.norm(directions, axis=1)
+        for name, size, vector in zip(LIGHT_NAMES, length, directions, strict=True):
+            if size < 1e-9:
+                raise InputError(f"the {name} light's direction is the zero vector; give where the light stands")
+            if vector[2] <= 0:
+                raise InputError(
+                    f"the {name} light is behind the object (z = {vector[2]:.3g}); directions point from the surface "
+                    "to the light, with z towards the camera"
+                )
+        directions /= length[:, None]
+        if np.linalg.svd(directions, compute_uv=False)[-1] < MIN_SINGULAR_VALUE:
+            raise InputError(
+                "the three light directions lie (nearly) in one plane, so no normal can be told from them; move one "
+                "light out of the plane of the other two"
+            )
+        mixing = _matrix(self.mixing, "the mixing matrix")
+        singular = np.linalg.svd(mixing, compute_uv=False)
+        if not LEAST_MIXING <= singular[0] <= 1 / LEAST_MIXING:
+            raise InputError(f"the mixing matrix is of the size {singular[0]:.3g}; scale its entries to about 1")
+        if singular[-1] <= MIN_SINGULAR_VALUE * singular[0]:
+            raise InputError(
+                "the mixing matrix cannot be inverted: two lights look the same to the camera; measure it again or "
+                "leave it out"
+            )
+        directions.flags.writeable = False
+        if self.near is not None:
+            axes = self.near.positions - self.near.target
+            if np.linalg.norm(axes / np.linalg.norm(axes, axis=1, keepdims=True) - directions, axis=1).max() > 1e-6:
+                raise InputError("the rig's directions are not those from its target to its lights; leave them out")
+        mixing.flags.writeable = False
+        object.__setattr__(self, "directions", directions)
+        object.__setattr__(self, "mixing", mixing)
+
+    def unmixed(self, image: NDArray[np.floating]) -> NDArray[np.float32]:
+        """(..., 3) what each light alone gives: the image multiplied by the inverse of the mixing matrix.
+
+        Undoes ``c = M s`` of the image formation for a surface of one grey; exact for a rig without crosstalk.
+        """
+        if np.array_equal(self.mixing, np.eye(3)):
+            return image.astype(np.float32, copy=False)
+        return image @ np.linalg.inv(self.mixing).T.astype(np.float32)
+
+    @property
+    def slants(self) -> NDArray[np.float64]:
+        """(3,) angles from +z in degrees."""
+        return angles_of(self.directions)[0]
+
+    @property
+    def tilts(self) -> NDArray[np.float64]:
+        """(3,) angles from +x towards +y in degrees, 0 to 360."""
+        return angles_of(self.directions)[1]
+
+
+def direction_from_angles(slant: ArrayLike, tilt: ArrayLike) -> NDArray[np.float64]:
+    """Unit vector(s), shape (..., 3), of light(s) at `slant` from +z and `tilt` from +x towards +y, in degrees."""
+    slant, tilt = np.radians(np.asarray(slant, float)), np.radians(np.asarray(tilt, float))
+    return np.stack([np.sin(slant) * np.cos(tilt), np.sin(slant) * np.sin(tilt), np.cos(slant)], axis=-1)
+
+
+def angles_of(directions: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Slants and tilts (0 to 360) in degrees, each (...), of directions (..., 3)."""
+    x, y, z = np.moveaxis(np.asarray(directions, np.float64), -1, 0)
+    return np.degrees(np.arctan2(np.hypot(x, y), z)), np.degrees(np.arctan2(y, x)) % 360.0
+
+
+def published_rig(slant: float = 30.0, first_tilt: float = 90.0) -> LightRig:
+    """The rig of the MPS-Net paper: slant 30°, tilts 120° apart.
+
+    The paper gives no absolute tilt; we put the first (red) light straight above the camera.
+    """
+    return LightRig(direction_from_angles([slant] * 3, first_tilt + np.array([0.0, 120.0, 240.0])))
+
+
+def near_rig(positions: ArrayLike, target: ArrayLike, mixing: ArrayLike | None = None, lobe: float = 0.0) -> LightRig:
+    """A rig of lights that stand near the object, see :class:`NearLights`.
+
+    mixing: (3, 3), as it is at the target; identity unless given.
+    """
+    near = NearLights(_matrix(positions, "light positions"), _three(target, "the lights' target"), lobe)
+    mixed = np.eye(3) if mixing is None else _matrix(mixing, "the mixing matrix")
+    return LightRig(near.positions - near.target, mixed, near)
+
+
+def read_rig(path: str | os.PathLike[str]) -> LightRig:
+    """Read a rig file: our JSON, or an ``.lp`` file with exactly three lights.
+
+    Raises InputError where the file is missing, malformed, or holds lights from which no normal can be told.
+    """
+    path = Path(path)
+    try:
+        if path.suffix.lower() == ".lp":
+            return LightRig(_lp_directions(path))
+        data = read_json(path, RIG_FORMAT, RIG_VERSION, ("lights", "mixing", "target", "lobe"))
+        lights = data.get("lights")
+        if not isinstance(lights, list) or len(lights) != 3:
+            raise InputError('"lights" must be a list of three lights')
+        mixing = data.get("mixing", np.eye(3))
+        if any(isinstance(light, dict) and "position" in light for light in lights):
+            return _json_near_rig(data, lights, mixing)
+        for key in ("target", "lobe"):
+            if key in data:
+                raise InputError(f'"{key}" is for lights with a "position" each; leave it out')
+        directions = [_json_direction(light, name) for light, name in zip(lights, LIGHT_NAMES, strict=True)]
+        return LightRig(np.array(directions), mixing)
+    except InputError as error:
+        message = str(error)
+        raise InputError(message if str(path) in message else f"rig file {path}: {message}") from None
+
+
+def _json_near_rig(data: dict[str, Any], lights: list[Any], mixing: ArrayLike) -> LightRig:
+    positions = []
+    for light, name in zip(lights, LIGHT_NAMES, strict=True):
+        if not isinstance(light, dict) or set(light) != {"position"}:
+            raise InputError(f'the {name} light needs a "position" [x, y, z] and nothing else, as the others have one')
+        positions.append(_three(light["position"], f"the {name} light's position"))
+    if "target" not in data:
+        raise InputError('lights with a position need a "target" [x, y, z], the point that they are turned to; add it')
+    return near_rig(positions, data["target"], mixing, data.get("lobe", 0.0))
+
+
+def _json_direction(light: Any, name: str) -> NDArray[np.float64]:
+    light = light if isinstance(light, dict) else {}
+    if ("direction" in light) == ("slant" in light and "tilt" in light):
+        raise InputError(f'the {name} light needs either "direction" [x, y, z] or "slant" and "tilt" in degrees')
+    try:
+        if "direction" in light:
+            direction = np.array(light["direction"], dtype=np.float64)
+        else:
+            direction = direction_from_angles(float(light["slant"]), float(light["tilt"]))
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"the {name} light holds something that is not a number") from None
+    if direction.shape != (3,):
+        raise InputError(f"the {name} light's direction needs three numbers")
+    return direction
+
+
+def read_lp(path: str | os.PathLike[str]) -> tuple[list[str], NDArray[np.float64]]:
+    """The ``.lp`` format of reflectance transformation imaging: a count, then "name x y z" a line.
+
+    Returns the names and the directions (N, 3). Raises InputError where the file is missing or malformed.
+    """
+    text = existing_file(Path(path), "rig file").read_text(encoding="utf-8", errors="replace")
+    lines = [line.split() for line in text.splitlines() if line.strip()]
+    try:
+        count = int(lines[0][0])
+        directions = np.array([[float(x), float(y), float(z)] for *_, x, y, z in lines[1:]])
+    except (IndexError, ValueError):
+        raise InputError('not an .lp file: the first line is the count, then a line "name x y z" a light') from None
+    if len(directions) != count:
+        raise InputError(f"the first line says {count} lights but {len(lines) - 1} lines follow; mend the count")
+    return [" ".join(words[:-3]) for words in lines[1:]], directions
+
+
+def _lp_directions(path: Path) -> NDArray[np.float64]:
+    directions = read_lp(path)[1]
+    if len(directions) != 3:
+        raise InputError(
+            f"it holds {len(directions)} lights, a rig has three; keep the lines of the red, green and blue light, or "
+            f"choose them: mpsnet calibrate lights {path.name} --lights 1,2,3 -o rig.json"
+        )
+    return directions
+
+
+def write_rig(path: str | os.PathLike[str], rig: LightRig) -> None:
+    """Write a JSON rig file, whole or not at all."""
+    data: dict[str, Any] = {"format": RIG_FORMAT, "version": RIG_VERSION}
+    if rig.near is not None:
+        data["lights"] = [{"position": position.tolist()} for position in rig.near.positions]
+        data |= {"target": rig.near.target.tolist(), "lobe": rig.near.lobe}
+    else:
+        angles = zip(rig.slants, rig.tilts, strict=True)
+        data["lights"] = [{"slant": float(slant), "tilt": float(tilt)} for slant, tilt in angles]
+    write_json(path, {**data, "mixing": rig.mixing.tolist()})

@@ -1,0 +1,241 @@
+"""Capture model: the numbers of the cameras, lights and files that photographs of samples come from.
+
+Every range stands in :class:`CaptureModel`, with its source. What is drawn from them is applied by
+:mod:`mpsnet_core.learning.training.photographing`.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.scene.normal_map import normalised
+
+Range = tuple[float, float]
+Rows = tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class CaptureDraw:
+    """One photograph's numbers, as :meth:`CaptureModel.draw` draws them.
+
+    mixing: (3, 3) the mixing matrix M of the image formation, strengths and sensitivities included. colours: (3, 3)
+        what channel i sees of a surface's red, green and blue; rows sum to 1. known_mixing: (3, 3) what whoever
+        estimates takes the mixing for. direction_errors: (3, 3) radians, how far the light directions that
+        are known are off; of each row only the part across the light's direction counts.
+    exposure, highlights, full_well, read_noise, bits, srgb, halved_chroma, blur, mosaic, white, mask_error: see
+        :class:`CaptureModel`. jpeg_quality: 0 for none. noise_seed: what the noise is drawn from, where a photograph is
+        taken alone.
+    white_mixing: (3, 3) the mixing matrix of the white photo.
+    """
+
+    mixing: NDArray[np.float64]
+    colours: NDArray[np.float64]
+    known_mixing: NDArray[np.float64]
+    direction_errors: NDArray[np.float64]
+    exposure: float
+    highlights: float
+    full_well: float
+    read_noise: float
+    bits: int
+    srgb: bool
+    jpeg_quality: int
+    halved_chroma: bool
+    blur: float
+    mosaic: bool
+    mask_error: int
+    noise_seed: int
+    white: bool
+    white_mixing: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CaptureModel:
+    """The ranges that photographs are drawn from, (least, most) each. Chances are from 0 to 1.
+
+    crosstalk: the most that a channel sees of a light that is not its own, as a share of what it sees of its own; each
+        of the six shares is drawn from 0 to that. The spectral sensitivities of cameras' channels overlap (Jiang et
+        al., "What is the space of spectral sensitivity functions for digital color cameras?", WACV 2013), the more the
+        broader the lights' spectra are.
+    colour_overlap: the same of a surface's colour. A sample is rendered in red, green and blue, but real channels and
+        lights are broad, and see of each other's colour. The MPS-Net paper's images have 2/9 to 5/9, which is 0.4.
+    mixing, colours: both matrices for all photographs instead of drawn ones.
+    light_strengths: of each light against the others, log-uniform. LEDs of three colours are of three kinds and are
+        seldom brought to one brightness; our estimate.
+    channel_gains: of each camera channel, log-uniform. Daylight multipliers of cameras' raw files are some 2, 1 and 1.5
+        (the "pre_mul" of dcraw's tables); white balance undoes a part of it.
+    exact: chance that mixing and light directions are known exactly, as those of a rig in Blender are. rendered: chance
+        that such a photo is a render: lights of one colour each, no noise, no blur, no JPEG, an exact mask.
+    measured: chance that they were measured well; our estimates are below. What is left was measured badly, or the
+        mixing not at all: then it is taken for the identity, as the program does where a rig file tells nothing. A
+        network that expects unknown crosstalk more often than it occurs exaggerates every gradient.
+    mixing_error: standard deviation of a mixing's entries, as a share of its largest, and direction_error: degrees,
+        standard deviation across two axes by which the known light directions are off; of rigs that were measured well.
+        A highlight found one pixel off on a mirror ball of 100 pixels' radius is 1.1° off (twice its normal's error).
+    bad_mixing_error, bad_direction_error: the same of rigs that were measured badly; those put up by protractor are off
+        by some 3°. unknown: the chance that such a rig's mixing is not known at all.
+    exposure: the brightness that the object's highlights exceed, as a share of the sensor's full well, log-uniform;
+        above 1 they are saturated. highlights: the share of the object's pixels that counts so, log-uniform: who
+        photographs a dark glossy thing lets its highlights burn, who exposes for a histogram's right end does not.
+    full_well: electrons at saturation, and read_noise: electrons, standard deviation in the dark; both log-uniform. The
+        noise is EMVA Standard 1288's linear model (release 4.0, 2021): shot noise with the variance of the electrons'
+        number, and read noise; as Gaussians, after Foi et al., "Practical Poissonian-Gaussian noise modeling and
+        fitting for single-image raw-data", IEEE TIP 17(10), 2008. Data sheets by that standard say some 33,000 and 7
+        electrons for Sony's IMX174, 10,500 and 2.3 for its IMX264; telephones hold about 5,000, and every doubling of
+        ISO halves what is used of the well.
+    bits: of a channel's stored values; 0 for a float picture, which neither clips nor rounds. 8 and 16 are what PNG
+        and TIFF hold, 10 to 14 what camera raw holds.
+    srgb: chance that the values carry the sRGB curve (IEC 61966-2-1), which reading undoes.
+    jpeg: chance that the photo is JPEG instead, which has 8 bits and the curve. jpeg_quality: libjpeg's; cameras use 85
+        and more, messengers 60 to 80. halved_chroma: chance that JPEG keeps colour at half the resolution (4:2:0).
+    blur: pixels, standard deviation of a Gaussian. Lenses and demosaicing that leave half the contrast at 0.16 to 0.5
+        cycles a pixel (MTF50) have 1.2 to 0.4.
+    mosaic: chance that the camera's sensor sees one colour a pixel (Bayer) and the others are interpolated.
+    white: chance that a second photo shows the same under white light. white_strengths: of each light in it.
+    mask_error: pixels by which the mask is too large, or too small where negative; our estimate for masks by threshold
+        and by hand.
+    """
+
+    crosstalk: Range = (0.0, 0.4)
+    colour_overlap: Range = (0.0, 0.6)
+    mixing: Rows | None = None
+    colours: Rows | None = None
+    light_strengths: Range = (0.7, 1.4)
+    channel_gains: Range = (0.6, 1.6)
+    exact: float = 0.33
+    rendered: float = 0.5
+    measured: float = 0.33
+    mixing_error: Range = (0.0, 0.03)
+    direction_error: Range = (0.0, 1.5)
+    bad_mixing_error: Range = (0.03, 0.1)
+    bad_direction_error: Range = (1.5, 4.0)
+    unknown: float = 0.5
+    exposure: Range = (0.25, 1.2)
+    highlights: Range = (0.005, 0.15)
+    full_well: Range = (1500.0, 40_000.0)
+    read_noise: Range = (1.5, 12.0)
+    bits: tuple[int, ...] = (8, 10, 12, 14, 16)
+    srgb: float = 0.5
+    jpeg: float = 0.35
+    jpeg_quality: tuple[int, int] = (60, 98)
+    halved_chroma: float = 0.5
+    blur: Range = (0.0, 1.2)
+    mosaic: float = 0.3
+    white: float = 0.25
+    white_strengths: Range = (0.3, 1.4)
+    mask_error: tuple[int, int] = (-3, 2)
+
+    @classmethod
+    def ideal(cls) -> "CaptureModel":
+        """A perfect rig and camera: every channel sees its own light alone, whose direction is known."""
+        return cls(
+            crosstalk=(0.0, 0.0),
+            colour_overlap=(0.0, 0.0),
+            light_strengths=(1.0, 1.0),
+            channel_gains=(1.0, 1.0),
+            exact=1.0,
+            rendered=0.0,
+            exposure=(1.0, 1.0),
+            highlights=(0.01, 0.01),
+            full_well=(np.inf, np.inf),
+            read_noise=(0.0, 0.0),
+            bits=(0,),
+            srgb=0.0,
+            jpeg=0.0,
+            blur=(0.0, 0.0),
+            mosaic=0.0,
+            white=0.0,
+            mask_error=(0, 0),
+        )
+
+    def draw(self, rng: np.random.Generator) -> CaptureDraw:
+        """One photograph's numbers. Takes as many random numbers whatever the ranges are."""
+        mixing, colours = _overlap(rng, self.crosstalk), _overlap(rng, self.colour_overlap)
+        mixing = mixing if self.mixing is None else np.array(self.mixing)
+        colours = colours / colours.sum(axis=1, keepdims=True) if self.colours is None else np.array(self.colours)
+        strengths = [_log_uniform(rng, self.light_strengths) for _ in range(3)]
+        gains = [_log_uniform(rng, self.channel_gains) for _ in range(3)]
+        kind, rendered, unknown = rng.random(3) < (self.exact, self.rendered, self.unknown)
+        rendered &= kind
+        well = rng.random() < self.measured / max(1 - self.exact, 1e-9)
+        mixing = np.diag(strengths) if rendered else np.diag(gains) @ mixing @ np.diag(strengths)
+        spread = _uniform(rng, self.mixing_error if well else self.bad_mixing_error)
+        direction_error = np.radians(_uniform(rng, self.direction_error if well else self.bad_direction_error))
+        known = mixing + spread * mixing.max() * rng.normal(size=(3, 3))
+        if kind:
+            known, direction_error = mixing, 0.0
+        elif unknown and not well:
+            known = np.eye(3)
+        jpeg = rng.random() < self.jpeg and not rendered
+        bits = self.bits[_whole(rng, (0, len(self.bits) - 1))]
+        srgb = rng.random() < self.srgb
+        quality = _whole(rng, self.jpeg_quality)
+        white_strengths = [_log_uniform(rng, self.white_strengths) for _ in range(3)]
+        white_gains = [_log_uniform(rng, self.channel_gains) for _ in range(3)]
+        draw = CaptureDraw(
+            mixing=mixing,
+            colours=colours,
+            known_mixing=known,
+            direction_errors=direction_error * rng.normal(size=(3, 3)),
+            exposure=_log_uniform(rng, self.exposure),
+            highlights=_log_uniform(rng, self.highlights),
+            full_well=_log_uniform(rng, self.full_well),
+            read_noise=_log_uniform(rng, self.read_noise),
+            bits=8 if jpeg else bits,
+            srgb=jpeg or srgb,
+            jpeg_quality=quality if jpeg else 0,
+            halved_chroma=rng.random() < self.halved_chroma,
+            blur=_uniform(rng, self.blur),
+            mosaic=rng.random() < self.mosaic,
+            mask_error=_whole(rng, self.mask_error),
+            noise_seed=int(rng.integers(1 << 62)),
+            white=rng.random() < self.white,
+            white_mixing=np.outer(white_gains, white_strengths),
+        )
+        if not rendered:
+            return draw
+        bits = 16 if self.bits != (0,) else 0
+        return replace(
+            draw, full_well=np.inf, read_noise=0.0, bits=bits, srgb=False, blur=0.0, mosaic=False, mask_error=0
+        )
+
+
+def blur_weights(sigma: float) -> NDArray[np.float32]:
+    """Weights (2 reach + 1,) of a Gaussian with standard deviation `sigma` in pixels; a single 1 where that is 0.
+
+    The discrete Gaussian of Lindeberg, "Scale-space for discrete signals" (PAMI 1990), which has the right width where
+    a sampled one, narrower than a pixel, would vanish.
+    """
+    reach = int(np.ceil(3 * sigma))
+    if reach == 0:
+        return np.ones(1, np.float32)
+    frequency = 2 * np.pi * np.arange(8 * reach + 1) / (16 * reach)
+    half = np.fft.irfft(np.exp(sigma**2 * (np.cos(frequency) - 1)))[: reach + 1]
+    weights = np.concatenate([half[:0:-1], half])
+    return (weights / weights.sum()).astype(np.float32)
+
+
+def turned(directions: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Unit vectors (N, 3) turned by the angles that the errors (N, 3) have across them."""
+    across = errors - (errors * directions).sum(axis=1, keepdims=True) * directions
+    angle = np.linalg.norm(across, axis=1, keepdims=True)
+    return np.cos(angle) * directions + np.sin(angle) * normalised(across)
+
+
+def _overlap(rng: np.random.Generator, limits: Range) -> NDArray[np.float64]:
+    """(3, 3) ones on the diagonal, and up to a level drawn from `limits` elsewhere."""
+    return np.eye(3) + _uniform(rng, limits) * rng.random((3, 3)) * (1 - np.eye(3))
+
+
+def _uniform(rng: np.random.Generator, limits: Range) -> float:
+    return limits[0] + (limits[1] - limits[0]) * rng.random()
+
+
+def _whole(rng: np.random.Generator, limits: tuple[int, int]) -> int:
+    # Not by rng.integers, which takes no random number where there is but one to choose.
+    return limits[0] + int((limits[1] - limits[0] + 1) * rng.random())
+
+
+def _log_uniform(rng: np.random.Generator, limits: Range) -> float:
+    share = rng.random()
+    return limits[0] if limits[0] == limits[1] else float(limits[0] * (limits[1] / limits[0]) ** share)
