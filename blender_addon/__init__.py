@@ -9,27 +9,17 @@ import atexit
 
 import bpy
 
-from . import (
-    bake,
-    calibrate,
-    commands,
-    displace,
-    estimate,
-    integrate,
-    material,
-    menu,
-    operators,
-    panels,
-    preferences,
-    relight,
-    render,
-    rig,
-    rigs,
-    settings,
-    training_data,
-    try_it,
-    views,
-)
+from . import commands, menu, operators, panels, preferences, settings
+from .bake import bake, relight
+from .bake import many_views as views
+from .estimate import estimate
+from .heights import displace, integrate
+from .material import material
+from .photo import photo as render
+from .rig import calibrate, rig
+from .rig import several_rigs as rigs
+from .start import try_it
+from .training import training_data
 
 _MODULES = (
     settings,

@@ -19,8 +19,8 @@ def leave() -> None:
 import bpy  # noqa: E402
 
 import blender_addon  # noqa: E402
+from blender_addon.child_process.trust import preferences_trust  # noqa: E402
 from blender_addon.commands import COMMAND, main  # noqa: E402
-from blender_addon.trust import preferences_trust  # noqa: E402
 from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_UNFORESEEN  # noqa: E402
 from mpsnet_core.io.crash_log import unforeseen  # noqa: E402
 

@@ -15,8 +15,8 @@ from mpsnet_core.errors import InputError, in_one_line
 from mpsnet_core.io.crash_log import unforeseen
 
 from .operators import CANCELLED
-from .render_beside import render_job
-from .training_data import samples_folder, standing
+from .photo.background_render import render_job
+from .training.training_data import samples_folder, standing
 
 COMMAND = "mpsnet"
 VERBS = (
@@ -106,7 +106,7 @@ def _window() -> AbstractContextManager[Any]:
 
 def _work(folder: str) -> int:
     """Render what is asked for on stdin, in a Blender that a farm of them has started."""
-    from .samples.worker import work
+    from .training.samples.worker import work
 
     work(folder)
     return 0

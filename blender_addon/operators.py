@@ -17,8 +17,8 @@ from mpsnet_core.errors import Cancelled, InputError, in_one_line
 from mpsnet_core.io.crash_log import unforeseen
 from mpsnet_core.progress import Progress
 
-from .core_process import CORE, CoreCrashed, CoreProcess, Program, run
-from .made_from import Ingredients, keep_made_from, refuse_to_overwrite
+from .child_process.core_process import CORE, CoreCrashed, CoreProcess, Program, run
+from .provenance import Ingredients, keep_made_from, refuse_to_overwrite
 from .settings.record import keep_record
 from .time_left import Pace, in_words
 

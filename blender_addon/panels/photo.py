@@ -4,10 +4,10 @@ from typing import Any
 
 import bpy
 
-from ..estimate import rig_file_for
-from ..made_from import made_by
+from ..child_process.trust import SCRIPTS_OFF
+from ..estimate.estimate import rig_file_for
+from ..provenance import made_by
 from ..settings.record import notes_of
-from ..trust import SCRIPTS_OFF
 from .step import Step
 
 

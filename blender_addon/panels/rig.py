@@ -4,7 +4,7 @@ from typing import Any
 
 from mpsnet_core.errors import InputError
 
-from ..rig import COLOURS, drawn_rig
+from ..rig.rig import COLOURS, drawn_rig
 from .step import Kind, State, Step, sentence
 from .text import wrapped
 

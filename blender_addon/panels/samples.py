@@ -4,7 +4,7 @@ from typing import Any
 
 from ..outputs import lasting
 from ..preferences import preference
-from ..training_data import samples_folder, standing
+from ..training.training_data import samples_folder, standing
 from .step import Step
 
 

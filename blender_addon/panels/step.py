@@ -13,9 +13,9 @@ from typing import Any
 
 import bpy
 
-from ..made_from import changed_since, made_by, made_when, seen_lately
 from ..operators import SaysWhy, verb_of
 from ..outputs import may_open
+from ..provenance import changed_since, made_by, made_when, seen_lately
 from ..settings.record import error_of, notes_of
 from .text import fitted, wrapped
 

@@ -2,9 +2,9 @@
 
 from typing import Any
 
-from ..made_from import made_by
+from ..bake.many_views import background
 from ..outputs import may_open
-from ..views import background
+from ..provenance import made_by
 from .step import Step
 from .text import wrapped
 

@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
-from ..trust import is_ticked, tick
+from ..child_process.trust import is_ticked, tick
 from . import unknown
 from .bake import MPS_PG_bake
 from .calibrate import MPS_PG_calibrate

@@ -10,8 +10,8 @@ import pytest
 from mathutils import Matrix, Vector
 
 from blender_addon import operators
-from blender_addon.mesh_file import begin_mesh
-from blender_addon.rig import light_rig
+from blender_addon.bake.mesh_file import begin_mesh
+from blender_addon.rig.rig import light_rig
 from mpsnet_core import angular_error, read_normals
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.mesh import read_mesh
@@ -90,7 +90,7 @@ def low_poly_shot(scene, direction, path):
         light.data.color = colour
     constraint.enabled = False
     lights[0].matrix_world = direction.to_track_quat("Z", "Y").to_matrix().to_4x4()
-    from blender_addon.studio import _render, _studio
+    from blender_addon.photo.studio import _render, _studio
 
     with _studio(scene) as studio:
         studio.cycles.samples = 16

@@ -321,8 +321,8 @@ def test_what_cannot_be_baked_in_one_go_is_refused(spheres, scene, tmp_path):
 
 
 def test_an_object_that_is_gone_before_the_end_leaves_the_others_theirs(spheres, tmp_path):
-    from blender_addon.textures import Onto, worn_by
-    from blender_addon.wearing import wear_textures
+    from blender_addon.bake.assign_textures import wear_textures
+    from blender_addon.bake.texture_sets import Onto, worn_by
 
     image = bpy.data.images.new("Texture", 8, 8)
     onto = [Onto(obj.session_uid, obj.name, "UVMap", ("Matte",), frozenset({"Matte"})) for obj in spheres]

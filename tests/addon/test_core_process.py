@@ -14,7 +14,7 @@ import OpenImageIO as oiio
 import pytest
 
 from blender_addon import operators
-from blender_addon.core_process import CoreCrashed, CoreProcess, _environment, run
+from blender_addon.child_process.core_process import CoreCrashed, CoreProcess, _environment, run
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.scene.rig import published_rig, write_rig
 
@@ -36,7 +36,7 @@ def at_the_childs_start(monkeypatch, folder, code):
     (folder / "sitecustomize.py").write_text(code)
     environment = _environment()
     environment["PYTHONPATH"] = os.pathsep.join([str(folder), environment["PYTHONPATH"]])
-    monkeypatch.setattr("blender_addon.core_process._environment", lambda: environment)
+    monkeypatch.setattr("blender_addon.child_process.core_process._environment", lambda: environment)
 
 
 @pytest.fixture
@@ -98,7 +98,7 @@ def test_a_dropped_run_ends_its_child_and_leaves_nothing(job):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_a_child_that_does_not_listen_is_killed_and_cleared_up_after(job, monkeypatch):
-    monkeypatch.setattr("blender_addon.core_process.CANCEL_SECONDS", 0.05)
+    monkeypatch.setattr("blender_addon.child_process.core_process.CANCEL_SECONDS", 0.05)
     arguments, output = job
     process = CoreProcess(arguments, [output])
     wait_for_writing(process, output.parent)

@@ -9,7 +9,7 @@ from mathutils import Matrix
 from mathutils.bvhtree import BVHTree
 
 from blender_addon.commands import main
-from blender_addon.displaced import move_by_modifier
+from blender_addon.heights.assign_displacement import move_by_modifier
 from blender_addon.panels.heights import MPS_PT_displace
 from mpsnet_core.io.images import write_image
 from mpsnet_core.scene.normal_map import encode

@@ -427,7 +427,7 @@ def test_registering_loads_nothing_heavy():
 
     code = "import bpy, blender_addon, sys; blender_addon.register(); print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60).stdout.split()
-    assert "blender_addon.bake" in loaded
+    assert "blender_addon.bake.bake" in loaded
     assert not {"onnxruntime", "trimesh", "OpenImageIO", "tqdm", "torch"} & set(loaded)
 
 
@@ -438,7 +438,7 @@ def test_what_nobody_foresaw_is_one_sentence_that_names_a_log(scene, tmp_path, m
         return {}["\x1b[2J"]
 
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    monkeypatch.setattr("blender_addon.rig.MPS_OT_add_rig.act", fails)
+    monkeypatch.setattr("blender_addon.rig.rig.MPS_OT_add_rig.act", fails)
     with pytest.raises(RuntimeError, match=r"this is a fault of the program, not yours \(KeyError: '.x1b\[2J'\)"):
         bpy.ops.mps.add_rig()
     (log,) = tmp_path.glob("mpsnet-*.log")

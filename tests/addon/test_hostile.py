@@ -9,9 +9,8 @@ from pathlib import Path
 import bpy
 import pytest
 
-from blender_addon.core_process import CoreProcess
-from blender_addon.displaced import move_by_modifier, subdivide
-from blender_addon.made_from import made_when
+from blender_addon.child_process.core_process import CoreProcess
+from blender_addon.heights.assign_displacement import move_by_modifier, subdivide
 from blender_addon.outputs import may_open
 from blender_addon.panels.bake import MPS_PT_bake
 from blender_addon.panels.estimate import MPS_PT_estimate
@@ -19,7 +18,8 @@ from blender_addon.panels.photo import MPS_PT_photo
 from blender_addon.panels.rig import MPS_PT_rig
 from blender_addon.panels.step import Kind
 from blender_addon.panels.text import lines, shortened
-from blender_addon.render_beside import rendering_blender, written_job
+from blender_addon.photo.background_render import rendering_blender, written_job
+from blender_addon.provenance import made_when
 
 # A shader, compiled, that is a camera and says so on stdout.
 SHADER = """OpenShadingLanguage 1.00

@@ -5,9 +5,9 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from blender_addon.rig import light_rig, scene_camera
+from blender_addon.photo.studio import render_normals
+from blender_addon.rig.rig import light_rig, scene_camera
 from blender_addon.settings.record import notes_of
-from blender_addon.studio import render_normals
 from mpsnet_core.io.images import read_image, write_image
 
 from .conftest import matte

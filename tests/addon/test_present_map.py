@@ -6,8 +6,8 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.present_map import keep_base, present_map
-from blender_addon.textures import Onto
+from blender_addon.bake.existing_maps import keep_base, present_map
+from blender_addon.bake.texture_sets import Onto
 from mpsnet_core import read_image
 
 from .test_bake_against_blender import degrees_between

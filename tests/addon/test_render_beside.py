@@ -10,8 +10,8 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from blender_addon.core_process import CoreProcess
-from blender_addon.render_beside import rendering_blender, written_job
+from blender_addon.child_process.core_process import CoreProcess
+from blender_addon.photo.background_render import rendering_blender, written_job
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.images import write_image
 from mpsnet_core.scene.camera import read_camera

@@ -8,8 +8,8 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from blender_addon.samples.objects import open_objects
-from blender_addon.samples.render import render_sample
+from blender_addon.training.samples.objects import open_objects
+from blender_addon.training.samples.render import render_sample
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import angular_error, normalised

@@ -7,13 +7,13 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
-from blender_addon.made_from import seen_lately
 from blender_addon.panels.bake import MPS_PT_bake
 from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.photo import MPS_PT_photo
 from blender_addon.panels.rig import MPS_PT_rig
 from blender_addon.panels.step import Kind
 from blender_addon.panels.text import lines, shortened
+from blender_addon.provenance import seen_lately
 from blender_addon.time_left import Pace, in_words
 
 
@@ -127,7 +127,7 @@ def test_files_are_looked_at_once_a_second_however_often_the_panel_is_drawn(bake
         return stat(path, **how)
 
     monkeypatch.setattr(Path, "stat", counted)
-    monkeypatch.setattr("blender_addon.made_from.time", SimpleNamespace(monotonic=lambda: clock[0]))
+    monkeypatch.setattr("blender_addon.provenance.time", SimpleNamespace(monotonic=lambda: clock[0]))
 
     def drawn():
         with seen_lately():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from blender_addon.samples.render import render_sample
+from blender_addon.training.samples.render import render_sample
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import direction_from_angles
 from mpsnet_core.synthesis.recipe import Material, Recipe

@@ -14,7 +14,7 @@ import OpenImageIO as oiio
 import pytest
 
 from blender_addon.commands import main
-from blender_addon.training_data import standing
+from blender_addon.training.training_data import standing
 from mpsnet_core.synthesis.drawing import draw_recipe
 from mpsnet_core.synthesis.job import SampleJob, place_job, read_job, sample_path
 from mpsnet_core.synthesis.sample import read_sample
@@ -152,7 +152,7 @@ def test_a_cluster_elsewhere_is_reached_online_alone_and_where_it_proves_who_it_
     """pip's bpy has no preferences of add-ons, so what they would say is put in their place."""
     named = {"cluster": "tcp://10.0.0.1:8786", "cluster_trusted": False}
     if way == "preferences":
-        monkeypatch.setattr("blender_addon.training_data.preference", named.get)
+        monkeypatch.setattr("blender_addon.training.training_data.preference", named.get)
     settings = {**SMALL, **(named if way == "caller" else {}), "count": 1, "output": str(tmp_path / "samples")}
     online(False)
     with pytest.raises(RuntimeError, match=r"may not go online, .* to the cluster at tcp://10.0.0.1:8786; tick"):

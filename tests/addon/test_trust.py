@@ -9,9 +9,9 @@ from pathlib import Path
 import bpy
 import pytest
 
-from blender_addon import trust
-from blender_addon.core_process import CoreProcess
-from blender_addon.render_beside import rendering_blender, written_job
+from blender_addon.child_process import trust
+from blender_addon.child_process.core_process import CoreProcess
+from blender_addon.photo.background_render import rendering_blender, written_job
 from blender_addon.settings.record import notes_of
 
 

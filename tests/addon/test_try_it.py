@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.try_it import MPS_OT_try_it
+from blender_addon.start.try_it import MPS_OT_try_it
 from mpsnet_core.io.images import read_data
 from mpsnet_core.scene.normal_map import angular_error
 

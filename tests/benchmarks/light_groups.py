@@ -20,8 +20,8 @@ from pathlib import Path
 import numpy as np
 from quiet import quiet
 
-from blender_addon.samples.render import prepare, render_layers
-from blender_addon.samples.scene import add_shape, sample_scene
+from blender_addon.training.samples.render import prepare, render_layers
+from blender_addon.training.samples.scene import add_shape, sample_scene
 from mpsnet_core.synthesis.cycles import LIGHT_GROUPS, sample_from_cycles
 from mpsnet_core.synthesis.drawing import draw_recipe
 from mpsnet_core.synthesis.job import SampleJob

@@ -83,7 +83,7 @@ class Cycles:
     def __init__(self, threads: int, folder: Path) -> None:
         import bpy
 
-        from blender_addon.samples.render import THREADS_VARIABLE, render_sample
+        from blender_addon.training.samples.render import THREADS_VARIABLE, render_sample
 
         os.environ[THREADS_VARIABLE] = str(threads)
         self.render_sample, self.folder, self.seconds = render_sample, folder, 0.0

@@ -1,0 +1,1 @@
+"""Step 4: the bake, of one view and of many."""

@@ -1,0 +1,364 @@
+"""The bake: normals seen by the camera become a texture on the target's UVs, and its material wears it."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy.props import StringProperty
+from mathutils import Matrix
+
+from mpsnet_core.bake.presets import PRESETS
+from mpsnet_core.errors import InputError
+from mpsnet_core.scene.camera import write_camera
+
+from ..operators import RunsCore, same
+from ..outputs import (
+    FORMATS,
+    ending_wins,
+    frame_pattern,
+    given_folder,
+    image_file,
+    load_frames,
+    output_frames,
+    output_path,
+    picture_size,
+    remembered,
+)
+from ..provenance import Ingredients, chosen, rounded, stamp
+from ..rig.rig import rig_camera, scene_camera
+from ..rig.several_rigs import all_rigs
+from ..settings.bake import BakeSettings
+from ..settings.declared import take_given
+from .assign_textures import wear_textures
+from .existing_maps import bases_to_keep, keep_base, maps_to_go_on, write_maps
+from .mesh_file import BegunMesh, begin_mesh
+from .moving_target import CAMERAS, MESHES, Moving
+from .texture_owners import FRAME, files_for, refuse_anothers
+from .texture_sets import SPLITS, Onto, Worn, loaded, refuse_shared, slot_labels, with_tokens, worn_by
+
+BITS = {".png": "16", ".tif": "16", ".tiff": "16", ".exr": "32"}
+
+
+class BakesOnto(RunsCore):
+    """What the operators share that bake: the objects that get textures, and the settings of the step Bake."""
+
+    target: StringProperty(
+        name="Target",
+        description="Name of the mesh object that gets the texture. Empty: the panel's target, else the active object",
+        options={"SKIP_SAVE"},
+    )
+
+    def _prepared(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+        settings = context.scene.mps.bake
+        before = settings.target
+        try:
+            prepared = super()._prepared(context, folder)
+            refuse_anothers(self.written_for())
+            return prepared
+        except BaseException:
+            settings.target = before  # one that is refused would be refused ever after
+            raise
+
+    def written_for(self) -> dict[Path, list[Any]]:
+        """What will be written, and the objects that it is for, as :func:`.made_for.refuse_anothers` takes it."""
+        return files_for(self._onto, self._output)
+
+    def baked_object(self, context: Any) -> Any:
+        """The object to bake onto. Raises InputError where there is none, or it is another file's."""
+        settings = context.scene.mps.bake
+        if self.target:
+            settings.target = named_object(context.scene, self.target)
+        target = settings.target or context.view_layer.objects.active  # `--command` has no context.object
+        if target is None:
+            raise InputError("there is no target to bake onto; choose a mesh object")
+        _refuse_linked(target)
+        return target
+
+    def all_onto(self, context: Any) -> list[Any]:
+        """The objects to bake onto. Raises InputError where there is none, or one cannot wear a texture."""
+        settings = context.scene.mps.bake
+        if settings.objects == "ACTIVE":
+            return [self.baked_object(context)]
+        selected = sorted(context.view_layer.objects.selected, key=lambda obj: obj.name)
+        targets = [obj for obj in selected if obj.type == "MESH"]
+        if not targets:
+            raise InputError("no mesh object is selected to bake onto; select some, or bake onto the target alone")
+        for target in targets:
+            _refuse_linked(target)
+        refuse_shared(targets, settings.split)
+        return targets
+
+    def detail(self, settings: Any, targets: Sequence[Any], folder: Path) -> list[str]:
+        """The core's arguments for the photo's detail and the normal maps that it goes on top of."""
+        arguments = ["--strength", f"{settings.strength:g}"]
+        self._bases = bases_to_keep(targets, self._onto, self._output)
+        if not settings.onto:
+            return arguments
+        arguments += ["--onto-shown", settings.onto_shown.lower()]
+        if settings.onto_file:
+            file, convention = bpy.path.abspath(settings.onto_file), settings.onto_convention
+            return [*arguments, "--onto", file, "--onto-convention", convention.lower()]
+        maps = maps_to_go_on(targets, self._onto, self._output)
+        if list(maps) == [(None, None)]:
+            one = maps[None, None]
+            return [*arguments, "--onto", str(one.file), "--onto-convention", one.convention.lower()]
+        write_maps(folder / "maps.json", maps)
+        return [*arguments, "--onto", str(folder / "maps.json")]
+
+    def write_meshes(self, context: Any, folder: Path, targets: Sequence[Any], turn: Matrix | None = None) -> list[str]:
+        """Write the objects' mesh files and remember what they are; the core's arguments for them."""
+        context.view_layer.update()
+        uv_map, arguments, self._onto = context.scene.mps.bake.uv_map, [], []
+        for number, target in enumerate(targets):
+            path = folder / f"mesh_{number}.npz"
+            begun = begin_mesh(path, target, context.evaluated_depsgraph_get(), uv_map, turn)
+            self.later(begun.slices)
+            self._onto.append(_onto(target, begun))
+            arguments += ["--mesh", str(path)]
+        return arguments
+
+    def texture_file(self, context: Any, targets: Sequence[Any]) -> Path:
+        """Where the texture goes, with tokens in its name where there are several; a folder gets the preset's name."""
+        bake = context.scene.mps.bake
+        active = context.view_layer.objects.active
+        name = (active if active in targets else targets[0]).name
+        # The token's signs cannot stand in a file's name until the core takes them out again.
+        name = texture_name(bake, "splits" if SPLITS[bake.split] else name)
+        path = output_path(bake.output, name, bake.file_format)
+        if SPLITS[bake.split] and given_folder(bake.output) is not None:
+            path = path.with_name(path.name.replace("splits", SPLITS[bake.split]))
+        self._notes = ending_wins(path, bake)
+        return with_tokens(path, bake.split, bake.tiles)
+
+    def wear_result(self, scene: Any, result: dict[str, Any]) -> None:
+        """Load the core's textures and put them on the objects that they are for."""
+        there = [(one, same(bpy.data.objects, one.uid)) for one in self._onto]
+        if not any(target for _, target in there):
+            raise InputError(f"the target is gone; its texture is in {self._output}")
+        images = loaded(result["outputs"], self._onto[0].name)
+        for part, image in images.items():
+            self.made(image)
+            if part in self._bases:
+                keep_base(image, self._bases[part])
+        scene.mps.bake.image = next(iter(images.values()))
+        worn = [found for one, target in there if target and (found := worn_by(one, target, images))]
+        bake = scene.mps.bake
+        for sentence in wear_textures(worn, bake.space, bake.convention):
+            self.report({"INFO"}, sentence)
+
+    def written(self, result: dict[str, Any]) -> str:
+        """What was written where, and how much of it was seen, in words."""
+        count = len(result["outputs"])
+        one = f"Texture written to {result['outputs'][0]['output']}"
+        what = one if count == 1 else f"{count} textures written to {self._output}"
+        return f"{what}; {result['seen']:.0%} of the surface seen"
+
+
+def _onto(target: Any, begun: BegunMesh) -> Onto:
+    return Onto(target.session_uid, target.name, begun.uv_map, tuple(slot_labels(target)), begun.used)
+
+
+def targets_place(settings: Any) -> Ingredients:
+    """Where the target stands, as an ingredient of a bake; none where it is not chosen in the panel."""
+    if settings.target is None or settings.objects != "ACTIVE":
+        return {}
+    return {"Target's place": rounded(settings.target.matrix_world, 4)}
+
+
+def sampling(settings: Any) -> list[str]:
+    """The core's arguments for size, samples and padding."""
+    arguments = ["--size", str(settings.size), "--samples", settings.samples]
+    arguments += ["--padding", settings.padding.lower().replace("_", "-")]
+    return [*arguments, "--margin", str(settings.margin)] if settings.padding == "NEAREST" else arguments
+
+
+class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
+    """Bake the estimated normals into a texture on the target's UV map and give its material a Normal Map node"""
+
+    bl_idname = "mps.bake"
+    bl_label = "Bake Texture"
+    bl_options = {"UNDO"}
+
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        return "" if context.scene.mps.estimate.image else "Estimate the normals first"
+
+    @classmethod
+    def made_from(cls, context: Any) -> Ingredients:
+        settings = context.scene.mps.bake
+        every = all_rigs(context.scene) if settings.all_rigs else [context.scene.mps]
+        stamps = ", ".join(stamp(one.estimate.image) for one in every)
+        return {"Normals": stamps, **chosen(BakeSettings, settings), **targets_place(settings)}
+
+    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+        scene = context.scene
+        take_given(self, BakeSettings, scene.mps.bake)
+        normals_image = scene.mps.estimate.image
+        normals = image_file(normals_image, "normal map", "estimate the normals first")
+        self._frames = range(0)
+        if normals_image.source == "SEQUENCE":
+            target = self._onto_for_frames(context)
+            estimate = scene.mps.estimate
+            self._frames = range(estimate.first_frame, estimate.last_frame + 1)
+            normals = frame_pattern(normals)
+            self._output = output_frames(self.output, texture_name(self, target.name))
+            suffix = f".{FORMATS[self.file_format]}"
+            targets = [target]
+            mesh, camera = self._write_place(context, folder, target, normals_image)
+            arguments = ["bake", "--format", suffix[1:], "--mesh", mesh]
+        else:
+            targets = self.all_onto(context)
+            self._output = self.texture_file(context, targets)
+            suffix = self._output.suffix.lower()
+            arguments = ["bake", *self.write_meshes(context, folder, targets)]
+            camera = str(folder / "camera.json")
+            self._write_camera(scene, folder / "camera.json", normals_image)
+        arguments += ["--view", f"{camera}={normals}", "--output", str(self._output)]
+        views = [scene.mps]
+        if self.all_rigs:
+            views += self._other_rigs(scene)
+            arguments += self._other_views(scene, views[1:], folder)
+        arguments += self._albedos(views)
+        arguments += [*sampling(self), "--bits", bits(self, suffix)]
+        arguments += ["--space", self.space.lower(), "--convention", self.convention.lower()]
+        arguments += ["--level", f"{self.level_scale:g}" if self.level else "off"]
+        arguments += self.detail(self, targets, folder)
+        return arguments, [self._output / "frames" if self._frames else self._output]
+
+    def written_for(self) -> dict[Path, list[Any]]:
+        if not self._frames:
+            return super().written_for()
+        frames = self._output / f"{self._output.name}_{FRAME}.{FORMATS[self.file_format]}"
+        return {frames: [same(bpy.data.objects, self._onto[0].uid)]}
+
+    def _onto_for_frames(self, context: Any) -> Any:
+        if self.objects == "SELECTED" or self.split != "ONE" or self.tiles:
+            raise InputError(
+                "a sequence is baked onto the target alone and into one texture a frame; set Objects to Target, "
+                "Textures to One for All, and switch UDIM Tiles off"
+            )
+        return self.baked_object(context)
+
+    def _write_camera(self, scene: Any, path: Path, normals_image: Any) -> None:
+        """Write the camera that the normals were taken with, or that of the rig as it stands."""
+        taken_with = remembered(normals_image, "camera")
+        if taken_with is not None:
+            path.write_text(taken_with, encoding="utf-8")
+        else:
+            write_camera(path, scene_camera(rig_camera(scene), scene, picture_size(normals_image)))
+
+    def _write_place(self, context: Any, folder: Path, target: Any, normals_image: Any) -> tuple[str, str]:
+        """Write mesh and camera for a sequence: as they stand, or for each frame where they shall move along."""
+        scene, camera = context.scene, "camera.json"
+        if not self.animated:
+            context.view_layer.update()
+            begun = begin_mesh(folder / "mesh.npz", target, context.evaluated_depsgraph_get(), self.uv_map)
+        else:
+            place = Moving(folder, scene.session_uid, target.session_uid, self.uv_map)
+            if remembered(normals_image, "camera") is None:
+                seen_by, camera = rig_camera(scene), CAMERAS
+                place = replace(place, camera=seen_by.session_uid, size=picture_size(normals_image))
+            begun = place.begin(self._frames)
+        self.later(begun.slices)
+        self._onto = [_onto(target, begun)]
+        if camera != CAMERAS:
+            self._write_camera(scene, folder / camera, normals_image)
+        return str(folder / (MESHES if self.animated else "mesh.npz")), str(folder / camera)
+
+    def _other_rigs(self, scene: Any) -> list[Any]:
+        """The scene's rigs that are not chosen and have normals."""
+        if self._frames:
+            raise InputError("sequences are baked for one rig at a time; switch All Rigs off")
+        others = [one for one in all_rigs(scene) if one != scene.mps and one.estimate.image is not None]
+        if any(one.estimate.image.source == "SEQUENCE" for one in others):
+            raise InputError("one of the rigs has a sequence, which is baked on its own; switch All Rigs off")
+        return others
+
+    def _other_views(self, scene: Any, rigs: Sequence[Any], folder: Path) -> list[str]:
+        """The core's arguments for the normals and cameras of further rigs."""
+        arguments = []
+        for number, one in enumerate(rigs):
+            image = one.estimate.image
+            camera, taken_with = folder / f"camera_{number}.json", remembered(image, "camera")
+            if taken_with is not None:
+                camera.write_text(taken_with, encoding="utf-8")
+            elif one.rig.camera is not None:
+                write_camera(camera, scene_camera(one.rig.camera, scene, picture_size(image)))
+            else:
+                raise InputError(f'the camera of the normals "{image.name}" is gone; estimate them again')
+            arguments += ["--view", f"{camera}={image_file(image, 'normal map', 'estimate the normals again')}"]
+        return arguments
+
+    def _albedos(self, rigs: Sequence[Any]) -> list[str]:
+        """The core's arguments for the albedos of the rigs' photos, where all of them have one."""
+        images = [one.estimate.albedo_image for one in rigs]
+        if self._frames or None in images:
+            return []
+        files = [image_file(image, "albedo", "estimate the normals again") for image in images]
+        return [argument for file in files for argument in ("--albedo", str(file))]
+
+    def finish(self, context: Any, result: dict[str, Any]) -> None:
+        scene = self.scene(f"its texture is in {self._output}")
+        turned = "; DirectX, so the material turns its green round for Blender" if self.convention == "DIRECTX" else ""
+        if not self._frames:
+            self.wear_result(scene, result)
+            self.report({"INFO"}, f"{self.written(result)}{turned}")
+            colours = [
+                {**one, "output": one["albedo"], "tiles": one.get("albedo_tiles")}
+                for one in result["outputs"]
+                if "albedo" in one
+            ]
+            for image in loaded(colours, self._onto[0].name, "Albedo").values():
+                self.made(image)
+                self.report({"INFO"}, f'The albedo is baked too: image "{image.name}"')
+            return
+        (onto,) = self._onto
+        target = same(bpy.data.objects, onto.uid)
+        if target is None:
+            raise InputError(f"the target is gone; its textures are in {self._output}")
+        image = load_frames(Path(result["first_output"]), f"MPS {target.name} Frames")
+        self.made(image)
+        scene.mps.bake.image = image
+        if (None, None) in self._bases:
+            keep_base(image, self._bases[None, None])
+        for sentence in wear_textures([Worn(target, (image,), onto.uv_map)], self.space, self.convention, self._frames):
+            self.report({"INFO"}, sentence)
+        self.report({"INFO"}, f"{result['count']} textures are in {self._output}, {result['made']} made now{turned}")
+
+
+def texture_name(settings: Any, name: str) -> str:
+    """What a texture for an object of that name is called that is given none: as the preset wants it."""
+    preset = PRESETS["blender" if settings.preset == "CUSTOM" else settings.preset.lower()]
+    return preset.stem(name)
+
+
+def bits(settings: Any, suffix: str) -> str:
+    """Bits a channel for a file with that ending."""
+    return BITS[suffix] if settings.bits == "AUTO" else settings.bits
+
+
+def named_object(scene: Any, name: str) -> Any:
+    """The scene's object of that name. Raises InputError where there is none."""
+    target = scene.objects.get(name)
+    if target is None:
+        raise InputError(f'there is no object "{name}" in the scene; check its name')
+    return target
+
+
+def _refuse_linked(target: Any) -> None:
+    """What another file holds cannot be given a material. A linked material can: a copy of it is worn."""
+    for datablock, what in ((target, "object"), (target.data, "mesh")):
+        if datablock is not None and datablock.library is not None:
+            raise InputError(
+                f'the {what} "{datablock.name}" is linked from {datablock.library.filepath}; make it local first'
+            )
+
+
+def register() -> None:
+    bpy.utils.register_class(MPS_OT_bake)
+
+
+def unregister() -> None:
+    bpy.utils.unregister_class(MPS_OT_bake)

@@ -1,0 +1,219 @@
+"""The normal maps that objects wear already, for detail to go on top of, run after run of the same."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from mpsnet_core.bake.map_list import ListedMap, write_map_list
+from mpsnet_core.errors import InputError
+
+from ..nodes import GREEN_NODE, NORMAL_NODE, TEXTURE_NODE, present_node
+from ..operators import same
+from ..outputs import image_file, tile_files
+from .texture_sets import MATERIAL, OBJECT, TILE, Onto
+
+# Kept with a baked image: what the object wore before it, and which way that one's green points.
+_BASE, _BASE_CONVENTION = "mpsnet_base", "mpsnet_base_convention"
+_BY_FILE = "choose the file of a present map"
+
+
+@dataclass(frozen=True)
+class WornMap:
+    """A normal map: the session number of its image, and its convention, OPENGL or DIRECTX."""
+
+    uid: int
+    convention: str
+
+
+@dataclass(frozen=True)
+class PresentMap(WornMap):
+    """One with its file; that of UDIM tiles has <UDIM> in its name."""
+
+    file: Path
+
+    def listed(self, part: "Part") -> ListedMap:
+        """As the map of a part, for the core."""
+        return ListedMap(self.file, *part, "directx" if self.convention == "DIRECTX" else "opengl")
+
+
+# For the object and the material that a texture is of, as the core tells of it; None stands for all of them.
+Part = tuple[str | None, str | None]
+
+
+def parts_of(onto: Sequence[Onto], file: Path) -> list[Part]:
+    """What gets a texture of its own, by the tokens in the textures' file's name."""
+    by_object, by_material = OBJECT in file.name, MATERIAL in file.name
+    parts = [(one.name if by_object else None, label if by_material else None) for one in onto for label in one.labels]
+    return list(dict.fromkeys(parts))
+
+
+def present_map(targets: Sequence[Any], onto: Sequence[Onto], part: Part, *, tiles: bool = False) -> PresentMap | None:
+    """The normal map that a part of some objects wears; beneath one that was baked here, the one from before it.
+
+    onto: the same objects, with the UV maps that are baked onto. None where nothing of the part wears a normal map.
+    tiles: whether it may be one of UDIM tiles.
+
+    Raises InputError where it wears several, or one that detail cannot be laid onto.
+    """
+    found = _worn_map(targets, onto, part)
+    if found is None:
+        return None
+    image, convention = found
+    if image.is_dirty:
+        raise InputError(f'the normal map "{image.name}" has changes that are not in its file; save it first')
+    if image.source != "TILED":
+        return PresentMap(image.session_uid, convention, image_file(image, "normal map", _BY_FILE))
+    if not tiles:
+        raise InputError(f'the present normal map "{image.name}" has UDIM tiles; switch UDIM Tiles on')
+    return PresentMap(image.session_uid, convention, tile_files(image, "normal map", _BY_FILE))
+
+
+def keep_base(image: Any, base: WornMap | None) -> None:
+    """Have a baked image remember what the object wore before it; None: that it wore nothing."""
+    if base is None:
+        for key in {_BASE, _BASE_CONVENTION} & set(image.keys()):
+            del image[key]
+        return
+    found = same(bpy.data.images, base.uid)
+    if found is not None and found != image:
+        image[_BASE], image[_BASE_CONVENTION] = found, base.convention
+
+
+def bases_to_keep(targets: Sequence[Any], onto: Sequence[Onto], file: Path) -> dict[Part, WornMap | None]:
+    """The map that each part wears, as :func:`present_map` finds it, None for those that wear none; those that wear
+    what cannot be gone on top of are left out."""
+    bases: dict[Part, WornMap | None] = {}
+    for part in parts_of(onto, file):
+        with suppress(InputError):
+            found = _worn_map(targets, onto, part)
+            bases[part] = None if found is None else WornMap(found[0].session_uid, found[1])
+    return bases
+
+
+def maps_to_go_on(targets: Sequence[Any], onto: Sequence[Onto], file: Path) -> dict[Part, PresentMap]:
+    """The map beneath each part's texture; the core tells which parts have none.
+
+    Raises InputError where no part has one, or as :func:`present_map` does.
+    """
+    found = {part: present_map(targets, onto, part, tiles=TILE in file.name) for part in parts_of(onto, file)}
+    worn = {part: one for part, one in found.items() if one is not None}
+    if not worn:
+        whose = f'"{targets[0].name}"' if len(targets) == 1 else "the selected objects"
+        raise InputError(f"no material of {whose} has a Normal Map node with a texture; {_BY_FILE}")
+    return worn
+
+
+def write_maps(path: Path, maps: Mapping[Part, PresentMap]) -> None:
+    """Write the maps beneath the parts' textures as the core reads them."""
+    write_map_list(path, [one.listed(part) for part, one in maps.items()])
+
+
+def _worn_map(targets: Sequence[Any], onto: Sequence[Onto], part: Part) -> tuple[Any, str] | None:
+    """The image of :func:`present_map` and its convention, whether or not it has a file."""
+    found: dict[tuple[Any, str], str] = {}
+    for target, one in zip(targets, onto, strict=True):
+        layers = target.data.uv_layers
+        rendered = next((layer.name for layer in layers if layer.active_render), one.uv_map)
+        for normal in _normal_maps(target, one, part):
+            found.setdefault(_source(normal, one.uv_map, rendered), target.name)
+    if not found:
+        return None
+    if len(found) > 1:
+        names = ", ".join(sorted(f'"{image.name}"' for image, _ in found))
+        several = f'the materials of "{next(iter(found.values()))}" have'
+        if len(set(found.values())) > 1:
+            several = "what shares one texture has"
+        raise InputError(
+            f"{several} different normal maps ({names}); set Textures to By Material or By Object, or {_BY_FILE}"
+        )
+    return next(iter(found))
+
+
+def _normal_maps(target: Any, onto: Onto, part: Part) -> Iterator[Any]:
+    """The Normal Map nodes that the shaders of a part of an object have their normals from; bumps may be between.
+
+    A baked one that has its texture counts where the shaders have none: a displacement took it off.
+    """
+    obj, material = part
+    if obj not in (None, onto.name):
+        return
+    for slot, label in zip(target.material_slots, onto.labels, strict=False):
+        tree = slot.material and slot.material.node_tree
+        if material not in (None, label):
+            continue
+        if tree:
+            baked = present_node(tree, NORMAL_NODE)
+            taken_off = [baked] if baked and _before(baked, "Color") else []
+            yield from list(_shaders_normal_maps(tree)) or taken_off
+
+
+def _shaders_normal_maps(tree: Any) -> Iterator[Any]:
+    for shader in tree.nodes:
+        if not (shader.type.startswith("BSDF") and "Normal" in shader.inputs):
+            continue
+        node = _before(shader, "Normal")
+        while node is not None and node.type == "BUMP":
+            node = _before(node, "Normal")
+        if node is not None and node.type == "NORMAL_MAP":
+            yield node
+
+
+def _source(normal: Any, uv_map: str, rendered: str) -> tuple[Any, str]:
+    """The image and the convention that a Normal Map node has them of.
+
+    rendered: the UV map that a node takes that names none.
+    """
+    convention = getattr(normal, "convention", "OPENGL")  # from Blender 5.2 on
+    texture = _before(normal, "Color")
+    if texture is not None and texture == present_node(normal.id_data, GREEN_NODE):
+        convention, texture = "DIRECTX", _before(texture, 0)
+    if texture is None or texture.type != "TEX_IMAGE" or texture.image is None:
+        raise InputError(f"the present normal map does not come straight from an image texture; {_BY_FILE}")
+    for placed in (normal.uv_map or rendered, _placed_by(texture, rendered)):
+        if placed != uv_map:
+            raise InputError(f'the present normal map is on UV map "{placed}"; bake onto that one')
+    if texture.name == TEXTURE_NODE:
+        base = texture.image.get(_BASE)
+        if not isinstance(base, bpy.types.Image):
+            raise InputError(f'the only normal map is "{texture.image.name}", which was baked here; {_BY_FILE}')
+        return base, "DIRECTX" if texture.image.get(_BASE_CONVENTION) == "DIRECTX" else "OPENGL"
+    if normal.space != "TANGENT":
+        raise InputError(f'the present normal map "{texture.image.name}" is not in tangent space; {_BY_FILE}')
+    strength = normal.inputs["Strength"]
+    if strength.is_linked or strength.default_value != 1:
+        raise InputError(f'the present normal map "{texture.image.name}" is not worn at strength 1; set it to 1')
+    return texture.image, convention
+
+
+def _placed_by(texture: Any, rendered: str) -> str:
+    """The UV map that an image texture lies on. Raises InputError where it lies there otherwise than one to one."""
+    end = texture.inputs["Vector"]
+    before = _before(texture, "Vector")
+    if before is not None and before.type == "MAPPING" and _moves_nothing(before):
+        end, before = before.inputs["Vector"], _before(before, "Vector") or before
+    if texture.projection == "FLAT":
+        if before is None or (before.type == "TEX_COORD" and end.links[0].from_socket.name == "UV"):
+            return rendered
+        if before.type == "UVMAP":
+            return str(before.uv_map or rendered)
+    raise InputError(
+        f'the present normal map "{texture.image.name}" does not lie straight on a UV map; link its texture to a UV '
+        f"Map node, or {_BY_FILE}"
+    )
+
+
+def _moves_nothing(mapping: Any) -> bool:
+    still = {"Location": 0, "Rotation": 0, "Scale": 1}
+    ends = [(mapping.inputs[name], value) for name, value in still.items() if name in mapping.inputs]
+    same_place = all(not end.is_linked and set(end.default_value) == {value} for end, value in ends)
+    return same_place and mapping.vector_type != "NORMAL"
+
+
+def _before(node: Any, socket: str | int) -> Any:
+    """The node that is linked to an input, None where none is."""
+    links = node.inputs[socket].links
+    return links[0].from_node if links else None

@@ -1,0 +1,151 @@
+"""Many views: a photo for each camera, from photogrammetry or of this scene, baked into one texture."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.scene.rig import write_rig
+from mpsnet_core.scene.view_files import write_views
+from mpsnet_core.scene.world_lights import in_world, write_world_lights
+
+from ..estimate.estimate import network, reading
+from ..outputs import asked_place, file_name, image_file
+from ..provenance import Ingredients, chosen, file_stamp, rounded, stamp
+from ..rig.rig import drawn_rig, light_rig, rig_camera, scene_camera
+from ..settings.bake import BakeSettings
+from ..settings.declared import take_given
+from ..settings.estimate import EstimateSettings
+from ..settings.views import ViewsSettings
+from .bake import BakesOnto, bits, sampling, targets_place
+from .texture_sets import without_tokens
+
+# What Blender's importers of OBJ and glTF do to a file whose y axis is up.
+_BLENDER_FROM_Y_UP = Matrix(((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1)))
+
+
+class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
+    """Estimate a photo for each camera, bring all into line with the mesh and bake them into one texture.
+
+    Size, space, convention, margin, format, file, strength and what it goes on top of are those of the step Bake, the
+    model is that of Estimate"""
+
+    bl_idname = "mps.bake_views"
+    bl_label = "Bake Views"
+    bl_options = {"UNDO"}
+
+    @classmethod
+    def made_from(cls, context: Any) -> Ingredients:
+        scene = context.scene.mps
+        shared = ("model", "model_file", "rig_file", "mask", "encoding", "dark", "flat")
+        behind = [] if scene.views.cameras else _with_photos(context.scene)
+        return {
+            "Background images": ", ".join(stamp(image) for _, image in behind),
+            "Cameras' places": ", ".join(
+                f"{rounded(obj.matrix_world, 4)} {rounded([obj.data.lens, obj.data.ortho_scale], 4)}"
+                for obj, _ in behind
+            ),
+            **targets_place(scene.bake),
+            **chosen(ViewsSettings, scene.views, without=("keep", "write_report")),
+            **chosen(EstimateSettings, scene.estimate, only=shared),
+            **chosen(BakeSettings, scene.bake),
+            "Cameras": file_stamp(scene.views.cameras),
+            "Rig File": file_stamp(scene.estimate.rig_file),
+            **({} if scene.estimate.rig_file else _lights(context.scene)),
+        }
+
+    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+        scene = context.scene
+        take_given(self, ViewsSettings, scene.mps.views)
+        bake, estimate = scene.mps.bake, scene.mps.estimate
+        targets = self.all_onto(context)
+        self._output = output = self.texture_file(context, targets)
+        turn = _BLENDER_FROM_Y_UP if self.cameras and self.axes == "Y_UP" else Matrix.Identity(4)
+        meshes = self.write_meshes(context, folder, targets, turn.inverted())
+        arguments = ["views", *meshes, *self._cameras(scene, folder)]
+        arguments += ["--rig", self._rig(scene, folder, turn.inverted()), "--lights-in", self.lights_in.lower()]
+        arguments += [*reading(estimate, unmasked="mesh"), *network(estimate)]
+        arguments += ["--level", f"{self.level_scale:g}" if self.level else "off"]
+        arguments += [*sampling(bake), "--bits", bits(bake, output.suffix.lower())]
+        arguments += ["--space", bake.space.lower(), "--convention", bake.convention.lower()]
+        arguments += self.detail(bake, targets, folder)
+        outputs = [output]
+        if self.keep:
+            arguments += ["--keep", str(asked_place(self.keep))]
+        self._report = ""
+        if self.write_report:
+            outputs.append(output.with_name(f"{without_tokens(output.stem) or 'textures'}_report.html"))
+            self._report = str(outputs[1])
+            arguments += ["--report", self._report]
+        return [*arguments, "--output", str(output)], outputs
+
+    def _cameras(self, scene: Any, folder: Path) -> list[str]:
+        if self.cameras:
+            if not self.photos:
+                raise InputError("where are the photos of these cameras? Choose their folder")
+            return ["--cameras", bpy.path.abspath(self.cameras), "--photos", bpy.path.abspath(self.photos)]
+        views = []
+        for obj, image in _with_photos(scene):
+            photo = image_file(image, f"background image of {obj.name}", "choose another")
+            name = file_name(obj.name)
+            views.append((name, photo, scene_camera(obj, scene, tuple(image.size))))
+        if not views:
+            raise InputError(
+                "no camera of this scene has a background image; give each its photo in its Object Data, or choose the "
+                "cameras that a photogrammetry program wrote"
+            )
+        write_views(folder / "views.json", views)
+        return ["--cameras", str(folder / "views.json")]
+
+    def _rig(self, scene: Any, folder: Path, turn: Matrix) -> str:
+        """The rig file that was measured, or the scene's lights. turn: from Blender's world to that of the cameras."""
+        given = scene.mps.estimate.rig_file
+        if given:
+            return bpy.path.abspath(given)
+        rig = light_rig(scene)
+        if self.lights_in == "WORLD":
+            camera = scene_camera(rig_camera(scene), scene)
+            camera = replace(camera, world_from_camera=np.array(turn) @ camera.world_from_camera)
+            write_world_lights(folder / "rig.json", in_world(rig, camera))
+        else:
+            write_rig(folder / "rig.json", rig)
+        return str(folder / "rig.json")
+
+    def finish(self, context: Any, result: dict[str, Any]) -> None:
+        scene = self.scene(f"its texture is in {self._output}")
+        scene.mps.views.report_file = self._report
+        self.wear_result(scene, result)
+        self.report({"INFO"}, f"{len(result['views'])} views baked. {self.written(result)}")
+
+
+def _lights(scene: Any) -> Ingredients:
+    """The scene's lights as an ingredient; nothing where no photo can be taken with them."""
+    try:
+        rig = drawn_rig(scene)
+    except InputError:
+        return {}
+    return {"Lights": rounded(rig.directions, 3) + rounded(rig.mixing, 3)}
+
+
+def _with_photos(scene: Any) -> list[tuple[Any, Any]]:
+    """The scene's cameras that have a photo behind them, and their photos."""
+    found = ((obj, background(obj)) for obj in scene.objects)
+    return [(obj, image) for obj, image in found if image is not None]
+
+
+def background(obj: Any) -> Any:
+    """The photo behind a camera, None for what has none."""
+    if obj.type != "CAMERA":
+        return None
+    shown = [behind.image for behind in obj.data.background_images if behind.source == "IMAGE" and behind.image]
+    return shown[0] if shown else None
+
+
+CLASSES = (MPS_OT_bake_views,)
+
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

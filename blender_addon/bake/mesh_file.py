@@ -1,0 +1,192 @@
+"""An object's mesh as the core's mesh file: as a render sees it, with Blender's own normals.
+
+It is read at once, whatever happens to the object later, and written in slices: a live window goes on between them.
+"""
+
+import ctypes
+import zipfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+from numpy.typing import NDArray
+
+from mpsnet_core.errors import InputError
+
+from ..operators import Slices
+from .texture_sets import material_arrays
+
+# What a modifier shows in the viewport, and what in a render.
+_SHOWN_AND_RENDERED = (
+    ("show_viewport", "show_render"),
+    ("levels", "render_levels"),
+    ("steps", "render_steps"),
+    ("viewport_resolution", "resolution"),
+)
+# What `mps.displace` gives an object. Textures are baked onto the object without them, and heights are of that.
+SUBDIVISION, DISPLACE, TRIAL = "MPS Subdivision", "MPS Displace", "MPS Trial"
+MODIFIERS = {SUBDIVISION: "SUBSURF", DISPLACE: "DISPLACE", TRIAL: "SUBSURF"}
+
+_ROWS_A_SLICE = 100_000
+
+
+@dataclass(frozen=True)
+class BegunMesh:
+    """A mesh file that is begun.
+
+    uv_map: its name, "" for none. used: the materials that faces have, by their names in the file, see
+    :func:`.textures.slot_labels`. slices: what is left to do; the file is there after the last.
+    """
+
+    uv_map: str
+    used: frozenset[str]
+    slices: Slices
+
+    def whole(self) -> "BegunMesh":
+        """The same, once all slices are done."""
+        for _ in self.slices:
+            pass
+        return self
+
+
+def begin_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: Matrix | None = None) -> BegunMesh:
+    """Begin to write an object as the render sees it, modifiers applied, as the core's mesh file.
+
+    The normals of each corner are Blender's own. uv_map: "" for the one that is active for rendering, None where only
+    the shape counts. turn: brings Blender's world into that of the cameras, where they differ.
+
+    Raises InputError where the object is no mesh, has no faces, lacks the UV map or is disabled in viewports.
+    """
+    if obj.type != "MESH":
+        raise InputError(f'"{obj.name}" is not a mesh but {obj.type.lower()}; convert it to a mesh first')
+    if obj.mode == "EDIT":
+        obj.update_from_editmode()
+    if obj.mode == "EDIT" or bpy.app.background:  # scripts may not tell what they changed; what is tagged is drawn anew
+        obj.data.update_tag()
+    with as_rendered(obj):
+        depsgraph.update()
+        evaluated = obj.evaluated_get(depsgraph)
+        if not evaluated.is_evaluated:
+            raise InputError(f'"{obj.name}" is disabled in viewports or excluded from the view layer; enable it first')
+        # One more mesh in bpy.data would have the viewports drawn anew.
+        mesh = evaluated.to_mesh(preserve_all_data_layers=True, depsgraph=depsgraph)
+        try:
+            if uv_map is not None:
+                uv_map = _uv_map(obj, mesh, uv_map)
+            if not mesh.polygons:
+                raise InputError(f'"{obj.name}" has no faces; choose an object with a surface')
+            polygons = _read(mesh.loop_triangle_polygons, "value", 1, np.int32).ravel()
+            names = material_arrays(mesh, obj, polygons)
+            vertices = _read(mesh.attributes["position"].data, "vector", 3)
+            of_corner = _read(mesh.attributes[".corner_vert"].data, "value", 1, np.int32).ravel()
+            normals = _read(mesh.corner_normals, "vector", 3)
+            corners = _triangle_corners(mesh)
+            if uv_map is None:
+                uvs, in_uvs = np.array([[0, 0], [1, 0], [0, 1]], np.float32), np.zeros_like(corners) + np.arange(3)
+            else:
+                uvs, in_uvs = _read(mesh.uv_layers[uv_map].uv, "vector", 2), corners
+        finally:
+            evaluated.to_mesh_clear()
+    arrays: dict[str, _Array] = {
+        "format": np.array("mpsnet-mesh"),
+        "version": np.array(1),
+        "world_from_object": np.array(turn @ obj.matrix_world if turn else obj.matrix_world, dtype=np.float64),
+        "triangle_polygon": polygons,
+        **names,
+        "vertices": vertices,
+        "triangles": (of_corner, corners),
+        "corner_normals": (normals, corners),
+        "uvs": (uvs, in_uvs),
+    }
+    used = names["materials"][np.unique(names["triangle_material"])]
+    return BegunMesh(uv_map or "", frozenset(used.tolist()), _written(path, arrays))
+
+
+# In the file; a pair is values and, for each place in the file, the number of the one that goes there.
+_Array = NDArray[Any] | tuple[NDArray[Any], NDArray[np.integer]]
+
+
+def _written(path: Path, arrays: Mapping[str, _Array]) -> Slices:
+    """Write arrays as ``np.savez`` does, some rows at a time."""
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, array in arrays.items():
+            values, rows = array if isinstance(array, tuple) else (array, None)
+            whole = np.atleast_1d(values) if rows is None else rows
+            shape = values.shape if rows is None else (*rows.shape, *values.shape[1:])
+            described = {"descr": np.lib.format.dtype_to_descr(values.dtype), "fortran_order": False, "shape": shape}
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
+                np.lib.format.write_array_header_1_0(file, described)
+                for start in range(0, len(whole), _ROWS_A_SLICE):
+                    part = whole[start : start + _ROWS_A_SLICE]
+                    file.write((part if rows is None else values[part]).tobytes())
+                    yield False
+
+
+def present_modifier(obj: Any, name: str) -> Any:
+    """The object's modifier of that name, None where there is none; one of another kind has the name by chance."""
+    found = obj.modifiers.get(name)
+    return found if found is not None and found.type == MODIFIERS[name] else None
+
+
+@contextmanager
+def as_rendered(obj: Any) -> Iterator[None]:
+    """Within, the object's modifiers show in the viewport, and so in the dependency graph, what a render shows; without
+    the displacement that the add-on made."""
+    kept = []
+    try:
+        for modifier in obj.modifiers:
+            if modifier in (present_modifier(obj, SUBDIVISION), present_modifier(obj, DISPLACE)):
+                wanted = {"show_viewport": False}
+            else:
+                wanted = {
+                    shown: getattr(modifier, rendered)
+                    for shown, rendered in _SHOWN_AND_RENDERED
+                    if hasattr(modifier, shown) and hasattr(modifier, rendered)
+                }
+            for shown, value in wanted.items():
+                before = getattr(modifier, shown)
+                if before != value:  # what is set counts as changed, and the viewport draws the object anew
+                    kept.append((modifier, shown, before))
+                    setattr(modifier, shown, value)
+        yield
+    finally:
+        for modifier, shown, value in kept:
+            setattr(modifier, shown, value)
+
+
+def _uv_map(obj: Any, mesh: Any, name: str) -> str:
+    if not mesh.uv_layers:
+        raise InputError(f'"{obj.name}" has no UV map; unwrap it first')
+    if not name:
+        return next((layer.name for layer in mesh.uv_layers if layer.active_render), mesh.uv_layers[0].name)
+    if name not in mesh.uv_layers:
+        there = ", ".join(f'"{layer.name}"' for layer in mesh.uv_layers)
+        raise InputError(f'"{obj.name}" has no UV map "{name}"; choose {there}')
+    return name
+
+
+def _read(elements: Any, attribute: str, width: int, kind: type = np.float32) -> NDArray[Any]:
+    values: NDArray[Any] = np.empty(len(elements) * width, kind)
+    elements.foreach_get(attribute, values)
+    return values.reshape(-1, width)
+
+
+def _triangle_corners(mesh: Any) -> NDArray[np.int32]:
+    """(T, 3) the corners of Blender's own triangles, as ``foreach_get`` reads them.
+
+    That goes from one triangle to the next and blocks the window for 0.08 s with a million. They lie one behind the
+    other, as the addresses that Blender tells show; where a Blender keeps them otherwise, `foreach_get` reads them.
+    """
+    triangles = mesh.loop_triangles
+    count, first, last = len(triangles), triangles[0], triangles[-1]
+    address, triangle = first.as_pointer(), ctypes.c_int32 * 3
+    if last.as_pointer() - address == (count - 1) * ctypes.sizeof(triangle):
+        found = np.array((triangle * count).from_address(address), np.int32)
+        if (found[[0, -1]] == [first.loops[:], last.loops[:]]).all():
+            return found
+    return _read(triangles, "loops", 3, np.int32)

@@ -1,0 +1,65 @@
+"""Mesh and camera of each frame of the timeline, for textures that follow an animation.
+
+One frame after another is read in slices: between two of them the window shows the frame that it did, and people may do
+anything to the file.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import bpy
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.scene.camera import write_camera
+
+from ..operators import Slices, same
+from ..rig.rig import scene_camera, view_layer
+from .mesh_file import BegunMesh, begin_mesh
+
+MESHES, CAMERAS = "mesh_######.npz", "camera_######.json"
+
+
+@dataclass(frozen=True)
+class Moving:
+    """What is read at each frame, by session numbers, into `folder`.
+
+    uv_map: as :func:`.mesh_file.begin_mesh` takes it. camera: whose place is written, 0 for none. size: of its picture.
+    """
+
+    folder: Path
+    scene: int
+    target: int
+    uv_map: str
+    camera: int = 0
+    size: tuple[int, int] = (0, 0)
+
+    def begin(self, frames: range) -> BegunMesh:
+        """Read the first frame as :func:`.mesh_file.begin_mesh` reads a mesh, and raise what that raises; the other
+        frames are left to the slices."""
+        first = self._begin_frame(frames[0])
+        return replace(first, slices=self._slices(first.slices, frames[1:]))
+
+    def _slices(self, first: Slices, others: range) -> Slices:
+        yield from first
+        for number in others:
+            yield True  # Blender evaluates the scene in one go
+            yield from self._begin_frame(number).slices
+
+    def _begin_frame(self, number: int) -> BegunMesh:
+        scene, target = same(bpy.data.scenes, self.scene), same(bpy.data.objects, self.target)
+        camera = same(bpy.data.objects, self.camera) if self.camera else None
+        if scene is None or target is None or (self.camera and camera is None):
+            gone = "scene" if scene is None else "target" if target is None else "camera"
+            raise InputError(f"the {gone} was deleted before all frames were read; undo that, and bake again")
+        before = scene.frame_current, scene.frame_subframe
+        with bpy.context.temp_override(scene=scene, view_layer=view_layer(scene)):
+            scene.frame_set(number)
+            try:
+                mesh = self.folder / MESHES.replace("######", f"{number:06d}")
+                begun = begin_mesh(mesh, target, bpy.context.evaluated_depsgraph_get(), self.uv_map)
+                if camera is not None:
+                    file = self.folder / CAMERAS.replace("######", f"{number:06d}")
+                    write_camera(file, scene_camera(camera, scene, self.size))
+            finally:
+                scene.frame_set(before[0], subframe=before[1])
+        return begun

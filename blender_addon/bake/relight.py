@@ -1,0 +1,166 @@
+"""Relight: a white lamp swings around the result, so that its relief is seen."""
+
+import json
+import math
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from typing import Any
+
+import bpy
+from bpy.app.handlers import persistent
+from mathutils import Euler, Matrix, Vector
+
+from ..operators import SaysWhy
+from ..outputs import from_json
+from ..rig.rig import bounding_sphere
+from ..rig.several_rigs import all_rigs
+
+TICK_SECONDS = 1 / 30
+SECONDS_A_TURN = 6.0
+SLANT = math.radians(55)
+# Material Preview, lit by the scene's lamps and a little by its own surroundings, so that shadows are not black.
+_SHADING = {
+    "type": "MATERIAL",
+    "use_scene_lights": True,
+    "use_scene_world": False,
+    "studiolight_intensity": 0.08,
+    "studiolight_background_alpha": 0.0,
+}
+
+
+class MPS_OT_relight(SaysWhy, bpy.types.Operator):
+    """Let a white lamp swing around what the viewport shows, in place of the rigs' lights. Press again to end it"""
+
+    bl_idname = "mps.relight"
+    bl_label = "Relight"
+    bl_options = {"UNDO"}
+
+    def act(self, context: Any) -> None:
+        begin = context.scene.mps.relight.lamp is None
+        if begin:
+            centre, radius = _what_is_shown(context)
+        _end(context)  # also what is left of a lamp that was deleted by hand
+        if begin:
+            _begin(context, centre, radius)
+
+
+def _what_is_shown(context: Any) -> tuple[Vector, float]:
+    """Centre and radius of what is selected, else of all that is visible. InputError where neither has a surface."""
+    objects = context.view_layer.objects
+    shown = [obj for obj in objects.selected or objects if obj.visible_get()]
+    return bounding_sphere(context.evaluated_depsgraph_get(), shown)
+
+
+def _begin(context: Any, centre: Vector, radius: float) -> None:
+    scene, settings = context.scene, context.scene.mps.relight
+    settings.pivot = pivot = bpy.data.objects.new("MPS Relight", None)
+    pivot.empty_display_size = radius / 4
+    pivot.matrix_world = Matrix.Translation(centre) @ _towards_viewer(context).to_4x4()
+    data = bpy.data.lights.new("MPS White Lamp", "SUN")
+    data.energy = 3.0
+    settings.lamp = lamp = bpy.data.objects.new("MPS White Lamp", data)
+    lamp.parent = pivot
+    lamp.matrix_local = Euler((0, SLANT, 0)).to_matrix().to_4x4() @ Matrix.Translation((0, 0, 2 * radius))
+    for obj in (pivot, lamp):
+        obj.hide_render = True
+        scene.collection.objects.link(obj)
+    layer = context.view_layer
+    for light in (light.object for one in all_rigs(scene) for light in one.rig.lights):
+        if light is not None and light.name in layer.objects and not light.hide_get():
+            light.hide_set(True)
+            settings.hidden.add().object = light
+    shading = _shading(context)
+    if shading is not None:
+        settings.shading = json.dumps({name: getattr(shading, name) for name in _SHADING})
+        _set(shading, _SHADING)
+    _swing_on()
+
+
+def _end(context: Any) -> None:
+    settings = context.scene.mps.relight
+    for obj in (settings.lamp, settings.pivot):
+        if obj is not None:
+            data = obj.data
+            bpy.data.objects.remove(obj)
+            if data is not None and not data.users:
+                bpy.data.lights.remove(data)
+    for light in (light.object for light in settings.hidden):
+        if light is not None and light.name in context.view_layer.objects:
+            light.hide_set(False)
+    settings.hidden.clear()
+    # Whichever viewport it is ended in, the one that it was begun in is the one that still looks so.
+    for shading in _all_shadings() if settings.shading else ():
+        if shading.type == _SHADING["type"] and all(
+            _alike(getattr(shading, name), _SHADING[name]) for name in _SHADING
+        ):
+            _set(shading, from_json(settings.shading, dict))
+    settings.shading = ""
+
+
+def _towards_viewer(context: Any) -> Matrix:
+    """(3, 3) axes of the viewport, else of the rig, else of a front view: z comes towards whoever looks."""
+    if getattr(context, "region_data", None) is not None:
+        return context.region_data.view_rotation.to_matrix()
+    target = context.scene.mps.rig.target
+    return target.matrix_world.to_3x3() if target else Euler((math.pi / 2, 0, 0)).to_matrix()
+
+
+def _shading(context: Any) -> Any:
+    """The viewport's shading; None where there is no viewport."""
+    space = context.space_data
+    return space.shading if space is not None and space.type == "VIEW_3D" else None
+
+
+def _all_shadings() -> Iterator[Any]:
+    """The shadings of the viewports of all workspaces."""
+    for screen in bpy.data.screens:
+        for area in screen.areas:
+            if area.type == "VIEW_3D":
+                yield area.spaces.active.shading
+
+
+def _alike(one: Any, other: Any) -> bool:
+    """Whether two settings are the same; Blender keeps fractions in 32 bits."""
+    return bool(one == other or (isinstance(other, float) and math.isclose(one, other, rel_tol=1e-6)))
+
+
+def _set(shading: Any, values: dict[str, Any]) -> None:
+    for name in _SHADING:  # the type first: what else can be set depends on it
+        with suppress(KeyError, TypeError, ValueError):  # as a hostile file may have kept them
+            setattr(shading, name, values[name])
+
+
+_swung_at = 0.0  # time.monotonic()
+
+
+def _swing() -> float | None:
+    """Turn the lamps of all scenes by what has passed since the last call; ends itself where there are none."""
+    global _swung_at
+    before, _swung_at = _swung_at, time.monotonic()
+    pivots = [scene.mps.relight.pivot for scene in bpy.data.scenes if scene.mps.relight.lamp is not None]
+    for pivot in pivots:
+        if pivot is not None:
+            pivot.rotation_euler.rotate_axis("Z", math.tau * (_swung_at - before) / SECONDS_A_TURN)
+    return TICK_SECONDS if pivots else None
+
+
+@persistent
+def _swing_on(*_: Any) -> None:
+    """Also called when a file is opened whose lamp was swinging when it was saved."""
+    global _swung_at
+    if not bpy.app.background and not bpy.app.timers.is_registered(_swing):
+        _swung_at = time.monotonic()
+        bpy.app.timers.register(_swing)
+
+
+def register() -> None:
+    bpy.utils.register_class(MPS_OT_relight)
+    bpy.app.handlers.load_post.append(_swing_on)
+
+
+def unregister() -> None:
+    bpy.app.handlers.load_post.remove(_swing_on)
+    if bpy.app.timers.is_registered(_swing):
+        bpy.app.timers.unregister(_swing)
+    bpy.utils.unregister_class(MPS_OT_relight)

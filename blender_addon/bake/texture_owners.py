@@ -1,0 +1,110 @@
+"""Whom a texture or heights were made for, so that no result goes over those of another object."""
+
+import json
+import re
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import bpy
+
+from mpsnet_core.bake.texture_names import tile_patterns
+from mpsnet_core.errors import InputError
+
+from ..nodes import HEIGHT_NODE, TEXTURE_NODE, present_node
+from ..operators import same
+from ..outputs import from_json, remember, remembered
+from .existing_maps import Part, parts_of
+from .mesh_file import DISPLACE, present_modifier
+from .texture_sets import TILE, Onto, Worn
+
+# Stands for the number in the names of a sequence's frames.
+FRAME = "<FRAME>"
+
+
+def keep_wearers(worn: Sequence[Worn]) -> None:
+    """Note with each image the names of the meshes that it was made for. Duplicates of an object wear what it wears,
+    but have meshes of their own unless they are to be the same; objects are renamed more often."""
+    for image in {image for one in worn for image in one.images}:
+        remember(image, "onto", json.dumps(sorted({one.target.data.name for one in worn if image in one.images})))
+
+
+class _Sheet(NamedTuple):
+    tile: int | None
+    material: str | None
+    object: str | None
+
+
+def files_for(onto: Sequence[Onto], file: Path) -> dict[Path, list[Any]]:
+    """The files that the tokens in `file` stand for, with <UDIM> left as it is, and the objects that each is for."""
+    parts = [part for part in parts_of(onto, file) if any(_has_faces(one, part) for one in onto)]
+    tile = 1001 if TILE in file.name else None  # whichever: the token stays
+    sheets = [_Sheet(tile, material, name) for name, material in parts]
+    found: dict[Path, list[Any]] = {}
+    for pattern, part in zip(tile_patterns(file, sheets), parts, strict=True):
+        found.setdefault(pattern, []).extend(same(bpy.data.objects, one.uid) for one in onto if _has_faces(one, part))
+    return found
+
+
+def _has_faces(onto: Onto, part: Part) -> bool:
+    name, material = part
+    return name in (None, onto.name) and (material is None or material in onto.used)
+
+
+def refuse_anothers(files: Mapping[Path, Collection[Any]]) -> None:
+    """Raises InputError where a result would be written over a texture or heights that were made for another object.
+
+    Names that differ in a space or a dot alone become one in a file's name. Objects that share a mesh share what was
+    made for it. What an object wears because it shares a material with the one that it was made for, or is a duplicate
+    of it, is not its own.
+
+    files: what will be written (tiles by their name with <UDIM>, frames by theirs with :data:`FRAME`), and the objects
+    it is for.
+    """
+    for image in (image for image in bpy.data.images if image.filepath):
+        path = Path(bpy.path.abspath(image.filepath, library=image.library))
+        targets = next((files[file] for file in files if _holds(file, path, image)), None)
+        if targets is None:
+            continue
+        wearers = [obj for obj in _placed() if image in _images_on(obj)]
+        its_own, meshes = any(_meant(image, obj) for obj in targets), {obj.data for obj in targets}
+        others = [obj for obj in wearers if _meant(image, obj) and obj.data not in meshes]
+        if not (its_own or others or any(obj.data in meshes for obj in wearers)):
+            others = wearers  # their meshes were renamed or replaced since
+        if others:
+            name = min(obj.name for obj in others)
+            too, mend = (" too", "bake onto it as well, ") if its_own else ("", "")
+            raise InputError(
+                f'the result would overwrite {path}, which is for "{name}"{too}; {mend}choose another file, or take it '
+                f'off "{name}" first'
+            )
+
+
+def _meant(image: Any, obj: Any) -> bool:
+    return obj.data.name in from_json(remembered(image, "onto"), list) and obj.data.library == image.library
+
+
+def _placed() -> set[Any]:
+    """The objects of scenes, and of collections that are instanced."""
+    instanced = {obj.instance_collection for obj in bpy.data.objects} - {None}
+    groups = [scene.objects for scene in bpy.data.scenes] + [collection.all_objects for collection in instanced]
+    return {obj for objects in groups for obj in objects}
+
+
+def _holds(file: Path, path: Path, image: Any) -> bool:
+    """Whether what will be written is an image's file; "Oak" and "oak" are one on some systems."""
+    tile = str(image.tiles[0].number) if image.source == "TILED" and image.tiles else "<UDIM>"
+    number = re.findall("[0-9]*$", path.stem)[0]
+    one, other = (each.with_name(each.name.replace("<UDIM>", tile)) for each in (file, path))
+    one = one.with_name(one.name.replace(FRAME, number))
+    return one == other or (one.exists() and other.exists() and one.samefile(other))
+
+
+def _images_on(obj: Any) -> Iterator[Any]:
+    """What an object wears of bakes and displacements."""
+    trees = [slot.material.node_tree for slot in obj.material_slots if slot.material and slot.material.node_tree]
+    names = (TEXTURE_NODE, HEIGHT_NODE)
+    yield from (node.image for tree in trees for name in names if (node := present_node(tree, name)))
+    modifier = present_modifier(obj, DISPLACE)
+    if modifier and modifier.texture and modifier.texture.type == "IMAGE":
+        yield modifier.texture.image

@@ -1,0 +1,176 @@
+"""Several textures of one bake: which objects they are for, what their files are called, which material wears which.
+
+The core parts textures by UDIM tiles, by materials and by objects where the tokens of the file's name say so.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.errors import InputError
+
+from ..outputs import load_image, load_tiles
+
+# The token in a file's name for each way to part textures, and what stands before it where we put it there.
+OBJECT, MATERIAL, TILE = "<OBJECT>", "<MATERIAL>", "<UDIM>"
+SPLITS = {"ONE": "", "MATERIAL": MATERIAL, "OBJECT": OBJECT}
+
+
+def with_tokens(path: Path, split: str, tiles: bool) -> Path:
+    """The texture's file with the tokens that its name lacks for textures that are parted so."""
+    name, token = path.stem, SPLITS[split]
+    if token and token not in name:
+        name += f"_{token}"
+    if tiles and TILE not in name:
+        name += f".{TILE}"
+    return path.with_name(name + path.suffix)
+
+
+def without_tokens(name: str) -> str:
+    """The name less its tokens and what stands before them."""
+    return re.sub("[._-]?<[A-Z]+>", "", name).strip("._-")
+
+
+def slot_labels(obj: Any) -> list[str]:
+    """For each of an object's material slots, by what name the core knows its material; there is always one.
+
+    The name that the material will have, where it has to be made.
+    """
+    return [_label(slot.material, obj) for slot in obj.material_slots] or [_label(None, obj)]
+
+
+def material_arrays(mesh: Any, obj: Any, polygons: NDArray[np.int32]) -> dict[str, Any]:
+    """The object's and its materials' names for the core's mesh file, of an evaluated mesh.
+
+    polygons: (T,) that of each triangle.
+    """
+    labels = [_label(material, obj) for material in mesh.materials] or [_label(None, obj)]
+    of_polygon = np.zeros(len(mesh.polygons), np.int32)
+    if "material_index" in mesh.attributes:  # many times as fast as by the triangles' own
+        mesh.attributes["material_index"].data.foreach_get("value", of_polygon)
+    numbers = of_polygon[polygons]
+    names = list(dict.fromkeys(labels))
+    slots = np.array([names.index(label) for label in labels], np.int32)
+    return {
+        "materials": np.array(names, str),
+        "triangle_material": slots[np.minimum(numbers, len(slots) - 1)],  # as Blender takes numbers beyond the last
+        "objects": np.array([obj.name], str),
+        "triangle_object": np.zeros_like(numbers),
+    }
+
+
+def _label(material: Any, obj: Any) -> str:
+    # Materials of other files may have the same name as one of this file's.
+    return material.name_full if material else f"MPS {obj.name}"
+
+
+@dataclass(frozen=True)
+class Onto:
+    """An object that was baked onto, by numbers and names that hold whatever happens to the file meanwhile.
+
+    uid: its session number. labels: of its slots, see :func:`slot_labels`. used: those of slots that have faces.
+    """
+
+    uid: int
+    name: str
+    uv_map: str
+    labels: tuple[str, ...]
+    used: frozenset[str]
+
+
+@dataclass(frozen=True)
+class Worn:
+    """What an object wears: an image for each of its material slots, and the UV map that they lie on."""
+
+    target: Any
+    images: tuple[Any, ...]
+    uv_map: str
+
+    def look(self, slot: int) -> tuple[Any, str]:
+        """What the material in a slot shows."""
+        return self.images[min(slot, len(self.images) - 1)], self.uv_map
+
+
+def loaded(
+    outputs: Sequence[Mapping[str, Any]], name: str, colours: str = ""
+) -> dict[tuple[str | None, str | None], Any]:
+    """The textures that the core tells of as images, by the names of the object and the material that they are for.
+
+    None stands for all of them; tiles are one image. colours: what the images are called, where they hold colours.
+    """
+    kinds: dict[tuple[str | None, str | None], list[Mapping[str, Any]]] = {}
+    for output in outputs:
+        kinds.setdefault((output.get("object"), output.get("material")), []).append(output)
+    images = {}
+    for key, files in kinds.items():
+        of_what = [*filter(None, key)] if any(key) else [name]
+        named = " ".join(filter(None, ["MPS", *of_what, colours]))
+        if "tile" in files[0]:
+            numbers = [file["tile"] for file in files]
+            images[key] = load_tiles(Path(files[0]["tiles"]), numbers, named, is_data=not colours)
+        else:
+            images[key] = load_image(Path(files[0]["output"]), named, is_data=not colours)
+    return images
+
+
+def worn_by(onto: Onto, target: Any, images: Mapping[tuple[str | None, str | None], Any]) -> Worn | None:
+    """What an object wears of the images; None where there is none for it."""
+    found = [
+        next((images[key] for key in images if key[0] in (None, onto.name) and key[1] in (None, label)), None)
+        for label in onto.labels
+    ]
+    some = next((image for image in found if image is not None), None)
+    return Worn(target, tuple(image or some for image in found), onto.uv_map) if some else None
+
+
+def own_materials(worn: Sequence[Worn]) -> dict[Any, tuple[Any, str]]:
+    """The objects' materials and what each shall show. Made where there are none; copied where they are another file's,
+    or others wear them who do not show the same."""
+    wearing = {one.target.data: one for one in worn}
+    copies: dict[tuple[Any, Any, str], Any] = {}
+    materials: dict[Any, tuple[Any, str]] = {}
+    for one in worn:
+        if not one.target.material_slots:
+            one.target.data.materials.append(None)
+        for number, slot in enumerate(one.target.material_slots):
+            look = one.look(number)
+            if slot.material is None:
+                slot.material = bpy.data.materials.new(f"MPS {one.target.name}")
+            elif (slot.material, *look) in copies:
+                slot.material = copies[slot.material, *look]
+            else:
+                before = slot.material
+                if before.library or _shown_otherwise(before, look, wearing):
+                    slot.material = before.copy()
+                copies[before, *look] = copies[slot.material, *look] = slot.material
+            if bpy.app.version < (5, 0):
+                slot.material.use_nodes = True
+            materials[slot.material] = look
+    return materials
+
+
+def _shown_otherwise(material: Any, look: tuple[Any, str], wearing: Mapping[Any, Worn]) -> bool:
+    return any(
+        slot.material == material and (other.data not in wearing or wearing[other.data].look(number) != look)
+        for other in bpy.data.objects
+        for number, slot in enumerate(other.material_slots)
+    )
+
+
+def refuse_shared(targets: Sequence[Any], split: str) -> None:
+    """Objects that share one mesh share its materials and cannot wear textures of their own."""
+    if split != "OBJECT":
+        return
+    first: dict[Any, Any] = {}
+    for target in targets:
+        if first.setdefault(target.data, target) != target:
+            raise InputError(
+                f'"{first[target.data].name}" and "{target.name}" share one mesh and with it their materials; make '
+                "them single-user (Object > Relations), or bake them into one texture"
+            )

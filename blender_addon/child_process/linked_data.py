@@ -1,0 +1,145 @@
+"""What a scene takes from outside its .blend file, and whether a copy of the file that lies elsewhere finds it.
+
+The open file holds in memory what a copy of it has to read again: libraries that were moved or deleted since. A photo
+without what they brought would look like one that is right.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from mpsnet_core.errors import InputError
+
+from ..rig.rig import view_layer
+
+# --- libraries --------------------------------------------------------------------------------------------------------
+
+
+def missing_links() -> list[str]:
+    """The linked data of the open file that was not found when it was opened, by type and full name."""
+    return sorted(_key(one) for one in bpy.data.user_map() if one.is_missing)
+
+
+def refuse_lost_links(scene: Any, before: list[str]) -> None:
+    """Raises InputError where the scene's photo uses linked data that is missing here and was not `before`."""
+    lost = [one for one in _used(scene) if one.is_missing and one.library and _key(one) not in before]
+    for one in sorted(lost, key=_key):
+        library = Path(bpy.path.abspath(one.library.filepath, library=one.library.library)).resolve()
+        if library.is_file():
+            raise InputError(
+                f'"{one.name}" is no longer in the library {library}, from which this scene takes it; put it back, or '
+                "make it local"
+            )
+        raise InputError(
+            f'the library {library}, from which this scene takes "{one.name}", was not found; put it back, find it '
+            "with File > External Data > Find Missing Files, or make its objects local"
+        )
+
+
+def _key(one: bpy.types.ID) -> str:
+    return f"{one.id_type} {one.name_full}"
+
+
+def _used(scene: Any) -> set[Any]:
+    """All that a photo of the scene may show: what the view layer's render shows, and what that uses in turn."""
+    uses = defaultdict(set)
+    for one, users in bpy.data.user_map().items():
+        for user in users:
+            uses[user].add(one)
+    found: set[Any] = set()
+    new = {*_shown(view_layer(scene).layer_collection), *(light.object for light in scene.mps.rig.lights)}
+    while new := new - found - {None}:
+        found |= new
+        new = {one for user in new for one in uses[user]}
+    return found
+
+
+def _shown(layer: Any) -> Iterator[Any]:
+    """Objects of a view layer that its render shows, and collections that would bring some but are missing."""
+    if layer.collection.hide_render:
+        return
+    if not layer.exclude:
+        if layer.collection.is_missing:
+            yield layer.collection
+        yield from (obj for obj in layer.collection.objects if not obj.hide_render)
+    for child in layer.children:
+        yield from _shown(child)
+
+
+# --- single files -----------------------------------------------------------------------------------------------------
+
+
+def is_gone(one: Any) -> bool:
+    """Whether the file of an image, a font, a volume or a cache is neither on the disk nor packed."""
+    if not one.filepath or one.filepath == "<builtin>" or getattr(one, "packed_file", None):
+        return False
+    return not Path(bpy.path.abspath(one.filepath, library=one.library)).is_file()
+
+
+def not_found(scene: Any) -> list[str]:
+    """A sentence where single files that a photo of the scene may show are gone; else nothing."""
+    kinds = (bpy.types.Image, bpy.types.VectorFont, bpy.types.Volume, bpy.types.CacheFile)
+    single = [one for one in _used(scene) if isinstance(one, kinds) and _is_one_file(one)]
+    names = sorted({Path(bpy.path.abspath(one.filepath)).name for one in single if is_gone(one)})
+    return [f"not found, and what they bring may be missing from the render: {', '.join(names)}"] if names else []
+
+
+def _is_one_file(one: Any) -> bool:
+    return one.source == "FILE" if isinstance(one, bpy.types.Image) else not getattr(one, "is_sequence", False)
+
+
+# --- bakes of geometry nodes ------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class BakeFolder:
+    """A folder that a modifier's bakes were put into by hand. bake: its place in the modifier's list; -1: of them all.
+
+    place: absolute.
+    """
+
+    owner: str
+    modifier: str
+    bake: int
+    place: str
+
+
+def bake_folders(besides: Path) -> list[BakeFolder]:
+    """The folders that the open file names by where they lie from it, but for those in `besides`."""
+    found = []
+    for obj in bpy.data.objects:
+        if obj.library is not None:
+            continue
+        for modifier in obj.modifiers:
+            for number, (one, name) in _named(modifier).items():
+                place = Path(bpy.path.abspath(getattr(one, name)))
+                if getattr(one, name).startswith("//") and not place.is_relative_to(besides):
+                    found.append(BakeFolder(obj.name, modifier.name, number, str(place)))
+    return found
+
+
+def name_bake_folders(folders: list[BakeFolder]) -> bool:
+    """Let a copy of the file name the folders as they were found; whether there was one that it did not.
+
+    Blender 4.5 leaves them as they are when it saves elsewhere, and takes no notice of them once it has looked.
+    """
+    changed = False
+    for folder in folders:
+        obj = bpy.data.objects[folder.owner]
+        one, name = _named(obj.modifiers[folder.modifier])[folder.bake]
+        if Path(bpy.path.abspath(getattr(one, name))).resolve() != Path(folder.place).resolve():
+            setattr(one, name, folder.place)
+            changed = True
+    return changed
+
+
+def _named(modifier: Any) -> dict[int, tuple[Any, str]]:
+    """What names folders, with the property that does."""
+    if modifier.type != "NODES":
+        return {}
+    own = {number: (bake, "directory") for number, bake in enumerate(modifier.bakes) if bake.use_custom_path}
+    return {-1: (modifier, "bake_directory"), **own}

@@ -1,0 +1,179 @@
+"""How an object wears heights: by its material or by modifiers."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import bpy
+
+from mpsnet_core.errors import InputError
+
+from ..bake.mesh_file import DISPLACE, MODIFIERS, SUBDIVISION, TRIAL, present_modifier
+from ..nodes import BEFORE_NODE, DISPLACEMENT_NODE, HEIGHT_NODE, NORMAL_NODE, UV_NODE, own_node, present_node
+
+# Kept with a material: its displacement method before it wore heights.
+_METHOD_BEFORE = "mpsnet_displacement_method"
+
+# --- modifiers --------------------------------------------------------------------------------------------------------
+
+
+def subdivide(target: Any, kind: str, levels: int, rendered: int, name: str = SUBDIVISION) -> None:
+    """Give the object a Subdivision modifier, or the one of an earlier run these settings; none for no levels.
+
+    levels, rendered: in the viewport and in renders.
+    """
+    if not levels:
+        no_modifier(target, name)
+        return
+    modifier = present_modifier(target, name)
+    if modifier is None:
+        modifier = _new_modifier(target, name)
+        if present_modifier(target, DISPLACE):  # which moves the vertices that there are by then
+            target.modifiers.move(len(target.modifiers) - 1, target.modifiers.find(DISPLACE))
+    modifier.subdivision_type = kind
+    modifier.levels, modifier.render_levels = levels, rendered
+    # The texture was baked onto the UVs as they are.
+    modifier.uv_smooth = "NONE"
+    modifier.use_custom_normals = False
+
+
+@contextmanager
+def subdivided(target: Any, kind: str, levels: int) -> Iterator[None]:
+    """Within, the object is subdivided by one more modifier."""
+    subdivide(target, kind, levels, levels, TRIAL)
+    try:
+        yield
+    finally:
+        no_modifier(target, TRIAL)
+
+
+def move_by_modifier(target: Any, image: Any, uv_map: str, strength: float, midlevel: float) -> None:
+    """Give the object a Displace modifier after all others, or the one of an earlier run these heights.
+
+    strength, midlevel: the heights' in the object's own units.
+    """
+    modifier = present_modifier(target, DISPLACE) or _new_modifier(target, DISPLACE)
+    texture = modifier.texture
+    # A duplicate of the object has the same texture.
+    if texture is None or texture.type != "IMAGE" or texture.users > 1:
+        texture = modifier.texture = bpy.data.textures.new(f"MPS {target.name} Height", "IMAGE")
+    texture.image, texture.extension = image, "EXTEND"
+    texture.use_clamp = False  # heights go below 0
+    modifier.texture_coords, modifier.uv_layer = "UV", uv_map
+    modifier.direction, modifier.space = "NORMAL", "LOCAL"
+    modifier.strength, modifier.mid_level = strength, midlevel
+
+
+def no_modifier(target: Any, name: str) -> None:
+    """Take a modifier off the object, where it has one of that name."""
+    modifier = present_modifier(target, name)
+    if modifier is not None:
+        target.modifiers.remove(modifier)
+
+
+def _new_modifier(target: Any, name: str) -> Any:
+    """A modifier of that name after all others; one of another kind gives the name up."""
+    if name in target.modifiers:
+        target.modifiers[name].name = "Modifier"
+    return target.modifiers.new(name, MODIFIERS[name])
+
+
+# --- materials --------------------------------------------------------------------------------------------------------
+
+
+def wear_heights(material: Any, image: Any, uv_map: str, strength: float, midlevel: float) -> list[str]:
+    """Give a material the heights as its displacement, in the object's own units; nodes of an earlier run are used
+    again.
+
+    Gives the name of the node that displaced it until now, an earlier run's apart; :func:`take_heights_off` gives that
+    its place back.
+
+    Raises InputError where the material has no output.
+    """
+    tree, output = material.node_tree, _output_of(material)
+    if output is None:
+        raise InputError(f'material "{material.name}" has no Material Output; add one to it')
+    left, top = output.location.x, output.location.y - 700
+
+    def node(name: str, kind: str, steps: int) -> Any:
+        return own_node(tree, name, kind, left - 300 * steps, top)
+
+    uv, heights = node(UV_NODE, "ShaderNodeUVMap", 3), node(HEIGHT_NODE, "ShaderNodeTexImage", 2)
+    displacement = node(DISPLACEMENT_NODE, "ShaderNodeDisplacement", 1)
+    uv.uv_map, heights.image = uv_map, image
+    # As modifiers do: along the object's own normals, turned and stretched with it.
+    displacement.space = "OBJECT"
+    displacement.inputs["Midlevel"].default_value = midlevel
+    displacement.inputs["Scale"].default_value = strength
+    tree.links.new(uv.outputs["UV"], heights.inputs["Vector"])
+    tree.links.new(heights.outputs["Color"], displacement.inputs["Height"])
+    before = [link.from_socket for link in output.inputs["Displacement"].links if link.from_node != displacement]
+    for socket in before:  # a node that holds the link, so that it holds whatever is renamed
+        tree.links.new(socket, own_node(tree, BEFORE_NODE, "NodeReroute", left, top).inputs[0])
+    if before or _METHOD_BEFORE not in material:
+        material[_METHOD_BEFORE] = material.displacement_method
+    tree.links.new(displacement.outputs["Displacement"], output.inputs["Displacement"])
+    material.displacement_method = "BOTH"
+    return [socket.node.name for socket in before]
+
+
+def take_heights_off(material: Any) -> list[str]:
+    """Take the heights off a material, and give what displaced it before its place back; gives that node's name."""
+    tree, output = material.node_tree, _output_of(material)
+    for node in [present_node(tree, name) for name in (DISPLACEMENT_NODE, HEIGHT_NODE)]:
+        if node is not None:
+            tree.nodes.remove(node)
+    method, kept = material.pop(_METHOD_BEFORE, None), present_node(tree, BEFORE_NODE)
+    before = [link.from_socket for link in kept.inputs[0].links] if kept is not None else []
+    if kept is not None:
+        tree.nodes.remove(kept)
+    if output is None or output.inputs["Displacement"].is_linked:  # somebody has linked another since
+        return []
+    if isinstance(method, str) and method in material.bl_rna.properties["displacement_method"].enum_items:
+        material.displacement_method = method
+    for socket in before:
+        tree.links.new(socket, output.inputs["Displacement"])
+    return [socket.node.name for socket in before]
+
+
+def _output_of(material: Any) -> Any:
+    return material.node_tree.get_output_node("CYCLES") or material.node_tree.get_output_node("ALL")
+
+
+def undisplaced(target: Any) -> bool:
+    """Take off what :mod:`.displace` gave an object, before it wears another normal map; True where there was some.
+
+    Left on where the normal map was left on beside it.
+    """
+    materials = [slot.material for slot in target.material_slots if slot.material and slot.material.node_tree]
+    displacing = [material for material in materials if present_node(material.node_tree, DISPLACEMENT_NODE)]
+    if (not present_modifier(target, DISPLACE) and not displacing) or any(map(_shows_normals, materials)):
+        return False
+    for name in (DISPLACE, SUBDIVISION):
+        no_modifier(target, name)
+    for material in displacing:
+        take_heights_off(material)
+    return True
+
+
+def _shows_normals(material: Any) -> bool:
+    """Whether a baked normal map in tangent space is linked to a shader."""
+    normal = present_node(material.node_tree, NORMAL_NODE)
+    return normal is not None and normal.space == "TANGENT" and normal.outputs["Normal"].is_linked
+
+
+def show_normals(material: Any, shown: bool) -> bool:
+    """Link the baked normal map to the material's shaders, or take it off; True where it was there and is off now."""
+    tree = material.node_tree
+    normal = present_node(tree, NORMAL_NODE)
+    if normal is None:
+        return False
+    for shader in tree.nodes:
+        if not shader.type.startswith("BSDF") or "Normal" not in shader.inputs:
+            continue
+        socket = shader.inputs["Normal"]
+        if shown and not socket.is_linked:
+            tree.links.new(normal.outputs["Normal"], socket)
+        for link in [link for link in socket.links if link.from_node == normal and not shown]:
+            tree.links.remove(link)
+    return not shown

@@ -1,0 +1,159 @@
+"""The displacement: the baked texture's heights move the target's surface, by its material or by modifiers."""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import bpy
+from mathutils import Matrix
+
+from mpsnet_core.errors import InputError
+
+from ..bake.bake import BakesOnto
+from ..bake.mesh_file import DISPLACE, begin_mesh
+from ..bake.texture_owners import keep_wearers
+from ..bake.texture_sets import Worn, own_materials, with_tokens
+from ..nodes import TEXTURE_NODE, present_node
+from ..operators import same
+from ..outputs import ending_wins, fine_preview, image_file, load_image, load_tiles, output_path, remembered, tile_files
+from ..provenance import Ingredients, chosen, stamp
+from ..settings.declared import take_given
+from ..settings.displace import DisplaceSettings
+from .assign_displacement import (
+    move_by_modifier,
+    no_modifier,
+    show_normals,
+    subdivide,
+    subdivided,
+    take_heights_off,
+    wear_heights,
+)
+
+# Vertices of a subdivided mesh lie on the limit surface at any level; a finer one tells hardly more.
+MOST_BASE_LEVELS = 3
+
+
+class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
+    """Make the baked texture's heights on the target's UVs and displace its surface by them"""
+
+    bl_idname = "mps.displace"
+    bl_label = "Displace Object"
+    bl_options = {"UNDO"}
+
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        return "" if context.scene.mps.bake.image else "Bake the texture first"
+
+    @classmethod
+    def made_from(cls, context: Any) -> Ingredients:
+        scene = context.scene.mps
+        target = scene.bake.target
+        worn = _textures(slot.material for slot in target.material_slots) if target is not None else set()
+        texture = worn.pop() if len(worn) == 1 else scene.bake.image
+        return {"Texture": stamp(texture), **chosen(DisplaceSettings, scene.displace)}
+
+    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+        bake = context.scene.mps.bake
+        take_given(self, DisplaceSettings, context.scene.mps.displace)
+        target = self.baked_object(context)
+        image = _texture_of(target) or bake.image
+        if image.source == "SEQUENCE":
+            raise InputError("heights are made of one texture, not of a sequence; bake a single one")
+        tiled = image.source == "TILED"
+        texture = (tile_files if tiled else image_file)(image, "texture", "bake it first")
+        self._target = target.session_uid
+        path = output_path(self.output, f"{target.name}_height", self.file_format)
+        self._output = with_tokens(path, "ONE", tiled)
+        self._notes = ending_wins(self._output, context.scene.mps.displace)
+        self._size = _size(target)
+        context.view_layer.update()
+        # In the object's own axes, as large as in the world: modifiers move vertices there, however it is stretched.
+        turn = Matrix.Scale(self._size, 4) @ target.matrix_world.inverted()
+        depsgraph = context.evaluated_depsgraph_get()
+        begun = begin_mesh(folder / "mesh.npz", target, depsgraph, bake.uv_map, turn)
+        self.later(begun.slices)
+        self._uv_map = begun.uv_map
+        self._space = remembered(image, "space") or bake.space
+        convention = remembered(image, "convention") or bake.convention
+        arguments = ["integrate", str(texture), "--uvs", str(folder / "mesh.npz"), "--height", str(self._output)]
+        arguments += ["--space", self._space.lower(), "--convention", convention.lower()]
+        arguments += ["--scale", f"{self.scale:g}", "--margin", str(bake.margin)]
+        if self.levels:
+            with subdivided(target, self.subdivision, min(self.levels, MOST_BASE_LEVELS)):
+                depsgraph = context.evaluated_depsgraph_get()
+                self.later(begin_mesh(folder / "base.npz", target, depsgraph, self._uv_map, turn).slices)
+            arguments += ["--base", str(folder / "base.npz")]
+        return arguments, [self._output]
+
+    def written_for(self) -> dict[Path, list[Any]]:
+        return {self._output: [same(bpy.data.objects, self._target)]}
+
+    def finish(self, context: Any, result: dict[str, Any]) -> None:
+        scene = self.scene(f"its heights are in {self._output}")
+        target = same(bpy.data.objects, self._target)
+        if target is None:
+            raise InputError(f"the target is gone; its heights are in {self._output}")
+        name = f"MPS {target.name} Height"
+        if result["tiles"]:
+            image = load_tiles(self._output, result["tiles"], name, is_data=True)
+        else:
+            image = load_image(self._output, name, is_data=True)
+            fine_preview(image, stretched=True)
+        self.made(image)
+        scene.mps.displace.image = image
+        height = result["height"]
+        strength, midlevel = height["strength"] / self._size, height["midlevel"]
+        subdivide(target, self.subdivision, self.levels, self.levels)
+        by_material = self.method == "MATERIAL"
+        if by_material:
+            no_modifier(target, DISPLACE)
+        else:
+            move_by_modifier(target, image, self._uv_map, strength, midlevel)
+        normals = self.keep_normals or self._space == "OBJECT"
+        taken_off, told = False, []
+        worn = [Worn(target, (image,), self._uv_map)]
+        keep_wearers(worn)
+        for material in own_materials(worn):
+            if by_material:
+                for name in wear_heights(material, image, self._uv_map, strength, midlevel):
+                    told.append(f'The heights took the place of "{name}" in material "{material.name}"')
+            else:
+                for name in take_heights_off(material):
+                    told.append(f'Material "{material.name}" is displaced by "{name}" again')
+            taken_off |= show_normals(material, normals)
+        for sentence in told:
+            self.report({"INFO"}, sentence)
+        off = "; the normal map is off, it would show the relief twice" if taken_off else ""
+        self.report(
+            {"INFO"},
+            f"Displaced by {height['lowest']:.3g} to {height['highest']:.3g}; heights written to {self._output}{off}",
+        )
+
+
+def _texture_of(target: Any) -> Any:
+    """The baked texture that an object wears, None where it wears none.
+
+    Raises InputError where it wears several, or none while others wear those that there are.
+    """
+    worn = _textures(slot.material for slot in target.material_slots)
+    if len(worn) > 1:
+        raise InputError(f'the materials of "{target.name}" wear several textures; bake them into one')
+    if not worn and _textures(bpy.data.materials):
+        raise InputError(f'"{target.name}" wears no baked texture; choose the object that it was baked onto')
+    return next(iter(worn), None)
+
+
+def _textures(materials: Iterable[Any]) -> set[Any]:
+    trees = (material.node_tree for material in materials if material and material.node_tree)
+    return {node.image for tree in trees if (node := present_node(tree, TEXTURE_NODE))} - {None}
+
+
+def _size(target: Any) -> float:
+    """How much larger than itself the object stands in the world; the mean where it is stretched."""
+    size: float = abs(target.matrix_world.to_3x3().determinant()) ** (1 / 3)
+    if size < 1e-9:
+        raise InputError(f'"{target.name}" is scaled to nothing in one direction; give it a scale above 0')
+    return size
+
+
+register, unregister = bpy.utils.register_classes_factory((MPS_OT_displace,))

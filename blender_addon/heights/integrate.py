@@ -1,0 +1,134 @@
+"""The heights of what the photo shows: as a file, as a mesh where the camera saw it, and as pictures."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Vector
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.relief.height_names import scale_beside
+from mpsnet_core.scene.camera import read_camera
+
+from ..estimate.estimate import seen_through
+from ..operators import RunsCore
+from ..outputs import ending_wins, fine_preview, image_file, load_image, output_path, remembered
+from ..provenance import Ingredients, chosen, stamp
+from ..rig.several_rigs import result_name, rig_at
+from ..settings.declared import take_given
+from ..settings.heights import HeightsSettings
+
+PICTURES = {"curvature": "Curvature", "occlusion": "Ambient Occlusion", "relit": "Relit"}
+
+
+class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
+    """Make heights of the estimated normals: a file, a mesh where the camera saw the object, pictures of its shape"""
+
+    bl_idname = "mps.integrate"
+    bl_label = "Make Height"
+    bl_options = {"UNDO"}
+
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        return "" if context.scene.mps.estimate.image else "Estimate the normals first"
+
+    @classmethod
+    def made_from(cls, context: Any) -> Ingredients:
+        scene = context.scene.mps
+        return {"Normals": stamp(scene.estimate.image), **chosen(HeightsSettings, scene.heights)}
+
+    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+        scene = context.scene
+        take_given(self, HeightsSettings, scene.mps.heights)
+        image = scene.mps.estimate.image
+        if image.source == "SEQUENCE":
+            raise InputError("the normals are a sequence, and heights are made of one photo's; estimate one photo")
+        normals = image_file(image, "normal map", "estimate the normals first")
+        self._output = output_path(self.output, result_name(scene, "height"), self.file_format)
+        self._notes = ending_wins(self._output, scene.mps.heights)
+        self._pictures = {
+            what: self._output.with_name(f"{self._output.stem}_{what}.png") for what in PICTURES if getattr(self, what)
+        }
+        arguments = ["integrate", str(normals), "--method", self.method.lower(), "--height", str(self._output)]
+        arguments += self._place(context, image, folder)
+        for what, picture in self._pictures.items():
+            arguments += [f"--{what}", str(picture)]
+        outputs = [self._output, *self._pictures.values()]
+        self._mesh = self._output.with_suffix(".ply") if self.mesh else None
+        if self._mesh is not None:
+            arguments += ["--mesh", str(self._mesh), "--faces", str(self.faces)]
+            outputs.append(self._mesh)
+        # Heights have their scale beside them: where that is not, nothing here is of earlier heights.
+        foreign = [file for file in outputs[1:] if file.exists()]
+        if foreign and not scale_beside(self._output).exists():
+            raise InputError(
+                f"{foreign[0]} is there already and was not made with {self._output.name}; move it, or give the "
+                "heights another name"
+            )
+        return arguments, outputs
+
+    def _place(self, context: Any, image: Any, folder: Path) -> list[str]:
+        """The camera that took the photo, and how far the object is from it."""
+        scene = context.scene
+        lens = scene.mps.estimate.lens
+        with suppress(ValueError):
+            lens = float(remembered(image, "lens") or lens)
+        seen = seen_through(scene, image, lens, folder)
+        if self.distance:
+            return [*seen, "--distance", f"{self.distance:.9g}"]
+        target = scene.mps.bake.target or context.view_layer.objects.active
+        if seen[:1] == ["--camera"] and target is not None and target.type == "MESH":
+            middle = target.matrix_world @ (sum(map(Vector, target.bound_box), Vector()) / 8)
+            depth = float(read_camera(seen[1]).depth_row() @ np.array([*middle, 1]))
+            seen += ["--distance", f"{depth:.9g}"] if depth > 0 else []
+        return seen
+
+    def finish(self, context: Any, result: dict[str, Any]) -> None:
+        result_is = f"its heights are in {self._output}"
+        scene = self.scene(result_is)
+        estimate = rig_at(scene, self._rig_place, result_is).estimate
+        image = load_image(self._output, "MPS Height", is_data=True)
+        self.made(image)
+        fine_preview(image, stretched=True)
+        scene.mps.heights.image = image
+        for what, picture in self._pictures.items():
+            load_image(picture, f"MPS {PICTURES[what]}", is_data=what != "relit")
+        if self._mesh is not None:
+            estimate.mesh = _bring_in(scene, self._mesh, estimate.mesh)
+        self.report({"INFO"}, f"Heights written to {self._output}")
+
+
+def _bring_in(scene: Any, file: Path, earlier: Any) -> Any:
+    """The mesh as an object of the scene, in the place of that of an earlier run, whose materials it keeps."""
+    name = "MPS Surface"
+    known, layer = set(bpy.data.objects), bpy.context.view_layer
+    selected, active = list(layer.objects.selected), layer.objects.active
+    bpy.ops.wm.ply_import(filepath=str(file), forward_axis="Y", up_axis="Z", import_colors="NONE")
+    (made,) = set(bpy.data.objects) - known
+    made.data.shade_smooth()
+    # The importer takes the open scene, and selects; what the next step works on stays what it was.
+    for collection in made.users_collection:
+        collection.objects.unlink(made)
+    scene.collection.objects.link(made)
+    if made.name in layer.objects:
+        made.select_set(False)
+    layer.objects.active = active
+    for obj in selected:
+        obj.select_set(True)
+    if earlier is None or scene.objects.get(earlier.name) != earlier or earlier.type != "MESH":
+        made.name = made.data.name = name
+        return made
+    before, earlier.data = earlier.data, made.data
+    for material in before.materials:
+        earlier.data.materials.append(material)
+    bpy.data.objects.remove(made)
+    if not before.users:
+        bpy.data.meshes.remove(before)
+    earlier.data.name = name
+    return earlier
+
+
+register, unregister = bpy.utils.register_classes_factory((MPS_OT_integrate,))

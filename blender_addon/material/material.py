@@ -1,0 +1,208 @@
+"""Flat materials: a photo of cloth or leather becomes a Blender material that repeats, on a plane of its true size."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.files import makeable_folder
+from mpsnet_core.scene.camera import read_camera
+
+from ..estimate.estimate import MPS_OT_estimate, lit_and_seen, network, unmasked_reading
+from ..heights.assign_displacement import no_modifier, subdivide
+from ..nodes import own_node
+from ..operators import RunsCore
+from ..outputs import asked_place, fine_preview, image_file, load_image, output_folder, picture_size, remembered
+from ..provenance import Ingredients, chosen, stamp
+from ..settings.declared import take_given
+from ..settings.estimate import EstimateSettings
+from ..settings.material import MaterialSettings
+
+# What Blender has to know of each picture: whether its colours are numbers.
+_IS_DATA = {"albedo": False, "normal": True, "height": True}
+# The modifier that gives the displaced plane its faces; a side has two to this power of them.
+_FACES = "MPS Faces"
+_SHOWN_LEVELS, _RENDERED_LEVELS = 6, 9
+# Kept with a material that this step made: the normals that it shows, by which it is known when they are made again.
+_MADE_OF = "mpsnet_flat_normals"
+
+
+class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
+    """Make a seamless material of the photo, which shows cloth, leather or bark that lies flat and fills it.
+
+    Writes normals, height, curvature and albedo, and shows the material on a plane of its true size"""
+
+    bl_idname = "mps.make_material"
+    bl_label = "Make Flat Material"
+    bl_options = {"UNDO"}
+
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        return MPS_OT_estimate.lacks(context)
+
+    @classmethod
+    def made_from(cls, context: Any) -> Ingredients:
+        scene = context.scene.mps
+        return {
+            "Photo": stamp(scene.photo.image),
+            **chosen(MaterialSettings, scene.material, without=("output",)),
+            **chosen(EstimateSettings, scene.estimate, only=("encoding", "dark", "flat", "rig_file", "lens")),
+        }
+
+    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+        scene = context.scene
+        take_given(self, MaterialSettings, scene.mps.material)
+        image = scene.mps.photo.image
+        if image.source in {"SEQUENCE", "MOVIE"}:
+            raise InputError("a flat material is made of one photo, and this is a sequence; open one of its frames")
+        photo = image_file(image, "photo", "render or open one first")
+        output = asked_place(self.output) if self.output else output_folder() / f"{photo.stem}_material"
+        makeable_folder(output, "material")
+        width, height = picture_size(image)
+        arguments = ["material", str(photo), *lit_and_seen(context, image, folder, self.later)]
+        arguments += [*unmasked_reading(scene.mps.estimate), *network(self)]
+        arguments += ["--width", f"{self._width(scene, image, folder):.9g}m", "--overlap", f"{self.overlap:g}"]
+        across, down = width - self.crop_left - self.crop_right, height - self.crop_top - self.crop_bottom
+        if min(across, down) < 1:
+            raise InputError(f"the crop leaves nothing of the photo's {width} x {height} pixels; leave out less")
+        if (across, down) != (width, height):
+            arguments.append(f"--crop={self.crop_left},{self.crop_top},{across},{down}")
+        arguments += ["--bend", str(self.bend), *(["--size", str(self.size)] if self.size else [])]
+        self._output = output
+        return [*arguments, *(["--grey"] if self.grey else []), "--output", str(output)], [output / "pictures"]
+
+    def _width(self, scene: Any, image: Any, folder: Path) -> float:
+        """What the photo's width measures, in metres."""
+        width = self.width
+        taken_with = remembered(image, "camera")
+        self._notes = [] if width else ["the material is as large as the photo's camera tells, as no width is given"]
+        if not width and taken_with is not None:
+            (folder / "taken.json").write_text(taken_with, encoding="utf-8")
+            camera = read_camera(folder / "taken.json")
+            width = camera.width / float(camera.focal[0]) if camera.projection == "orthographic" else 0.0
+        if not width:
+            raise InputError("nothing tells how large the material is; give what the photo's width measures")
+        return float(width * scene.unit_settings.scale_length)
+
+    def finish(self, context: Any, result: dict[str, Any]) -> None:
+        scene = self.scene(f"its material is in {self._output}")
+        settings = scene.mps.material
+        files = {what: Path(file) for what, file in result["files"].items()}
+        name = files["material"].stem.removesuffix("_material")
+        told = json.loads(files["material"].read_text(encoding="utf-8"))
+        images = {what: load_image(files[what], f"{name} {what}", is_data=data) for what, data in _IS_DATA.items()}
+        millimetre = 0.001 / scene.unit_settings.scale_length
+        size = told["width_mm"] * millimetre, told["height_mm"] * millimetre
+        material = _material_of(images["normal"], f"MPS {name}")
+        plane = settings.plane
+        if plane is None or scene.objects.get(plane.name) != plane or list(plane.data.materials) != [material]:
+            settings.plane = plane = _new_plane(scene, material, self.repeats * size[0])
+        _lay(plane.data, size, self.repeats)
+        black, white = told["height_of_black_mm"] * millimetre, told["height_of_white_mm"] * millimetre
+        wear_pictures(material, images, black, white, self.relief)
+        if self.relief != "DISPLACEMENT":
+            no_modifier(plane, _FACES)
+        elif _FACES not in plane.modifiers:  # else it may have been set to fewer
+            subdivide(plane, "SIMPLE", _SHOWN_LEVELS, _RENDERED_LEVELS, _FACES)
+        settings.image = preview = load_image(files["preview"], f"{name} preview", is_data=False)
+        fine_preview(preview)
+        self.made(preview)
+        settings.told = (
+            f"{told['width_mm']:.4g} x {told['height_mm']:.4g} mm, {result['relief_mm']:.3g} mm deep. "
+            f"Seam {result['seam']:.2f}, where 1 is none"
+        )
+        self.report({"INFO"}, f"Material written to {self._output}: {settings.told}")
+
+
+def _material_of(normals: Any, name: str) -> Any:
+    """The material that this step made of these normals, a new one where there is none: all others are the artist's."""
+    for material in bpy.data.materials:
+        if material.get(_MADE_OF) == normals and not material.library:
+            return material
+    material = bpy.data.materials.new(name)
+    if bpy.app.version < (5, 0):
+        material.use_nodes = True
+    material.node_tree.nodes.clear()
+    material[_MADE_OF] = normals
+    return material
+
+
+def _new_plane(scene: Any, material: Any, width: float) -> Any:
+    """A plane at the scene's cursor, or to the right of what this step has laid there before."""
+    plane = bpy.data.objects.new(material.name, bpy.data.meshes.new(material.name))
+    plane.location = scene.cursor.location
+    laid = [
+        other
+        for other in scene.objects
+        if other.type == "MESH" and any(worn and _MADE_OF in worn for worn in other.data.materials)
+    ]
+    while near := next((one for one in laid if (one.location - plane.location).length < 1e-6), None):
+        plane.location.x += 0.55 * (near.dimensions.x + width)
+    plane.data.materials.append(material)
+    scene.collection.objects.link(plane)
+    return plane
+
+
+def _lay(mesh: Any, size: tuple[float, float], repeats: int) -> None:
+    """Make a mesh a rectangle of so many tiles each way, its UVs one tile a unit."""
+    across, down = (repeats * length / 2 for length in size)
+    mesh.clear_geometry()
+    mesh.from_pydata([(-across, -down, 0), (across, -down, 0), (across, down, 0), (-across, down, 0)], [], [range(4)])
+    layer = mesh.uv_layers.new(name="UVMap")
+    layer.uv.foreach_set("vector", [0, 0, repeats, 0, repeats, repeats, 0, repeats])
+    # On flat faces Cycles would add the bump to the displacement that is there already.
+    mesh.polygons.foreach_set("use_smooth", [True])
+    mesh.update()
+
+
+def wear_pictures(material: Any, images: dict[str, Any], black: float, white: float, relief: str) -> None:
+    """Give a material that this step made the pictures "albedo", "normal" and "height"; other nodes in it stay.
+
+    black, white: heights of the height's picture, in the scene's unit. relief: "NORMAL", or "DISPLACEMENT".
+    """
+    links = material.node_tree.links
+
+    def node(kind: str, name: str, x: float, y: float) -> Any:
+        return own_node(material.node_tree, name, kind, x, y)
+
+    output = node("ShaderNodeOutputMaterial", "Material Output", 400, 0)
+    shader = node("ShaderNodeBsdfPrincipled", "Principled BSDF", 0, 0)
+    links.new(shader.outputs["BSDF"], output.inputs["Surface"])
+    uv = node("ShaderNodeUVMap", "MPS Flat UV", -1000, 0)
+    uv.uv_map = "UVMap"
+    pictures = {}
+    for row, (what, image) in enumerate(images.items()):
+        pictures[what] = texture = node("ShaderNodeTexImage", f"MPS Flat {what.title()}", -700, -320 * row)
+        texture.image = image
+        texture.interpolation = "Cubic" if what == "height" else "Linear"
+        links.new(uv.outputs["UV"], texture.inputs["Vector"])
+    links.new(pictures["albedo"].outputs["Color"], shader.inputs["Base Color"])
+    normal = node("ShaderNodeNormalMap", "MPS Flat Normal Map", -300, -320)
+    normal.uv_map = "UVMap"
+    links.new(pictures["normal"].outputs["Color"], normal.inputs["Color"])
+    displacement = node("ShaderNodeDisplacement", "MPS Flat Displacement", 0, -640)
+    displacement.inputs["Scale"].default_value = white - black
+    displacement.inputs["Midlevel"].default_value = -black / (white - black) if white > black else 0.5
+    links.new(pictures["height"].outputs["Color"], displacement.inputs["Height"])
+    # One of them: both would show the relief twice.
+    for shown, end in (
+        (normal.outputs["Normal"], shader.inputs["Normal"]),
+        (displacement.outputs["Displacement"], output.inputs["Displacement"]),
+    ):
+        if (shown.node == normal) == (relief == "NORMAL"):
+            links.new(shown, end)
+        else:
+            for link in end.links:
+                links.remove(link)
+    material.displacement_method = "BUMP" if relief == "NORMAL" else "BOTH"
+
+
+def register() -> None:
+    bpy.utils.register_class(MPS_OT_make_material)
+
+
+def unregister() -> None:
+    bpy.utils.unregister_class(MPS_OT_make_material)

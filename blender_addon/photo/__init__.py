@@ -1,0 +1,1 @@
+"""Step 2: the photo, rendered under the rig or opened."""

@@ -1,0 +1,280 @@
+"""Rendering beside the live window: a second Blender without a window renders a copy of the file.
+
+It is the one way that is safe in all versions. Blender's own render job reads the scene while people go on working in
+it: an edit, an undo or another file then ends or crashes it, and the frames of an animation, the lights that are taken
+out in turn and the scene that is rendered would all be seen, saved and undone in the person's own file. A copy is as
+the file was when the button was pressed whatever happens to that, nothing has to be put back, and ending the process is
+all that cancelling takes. The price is a start of two or three seconds, and the scene is in memory twice.
+
+`written_job` and `rendering_blender` are for the Blender that asks, `render_job` for the one that renders. That answers
+as the core does, by JSON on stdout: ``{"progress": 0.4, "message": "..."}``, then ``{"result": {...}}`` or ``{"error":
+"..."}``.
+"""
+
+import json
+import os
+import re
+import shutil
+import signal
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import IO, Any
+
+import bpy
+import numpy as np
+from bpy.app.handlers import render_stats
+
+from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_CANCELLED, EXIT_UNFORESEEN
+from mpsnet_core.errors import Cancelled, InputError
+from mpsnet_core.io.crash_log import unforeseen
+
+from ..child_process.core_process import Program
+from ..child_process.file_copy import save_copy
+from ..child_process.linked_data import (
+    BakeFolder,
+    bake_folders,
+    is_gone,
+    missing_links,
+    name_bake_folders,
+    refuse_lost_links,
+)
+from ..child_process.trust import asked_for_this_run, kept_back
+from ..operators import told_by
+from .studio import Told, What, render
+
+JOB_FILE = "render.json"
+TELL_SECONDS = 0.5
+
+_REMAINING = re.compile(r"Remaining: ?(?:(\d+):)?(\d+):(\d+\.\d+)")  # as Cycles writes hours, minutes and seconds
+# A render that takes longer than it should have never looks done.
+_MOST = 0.98
+
+
+@dataclass(frozen=True)
+class RenderJob:
+    """What the other Blender shall render.
+
+    file: the copy. output: the file, or the frames' folder. use_scripts: see trust.py. painted: files of images as they
+    are in memory only, by the images' names. missing: linked data that the open file has not found itself. bakes:
+    folders that the copy may not.
+    """
+
+    file: str
+    what: What
+    scene: str
+    view_layer: str
+    output: str
+    use_scripts: bool
+    painted: dict[str, str] = field(default_factory=dict)
+    missing: list[str] = field(default_factory=list)
+    bakes: list[BakeFolder] = field(default_factory=list)
+
+
+# --- in the Blender that asks -----------------------------------------------------------------------------------------
+
+
+def written_job(context: Any, what: What, output: Path, folder: Path) -> list[str]:
+    """Write a copy of the open file and the job into `folder`; give the arguments for :func:`rendering_blender`.
+
+    What simulations have on disk is copied too, not linked to: the other Blender may clear what is not baked.
+
+    Raises InputError where the copy of the file cannot be written, OSError where something else cannot.
+    """
+    painted = {image.name: str(_painted(image, folder)) for image in bpy.data.images if _only_in_memory(image)}
+    original = Path(bpy.data.filepath or "scene.blend")
+    copy = folder / original.name
+    save_copy(copy, compress=False, mend="make room for a copy of this file")
+    caches = original.with_name(f"blendcache_{original.stem}")  # beside a file and called after it, as the copy is
+    if bpy.data.filepath and caches.is_dir():
+        shutil.copytree(caches, folder / caches.name, ignore=_no_files)
+    job = RenderJob(
+        str(copy),
+        what,
+        context.scene.name,
+        context.view_layer.name,
+        str(output),
+        asked_for_this_run(),
+        painted,
+        missing_links(),
+        bake_folders(besides=caches) if bpy.data.filepath else [],
+    )
+    (folder / JOB_FILE).write_text(json.dumps(asdict(job)), encoding="utf-8")
+    return [str(folder)]
+
+
+def _no_files(folder: str, names: list[str]) -> list[str]:
+    """What cannot be copied to an end: pipes, devices, and links to folders, which may lead back."""
+    paths = {name: Path(folder, name) for name in names}
+    return [name for name, path in paths.items() if not path.is_file() and (path.is_symlink() or not path.is_dir())]
+
+
+def _only_in_memory(image: bpy.types.Image) -> bool:
+    """Whether neither a file nor the copy holds the pixels: they were painted, or the file is gone since it was read.
+
+    An image that nothing uses is not in the copy.
+    """
+    painted = image.is_dirty and image.source in {"FILE", "GENERATED", "TILED"}
+    outlived = image.source == "FILE" and image.has_data and is_gone(image)
+    return (painted or outlived) and image.library is None and image.users > 0
+
+
+def _painted(image: bpy.types.Image, folder: Path) -> Path:
+    """The image's pixels as they are, in a file: Blender's own way to save an image converts colours beyond 1."""
+    if image.source == "TILED":
+        raise InputError(f'the tiles of the image "{image.name}" were changed and not saved; save or pack them first')
+    width, height = image.size
+    found = np.empty((height, width, image.channels), np.float32)
+    image.pixels.foreach_get(found.ravel())
+    pixels = np.ones((height, width, 4), np.float32)
+    pixels[..., : 4 if image.channels == 4 else 3] = found
+    path = folder / f"painted_{image.session_uid}.npy"
+    # The copy cannot tell what numbers the file had that is gone.
+    np.save(path, pixels if image.is_float else np.rint(pixels * 255).astype(np.uint8))
+    return path
+
+
+def _paint(image: bpy.types.Image, file: str) -> None:
+    pixels = np.load(file)
+    is_float = pixels.dtype == np.float32
+    if image.packed_file:
+        image.unpack(method="REMOVE")
+    image.source = "GENERATED"
+    image.generated_height, image.generated_width = pixels.shape[:2]
+    image.use_generated_float = is_float
+    image.pixels.foreach_set((pixels if is_float else pixels / np.float32(255)).ravel())
+
+
+def rendering_blender(folder: Path) -> Program:
+    """A Blender without a window that renders what is asked for; what it writes on its way goes to `folder`."""
+    command = [sys.executable, "-m", "blender_addon"]
+    if not bpy.app.module:
+        # Where the extension was enabled just now, the preferences may not be saved yet.
+        command = [bpy.app.binary_path, "-b", "--addons", __package__ or "", "--command", "mpsnet"]
+    places = {name: str(folder) for name in ("TMPDIR", "TEMP", "TMP")}
+    return Program((*command, "render"), "the rendering Blender", places)
+
+
+# --- in the one that renders ------------------------------------------------------------------------------------------
+
+
+def render_job(folder: Path) -> int:
+    """Render the job in `folder`, tell how far it is and the result on stdout, and give the exit code."""
+    for name in ("SIGTERM", "SIGBREAK"):  # SIGBREAK is how Windows asks a process group to end
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), _cancel)
+    sys.stdout.flush()
+    answers = os.fdopen(os.dup(1), "w", encoding="ascii", newline="\n")
+    os.dup2(2, 1)  # Blender prints there
+    tempfile.tempdir = str(folder)  # not as the preferences say: this folder goes, however this process ends
+    try:
+        told = json.loads((folder / JOB_FILE).read_text(encoding="utf-8"))
+        job = RenderJob(**{**told, "bakes": [BakeFolder(**one) for one in told["bakes"]]})
+        _answer(answers, progress=0.0, message="opening a copy of the file")
+        scene = _opened(job)
+        window = bpy.context.window_manager.windows[0]
+        with bpy.context.temp_override(window=window), _telling(answers) as tell:
+            rendered = render(job.what, scene, Path(job.output), tell)
+    except InputError as error:
+        _answer(answers, error=str(error))
+        return EXIT_BAD_INPUT
+    except OSError as error:
+        _answer(answers, error=f"{error.filename or job.output}: {error.strerror or error}; check the path")
+        return EXIT_BAD_INPUT
+    except Cancelled:
+        return EXIT_CANCELLED
+    except Exception as error:  # noqa: BLE001
+        _answer(answers, error=unforeseen(error, folder.parent))  # the folder itself goes
+        return EXIT_UNFORESEEN
+    _answer(answers, result={"output": str(rendered.file), "notes": [*kept_back(), *rendered.notes]})
+    return 0
+
+
+def _cancel(*_: Any) -> None:
+    raise Cancelled
+
+
+def _answer(answers: IO[str], **said: Any) -> None:
+    answers.write(json.dumps(said) + "\n")
+    answers.flush()
+
+
+def _opened(job: RenderJob) -> Any:
+    """The copy's scene, in the window as it was there. Raises InputError where what was linked into it is lost."""
+    _open(job)
+    if name_bake_folders(job.bakes):  # they are looked into when the file is opened, and not again
+        bpy.ops.wm.save_mainfile()
+        _open(job)
+    scene = bpy.data.scenes[job.scene]
+    window = bpy.context.window_manager.windows[0]
+    window.scene, window.view_layer = scene, scene.view_layers[job.view_layer]
+    refuse_lost_links(scene, job.missing)
+    for name, file in job.painted.items():
+        _paint(bpy.data.images[name], file)
+    return scene
+
+
+def _open(job: RenderJob) -> None:
+    try:
+        bpy.ops.wm.open_mainfile(filepath=job.file, load_ui=False, use_scripts=job.use_scripts)
+    except RuntimeError as error:
+        raise InputError(f"the copy of this file cannot be opened ({told_by(error)}); save it and try again") from None
+
+
+@contextmanager
+def _telling(answers: IO[str]) -> Iterator[Told]:
+    """Tell how far the renders are twice a second; Cycles says little of it without a window."""
+    teller, ended = _Teller(answers), threading.Event()
+    hear = teller.hear
+
+    def tell() -> None:
+        while not ended.wait(TELL_SECONDS):
+            teller.tell()
+
+    clock = threading.Thread(target=tell, daemon=True)
+    clock.start()
+    render_stats.append(hear)  # not before the file is open, which takes all handlers away
+    try:
+        yield teller.begin
+    finally:
+        ended.set()
+        clock.join()
+        render_stats.remove(hear)
+
+
+class _Teller:
+    """How far the renders are: by their number, and within one by how long it should take.
+
+    That is what Cycles guesses after the first sample of the first, and later what the one before took.
+    """
+
+    def __init__(self, answers: IO[str]) -> None:
+        self._answers = answers
+        self._done, self._renders, self._words = 0, 1, "preparing the scene"
+        self._begun, self._takes = time.monotonic(), 0.0
+
+    def begin(self, done: int, renders: int, words: str) -> None:
+        now = time.monotonic()
+        if done:
+            self._takes = now - self._begun
+        self._done, self._renders, self._words, self._begun = done, renders, words, now
+        self.tell()
+
+    def hear(self, told: str, *_: Any) -> None:
+        """Called by Blender, from a thread of Cycles."""
+        found = _REMAINING.search(told)
+        if found and (self._done == 0 or self._seconds() > self._takes):
+            hours, minutes, seconds = (float(number or 0) for number in found.groups())
+            self._takes = self._seconds() + 3600 * hours + 60 * minutes + seconds
+
+    def tell(self) -> None:
+        within = min(self._seconds() / self._takes, _MOST) if self._takes else 0.0
+        _answer(self._answers, progress=(self._done + within) / self._renders, message=self._words)
+
+    def _seconds(self) -> float:
+        return time.monotonic() - self._begun

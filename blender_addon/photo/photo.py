@@ -1,0 +1,219 @@
+"""The photo: rendered under the rig alone, opened from a file, or made of three; and the true normals of its view."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy.props import StringProperty
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.files import PHOTO_SUFFIXES, RAW_SUFFIXES, VIDEO_SUFFIXES
+
+from ..child_process.core_process import Program, run
+from ..child_process.linked_data import not_found
+from ..child_process.trust import kept_back
+from ..operators import RunsCore, SaysWhy, at_the_pointer, verb_of
+from ..outputs import frame_pattern, load_photo, output_frames, output_path, read_beside, remember, render_path
+from ..provenance import Ingredients, chosen, file_stamp, refuse_to_overwrite, rounded
+from ..rig.rig import drawn_rig, light_rig, rig_camera
+from ..rig.several_rigs import result_name, rig_at
+from ..settings.declared import PATH, take_given
+from ..settings.photo import PhotoSettings
+from ..settings.superpose import SuperposeSettings
+from .background_render import rendering_blender, written_job
+from .studio import What, render
+
+_LIGHTS = ("first", "second", "third")
+
+
+class _Renders(RunsCore):
+    """An operator that renders: from a button in a Blender beside this one, from a script here."""
+
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        return "" if context.scene.mps.rig.lights else "Add a rig first"
+
+    def target(self, scene: Any) -> tuple[What, Path]:
+        """What is rendered with the operator's settings, and into which file or folder."""
+        raise NotImplementedError
+
+    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+        what, output = self.target(context.scene)
+        light_rig(context.scene)  # what is wrong with it is said at once
+        self._notes = not_found(context.scene)
+        return written_job(context, what, output, folder), [output / "frames" if what == "frames" else output]
+
+    def program(self, folder: Path) -> Program:
+        return rendering_blender(folder)
+
+    def act(self, context: Any) -> None:
+        what, output = self.target(context.scene)
+        refuse_to_overwrite(verb_of(self.bl_idname), [output])
+        self._notes = not_found(context.scene)
+        with at_the_pointer(context.window_manager) as told:
+            rendered = render(what, context.scene, output, lambda done, of, words: told(done / of, words))
+        self._notes += [*kept_back(), *rendered.notes]
+        self._made_from = self.made_from(context)
+        self._finished(context, {"output": str(rendered.file)})
+
+
+class MPS_OT_render_photo(_Renders, PhotoSettings, bpy.types.Operator):
+    """Render the object with Cycles, lit by the rig's red, green and blue light alone, beside the live window.
+
+    Other lights and the world are off. The scene is rendered as it is now and stays as it is. The rig and the camera,
+    as they stand, are written beside the photo"""
+
+    bl_idname = "mps.render_photo"
+    bl_label = "Render Photo"
+    bl_options = {"UNDO"}
+
+    @classmethod
+    def made_from(cls, context: Any) -> Ingredients:
+        return {**_drawn(context.scene), **chosen(PhotoSettings, context.scene.mps.photo)}
+
+    def target(self, scene: Any) -> tuple[What, Path]:
+        take_given(self, PhotoSettings, scene.mps.photo)
+        self._moves = self.animation
+        if self._moves:
+            return "frames", output_frames(self.output, result_name(scene, "photo"))
+        return "photo", render_path(output_path(self.output, result_name(scene, "photo"), "EXR"))
+
+    def finish(self, context: Any, result: dict[str, Any]) -> None:
+        result_is = f"its photo is in {result['output']}"
+        photo = rig_at(self.scene(result_is), self._rig_place, result_is).photo
+        photo.image = image = load_photo(Path(result["output"]), "MPS Photo Frames" if self._moves else "MPS Photo")
+        if self._moves:
+            image.source = "SEQUENCE"
+        self.made(image)
+
+
+class MPS_OT_open_photo(SaysWhy, bpy.types.Operator):
+    """Open a captured photo (PNG, TIFF, JPEG, OpenEXR, camera raw), all frames of a sequence, or a video.
+
+    Files NAME.rig.json and NAME.camera.json beside it are read"""
+
+    bl_idname = "mps.open_photo"
+    bl_label = "Open Photo"
+    bl_options = {"UNDO"}
+
+    filepath: StringProperty(
+        name="File", description="Photo under red, green and blue light", subtype="FILE_PATH", options=PATH
+    )
+    sequence: bpy.props.BoolProperty(
+        name="All Frames",
+        description="The photo is a numbered frame, and all frames that are numbered like it are meant",
+        default=False,
+        options={"SKIP_SAVE"},
+    )
+    filter_glob: StringProperty(
+        default=";".join(f"*{suffix}" for suffix in (*PHOTO_SUFFIXES, *VIDEO_SUFFIXES)), options={"HIDDEN", "SKIP_SAVE"}
+    )
+    filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
+
+    def invoke(self, context: Any, event: bpy.types.Event) -> set[Any]:
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def act(self, context: Any) -> None:
+        if not self.filepath:
+            raise InputError("no photo was named; give its path as filepath")
+        path = Path(bpy.path.abspath(self.filepath))
+        image = load_raw(path) if path.suffix.lower() in RAW_SUFFIXES else load_photo(path, path.stem)
+        if self.sequence:
+            frame_pattern(path)  # says so where it has no number
+            image.source = "SEQUENCE"
+        self._made_from = self.made_from(context)
+        self.made(image)
+        _take(context.scene.mps, image)
+
+
+class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
+    """Make one photo of three, each of them under one of the rig's lights alone, turned white.
+
+    The object may not move between them. Each photo becomes a channel, so that paint does not mislead the estimate"""
+
+    bl_idname = "mps.superpose"
+    bl_label = "Make One Photo"
+    bl_options = {"UNDO"}
+
+    @classmethod
+    def made_from(cls, context: Any) -> Ingredients:
+        settings = context.scene.mps.superpose
+        files = {settings.bl_rna.properties[name].name: file_stamp(getattr(settings, name)) for name in _LIGHTS}
+        return {**files, **chosen(SuperposeSettings, settings, only=("encoding",))}
+
+    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+        scene = context.scene
+        take_given(self, SuperposeSettings, scene.mps.superpose)
+        photos = [getattr(self, name) for name in _LIGHTS]
+        for name, photo in zip(_LIGHTS, photos, strict=True):
+            if not photo:
+                raise InputError(f"no photo under the {name} light is named; choose one for each of the three lights")
+        output = render_path(output_path(self.output, result_name(scene, "superposed"), "EXR"))
+        arguments = ["superpose", "--channels", *map(bpy.path.abspath, photos), "--encoding", self.encoding.lower()]
+        return [*arguments, "--output", str(output)], [output]
+
+    def finish(self, context: Any, result: dict[str, Any]) -> None:
+        photo = Path(result["output"])
+        result_is = f"its photo is in {photo}"
+        rig = rig_at(self.scene(result_is), self._rig_place, result_is)
+        image = load_photo(photo, photo.stem)
+        self.made(image)
+        rig.estimate.encoding = "AUTO"  # that of the three photos; this one's file says that it is linear
+        _take(rig, image)
+        self.report({"INFO"}, f"Photo written to {photo}")
+
+
+def _take(rig: Any, image: bpy.types.Image) -> None:
+    """Make an image that was taken with a real camera the photo of a rig."""
+    if rig.photo.image not in (None, image):
+        rig.estimate.white = ""  # it is of the other photo's pose
+    rig.photo.image = image
+
+
+def _drawn(scene: Any) -> Ingredients:
+    """Lights and camera as Blender last evaluated them; nothing where no photo can be taken with them."""
+    try:
+        rig = drawn_rig(scene)
+    except InputError:
+        return {}
+    lights = rounded(rig.directions, 3) + rounded(rig.mixing, 3)
+    return {"Lights": lights, "Camera": rounded(rig_camera(scene).matrix_world, 4)}
+
+
+def load_raw(path: Path) -> bpy.types.Image:
+    """A camera raw file as an image to look at; what reads the photo goes on reading the raw file."""
+    shown = Path(bpy.app.tempdir) / f"{path.stem}.exr"
+    run(["superpose", str(path), "--output", str(shown)], [shown])
+    image = load_photo(shown, path.stem)
+    remember(image, "source", str(path.absolute()))
+    for what in ("rig", "camera"):
+        remember(image, what, read_beside(path, what))
+    return image
+
+
+class MPS_OT_render_truth(_Renders, bpy.types.Operator):
+    """Render the true normals of the photo's view, as an OpenEXR with Blender's Normal pass, to compare with"""
+
+    bl_idname = "mps.render_truth"
+    bl_label = "Render True Normals"
+    bl_options = {"UNDO"}
+
+    output: StringProperty(
+        name="File",
+        description="OpenEXR file to write. Empty: a name of its own in the output folder",
+        subtype="FILE_PATH",
+        options=PATH,
+    )
+
+    def target(self, scene: Any) -> tuple[What, Path]:
+        return "normals", render_path(output_path(self.output, result_name(scene, "true_normals"), "EXR"))
+
+    def finish(self, context: Any, result: dict[str, Any]) -> None:
+        self.report({"INFO"}, f"True normals written to {result['output']}")
+
+
+CLASSES = (MPS_OT_render_photo, MPS_OT_open_photo, MPS_OT_superpose, MPS_OT_render_truth)
+
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -1,0 +1,296 @@
+"""The studio: what the rig's camera sees of the scene under the rig's lights alone, and its true normals, rendered."""
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from itertools import combinations
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Literal, NamedTuple
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.files import written_together, written_whole
+from mpsnet_core.scene.camera import write_camera
+from mpsnet_core.scene.rig import write_rig
+
+from ..child_process.core_process import run
+from ..operators import told_by
+from ..outputs import beside, literally, render_path
+from ..rig.rig import light_rig, rig_parts, scene_camera, surfaces, view_layer
+
+# Called before each of Cycles's renders, with how many are done of how many, and words for the one that begins.
+Told = Callable[[int, int, str], None]
+
+_NORMAL_SAMPLES = 16
+# As a share of a box's diagonal: as much as the box of a low-poly object differs from that of the detailed one.
+_SAME_PLACE = 0.1
+
+
+# A photo, one of each frame, or the true normals of the photo's view.
+What = Literal["photo", "frames", "normals"]
+
+
+def untold(done: int, renders: int, words: str) -> None:
+    """Renders that nobody waits for."""
+
+
+class Rendered(NamedTuple):
+    """A file that was rendered, of frames the first; and what there is to say of it, in sentences."""
+
+    file: Path
+    notes: list[str]
+
+
+def render(what: What, scene: Any, output: Path, told: Told = untold) -> Rendered:
+    """Render into a file, or frames into a folder. Raises InputError."""
+    if what == "frames":
+        return render_frames(scene, output, told)
+    return (render_photo if what == "photo" else render_normals)(scene, output, told)
+
+
+def render_photo(scene: Any, path: Path, told: Told = untold) -> Rendered:
+    """Render what the rig's camera sees under the rig's lights alone, as a linear float EXR with alpha.
+
+    Size and samples are those of ``scene.mps.photo``. The rig and the camera are written beside the photo, see
+    :func:`.outputs.beside`. Nothing in the .blend file changes. The bake's target is not in the photo where something
+    else is in its place.
+
+    Raises InputError where the rig is incomplete, something else shines, nothing is seen or the file cannot be written.
+    """
+    render_path(path)
+    rig, photo = light_rig(scene), scene.mps.photo
+    camera, _, lights = rig_parts(scene)
+    with _studio(scene) as studio, TemporaryDirectory(prefix="mpsnet-") as folder:
+        notes = _leave_target_out(studio, scene.mps.bake)
+        _refuse_other_light(studio)
+        studio.cycles.samples = photo.samples
+        # Each Cycles sample draws one of the lights by chance; with one light at a time there is no such noise.
+        parts = [Path(folder) / f"{number}.exr" for number in range(len(lights))]
+        for number, (light, part) in enumerate(zip(lights, parts, strict=True)):
+            told(number, len(lights), f"rendering light {number + 1} of {len(lights)}")
+            others = [other for other in lights if other != light]
+            for other in others:
+                studio.collection.objects.unlink(other)
+            _render(studio, part, "OPEN_EXR")
+            for other in others:
+                studio.collection.objects.link(other)
+        with written_together():  # the photo as well, though another process writes it: these are ready when it appears
+            write_rig(beside(path, "rig"), rig)
+            write_camera(beside(path, "camera"), scene_camera(camera, scene, (photo.width, photo.height)))
+            run(["superpose", *map(str, parts), "--output", str(path)], [path])
+    return Rendered(path, notes)
+
+
+def render_frames(scene: Any, folder: Path, told: Told = untold) -> Rendered:
+    """:func:`render_photo` of each frame of the scene into `folder`, called by their numbers; gives the first.
+
+    Raises InputError as that does.
+    """
+    current, subframe = scene.frame_current, scene.frame_subframe
+    digits = max(4, len(str(scene.frame_end)))
+    numbers = range(scene.frame_start, scene.frame_end + 1)
+    files = [folder / f"{folder.name}_{number:0{digits}d}.exr" for number in numbers]
+    rendered = []
+    try:
+        for place, (number, file) in enumerate(zip(numbers, files, strict=True)):
+            scene.frame_set(number)
+
+            def of_all(done: int, renders: int, words: str, number: int = number, place: int = place) -> None:
+                told(place * renders + done, len(files) * renders, f"frame {number}: {words}")
+
+            try:
+                rendered.append(render_photo(scene, file, of_all))
+            except InputError as error:
+                raise InputError(f"frame {number}: {error}") from None
+    finally:
+        scene.frame_set(current, subframe=subframe)
+    return rendered[0]
+
+
+def render_normals(scene: Any, path: Path, told: Told = untold) -> Rendered:
+    """Render the true normals of the photo's view as a float multi-layer EXR, H x W as the photo.
+
+    Channels ``ViewLayer.Normal.X``, ``.Y``, ``.Z`` hold the normal in WORLD space (rotate by the transpose of
+    ``Camera.rotation`` to come to camera space), averaged over each pixel and so a little shorter than 1 at edges;
+    ``ViewLayer.Combined.A`` holds the alpha. Blender 4.5 writes one part with these names, 5.x a part for each pass.
+
+    Raises InputError where the rig is incomplete or the file cannot be written.
+    """
+    render_path(path)
+    with _studio(scene) as studio:
+        notes = _leave_target_out(studio, scene.mps.bake)
+        studio.cycles.samples = _NORMAL_SAMPLES
+        studio.cycles.max_bounces = 0
+        studio.view_layers[0].use_pass_normal = True
+        told(0, 1, "rendering the true normals")
+        _render(studio, path, "OPEN_EXR_MULTILAYER")
+    return Rendered(path, notes)
+
+
+@contextmanager
+def _studio(scene: Any) -> Iterator[Any]:
+    """A scene that lives as long as the context: the objects of `scene` under its rig's lights and nothing else.
+
+    It has no simulation of rigid bodies: apply or bake to keyframes what shall stand where physics brought it.
+    """
+    camera, _, lights = rig_parts(scene)
+    photo = scene.mps.photo
+    studio = bpy.data.scenes.new("MPS Studio")
+    try:
+        # In order and each once: the order decides how Cycles numbers things, and so its noise.
+        for obj in dict.fromkeys([*_rendered(view_layer(scene).layer_collection), *lights, camera]):
+            studio.collection.objects.link(obj)
+        studio.camera = camera
+        studio.frame_set(scene.frame_current, subframe=scene.frame_subframe)
+        # As it is in this frame: animation may change its type, too, and a custom camera is a shader that would run.
+        scene_camera(camera.evaluated_get(studio.view_layers[0].depsgraph), scene)
+        studio.view_layers[0].name = "ViewLayer"
+        render = studio.render
+        render.engine = "CYCLES"
+        render.resolution_x, render.resolution_y, render.resolution_percentage = photo.width, photo.height, 100
+        render.film_transparent = True
+        render.use_compositing = render.use_sequencer = False
+        render.use_simplify = False
+        cycles = studio.cycles
+        cycles.device = scene.cycles.device or "CPU"  # "" where the file has one that there is not
+        cycles.use_denoising = cycles.use_adaptive_sampling = False
+        cycles.sample_clamp_indirect = 0.0
+        yield studio
+    finally:
+        bpy.data.scenes.remove(studio)
+
+
+def _rendered(layer: Any, special: str = "") -> Iterator[Any]:
+    """Objects of a view layer that its render shows, lights apart.
+
+    special: the collection above that the view layer shows as holdout or only indirectly, which a photo cannot.
+    """
+    if layer.collection.hide_render:
+        return
+    if layer.holdout or layer.indirect_only:
+        special = layer.collection.name
+    # A collection within an excluded one may be included again.
+    for obj in () if layer.exclude else layer.collection.objects:
+        if obj.type == "LIGHT" or obj.hide_render:
+            continue
+        if special:
+            raise InputError(
+                f'"{obj.name}" is in the collection "{special}", which this view layer shows as holdout or indirect '
+                "only; switch that off or exclude the collection"
+            )
+        yield obj
+    for child in layer.children:
+        yield from _rendered(child, special)
+
+
+def _leave_target_out(studio: Any, bake: Any) -> list[str]:
+    """Take the object that is baked onto out of the studio where another, or several together, are in its place.
+
+    Gives a sentence for that, or where two are in one place and none of them is known as the target.
+    """
+    if bake.objects != "ACTIVE":
+        return []
+    clouds: dict[Any, list[NDArray[np.float64]]] = {}
+    for owner, points in surfaces(studio.view_layers[0].depsgraph, studio.objects):
+        clouds.setdefault(owner, []).append(np.stack([points.min(axis=0), points.max(axis=0)]))
+    # (2, 3) each: the lowest and the highest coordinates.
+    boxes = {obj: np.stack([np.min(ends, axis=0)[0], np.max(ends, axis=0)[1]]) for obj, ends in clouds.items()}
+    if bake.target is None:
+        return _two_in_one_place({obj: box for obj, box in boxes.items() if obj.type == "MESH"})
+    place = boxes.pop(bake.target, None)
+    if place is None:
+        return []
+    reach = _SAME_PLACE * np.linalg.norm(place[1] - place[0])
+    within = {
+        obj: box
+        for obj, box in boxes.items()
+        if (box[0] > place[0] - reach).all() and (box[1] < place[1] + reach).all()
+    }
+    if not within:
+        return []
+    ends = np.stack(list(within.values()))
+    if not _in_one_place(place, np.stack([ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)])):
+        return []
+    studio.collection.objects.unlink(bake.target)
+    studio.view_layers[0].update()
+    names = sorted(obj.name for obj in within)
+    others = f'"{names[0]}" is' if len(names) == 1 else f'"{names[0]}" and {len(names) - 1} more are'
+    return [f'"{bake.target.name}" is left out of the photo: it is the target of the bake, and {others} in its place']
+
+
+def _two_in_one_place(boxes: Mapping[Any, NDArray[np.float64]]) -> list[str]:
+    """A sentence where two objects are in one place."""
+    for one, other in combinations(boxes, 2):
+        if _in_one_place(boxes[one], boxes[other]):
+            return [
+                f'"{one.name}" and "{other.name}" are in one place and both in the photo; choose the one that is baked '
+                "onto as Target of the step Bake, and it is left out"
+            ]
+    return []
+
+
+def _in_one_place(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
+    """Whether two boxes (2, 3) are nearly one."""
+    reach = _SAME_PLACE * np.linalg.norm(one[1] - one[0])
+    # Most pairs of a scene with many objects are told apart by a single number.
+    return bool(abs(one[0, 0] - other[0, 0]) < reach and np.abs(one - other).max() < reach)
+
+
+def _refuse_other_light(studio: Any) -> None:
+    """A photo under the three lights alone cannot have a fourth in it, not even one that an instance brings."""
+    for obj in studio.objects:  # also those that the viewport, and so the dependency graph, hides
+        refuse_glow(obj, obj.name)
+    for instance in studio.view_layers[0].depsgraph.object_instances:
+        owner = (instance.parent or instance.object).name
+        if instance.object.original.hide_render:
+            continue
+        if instance.is_instance and instance.object.type == "LIGHT":
+            raise InputError(
+                f'"{owner}" holds the light "{instance.object.name}", but the photo shows the three lights alone; '
+                "hide it from renders"
+            )
+        refuse_glow(instance.object, owner)
+
+
+def refuse_glow(obj: Any, owner: str) -> None:
+    """Raises InputError where one of the object's materials glows. owner: the object's name for people."""
+    for slot in obj.material_slots:
+        if slot.material and slot.material.node_tree and _glows(slot.material.node_tree):
+            raise InputError(
+                f'material "{slot.material.name}" of "{owner}" glows, but the three lights alone shall shine; '
+                "set its emission to 0"
+            )
+
+
+def _glows(tree: Any) -> bool:
+    for node in tree.nodes:
+        if node.type == "GROUP" and node.node_tree and _glows(node.node_tree):
+            return True
+        prefix = "" if node.type == "EMISSION" else "Emission "
+        strength, colour = node.inputs.get(f"{prefix}Strength"), node.inputs.get(f"{prefix}Color")
+        if strength is None or colour is None or not node.outputs[0].is_linked:
+            continue
+        bright = strength.is_linked or strength.default_value > 0
+        if bright and (colour.is_linked or max(colour.default_value[:3]) > 0):
+            return True
+    return False
+
+
+def _render(studio: Any, path: Path, file_format: str) -> None:
+    settings = studio.render.image_settings
+    if bpy.app.version >= (5, 0):
+        settings.media_type = "MULTI_LAYER_IMAGE" if file_format == "OPEN_EXR_MULTILAYER" else "IMAGE"
+    settings.file_format = file_format
+    settings.color_mode, settings.color_depth, settings.exr_codec = "RGBA", "32", "ZIP"
+    studio.render.use_file_extension = False
+    with written_whole(path) as unfinished:
+        studio.render.filepath = literally(unfinished)
+        try:
+            bpy.ops.render.render(write_still=True, scene=studio.name)
+        except RuntimeError as error:
+            raise InputError(f"Blender could not render {path}: {told_by(error)}") from None
+        if not (unfinished.is_file() and unfinished.stat().st_size):
+            raise InputError(f"Blender did not write {path}: the render was cancelled or its disk is full; try again")

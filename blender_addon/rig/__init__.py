@@ -1,0 +1,1 @@
+"""Step 1: the rig, and the calibration of real lights."""

@@ -1,0 +1,112 @@
+"""Calibration: where the real lights are and how their colours mix, from photos of a mirror ball and a grey ball."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from mpsnet_core.errors import InputError
+
+from ..operators import RunsCore
+from ..outputs import asked_place, fine_preview, load_image, output_folder
+from ..settings.calibrate import CalibrateSettings
+from ..settings.declared import take_given
+from .several_rigs import rig_at
+
+_OVERLAY = "MPS Calibration"
+
+
+class _Calibrates(RunsCore, CalibrateSettings):
+    """What both calibrations share: photos of a ball in, a rig file and a picture of what was found out."""
+
+    bl_options = {"UNDO"}
+
+    def _arguments(self, what: str, photos: Sequence[str], rig: Path) -> tuple[list[str], list[Path]]:
+        self._rig, self._overlay = rig, rig.with_name(f"{rig.stem}_{what}.png")
+        arguments = ["calibrate", what, *photos, "--overlay", str(self._overlay), "--output", str(rig)]
+        arguments += ["--encoding", self.encoding.lower(), "--radius", f"{self.ball_radius:g}"]
+        if self.lens:
+            arguments += ["--focal", f"{self.lens:g}"]
+        circles = [(self.circle_x, self.circle_y, self.circle_radius)]
+        circles += [(self.second_x, self.second_y, self.second_radius)] if len(photos) > 1 else []
+        for x, y, radius in circles if circles[0][2] > 0 else ():
+            arguments += ["--circle", f"{x:g},{y:g},{radius:g}"]
+        return arguments, [rig, self._overlay]
+
+    def _rig_path(self, name: str) -> Path:
+        """The rig file to write: the one that is named, else `name` in the output folder."""
+        path = asked_place(self.output) if self.output else output_folder() / f"{name}.json"
+        if path.suffix.lower() != ".json":
+            raise InputError(f"a rig file's name ends in .json, that of {path} does not; change it")
+        return path
+
+    def _take(self, table: Sequence[Sequence[str]]) -> None:
+        """Show the picture and the table of what was found (headings first); estimate with the rig."""
+        result_is = f"the rig is in {self._rig}"
+        scene = self.scene(result_is)
+        estimate = rig_at(scene, self._rig_place, result_is).estimate
+        settings = scene.mps.calibrate
+        image = load_image(self._overlay, _OVERLAY, is_data=False)
+        if not bpy.app.background:
+            fine_preview(image)
+        self.made(image)
+        settings.image = image
+        settings.told = "\n".join("|".join(row) for row in table)
+        estimate.rig_file = str(self._rig)
+        self.report({"INFO"}, f"Rig written to {self._rig}; photos are estimated with it from now on")
+
+
+class MPS_OT_calibrate_lights(_Calibrates, bpy.types.Operator):
+    """Find the three lights in the photo of a mirror ball, and write a rig file that the estimate then uses"""
+
+    bl_idname = "mps.calibrate_lights"
+    bl_label = "Find Lights"
+
+    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+        take_given(self, CalibrateSettings, context.scene.mps.calibrate)
+        photos = [_photo(self.ball, "the mirror ball")]
+        if self.second_ball:
+            photos.append(_photo(self.second_ball, "the mirror ball at its second place"))
+        return self._arguments("lights", photos, self._rig_path("mpsnet_rig"))
+
+    def finish(self, context: Any, result: dict[str, Any]) -> None:
+        lights = [
+            (light["name"].title(), f"{light['slant']:.1f}°", f"{light['tilt']:.1f}°", f"{light['uncertainty']:.1f}°")
+            for light in result["lights"]
+        ]
+        self._take([("", "Slant", "Tilt", "±"), *lights])
+
+
+class MPS_OT_calibrate_mixing(_Calibrates, bpy.types.Operator):
+    """Find in the photo of a matt grey ball how the lights' colours mix, and add it to the rig file"""
+
+    bl_idname = "mps.calibrate_mixing"
+    bl_label = "Find Mixing"
+
+    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+        scene = context.scene
+        take_given(self, CalibrateSettings, scene.mps.calibrate)
+        lights = scene.mps.estimate.rig_file
+        if not lights:
+            raise InputError("where are the lights? Find them first, or name a rig file in the step Photo")
+        photos = [_photo(self.grey, "the grey ball")]
+        arguments, outputs = self._arguments("mixing", photos, self._rig_path("mpsnet_rig"))
+        return [*arguments, "--rig", bpy.path.abspath(lights)], outputs
+
+    def finish(self, context: Any, result: dict[str, Any]) -> None:
+        rows = zip("RGB", result["mixing"], strict=True)
+        channels = [(channel, *(f"{value:.3f}" for value in row)) for channel, row in rows]
+        unexplained = ("Unexplained", f"{result['residual']:.1%}", "", "")
+        self._take([("Channel", "Red", "Green", "Blue"), *channels, unexplained])
+
+
+def _photo(path: str, what: str) -> str:
+    if not path:
+        raise InputError(f"no photo of {what} is named; choose one")
+    return bpy.path.abspath(path)
+
+
+CLASSES = (MPS_OT_calibrate_lights, MPS_OT_calibrate_mixing)
+
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -1,0 +1,203 @@
+"""Several rigs in one scene: one of them is chosen, and the panel and the operators work with that one.
+
+``scene.mps.rig``, ``.photo`` and ``.estimate`` are always those of the chosen rig, so a scene with one rig has no list
+at all. Those of the others wait in ``scene.mps.rigs``.
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+import bpy
+from bpy.props import IntProperty
+
+from mpsnet_core.errors import InputError
+
+from ..operators import idle
+from ..outputs import file_name
+from ..settings.estimate import EstimateSettings
+from ..settings.photo import PhotoSettings
+from ..settings.rig import RigSettings
+from .rig import remove_rig
+
+_STEPS = {"rig": RigSettings, "photo": PhotoSettings, "estimate": EstimateSettings}
+_VERBS = ("add_rig", "render_photo", "open_photo", "superpose", "show_mask", "estimate")
+
+
+class _OnRigs(bpy.types.Operator):
+    """Changes which rigs there are, or which one is chosen."""
+
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return idle(cls, context)
+
+
+class MPS_OT_new_rig(_OnRigs):
+    """Begin another rig in this scene, with a photo and an estimate of its own; the rigs that are there stay"""
+
+    bl_idname = "mps.new_rig"
+    bl_label = "New Rig"
+
+    def execute(self, context: Any) -> set[Any]:
+        new_rig(context.scene)
+        return {"FINISHED"}
+
+
+class MPS_OT_choose_rig(_OnRigs):
+    """Work with this rig, its photo and its estimate"""
+
+    bl_idname = "mps.choose_rig"
+    bl_label = "Choose Rig"
+    bl_options = {"REGISTER", "UNDO", "INTERNAL"}
+
+    index: IntProperty(
+        name="Number",
+        description="Number of the rig in the scene's list, from 0",
+        default=0,
+        min=0,
+        options={"SKIP_SAVE"},
+    )
+
+    def execute(self, context: Any) -> set[Any]:
+        count = len(context.scene.mps.rigs)
+        if self.index >= max(count, 1):
+            self.report({"ERROR"}, f"there is no rig {self.index}; this scene has {max(count, 1)}, numbered from 0")
+            return {"CANCELLED"}
+        choose_rig(context.scene, self.index)
+        return {"FINISHED"}
+
+
+class MPS_OT_drop_rig(_OnRigs):
+    """Remove the chosen rig with its lights and its camera; its photo and normals stay as files and images"""
+
+    bl_idname = "mps.drop_rig"
+    bl_label = "Remove from List"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        if not context.scene.mps.rigs:
+            cls.poll_message_set("There is only one rig in this scene")
+            return False
+        return super().poll(context)
+
+    def execute(self, context: Any) -> set[Any]:
+        drop_rig(context.scene)
+        return {"FINISHED"}
+
+
+def new_rig(scene: Any) -> None:
+    """Begin another rig and choose it: it has the settings of the one that was, and none of its files or results."""
+    mps = scene.mps
+    if not mps.rigs:
+        mps.rigs.add().name = "Rig 1"
+    _put_away(scene)
+    taken = {one.name for one in mps.rigs}
+    number = next(number for number in range(1, len(taken) + 2) if f"Rig {number}" not in taken)
+    mps.rigs.add().name = f"Rig {number}"
+    mps.chosen_rig = len(mps.rigs) - 1
+    for step, settings in _STEPS.items():
+        group = getattr(mps, step)
+        for name in _names(group):
+            if name not in settings.__annotations__ or name in {"output", "rig_file", "white"}:
+                group.property_unset(name)
+    _forget(mps)
+
+
+def choose_rig(scene: Any, index: int) -> None:
+    """Work with another rig of the scene's list."""
+    if index == scene.mps.chosen_rig:
+        return
+    _put_away(scene)
+    _take_up(scene, index)
+
+
+def drop_rig(scene: Any) -> None:
+    """Remove the chosen rig's objects and its place in the list, and choose the one before it."""
+    mps, index = scene.mps, scene.mps.chosen_rig
+    remove_rig(scene)
+    mps.rigs.remove(index)
+    _take_up(scene, max(index - 1, 0))
+    if len(mps.rigs) == 1:
+        mps.rigs.clear()
+
+
+def all_rigs(scene: Any) -> Iterator[Any]:
+    """What holds ``rig``, ``photo`` and ``estimate``, for each of the scene's rigs in the list's order."""
+    mps = scene.mps
+    if not mps.rigs:
+        yield mps
+    for number, one in enumerate(mps.rigs):
+        yield mps if number == mps.chosen_rig else one
+
+
+def rig_at(scene: Any, place: int, result: object) -> Any:
+    """What holds ``rig``, ``photo`` and ``estimate`` at a place in the scene's list of rigs, chosen or not.
+
+    Raises InputError where there is none any more. result: what it would have got, and where that is now.
+    """
+    rigs = list(all_rigs(scene))
+    if place >= len(rigs):
+        raise InputError(f"the rig that this was made for is gone; {result}")
+    return rigs[place]
+
+
+def result_name(scene: Any, what: str) -> str:
+    """Name of a file that the chosen rig's step makes: those of several rigs do not write over each other."""
+    names = [one.name for one in scene.mps.rigs]
+    if not names:
+        return f"{scene.name}_{what}"
+    chosen = scene.mps.chosen_rig
+    in_files = [file_name(name).casefold() for name in names]  # on some system at least
+    name = names[chosen] if in_files.count(in_files[chosen]) == 1 else f"{names[chosen]}_{chosen + 1}"
+    return f"{scene.name}_{name}_{what}"
+
+
+def _put_away(scene: Any) -> None:
+    place = scene.mps.rigs[scene.mps.chosen_rig]
+    for step in _STEPS:
+        _copy(getattr(scene.mps, step), getattr(place, step))
+    place.records.clear()
+    for record in scene.mps.records:
+        if record.name in _VERBS:
+            _copy(record, place.records.add())
+
+
+def _take_up(scene: Any, index: int) -> None:
+    mps = scene.mps
+    place = mps.rigs[index]
+    for step in _STEPS:
+        _copy(getattr(place, step), getattr(mps, step))
+    _forget(mps)
+    for record in place.records:
+        _copy(record, mps.records.add())
+    mps.chosen_rig = index
+
+
+def _forget(mps: Any) -> None:
+    for verb in _VERBS:
+        if (place := mps.records.find(verb)) >= 0:
+            mps.records.remove(place)
+
+
+def _copy(source: Any, target: Any) -> None:
+    """Make a group of settings equal to another of its kind."""
+    for name in _names(source):
+        kind = source.bl_rna.properties[name].type
+        if kind == "COLLECTION":
+            getattr(target, name).clear()
+            for item in getattr(source, name):
+                _copy(item, getattr(target, name).add())
+        elif source.is_property_set(name):
+            setattr(target, name, getattr(source, name))
+        else:
+            target.property_unset(name)
+
+
+def _names(group: Any) -> list[str]:
+    return [one.identifier for one in group.bl_rna.properties if one.identifier != "rna_type"]
+
+
+CLASSES = (MPS_OT_new_rig, MPS_OT_choose_rig, MPS_OT_drop_rig)
+
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -1,0 +1,224 @@
+"""Try It: the four steps on a scene of its own, with no file needed."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy.props import IntProperty, StringProperty
+from mathutils import Euler, Vector
+
+from mpsnet_core.errors import Cancelled, InputError
+from mpsnet_core.io.files import made_folder
+
+from ..operators import TICK_SECONDS, SaysWhy, idle, redraw_panels, same, told_by
+from ..outputs import asked_place, file_name
+from ..settings.declared import PATH
+from ..settings.record import error_of
+from .demo import make_demo, remove_demo
+
+# From the front, a little to the right and above, as far away as shows all of the object.
+_LOOK = Euler((math.radians(80), 0, math.radians(20))).to_quaternion()
+_AWAY = 5.5
+
+
+class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
+    """See all steps in a new scene: an object, its photo under three coloured lights, the normals that the
+    photo tells, and a low-poly copy that wears them. Takes seconds to half a minute and changes nothing of yours"""
+
+    bl_idname = "mps.try_it"
+    bl_label = "Try It"
+    bl_options = {"UNDO"}
+
+    pixels: IntProperty(
+        name="Photo Size", description="Width and height of the demo's photo in pixels", default=512, min=32, max=4096
+    )
+    samples: IntProperty(
+        name="Samples", description="Cycles samples a pixel for each of the three lights", default=16, min=1, max=4096
+    )
+    size: IntProperty(
+        name="Texture Size",
+        description="Width and height of the demo's texture in pixels",
+        default=1024,
+        min=16,
+        max=8192,
+    )
+    output: StringProperty(
+        name="Folder",
+        description="Folder for the demo's photo, normal map and texture. Empty: only the .blend file keeps them",
+        subtype="DIR_PATH",
+        options=PATH,
+    )
+
+    _before = 0  # the scene that the demo's took the place of
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return idle(cls, context)
+
+    def act(self, context: Any) -> None:
+        try:
+            self._build(context)
+            self._photograph(context, "EXEC_DEFAULT")
+            self._estimate(context, "EXEC_DEFAULT")
+            self._bake(context, "EXEC_DEFAULT")
+            self._present(context)
+        except BaseException:
+            self._take_away(context)
+            raise
+
+    def invoke(self, context: Any, event: bpy.types.Event) -> set[Any]:
+        if bpy.app.background:
+            return self.execute(context)
+        self.begin(context)
+        manager = context.window_manager
+        manager.mps.running, manager.mps.cancel = self.bl_idname, False
+        manager.mps.progress, manager.mps.message = 0.0, "making an object"
+        self._left = [self._build, self._photograph, self._estimate, self._bake, self._present]
+        self._ticks = 0
+        self._timer = manager.event_timer_add(TICK_SECONDS, window=context.window)
+        manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: Any, event: bpy.types.Event) -> set[Any]:
+        manager = context.window_manager
+        running = manager.mps.running
+        if running not in {"", self.bl_idname}:
+            return {"PASS_THROUGH"}
+        if manager.mps.cancel or (event.type == "ESC" and event.value == "PRESS"):
+            self.report({"INFO"}, "Cancelled")
+            self._take_away(context)
+            return self._end(context, "CANCELLED")
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        redraw_panels(manager)
+        self._ticks += 1
+        if running and self._ticks % 3:  # until the window has shown what is about to happen
+            return {"PASS_THROUGH"}
+        try:
+            went_well = self.done(lambda: self._step(context))
+        except BaseException:  # else all operators would wait for this one for ever
+            self._end(context, "CANCELLED")
+            raise
+        if not went_well:
+            return self._end(context, "CANCELLED")
+        return {"PASS_THROUGH"} if self._left else self._end(context, "FINISHED")
+
+    def cancel(self, context: Any) -> None:
+        self._end(context, "CANCELLED")
+
+    def _step(self, context: Any) -> None:
+        try:
+            self._left.pop(0)(context)
+        except BaseException:
+            self._take_away(context)
+            raise
+
+    def _take_away(self, context: Any) -> None:
+        """Remove a demo that came to no end, and go back to the scene that Try It was pressed in; it tells why."""
+        demo, before = same(bpy.data.scenes, self._scene_uid), same(bpy.data.scenes, self._before)
+        if demo is None or before in (None, demo) or context.scene != demo:
+            return  # whoever has gone elsewhere meanwhile may have taken something along
+        self._scene_uid = self._before
+        context.window.scene = before
+        remove_demo(demo, [one for one in (same(demo.objects, uid) for uid in self._shown) if one is not None])
+
+    def _end(self, context: Any, how: str) -> set[Any]:
+        context.window_manager.event_timer_remove(self._timer)
+        if context.window_manager.mps.running == self.bl_idname:
+            context.window_manager.mps.running = ""
+        redraw_panels(context.window_manager)
+        return {how}
+
+    def _build(self, context: Any) -> None:
+        if self.output:  # a folder that cannot be is said before there is a scene
+            made_folder(asked_place(self.output), "files")
+        self._before = context.scene.session_uid
+        scene, detailed, low = make_demo()
+        self._scene_uid, self._shown = scene.session_uid, {detailed.session_uid: False, low.session_uid: True}
+        context.window.scene = scene
+        scene.mps.photo.width = scene.mps.photo.height = self.pixels
+        detailed.select_set(True)
+        _run(bpy.ops.mps.add_rig)
+        scene.mps.bake.target = low
+        for view in _viewports(context):
+            view.view_location, view.view_distance, view.view_rotation = Vector(), _AWAY, _LOOK
+            view.view_perspective = "PERSP"
+
+    def _photograph(self, context: Any, how: str = "INVOKE_DEFAULT") -> None:
+        context.window_manager.mps.running = ""
+        _run(bpy.ops.mps.render_photo, how, samples=self.samples, output=self._file(context, "photo.exr"))
+
+    def _estimate(self, context: Any, how: str = "INVOKE_DEFAULT") -> None:
+        demo = self._demo(context)
+        self._forget_files(context)
+        if demo.mps.photo.image is None:
+            raise _why(demo, "render_photo")
+        _run(bpy.ops.mps.estimate, how, output=self._file(context, "normals.png"))
+
+    def _bake(self, context: Any, how: str = "INVOKE_DEFAULT") -> None:
+        if self._demo(context).mps.estimate.image is None:
+            raise _why(context.scene, "estimate")
+        _run(bpy.ops.mps.bake, how, size=self.size, output=self._file(context, "texture.png"))
+
+    def _present(self, context: Any) -> None:
+        scene = self._demo(context)
+        if scene.mps.bake.image is None:
+            raise _why(scene, "bake")
+        self._forget_files(context)
+        for uid, shown in self._shown.items():
+            obj = same(scene.objects, uid)
+            if obj is None:
+                raise Cancelled
+            obj.hide_render = not shown
+            obj.hide_set(not shown)
+            obj.select_set(shown)
+            context.view_layer.objects.active = obj
+        if not bpy.app.background:
+            _run(bpy.ops.mps.relight)
+        self.report({"INFO"}, "The low-poly copy wears the photo's normals; the detailed object is hidden")
+
+    def _demo(self, context: Any) -> Any:
+        """The demo's scene, as long as the window shows it."""
+        if context.scene.session_uid != self._scene_uid:
+            raise Cancelled
+        return context.scene
+
+    def _file(self, context: Any, name: str) -> str:
+        """Images from Blender's temporary folder are packed into the .blend file."""
+        folder = made_folder(asked_place(self.output), "files") if self.output else Path(bpy.app.tempdir)
+        return str(folder / f"{file_name(self._demo(context).name)}_{name}")
+
+    def _forget_files(self, context: Any) -> None:
+        """What is done next in the demo's scene goes where it goes in any scene."""
+        settings = context.scene.mps
+        settings.photo.output = settings.estimate.output = settings.bake.output = ""
+
+
+def _run(operator: Callable[..., Any], *how: str, **settings: Any) -> None:
+    """Call one of the add-on's operators. Raises InputError where it fails, with what it said."""
+    try:
+        operator(*how, **settings)
+    except RuntimeError as error:
+        raise InputError(told_by(error)) from None
+
+
+def _why(scene: Any, verb: str) -> Exception:
+    """Why a step has left nothing: what it said, or else it was cancelled."""
+    said = error_of(scene, verb)
+    return InputError(said) if said else Cancelled()
+
+
+def _viewports(context: Any) -> list[Any]:
+    """The views of the window's 3D viewports."""
+    areas = context.window.screen.areas if context.window else ()
+    return [area.spaces.active.region_3d for area in areas if area.type == "VIEW_3D"]
+
+
+def register() -> None:
+    bpy.utils.register_class(MPS_OT_try_it)
+
+
+def unregister() -> None:
+    bpy.utils.unregister_class(MPS_OT_try_it)

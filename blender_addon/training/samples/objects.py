@@ -1,0 +1,130 @@
+"""The scene's own objects as what samples show: snapshots of them as a render sees them, brought to radius 1."""
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+from numpy.typing import NDArray
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.files import existing_file
+from mpsnet_core.synthesis.recipe import Recipe
+
+from ...bake.mesh_file import as_rendered
+from ...photo.studio import refuse_glow
+
+
+@dataclass(frozen=True)
+class SceneObjects:
+    """Snapshots of objects, instances among them, in a space of their own: centred, bounding sphere of radius 1.
+
+    meshes: each with the matrix that brings its own space there. vertices (V, 3) and triangles (T, 3): all together.
+    """
+
+    meshes: list[tuple[Any, Matrix]]
+    vertices: NDArray[np.float64]
+    triangles: NDArray[np.int32]
+
+
+def open_objects(path: Path, names: Sequence[str]) -> SceneObjects:
+    """Open a .blend file and take snapshots of the objects of those names, as they stand in its frame.
+
+    What modifiers make is in them; of hair and volumes they have nothing. Their materials' displacement becomes bump,
+    and the materials are numbered from 0 by their pass index.
+
+    Raises InputError where the file or an object is missing, has no surface, or glows.
+    """
+    path = existing_file(path, "scene")
+    try:
+        bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)
+    except RuntimeError as error:
+        reason = " ".join(str(error).split()).removeprefix("Error: ")
+        raise InputError(f"{path} cannot be opened ({reason}); make the samples in a new folder") from None
+    objects = bpy.context.scene.objects
+    missing = [name for name in names if name not in objects]
+    if missing:
+        raise InputError(f'{path} has no object "{missing[0]}"; make the samples in a new folder')
+    wanted = [objects[name] for name in names]
+    owners, meshes = set(), []
+    with ExitStack() as stack:
+        for obj in wanted:
+            stack.enter_context(as_rendered(obj))
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        for instance in depsgraph.object_instances:
+            owner = (instance.parent or instance.object).original
+            if owner not in wanted or instance.object.type != "MESH":
+                continue  # what a text or a curve makes comes as a mesh of its own
+            refuse_glow(instance.object, owner.name)
+            mesh = bpy.data.meshes.new_from_object(instance.object, preserve_all_data_layers=True, depsgraph=depsgraph)
+            if not mesh.polygons:
+                bpy.data.meshes.remove(mesh)
+                continue
+            for number, slot in enumerate(instance.object.material_slots):
+                if slot.link == "OBJECT" and number < len(mesh.materials):
+                    mesh.materials[number] = slot.material and slot.material.original
+            if not mesh.materials:
+                mesh.materials.append(None)
+            owners.add(owner)
+            meshes.append((mesh, instance.matrix_world.copy()))
+    for obj in wanted:
+        if obj not in owners:
+            raise InputError(
+                f'"{obj.name}" in {path} has no surface or is hidden in viewports; make the samples in a new folder'
+            )
+    return _at_unit_size(meshes)
+
+
+def _at_unit_size(meshes: list[tuple[Any, Matrix]]) -> SceneObjects:
+    clouds, triangles, count = [], [], 0
+    for mesh, matrix in meshes:
+        points = np.empty(3 * len(mesh.vertices), np.float32)
+        mesh.vertices.foreach_get("co", points)
+        world = np.array(matrix)
+        clouds.append(points.reshape(-1, 3) @ world[:3, :3].T + world[:3, 3])
+        mesh.calc_loop_triangles()
+        corners = np.empty(3 * len(mesh.loop_triangles), np.int32)
+        mesh.loop_triangles.foreach_get("vertices", corners)
+        triangles.append(corners.reshape(-1, 3) + count)
+        count += len(mesh.vertices)
+    vertices = np.concatenate(clouds)
+    used = vertices[np.unique(np.concatenate(triangles))]
+    middle = (used.min(axis=0) + used.max(axis=0)) / 2
+    radius = float(np.linalg.norm(used - middle, axis=1).max())
+    if radius == 0:
+        raise InputError("the chosen objects are a single point; choose some with a surface")
+    to_unit = Matrix.Scale(1 / radius, 4) @ Matrix.Translation(-middle)
+    _number_materials(mesh for mesh, _ in meshes)
+    return SceneObjects(
+        [(mesh, to_unit @ matrix) for mesh, matrix in meshes], (vertices - middle) / radius, np.concatenate(triangles)
+    )
+
+
+def _number_materials(meshes: Any) -> None:
+    plain = None
+    worn = []
+    for mesh in meshes:
+        for slot, material in enumerate(mesh.materials):
+            if material is None:
+                plain = plain or bpy.data.materials.new("MPS Plain")
+                mesh.materials[slot] = material = plain
+            worn.append(material)
+    for number, material in enumerate(dict.fromkeys(worn)):
+        material.pass_index = number
+        material.displacement_method = "BUMP"
+
+
+def add_objects(scene: Any, recipe: Recipe, objects: SceneObjects) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Put the objects, turned, into the scene; give their triangles in world space."""
+    turn = bpy.data.objects.new("MPS Turn", None)
+    turn.matrix_world = Matrix(recipe.rotation).to_4x4()
+    scene.collection.objects.link(turn)
+    for mesh, matrix in objects.meshes:
+        obj = bpy.data.objects.new("MPS Sample", mesh)
+        obj.parent, obj.matrix_parent_inverse = turn, matrix  # a parent's matrix may shear, an object's own may not
+        scene.collection.objects.link(obj)
+    return objects.vertices @ recipe.rotation.T, objects.triangles

@@ -1,0 +1,91 @@
+"""One Cycles render a sample: three light groups, normals, alpha and materials, in one multi-layer EXR."""
+
+import os
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.files import unfinished_path
+from mpsnet_core.synthesis.cycles import sample_from_cycles
+from mpsnet_core.synthesis.farm.work import THREADS_VARIABLE
+from mpsnet_core.synthesis.recipe import Recipe
+from mpsnet_core.synthesis.sample import Sample
+from mpsnet_core.synthesis.shapes import Shape
+
+from ...outputs import literally
+from .denoising import add_denoising, denoising_helps
+from .materials import weight_passes
+from .objects import SceneObjects, add_objects
+from .scene import add_shape, sample_scene
+
+
+def render_sample(
+    recipe: Recipe, shown: Shape | SceneObjects, samples: int, path: Path, *, denoise: bool = False
+) -> Sample:
+    """What the recipe's camera sees of a shape made of its materials, or of a scene's objects made of their own.
+
+    samples: Cycles samples a pixel, all lights together; a multiple of four, else the next one is taken. path: beside
+    it lies what Blender writes meanwhile. denoise: the light of recipes that gain from it.
+
+    Raises InputError where a material is measured, or the render or its file fails.
+    """
+    layers = unfinished_path(path, ".layers.exr")  # so that what a killed worker leaves is found and removed
+    with sample_scene(recipe) as scene:
+        add = add_objects if isinstance(shown, SceneObjects) else add_shape
+        vertices, triangles = add(scene, recipe, shown)  # type: ignore[arg-type]
+        prepare(scene, recipe, samples)
+        if denoise and denoising_helps(recipe):
+            passes = weight_passes(recipe) or ["Material Index" if bpy.app.version >= (5, 0) else "IndexMA"]
+            layers = add_denoising(scene, passes, layers)
+        try:
+            render_layers(scene, layers)
+            return sample_from_cycles(layers, recipe, vertices, triangles, f"Cycles {bpy.app.version_string}")
+        finally:
+            layers.unlink(missing_ok=True)
+
+
+def prepare(scene: Any, recipe: Recipe, samples: int) -> None:
+    """Set a scene up for a render of the recipe with so many samples a pixel."""
+    render, cycles, layer = scene.render, scene.cycles, scene.view_layers[0]
+    render.engine = "CYCLES"
+    render.film_transparent = True
+    render.use_compositing = render.use_sequencer = render.use_simplify = render.use_file_extension = False
+    if threads := int(os.environ.get(THREADS_VARIABLE, 0)):
+        render.threads_mode, render.threads = "FIXED", threads
+    cycles.device = "CPU"
+    # See scene.py: shares the samples out evenly among the four suns.
+    cycles.samples = -(-samples // 4) * 4
+    cycles.sampling_pattern, cycles.use_light_tree = "TABULATED_SOBOL", False
+    cycles.seed = int(np.random.SeedSequence([recipe.seed, recipe.number]).generate_state(1)[0] >> 1)
+    cycles.use_adaptive_sampling = cycles.use_denoising = False
+    cycles.light_sampling_threshold = 0.0
+    cycles.pixel_filter_type = "BOX"
+    cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = recipe.bounces
+    cycles.transmission_bounces = cycles.volume_bounces = 0
+    layer.use_pass_normal = True
+    layer.use_pass_z = False
+    layer.use_pass_material_index = not recipe.materials
+    for name in weight_passes(recipe):
+        layer.aovs.add().name = name
+
+
+def render_layers(scene: Any, path: Path) -> None:
+    """Render a scene into a float multi-layer EXR. Raises InputError where Blender cannot."""
+    render = scene.render
+    settings = render.image_settings
+    if bpy.app.version >= (5, 0):
+        settings.media_type = "MULTI_LAYER_IMAGE"
+    settings.file_format = "OPEN_EXR_MULTILAYER"
+    settings.color_mode, settings.color_depth, settings.exr_codec = "RGBA", "32", "ZIPS"
+    render.filepath = literally(path)
+    try:
+        # Where there is denoising, the compositor writes the file.
+        bpy.ops.render.render(write_still=not render.use_compositing, scene=scene.name)
+    except RuntimeError as error:
+        reason = " ".join(str(error).split()).removeprefix("Error: ")
+        raise InputError(f"Blender could not render {path}: {reason}") from None
+    if not path.is_file():
+        raise InputError(f"Blender did not write {path}: the render was cancelled or its disk is full; try again")

@@ -1,0 +1,197 @@
+"""Training data: samples rendered by Blenders beside this one, of generated shapes, mesh files or this scene."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy.props import BoolProperty, StringProperty
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.files import written_whole
+from mpsnet_core.synthesis.farm.address import is_loopback
+from mpsnet_core.synthesis.job import CONTACT_SHEET, JOB_FILE, SHAPES, SampleJob, place_job, read_job, samples_there
+
+from ..child_process.file_copy import save_copy
+from ..child_process.trust import python_drivers
+from ..operators import RunsCore, same
+from ..outputs import asked_place, file_name, fine_preview, lasting, load_image, output_folder
+from ..preferences import preference
+from ..settings.declared import GIVEN, take_given
+from ..settings.samples import SamplesSettings
+
+SCENE_FILE = "scene.blend"
+
+
+class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
+    """Render training data into a folder, with several Blenders beside this one.
+
+    What the folder holds already is not rendered again: after a stop, run it again and it goes on"""
+
+    bl_idname = "mps.render_samples"
+    bl_label = "Render Samples"
+    bl_options = {"UNDO"}
+
+    # Not the scene's: a .blend file shall not say whom this machine listens to.
+    cluster: StringProperty(
+        name="Cluster",
+        description="Address of a Dask scheduler whose machines render, such as tls://host:8786. "
+        "Empty: that of the preferences, where they have one",
+        options=GIVEN,
+    )
+    cluster_trusted: BoolProperty(
+        name="Trusted Network",
+        description="This address need not be tls://. Whoever is in its network may run code on this machine",
+        default=False,
+        options=GIVEN,
+    )
+
+    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+        scene = context.scene
+        take_given(self, SamplesSettings, scene.mps.samples)
+        if self.output:
+            asked_place(self.output)
+        target = samples_folder(scene)
+        if not (self.output or lasting(target)):
+            raise InputError("no folder is named for the samples; name one, or save this file and they go beside it")
+        job, cluster = self._sample_job(context, target), self._cluster_arguments()
+        place_job(target, job)
+        if job.objects:
+            self._keep_scene(target / SCENE_FILE)
+            self._notes = python_drivers()
+        if job.denoise and not can_denoise():
+            self.report({"WARNING"}, "this Blender has no OpenImageDenoise: light keeps its noise; take more samples")
+        arguments = ["make", str(target), "--processes", str(self.processes)]
+        arguments += cluster
+        if not bpy.app.module:
+            # Where the extension was enabled just now, the preferences may not be saved yet.
+            arguments += ["--blender", bpy.app.binary_path, "--addon", __package__ or ""]
+        self._sheet, self._seen = target / CONTACT_SHEET, -1
+        if not self._sheet.exists():
+            scene.mps.samples.image = None  # it shows another folder
+        return arguments, [self._sheet]
+
+    def _cluster_arguments(self) -> list[str]:
+        """What names the cluster to the core; its address comes from the caller or the preferences, from no file."""
+        own = bool(self.cluster)
+        address = self.cluster if own else preference("cluster")
+        if not address:
+            return []
+        if not (is_loopback(address) or bpy.app.online_access):
+            raise InputError(
+                f"Blender may not go online, and so not to the cluster at {address}; tick Allow Online Access in the "
+                "system preferences, or begin the command line with --online-mode"
+            )
+        trusted = self.cluster_trusted if own else preference("cluster_trusted")
+        return ["--cluster", address, *(["--cluster-trusted"] if trusted else [])]
+
+    def _sample_job(self, context: Any, target: Path) -> SampleJob:
+        shapes: tuple[str, ...] = (self.source.lower(),)
+        objects: tuple[str, ...] = ()
+        meshes, views = "", self.views
+        if self.source == "GENERATED":
+            shapes = tuple(kind for kind in SHAPES if kind.upper() in self.kinds)
+        elif self.source == "MESHES":
+            meshes = str(Path(bpy.path.abspath(self.meshes)).resolve()) if self.meshes else ""
+            if meshes and not Path(meshes).is_dir():
+                raise InputError(f"mesh folder {meshes} does not exist; check the path")
+        else:
+            objects, views = _chosen_objects(context, target), 1
+        return SampleJob(
+            renderer="cycles",
+            count=self.count,
+            seed=self.seed,
+            size=self.size,
+            shapes=shapes,
+            meshes=meshes,
+            objects=objects,
+            views=views,
+            bounces=self.bounces,
+            samples=self.samples,
+            denoise=self.denoise,
+        )
+
+    def _keep_scene(self, path: Path) -> None:
+        """The scene as the rendering Blenders open it. One that is there stays: the samples beside it show it."""
+        if path.exists():
+            self.report({"INFO"}, f"The scene is as it was when it was first rendered, see {path}")
+            return
+        painted = [image.name for image in bpy.data.images if image.is_dirty]
+        if painted:
+            raise InputError(f'the image "{painted[0]}" was changed and not saved; save or pack it first')
+        with written_whole(path) as unfinished:
+            try:
+                save_copy(unfinished, compress=True, mend="choose another folder")
+            finally:  # Blender keeps what it saves over
+                unfinished.with_suffix(".blend1").unlink(missing_ok=True)
+
+    def look(self) -> None:
+        """Show the contact sheet, where the core has written it anew."""
+        scene = same(bpy.data.scenes, self._scene_uid)
+        with suppress(InputError, OSError):  # a sheet that is not there yet or cannot be shown is no reason to stop
+            changed = self._sheet.stat().st_mtime_ns
+            if scene is not None and changed != self._seen:
+                self._seen = changed
+                scene.mps.samples.image = image = load_image(self._sheet, "MPS Samples", is_data=False)
+                if not bpy.app.background:
+                    fine_preview(image)
+
+    def finish(self, context: Any, result: dict[str, Any]) -> None:
+        self.look()
+        sheet = self.scene(f"its samples are in {self._sheet.parent}").mps.samples.image
+        if sheet is not None:
+            self.made(sheet)
+        self.report({"INFO"}, f"{standing(self._sheet.parent)}: {self._sheet.parent}")
+
+
+def samples_folder(scene: Any) -> Path:
+    """Where the scene's samples go."""
+    given = scene.mps.samples.output
+    if given:
+        return Path(bpy.path.abspath(given)).resolve()
+    return output_folder() / file_name(f"{scene.name}_samples")
+
+
+def can_denoise() -> bool:
+    """Whether this Blender was built with OpenImageDenoise; those of some Linux distributions are not."""
+    import _cycles  # type: ignore[import-not-found]
+
+    return bool(_cycles.with_openimagedenoise)
+
+
+def standing(folder: Path) -> str:
+    """How many samples a folder holds of how many, in words; "" where it holds no job that can be read."""
+    try:
+        # A folder changes with every file that appears in it, and counting thousands takes too long for every redraw.
+        return _counted(folder, folder.stat().st_mtime_ns) if (folder / JOB_FILE).is_file() else ""
+    except OSError:
+        return ""
+
+
+@lru_cache(maxsize=1)
+def _counted(folder: Path, changed: int) -> str:
+    try:
+        count = read_job(folder).count
+    except InputError:
+        return ""
+    return f"{sum(number < count for number in samples_there(folder))} of {count} samples"
+
+
+def _chosen_objects(context: Any, target: Path) -> tuple[str, ...]:
+    """The selected mesh objects; where nothing is selected, those that the folder's samples show already."""
+    chosen = sorted(obj.name for obj in context.view_layer.objects.selected if obj.type == "MESH")
+    if chosen:
+        return tuple(chosen)
+    if (target / JOB_FILE).is_file():
+        return read_job(target).objects
+    raise InputError("no mesh object is selected; select what the samples shall show")
+
+
+def register() -> None:
+    bpy.utils.register_class(MPS_OT_render_samples)
+
+
+def unregister() -> None:
+    bpy.utils.unregister_class(MPS_OT_render_samples)
