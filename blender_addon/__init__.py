@@ -1,7 +1,7 @@
 """MPSNet for Blender: a rig of three coloured lights, the one photo, its normals, and a baked normal texture.
 
-The four steps, and the rendering of training data, are the operators ``bpy.ops.mps.*``; heavy work runs in a child
-process, see ``core_process.py``. The package is the extension ``bl_ext.<repository>.mpsnet`` in Blender and
+The four steps, and the rendering of training data, are the operators ``bpy.ops.mps.*``; heavy work runs in
+child processes, see ``child_process``. The package is the extension ``bl_ext.<repository>.mpsnet`` in Blender and
 ``blender_addon`` beside pip's bpy.
 """
 
@@ -10,14 +10,12 @@ import atexit
 import bpy
 
 from . import commands, menu, operators, panels, preferences, settings
-from .bake import bake, relight
-from .bake import many_views as views
+from .bake import bake, many_views, relight
 from .estimate import estimate
 from .heights import displace, integrate
 from .material import material
-from .photo import photo as render
-from .rig import calibrate, rig
-from .rig import several_rigs as rigs
+from .photo import photo
+from .rig import calibrate, rig, several_rigs
 from .start import try_it
 from .training import training_data
 
@@ -26,14 +24,14 @@ _MODULES = (
     preferences,
     operators,
     rig,
-    rigs,
+    several_rigs,
     calibrate,
-    render,
+    photo,
     estimate,
     bake,
     displace,
     integrate,
-    views,
+    many_views,
     material,
     training_data,
     relight,

@@ -8,9 +8,12 @@ from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 from mpsnet_core.synthesis.farm.address import is_loopback
 
+# What Blender knows the add-on by, also in the Blenders that it starts.
+PACKAGE = __package__ or ""
+
 
 class MPS_AddonPreferences(bpy.types.AddonPreferences):
-    bl_idname = __package__
+    bl_idname = PACKAGE
 
     provider: EnumProperty(
         name="Compute On",
@@ -63,7 +66,7 @@ class MPS_AddonPreferences(bpy.types.AddonPreferences):
 
 def preference(name: str) -> Any:
     """A preference as the person set it, or its default where the add-on runs as a plain module."""
-    addon = bpy.context.preferences.addons.get(__package__)
+    addon = bpy.context.preferences.addons.get(PACKAGE)
     if addon is not None and addon.preferences is not None:
         return getattr(addon.preferences, name)
     return MPS_AddonPreferences.bl_rna.properties[name].default

@@ -21,10 +21,10 @@ from pathlib import Path
 import numpy as np
 
 from mpsnet_core import Capture, InputError, LightRig, NormalMap, angular_error, estimate_normals, read_image, read_mask
+from mpsnet_core.arrays.rank_correlation import rank_correlation
 from mpsnet_core.capture.calibrate.lights import find_lights
 from mpsnet_core.capture.calibrate.photos import BallPhotos, read_sightings
 from mpsnet_core.io.images import write_image
-from mpsnet_core.learning.evaluation.confidence import rank_correlation
 from mpsnet_core.scene.pictures import cropped, normals_picture, photo_picture, sheet
 from mpsnet_core.scene.rig import angles_of
 

@@ -46,6 +46,7 @@ from ..child_process.linked_data import (
 )
 from ..child_process.trust import asked_for_this_run, kept_back
 from ..operators import told_by
+from ..preferences import PACKAGE
 from .studio import Told, What, render
 
 JOB_FILE = "render.json"
@@ -155,7 +156,7 @@ def rendering_blender(folder: Path) -> Program:
     command = [sys.executable, "-m", "blender_addon"]
     if not bpy.app.module:
         # Where the extension was enabled just now, the preferences may not be saved yet.
-        command = [bpy.app.binary_path, "-b", "--addons", __package__ or "", "--command", "mpsnet"]
+        command = [bpy.app.binary_path, "-b", "--addons", PACKAGE, "--command", "mpsnet"]
     places = {name: str(folder) for name in ("TMPDIR", "TEMP", "TMP")}
     return Program((*command, "render"), "the rendering Blender", places)
 

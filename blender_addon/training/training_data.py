@@ -18,7 +18,7 @@ from ..child_process.file_copy import save_copy
 from ..child_process.trust import python_drivers
 from ..operators import RunsCore, same
 from ..outputs import asked_place, file_name, fine_preview, lasting, load_image, output_folder
-from ..preferences import preference
+from ..preferences import PACKAGE, preference
 from ..settings.declared import GIVEN, take_given
 from ..settings.samples import SamplesSettings
 
@@ -67,7 +67,7 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
         arguments += cluster
         if not bpy.app.module:
             # Where the extension was enabled just now, the preferences may not be saved yet.
-            arguments += ["--blender", bpy.app.binary_path, "--addon", __package__ or ""]
+            arguments += ["--blender", bpy.app.binary_path, "--addon", PACKAGE]
         self._sheet, self._seen = target / CONTACT_SHEET, -1
         if not self._sheet.exists():
             scene.mps.samples.image = None  # it shows another folder

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from mpsnet_core.bake.texture import Texture
 from mpsnet_core.bake.view_agreement import ViewAgreement
 from mpsnet_core.io.files import written_whole
+from mpsnet_core.io.html_page import HEAD, data_url, page_path
 from mpsnet_core.io.text_table import text_table
-from mpsnet_core.learning.evaluation.report import HEAD, data_url, report_path
 from mpsnet_core.scene.normal_map import encode
 from mpsnet_core.scene.pictures import BACKGROUND, colour_scale, error_picture
 
@@ -95,7 +95,7 @@ def write_bake_report(
 
     Raises InputError where no report can be put there.
     """
-    path = report_path(path)
+    path = page_path(path)
     with written_whole(path) as unfinished, unfinished.open("w", encoding="utf-8") as page:
         page.write(HEAD.format(title=html.escape(title)) + _STYLE)
         page.writelines(f"<p>{html.escape(note)}</p>\n" for note in notes)

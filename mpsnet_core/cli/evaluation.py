@@ -52,14 +52,14 @@ def _test(
 def _evaluate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.estimate.registry import DEFAULT_MODEL
     from mpsnet_core.io.files import writable_path
+    from mpsnet_core.io.html_page import page_path
     from mpsnet_core.learning.evaluation.evaluation import evaluate
-    from mpsnet_core.learning.evaluation.report import report_path
 
     # Asked first, as a test's data may take a while to look through.
     if options.json:
         writable_path(options.json)
     if options.output:
-        report_path(options.output)
+        page_path(options.output)
     return evaluate(
         options.make(options),
         options.model or [DEFAULT_MODEL],

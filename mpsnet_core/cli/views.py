@@ -107,9 +107,9 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         written_together,
     )
     from mpsnet_core.io.frames import check_apart
+    from mpsnet_core.io.html_page import page_path
     from mpsnet_core.io.images import checked_bits
     from mpsnet_core.io.provenance import identity
-    from mpsnet_core.learning.evaluation.report import report_path
     from mpsnet_core.progress import part
     from mpsnet_core.scene.joined_mesh import joined
     from mpsnet_core.scene.normal_map import check_convention
@@ -124,7 +124,7 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     baking = asked_baking(options, FEATHER)
     level = level_scale(options.level)
     if options.report:
-        report_path(options.report)
+        page_path(options.report)
     if options.json:
         writable_path(options.json)
     outputs = [file for file in (options.output, options.report, options.json) if file]

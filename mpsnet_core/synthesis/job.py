@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from mpsnet_core.errors import InputError
+from mpsnet_core.io.claims import Claims
 from mpsnet_core.io.files import made_folder, read_json, write_json
-from mpsnet_core.synthesis.farm.claims import Claims
 
 JOB_FORMAT = "mpsnet-samples"
 JOB_VERSION = 1

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.synthesis.farm.claims import LOCK_FILE, Claims
+from mpsnet_core.io.claims import LOCK_FILE, Claims
 
 HOLD = """
 import sys
-from mpsnet_core.synthesis.farm.claims import Claims
+from mpsnet_core.io.claims import Claims
 
 with Claims(sys.argv[1]) as claims, claims.claim(int(sys.argv[2])) as ours:
     print(ours, flush=True)

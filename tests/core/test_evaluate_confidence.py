@@ -7,7 +7,8 @@ import pytest
 from networks import card, conv, write_model
 from synthetic import degrees_between, diligent_object
 
-from mpsnet_core.learning.evaluation.confidence import ConfidencePool, error_by_confidence, rank_correlation
+from mpsnet_core.arrays.rank_correlation import rank_correlation
+from mpsnet_core.learning.evaluation.confidence import ConfidencePool, error_by_confidence
 from mpsnet_core.learning.evaluation.diligent import Diligent
 from mpsnet_core.learning.evaluation.evaluation import evaluate
 

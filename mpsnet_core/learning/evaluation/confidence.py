@@ -6,18 +6,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.rank_correlation import rank_correlation
 from mpsnet_core.estimate.registry import LAMBERTIAN, LAMBERTIAN_GREY_WORLD
 
 GROUPS = 10
 # Pixels of each photo that are kept until all have been seen.
 PIXELS_A_PHOTO = 4096
-
-
-def rank_correlation(one: NDArray[Any], other: NDArray[Any]) -> float | None:
-    """Spearman's rank correlation of two series (N,); None where one is constant or there are fewer than ten values."""
-    if len(one) < GROUPS or np.ptp(one) == 0 or np.ptp(other) == 0:
-        return None
-    return float(np.corrcoef(_ranks(one), _ranks(other))[0, 1])
 
 
 def error_by_confidence(confidence: NDArray[Any], error: NDArray[Any]) -> NDArray[np.float64]:
@@ -26,13 +20,6 @@ def error_by_confidence(confidence: NDArray[Any], error: NDArray[Any]) -> NDArra
     Pixels of equal confidence, which no order tells apart, share their mean error.
     """
     return _group_means(-confidence, error)
-
-
-def _ranks(values: NDArray[Any]) -> NDArray[np.float64]:
-    """Places in ascending order; equal values share the mean of theirs."""
-    _, place, count = np.unique(values, return_inverse=True, return_counts=True)
-    ranks: NDArray[np.float64] = (np.cumsum(count) - (count - 1) / 2)[place.reshape(-1)]
-    return ranks
 
 
 def _group_means(order: NDArray[Any], values: NDArray[Any]) -> NDArray[np.float64]:

@@ -1,6 +1,5 @@
 """The report of an evaluation: one self-contained HTML page with table, charts and pictures."""
 
-import base64
 import html
 import os
 import tempfile
@@ -13,9 +12,8 @@ from typing import TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
-from mpsnet_core.io.files import writable_path, written_whole
-from mpsnet_core.io.images import png_bytes
+from mpsnet_core.io.files import written_whole
+from mpsnet_core.io.html_page import HEAD, data_url, page_path
 from mpsnet_core.learning.evaluation.measure import Result
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.pictures import (
@@ -32,12 +30,6 @@ HIGHEST_ERROR = 45.0  # degrees; one scale for all models and cases
 TILE_HEIGHT = 176
 LONGEST_TITLE = 21  # letters above a tile
 _COPIED = 1 << 20  # characters at a time
-
-HEAD = """<!doctype html><html lang='en'><meta charset='utf-8'><title>{title}</title>
-<style>body{{background:#222;color:#eee;font:15px sans-serif;margin:2em}}pre{{font-size:14px;overflow-x:auto}}
-h2{{font-size:16px;margin:1.5em 0 .3em}}img{{max-width:100%}}svg{{display:block;margin:1em 0}}</style>
-<h1>{title}</h1>
-"""
 
 
 @dataclass(frozen=True)
@@ -72,17 +64,9 @@ def begun_report(path: str | os.PathLike[str]) -> Iterator[Report]:
 
     Raises InputError where no report can be put there.
     """
-    path = report_path(path)
+    path = page_path(path)
     with tempfile.TemporaryFile("w+", encoding="utf-8") as figures:
         yield Report(path, figures)
-
-
-def report_path(path: str | os.PathLike[str]) -> Path:
-    """`path` as a Path, or InputError where no report can be put there; asked before long work starts."""
-    path = writable_path(path)
-    if path.suffix.lower() not in (".html", ".htm"):
-        raise InputError(f"cannot write {path}: reports are written as .html; change the suffix")
-    return path
 
 
 def case_picture(results: Sequence[Result]) -> NDArray[np.float32]:
@@ -115,8 +99,3 @@ def _at_least_square(picture: NDArray[np.float32]) -> NDArray[np.float32]:
     """The picture with background at its sides, so that its title has room."""
     missing = max(picture.shape[0] - picture.shape[1], 0)
     return np.pad(picture, [(0, 0), (missing // 2, missing - missing // 2), (0, 0)], constant_values=BACKGROUND)
-
-
-def data_url(picture: NDArray[np.float32]) -> str:
-    """Display values (H, W, 3) as a PNG inside a URL."""
-    return "data:image/png;base64," + base64.b64encode(png_bytes(picture)).decode("ascii")

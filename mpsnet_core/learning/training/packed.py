@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from mpsnet_core.errors import InputError
+from mpsnet_core.io.claims import Claims
 from mpsnet_core.progress import Progress, silent
-from mpsnet_core.synthesis.farm.claims import Claims
 from mpsnet_core.synthesis.job import FOLDER_CLAIM, sample_path, samples_there
 from mpsnet_core.synthesis.sample import MAX_SIDE, read_sample
 

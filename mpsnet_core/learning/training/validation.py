@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from mpsnet_core.learning.evaluation.confidence import rank_correlation
+from mpsnet_core.arrays.rank_correlation import rank_correlation
 from mpsnet_core.learning.training.inputs import Batch, joined, patches_of, with_previous
 from mpsnet_core.learning.training.loss import angle_between
 from mpsnet_core.learning.training.networks import Network, Prediction

@@ -14,12 +14,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from mpsnet_core.errors import InputError
+from mpsnet_core.io.claims import Claims
 from mpsnet_core.io.files import resolved, writable_path
 from mpsnet_core.io.images import is_whole
 from mpsnet_core.io.provenance import is_made
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.contact_sheet import contact_sheet, sheet_line, write_sheet
-from mpsnet_core.synthesis.farm.claims import Claims
 from mpsnet_core.synthesis.farm.work import THIS_PYTHON, Answer, Answers, Worker, WorkerLost, clear_unfinished
 from mpsnet_core.synthesis.job import CONTACT_SHEET, FOLDER_CLAIM, SampleJob, place_job, sample_path, samples_there
 

@@ -29,9 +29,9 @@ from typing import IO, Any, Literal, get_args
 
 import mpsnet_core
 from mpsnet_core.errors import InputError
+from mpsnet_core.io.claims import Claims
 from mpsnet_core.io.files import remove_abandoned
 from mpsnet_core.io.images import is_whole
-from mpsnet_core.synthesis.farm.claims import Claims
 from mpsnet_core.synthesis.job import SampleJob, read_job, sample_number, sample_path
 
 # In a worker's command: the Python that starts it, which on another machine stands elsewhere.

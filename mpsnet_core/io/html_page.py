@@ -1,0 +1,31 @@
+"""Self-contained HTML pages: one style for all reports, pictures inside the page."""
+
+import base64
+import os
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.files import writable_path
+from mpsnet_core.io.images import png_bytes
+
+HEAD = """<!doctype html><html lang='en'><meta charset='utf-8'><title>{title}</title>
+<style>body{{background:#222;color:#eee;font:15px sans-serif;margin:2em}}pre{{font-size:14px;overflow-x:auto}}
+h2{{font-size:16px;margin:1.5em 0 .3em}}img{{max-width:100%}}svg{{display:block;margin:1em 0}}</style>
+<h1>{title}</h1>
+"""
+
+
+def page_path(path: str | os.PathLike[str]) -> Path:
+    """`path` as a Path, or InputError where no page can be put there; asked before long work starts."""
+    path = writable_path(path)
+    if path.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"cannot write {path}: reports are written as .html; change the suffix")
+    return path
+
+
+def data_url(picture: NDArray[np.float32]) -> str:
+    """Display values (H, W, 3) as a PNG inside a URL."""
+    return "data:image/png;base64," + base64.b64encode(png_bytes(picture)).decode("ascii")
