@@ -17,7 +17,8 @@ from mpsnet_core.capture.masks import Notes, find_mask
 from mpsnet_core.capture.transfer_curve import CLOSE, DECIDED, linear_rather
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.frames import expand_images
-from mpsnet_core.io.images import Encoding, Image, as_stored, layer_in, read_image, saturated
+from mpsnet_core.io.image import Image, saturated
+from mpsnet_core.io.images import Encoding, as_stored, layer_in, read_image
 from mpsnet_core.scene.camera import Camera, camera_of_lens
 from mpsnet_core.scene.rig import LightRig, NearLights
 

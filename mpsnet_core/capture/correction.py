@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.frames import expand_images
-from mpsnet_core.io.images import Encoding, Image, layer_in, read_image
+from mpsnet_core.io.image import Image
+from mpsnet_core.io.images import Encoding, layer_in, read_image
 
 log = logging.getLogger(__name__)
 

@@ -15,7 +15,8 @@ from mpsnet_core.arrays.robust_statistics import DEVIATIONS
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.capture.correction import Correction, corrected
 from mpsnet_core.errors import InputError
-from mpsnet_core.io.images import Encoding, Image, layer_in, read_image, read_mask
+from mpsnet_core.io.image import Image
+from mpsnet_core.io.images import Encoding, layer_in, read_image, read_mask
 
 log = logging.getLogger(__name__)
 

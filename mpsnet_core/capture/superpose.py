@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.io.images import Encoding, Image, read_image
+from mpsnet_core.io.image import Image
+from mpsnet_core.io.images import Encoding, read_image
 
 
 def superpose(

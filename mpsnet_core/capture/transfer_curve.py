@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.block_means import block_means
-from mpsnet_core.io.images import linear_to_srgb, srgb_to_linear
+from mpsnet_core.io.image import linear_to_srgb, srgb_to_linear
 from mpsnet_core.scene.rig import LightRig
 
 # Above DECIDED the values are taken as linear. 1,320 photos, photographed and synthesised, with paint, gloss, shadows,

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from mpsnet_core.capture.calibrate.lights import LightsFound
     from mpsnet_core.capture.calibrate.mixing import MixingFound
     from mpsnet_core.capture.calibrate.photos import BallPhotos
-    from mpsnet_core.io.images import Image
+    from mpsnet_core.io.image import Image
     from mpsnet_core.scene.rig import LightRig
 
 log = logging.getLogger(__name__)

@@ -190,7 +190,8 @@ def _superpose(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any
 
     from mpsnet_core.capture.superpose import as_channels, superpose
     from mpsnet_core.io.frames import check_apart
-    from mpsnet_core.io.images import checked_bits, linear_to_srgb, write_image
+    from mpsnet_core.io.image import linear_to_srgb
+    from mpsnet_core.io.images import checked_bits, write_image
 
     check_apart(options.image, [options.output])
     is_png = options.channels and Path(options.output).suffix.lower() == ".png"

@@ -22,7 +22,8 @@ from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.distant_lights import lights_by_rows
-from mpsnet_core.io.images import linear_to_srgb, read_image, write_image
+from mpsnet_core.io.image import linear_to_srgb
+from mpsnet_core.io.images import read_image, write_image
 from mpsnet_core.scene.normal_map import NormalMap
 
 # Where less light than this arrives (a cosine), a surface is taken to be as bright as if so much did: its albedo comes

@@ -18,7 +18,7 @@ from mpsnet_core.estimate.features import (
     window_map,
 )
 from mpsnet_core.estimate.light_frame import CAMERA_FRAME, LightFrame, canonical_frames
-from mpsnet_core.io.images import held_type
+from mpsnet_core.io.image import held_type
 from mpsnet_core.progress import Progress
 from mpsnet_core.scene.normal_map import normalised
 

@@ -14,7 +14,7 @@ from mpsnet_core.arrays.mask_regions import grown
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.files import existing_file
-from mpsnet_core.io.images import MAX_PIXELS, SATURATED_SHARE, Image, libraries_silent
+from mpsnet_core.io.image import MAX_PIXELS, SATURATED_SHARE, Image, libraries_silent
 
 NOTE = "taken as camera raw: linear, without white balance"
 

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.errors import InputError
-from mpsnet_core.io.images import linear_to_srgb
+from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.relief.sizes import check_size
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.pictures import BACKGROUND, sheet

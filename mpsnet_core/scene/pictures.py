@@ -7,7 +7,7 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import grown
-from mpsnet_core.io.images import linear_to_srgb
+from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.scene.normal_map import NormalMap, encode
 
 BACKGROUND = 0.13

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.io.images import image_layers, linear_to_srgb, read_image, write_image
+from mpsnet_core.io.image import linear_to_srgb
+from mpsnet_core.io.images import image_layers, read_image, write_image
 from mpsnet_core.io.provenance import identity, made_line
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.normal_map import encode

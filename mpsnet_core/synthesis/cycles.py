@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.files import existing_file
-from mpsnet_core.io.images import complaint, image_input, libraries_silent
+from mpsnet_core.io.image import libraries_silent
+from mpsnet_core.io.images import complaint, image_input
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import normalised
 from mpsnet_core.scene.rays import RayScene

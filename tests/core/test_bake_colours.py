@@ -13,7 +13,7 @@ from test_cli import events
 
 from mpsnet_core.bake.bake import View, bake_normals
 from mpsnet_core.estimate.albedo import write_albedo
-from mpsnet_core.io.images import linear_to_srgb
+from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.scene.camera import Camera, write_camera
 from mpsnet_core.scene.mesh import Mesh, write_mesh
 from mpsnet_core.scene.normal_map import NormalMap, write_normals

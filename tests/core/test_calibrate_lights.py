@@ -21,7 +21,8 @@ from mpsnet_core.capture.calibrate.circles import find_balls
 from mpsnet_core.capture.calibrate.highlights import Highlight, find_coloured_highlights, find_highlight
 from mpsnet_core.capture.calibrate.lights import LightsFound, Sighting, find_lights, meeting_point, write_lp
 from mpsnet_core.errors import InputError
-from mpsnet_core.io.images import Image, read_image, read_mask
+from mpsnet_core.io.image import Image
+from mpsnet_core.io.images import read_image, read_mask
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import normalised
 from mpsnet_core.scene.rig import read_rig

@@ -14,7 +14,8 @@ from mpsnet_core.capture.calibrate.mixing import mixing_from_ball, mixing_from_b
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate import estimate_normals
-from mpsnet_core.io.images import linear_to_srgb, read_image, read_mask, srgb_to_linear
+from mpsnet_core.io.image import linear_to_srgb, srgb_to_linear
+from mpsnet_core.io.images import read_image, read_mask
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import normalised
 from mpsnet_core.scene.rig import LightRig, near_rig

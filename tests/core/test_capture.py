@@ -8,7 +8,7 @@ from synthetic import Sphere, write_file
 
 from mpsnet_core.capture.capture import read_capture
 from mpsnet_core.estimate import estimate_normals
-from mpsnet_core.io import images
+from mpsnet_core.io import image
 from mpsnet_core.io.images import write_image
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import angular_error
@@ -44,8 +44,8 @@ def test_a_large_photo_is_held_in_half_the_memory(
     mask = write_file(tmp_path / "mask.png", sphere.mask, "uint8")
     photo = write_file(tmp_path / "photo.png", sphere.image, "uint16")
     captures, normals = [], []
-    for pixels in (images.HALF_ABOVE, 0):
-        monkeypatch.setattr(images, "HALF_ABOVE", pixels)
+    for pixels in (image.HALF_ABOVE, 0):
+        monkeypatch.setattr(image, "HALF_ABOVE", pixels)
         captures.append(read_capture(photo, sphere.rig, mask=mask, encoding="linear"))
         normals.append(estimate_normals(captures[-1], model))
     assert captures[1].image.nbytes * 2 == captures[0].image.nbytes

@@ -15,7 +15,8 @@ from synthetic import degrees_between, write_file
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.lambertian import lambertian_normals
-from mpsnet_core.io.images import linear_to_srgb, read_image
+from mpsnet_core.io.image import linear_to_srgb
+from mpsnet_core.io.images import read_image
 from mpsnet_core.learning.training.packed import Packed
 from mpsnet_core.learning.training.photographing import photograph
 from mpsnet_core.scene.rig import published_rig

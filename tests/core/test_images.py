@@ -8,7 +8,8 @@ import OpenImageIO as oiio
 import pytest
 from synthetic import listing, named, write_file, write_parts
 
-from mpsnet_core.io.images import image_layers, linear_to_srgb, read_data, read_image, read_mask, write_image
+from mpsnet_core.io.image import linear_to_srgb
+from mpsnet_core.io.images import image_layers, read_data, read_image, read_mask, write_image
 
 # IEC 61966-2-1 by hand: stored value, linear value.
 SRGB = {0.0: 0.0, 0.04: 0.04 / 12.92, 0.5: 0.2140411, 0.735357: 0.5, 1.0: 1.0}

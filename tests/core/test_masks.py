@@ -14,7 +14,8 @@ from mpsnet_core.capture.capture import read_capture
 from mpsnet_core.capture.correction import read_correction
 from mpsnet_core.capture.masks import auto_mask, background_mask, find_mask, threshold_mask
 from mpsnet_core.errors import InputError
-from mpsnet_core.io.images import Image, read_image, read_mask
+from mpsnet_core.io.image import Image
+from mpsnet_core.io.images import read_image, read_mask
 from mpsnet_core.scene.rig import published_rig
 
 SIDE = 200

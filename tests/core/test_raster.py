@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from surface_shapes import texels_of
 
-from mpsnet_core.arrays import rasterize as raster
+from mpsnet_core.arrays import rasterize
 from mpsnet_core.arrays.rasterize import grown, texel_coordinates, triangle_of_texel
 
 
@@ -39,7 +39,7 @@ def random_triangles(kind: str, count: int = 150) -> np.ndarray:
 def test_each_texel_is_the_last_triangles_that_holds_its_centre(
     monkeypatch: pytest.MonkeyPatch, kind: str, size: int, at_once: int
 ) -> None:
-    monkeypatch.setattr(raster, "AT_ONCE", at_once)
+    monkeypatch.setattr(rasterize, "AT_ONCE", at_once)
     uvs = random_triangles(kind)
     expected = owners_one_by_one(uvs, size)
     assert (owners(uvs, size) == expected).all()

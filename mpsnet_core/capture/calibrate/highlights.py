@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.mask_regions import labelled
 from mpsnet_core.capture.calibrate.ball import Ball, surface
 from mpsnet_core.errors import InputError
-from mpsnet_core.io.images import Image
+from mpsnet_core.io.image import Image
 
 # Of the ball's radius: nearer to its rim a mirror shows what lies behind it, squeezed, and the rim is blurred.
 USED_RADIUS = 0.96

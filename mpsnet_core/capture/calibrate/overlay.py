@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.capture.calibrate.ball import Ball, Circle
 from mpsnet_core.capture.calibrate.lights import Sighting
-from mpsnet_core.io.images import linear_to_srgb
+from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.scene.rig import angles_of
 
 Colour = tuple[float, float, float]

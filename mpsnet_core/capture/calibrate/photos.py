@@ -13,7 +13,8 @@ from mpsnet_core.capture.calibrate.highlights import Highlight, find_coloured_hi
 from mpsnet_core.capture.calibrate.lights import Sighting
 from mpsnet_core.capture.correction import Correction, corrected
 from mpsnet_core.errors import InputError
-from mpsnet_core.io.images import Encoding, Image, read_image, read_mask
+from mpsnet_core.io.image import Image
+from mpsnet_core.io.images import Encoding, read_image, read_mask
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.camera import Camera, camera_of_lens
 

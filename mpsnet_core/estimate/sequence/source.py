@@ -10,7 +10,8 @@ from pathlib import Path
 from mpsnet_core.capture.masks import mask_source
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.frames import expand_images, is_several, numbering
-from mpsnet_core.io.images import Encoding, Image, read_image
+from mpsnet_core.io.image import Image
+from mpsnet_core.io.images import Encoding, read_image
 from mpsnet_core.io.provenance import identity
 
 

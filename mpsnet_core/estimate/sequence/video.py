@@ -15,7 +15,8 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.sequence.source import Frame, Masks
 from mpsnet_core.io.files import VIDEO_SUFFIXES, existing_file
 from mpsnet_core.io.frames import RESULT, results_folder
-from mpsnet_core.io.images import ENCODINGS, MAX_PIXELS, Encoding, Image, checked_bits, srgb_to_linear
+from mpsnet_core.io.image import MAX_PIXELS, Image, srgb_to_linear
+from mpsnet_core.io.images import ENCODINGS, Encoding, checked_bits
 from mpsnet_core.io.provenance import identity
 
 log = logging.getLogger(__name__)

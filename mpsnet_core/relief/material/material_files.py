@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.files import made_folder, read_json, write_json, written_together
-from mpsnet_core.io.images import linear_to_srgb, write_image
+from mpsnet_core.io.image import linear_to_srgb
+from mpsnet_core.io.images import write_image
 from mpsnet_core.relief.curvature import curvature_picture, curvature_range
 from mpsnet_core.relief.material.material import Material
 from mpsnet_core.relief.material.resampling import resampled
