@@ -16,7 +16,7 @@ from mpsnet_core.io.crash_log import unforeseen
 
 from .operators import CANCELLED
 from .photo.background_render import render_job
-from .training.training_data import samples_folder, standing
+from .training.training_data import samples_folder, samples_status
 
 COMMAND = "mpsnet"
 VERBS = (
@@ -86,7 +86,7 @@ def _do(verb: str, options: dict[str, Any]) -> None:
     operator = getattr(bpy.ops.mps, verb)
     if not operator.poll():
         raise InputError(_obstacle(verb))
-    with _progress_told():
+    with _progress_logged():
         operator(**options)
     print(f"{COMMAND}: {verb.replace('_', '-')} done{_written(verb)}")  # noqa: T201
     if save:
@@ -113,7 +113,7 @@ def _work(folder: str) -> int:
 
 
 @contextmanager
-def _progress_told() -> Iterator[None]:
+def _progress_logged() -> Iterator[None]:
     told, handler = logging.getLogger(__package__), logging.StreamHandler(sys.stderr)
     handler.setFormatter(logging.Formatter(f"{COMMAND}: %(message)s"))
     level = told.level
@@ -130,7 +130,7 @@ def _written(verb: str) -> str:
     """What a verb wrote and where, as the end of a sentence."""
     if verb == "render_samples":
         folder = samples_folder(bpy.context.scene)
-        return f": {standing(folder)} in {folder}"
+        return f": {samples_status(folder)} in {folder}"
     scene = bpy.context.scene.mps
     if verb in {"calibrate_lights", "calibrate_mixing"}:
         return f": {scene.estimate.rig_file}"

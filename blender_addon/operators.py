@@ -18,8 +18,8 @@ from mpsnet_core.io.crash_log import unforeseen
 from mpsnet_core.progress import Progress
 
 from .child_process.core_process import CORE, CoreCrashed, CoreProcess, Program, run
-from .provenance import Ingredients, keep_made_from, refuse_to_overwrite
-from .settings.record import keep_record
+from .provenance import Provenance, refuse_to_overwrite, store_provenance
+from .settings.record import store_record
 from .time_left import Pace, in_words
 
 TICK_SECONDS = 0.1
@@ -34,7 +34,7 @@ Slices = Generator[bool, None, None]
 log = logging.getLogger(__name__)
 
 
-class SaysWhy(bpy.types.Operator):
+class ReportingOperator(bpy.types.Operator):
     """An operator whose :meth:`act` raises InputError on bad input, or OSError where the disk fails it.
 
     The sentence appears in Blender's window and stays in the operator's step of the panel until the next run; a script
@@ -43,7 +43,7 @@ class SaysWhy(bpy.types.Operator):
 
     _scene_uid = 0
     _rig_place = 0  # of the rig that was chosen, in the scene's list
-    _made_from: Ingredients
+    _made_from: Provenance
 
     @classmethod
     def lacks(cls, context: Any) -> str:
@@ -51,7 +51,7 @@ class SaysWhy(bpy.types.Operator):
         return ""
 
     @classmethod
-    def made_from(cls, context: Any) -> Ingredients:
+    def provenance(cls, context: Any) -> Provenance:
         """What a result would be made of now; where that has changed since, the panel says it is out of date."""
         return {}
 
@@ -77,12 +77,12 @@ class SaysWhy(bpy.types.Operator):
 
     def made(self, image: bpy.types.Image) -> None:
         """Note with the image that is the result what it was made of; called once it is there."""
-        keep_made_from(image, verb_of(self.bl_idname), self._made_from)
+        store_provenance(image, verb_of(self.bl_idname), self._made_from)
 
     def begin(self, context: Any) -> None:
         """Called before anything else; what an earlier run left to say goes."""
         self._scene_uid, self._rig_place = context.scene.session_uid, context.scene.mps.chosen_rig
-        self._keep_record()
+        self._store_record()
 
     def execute(self, context: Any) -> set[Any]:
         self.begin(context)
@@ -105,13 +105,13 @@ class SaysWhy(bpy.types.Operator):
         return False
 
     def _failed(self, sentence: str) -> None:
-        self._keep_record(error=sentence)
+        self._store_record(error=sentence)
         self.report({"ERROR"}, sentence)
 
-    def _keep_record(self, *, error: str = "", notes: list[str] | None = None) -> None:
+    def _store_record(self, *, error: str = "", notes: list[str] | None = None) -> None:
         scene = same(bpy.data.scenes, self._scene_uid)
         if scene is not None:
-            keep_record(scene, verb_of(self.bl_idname), error=error, notes=notes)
+            store_record(scene, verb_of(self.bl_idname), error=error, notes=notes)
 
 
 def same(datablocks: Any, session_uid: int) -> Any:
@@ -124,7 +124,7 @@ def verb_of(idname: str) -> str:
     return idname.removeprefix("MPS_OT_").removeprefix("mps.")
 
 
-def told_by(error: RuntimeError) -> str:
+def operator_report(error: RuntimeError) -> str:
     """What an operator that was called from here reported, as one line."""
     return " ".join(str(error).split()).removeprefix("Error: ")
 
@@ -182,7 +182,7 @@ def _give_up(slices: list[Slices]) -> None:
 _jobs: list[_Job] = []
 
 
-class RunsCore(SaysWhy):
+class RunsCore(ReportingOperator):
     """An operator whose work is one run of the core.
 
     From a button the run is modal: the window stays live, the panel shows progress, Esc or ``mps.cancel`` ends it.
@@ -236,7 +236,7 @@ class RunsCore(SaysWhy):
     def _prepared(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
         arguments, outputs = self.prepare(context, folder)
         refuse_to_overwrite(verb_of(self.bl_idname), outputs)
-        self._made_from = self.made_from(context)
+        self._made_from = self.provenance(context)
         return arguments, outputs
 
     def _finished(self, context: Any, result: dict[str, Any]) -> None:
@@ -244,7 +244,7 @@ class RunsCore(SaysWhy):
         for note in notes:
             self.report({"INFO"}, note)
         self.finish(context, result)
-        self._keep_record(notes=notes)
+        self._store_record(notes=notes)
 
     def invoke(self, context: Any, event: bpy.types.Event) -> set[Any]:
         if bpy.app.background:
@@ -369,7 +369,7 @@ class MPS_OT_dismiss(bpy.types.Operator):
     )
 
     def execute(self, context: Any) -> set[Any]:
-        keep_record(context.scene, self.verb)
+        store_record(context.scene, self.verb)
         return {"FINISHED"}
 
 

@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.io.files import PHOTO_SUFFIXES, made_folder, writable_path
+from mpsnet_core.io.files import PHOTO_SUFFIXES, ensure_folder, writable_path
 from mpsnet_core.scene.camera import read_camera
 from mpsnet_core.scene.rig import read_rig
 
@@ -34,7 +34,7 @@ def output_path(given: str, name: str, file_format: str) -> Path:
     Raises InputError where no file can be put there or the ending is of no format that can be written.
     """
     folder = given_folder(given)
-    path = asked_place(given) if folder is None else folder / file_name(name)
+    path = requested_path(given) if folder is None else folder / file_name(name)
     if not path.suffix:
         path = path.with_name(f"{path.name}.{FORMATS[file_format]}")
     if path.suffix.lower() not in _FORMAT_OF:
@@ -42,7 +42,7 @@ def output_path(given: str, name: str, file_format: str) -> Path:
     return writable_path(path)
 
 
-def asked_place(given: str) -> Path:
+def requested_path(given: str) -> Path:
     """The file or folder that is asked for. Raises InputError where it lies beside this file and that is nowhere yet.
 
     Blender takes "//" of a file that was never saved for the folder that it was started in.
@@ -65,13 +65,13 @@ def given_folder(given: str) -> Path | None:
 
     What ends in a slash is a folder, which is made, and so is what exists as one; "" is the output folder.
 
-    Raises InputError where the folder cannot be made, or as :func:`asked_place` does.
+    Raises InputError where the folder cannot be made, or as :func:`requested_path` does.
     """
     if not given:
         return output_folder()
-    path = asked_place(given)
+    path = requested_path(given)
     if given.endswith(("/", "\\")):
-        return made_folder(path, "files")
+        return ensure_folder(path, "files")
     return path if path.is_dir() else None
 
 
@@ -93,14 +93,14 @@ def output_frames(given: str, name: str) -> Path:
     Raises InputError where `given` is a picture's name, or where the folder would go with Blender: the frames of a
     sequence cannot be packed into the .blend file.
     """
-    folder = asked_place(given) if given else output_folder() / file_name(name)
+    folder = requested_path(given) if given else output_folder() / file_name(name)
     if folder.suffix.lower() in PHOTO_SUFFIXES and not folder.is_dir():
         raise InputError(
             f"{folder.name} is a picture's name, and frames go into a folder; name one, or ask for one frame"
         )
     if not lasting(folder):
         raise InputError("no folder is named for the frames; name one, or save this file and they go beside it")
-    return made_folder(folder, "frames")
+    return ensure_folder(folder, "frames")
 
 
 def may_open(given: str | Path) -> bool:
@@ -165,7 +165,7 @@ def literally(path: Path) -> str:
     return str(path).replace("{", "{{").replace("}", "}}")
 
 
-def beside(picture: Path, what: str) -> Path:
+def sidecar(picture: Path, what: str) -> Path:
     """The file beside a photo that tells its "rig" or "camera": NAME.rig.json, NAME.camera.json.
 
     They hold what stood when the photo was taken, whatever has been moved since.
@@ -178,7 +178,7 @@ def load_photo(path: Path, name: str) -> bpy.types.Image:
 
     Raises InputError where Blender cannot read it, or the file of its rig or camera is malformed.
     """
-    known = {what: read_beside(path, what) for what in _READERS}
+    known = {what: read_sidecar(path, what) for what in _READERS}
     image = load_image(path, name, is_data=False)
     if not image.size[0]:
         bpy.data.images.remove(image)
@@ -188,9 +188,9 @@ def load_photo(path: Path, name: str) -> bpy.types.Image:
     return image
 
 
-def read_beside(picture: Path, what: str) -> str | None:
+def read_sidecar(picture: Path, what: str) -> str | None:
     """The text of a photo's "rig" or "camera" file, None where there is none. InputError where it is malformed."""
-    file = beside(picture, what)
+    file = sidecar(picture, what)
     if not file.is_file():
         return None
     _READERS[what](file)  # refuses what is malformed

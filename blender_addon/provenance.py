@@ -21,7 +21,7 @@ from mpsnet_core.errors import InputError
 
 from .outputs import from_json, origin, remember, remembered
 
-Ingredients = dict[str, str]
+Provenance = dict[str, str]
 
 # Kept with the image.
 _MADE, _MADE_BY, _MADE_FROM = "made", "made_by", "made_from"
@@ -41,7 +41,7 @@ def chosen(
     *,
     only: Collection[str] = (),
     without: Collection[str] = ("output",),
-) -> Ingredients:
+) -> Provenance:
     """The settings of a step that shape its result, as they stand: `only` these, else all `without` those."""
     names = only or [name for name in settings.__annotations__ if name not in without]
     return {group.bl_rna.properties[name].name: str(getattr(group, name)) for name in names}
@@ -93,7 +93,7 @@ def rounded(values: ArrayLike, decimals: int) -> str:
     return " ".join(f"{value + 0.0:.{decimals}f}" for value in np.round(np.ravel(values), decimals))
 
 
-def keep_made_from(image: bpy.types.Image, verb: str, ingredients: Ingredients) -> None:
+def store_provenance(image: bpy.types.Image, verb: str, ingredients: Provenance) -> None:
     """Note with an image that it was made now, by which operator ("estimate" for ``mps.estimate``), and of what."""
     kept = {_MADE: datetime.now().isoformat(), _MADE_BY: verb, _MADE_FROM: json.dumps(ingredients)}
     for what, text in kept.items():
@@ -120,7 +120,7 @@ def refuse_to_overwrite(verb: str, outputs: Iterable[Path]) -> None:
             raise InputError(f'the result would overwrite {path}, the {what} "{image.name}"; choose another output')
 
 
-def changed_since(image: bpy.types.Image, ingredients: Ingredients) -> list[str]:
+def changed_since(image: bpy.types.Image, ingredients: Provenance) -> list[str]:
     """The names of those ingredients that are not as they were when the image was made.
 
     What is not known of both times counts as unchanged.

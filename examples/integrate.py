@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from mpsnet_core import NormalMap
-from mpsnet_core.arrays.mask_regions import grown
+from mpsnet_core.arrays.mask_regions import dilated
 from mpsnet_core.io.images import write_image
 from mpsnet_core.relief.integration.integrate import METHODS, integrate
 from mpsnet_core.scene.pictures import cropped, legend, normals_picture, sheet
@@ -88,7 +88,7 @@ def profiles(lines: dict[str, np.ndarray], width: int, height: int = 320) -> np.
         drawn = np.zeros((height, width), bool)
         for column, (one, other) in enumerate(pairwise(rows)):
             drawn[min(one, other) : max(one, other) + 1, column + 20] = True
-        chart[grown(drawn, 1 if number else 4)] = COLOURS[name]
+        chart[dilated(drawn, 1 if number else 4)] = COLOURS[name]
     return np.concatenate([legend([(colour, name) for name, colour in COLOURS.items()], width), chart])
 
 

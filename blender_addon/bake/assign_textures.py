@@ -8,18 +8,20 @@ from mpsnet_core.errors import InputError
 from ..heights.assign_displacement import undisplaced
 from ..nodes import GREEN_NODE, NORMAL_NODE, TEXTURE_NODE, UV_NODE, own_node, present_node
 from ..outputs import remember
-from .texture_owners import keep_wearers
-from .texture_sets import Worn, own_materials
+from .texture_owners import store_owners
+from .texture_sets import AssignedTexture, own_materials
 
 
-def wear_textures(worn: Sequence[Worn], space: str, convention: str, frames: range = range(0)) -> list[str]:
+def assign_textures(
+    worn: Sequence[AssignedTexture], space: str, convention: str, frames: range = range(0)
+) -> list[str]:
     """Give all materials of objects their textures; gives a sentence for each node whose place a texture took,
     and for each object whose displacement is off now: with a normal map in tangent space the relief would show twice.
 
     frames: of the timeline, where the texture is an image sequence whose files have their numbers.
     """
     materials = own_materials(worn)
-    keep_wearers(worn)
+    store_owners(worn)
     sentences = [
         f'The displacement of "{one.target.name}" is off, it would show the relief twice; displace the object again'
         for one in worn
@@ -29,7 +31,7 @@ def wear_textures(worn: Sequence[Worn], space: str, convention: str, frames: ran
         # Whoever reads the texture later needs to know, whatever the panel says by then.
         remember(image, "space", space)
         remember(image, "convention", convention)
-        for name in wear(material, image, uv_map, space, convention):
+        for name in assign_normal_map(material, image, uv_map, space, convention):
             sentences.append(f'The texture took the place of "{name}" in material "{material.name}"')
         if frames:
             shown = material.node_tree.nodes[TEXTURE_NODE].image_user
@@ -38,7 +40,7 @@ def wear_textures(worn: Sequence[Worn], space: str, convention: str, frames: ran
     return sentences
 
 
-def wear(material: Any, image: Any, uv_map: str, space: str, convention: str) -> list[str]:
+def assign_normal_map(material: Any, image: Any, uv_map: str, space: str, convention: str) -> list[str]:
     """Give every shader of a material the texture as its normal; nodes of an earlier bake are used again.
 
     Gives the names of the nodes that were the shaders' normals until now, an earlier bake's apart.

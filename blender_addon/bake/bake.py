@@ -26,17 +26,26 @@ from ..outputs import (
     picture_size,
     remembered,
 )
-from ..provenance import Ingredients, chosen, rounded, stamp
+from ..provenance import Provenance, chosen, rounded, stamp
 from ..rig.rig import rig_camera, scene_camera
 from ..rig.several_rigs import all_rigs
 from ..settings.bake import BakeSettings
 from ..settings.declared import take_given
-from .assign_textures import wear_textures
-from .existing_maps import bases_to_keep, keep_base, maps_to_go_on, write_maps
+from .assign_textures import assign_textures
+from .existing_maps import bases_to_keep, maps_to_go_on, store_base_map, write_maps
 from .mesh_file import BegunMesh, begin_mesh
 from .moving_target import CAMERAS, MESHES, Moving
 from .texture_owners import FRAME, files_for, refuse_anothers
-from .texture_sets import SPLITS, Onto, Worn, loaded, refuse_shared, slot_labels, with_tokens, worn_by
+from .texture_sets import (
+    SPLITS,
+    AssignedTexture,
+    BakeTarget,
+    loaded,
+    refuse_shared,
+    slot_labels,
+    texture_of,
+    with_tokens,
+)
 
 BITS = {".png": "16", ".tif": "16", ".tiff": "16", ".exr": "32"}
 
@@ -63,7 +72,7 @@ class BakesOnto(RunsCore):
 
     def written_for(self) -> dict[Path, list[Any]]:
         """What will be written, and the objects that it is for, as :func:`.made_for.refuse_anothers` takes it."""
-        return files_for(self._onto, self._output)
+        return files_for(self._bake_target, self._output)
 
     def baked_object(self, context: Any) -> Any:
         """The object to bake onto. Raises InputError where there is none, or it is another file's."""
@@ -76,7 +85,7 @@ class BakesOnto(RunsCore):
         _refuse_linked(target)
         return target
 
-    def all_onto(self, context: Any) -> list[Any]:
+    def bake_targets(self, context: Any) -> list[Any]:
         """The objects to bake onto. Raises InputError where there is none, or one cannot wear a texture."""
         settings = context.scene.mps.bake
         if settings.objects == "ACTIVE":
@@ -93,14 +102,14 @@ class BakesOnto(RunsCore):
     def detail(self, settings: Any, targets: Sequence[Any], folder: Path) -> list[str]:
         """The core's arguments for the photo's detail and the normal maps that it goes on top of."""
         arguments = ["--strength", f"{settings.strength:g}"]
-        self._bases = bases_to_keep(targets, self._onto, self._output)
+        self._bases = bases_to_keep(targets, self._bake_target, self._output)
         if not settings.onto:
             return arguments
         arguments += ["--onto-shown", settings.onto_shown.lower()]
         if settings.onto_file:
             file, convention = bpy.path.abspath(settings.onto_file), settings.onto_convention
             return [*arguments, "--onto", file, "--onto-convention", convention.lower()]
-        maps = maps_to_go_on(targets, self._onto, self._output)
+        maps = maps_to_go_on(targets, self._bake_target, self._output)
         if list(maps) == [(None, None)]:
             one = maps[None, None]
             return [*arguments, "--onto", str(one.file), "--onto-convention", one.convention.lower()]
@@ -110,12 +119,12 @@ class BakesOnto(RunsCore):
     def write_meshes(self, context: Any, folder: Path, targets: Sequence[Any], turn: Matrix | None = None) -> list[str]:
         """Write the objects' mesh files and remember what they are; the core's arguments for them."""
         context.view_layer.update()
-        uv_map, arguments, self._onto = context.scene.mps.bake.uv_map, [], []
+        uv_map, arguments, self._bake_target = context.scene.mps.bake.uv_map, [], []
         for number, target in enumerate(targets):
             path = folder / f"mesh_{number}.npz"
             begun = begin_mesh(path, target, context.evaluated_depsgraph_get(), uv_map, turn)
             self.later(begun.slices)
-            self._onto.append(_onto(target, begun))
+            self._bake_target.append(_bake_target(target, begun))
             arguments += ["--mesh", str(path)]
         return arguments
 
@@ -132,20 +141,20 @@ class BakesOnto(RunsCore):
         self._notes = ending_wins(path, bake)
         return with_tokens(path, bake.split, bake.tiles)
 
-    def wear_result(self, scene: Any, result: dict[str, Any]) -> None:
+    def assign_result(self, scene: Any, result: dict[str, Any]) -> None:
         """Load the core's textures and put them on the objects that they are for."""
-        there = [(one, same(bpy.data.objects, one.uid)) for one in self._onto]
+        there = [(one, same(bpy.data.objects, one.uid)) for one in self._bake_target]
         if not any(target for _, target in there):
             raise InputError(f"the target is gone; its texture is in {self._output}")
-        images = loaded(result["outputs"], self._onto[0].name)
+        images = loaded(result["outputs"], self._bake_target[0].name)
         for part, image in images.items():
             self.made(image)
             if part in self._bases:
-                keep_base(image, self._bases[part])
+                store_base_map(image, self._bases[part])
         scene.mps.bake.image = next(iter(images.values()))
-        worn = [found for one, target in there if target and (found := worn_by(one, target, images))]
+        worn = [found for one, target in there if target and (found := texture_of(one, target, images))]
         bake = scene.mps.bake
-        for sentence in wear_textures(worn, bake.space, bake.convention):
+        for sentence in assign_textures(worn, bake.space, bake.convention):
             self.report({"INFO"}, sentence)
 
     def written(self, result: dict[str, Any]) -> str:
@@ -156,11 +165,11 @@ class BakesOnto(RunsCore):
         return f"{what}; {result['seen']:.0%} of the surface seen"
 
 
-def _onto(target: Any, begun: BegunMesh) -> Onto:
-    return Onto(target.session_uid, target.name, begun.uv_map, tuple(slot_labels(target)), begun.used)
+def _bake_target(target: Any, begun: BegunMesh) -> BakeTarget:
+    return BakeTarget(target.session_uid, target.name, begun.uv_map, tuple(slot_labels(target)), begun.used)
 
 
-def targets_place(settings: Any) -> Ingredients:
+def targets_place(settings: Any) -> Provenance:
     """Where the target stands, as an ingredient of a bake; none where it is not chosen in the panel."""
     if settings.target is None or settings.objects != "ACTIVE":
         return {}
@@ -186,7 +195,7 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         return "" if context.scene.mps.estimate.image else "Estimate the normals first"
 
     @classmethod
-    def made_from(cls, context: Any) -> Ingredients:
+    def provenance(cls, context: Any) -> Provenance:
         settings = context.scene.mps.bake
         every = all_rigs(context.scene) if settings.all_rigs else [context.scene.mps]
         stamps = ", ".join(stamp(one.estimate.image) for one in every)
@@ -199,7 +208,7 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         normals = image_file(normals_image, "normal map", "estimate the normals first")
         self._frames = range(0)
         if normals_image.source == "SEQUENCE":
-            target = self._onto_for_frames(context)
+            target = self._bake_target_of_frames(context)
             estimate = scene.mps.estimate
             self._frames = range(estimate.first_frame, estimate.last_frame + 1)
             normals = frame_pattern(normals)
@@ -209,7 +218,7 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
             mesh, camera = self._write_place(context, folder, target, normals_image)
             arguments = ["bake", "--format", suffix[1:], "--mesh", mesh]
         else:
-            targets = self.all_onto(context)
+            targets = self.bake_targets(context)
             self._output = self.texture_file(context, targets)
             suffix = self._output.suffix.lower()
             arguments = ["bake", *self.write_meshes(context, folder, targets)]
@@ -231,9 +240,9 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         if not self._frames:
             return super().written_for()
         frames = self._output / f"{self._output.name}_{FRAME}.{FORMATS[self.file_format]}"
-        return {frames: [same(bpy.data.objects, self._onto[0].uid)]}
+        return {frames: [same(bpy.data.objects, self._bake_target[0].uid)]}
 
-    def _onto_for_frames(self, context: Any) -> Any:
+    def _bake_target_of_frames(self, context: Any) -> Any:
         if self.objects == "SELECTED" or self.split != "ONE" or self.tiles:
             raise InputError(
                 "a sequence is baked onto the target alone and into one texture a frame; set Objects to Target, "
@@ -262,7 +271,7 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
                 place = replace(place, camera=seen_by.session_uid, size=picture_size(normals_image))
             begun = place.begin(self._frames)
         self.later(begun.slices)
-        self._onto = [_onto(target, begun)]
+        self._bake_target = [_bake_target(target, begun)]
         if camera != CAMERAS:
             self._write_camera(scene, folder / camera, normals_image)
         return str(folder / (MESHES if self.animated else "mesh.npz")), str(folder / camera)
@@ -303,18 +312,18 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         scene = self.scene(f"its texture is in {self._output}")
         turned = "; DirectX, so the material turns its green round for Blender" if self.convention == "DIRECTX" else ""
         if not self._frames:
-            self.wear_result(scene, result)
+            self.assign_result(scene, result)
             self.report({"INFO"}, f"{self.written(result)}{turned}")
             colours = [
                 {**one, "output": one["albedo"], "tiles": one.get("albedo_tiles")}
                 for one in result["outputs"]
                 if "albedo" in one
             ]
-            for image in loaded(colours, self._onto[0].name, "Albedo").values():
+            for image in loaded(colours, self._bake_target[0].name, "Albedo").values():
                 self.made(image)
                 self.report({"INFO"}, f'The albedo is baked too: image "{image.name}"')
             return
-        (onto,) = self._onto
+        (onto,) = self._bake_target
         target = same(bpy.data.objects, onto.uid)
         if target is None:
             raise InputError(f"the target is gone; its textures are in {self._output}")
@@ -322,8 +331,10 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         self.made(image)
         scene.mps.bake.image = image
         if (None, None) in self._bases:
-            keep_base(image, self._bases[None, None])
-        for sentence in wear_textures([Worn(target, (image,), onto.uv_map)], self.space, self.convention, self._frames):
+            store_base_map(image, self._bases[None, None])
+        for sentence in assign_textures(
+            [AssignedTexture(target, (image,), onto.uv_map)], self.space, self.convention, self._frames
+        ):
             self.report({"INFO"}, sentence)
         self.report({"INFO"}, f"{result['count']} textures are in {self._output}, {result['made']} made now{turned}")
 

@@ -14,7 +14,7 @@ from mpsnet_core.errors import InputError
 from ..nodes import GREEN_NODE, NORMAL_NODE, TEXTURE_NODE, present_node
 from ..operators import same
 from ..outputs import image_file, tile_files
-from .texture_sets import MATERIAL, OBJECT, TILE, Onto
+from .texture_sets import MATERIAL, OBJECT, TILE, BakeTarget
 
 # Kept with a baked image: what the object wore before it, and which way that one's green points.
 _BASE, _BASE_CONVENTION = "mpsnet_base", "mpsnet_base_convention"
@@ -44,14 +44,16 @@ class PresentMap(WornMap):
 Part = tuple[str | None, str | None]
 
 
-def parts_of(onto: Sequence[Onto], file: Path) -> list[Part]:
+def parts_of(onto: Sequence[BakeTarget], file: Path) -> list[Part]:
     """What gets a texture of its own, by the tokens in the textures' file's name."""
     by_object, by_material = OBJECT in file.name, MATERIAL in file.name
     parts = [(one.name if by_object else None, label if by_material else None) for one in onto for label in one.labels]
     return list(dict.fromkeys(parts))
 
 
-def present_map(targets: Sequence[Any], onto: Sequence[Onto], part: Part, *, tiles: bool = False) -> PresentMap | None:
+def present_map(
+    targets: Sequence[Any], onto: Sequence[BakeTarget], part: Part, *, tiles: bool = False
+) -> PresentMap | None:
     """The normal map that a part of some objects wears; beneath one that was baked here, the one from before it.
 
     onto: the same objects, with the UV maps that are baked onto. None where nothing of the part wears a normal map.
@@ -72,7 +74,7 @@ def present_map(targets: Sequence[Any], onto: Sequence[Onto], part: Part, *, til
     return PresentMap(image.session_uid, convention, tile_files(image, "normal map", _BY_FILE))
 
 
-def keep_base(image: Any, base: WornMap | None) -> None:
+def store_base_map(image: Any, base: WornMap | None) -> None:
     """Have a baked image remember what the object wore before it; None: that it wore nothing."""
     if base is None:
         for key in {_BASE, _BASE_CONVENTION} & set(image.keys()):
@@ -83,7 +85,7 @@ def keep_base(image: Any, base: WornMap | None) -> None:
         image[_BASE], image[_BASE_CONVENTION] = found, base.convention
 
 
-def bases_to_keep(targets: Sequence[Any], onto: Sequence[Onto], file: Path) -> dict[Part, WornMap | None]:
+def bases_to_keep(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path) -> dict[Part, WornMap | None]:
     """The map that each part wears, as :func:`present_map` finds it, None for those that wear none; those that wear
     what cannot be gone on top of are left out."""
     bases: dict[Part, WornMap | None] = {}
@@ -94,7 +96,7 @@ def bases_to_keep(targets: Sequence[Any], onto: Sequence[Onto], file: Path) -> d
     return bases
 
 
-def maps_to_go_on(targets: Sequence[Any], onto: Sequence[Onto], file: Path) -> dict[Part, PresentMap]:
+def maps_to_go_on(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path) -> dict[Part, PresentMap]:
     """The map beneath each part's texture; the core tells which parts have none.
 
     Raises InputError where no part has one, or as :func:`present_map` does.
@@ -112,7 +114,7 @@ def write_maps(path: Path, maps: Mapping[Part, PresentMap]) -> None:
     write_map_list(path, [one.listed(part) for part, one in maps.items()])
 
 
-def _worn_map(targets: Sequence[Any], onto: Sequence[Onto], part: Part) -> tuple[Any, str] | None:
+def _worn_map(targets: Sequence[Any], onto: Sequence[BakeTarget], part: Part) -> tuple[Any, str] | None:
     """The image of :func:`present_map` and its convention, whether or not it has a file."""
     found: dict[tuple[Any, str], str] = {}
     for target, one in zip(targets, onto, strict=True):
@@ -133,7 +135,7 @@ def _worn_map(targets: Sequence[Any], onto: Sequence[Onto], part: Part) -> tuple
     return next(iter(found))
 
 
-def _normal_maps(target: Any, onto: Onto, part: Part) -> Iterator[Any]:
+def _normal_maps(target: Any, onto: BakeTarget, part: Part) -> Iterator[Any]:
     """The Normal Map nodes that the shaders of a part of an object have their normals from; bumps may be between.
 
     A baked one that has its texture counts where the shaders have none: a displacement took it off.

@@ -15,8 +15,8 @@ from mpsnet_core.scene.view_files import write_views
 from mpsnet_core.scene.world_lights import in_world, write_world_lights
 
 from ..estimate.estimate import network, reading
-from ..outputs import asked_place, file_name, image_file
-from ..provenance import Ingredients, chosen, file_stamp, rounded, stamp
+from ..outputs import file_name, image_file, requested_path
+from ..provenance import Provenance, chosen, file_stamp, rounded, stamp
 from ..rig.rig import drawn_rig, light_rig, rig_camera, scene_camera
 from ..settings.bake import BakeSettings
 from ..settings.declared import take_given
@@ -40,7 +40,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
     bl_options = {"UNDO"}
 
     @classmethod
-    def made_from(cls, context: Any) -> Ingredients:
+    def provenance(cls, context: Any) -> Provenance:
         scene = context.scene.mps
         shared = ("model", "model_file", "rig_file", "mask", "encoding", "dark", "flat")
         behind = [] if scene.views.cameras else _with_photos(context.scene)
@@ -63,7 +63,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
         scene = context.scene
         take_given(self, ViewsSettings, scene.mps.views)
         bake, estimate = scene.mps.bake, scene.mps.estimate
-        targets = self.all_onto(context)
+        targets = self.bake_targets(context)
         self._output = output = self.texture_file(context, targets)
         turn = _BLENDER_FROM_Y_UP if self.cameras and self.axes == "Y_UP" else Matrix.Identity(4)
         meshes = self.write_meshes(context, folder, targets, turn.inverted())
@@ -76,7 +76,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
         arguments += self.detail(bake, targets, folder)
         outputs = [output]
         if self.keep:
-            arguments += ["--keep", str(asked_place(self.keep))]
+            arguments += ["--keep", str(requested_path(self.keep))]
         self._report = ""
         if self.write_report:
             outputs.append(output.with_name(f"{without_tokens(output.stem) or 'textures'}_report.html"))
@@ -119,11 +119,11 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         scene = self.scene(f"its texture is in {self._output}")
         scene.mps.views.report_file = self._report
-        self.wear_result(scene, result)
+        self.assign_result(scene, result)
         self.report({"INFO"}, f"{len(result['views'])} views baked. {self.written(result)}")
 
 
-def _lights(scene: Any) -> Ingredients:
+def _lights(scene: Any) -> Provenance:
     """The scene's lights as an ingredient; nothing where no photo can be taken with them."""
     try:
         rig = drawn_rig(scene)

@@ -11,7 +11,7 @@ import bpy
 from bpy.app.handlers import persistent
 from mathutils import Euler, Matrix, Vector
 
-from ..operators import SaysWhy
+from ..operators import ReportingOperator
 from ..outputs import from_json
 from ..rig.rig import bounding_sphere
 from ..rig.several_rigs import all_rigs
@@ -29,7 +29,7 @@ _SHADING = {
 }
 
 
-class MPS_OT_relight(SaysWhy, bpy.types.Operator):
+class MPS_OT_relight(ReportingOperator, bpy.types.Operator):
     """Let a white lamp swing around what the viewport shows, in place of the rigs' lights. Press again to end it"""
 
     bl_idname = "mps.relight"

@@ -16,13 +16,13 @@ from ..operators import same
 from ..outputs import from_json, remember, remembered
 from .existing_maps import Part, parts_of
 from .mesh_file import DISPLACE, present_modifier
-from .texture_sets import TILE, Onto, Worn
+from .texture_sets import TILE, AssignedTexture, BakeTarget
 
 # Stands for the number in the names of a sequence's frames.
 FRAME = "<FRAME>"
 
 
-def keep_wearers(worn: Sequence[Worn]) -> None:
+def store_owners(worn: Sequence[AssignedTexture]) -> None:
     """Note with each image the names of the meshes that it was made for. Duplicates of an object wear what it wears,
     but have meshes of their own unless they are to be the same; objects are renamed more often."""
     for image in {image for one in worn for image in one.images}:
@@ -35,7 +35,7 @@ class _Sheet(NamedTuple):
     object: str | None
 
 
-def files_for(onto: Sequence[Onto], file: Path) -> dict[Path, list[Any]]:
+def files_for(onto: Sequence[BakeTarget], file: Path) -> dict[Path, list[Any]]:
     """The files that the tokens in `file` stand for, with <UDIM> left as it is, and the objects that each is for."""
     parts = [part for part in parts_of(onto, file) if any(_has_faces(one, part) for one in onto)]
     tile = 1001 if TILE in file.name else None  # whichever: the token stays
@@ -46,7 +46,7 @@ def files_for(onto: Sequence[Onto], file: Path) -> dict[Path, list[Any]]:
     return found
 
 
-def _has_faces(onto: Onto, part: Part) -> bool:
+def _has_faces(onto: BakeTarget, part: Part) -> bool:
     name, material = part
     return name in (None, onto.name) and (material is None or material in onto.used)
 

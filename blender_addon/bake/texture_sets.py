@@ -71,7 +71,7 @@ def _label(material: Any, obj: Any) -> str:
 
 
 @dataclass(frozen=True)
-class Onto:
+class BakeTarget:
     """An object that was baked onto, by numbers and names that hold whatever happens to the file meanwhile.
 
     uid: its session number. labels: of its slots, see :func:`slot_labels`. used: those of slots that have faces.
@@ -85,7 +85,7 @@ class Onto:
 
 
 @dataclass(frozen=True)
-class Worn:
+class AssignedTexture:
     """What an object wears: an image for each of its material slots, and the UV map that they lie on."""
 
     target: Any
@@ -119,17 +119,19 @@ def loaded(
     return images
 
 
-def worn_by(onto: Onto, target: Any, images: Mapping[tuple[str | None, str | None], Any]) -> Worn | None:
+def texture_of(
+    onto: BakeTarget, target: Any, images: Mapping[tuple[str | None, str | None], Any]
+) -> AssignedTexture | None:
     """What an object wears of the images; None where there is none for it."""
     found = [
         next((images[key] for key in images if key[0] in (None, onto.name) and key[1] in (None, label)), None)
         for label in onto.labels
     ]
     some = next((image for image in found if image is not None), None)
-    return Worn(target, tuple(image or some for image in found), onto.uv_map) if some else None
+    return AssignedTexture(target, tuple(image or some for image in found), onto.uv_map) if some else None
 
 
-def own_materials(worn: Sequence[Worn]) -> dict[Any, tuple[Any, str]]:
+def own_materials(worn: Sequence[AssignedTexture]) -> dict[Any, tuple[Any, str]]:
     """The objects' materials and what each shall show. Made where there are none; copied where they are another file's,
     or others wear them who do not show the same."""
     wearing = {one.target.data: one for one in worn}
@@ -155,7 +157,7 @@ def own_materials(worn: Sequence[Worn]) -> dict[Any, tuple[Any, str]]:
     return materials
 
 
-def _shown_otherwise(material: Any, look: tuple[Any, str], wearing: Mapping[Any, Worn]) -> bool:
+def _shown_otherwise(material: Any, look: tuple[Any, str], wearing: Mapping[Any, AssignedTexture]) -> bool:
     return any(
         slot.material == material and (other.data not in wearing or wearing[other.data].look(number) != look)
         for other in bpy.data.objects

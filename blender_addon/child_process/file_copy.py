@@ -6,7 +6,7 @@ import bpy
 
 from mpsnet_core.errors import InputError
 
-from ..operators import told_by
+from ..operators import operator_report
 
 
 def save_copy(path: Path, *, compress: bool, mend: str) -> None:
@@ -23,7 +23,7 @@ def save_copy(path: Path, *, compress: bool, mend: str) -> None:
         preferences.filepaths.file_preview_type = "NONE"
         bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, compress=compress)
     except RuntimeError as error:
-        raise InputError(f"cannot write {path} ({told_by(error)}); {mend}") from None
+        raise InputError(f"cannot write {path} ({operator_report(error)}); {mend}") from None
     finally:
         bpy.data.use_autopack = packing
         preferences.filepaths.file_preview_type = preview

@@ -55,7 +55,7 @@ def tick(_: Any, ticked: bool) -> None:
     _ticked = bpy.context.scene.session_uid if ticked else 0
 
 
-def asked_for_this_run() -> bool:
+def take_run_permission() -> bool:
     """Whether scripts may run in what is started now; the box is empty again afterwards."""
     ticked = is_ticked()
     tick(None, False)
@@ -73,7 +73,7 @@ def python_drivers() -> list[str]:
     return []
 
 
-def kept_back() -> list[str]:
+def blocked_scripts_note() -> list[str]:
     """A sentence where this Blender has kept scripts of the open file from running, which a render then lacks."""
     if not bpy.app.autoexec_fail:
         return []

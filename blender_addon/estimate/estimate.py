@@ -30,7 +30,7 @@ from ..outputs import (
     remembered,
 )
 from ..preferences import preference
-from ..provenance import Ingredients, chosen, file_stamp, made_by, stamp
+from ..provenance import Provenance, chosen, file_stamp, made_by, stamp
 from ..rig.rig import light_rig, rig_camera, scene_camera
 from ..rig.several_rigs import result_name, rig_at
 from ..settings.declared import take_given
@@ -55,7 +55,7 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         return "" if context.scene.mps.photo.image else "Render or open a photo first"
 
     @classmethod
-    def made_from(cls, context: Any) -> Ingredients:
+    def provenance(cls, context: Any) -> Provenance:
         settings = context.scene.mps.estimate
         return {
             "Photo": stamp(context.scene.mps.photo.image),
@@ -89,7 +89,7 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         if self.surface:
             scene.mps.estimate.surface = named_object(scene, self.surface)
         arguments = ["estimate", str(photo), "--output", str(output)]
-        arguments += lit_and_seen(context, image, folder, self.later, rig_file)
+        arguments += rig_and_camera_options(context, image, folder, self.later, rig_file)
         arguments += [*reading(self), *network(self)]
         if self._moves:
             arguments += ["--smooth", str(self.smooth), "--format", FORMATS[self.file_format]]
@@ -139,7 +139,7 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
         return MPS_OT_estimate.lacks(context)
 
     @classmethod
-    def made_from(cls, context: Any) -> Ingredients:
+    def provenance(cls, context: Any) -> Provenance:
         only = ("encoding", "dark", "flat", "mask", "mask_file", "background", "threshold")
         shaping = chosen(EstimateSettings, context.scene.mps.estimate, only=only)
         return {"Photo": stamp(context.scene.mps.photo.image), **shaping}
@@ -173,7 +173,7 @@ def rig_file_for(photo: Any, settings: Any) -> str:
     return "" if rendered else settings.rig_file
 
 
-def lit_and_seen(
+def rig_and_camera_options(
     context: Any, image: Any, folder: Path, later: Callable[[Slices], None], rig_file: str | None = None
 ) -> list[str]:
     """The core's options for the rig and the camera that the photo was taken with, by the scene's settings.
@@ -191,10 +191,12 @@ def lit_and_seen(
             write_rig(rig, light_rig(scene))
         else:
             rig.write_text(taken_with, encoding="utf-8")
-    return ["--rig", str(rig), *_place(context, image, read_rig(rig), folder, later)]
+    return ["--rig", str(rig), *_viewpoint_options(context, image, read_rig(rig), folder, later)]
 
 
-def _place(context: Any, image: Any, rig: LightRig, folder: Path, later: Callable[[Slices], None]) -> list[str]:
+def _viewpoint_options(
+    context: Any, image: Any, rig: LightRig, folder: Path, later: Callable[[Slices], None]
+) -> list[str]:
     """The camera that took the photo, and for near lights how far the object is from it."""
     scene = context.scene
     settings = scene.mps.estimate
@@ -253,10 +255,10 @@ def reading(settings: Any, unmasked: str = "alpha-or-auto") -> list[str]:
 
     Raises InputError where a file is asked for and none is named.
     """
-    return [*unmasked_reading(settings), "--mask", _mask(settings) or unmasked]
+    return [*reading_options_without_mask(settings), "--mask", _mask(settings) or unmasked]
 
 
-def unmasked_reading(settings: Any) -> list[str]:
+def reading_options_without_mask(settings: Any) -> list[str]:
     """The same but for the mask."""
     arguments = ["--encoding", settings.encoding.lower()]
     for frame in ("dark", "flat"):

@@ -81,7 +81,7 @@ def _new_modifier(target: Any, name: str) -> Any:
 # --- materials --------------------------------------------------------------------------------------------------------
 
 
-def wear_heights(material: Any, image: Any, uv_map: str, strength: float, midlevel: float) -> list[str]:
+def assign_displacement(material: Any, image: Any, uv_map: str, strength: float, midlevel: float) -> list[str]:
     """Give a material the heights as its displacement, in the object's own units; nodes of an earlier run are used
     again.
 

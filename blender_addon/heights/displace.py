@@ -11,22 +11,22 @@ from mpsnet_core.errors import InputError
 
 from ..bake.bake import BakesOnto
 from ..bake.mesh_file import DISPLACE, begin_mesh
-from ..bake.texture_owners import keep_wearers
-from ..bake.texture_sets import Worn, own_materials, with_tokens
+from ..bake.texture_owners import store_owners
+from ..bake.texture_sets import AssignedTexture, own_materials, with_tokens
 from ..nodes import TEXTURE_NODE, present_node
 from ..operators import same
 from ..outputs import ending_wins, fine_preview, image_file, load_image, load_tiles, output_path, remembered, tile_files
-from ..provenance import Ingredients, chosen, stamp
+from ..provenance import Provenance, chosen, stamp
 from ..settings.declared import take_given
 from ..settings.displace import DisplaceSettings
 from .assign_displacement import (
+    assign_displacement,
     move_by_modifier,
     no_modifier,
     show_normals,
     subdivide,
     subdivided,
     take_heights_off,
-    wear_heights,
 )
 
 # Vertices of a subdivided mesh lie on the limit surface at any level; a finer one tells hardly more.
@@ -45,7 +45,7 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
         return "" if context.scene.mps.bake.image else "Bake the texture first"
 
     @classmethod
-    def made_from(cls, context: Any) -> Ingredients:
+    def provenance(cls, context: Any) -> Provenance:
         scene = context.scene.mps
         target = scene.bake.target
         worn = _textures(slot.material for slot in target.material_slots) if target is not None else set()
@@ -111,11 +111,11 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
             move_by_modifier(target, image, self._uv_map, strength, midlevel)
         normals = self.keep_normals or self._space == "OBJECT"
         taken_off, told = False, []
-        worn = [Worn(target, (image,), self._uv_map)]
-        keep_wearers(worn)
+        worn = [AssignedTexture(target, (image,), self._uv_map)]
+        store_owners(worn)
         for material in own_materials(worn):
             if by_material:
-                for name in wear_heights(material, image, self._uv_map, strength, midlevel):
+                for name in assign_displacement(material, image, self._uv_map, strength, midlevel):
                     told.append(f'The heights took the place of "{name}" in material "{material.name}"')
             else:
                 for name in take_heights_off(material):

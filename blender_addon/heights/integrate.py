@@ -10,13 +10,13 @@ import numpy as np
 from mathutils import Vector
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.relief.height_names import scale_beside
+from mpsnet_core.relief.height_names import scale_sidecar
 from mpsnet_core.scene.camera import read_camera
 
 from ..estimate.estimate import seen_through
 from ..operators import RunsCore
 from ..outputs import ending_wins, fine_preview, image_file, load_image, output_path, remembered
-from ..provenance import Ingredients, chosen, stamp
+from ..provenance import Provenance, chosen, stamp
 from ..rig.several_rigs import result_name, rig_at
 from ..settings.declared import take_given
 from ..settings.heights import HeightsSettings
@@ -36,7 +36,7 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
         return "" if context.scene.mps.estimate.image else "Estimate the normals first"
 
     @classmethod
-    def made_from(cls, context: Any) -> Ingredients:
+    def provenance(cls, context: Any) -> Provenance:
         scene = context.scene.mps
         return {"Normals": stamp(scene.estimate.image), **chosen(HeightsSettings, scene.heights)}
 
@@ -53,7 +53,7 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
             what: self._output.with_name(f"{self._output.stem}_{what}.png") for what in PICTURES if getattr(self, what)
         }
         arguments = ["integrate", str(normals), "--method", self.method.lower(), "--height", str(self._output)]
-        arguments += self._place(context, image, folder)
+        arguments += self._viewpoint_options(context, image, folder)
         for what, picture in self._pictures.items():
             arguments += [f"--{what}", str(picture)]
         outputs = [self._output, *self._pictures.values()]
@@ -63,14 +63,14 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
             outputs.append(self._mesh)
         # Heights have their scale beside them: where that is not, nothing here is of earlier heights.
         foreign = [file for file in outputs[1:] if file.exists()]
-        if foreign and not scale_beside(self._output).exists():
+        if foreign and not scale_sidecar(self._output).exists():
             raise InputError(
                 f"{foreign[0]} is there already and was not made with {self._output.name}; move it, or give the "
                 "heights another name"
             )
         return arguments, outputs
 
-    def _place(self, context: Any, image: Any, folder: Path) -> list[str]:
+    def _viewpoint_options(self, context: Any, image: Any, folder: Path) -> list[str]:
         """The camera that took the photo, and how far the object is from it."""
         scene = context.scene
         lens = scene.mps.estimate.lens

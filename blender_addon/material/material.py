@@ -11,12 +11,12 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.io.files import makeable_folder
 from mpsnet_core.scene.camera import read_camera
 
-from ..estimate.estimate import MPS_OT_estimate, lit_and_seen, network, unmasked_reading
+from ..estimate.estimate import MPS_OT_estimate, network, reading_options_without_mask, rig_and_camera_options
 from ..heights.assign_displacement import no_modifier, subdivide
 from ..nodes import own_node
 from ..operators import RunsCore
-from ..outputs import asked_place, fine_preview, image_file, load_image, output_folder, picture_size, remembered
-from ..provenance import Ingredients, chosen, stamp
+from ..outputs import fine_preview, image_file, load_image, output_folder, picture_size, remembered, requested_path
+from ..provenance import Provenance, chosen, stamp
 from ..settings.declared import take_given
 from ..settings.estimate import EstimateSettings
 from ..settings.material import MaterialSettings
@@ -44,7 +44,7 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         return MPS_OT_estimate.lacks(context)
 
     @classmethod
-    def made_from(cls, context: Any) -> Ingredients:
+    def provenance(cls, context: Any) -> Provenance:
         scene = context.scene.mps
         return {
             "Photo": stamp(scene.photo.image),
@@ -59,11 +59,11 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         if image.source in {"SEQUENCE", "MOVIE"}:
             raise InputError("a flat material is made of one photo, and this is a sequence; open one of its frames")
         photo = image_file(image, "photo", "render or open one first")
-        output = asked_place(self.output) if self.output else output_folder() / f"{photo.stem}_material"
+        output = requested_path(self.output) if self.output else output_folder() / f"{photo.stem}_material"
         makeable_folder(output, "material")
         width, height = picture_size(image)
-        arguments = ["material", str(photo), *lit_and_seen(context, image, folder, self.later)]
-        arguments += [*unmasked_reading(scene.mps.estimate), *network(self)]
+        arguments = ["material", str(photo), *rig_and_camera_options(context, image, folder, self.later)]
+        arguments += [*reading_options_without_mask(scene.mps.estimate), *network(self)]
         arguments += ["--width", f"{self._width(scene, image, folder):.9g}m", "--overlap", f"{self.overlap:g}"]
         across, down = width - self.crop_left - self.crop_right, height - self.crop_top - self.crop_bottom
         if min(across, down) < 1:
@@ -102,7 +102,7 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
             settings.plane = plane = _new_plane(scene, material, self.repeats * size[0])
         _lay(plane.data, size, self.repeats)
         black, white = told["height_of_black_mm"] * millimetre, told["height_of_white_mm"] * millimetre
-        wear_pictures(material, images, black, white, self.relief)
+        assign_pictures(material, images, black, white, self.relief)
         if self.relief != "DISPLACEMENT":
             no_modifier(plane, _FACES)
         elif _FACES not in plane.modifiers:  # else it may have been set to fewer
@@ -158,7 +158,7 @@ def _lay(mesh: Any, size: tuple[float, float], repeats: int) -> None:
     mesh.update()
 
 
-def wear_pictures(material: Any, images: dict[str, Any], black: float, white: float, relief: str) -> None:
+def assign_pictures(material: Any, images: dict[str, Any], black: float, white: float, relief: str) -> None:
     """Give a material that this step made the pictures "albedo", "normal" and "height"; other nodes in it stay.
 
     black, white: heights of the height's picture, in the scene's unit. relief: "NORMAL", or "DISPLACEMENT".

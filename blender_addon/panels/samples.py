@@ -4,7 +4,7 @@ from typing import Any
 
 from ..outputs import lasting
 from ..preferences import preference
-from ..training.training_data import samples_folder, standing
+from ..training.training_data import samples_folder, samples_status
 from .step import Step
 
 
@@ -43,7 +43,7 @@ class MPS_PT_samples(Step):
         if address := preference("cluster"):
             column.label(text=f"On {address}, see the preferences")
         self.progress_or(context, "render_samples", "RENDER_ANIMATION")
-        found = standing(target)
+        found = samples_status(target)
         if found and not context.window_manager.mps.running:
             self.layout.label(text=f"{found} in this folder")
         self.picture(samples.image, scale=12)

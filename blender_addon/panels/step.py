@@ -3,7 +3,8 @@
 A step is a subclass with ``verbs``, its operators' names without "mps."; ``result``, the image or True that stands for
 its being done; and ``draw``, which shows settings, ``progress_or`` (the button) for each verb, and ``picture`` of the
 result. Where more can be missing than its operators' ``lacks`` tells, it has a ``lacks`` of its own. Errors, notes,
-progress, time left and what a result was made of come from the operators (``SaysWhy``, ``RunsCore``, ``made_from``).
+progress, time left and what a result was made of come from the operators (``ReportingOperator``, ``RunsCore``,
+``provenance``).
 """
 
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from typing import Any
 
 import bpy
 
-from ..operators import SaysWhy, verb_of
+from ..operators import ReportingOperator, verb_of
 from ..outputs import may_open
 from ..provenance import changed_since, made_by, made_when, seen_lately
 from ..settings.record import error_of, notes_of
@@ -171,9 +172,9 @@ def _operator(verb: str) -> Any:
 def _changed(context: Any, image: Any) -> list[str]:
     """What an image was made of that has changed since."""
     operator = getattr(bpy.types, f"MPS_OT_{made_by(image)}", None)
-    if operator is None or not issubclass(operator, SaysWhy):
+    if operator is None or not issubclass(operator, ReportingOperator):
         return []
-    return changed_since(image, operator.made_from(context))
+    return changed_since(image, operator.provenance(context))
 
 
 def sentence(text: str) -> str:

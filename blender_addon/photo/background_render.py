@@ -44,10 +44,10 @@ from ..child_process.linked_data import (
     name_bake_folders,
     refuse_lost_links,
 )
-from ..child_process.trust import asked_for_this_run, kept_back
-from ..operators import told_by
+from ..child_process.trust import blocked_scripts_note, take_run_permission
+from ..operators import operator_report
 from ..preferences import PACKAGE
-from .studio import Told, What, render
+from .studio import RenderKind, RenderProgress, render
 
 JOB_FILE = "render.json"
 TELL_SECONDS = 0.5
@@ -67,7 +67,7 @@ class RenderJob:
     """
 
     file: str
-    what: What
+    what: RenderKind
     scene: str
     view_layer: str
     output: str
@@ -80,7 +80,7 @@ class RenderJob:
 # --- in the Blender that asks -----------------------------------------------------------------------------------------
 
 
-def written_job(context: Any, what: What, output: Path, folder: Path) -> list[str]:
+def written_job(context: Any, what: RenderKind, output: Path, folder: Path) -> list[str]:
     """Write a copy of the open file and the job into `folder`; give the arguments for :func:`rendering_blender`.
 
     What simulations have on disk is copied too, not linked to: the other Blender may clear what is not baked.
@@ -100,7 +100,7 @@ def written_job(context: Any, what: What, output: Path, folder: Path) -> list[st
         context.scene.name,
         context.view_layer.name,
         str(output),
-        asked_for_this_run(),
+        take_run_permission(),
         painted,
         missing_links(),
         bake_folders(besides=caches) if bpy.data.filepath else [],
@@ -192,7 +192,7 @@ def render_job(folder: Path) -> int:
     except Exception as error:  # noqa: BLE001
         _answer(answers, error=unforeseen(error, folder.parent))  # the folder itself goes
         return EXIT_UNFORESEEN
-    _answer(answers, result={"output": str(rendered.file), "notes": [*kept_back(), *rendered.notes]})
+    _answer(answers, result={"output": str(rendered.file), "notes": [*blocked_scripts_note(), *rendered.notes]})
     return 0
 
 
@@ -224,11 +224,13 @@ def _open(job: RenderJob) -> None:
     try:
         bpy.ops.wm.open_mainfile(filepath=job.file, load_ui=False, use_scripts=job.use_scripts)
     except RuntimeError as error:
-        raise InputError(f"the copy of this file cannot be opened ({told_by(error)}); save it and try again") from None
+        raise InputError(
+            f"the copy of this file cannot be opened ({operator_report(error)}); save it and try again"
+        ) from None
 
 
 @contextmanager
-def _telling(answers: IO[str]) -> Iterator[Told]:
+def _telling(answers: IO[str]) -> Iterator[RenderProgress]:
     """Tell how far the renders are twice a second; Cycles says little of it without a window."""
     teller, ended = _Teller(answers), threading.Event()
     hear = teller.hear

@@ -12,17 +12,17 @@ from mpsnet_core.io.files import PHOTO_SUFFIXES, RAW_SUFFIXES, VIDEO_SUFFIXES
 
 from ..child_process.core_process import Program, run
 from ..child_process.linked_data import not_found
-from ..child_process.trust import kept_back
-from ..operators import RunsCore, SaysWhy, at_the_pointer, verb_of
-from ..outputs import frame_pattern, load_photo, output_frames, output_path, read_beside, remember, render_path
-from ..provenance import Ingredients, chosen, file_stamp, refuse_to_overwrite, rounded
+from ..child_process.trust import blocked_scripts_note
+from ..operators import ReportingOperator, RunsCore, at_the_pointer, verb_of
+from ..outputs import frame_pattern, load_photo, output_frames, output_path, read_sidecar, remember, render_path
+from ..provenance import Provenance, chosen, file_stamp, refuse_to_overwrite, rounded
 from ..rig.rig import drawn_rig, light_rig, rig_camera
 from ..rig.several_rigs import result_name, rig_at
 from ..settings.declared import PATH, take_given
 from ..settings.photo import PhotoSettings
 from ..settings.superpose import SuperposeSettings
 from .background_render import rendering_blender, written_job
-from .studio import What, render
+from .studio import RenderKind, render
 
 _LIGHTS = ("first", "second", "third")
 
@@ -34,7 +34,7 @@ class _Renders(RunsCore):
     def lacks(cls, context: Any) -> str:
         return "" if context.scene.mps.rig.lights else "Add a rig first"
 
-    def target(self, scene: Any) -> tuple[What, Path]:
+    def target(self, scene: Any) -> tuple[RenderKind, Path]:
         """What is rendered with the operator's settings, and into which file or folder."""
         raise NotImplementedError
 
@@ -53,8 +53,8 @@ class _Renders(RunsCore):
         self._notes = not_found(context.scene)
         with at_the_pointer(context.window_manager) as told:
             rendered = render(what, context.scene, output, lambda done, of, words: told(done / of, words))
-        self._notes += [*kept_back(), *rendered.notes]
-        self._made_from = self.made_from(context)
+        self._notes += [*blocked_scripts_note(), *rendered.notes]
+        self._made_from = self.provenance(context)
         self._finished(context, {"output": str(rendered.file)})
 
 
@@ -69,10 +69,10 @@ class MPS_OT_render_photo(_Renders, PhotoSettings, bpy.types.Operator):
     bl_options = {"UNDO"}
 
     @classmethod
-    def made_from(cls, context: Any) -> Ingredients:
+    def provenance(cls, context: Any) -> Provenance:
         return {**_drawn(context.scene), **chosen(PhotoSettings, context.scene.mps.photo)}
 
-    def target(self, scene: Any) -> tuple[What, Path]:
+    def target(self, scene: Any) -> tuple[RenderKind, Path]:
         take_given(self, PhotoSettings, scene.mps.photo)
         self._moves = self.animation
         if self._moves:
@@ -88,7 +88,7 @@ class MPS_OT_render_photo(_Renders, PhotoSettings, bpy.types.Operator):
         self.made(image)
 
 
-class MPS_OT_open_photo(SaysWhy, bpy.types.Operator):
+class MPS_OT_open_photo(ReportingOperator, bpy.types.Operator):
     """Open a captured photo (PNG, TIFF, JPEG, OpenEXR, camera raw), all frames of a sequence, or a video.
 
     Files NAME.rig.json and NAME.camera.json beside it are read"""
@@ -123,7 +123,7 @@ class MPS_OT_open_photo(SaysWhy, bpy.types.Operator):
         if self.sequence:
             frame_pattern(path)  # says so where it has no number
             image.source = "SEQUENCE"
-        self._made_from = self.made_from(context)
+        self._made_from = self.provenance(context)
         self.made(image)
         _take(context.scene.mps, image)
 
@@ -138,7 +138,7 @@ class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
     bl_options = {"UNDO"}
 
     @classmethod
-    def made_from(cls, context: Any) -> Ingredients:
+    def provenance(cls, context: Any) -> Provenance:
         settings = context.scene.mps.superpose
         files = {settings.bl_rna.properties[name].name: file_stamp(getattr(settings, name)) for name in _LIGHTS}
         return {**files, **chosen(SuperposeSettings, settings, only=("encoding",))}
@@ -172,7 +172,7 @@ def _take(rig: Any, image: bpy.types.Image) -> None:
     rig.photo.image = image
 
 
-def _drawn(scene: Any) -> Ingredients:
+def _drawn(scene: Any) -> Provenance:
     """Lights and camera as Blender last evaluated them; nothing where no photo can be taken with them."""
     try:
         rig = drawn_rig(scene)
@@ -189,7 +189,7 @@ def load_raw(path: Path) -> bpy.types.Image:
     image = load_photo(shown, path.stem)
     remember(image, "source", str(path.absolute()))
     for what in ("rig", "camera"):
-        remember(image, what, read_beside(path, what))
+        remember(image, what, read_sidecar(path, what))
     return image
 
 
@@ -207,7 +207,7 @@ class MPS_OT_render_truth(_Renders, bpy.types.Operator):
         options=PATH,
     )
 
-    def target(self, scene: Any) -> tuple[What, Path]:
+    def target(self, scene: Any) -> tuple[RenderKind, Path]:
         return "normals", render_path(output_path(self.output, result_name(scene, "true_normals"), "EXR"))
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:

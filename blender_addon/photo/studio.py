@@ -17,12 +17,12 @@ from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.rig import write_rig
 
 from ..child_process.core_process import run
-from ..operators import told_by
-from ..outputs import beside, literally, render_path
+from ..operators import operator_report
+from ..outputs import literally, render_path, sidecar
 from ..rig.rig import light_rig, rig_parts, scene_camera, surfaces, view_layer
 
 # Called before each of Cycles's renders, with how many are done of how many, and words for the one that begins.
-Told = Callable[[int, int, str], None]
+RenderProgress = Callable[[int, int, str], None]
 
 _NORMAL_SAMPLES = 16
 # As a share of a box's diagonal: as much as the box of a low-poly object differs from that of the detailed one.
@@ -30,10 +30,10 @@ _SAME_PLACE = 0.1
 
 
 # A photo, one of each frame, or the true normals of the photo's view.
-What = Literal["photo", "frames", "normals"]
+RenderKind = Literal["photo", "frames", "normals"]
 
 
-def untold(done: int, renders: int, words: str) -> None:
+def no_render_progress(done: int, renders: int, words: str) -> None:
     """Renders that nobody waits for."""
 
 
@@ -44,18 +44,18 @@ class Rendered(NamedTuple):
     notes: list[str]
 
 
-def render(what: What, scene: Any, output: Path, told: Told = untold) -> Rendered:
+def render(what: RenderKind, scene: Any, output: Path, told: RenderProgress = no_render_progress) -> Rendered:
     """Render into a file, or frames into a folder. Raises InputError."""
     if what == "frames":
         return render_frames(scene, output, told)
     return (render_photo if what == "photo" else render_normals)(scene, output, told)
 
 
-def render_photo(scene: Any, path: Path, told: Told = untold) -> Rendered:
+def render_photo(scene: Any, path: Path, told: RenderProgress = no_render_progress) -> Rendered:
     """Render what the rig's camera sees under the rig's lights alone, as a linear float EXR with alpha.
 
     Size and samples are those of ``scene.mps.photo``. The rig and the camera are written beside the photo, see
-    :func:`.outputs.beside`. Nothing in the .blend file changes. The bake's target is not in the photo where something
+    :func:`.outputs.sidecar`. Nothing in the .blend file changes. The bake's target is not in the photo where something
     else is in its place.
 
     Raises InputError where the rig is incomplete, something else shines, nothing is seen or the file cannot be written.
@@ -78,13 +78,13 @@ def render_photo(scene: Any, path: Path, told: Told = untold) -> Rendered:
             for other in others:
                 studio.collection.objects.link(other)
         with written_together():  # the photo as well, though another process writes it: these are ready when it appears
-            write_rig(beside(path, "rig"), rig)
-            write_camera(beside(path, "camera"), scene_camera(camera, scene, (photo.width, photo.height)))
+            write_rig(sidecar(path, "rig"), rig)
+            write_camera(sidecar(path, "camera"), scene_camera(camera, scene, (photo.width, photo.height)))
             run(["superpose", *map(str, parts), "--output", str(path)], [path])
     return Rendered(path, notes)
 
 
-def render_frames(scene: Any, folder: Path, told: Told = untold) -> Rendered:
+def render_frames(scene: Any, folder: Path, told: RenderProgress = no_render_progress) -> Rendered:
     """:func:`render_photo` of each frame of the scene into `folder`, called by their numbers; gives the first.
 
     Raises InputError as that does.
@@ -110,7 +110,7 @@ def render_frames(scene: Any, folder: Path, told: Told = untold) -> Rendered:
     return rendered[0]
 
 
-def render_normals(scene: Any, path: Path, told: Told = untold) -> Rendered:
+def render_normals(scene: Any, path: Path, told: RenderProgress = no_render_progress) -> Rendered:
     """Render the true normals of the photo's view as a float multi-layer EXR, H x W as the photo.
 
     Channels ``ViewLayer.Normal.X``, ``.Y``, ``.Z`` hold the normal in WORLD space (rotate by the transpose of
@@ -291,6 +291,6 @@ def _render(studio: Any, path: Path, file_format: str) -> None:
         try:
             bpy.ops.render.render(write_still=True, scene=studio.name)
         except RuntimeError as error:
-            raise InputError(f"Blender could not render {path}: {told_by(error)}") from None
+            raise InputError(f"Blender could not render {path}: {operator_report(error)}") from None
         if not (unfinished.is_file() and unfinished.stat().st_size):
             raise InputError(f"Blender did not write {path}: the render was cancelled or its disk is full; try again")

@@ -9,7 +9,7 @@ import bpy
 from mpsnet_core.errors import InputError
 
 from ..operators import RunsCore
-from ..outputs import asked_place, fine_preview, load_image, output_folder
+from ..outputs import fine_preview, load_image, output_folder, requested_path
 from ..settings.calibrate import CalibrateSettings
 from ..settings.declared import take_given
 from .several_rigs import rig_at
@@ -36,7 +36,7 @@ class _Calibrates(RunsCore, CalibrateSettings):
 
     def _rig_path(self, name: str) -> Path:
         """The rig file to write: the one that is named, else `name` in the output folder."""
-        path = asked_place(self.output) if self.output else output_folder() / f"{name}.json"
+        path = requested_path(self.output) if self.output else output_folder() / f"{name}.json"
         if path.suffix.lower() != ".json":
             raise InputError(f"a rig file's name ends in .json, that of {path} does not; change it")
         return path

@@ -13,7 +13,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import LightRig, direction_from_angles, near_rig
 
-from ..operators import SaysWhy
+from ..operators import ReportingOperator
 from ..settings.declared import take_given
 from ..settings.rig import RigSettings
 
@@ -34,7 +34,7 @@ _VIEWS = {
 }
 
 
-class MPS_OT_add_rig(SaysWhy, RigSettings, bpy.types.Operator):
+class MPS_OT_add_rig(ReportingOperator, RigSettings, bpy.types.Operator):
     """Add three coloured lights and a camera around the selected objects, in place of an earlier rig"""
 
     bl_idname = "mps.add_rig"

@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
-from mpsnet_core.estimate.registry import DEFAULT_MODEL, shelf
+from mpsnet_core.estimate.registry import DEFAULT_MODEL, registered_models
 
 from .declared import ENCODINGS, FILE_FORMATS, GIVEN, PATH
 
@@ -13,7 +13,7 @@ def _identifier(model: str) -> str:
     return model.upper().replace("-", "_")
 
 
-MODELS = {_identifier(entry.name): entry for entry in shelf()}
+MODELS = {_identifier(entry.name): entry for entry in registered_models()}
 
 
 class EstimateSettings:

@@ -23,7 +23,7 @@ def notes_of(scene: bpy.types.Scene, verb: str) -> list[str]:
     return record.notes.splitlines() if record else []
 
 
-def keep_record(scene: bpy.types.Scene, verb: str, *, error: str = "", notes: list[str] | None = None) -> None:
+def store_record(scene: bpy.types.Scene, verb: str, *, error: str = "", notes: list[str] | None = None) -> None:
     """Put down how a run ended, in place of what the one before it left; nothing to say leaves nothing."""
     records = scene.mps.records
     place = records.find(verb)

@@ -10,10 +10,10 @@ from bpy.props import IntProperty, StringProperty
 from mathutils import Euler, Vector
 
 from mpsnet_core.errors import Cancelled, InputError
-from mpsnet_core.io.files import made_folder
+from mpsnet_core.io.files import ensure_folder
 
-from ..operators import TICK_SECONDS, SaysWhy, idle, redraw_panels, same, told_by
-from ..outputs import asked_place, file_name
+from ..operators import TICK_SECONDS, ReportingOperator, idle, operator_report, redraw_panels, same
+from ..outputs import file_name, requested_path
 from ..settings.declared import PATH
 from ..settings.record import error_of
 from .demo import make_demo, remove_demo
@@ -23,7 +23,7 @@ _LOOK = Euler((math.radians(80), 0, math.radians(20))).to_quaternion()
 _AWAY = 5.5
 
 
-class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
+class MPS_OT_try_it(ReportingOperator, bpy.types.Operator):
     """See all steps in a new scene: an object, its photo under three coloured lights, the normals that the
     photo tells, and a low-poly copy that wears them. Takes seconds to half a minute and changes nothing of yours"""
 
@@ -133,7 +133,7 @@ class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
 
     def _build(self, context: Any) -> None:
         if self.output:  # a folder that cannot be is said before there is a scene
-            made_folder(asked_place(self.output), "files")
+            ensure_folder(requested_path(self.output), "files")
         self._before = context.scene.session_uid
         scene, detailed, low = make_demo()
         self._scene_uid, self._shown = scene.session_uid, {detailed.session_uid: False, low.session_uid: True}
@@ -187,7 +187,7 @@ class MPS_OT_try_it(SaysWhy, bpy.types.Operator):
 
     def _file(self, context: Any, name: str) -> str:
         """Images from Blender's temporary folder are packed into the .blend file."""
-        folder = made_folder(asked_place(self.output), "files") if self.output else Path(bpy.app.tempdir)
+        folder = ensure_folder(requested_path(self.output), "files") if self.output else Path(bpy.app.tempdir)
         return str(folder / f"{file_name(self._demo(context).name)}_{name}")
 
     def _forget_files(self, context: Any) -> None:
@@ -201,7 +201,7 @@ def _run(operator: Callable[..., Any], *how: str, **settings: Any) -> None:
     try:
         operator(*how, **settings)
     except RuntimeError as error:
-        raise InputError(told_by(error)) from None
+        raise InputError(operator_report(error)) from None
 
 
 def _why(scene: Any, verb: str) -> Exception:

@@ -17,7 +17,7 @@ from mpsnet_core.synthesis.job import CONTACT_SHEET, JOB_FILE, SHAPES, SampleJob
 from ..child_process.file_copy import save_copy
 from ..child_process.trust import python_drivers
 from ..operators import RunsCore, same
-from ..outputs import asked_place, file_name, fine_preview, lasting, load_image, output_folder
+from ..outputs import file_name, fine_preview, lasting, load_image, output_folder, requested_path
 from ..preferences import PACKAGE, preference
 from ..settings.declared import GIVEN, take_given
 from ..settings.samples import SamplesSettings
@@ -52,7 +52,7 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
         scene = context.scene
         take_given(self, SamplesSettings, scene.mps.samples)
         if self.output:
-            asked_place(self.output)
+            requested_path(self.output)
         target = samples_folder(scene)
         if not (self.output or lasting(target)):
             raise InputError("no folder is named for the samples; name one, or save this file and they go beside it")
@@ -143,7 +143,7 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
         sheet = self.scene(f"its samples are in {self._sheet.parent}").mps.samples.image
         if sheet is not None:
             self.made(sheet)
-        self.report({"INFO"}, f"{standing(self._sheet.parent)}: {self._sheet.parent}")
+        self.report({"INFO"}, f"{samples_status(self._sheet.parent)}: {self._sheet.parent}")
 
 
 def samples_folder(scene: Any) -> Path:
@@ -161,7 +161,7 @@ def can_denoise() -> bool:
     return bool(_cycles.with_openimagedenoise)
 
 
-def standing(folder: Path) -> str:
+def samples_status(folder: Path) -> str:
     """How many samples a folder holds of how many, in words; "" where it holds no job that can be read."""
     try:
         # A folder changes with every file that appears in it, and counting thousands takes too long for every redraw.

@@ -58,7 +58,7 @@ def without_holes(mask: NDArray[np.bool_], chosen: Chosen) -> NDArray[np.bool_]:
     return hole[labels]
 
 
-def grown(mask: NDArray[np.bool_], pixels: int) -> NDArray[np.bool_]:
+def dilated(mask: NDArray[np.bool_], pixels: int) -> NDArray[np.bool_]:
     """The mask, (H, W) or (H, W, C), and all within `pixels` of it in rows and columns: a square around each pixel."""
     for axis in (0, 1):
         lines = np.moveaxis(mask, axis, 0)
@@ -80,9 +80,9 @@ def box_sums(values: NDArray[np.floating], reach: int) -> NDArray[np.float64]:
     return sums
 
 
-def shrunk(mask: NDArray[np.bool_], pixels: int) -> NDArray[np.bool_]:
+def eroded(mask: NDArray[np.bool_], pixels: int) -> NDArray[np.bool_]:
     """The mask less all within `pixels` of the background; the picture's border is none."""
-    return ~grown(~mask, pixels)
+    return ~dilated(~mask, pixels)
 
 
 def _touching(

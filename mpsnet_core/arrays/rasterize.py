@@ -92,7 +92,7 @@ def _counted(start: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.i
     return np.arange(int(count.sum()), dtype=np.int32) + np.repeat((start - before).astype(np.int32), count)
 
 
-def grown(
+def extend_to_nearest(
     values: NDArray[np.float32], filled: NDArray[np.bool_], distance: int, *, in_place: bool = False
 ) -> NDArray[np.float32]:
     """`values` (S, S, C) with the texels within `distance` of the filled ones given their nearest one's value.

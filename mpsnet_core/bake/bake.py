@@ -18,12 +18,12 @@ from mpsnet_core.bake.projection import Projector, View
 from mpsnet_core.bake.settings import Baking
 from mpsnet_core.bake.texel_surface import Place, UnderTexels
 from mpsnet_core.bake.texture import Space, Texture
-from mpsnet_core.bake.texture_sets import Sheet, sheets
-from mpsnet_core.bake.view_accumulator import Looks, Projectors, seen_triangles
+from mpsnet_core.bake.texture_sets import TextureSet, sheets
+from mpsnet_core.bake.view_accumulator import Projectors, ViewAccumulator, seen_triangles
 from mpsnet_core.defaults import MARGIN, TEXTURE_SIZE
 from mpsnet_core.errors import InputError
 from mpsnet_core.progress import Progress, part, silent
-from mpsnet_core.scene.joined_mesh import joined
+from mpsnet_core.scene.joined_mesh import join_meshes
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import normalised
 from mpsnet_core.scene.rays import RayScene
@@ -64,18 +64,18 @@ def bake_normals(
     does.
     """
     baking = Baking(size, space, margin, padding, samples, feather, strength)
-    ((_, texture),) = bake_sheets([mesh], views, sheets([mesh]), baking, progress=progress)
+    ((_, texture),) = bake_texture_sets([mesh], views, sheets([mesh]), baking, progress=progress)
     return texture
 
 
-def bake_sheets(
+def bake_texture_sets(
     meshes: Sequence[Mesh],
     views: Sequence[View],
-    chosen: Sequence[Sheet],
+    chosen: Sequence[TextureSet],
     baking: Baking,
     *,
     progress: Progress = silent,
-) -> Iterator[tuple[Sheet, Texture]]:
+) -> Iterator[tuple[TextureSet, Texture]]:
     """Bake the views' normals onto the UVs of several meshes, which hide one another, a texture for each sheet.
 
     One texture is made at a time, when it is asked for. Sheets that hold no texel have none. What has been seen once is
@@ -88,14 +88,14 @@ def bake_sheets(
     if not len(views):
         raise InputError("there is no view to bake; give at least one camera with its normal map")
     progress(0.0, "laying out the UVs")
-    whole = joined(meshes)
+    whole = join_meshes(meshes)
     scene = RayScene(whole.world_vertices, whole.triangles)
     del whole
     projectors = Projectors(views, scene, baking.feather)
     seen = seen_triangles(meshes, projectors, scene, part(progress, 0.0, 0.1))
     bake = _Bake(meshes, projectors, seen, scene.middle, baking)
     # Before anything is known to be seen, textures that are not seen wait: it may be that none is.
-    any_seen, any_covered, waiting = any(one.any() for one in seen), False, list[Sheet]()
+    any_seen, any_covered, waiting = any(one.any() for one in seen), False, list[TextureSet]()
     for number, sheet in enumerate(chosen):
         step = part(progress, 0.1 + 0.9 * number / len(chosen), 0.1 + 0.9 * (number + 1) / len(chosen))
         texture = bake.texture(sheet, step)
@@ -143,7 +143,7 @@ class _Bake:
     middle: NDArray[np.float64]
     baking: Baking
 
-    def texture(self, sheet: Sheet, progress: Progress) -> Texture | None:
+    def texture(self, sheet: TextureSet, progress: Progress) -> Texture | None:
         """The sheet's texture, without padding; None where no texel lies on it."""
         size, samples = self.baking.size, self.baking.samples
         surfaces, seen = [], []
@@ -244,7 +244,7 @@ class _Patch:
     surface: UnderTexels
     triangle: NDArray[np.int64]
     texels: NDArray[np.int64]
-    looks: Looks
+    looks: ViewAccumulator
 
 
 def _patches(
@@ -254,14 +254,14 @@ def _patches(
     texels = np.flatnonzero(laid >= 0)
     triangle = order[laid.ravel()[texels]]
     if len(surfaces) == 1:
-        return [_Patch(surfaces[0], triangle, texels, Looks.none(len(texels), values))]
+        return [_Patch(surfaces[0], triangle, texels, ViewAccumulator.none(len(texels), values))]
     ends = np.cumsum([len(surface.corners) for surface in surfaces])
     owner = np.searchsorted(ends, triangle, side="right")
     patches = []
     for number, surface in enumerate(surfaces):
         mine = np.flatnonzero(owner == number)
         of_surface = triangle[mine] - (ends[number] - len(surface.corners))
-        patches.append(_Patch(surface, of_surface, texels[mine], Looks.none(len(mine), values)))
+        patches.append(_Patch(surface, of_surface, texels[mine], ViewAccumulator.none(len(mine), values)))
     return patches
 
 

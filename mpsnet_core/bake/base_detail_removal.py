@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape
 from mpsnet_core.bake.detail_blending import resampled
-from mpsnet_core.bake.low_frequency_correction import levelled, rotated, rotation_between
+from mpsnet_core.bake.low_frequency_correction import correct_low_frequencies, rotated, rotation_between
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
@@ -32,7 +32,7 @@ PROBED_PIXELS = 128
 
 
 @dataclass(frozen=True)
-class Present:
+class BaseMap:
     """The normal map that an object wears, to add detail to.
 
     vectors: (H, W, 3) float32 unit vectors in tangent space, row 0 at v = 1. shown: whether the photos show its relief
@@ -51,26 +51,26 @@ class Present:
         check_shown(self.shown)
 
 
-def without_presents(
+def remove_base_details(
     normals: NormalMap,
     camera: Camera,
     mesh: Mesh,
     scene: RayScene,
-    presents: Sequence[Present],
+    base_maps: Sequence[BaseMap],
     shares: Sequence[float] | None = None,
 ) -> tuple[NormalMap, tuple[float, ...]]:
-    """:func:`without_present` for each of several maps that parts of the mesh wear, with the shares of all."""
+    """:func:`remove_base_detail` for each of several maps that parts of the mesh wear, with the shares of all."""
     found = []
-    for number in range(len(presents)):
+    for number in range(len(base_maps)):
         share = None if shares is None else shares[number]
         if share != 0:  # else it need not even be read
-            normals, share = without_present(normals, camera, mesh, scene, presents[number], share)
+            normals, share = remove_base_detail(normals, camera, mesh, scene, base_maps[number], share)
         found.append(share)
     return normals, tuple(found)
 
 
-def without_present(
-    normals: NormalMap, camera: Camera, mesh: Mesh, scene: RayScene, present: Present, share: float | None = None
+def remove_base_detail(
+    normals: NormalMap, camera: Camera, mesh: Mesh, scene: RayScene, present: BaseMap, share: float | None = None
 ) -> tuple[NormalMap, float]:
     """A view's normals with the present map's relief taken out, and the share of the relief that was, 0 to 1.
 
@@ -90,7 +90,9 @@ def without_present(
         return normals, 0.0
     if share is None:
         given = normals if present.triangles is None else replace(normals, mask=seen)
-        view, relief = (levelled(one, camera, mesh, scene).vectors for one in (given, NormalMap(worn, seen)))
+        view, relief = (
+            correct_low_frequencies(one, camera, mesh, scene).vectors for one in (given, NormalMap(worn, seen))
+        )
         share = _share(view[seen] - own[seen], relief[seen] - own[seen])
         if share == 0:
             return normals, 0.0
@@ -100,7 +102,7 @@ def without_present(
 
 
 def check_shown(shown: str) -> None:
-    """Raises InputError where `shown` is none of the words that :class:`Present` knows."""
+    """Raises InputError where `shown` is none of the words that :class:`BaseMap` knows."""
     if shown not in SHOWN:
         raise InputError(f"{shown!r} does not say whether the photos show the present map; choose {', '.join(SHOWN)}")
 
@@ -139,7 +141,7 @@ def _seen_by(camera: Camera, scene: RayScene, pixels: NDArray[np.floating]) -> _
     return _Seen(hit, hits.triangle, weights, directions[hit] @ camera.rotation)
 
 
-def _where_worn(mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, present: Present) -> NDArray[np.bool_]:
+def _where_worn(mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, present: BaseMap) -> NDArray[np.bool_]:
     """(H, W) the mask within the rectangle in which the camera sees the triangles that wear the map, if any."""
     if present.triangles is None:
         return mask
@@ -157,7 +159,7 @@ def _where_worn(mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, present: Pr
     return inside
 
 
-def _wears(seen: _Seen, mesh: Mesh, present: Present) -> NDArray[np.bool_]:
+def _wears(seen: _Seen, mesh: Mesh, present: BaseMap) -> NDArray[np.bool_]:
     """(M,) whether what is seen wears the map."""
     worn = np.ones(len(seen.triangle), bool) if present.triangles is None else present.triangles[seen.triangle]
     if present.corner is None:
@@ -167,7 +169,7 @@ def _wears(seen: _Seen, mesh: Mesh, present: Present) -> NDArray[np.bool_]:
 
 
 def _normals_worn(
-    mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, scene: RayScene, present: Present
+    mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, scene: RayScene, present: BaseMap
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
     """The mesh's own shading normals (H, W, 3), those with its present map, in camera space, and (H, W) where it is
     seen within the mask and wears the map."""
@@ -191,7 +193,7 @@ def _normals_worn(
 
 
 def _as_fine_as_seen(
-    present: Present, mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, scene: RayScene
+    present: BaseMap, mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, scene: RayScene
 ) -> NDArray[np.float32]:
     """The map with about as many pixels as the photo has on the surface: finer relief is not seen in it."""
     height, width = mask.shape

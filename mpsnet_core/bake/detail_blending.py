@@ -7,7 +7,7 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.rasterize import grown
+from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.bake.texture import Texture
 from mpsnet_core.errors import InputError
@@ -22,7 +22,7 @@ NORMALS_SHARE = 0.6
 MARGIN = 16
 
 
-def read_present_map(path: str | os.PathLike[str], *, convention: Convention = "opengl") -> NDArray[np.float32]:
+def read_base_map(path: str | os.PathLike[str], *, convention: Convention = "opengl") -> NDArray[np.float32]:
     """Read a tangent-space normal map that an object wears: (H, W, 3) unit vectors, +z where the file has no normals.
 
     8 or 16 bits or float, of any size; row 0 at v = 1.
@@ -46,17 +46,17 @@ def read_present_map(path: str | os.PathLike[str], *, convention: Convention = "
     vectors = np.empty_like(colours)
     for rows in bands(len(colours)):
         vectors[rows] = np.where(normals[rows, :, None], decode(colours[rows], convention), [0, 0, 1])
-    return grown(vectors, normals, MARGIN)
+    return extend_to_nearest(vectors, normals, MARGIN)
 
 
-def laid_onto(texture: Texture, present: NDArray[np.float32]) -> Texture:
+def blend_detail(texture: Texture, present: NDArray[np.float32]) -> Texture:
     """The texture's normals as detail on the present map's, (H, W, 3) unit vectors, resampled to the texture's size.
 
     The texture's flat normals leave the present map as it is, and a flat present map the texture.
 
     Raises InputError where the texture is not in tangent space.
     """
-    check_onto(texture.space)
+    check_blending(texture.space)
     height, width = texture.vectors.shape[:2]
     if present.shape[:2] != (height, width):
         present = resampled(present, height, width)
@@ -66,7 +66,7 @@ def laid_onto(texture: Texture, present: NDArray[np.float32]) -> Texture:
     return replace(texture, vectors=vectors)
 
 
-def check_onto(space: str) -> None:
+def check_blending(space: str) -> None:
     """Raises InputError where a texture in that space cannot be laid onto another."""
     if space != "tangent":
         raise InputError("only a texture in tangent space can go on top of a present map; bake in tangent space")

@@ -10,11 +10,11 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.bake.base_detail_removal import Present, Shown
-from mpsnet_core.bake.detail_blending import read_present_map
+from mpsnet_core.bake.base_detail_removal import BaseMap, Shown
+from mpsnet_core.bake.detail_blending import read_base_map
 from mpsnet_core.bake.map_list import ListedMap, read_map_list
 from mpsnet_core.bake.texture_names import TOKENS, map_files
-from mpsnet_core.bake.texture_sets import Sheet
+from mpsnet_core.bake.texture_sets import TextureSet
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import Convention, check_convention
@@ -31,7 +31,7 @@ class MapFile:
 
 
 def maps_beneath(
-    given: str | os.PathLike[str], convention: Convention, sheets: Sequence[Sheet]
+    given: str | os.PathLike[str], convention: Convention, sheets: Sequence[TextureSet]
 ) -> list[MapFile | None]:
     """The map beneath each of the sheets, None where there is none.
 
@@ -65,11 +65,11 @@ def maps_beneath(
     return beneath
 
 
-class PresentMaps(Sequence[Present]):
+class BaseMaps(Sequence[BaseMap]):
     """The present maps of meshes, read when one is asked for; the last one stays in memory. All are read once at first.
 
-    Sheets that share a map and a unit square of UV space share one :class:`Present`, whose triangles are those of the
-    meshes joined (:func:`mpsnet_core.scene.joined_mesh.joined`).
+    Sheets that share a map and a unit square of UV space share one :class:`BaseMap`, whose triangles are those of the
+    meshes joined (:func:`mpsnet_core.scene.joined_mesh.join_meshes`).
 
     beneath: of :func:`maps_beneath`, for the sheets.
 
@@ -77,10 +77,10 @@ class PresentMaps(Sequence[Present]):
     """
 
     def __init__(
-        self, beneath: Sequence[MapFile | None], sheets: Sequence[Sheet], meshes: Sequence[Mesh], shown: Shown
+        self, beneath: Sequence[MapFile | None], sheets: Sequence[TextureSet], meshes: Sequence[Mesh], shown: Shown
     ) -> None:
         self.shown = shown
-        together: dict[tuple[MapFile, tuple[int, int] | None], list[Sheet]] = {}
+        together: dict[tuple[MapFile, tuple[int, int] | None], list[TextureSet]] = {}
         for sheet, one in zip(sheets, beneath, strict=True):
             if one is not None:
                 together.setdefault((one, None if sheet.tile is None else sheet.corner), []).append(sheet)
@@ -94,32 +94,32 @@ class PresentMaps(Sequence[Present]):
         return len(self._maps)
 
     @overload
-    def __getitem__(self, number: int) -> Present: ...
+    def __getitem__(self, number: int) -> BaseMap: ...
     @overload
-    def __getitem__(self, number: slice) -> Sequence[Present]: ...
-    def __getitem__(self, number: int | slice) -> Present | Sequence[Present]:
+    def __getitem__(self, number: slice) -> Sequence[BaseMap]: ...
+    def __getitem__(self, number: int | slice) -> BaseMap | Sequence[BaseMap]:
         if isinstance(number, slice):
             return [self[one] for one in range(len(self))[number]]
         one, corner, triangles = self._maps[number]
-        return Present(self._vectors(one), self.shown, triangles, corner)
+        return BaseMap(self._vectors(one), self.shown, triangles, corner)
 
-    def beneath(self, sheet: Sheet) -> NDArray[np.float32] | None:
+    def beneath(self, sheet: TextureSet) -> NDArray[np.float32] | None:
         """(H, W, 3) the vectors of the map beneath a sheet, None where there is none."""
         number = self._number.get(sheet)
         return None if number is None else self._vectors(self._maps[number][0])
 
-    def in_photos(self) -> Sequence[Present]:
+    def in_photos(self) -> Sequence[BaseMap]:
         """Those whose relief the photos may show."""
         return () if self.shown == "no" else self
 
     def _vectors(self, one: MapFile) -> NDArray[np.float32]:
         if self._last is None or self._last[0] != one:
             self._last = None  # before the next is read: each may be large
-            self._last = one, read_present_map(one.file, convention=one.convention)
+            self._last = one, read_base_map(one.file, convention=one.convention)
         return self._last[1]
 
 
-def _triangles(sheets: Sequence[Sheet], meshes: Sequence[Mesh]) -> NDArray[np.bool_] | None:
+def _triangles(sheets: Sequence[TextureSet], meshes: Sequence[Mesh]) -> NDArray[np.bool_] | None:
     """(T,) which of the meshes' triangles lie on one of the sheets; None for all."""
     if any(all(part is None for part in sheet.parts) for sheet in sheets):
         return None

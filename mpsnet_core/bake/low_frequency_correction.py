@@ -50,7 +50,7 @@ class Levelling:
         return float(np.degrees(angles.mean())) if len(angles) else 0.0
 
 
-def levelled(
+def correct_low_frequencies(
     normals: NormalMap, camera: Camera, mesh: Mesh, scene: RayScene | None = None, *, scale: float = LEVEL_SCALE
 ) -> NormalMap:
     """The normals with the low frequencies of the mesh's own; as they are where the mesh is not seen.
@@ -65,7 +65,7 @@ def levelled(
 def levelling(
     normals: NormalMap, camera: Camera, mesh: Mesh, scene: RayScene | None = None, *, scale: float = LEVEL_SCALE
 ) -> Levelling:
-    """The rotations that :func:`levelled` turns the normals by.
+    """The rotations that :func:`correct_low_frequencies` turns the normals by.
 
     scale: of the smoothing, its standard deviation as a share of the mesh's size. Relief that is smaller than about
     twice this stays as the photo shows it; of what is larger the mesh decides.

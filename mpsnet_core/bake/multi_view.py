@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape
-from mpsnet_core.bake.base_detail_removal import Present, without_presents
+from mpsnet_core.bake.base_detail_removal import BaseMap, remove_base_details
 from mpsnet_core.bake.low_frequency_correction import Levelling, levelling, turned
 from mpsnet_core.bake.projection import View
-from mpsnet_core.capture.capture import Capture, capture_of, note_doubts, taken_in
+from mpsnet_core.capture.capture import Capture, capture_of, corrected_and_masked, note_doubts
 from mpsnet_core.capture.correction import Correction
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.files import read_json, write_json
@@ -95,7 +95,7 @@ def _own_photo(camera: Path, photos: PhotoFolder) -> ViewPhoto:
 
 
 def _photogrammetry_photos(cameras: Path, photos: PhotoFolder) -> list[ViewPhoto]:
-    from mpsnet_core.scene.photogrammetry import as_shown, find_photo, read_cameras
+    from mpsnet_core.scene.photogrammetry import as_displayed, find_photo, read_cameras
 
     views, missing = [], []
     for posed in read_cameras(cameras):
@@ -103,7 +103,7 @@ def _photogrammetry_photos(cameras: Path, photos: PhotoFolder) -> list[ViewPhoto
         if photo is None:
             missing.append(posed.photo)
             continue
-        posed = as_shown(posed, photo)
+        posed = as_displayed(posed, photo)
         # Photos in folders below this one may share their names.
         place = photo.relative_to(photos.path)
         views.append(ViewPhoto("_".join(place.with_suffix("").parts), photo, posed.camera, posed.lens, place.parent))
@@ -164,7 +164,7 @@ class Photography:
     def _capture(self, view: ViewPhoto, scene: RayScene) -> Capture:
         image = read_image(view.photo, encoding=self.encoding, layer=self.layer)
         rig = self.rig_of(view.camera)
-        image, mask = taken_in(
+        image, mask = corrected_and_masked(
             image, rig, self.mask_of(view), encoding=self.encoding, layer=self.layer, correction=self.correction
         )
         if view.lens is not None and not view.lens.is_identity:
@@ -300,10 +300,10 @@ class KeptViews(Sequence[View]):
         mesh: Mesh,
         scene: RayScene,
         level: float,
-        presents: Sequence[Present] = (),
+        base_maps: Sequence[BaseMap] = (),
     ) -> None:
         self.kept, self.cameras, self.mesh, self.scene, self.level = kept, cameras, mesh, scene, level
-        self.presents = presents
+        self.base_maps = base_maps
         self._shares: dict[int, Sequence[float]] = {}
 
     @property
@@ -319,16 +319,16 @@ class KeptViews(Sequence[View]):
     def __getitem__(self, number: slice) -> Sequence[View]: ...
     def __getitem__(self, number: int | slice) -> View | Sequence[View]:
         if isinstance(number, slice):
-            return KeptViews(self.kept[number], self.cameras[number], self.mesh, self.scene, self.level, self.presents)
+            return KeptViews(self.kept[number], self.cameras[number], self.mesh, self.scene, self.level, self.base_maps)
         return self.both(number)[1]
 
     def both(self, number: int) -> tuple[View, View, float]:
         """A view as it was estimated, as it is levelled (the same where it is not), and the mean angle in degrees."""
         camera = self.cameras[number]
         normals = self.kept[number].read()
-        if self.presents:
+        if self.base_maps:
             known = self._shares.get(number)
-            normals, found = without_presents(normals, camera, self.mesh, self.scene, self.presents, known)
+            normals, found = remove_base_details(normals, camera, self.mesh, self.scene, self.base_maps, known)
             self._shares[number] = found
         estimated = View(camera, normals)
         if not self.level:

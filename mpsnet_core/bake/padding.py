@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.push_pull import push_pull
-from mpsnet_core.arrays.rasterize import grown
+from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.scene.normal_map import normalised
 
@@ -26,7 +26,7 @@ def padded(
     the whole texture, smoothly; "none" leaves it.
     """
     filled: dict[Padding, Callable[[], NDArray[np.float32]]] = {
-        "nearest": lambda: grown(vectors, covered, margin, in_place=True),
+        "nearest": lambda: extend_to_nearest(vectors, covered, margin, in_place=True),
         "push-pull": lambda: _filled(vectors, covered),
         "none": lambda: vectors,
     }

@@ -28,7 +28,7 @@ NAMELESS = {"material": "no_material", "object": "object"}
 
 
 @dataclass(frozen=True, eq=False)
-class Sheet:
+class TextureSet:
     """What shares one texture. No two are equal.
 
     parts: for each mesh, (K,) the numbers of its triangles that do, or None for all of them.
@@ -56,7 +56,7 @@ class Sheet:
 
 def sheets(
     meshes: Sequence[Mesh], *, tiles: bool = False, materials: bool = False, objects: bool = False
-) -> list[Sheet]:
+) -> list[TextureSet]:
     """The sheets of meshes: one for all, or one for each UDIM tile, material and object, or each of their combinations.
 
     Materials of one name are one; objects of several meshes are several, whatever their names, which are then numbered.
@@ -65,10 +65,10 @@ def sheets(
     """
     if not (tiles or materials or objects):
         _note_outside(meshes, "0 to 1", 1, 1)
-        return [Sheet((None,) * len(meshes))]
+        return [TextureSet((None,) * len(meshes))]
     found = []
     for obj, material, parts in _groups(meshes, materials, objects):
-        group = Sheet(parts, None, material, obj)
+        group = TextureSet(parts, None, material, obj)
         if not tiles:
             found.append(group)
             continue
@@ -123,7 +123,7 @@ def _numbered(name: str, taken: Counter[str]) -> str:
             return numbered
 
 
-def _tiles(meshes: Sequence[Mesh], group: Sheet) -> list[Sheet]:
+def _tiles(meshes: Sequence[Mesh], group: TextureSet) -> list[TextureSet]:
     """The group's tiles in order; a triangle that crosses into another tile is in both."""
     reaches = [_reach(mesh, part) for mesh, part in zip(meshes, group.parts, strict=True)]
     tiles = {number for low, high in reaches for number in _tile_numbers(low, high)}
@@ -138,12 +138,12 @@ def _tiles(meshes: Sequence[Mesh], group: Sheet) -> list[Sheet]:
         )
     found = []
     for number in sorted(tiles):
-        sheet = Sheet((), number, group.material, group.object)
+        sheet = TextureSet((), number, group.material, group.object)
         parts = []
         for (low, high), part in zip(reaches, group.parts, strict=True):
             within = np.flatnonzero(((low <= sheet.corner) & (high >= sheet.corner)).all(axis=1))
             parts.append(within if part is None else part[within])
-        found.append(Sheet(tuple(parts), number, group.material, group.object))
+        found.append(TextureSet(tuple(parts), number, group.material, group.object))
     return found
 
 

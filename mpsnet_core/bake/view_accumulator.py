@@ -57,7 +57,7 @@ def _held_bytes(projector: Projector) -> int:
 
 
 @dataclass(frozen=True)
-class Looks:
+class ViewAccumulator:
     """What the views so far say of N texels.
 
     sums: (N, 4) their weighted normals in world space, and those vectors' lengths; (N, 8) with their weighted colours
@@ -68,13 +68,13 @@ class Looks:
     views: NDArray[np.uint16]
 
     @classmethod
-    def none(cls, count: int, values: int) -> "Looks":
+    def none(cls, count: int, values: int) -> "ViewAccumulator":
         """values: how many a view says at a texel."""
         return cls(np.zeros((count, values), np.float32), np.zeros(count, np.uint16))
 
-    def of(self, chunk: slice) -> "Looks":
+    def of(self, chunk: slice) -> "ViewAccumulator":
         """Some of the texels; what is added to them is added here."""
-        return Looks(self.sums[chunk], self.views[chunk])
+        return ViewAccumulator(self.sums[chunk], self.views[chunk])
 
     def add(self, seen: NDArray[np.int64], samples: NDArray[np.float32]) -> None:
         """Add what one more view says, see :meth:`Projector.look`."""

@@ -50,10 +50,13 @@ class Agreement:
     _views: list[tuple[str, float]] = field(default_factory=list)
     _looks: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = field(default_factory=list)
 
-    def add(self, name: str, estimated: View, levelled: View, level: float) -> None:
+    def add(self, name: str, estimated: View, correct_low_frequencies: View, level: float) -> None:
         """One more view, as estimated and as levelled by `level` degrees in the mean."""
         self._views.append((name, level))
-        looks = [self._look(view) for view in ([estimated] if levelled is estimated else [estimated, levelled])]
+        looks = [
+            self._look(view)
+            for view in ([estimated] if correct_low_frequencies is estimated else [estimated, correct_low_frequencies])
+        ]
         self._looks.append((looks[0], looks[-1]))
 
     def _look(self, view: View) -> NDArray[np.float32]:

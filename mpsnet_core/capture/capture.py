@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.rasterize import grown
+from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.capture.correction import Correction, corrected
 from mpsnet_core.capture.masks import Notes, find_mask
@@ -263,14 +263,16 @@ def capture_from(
 
     Raises InputError where the mask cannot be read, or image, mask, camera and depth do not fit each other.
     """
-    image, inside = taken_in(image, rig, mask, encoding=encoding, layer=layer, correction=correction, notes=notes)
+    image, inside = corrected_and_masked(
+        image, rig, mask, encoding=encoding, layer=layer, correction=correction, notes=notes
+    )
     height, width, _ = image.pixels.shape
     if camera is not None and not isinstance(camera, Camera):
         camera = camera_of_lens(camera, width, height)
     return capture_of(image, inside, rig, camera, depth)
 
 
-def taken_in(
+def corrected_and_masked(
     image: Image,
     rig: LightRig,
     mask: str | os.PathLike[str] | None,
@@ -294,7 +296,7 @@ def capture_of(
     camera: Camera | None,
     depth: NDArray[np.float32] | float | None,
 ) -> Capture:
-    """What :func:`taken_in` gave as a capture. depth: as of :func:`read_capture`."""
+    """What :func:`corrected_and_masked` gave as a capture. depth: as of :func:`read_capture`."""
     return Capture(image.pixels, mask, rig, camera, image.clip, depth_within(mask, depth, rig), image.clipped)
 
 
@@ -340,7 +342,7 @@ def depth_within(
     _note_unit(float(np.median(depth[known & mask])), rig.near)
     # Beside the mesh, its nearest pixel's depth, and far from it the mean.
     filled = np.where(known, depth, depth[known & mask].mean())[..., None]
-    return grown(filled, known, DEPTH_MARGIN)[..., 0]
+    return extend_to_nearest(filled, known, DEPTH_MARGIN)[..., 0]
 
 
 def _note_unit(distance: float, near: NearLights) -> None:

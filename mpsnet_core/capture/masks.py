@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.block_means import block_means
-from mpsnet_core.arrays.mask_regions import filled, grown, labelled, shrunk, without_holes, without_specks
+from mpsnet_core.arrays.mask_regions import dilated, eroded, filled, labelled, without_holes, without_specks
 from mpsnet_core.arrays.robust_statistics import DEVIATIONS
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.capture.correction import Correction, corrected
@@ -206,7 +206,7 @@ def _mended(
     """The mask without specks, its gaps closed and the holes filled that a shadow may have made."""
     mask = without_specks(mask, PART * labelled(mask)[1][1:].max(initial=0))
     gap = max(1, round(GAP * max(mask.shape)))
-    mask = shrunk(grown(mask, gap), gap)
+    mask = eroded(dilated(mask, gap), gap)
 
     def by_shadow(labels: NDArray[np.int32], sizes: NDArray[np.int64]) -> NDArray[np.bool_]:
         unlike = np.bincount(labels.ravel(), contrast.ravel(), len(sizes)) / np.maximum(sizes, 1)
@@ -295,7 +295,7 @@ def _outlined(
         return found.mask
     height, width = shape
     columns = np.arange(width) // factor
-    surely, maybe = shrunk(found.mask, OUTLINE), grown(found.mask, OUTLINE)
+    surely, maybe = eroded(found.mask, OUTLINE), dilated(found.mask, OUTLINE)
     mask = np.empty((height, width), bool)
     for rows in bands(height):
         lines = np.arange(rows.start, rows.stop) // factor

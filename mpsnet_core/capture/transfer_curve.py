@@ -91,8 +91,8 @@ def _strengths(colours: NDArray[np.float64], rig: LightRig) -> NDArray[np.float6
         error = np.log(length) / 2
         weight = 1 / np.maximum(np.abs(error - np.median(error)), 0.02)
         weight /= weight.sum()
-        slope = turned * lights / length[:, None]
-        slope, error = slope - weight @ slope, error - weight @ error
-        left = (slope * weight[:, None]).T @ slope + STRENGTH_PRIOR * np.eye(3)
-        strengths = strengths - np.linalg.solve(left, slope.T @ (weight * error) + STRENGTH_PRIOR * strengths)
+        jacobian = turned * lights / length[:, None]
+        jacobian, error = jacobian - weight @ jacobian, error - weight @ error
+        left = (jacobian * weight[:, None]).T @ jacobian + STRENGTH_PRIOR * np.eye(3)
+        strengths = strengths - np.linalg.solve(left, jacobian.T @ (weight * error) + STRENGTH_PRIOR * strengths)
     return np.asarray(np.exp(strengths) / means)

@@ -62,7 +62,7 @@ def add_texture(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def asked_baking(options: argparse.Namespace, feather: float) -> "Baking":
+def parse_baking(options: argparse.Namespace, feather: float) -> "Baking":
     """How options of :func:`add_texture`, and --strength, ask for textures to be baked.
 
     Raises InputError where one is out of range, or a margin is given that the padding does not use.
@@ -134,7 +134,7 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_place(parser: argparse.ArgumentParser) -> None:
+def add_viewpoint(parser: argparse.ArgumentParser) -> None:
     """Where the photo was taken from: camera or lens, and how far the object was."""
     parser.add_argument("--camera", help="camera file: for perspective, and where the rig's lights are near")
     parser.add_argument("--focal", type=float, metavar="MM", help="in its place the lens, in mm on a 36 mm sensor")
@@ -154,7 +154,7 @@ def add_network(parser: argparse.ArgumentParser, model: str = "multiscale") -> N
     parser.add_argument("--tile", type=int, help="tile side in pixels for networks (default: 448)")
 
 
-def asked_estimator(
+def parse_estimator(
     options: argparse.Namespace, model: str | None = None, passes: Literal[1, 3] | None = None
 ) -> "Estimator":
     """The estimator that options of :func:`add_network` ask for.
@@ -173,7 +173,7 @@ def asked_estimator(
     )
 
 
-def asked_correction(options: argparse.Namespace) -> "Correction | None":
+def parse_correction(options: argparse.Namespace) -> "Correction | None":
     """Dark frame and flat field as :func:`add_reading` takes them, None where neither is given.
 
     Raises InputError as `read_correction` does, and where the flat field to smooth is lacking.
@@ -189,8 +189,8 @@ def asked_correction(options: argparse.Namespace) -> "Correction | None":
     )
 
 
-def asked_place(options: argparse.Namespace) -> tuple[Any, Any]:
-    """Camera (or focal length) and depth (or distance) as :func:`add_place` takes them, None where not told."""
+def parse_viewpoint(options: argparse.Namespace) -> tuple[Any, Any]:
+    """Camera (or focal length) and depth (or distance) as :func:`add_viewpoint` takes them, None where not told."""
     from mpsnet_core.scene.camera import read_camera
     from mpsnet_core.scene.mesh import read_mesh
     from mpsnet_core.scene.mesh_depth import depth_of_mesh
@@ -224,7 +224,7 @@ def slant_and_tilt(option: str, given: str) -> tuple[float, float]:
 
 
 def read_files(options: argparse.Namespace) -> list[Path]:
-    """The files that options of :func:`add_reading` and :func:`add_place`, --white and --onto mean, in folders and
+    """The files that options of :func:`add_reading` and :func:`add_viewpoint`, --white and --onto mean, in folders and
     patterns one by one: what no result may overwrite.
 
     Raises InputError where a folder or a pattern means none.

@@ -7,19 +7,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mpsnet_core.cli.arguments import Help, Verbs, add_level, add_meshes, add_texture, asked_baking, level_scale
+from mpsnet_core.cli.arguments import Help, Verbs, add_level, add_meshes, add_texture, level_scale, parse_baking
 from mpsnet_core.cli.reporter import Reporter
-from mpsnet_core.cli.sheets import planned, textures_in_words, told_textures, write_textures
-from mpsnet_core.cli.textures import add_detail, add_preset, asked_present, note_shown, settle
+from mpsnet_core.cli.sheets import format_textures, planned, textures_result, write_textures
+from mpsnet_core.cli.textures import add_detail, add_preset, note_base_shares, parse_base_map, settle
 from mpsnet_core.errors import InputError
 from mpsnet_core.progress import Progress, part
 
 if TYPE_CHECKING:
     from mpsnet_core.bake.bake import View
-    from mpsnet_core.bake.base_detail_removal import Present
+    from mpsnet_core.bake.base_detail_removal import BaseMap
     from mpsnet_core.bake.settings import Baking
     from mpsnet_core.bake.texture import Texture
-    from mpsnet_core.bake.texture_sets import Sheet
+    from mpsnet_core.bake.texture_sets import TextureSet
     from mpsnet_core.scene.mesh import Mesh
 
 log = logging.getLogger(__name__)
@@ -106,7 +106,7 @@ def _bake(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     albedos = options.albedo or [None] * len(views)
     if len(albedos) != len(views):
         raise InputError(f"there are {len(views)} views but {len(albedos)} albedos; give one for each view, or none")
-    _asked_baking(options)
+    _parse_baking(options)
     if sequence:
         return _bake_frames(options, views, reporter)
     checked_bits(writable_path(options.output), options.bits)
@@ -120,17 +120,17 @@ def _bake(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     )
     reporter.progress(0.0, "reading the mesh")
     plan = planned(options, job.files)
-    seen, _ = _views(job, plan.meshes, plan.presents.in_photos(), options, part(reporter.progress, 0.05, 0.15))
+    seen, _ = _views(job, plan.meshes, plan.base_maps.in_photos(), options, part(reporter.progress, 0.05, 0.15))
     baked = _baked(seen, plan.meshes, plan.sheets, options, part(reporter.progress, 0.15, 1.0))
     with written_together():
         made = [one for one, _ in write_textures(plan, baked, options)]
-    return {"output": options.output, **told_textures(made), "text": textures_in_words(made, _facts(options))}
+    return {"output": options.output, **textures_result(made), "text": format_textures(made, _facts(options))}
 
 
 def _views(
     job: _Job,
     meshes: "Sequence[Mesh]",
-    presents: "Sequence[Present]",
+    base_maps: "Sequence[BaseMap]",
     options: argparse.Namespace,
     progress: Progress,
     known: Sequence[Sequence[float]] | None = None,
@@ -140,17 +140,17 @@ def _views(
     known: these shares, where they have been found before.
     """
     from mpsnet_core.bake.bake import View
-    from mpsnet_core.bake.base_detail_removal import without_presents
-    from mpsnet_core.bake.low_frequency_correction import levelled
+    from mpsnet_core.bake.base_detail_removal import remove_base_details
+    from mpsnet_core.bake.low_frequency_correction import correct_low_frequencies
     from mpsnet_core.estimate.albedo import read_albedo
     from mpsnet_core.scene.camera import read_camera
-    from mpsnet_core.scene.joined_mesh import joined
+    from mpsnet_core.scene.joined_mesh import join_meshes
     from mpsnet_core.scene.normal_map import read_normals
     from mpsnet_core.scene.rays import RayScene
 
     level = level_scale(options.level)
-    whole = joined(meshes)
-    scene = RayScene(whole.world_vertices, whole.triangles) if level or presents else None
+    whole = join_meshes(meshes)
+    scene = RayScene(whole.world_vertices, whole.triangles) if level or base_maps else None
     views, shares = list[View](), list[Sequence[float]]()
     given = zip(job.views, job.confidences, job.albedos, strict=True)
     for number, ((camera, normals), confidence, albedo) in enumerate(given):
@@ -158,38 +158,40 @@ def _views(
         try:
             normal_map = read_normals(normals, convention=options.normals_convention, confidence=confidence)
             view = View(read_camera(camera), normal_map, None if albedo is None else read_albedo(albedo))
-            if presents and scene is not None:
+            if base_maps and scene is not None:
                 before = None if known is None else known[number]
-                normal_map, found = without_presents(view.normals, view.camera, whole, scene, presents, before)
+                normal_map, found = remove_base_details(view.normals, view.camera, whole, scene, base_maps, before)
                 view = replace(view, normals=normal_map)
                 shares.append(found)
             if level and scene is not None:
-                view = replace(view, normals=levelled(view.normals, view.camera, whole, scene, scale=level))
+                view = replace(
+                    view, normals=correct_low_frequencies(view.normals, view.camera, whole, scene, scale=level)
+                )
             views.append(view)
         except InputError as error:
             raise InputError(f"view {camera}={normals}: {error}") from None
     if known is None:
-        note_shown(shares)
+        note_base_shares(shares)
     return views, shares
 
 
 def _baked(
     views: "Sequence[View]",
     meshes: "Sequence[Mesh]",
-    sheets: "Sequence[Sheet]",
+    sheets: "Sequence[TextureSet]",
     options: argparse.Namespace,
     progress: Progress,
-) -> "Iterator[tuple[Sheet, Texture]]":
-    from mpsnet_core.bake.bake import bake_sheets
+) -> "Iterator[tuple[TextureSet, Texture]]":
+    from mpsnet_core.bake.bake import bake_texture_sets
 
-    return bake_sheets(meshes, views, sheets, _asked_baking(options), progress=progress)
+    return bake_texture_sets(meshes, views, sheets, _parse_baking(options), progress=progress)
 
 
-def _asked_baking(options: argparse.Namespace) -> "Baking":
+def _parse_baking(options: argparse.Namespace) -> "Baking":
     from mpsnet_core.bake.feather import FEATHER
 
     # Views that are levelled are meant to leave no seam.
-    return asked_baking(options, FEATHER if level_scale(options.level) else 0.0)
+    return parse_baking(options, FEATHER if level_scale(options.level) else 0.0)
 
 
 def _facts(options: argparse.Namespace) -> str:
@@ -201,13 +203,13 @@ def _facts(options: argparse.Namespace) -> str:
 
 def _bake_frames(options: argparse.Namespace, views: Sequence[tuple[str, str]], reporter: Reporter) -> dict[str, Any]:
     """A texture for each frame. What is there already, made of the same files and settings, is not made again."""
-    from mpsnet_core.bake.detail_blending import laid_onto
+    from mpsnet_core.bake.detail_blending import blend_detail
     from mpsnet_core.bake.texture import write_texture
     from mpsnet_core.bake.texture_names import split_by
     from mpsnet_core.bake.texture_sets import sheets
-    from mpsnet_core.io.files import made_folder, remove_abandoned
+    from mpsnet_core.io.files import ensure_folder, remove_abandoned
     from mpsnet_core.io.frames import check_apart, results_folder
-    from mpsnet_core.io.provenance import is_made
+    from mpsnet_core.io.provenance import is_up_to_date
     from mpsnet_core.scene.mesh import read_mesh
 
     if len(options.mesh) > 1 or split_by(options.output):
@@ -222,9 +224,9 @@ def _bake_frames(options: argparse.Namespace, views: Sequence[tuple[str, str]], 
     jobs = _jobs(options, views)
     check_apart({file for job in jobs.values() for file in job.files}, [job.output for job in jobs.values()])
     folder = results_folder(options.output, "a sequence is baked", "textures")
-    remove_abandoned(made_folder(folder, "textures"))
-    present = asked_present(options)
-    presents = [] if present is None else [present]
+    remove_abandoned(ensure_folder(folder, "textures"))
+    present = parse_base_map(options)
+    base_maps = [] if present is None else [present]
     made, seen, mesh, mesh_file = 0, 0.0, None, None
     # A share that was found anew for each frame would flicker: all have that of the first one.
     first_job, shares = next(iter(jobs.values())), None
@@ -234,17 +236,19 @@ def _bake_frames(options: argparse.Namespace, views: Sequence[tuple[str, str]], 
         )
         step(0.0, "")
         line = _line(job, first_job, options)
-        if is_made(job.output, line):
+        if is_up_to_date(job.output, line):
             continue
         if mesh is None or job.meshes[0] != mesh_file:
             mesh, mesh_file = read_mesh(job.meshes[0]), job.meshes[0]
         try:
             if present is not None and shares is None and job is not first_job:
-                _, shares = _views(first_job, [read_mesh(first_job.meshes[0])], presents, options, part(step, 0.0, 0.0))
-            frame, shares = _views(job, [mesh], presents, options, part(step, 0.0, 0.1), shares)
+                _, shares = _views(
+                    first_job, [read_mesh(first_job.meshes[0])], base_maps, options, part(step, 0.0, 0.0)
+                )
+            frame, shares = _views(job, [mesh], base_maps, options, part(step, 0.0, 0.1), shares)
             ((_, texture),) = _baked(frame, [mesh], sheets([mesh]), options, part(step, 0.1, 1.0))
             if present is not None:
-                texture = laid_onto(texture, present.vectors)
+                texture = blend_detail(texture, present.vectors)
         except InputError as error:
             if not made:
                 raise
@@ -319,11 +323,11 @@ def _file_of(files: Path | dict[int, Path], number: int) -> Path:
 
 def _line(job: _Job, first: _Job, options: argparse.Namespace) -> str:
     """The line that a texture keeps: what made it of what. first: the frame that tells what is shown of --onto."""
-    from mpsnet_core.io.provenance import content, identity, made_line
+    from mpsnet_core.io.provenance import content, identity, provenance_line
 
     facts = [f"{name}: {value!r}" for name, value in sorted(vars(options).items()) if name not in NOT_IN_RECIPE]
     # Meshes and cameras by what they hold: Blender writes them anew for every run.
     for one in (job, first) if options.onto and options.onto_shown == "auto" else (job,):
         facts += map(content, [*one.meshes, *(camera for camera, _ in one.views)])
         facts += map(identity, [*(normals for _, normals in one.views), one.onto])
-    return made_line("texture", "\n".join(facts))
+    return provenance_line("texture", "\n".join(facts))

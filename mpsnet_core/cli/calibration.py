@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mpsnet_core.cli.arguments import Help, Verbs, add_reading, asked_correction, read_files
+from mpsnet_core.cli.arguments import Help, Verbs, add_reading, parse_correction, read_files
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.errors import InputError
 
@@ -168,7 +168,7 @@ def _lights(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
             titled = [(f"{place}", tile) for place, tile in enumerate(tiles, 1)]
             picture = tiles[0] if len(tiles) == 1 else sheet(titled, 2, tile_height=tiles[0].shape[0])
             write_image(options.overlay, picture, bits=8, color_space="sRGB")
-        told = _told(options, _lights_data(found, names, shown_by))
+        told = _written_result(options, _lights_data(found, names, shown_by))
     reporter.progress(1.0, "done")
     return told
 
@@ -371,7 +371,7 @@ def _mixing(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         write_rig(options.output, replace(rig, mixing=found.mixing))
         if options.overlay and picture is not None:
             write_image(options.overlay, picture, bits=8, color_space="sRGB")
-        told = _told(options, _mixing_data(found))
+        told = _written_result(options, _mixing_data(found))
     reporter.progress(1.0, "done")
     return told
 
@@ -471,7 +471,7 @@ def _photos(
         radius=1.0 if options.radius is None else options.radius,
         encoding=options.encoding,
         layer=options.layer,
-        correction=asked_correction(options),
+        correction=parse_correction(options),
         **more,
     )
 
@@ -516,7 +516,7 @@ def _ball_line(ball: "Ball") -> str:
     )
 
 
-def _told(options: argparse.Namespace, data: dict[str, Any]) -> dict[str, Any]:
+def _written_result(options: argparse.Namespace, data: dict[str, Any]) -> dict[str, Any]:
     """The result, with where it was written; also as a JSON file where that is asked for."""
     from mpsnet_core.io.files import write_json
 

@@ -32,14 +32,14 @@ def _cameras(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
 
     from mpsnet_core.bake.multi_view import CAMERA_SUFFIX, posed_photos
     from mpsnet_core.errors import InputError
-    from mpsnet_core.io.files import made_folder, written_together
+    from mpsnet_core.io.files import ensure_folder, written_together
     from mpsnet_core.io.frames import check_apart
     from mpsnet_core.io.images import read_image, write_image
     from mpsnet_core.scene.camera import write_camera
     from mpsnet_core.scene.photogrammetry import undistorted, undistorted_mask
 
     views = posed_photos(options.cameras, options.photos)
-    folder = made_folder(options.output, "cameras")
+    folder = ensure_folder(options.output, "cameras")
     check_apart([view.photo for view in views], [folder / f"{view.name}.exr" for view in views])
     straightened = 0
     for number, view in enumerate(views):

@@ -14,7 +14,7 @@ from mpsnet_core.errors import InputError
 def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
     parser = verbs.add_parser("evaluate", help="measure models against known normals")
     tests = parser.add_subparsers(metavar="TEST", required=True)
-    told = _told(common)
+    told = _common_options(common)
     _add_diligent(_test(tests, told, "diligent", _diligent, "the DiLiGenT photographs, multiplexed"))
     _add_materials(_test(tests, told, "materials", _materials, "one blob under each measured material"))
     _add_rendered(_test(tests, told, "rendered", _rendered, "meshes from files, of one and of several materials"))
@@ -27,7 +27,7 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
     _add_patch_sizes(sizes)
 
 
-def _told(common: argparse.ArgumentParser) -> argparse.ArgumentParser:
+def _common_options(common: argparse.ArgumentParser) -> argparse.ArgumentParser:
     """Options of every test: which models, and where the answer goes."""
     told = argparse.ArgumentParser(add_help=False, parents=[common])
     told.add_argument(

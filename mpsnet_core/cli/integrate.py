@@ -159,7 +159,7 @@ def _integrate(parser: argparse.ArgumentParser, options: argparse.Namespace, rep
             check_has_faces(normals.mask)
         except InputError as error:
             raise InputError(f"{options.normals}: {error}") from None
-    surface = _asked_surface(options, normals, part(reporter.progress, 0.05, 0.75))
+    surface = _requested_surface(options, normals, part(reporter.progress, 0.05, 0.75))
     result: dict[str, Any] = {"outputs": [], "unit": surface.unit}
     lines, no_mesh = [], None
     with written_together():
@@ -180,7 +180,7 @@ def _integrate(parser: argparse.ArgumentParser, options: argparse.Namespace, rep
     return {**result, "text": "\n".join(lines)}
 
 
-def _asked_surface(options: argparse.Namespace, normals: "NormalMap", progress: Progress) -> Surface:
+def _requested_surface(options: argparse.Namespace, normals: "NormalMap", progress: Progress) -> Surface:
     """What the outputs that are asked for are made of, and no more."""
     from mpsnet_core.io.images import read_image
     from mpsnet_core.relief.height_map import pixel_camera
@@ -188,7 +188,7 @@ def _asked_surface(options: argparse.Namespace, normals: "NormalMap", progress: 
     from mpsnet_core.relief.occlusion import ambient_occlusion
     from mpsnet_core.relief.sizes import check_size
 
-    given = _asked_camera(options, normals)
+    given = _parse_camera(options, normals)
     camera = given or pixel_camera(*normals.mask.shape)
     if options.distance is not None and not 0 < options.distance < float("inf"):
         raise InputError(f"--distance {options.distance:g} is none; the distance must be a number above 0")
@@ -215,7 +215,7 @@ def _asked_surface(options: argparse.Namespace, normals: "NormalMap", progress: 
     return Surface(normals, camera, options.unit or ("unit" if given else "pixel"), heights, occlusion, albedo)
 
 
-def _asked_camera(options: argparse.Namespace, normals: "NormalMap") -> "Camera | None":
+def _parse_camera(options: argparse.Namespace, normals: "NormalMap") -> "Camera | None":
     """The camera that the options tell, None where they tell none."""
     import numpy as np
 

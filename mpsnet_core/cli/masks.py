@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from mpsnet_core.cli.arguments import Help, Verbs, add_reading, asked_correction, read_files
+from mpsnet_core.cli.arguments import Help, Verbs, add_reading, parse_correction, read_files
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.errors import InputError
 
@@ -40,7 +40,7 @@ def _mask(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         check_apart([options.image, *read_files(options), *outputs[:number]], [output])
     reporter.progress(0.0, f"reading {Path(options.image).name}")
     image = read_image(options.image, encoding=options.encoding, layer=options.layer)
-    correction = asked_correction(options)
+    correction = parse_correction(options)
     reporter.progress(0.4, "looking for the object")
     try:
         if correction is not None:

@@ -9,11 +9,11 @@ from mpsnet_core.cli.arguments import (
     Help,
     Verbs,
     add_network,
-    add_place,
     add_reading,
-    asked_correction,
-    asked_estimator,
-    asked_place,
+    add_viewpoint,
+    parse_correction,
+    parse_estimator,
+    parse_viewpoint,
     read_files,
 )
 from mpsnet_core.cli.reporter import Reporter
@@ -57,7 +57,7 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
     parser.add_argument("--convention", default="opengl", help="of the normals: opengl (green up) or directx")
     parser.add_argument("--name", help="what the files' names begin with; the photo's unless given")
     add_network(parser, MODEL)
-    add_place(parser)
+    add_viewpoint(parser)
     add_reading(parser)
     parser.add_argument("-o", "--output", required=True, metavar="FOLDER", help="folder for the pictures")
     parser.set_defaults(verb=_material, mask=None)
@@ -77,7 +77,7 @@ def _material(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
     check_convention(options.convention)
     check_material(options.size, options.overlap, options.bend)
     crop = _crop(options.crop) if options.crop else None
-    length, pixels = _asked_scale(options)
+    length, pixels = _parse_scale(options)
     photo = Path(options.image)
     name = photo.stem if options.name is None else options.name
     if Path(name).name != name:
@@ -86,8 +86,8 @@ def _material(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
         raise InputError(f"--output {options.output} ends like a picture; give the folder for all of them")
     folder = makeable_folder(options.output, "material")
     check_apart([photo, options.rig, *read_files(options)], material_files(folder, name).values())
-    rig, correction, (camera, depth) = read_rig(options.rig), asked_correction(options), asked_place(options)
-    estimator = asked_estimator(options, MODEL)
+    rig, correction, (camera, depth) = read_rig(options.rig), parse_correction(options), parse_viewpoint(options)
+    estimator = parse_estimator(options, MODEL)
     reporter.progress(0.0, f"reading {photo.name}")
     image = read_image(photo, encoding=options.encoding, layer=options.layer)
     try:
@@ -139,7 +139,7 @@ def _repeats(alike: tuple[float | None, float | None]) -> str:
     return f"it repeats in the photo, {' and '.join(told)}" if told else "nothing in the photo repeats"
 
 
-def _asked_scale(options: argparse.Namespace) -> tuple[float, float | None]:
+def _parse_scale(options: argparse.Namespace) -> tuple[float, float | None]:
     """A length in millimetres, and how many of the photo's pixels it is; None for its width, not known yet."""
     from mpsnet_core.cli.units import millimetres
 

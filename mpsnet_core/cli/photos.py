@@ -9,11 +9,11 @@ from mpsnet_core.cli.arguments import (
     Help,
     Verbs,
     add_network,
-    add_place,
     add_reading,
-    asked_correction,
-    asked_estimator,
-    asked_place,
+    add_viewpoint,
+    parse_correction,
+    parse_estimator,
+    parse_viewpoint,
     read_files,
     slant_and_tilt,
 )
@@ -58,7 +58,7 @@ def _add_estimate(parser: argparse.ArgumentParser) -> None:
         help="of the network: 3 averages the answers on the scene turned and mirrored. Unless given, the default model "
         "takes 3 for one photo and 1 for each of several or of a video",
     )
-    add_place(parser)
+    add_viewpoint(parser)
     add_reading(parser)
     parser.add_argument(
         "--white",
@@ -95,7 +95,7 @@ def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
     from mpsnet_core.capture.capture import read_capture
     from mpsnet_core.estimate.albedo import albedo_from_white, write_albedo
     from mpsnet_core.estimate.sequence.video import is_video
-    from mpsnet_core.io.files import made_folder, writable_path, written_together
+    from mpsnet_core.io.files import ensure_folder, writable_path, written_together
     from mpsnet_core.io.frames import check_apart, expand_images, is_several, output_files
     from mpsnet_core.io.images import checked_bits, write_image
     from mpsnet_core.progress import part
@@ -126,8 +126,8 @@ def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
         checked_bits(writable_path(other))
         check_apart([*inputs, *outputs], [other])
         outputs.append(Path(other))
-    correction, (camera, depth) = asked_correction(options), asked_place(options)
-    estimator = asked_estimator(options, passes=options.passes)
+    correction, (camera, depth) = parse_correction(options), parse_viewpoint(options)
+    estimator = parse_estimator(options, passes=options.passes)
     reporter.progress(0.0, f"reading {photo.name}")
     capture = read_capture(
         photo,
@@ -142,7 +142,7 @@ def _estimate(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
     )
     normals = estimator(capture, part(reporter.progress, 0.1, 0.9))
     reporter.progress(0.9, f"writing {output.name}")
-    made_folder(output.parent, "normals")
+    ensure_folder(output.parent, "normals")
     with written_together():
         write_normals(output, normals, convention=options.convention)
         if options.confidence:
@@ -216,11 +216,11 @@ def _superpose(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any
 
 
 def _models(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
-    from mpsnet_core.estimate.registry import shelf
+    from mpsnet_core.estimate.registry import registered_models
 
     if options.model:
         return _card(options.model)
-    entries = shelf()
+    entries = registered_models()
     width = max(len(entry.name) for entry in entries)
     lists: dict[bool, list[str]] = {False: [], True: ["", "to compare with, and for scripts:"]}
     for entry in entries:

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from mpsnet_core.capture.capture import Capture, capture_from
 from mpsnet_core.capture.masks import Notes
-from mpsnet_core.cli.arguments import asked_correction, asked_estimator, asked_place, read_files
+from mpsnet_core.cli.arguments import parse_correction, parse_estimator, parse_viewpoint, read_files
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.registry import (
@@ -83,7 +83,7 @@ def _photos(options: argparse.Namespace, photos: list[Path], rig: LightRig, repo
     outcome, result = _run(options, frames, len(photos), rig, reporter, step)
     if numbered is None or outputs == [Path(options.output)]:
         listed = [str(output) for output in outputs]
-        return {**result, "outputs": listed, "text": f"{options.output}: {_told(outcome, options)}"}
+        return {**result, "outputs": listed, "text": f"{options.output}: {_summary(outcome, options)}"}
     if numbered.gaps:
         log.warning("frame(s) %s missing; the others are estimated", numbered.gaps)
     number, first = min(zip(numbered.numbers, outputs, strict=True))
@@ -111,7 +111,7 @@ def _video(options: argparse.Namespace, path: Path, rig: LightRig, reporter: Rep
 def _run(
     options: argparse.Namespace, frames: Iterable[Frame], count: int, rig: LightRig, reporter: Reporter, step: int = 1
 ) -> tuple[Outcome, dict[str, Any]]:
-    correction, (camera, depth) = asked_correction(options), asked_place(options)
+    correction, (camera, depth) = parse_correction(options), parse_viewpoint(options)
 
     notes: Notes = "doubts"
 
@@ -138,7 +138,7 @@ def _run(
     outcome = estimate_sequence(
         frames,
         take,
-        asked_estimator(options, passes=_passes(options)),
+        parse_estimator(options, passes=_passes(options)),
         recipe=_recipe(options),
         smooth=options.smooth,
         step=step,
@@ -173,11 +173,11 @@ def _sequence(
         "last": numbers[1],
         "count": outcome.made + outcome.there,
         "frame_rate": rate,
-        "text": f"{Path(options.output) / pattern}: {_told(outcome, options)}",
+        "text": f"{Path(options.output) / pattern}: {_summary(outcome, options)}",
     }
 
 
-def _told(outcome: Outcome, options: argparse.Namespace) -> str:
+def _summary(outcome: Outcome, options: argparse.Namespace) -> str:
     there = f", {outcome.there} there already" if outcome.there else ""
     return f"normals by {options.model or DEFAULT_MODEL}, {outcome.made} made{there}"
 

@@ -12,9 +12,9 @@ import numpy as np
 from mpsnet_core.errors import InputError
 
 if TYPE_CHECKING:
-    from mpsnet_core.bake.existing_maps import PresentMaps
+    from mpsnet_core.bake.existing_maps import BaseMaps
     from mpsnet_core.bake.texture import Texture
-    from mpsnet_core.bake.texture_sets import Sheet
+    from mpsnet_core.bake.texture_sets import TextureSet
     from mpsnet_core.scene.mesh import Mesh
 
 log = logging.getLogger(__name__)
@@ -31,10 +31,10 @@ class Plan:
     """
 
     meshes: "Sequence[Mesh]"
-    sheets: "Sequence[Sheet]"
+    sheets: "Sequence[TextureSet]"
     files: Sequence[Path]
     patterns: Sequence[Path]
-    presents: "PresentMaps"
+    base_maps: "BaseMaps"
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Made:
 
     file: Path
     pattern: Path
-    sheet: "Sheet"
+    sheet: "TextureSet"
     seen: int
     covered: int
     albedo: Path | None = None
@@ -57,7 +57,7 @@ def planned(options: argparse.Namespace, taken: Sequence[Path]) -> Plan:
 
     Raises InputError where a mesh cannot be read, no texture has a present map, or a texture has no place.
     """
-    from mpsnet_core.bake.existing_maps import PresentMaps, maps_beneath
+    from mpsnet_core.bake.existing_maps import BaseMaps, maps_beneath
     from mpsnet_core.bake.texture_names import split_by, texture_files, tile_patterns
     from mpsnet_core.bake.texture_sets import sheets
     from mpsnet_core.io.files import writable_path
@@ -75,8 +75,8 @@ def planned(options: argparse.Namespace, taken: Sequence[Path]) -> Plan:
     beneath = maps_beneath(options.onto, options.onto_convention, chosen) if options.onto else [None] * len(chosen)
     coloured = map(albedo_file, files) if getattr(options, "albedo", None) else ()
     check_apart([*taken, *(one.file for one in beneath if one)], map(writable_path, [*files, *coloured]))
-    presents = PresentMaps(beneath, chosen, meshes, options.onto_shown)
-    return Plan(meshes, chosen, files, tile_patterns(options.output, chosen), presents)
+    base_maps = BaseMaps(beneath, chosen, meshes, options.onto_shown)
+    return Plan(meshes, chosen, files, tile_patterns(options.output, chosen), base_maps)
 
 
 def albedo_file(texture: Path) -> Path:
@@ -92,21 +92,21 @@ def _named(mesh: "Mesh", name: str) -> "Mesh":
 
 
 def write_textures(
-    plan: Plan, baked: "Iterable[tuple[Sheet, Texture]]", options: argparse.Namespace
+    plan: Plan, baked: "Iterable[tuple[TextureSet, Texture]]", options: argparse.Namespace
 ) -> "Iterable[tuple[Made, Texture]]":
     """Write textures one by one, as they are baked; gives each with what was made of it.
 
     Raises InputError where one cannot be baked or written.
     """
-    from mpsnet_core.bake.detail_blending import laid_onto
+    from mpsnet_core.bake.detail_blending import blend_detail
     from mpsnet_core.bake.texture import write_texture
     from mpsnet_core.estimate.albedo import write_albedo
 
     for sheet, texture in baked:
         place = plan.sheets.index(sheet)
-        beneath = plan.presents.beneath(sheet)
+        beneath = plan.base_maps.beneath(sheet)
         if beneath is not None:
-            texture = laid_onto(texture, beneath)
+            texture = blend_detail(texture, beneath)
         write_texture(plan.files[place], texture, convention=options.convention, bits=options.bits)
         albedo = None
         if texture.colours is not None:
@@ -117,7 +117,7 @@ def write_textures(
         del texture
 
 
-def told_textures(made: Sequence[Made]) -> dict[str, Any]:
+def textures_result(made: Sequence[Made]) -> dict[str, Any]:
     """What became of the textures as plain data: each one's file, what it is of, and the share of it that was seen.
 
     tiles, albedo_tiles: the file's name for all tiles, with <UDIM> in it.
@@ -141,7 +141,7 @@ def seen_share(made: Sequence[Made]) -> float:
     return sum(one.seen for one in made) / sum(one.covered for one in made)
 
 
-def textures_in_words(made: Sequence[Made], facts: str) -> str:
+def format_textures(made: Sequence[Made], facts: str) -> str:
     """A line for each texture: where it is, what it is, how much of it was seen. facts: what is true of all."""
     lines = [
         f"{one.file}: {facts}, {one.seen / one.covered:.1%} of its surface seen"

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.io.files import made_folder
+from mpsnet_core.io.files import ensure_folder
 
 if TYPE_CHECKING:
-    from mpsnet_core.bake.base_detail_removal import Present
+    from mpsnet_core.bake.base_detail_removal import BaseMap
 
 
 log = logging.getLogger(__name__)
@@ -55,14 +55,14 @@ def settle(options: argparse.Namespace, *, sequence: bool = False) -> None:
     cannot be had, or a folder is given for what several meshes share, which no preset has a name for.
     """
     from mpsnet_core.bake.base_detail_removal import check_shown
-    from mpsnet_core.bake.detail_blending import check_onto
+    from mpsnet_core.bake.detail_blending import check_blending
     from mpsnet_core.bake.presets import preset_named, preset_output
     from mpsnet_core.scene.normal_map import check_convention
 
     check_convention(options.onto_convention)
     check_shown(options.onto_shown)
     if options.onto:
-        check_onto(options.space)
+        check_blending(options.space)
     elif options.onto_convention != "opengl" or options.onto_shown != "auto":
         raise InputError("--onto-convention and --onto-shown tell of the map of --onto; give it, or leave them out")
     if options.level is None:
@@ -82,7 +82,7 @@ def settle(options: argparse.Namespace, *, sequence: bool = False) -> None:
             suffix = f".{ending}" if ending else None
             target = preset_output(preset, options.output, Path(options.mesh[0]).stem, suffix)
             if options.output.endswith(("/", "\\")):
-                made_folder(target.parent, "texture")
+                ensure_folder(target.parent, "texture")
             options.output = str(target)
         ending = ending or preset.suffix.lstrip(".")
         # Bits go with the preset's own format.
@@ -96,13 +96,13 @@ def settle(options: argparse.Namespace, *, sequence: bool = False) -> None:
         options.format = ending or "png"
 
 
-def asked_present(options: argparse.Namespace) -> "Present | None":
+def parse_base_map(options: argparse.Namespace) -> "BaseMap | None":
     """The one normal map that --onto means, None where it is not given.
 
     Raises InputError where it stands for several, or cannot be read.
     """
-    from mpsnet_core.bake.base_detail_removal import Present
-    from mpsnet_core.bake.detail_blending import read_present_map
+    from mpsnet_core.bake.base_detail_removal import BaseMap
+    from mpsnet_core.bake.detail_blending import read_base_map
     from mpsnet_core.bake.texture_names import check_one_texture
 
     if options.onto is None:
@@ -110,10 +110,10 @@ def asked_present(options: argparse.Namespace) -> "Present | None":
     check_one_texture(options.onto)
     if Path(options.onto).suffix.lower() == ".json":
         raise InputError(f"{options.onto} lists present maps for several textures; name the one image to go on top of")
-    return Present(read_present_map(options.onto, convention=options.onto_convention), options.onto_shown)
+    return BaseMap(read_base_map(options.onto, convention=options.onto_convention), options.onto_shown)
 
 
-def note_shown(shares: Sequence[Sequence[float]]) -> None:
+def note_base_shares(shares: Sequence[Sequence[float]]) -> None:
     """Tell of views that show the present maps' relief. shares: for each view, what of each map was taken out of it."""
     taken = [share for of_view in shares for share in of_view if share]
     if taken:

@@ -8,7 +8,7 @@ from typing import Any
 from mpsnet_core.cli.arguments import Help, Verbs
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.errors import InputError
-from mpsnet_core.estimate.registry import find_network, shelf
+from mpsnet_core.estimate.registry import find_network, registered_models
 from mpsnet_core.io.files import makeable_folder, writable_path
 from mpsnet_core.io.frames import check_apart
 
@@ -144,7 +144,7 @@ def _quantize(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
 
 def _resumed(name: str) -> Path:
     """A shipped network's file by its name, or the path as it is."""
-    shipped = {entry.name: entry.file for entry in shelf()}
+    shipped = {entry.name: entry.file for entry in registered_models()}
     return shipped.get(name) or Path(name)
 
 

@@ -18,15 +18,15 @@ from mpsnet_core.cli.arguments import (
     add_network,
     add_reading,
     add_texture,
-    asked_baking,
-    asked_correction,
-    asked_estimator,
     level_scale,
+    parse_baking,
+    parse_correction,
+    parse_estimator,
     read_files,
 )
 from mpsnet_core.cli.reporter import Reporter
-from mpsnet_core.cli.sheets import planned, seen_share, textures_in_words, told_textures, write_textures
-from mpsnet_core.cli.textures import add_detail, add_preset, note_shown, settle
+from mpsnet_core.cli.sheets import format_textures, planned, seen_share, textures_result, write_textures
+from mpsnet_core.cli.textures import add_detail, add_preset, note_base_shares, settle
 
 if TYPE_CHECKING:
     from mpsnet_core.bake.view_agreement import ViewAgreement
@@ -92,15 +92,15 @@ def add_verbs(verbs: Verbs, common: argparse.ArgumentParser) -> None:
 
 def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core import __version__
-    from mpsnet_core.bake.bake import bake_sheets
+    from mpsnet_core.bake.bake import bake_texture_sets
     from mpsnet_core.bake.feather import FEATHER
     from mpsnet_core.bake.multi_view import KeptView, KeptViews, Photography, posed_photos, sources_of
     from mpsnet_core.bake.report import texture_maps, view_table, write_bake_report
     from mpsnet_core.bake.view_agreement import agreement, table_rows
     from mpsnet_core.estimate.registry import DEFAULT_MODEL
     from mpsnet_core.io.files import (
+        ensure_folder,
         files_within,
-        made_folder,
         remove_abandoned,
         writable_path,
         write_json,
@@ -111,7 +111,7 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.io.images import checked_bits
     from mpsnet_core.io.provenance import identity
     from mpsnet_core.progress import part
-    from mpsnet_core.scene.joined_mesh import joined
+    from mpsnet_core.scene.joined_mesh import join_meshes
     from mpsnet_core.scene.normal_map import check_convention
     from mpsnet_core.scene.rays import RayScene
     from mpsnet_core.scene.rig import read_rig
@@ -121,7 +121,7 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     settle(options)
     check_convention(options.convention)
     checked_bits(writable_path(options.output), options.bits)
-    baking = asked_baking(options, FEATHER)
+    baking = parse_baking(options, FEATHER)
     level = level_scale(options.level)
     if options.report:
         page_path(options.report)
@@ -139,25 +139,25 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         def rig_of(camera: "Camera") -> "LightRig":
             return rig
 
-    photography = Photography(rig_of, options.mask, options.encoding, options.layer, asked_correction(options))
+    photography = Photography(rig_of, options.mask, options.encoding, options.layer, parse_correction(options))
     model = options.model or DEFAULT_MODEL
     views = posed_photos(options.cameras, options.photos)
     check_apart([view.photo for view in views], outputs)
     reporter.progress(0.0, "reading the mesh")
     plan = planned(options, [*inputs, *(view.photo for view in views), *map(Path, outputs[1:])])
-    mesh = joined(plan.meshes)
+    mesh = join_meshes(plan.meshes)
     others = [__version__, model, *map(identity, (model, options.dark, options.flat)), str(options.flat_smooth)]
     sources = sources_of(views, photography, mesh, others)
     scene = RayScene(mesh.world_vertices, mesh.triangles)
-    estimator = asked_estimator(options)
+    estimator = parse_estimator(options)
     with contextlib.ExitStack() as stack:
         if options.keep:
-            folder = made_folder(options.keep, "normals of the views")
+            folder = ensure_folder(options.keep, "normals of the views")
             remove_abandoned(folder)
         else:
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="mpsnet-views-")))
         kept = [KeptView(folder, view.name) for view in views]
-        stored = KeptViews(kept, [view.camera for view in views], mesh, scene, level, plan.presents.in_photos())
+        stored = KeptViews(kept, [view.camera for view in views], mesh, scene, level, plan.base_maps.in_photos())
         agreed = agreement(mesh, scene, FEATHER)
         known = 0
         for number, (view, source) in enumerate(zip(views, sources, strict=True)):
@@ -168,11 +168,11 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
             else:
                 told = part(step, 0.1, 0.8, f"view {number + 1} of {len(views)}: {view.name}")
                 kept[number].write(estimator(photography.capture(view, scene), told), source)
-            estimated, levelled, angle = stored.both(number)
-            agreed.add(view.name, estimated, levelled, angle)
-            del estimated, levelled
-        note_shown(stored.shares)
-        baked = bake_sheets(plan.meshes, stored, plan.sheets, baking, progress=part(reporter.progress, 0.72, 1.0))
+            estimated, correct_low_frequencies, angle = stored.both(number)
+            agreed.add(view.name, estimated, correct_low_frequencies, angle)
+            del estimated, correct_low_frequencies
+        note_base_shares(stored.shares)
+        baked = bake_texture_sets(plan.meshes, stored, plan.sheets, baking, progress=part(reporter.progress, 0.72, 1.0))
         table = agreed.views()
         _note_doubts(table)
         how = f"levelled at {level:g} of the mesh's size" if level else "not levelled"
@@ -185,7 +185,7 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
                     maps += texture_maps(texture, one.sheet.named)
                 del texture
             facts = f"{options.size} x {options.size}, {options.space} space, {options.convention}"
-            text = textures_in_words(made, facts)
+            text = format_textures(made, facts)
             figures = {
                 "views": table_rows(table),
                 "seen": round(seen_share(made), 4),
@@ -198,7 +198,7 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
                 write_json(options.json, figures)
     return {
         "output": options.output,
-        **told_textures(made),
+        **textures_result(made),
         **figures,
         "text": "\n".join([view_table(table), summary, text]),
     }

@@ -14,11 +14,11 @@ from mpsnet_core.estimate.features import (
     Seen,
     mean_light,
     white_means,
-    white_told,
+    white_valid,
     window_map,
 )
 from mpsnet_core.estimate.light_frame import CAMERA_FRAME, LightFrame, canonical_frames
-from mpsnet_core.io.image import held_type
+from mpsnet_core.io.image import storage_type
 from mpsnet_core.progress import Progress
 from mpsnet_core.scene.normal_map import normalised
 
@@ -48,14 +48,14 @@ def dense_answer(network: Network, card: ModelCard, capture: Capture, tile: int,
     Photo, features and answers are made a tile at a time, so that beside the photo and this array little memory is
     needed however large they are.
     """
-    answer: NDArray[Any] = np.zeros((*capture.mask.shape, 4), held_type(capture.mask.shape))
+    answer: NDArray[Any] = np.zeros((*capture.mask.shape, 4), storage_type(capture.mask.shape))
     photo = _Photo(capture)
     frames = canonical_frames(capture.rig.directions, card.passes) if card.frame == "canonical" else [CAMERA_FRAME]
     halvings = photo.halvings if card.kind == "pyramid" else 0
     previous: NDArray[Any] | None = None
     for halving in range(halvings, -1, -1):
         shape = photo.shape(halving)
-        result = answer[photo.box] if halving == 0 else np.zeros((*shape, 4), held_type(shape))
+        result = answer[photo.box] if halving == 0 else np.zeros((*shape, 4), storage_type(shape))
         work = list(_tiles(shape, tile, card.multiple, card.halo))
         for number, (window, place) in enumerate(work):
             if previous is not None:  # rows that no further tile sees are given back
@@ -128,7 +128,7 @@ class _Photo:
             image[part], mask[part] = _means(pixels, inside, halving)
             if white is not None and self.capture.white is not None:
                 pixels = self.capture.white[there].astype(np.float32, copy=False)
-                white[part], _ = _means(pixels, white_told(self.capture, *there), halving)
+                white[part], _ = _means(pixels, white_valid(self.capture, *there), halving)
         if white is not None:
             white /= np.asarray(self._white_means, np.float32)
         return self.capture.rig.unmixed(image), white, mask

@@ -32,7 +32,7 @@ def under_distant_lights(capture: Capture) -> Capture:
     return capture if capture.rig.near is None else _relit(capture, turned=False)
 
 
-def seen_from_afar(capture: Capture) -> Capture:
+def as_distant_lights(capture: Capture) -> Capture:
     """The capture under distant lights and with every line of sight turned into the z axis, never below zero.
 
     Itself where lights and camera are distant. Normals that are estimated from it are brought back by

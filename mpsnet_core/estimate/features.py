@@ -61,7 +61,7 @@ def mean_light(capture: Capture) -> NDArray[np.float64]:
     return np.linalg.solve(capture.rig.mixing, total / capture.mask.sum())
 
 
-def white_told(capture: Capture, rows: slice = slice(None), columns: slice = slice(None)) -> NDArray[np.bool_]:
+def white_valid(capture: Capture, rows: slice = slice(None), columns: slice = slice(None)) -> NDArray[np.bool_]:
     """(H, W) where the white photo tells something: inside the mask, and no channel clipped."""
     told = capture.mask[rows, columns]
     return told if capture.white_clipped is None else told & ~capture.white_clipped[rows, columns].any(axis=-1)
@@ -73,7 +73,7 @@ def white_means(capture: Capture) -> NDArray[np.float64] | None:
         return None
     total, count = np.zeros(3), 0
     for rows in bands(len(capture.mask)):
-        told = white_told(capture, rows)
+        told = white_valid(capture, rows)
         total += capture.white[rows][told].sum(axis=0, dtype=np.float64)
         count += int(told.sum())
     return np.where(total > 0, total / count, 1.0) if count else None
@@ -84,7 +84,7 @@ def white_map(capture: Capture) -> NDArray[np.float32] | None:
     means = white_means(capture)
     if capture.white is None or means is None:
         return None
-    return np.where(white_told(capture)[..., None], capture.white / means.astype(np.float32), np.float32(0))
+    return np.where(white_valid(capture)[..., None], capture.white / means.astype(np.float32), np.float32(0))
 
 
 def window_map(name: str, seen: Seen) -> NDArray[np.float32]:

@@ -14,7 +14,7 @@ from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.card import ModelCard, card_from_metadata, record_from_metadata
 from mpsnet_core.estimate.dense import dense_answer
-from mpsnet_core.estimate.distant_lights import seen_from_afar, turn_back
+from mpsnet_core.estimate.distant_lights import as_distant_lights, turn_back
 from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS
 from mpsnet_core.estimate.patches import patch_answer
 from mpsnet_core.estimate.registry import DEFAULT_TILE
@@ -73,7 +73,7 @@ class OnnxModel:
 
     def __call__(self, capture: Capture, progress: Progress = silent) -> NormalMap:
         """Normals of `capture` in camera space; confidence 1 inside the mask unless the network gives one."""
-        seen = seen_from_afar(capture)
+        seen = as_distant_lights(capture)
         if self.card.kind != "patch":
             answer = dense_answer(self._run, self.card, seen, self.tile, progress)
         else:

@@ -14,7 +14,7 @@ AVERAGED_MODEL = "multiscale-averaged"
 STILL_PASSES: Literal[3] = 3  # of the default, averaged; frames of a sequence get one
 DEFAULT_TILE = 448  # pixels a side of what a dense network sees at a time
 
-SHELF = Path(__file__).parent / "models"
+MODELS_FOLDER = Path(__file__).parent / "models"
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class ShelfEntry:
 def _network(
     name: str, label: str, title: str, passes: Literal[1, 3] | None = None, comparison: bool = False, file: str = ""
 ) -> ShelfEntry:
-    return ShelfEntry(name, label, title, SHELF / f"{file or name}.onnx", passes, comparison)
+    return ShelfEntry(name, label, title, MODELS_FOLDER / f"{file or name}.onnx", passes, comparison)
 
 
 # What is known of the networks without opening their files, which takes onnxruntime. .blend files keep a model's place
@@ -86,7 +86,7 @@ _SHELF = (
 )
 
 
-def shelf() -> list[ShelfEntry]:
+def registered_models() -> list[ShelfEntry]:
     """All models that come with the package, the default first."""
     return [entry for entry in _SHELF if entry.file is None or entry.file.is_file()]
 
@@ -101,7 +101,7 @@ class NetworkFile(NamedTuple):
 def find_network(name: str | os.PathLike[str]) -> NetworkFile:
     """The ONNX file of a network given by name or by path. Raises InputError where there is none."""
     name = os.fspath(name)
-    for entry in shelf():
+    for entry in registered_models():
         if entry.name == name:
             if entry.file is None:
                 raise InputError(f"{name} is no network and has no file; name a network")
@@ -110,5 +110,5 @@ def find_network(name: str | os.PathLike[str]) -> NetworkFile:
         if Path(name).is_file():
             return NetworkFile(Path(name))
         raise InputError(f"model file {name} does not exist; check the path")
-    names = ", ".join(entry.name for entry in shelf())
+    names = ", ".join(entry.name for entry in registered_models())
     raise InputError(f"there is no model {name!r}; choose {names} or give an .onnx file")

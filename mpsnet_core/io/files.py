@@ -244,7 +244,7 @@ def makeable_folder(path: str | os.PathLike[str], what: str) -> Path:
     return path
 
 
-def made_folder(path: str | os.PathLike[str], what: str) -> Path:
+def ensure_folder(path: str | os.PathLike[str], what: str) -> Path:
     """`path` as a folder, made where it is missing; `what` is to be put there. InputError where it cannot be."""
     path = makeable_folder(path, what)
     try:

@@ -50,7 +50,7 @@ class Image:
         return saturated(self.pixels, self.clip) if self.clipped is None else self.clipped
 
 
-def held_type(shape: tuple[int, ...]) -> type[np.floating]:
+def storage_type(shape: tuple[int, ...]) -> type[np.floating]:
     """The type in which values for an image (H, W) are held: half floats where it is large."""
     return np.float16 if shape[0] * shape[1] > HALF_ABOVE else np.float32
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.files import RAW_SUFFIXES, existing_file, is_utf8, written_whole
-from mpsnet_core.io.image import MAX_PIXELS, Image, held_type, libraries_silent, linear_to_srgb, srgb_to_linear
+from mpsnet_core.io.image import MAX_PIXELS, Image, libraries_silent, linear_to_srgb, srgb_to_linear, storage_type
 from mpsnet_core.io.raw import read_raw
 
 log = logging.getLogger(__name__)
@@ -105,7 +105,7 @@ def read_image(
     alpha = np.clip(_as_float(values[..., names["A"]]), 0, 1) if "A" in names else None
     is_float = _is_float(spec)
     premultiplied = alpha is not None and not spec.getattribute("oiio:UnassociatedAlpha")
-    declared = (told_in(spec, "oiio:ColorSpace", str) or "").lower()
+    declared = (image_attribute(spec, "oiio:ColorSpace", str) or "").lower()
     if encoding == "auto":
         linear = is_float or "lin" in declared or declared in ("raw", "data")
         note = f"taken as {'linear' if linear else 'sRGB'} ({'float' if is_float else spec.format} file)"
@@ -117,7 +117,7 @@ def read_image(
         linear, assumed = encoding == "linear", False
         note = f"taken as {'linear' if linear else 'sRGB'} as told"
     fits = compact and spec.format.basetype in (oiio.HALF, oiio.UINT8, oiio.UINT16)
-    pixels = np.empty((*values.shape[:2], 3), held_type(values.shape) if fits else np.float32)
+    pixels = np.empty((*values.shape[:2], 3), storage_type(values.shape) if fits else np.float32)
     for rows in bands(len(values)):
         band = _as_float(values[rows][..., colour])
         if alpha is not None and premultiplied:
@@ -146,7 +146,7 @@ def _says_its_curve(path: Path, spec: Any) -> bool:
 
 
 def _exposure_time(spec: Any) -> float | None:
-    seconds = told_in(spec, "ExposureTime", float)
+    seconds = image_attribute(spec, "ExposureTime", float)
     return seconds if seconds is not None and 0 < seconds < np.inf else None
 
 
@@ -320,7 +320,7 @@ def image_description(path: str | os.PathLike[str]) -> str:
         complaint(oiio)
         return ""
     try:
-        return told_in(source.spec(), "ImageDescription", str) or ""
+        return image_attribute(source.spec(), "ImageDescription", str) or ""
     finally:
         source.close()
 
@@ -344,7 +344,7 @@ def is_whole(path: str | os.PathLike[str]) -> bool:
         try:
             spec = source.spec()
             together = max(
-                told_in(spec, "tiff:RowsPerStrip", int) or 1, 1
+                image_attribute(spec, "tiff:RowsPerStrip", int) or 1, 1
             )  # from within a strip all before it would be read
             first = (spec.height - 1) // together * together
             last = source.read_scanlines(first, spec.height, 0, 0, spec.nchannels, spec.format)
@@ -413,7 +413,7 @@ def complaint(source: Any) -> str:
         return "a text in it is not UTF-8"
 
 
-def told_in(spec: Any, name: str, kind: type[_Kind]) -> _Kind | None:
+def image_attribute(spec: Any, name: str, kind: type[_Kind]) -> _Kind | None:
     """An attribute of a file, None where it has none of this kind."""
     value = spec.getattribute(name)
     return value if isinstance(value, kind) else None
@@ -433,7 +433,7 @@ def _layers(source: Any, path: Path) -> dict[str, _Layer]:
                 f"{path} says it is {spec.width} x {spec.height} with {spec.nchannels} channels, more than this "
                 f"program reads ({MAX_PIXELS // 10**6} megapixels, {MAX_CHANNELS} channels, no volumes)"
             )
-        part = told_in(spec, "oiio:subimagename", str) or ""
+        part = image_attribute(spec, "oiio:subimagename", str) or ""
         names = spec.channelnames
         for number, channel in enumerate(names):
             prefix, _, name = channel.rpartition(".")
@@ -526,7 +526,7 @@ def _upright(values: NDArray[Any], spec: Any) -> NDArray[Any]:
 
 def _orientation(spec: Any) -> int:
     """1, upright, unless the file says one of the other numbers of EXIF."""
-    orientation = told_in(spec, "Orientation", int) or 1
+    orientation = image_attribute(spec, "Orientation", int) or 1
     return orientation if 1 <= orientation <= 8 else 1
 
 

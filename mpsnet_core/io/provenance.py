@@ -8,13 +8,13 @@ from mpsnet_core import __version__
 from mpsnet_core.io.files import existing_file
 
 
-def made_line(what: str, facts: str) -> str:
+def provenance_line(what: str, facts: str) -> str:
     """The line that a picture keeps: what it is, and what changes with any of the facts that it was made of."""
     digest = hashlib.sha256(facts.encode(errors="surrogateescape")).hexdigest()
     return f"{what} by mpsnet {__version__}, {digest[:32]}"
 
 
-def is_made(picture: Path, line: str) -> bool:
+def is_up_to_date(picture: Path, line: str) -> bool:
     """Whether a picture is there, keeps this line, and is whole."""
     from mpsnet_core.io.images import image_description, is_whole
 

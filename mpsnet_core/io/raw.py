@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.mask_regions import grown
+from mpsnet_core.arrays.mask_regions import dilated
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.files import existing_file
@@ -111,7 +111,7 @@ def _clipped(raw: Any) -> NDArray[np.bool_]:
     at_end = sites >= ends.astype(sites.dtype)[colours]
     for colour in range(4):  # 3 is a second green
         clipped[..., colour % 3 if colour < 3 else 1] |= at_end & (colours == colour)
-    return grown(clipped, 1)
+    return dilated(clipped, 1)
 
 
 def _upright(values: NDArray[Any], flip: int) -> NDArray[Any]:

@@ -94,8 +94,8 @@ def _divergence(
     top, bottom = max(rows.start - 1, 0), min(rows.stop + 1, camera.height)
     mask, vectors = normals.mask[top:bottom], normals.vectors[top:bottom]
     own = slice(rows.start - top, rows.stop - top)
-    to_right = _slope(vectors[..., ::2], mask, axis=1)[own] * camera.focal[0]
-    upwards = _slope(vectors[..., 1:], mask, axis=0)[own] * -camera.focal[1]
+    to_right = _gradient(vectors[..., ::2], mask, axis=1)[own] * camera.focal[0]
+    upwards = _gradient(vectors[..., 1:], mask, axis=0)[own] * -camera.focal[1]
     found = to_right[..., 0] + upwards[..., 0]
     if depth is not None:
         a, b, _ = np.moveaxis(camera.points(np.ones((rows.stop - rows.start, camera.width)), rows.start), -1, 0)
@@ -103,7 +103,7 @@ def _divergence(
     return np.where(normals.mask[rows], found, 0).astype(np.float32)
 
 
-def _slope(values: NDArray[Any], mask: NDArray[np.bool_], axis: int) -> NDArray[Any]:
+def _gradient(values: NDArray[Any], mask: NDArray[np.bool_], axis: int) -> NDArray[Any]:
     """How values (H, W, C) grow from one pixel to the next: the mean of both sides, or the one that is in the mask."""
     values, mask = values.swapaxes(0, axis), mask.swapaxes(0, axis)
     known = mask[1:] & mask[:-1]

@@ -28,7 +28,7 @@ from mpsnet_core.io.files import (
 )
 from mpsnet_core.io.images import checked_bits, image_description, read_channel, read_mask, write_image
 from mpsnet_core.relief.height_map import HeightMap
-from mpsnet_core.relief.height_names import earlier_scale, height_names, scale_beside
+from mpsnet_core.relief.height_names import earlier_scale, height_names, scale_sidecar
 from mpsnet_core.scene.camera import Camera, camera_data, camera_from_data
 
 HEIGHT_FORMAT = "mpsnet-height"
@@ -166,7 +166,7 @@ def read_height(path: str | os.PathLike[str]) -> HeightMap:
     Raises InputError where a file is missing or broken, or they do not belong together.
     """
     path = existing_file(path, "height map")
-    scale_file = scale_beside(path)
+    scale_file = scale_sidecar(path)
     data = read_json(scale_file, HEIGHT_FORMAT, HEIGHT_VERSION, HEIGHT_KEYS)
     values = read_channel(path)
     try:

@@ -18,7 +18,7 @@ def earlier_scale(path: str | os.PathLike[str]) -> Path:
     return Path(path).with_suffix(".json")
 
 
-def scale_beside(path: str | os.PathLike[str]) -> Path:
+def scale_sidecar(path: str | os.PathLike[str]) -> Path:
     """The scale that stands beside a height map, be it an earlier version's; where none does, the place for it."""
     scale, earlier = height_names(path)[1], earlier_scale(path)
     return earlier if earlier.is_file() and not scale.exists() else scale

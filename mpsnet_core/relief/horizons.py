@@ -21,7 +21,7 @@ TURNS = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])
 FINENESS = 2
 # At least so many looks to each doubling of the distance: what is far counts by its angle.
 STRETCHES = 4
-# A pixel's own slope aside of a line, in heights by distance, counts as no more than this: of steep ones, which rims
+# A pixel's own gradient aside of a line, in heights by distance, counts as no more than this: of steep ones, which rims
 # are, next to nothing follows for what is beside them.
 STEEPEST = np.float32(1)
 # Pixels of a band: what is made of them on the way stays in the processor's own memory.
@@ -84,7 +84,7 @@ class Ground:
     """What is looked over, in cells; heights in any unit.
 
     heights: 0 outside the mask. seen: the same, minus infinity outside. right, up: by how much the surface's own
-    slope rises to the next pixel.
+    gradient rises to the next pixel.
     """
 
     heights: NDArray[np.float32]
@@ -94,26 +94,26 @@ class Ground:
 
 
 def horizons(ground: Ground, sector: Sector, reach: int) -> NDArray[np.float32]:
-    """(4, 4, h, w) the highest slope along each pixel's way, per pixel of distance, up to `reach` pixels away; minus
+    """(4, 4, h, w) the highest gradient along each pixel's way, per pixel of distance, up to `reach` pixels away; minus
     infinity where there is nothing.
 
     What is farther away is looked at in longer stretches, parallel to the sector's line, at the highest pixel of each:
     all are points of the surface, so that nothing is hidden by what is not there. Such a pixel lies a little aside of
-    the way; the surface is taken to have the slope there, across, that it has at the pixel that looks. So on planes
+    the way; the surface is taken to have the gradient there, across, that it has at the pixel that looks. So on planes
     this is exact, and on what bulges nothing is hidden.
     """
-    slopes = np.full_like(ground.heights, -np.inf)
+    gradients = np.full_like(ground.heights, -np.inf)
     ways, length = sector.ways(), hypot(*sector.step)
     east, north = np.moveaxis(ways, -1, 0)
     # How far a step of the stretches goes along the way, and how far to its left for each pixel along.
     forth = ways @ sector.step
     leaning = (east * sector.step[1] - north * sector.step[0]) / forth
-    across = np.empty_like(slopes)
+    across = np.empty_like(gradients)
     for cell in np.ndindex(BLOCK, BLOCK):
         left = np.float32(east[cell]) * ground.up[cell] - np.float32(north[cell]) * ground.right[cell]
         np.clip(left, -STEEPEST, STEEPEST, out=across[cell])
     # Of the stretch that begins at each pixel: how high its highest pixel is, and how many steps on.
-    highest, place, stretch = ground.seen, np.zeros_like(slopes), 1
+    highest, place, stretch = ground.seen, np.zeros_like(gradients), 1
     away = 1.0
     while away <= reach:
         if away >= 2 * STRETCHES * stretch * length:
@@ -125,13 +125,13 @@ def horizons(ground: Ground, sector: Sector, reach: int) -> NDArray[np.float32]:
         for cell in np.ndindex(BLOCK, BLOCK):
             there, step = _at(cell, offsets[cell])
             parts = ground.heights[cell], highest[there], across[cell], place[there] if stretch > 1 else None
-            _look(slopes[cell], parts, step, (along[cell], forth[cell]), aside[cell])
+            _look(gradients[cell], parts, step, (along[cell], forth[cell]), aside[cell])
         # One pixel at a time until the stretches fit in.
         away += stretch * length if away >= STRETCHES * stretch * length else 1
     # What every look has left out: see there.
     across *= leaning[..., None, None].astype(np.float32)
-    slopes -= across
-    return slopes
+    gradients -= across
+    return gradients
 
 
 def _at(cell: tuple[int, ...], offset: NDArray[Any]) -> tuple[tuple[int, int], tuple[int, int]]:
@@ -164,21 +164,21 @@ def _doubled(
 
 
 def _look(
-    slopes: NDArray[np.float32],
+    gradients: NDArray[np.float32],
     parts: tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32] | None],
     step: tuple[int, int],
     along: tuple[float, float],
     aside: float,
 ) -> None:
-    """Raise the slopes (h, w) to those of one stretch, which begins a step away in its own cell.
+    """Raise the gradients (h, w) to those of one stretch, which begins a step away in its own cell.
 
-    parts: heights, highest of the stretches, the slope across, and which step of the stretch is highest; none where
+    parts: heights, highest of the stretches, the gradient across, and which step of the stretch is highest; none where
     they are of one pixel. along: how far along the way the first pixel of a stretch is, and how far each step goes.
     aside: how far to the left of the way the stretch would begin if it were prolonged back to the pixel that looks. By
     how much it leans to the left is the same for all stretches, and left for the end.
     """
     heights, highest, across, place = parts
-    (own, columns), (ahead, columns_ahead) = _overlap(slopes.shape, step)
+    (own, columns), (ahead, columns_ahead) = _overlap(gradients.shape, step)
     height, width = own.stop - own.start, columns.stop - columns.start
     if height <= 0 or width <= 0:
         return
@@ -194,4 +194,4 @@ def _look(
             np.multiply(place[there], np.float32(along[1]), out=room)
             room += np.float32(along[0])
             rise /= room
-        np.maximum(slopes[here], rise, out=slopes[here])
+        np.maximum(gradients[here], rise, out=gradients[here])

@@ -21,8 +21,8 @@ LEAST_FACING = np.float32(0.05)
 # How far on either side neighbours are averaged, and how much they count, the pixel itself 2: every place in a block
 # gets the same weight, 2 of 8, whichever pixel is in the middle.
 NEIGHBOURS = ((1, 2), (2, 1))
-# A neighbour counts half where it is so many pixels off the surface's slope for each pixel of distance, and half where
-# its normal is turned by 18° (1 - cosine).
+# A neighbour counts half where it is so many pixels off the surface's gradient for each pixel of distance, and half
+# where its normal is turned by 18° (1 - cosine).
 OFF, TURNED = np.float32(0.5), np.float32(0.05)
 
 
@@ -60,7 +60,7 @@ def ambient_occlusion(
         for cell in np.ndindex(BLOCK, BLOCK):
             way = sector.ways()[cell] * spacing
             for rows in bands(seen.shape[2], max(1, AT_ONCE // seen.shape[3])):
-                share, whole = _slice(views.of(cell, rows), way, [slopes[cell][rows] for slopes in both])
+                share, whole = _slice(views.of(cell, rows), way, [gradients[cell][rows] for gradients in both])
                 seen[cell][rows] += np.float32(sector.share) * share
                 open_sky[cell][rows] += np.float32(sector.share) * whole
     seen /= np.maximum(open_sky, np.float32(1e-6), out=open_sky)
@@ -91,8 +91,8 @@ class _Views:
     """How each pixel sees its own surface; arrays of one shape.
 
     x, y: of the normal. upright: the cosine between it and the line of sight. right, up: the unit vector to the
-    camera's x and y. scale: a slope m of :func:`parallel_heights` along a unit vector e in the picture is the direction
-    e + m scale (right, up, ..).
+    camera's x and y. scale: a gradient m of :func:`parallel_heights` along a unit vector e in the picture is the
+    direction e + m scale (right, up, ..).
     """
 
     x: NDArray[np.float32]
@@ -141,11 +141,11 @@ def _ground(heights: HeightMap, views: _Views) -> Ground:
 
 
 def _slice(
-    views: _Views, way: NDArray[np.float64], slopes: list[NDArray[np.float32]]
+    views: _Views, way: NDArray[np.float64], gradients: list[NDArray[np.float32]]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Of the plane through the view and a line over the picture: how much light comes in, and how much if all is open.
 
-    way: (2,) a pixel's length on the line, to the right and up. slopes: along it and back, for each such length.
+    way: (2,) a pixel's length on the line, to the right and up. gradients: along it and back, for each such length.
     """
     length = np.float32(np.hypot(*way))
     east, north = way.astype(np.float32) / length
@@ -155,8 +155,8 @@ def _slice(
     tilted = (east * views.x + north * views.y - lean * views.upright) / aside
     upright, rise = views.upright, views.scale / length
     angle, half = np.arctan2(tilted, upright), np.float32(np.pi / 2)
-    ahead = np.minimum(np.arctan2(aside, rise * slopes[0] + lean), angle + half)
-    behind = np.maximum(-np.arctan2(aside, rise * slopes[1] - lean), angle - half)
+    ahead = np.minimum(np.arctan2(aside, rise * gradients[0] + lean), angle + half)
+    behind = np.maximum(-np.arctan2(aside, rise * gradients[1] - lean), angle - half)
     bent = np.cos(2 * ahead - angle) + np.cos(2 * behind - angle)
     share = upright + (ahead + behind) * tilted - np.float32(0.5) * np.sqrt(upright * upright + tilted * tilted) * bent
     return np.float32(0.5) * share, upright + angle * tilted

@@ -11,8 +11,9 @@ def parallel_heights(heights: HeightMap) -> NDArray[np.float32]:
 
     Those of an orthographic camera as they are. Of a perspective one minus 1 / depth, which maps straight lines to
     straight lines, scaled and shifted so that it is 0 and grows as the heights do at :func:`mean_depth`. Over the
-    picture plane at that depth, a slope m is the direction ``e + m (t / d) q`` at depth t, where d is the mean depth, e
-    a unit vector in the picture and q = (-x, -y, 1) points to the camera, x and y being where the ray meets depth 1.
+    picture plane at that depth, a gradient m is the direction ``e + m (t / d) q`` at depth t, where d is the mean
+    depth, e a unit vector in the picture and q = (-x, -y, 1) points to the camera, x and y being where the ray meets
+    depth 1.
     """
     if heights.camera.projection == "orthographic":
         return heights.values

@@ -9,7 +9,7 @@ from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import normalised
 
 
-def joined(meshes: Sequence[Mesh]) -> Mesh:
+def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
     """One mesh in world space, its triangles those of the meshes in their order; a mesh alone is given as it is.
 
     Names of materials and objects, and tangents that were given, are left behind.

@@ -6,7 +6,7 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.mask_regions import grown
+from mpsnet_core.arrays.mask_regions import dilated
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.scene.normal_map import NormalMap, encode
 
@@ -29,7 +29,7 @@ def mask_picture(image: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray
     dim = np.float32(0.35) * picture.mean(axis=-1, keepdims=True)
     picture = np.where(mask[..., None], picture, dim)
     wide = max(1, round(max(mask.shape) / 600))
-    picture[grown(mask, wide) & ~mask] = OUTLINE_COLOUR
+    picture[dilated(mask, wide) & ~mask] = OUTLINE_COLOUR
     return picture
 
 

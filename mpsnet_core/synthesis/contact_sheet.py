@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.images import image_layers, read_image, write_image
-from mpsnet_core.io.provenance import identity, made_line
+from mpsnet_core.io.provenance import identity, provenance_line
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.normal_map import encode
 from mpsnet_core.scene.pictures import BACKGROUND, legend, photo_picture, sheet
@@ -186,7 +186,7 @@ def _on_background(picture: NDArray[np.float32], inside: NDArray[np.bool_]) -> N
 
 def sheet_line(files: Sequence[Path], count: int = ROWS) -> str:
     """The line that the contact sheet of these files keeps: another one where it would show other samples."""
-    return made_line("contact sheet", "\n".join(map(identity, spread(files, count))))
+    return provenance_line("contact sheet", "\n".join(map(identity, spread(files, count))))
 
 
 def write_sheet(path: str | os.PathLike[str], picture: NDArray[np.float32], line: str | None = None) -> None:

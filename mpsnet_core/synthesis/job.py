@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.claims import Claims
-from mpsnet_core.io.files import made_folder, read_json, write_json
+from mpsnet_core.io.files import ensure_folder, read_json, write_json
 
 JOB_FORMAT = "mpsnet-samples"
 JOB_VERSION = 1
@@ -164,7 +164,7 @@ def place_job(folder: str | os.PathLike[str], job: SampleJob) -> None:
 
     Raises InputError where the folder holds another job (and tells what differs), samples of no job, or cannot be made.
     """
-    folder = made_folder(folder, "samples")
+    folder = ensure_folder(folder, "samples")
     with Claims(folder) as claims:
         deadline = time.monotonic() + FOLDER_SECONDS
         while True:
@@ -186,12 +186,12 @@ def _place(folder: Path, job: SampleJob) -> None:
         theirs, ours = getattr(found, name), getattr(job, name)
         if name != "count" and theirs != ours:
             raise InputError(
-                f"{folder} holds another job: its {name} is {_told(theirs)}, not {_told(ours)}; choose another folder "
-                "or the same settings"
+                f"{folder} holds another job: its {name} is {_format(theirs)}, not {_format(ours)}; "
+                "choose another folder or the same settings"
             )
     if job.count > found.count:
         write_job(folder, replace(found, count=job.count))
 
 
-def _told(value: object) -> str:
+def _format(value: object) -> str:
     return ", ".join(map(str, value)) or "empty" if isinstance(value, tuple) else str(value) or "empty"

@@ -13,7 +13,7 @@ from mathutils import Matrix, Vector
 
 from mpsnet_core.arrays.rasterize import texel_coordinates, triangle_of_texel
 from mpsnet_core.bake.bake import View
-from mpsnet_core.bake.detail_blending import read_present_map
+from mpsnet_core.bake.detail_blending import read_base_map
 from mpsnet_core.cli import main
 from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.mesh import read_mesh
@@ -99,7 +99,7 @@ def baked(low: "bpy.types.Object", views: list[str], folder: Path, *arguments: s
     out = folder / "baked.png"
     good = ["bake", "--mesh", str(folder / "mesh.npz"), *views, "--size", str(SIZE), "-o", str(out)]
     assert main([*good, *arguments]) == 0
-    return read_present_map(out)
+    return read_base_map(out)
 
 
 def covered(folder: Path) -> np.ndarray:
@@ -166,7 +166,7 @@ def test_each_of_two_objects_is_the_bake_of_its_own_map_and_the_detail(
         for number, reference in enumerate(references):
             mesh = read_mesh(tmp_path / f"ball_{number}.npz")
             there = triangle_of_texel(texel_coordinates(mesh.uvs, SIZE), SIZE) >= 0
-            found = read_present_map(tmp_path / f"{shown}_ball_{number}.png")
+            found = read_base_map(tmp_path / f"{shown}_ball_{number}.png")
             error = degrees_between(found, reference)[there & reference.any(axis=-1)]
             print(f"{shown}, ball {number}: {error.mean():.2f}° from Blender's bake of both")
             assert (error.mean() < 1.2) == (shown == "auto" or number == 1)

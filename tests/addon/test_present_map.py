@@ -6,8 +6,8 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.bake.existing_maps import keep_base, present_map
-from blender_addon.bake.texture_sets import Onto
+from blender_addon.bake.existing_maps import present_map, store_base_map
+from blender_addon.bake.texture_sets import BakeTarget
 from mpsnet_core import read_image
 
 from .test_bake_against_blender import degrees_between
@@ -236,12 +236,14 @@ def test_the_map_is_remembered_whatever_it_is_called_by_then(
     worn: "bpy.types.Node", estimated: "bpy.types.Object", tmp_path: Path
 ) -> None:
     """Between the beginning of a bake and its end people go on working."""
-    base = present_map([estimated], [Onto(0, estimated.name, "UVMap", ("Matte",), frozenset({"Matte"}))], (None, None))
+    base = present_map(
+        [estimated], [BakeTarget(0, estimated.name, "UVMap", ("Matte",), frozenset({"Matte"}))], (None, None)
+    )
     present = worn.inputs["Color"].links[0].from_node.image
     present.name = "Renamed"
     other = bpy.data.images.new("waves.png", 8, 8)
     baked = bpy.data.images.new("baked", 8, 8)
-    keep_base(baked, base)
+    store_base_map(baked, base)
     assert baked["mpsnet_base"] == present != other
 
 

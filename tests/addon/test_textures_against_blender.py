@@ -8,10 +8,10 @@ import numpy as np
 import OpenImageIO as oiio
 from mathutils import Matrix, Vector
 
-from mpsnet_core.bake.bake import bake_sheets
+from mpsnet_core.bake.bake import bake_texture_sets
 from mpsnet_core.bake.settings import Baking
 from mpsnet_core.bake.texture import Texture
-from mpsnet_core.bake.texture_sets import Sheet, sheets
+from mpsnet_core.bake.texture_sets import TextureSet, sheets
 from mpsnet_core.io.images import write_image
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.mesh_labels import Labels
@@ -33,10 +33,12 @@ from .test_bake_against_blender import (
 SIZE = 256
 
 
-def textures(meshes: list[Mesh], tmp_path: Path, seen: "bpy.types.Object", **by: bool) -> list[tuple[Sheet, Texture]]:
+def textures(
+    meshes: list[Mesh], tmp_path: Path, seen: "bpy.types.Object", **by: bool
+) -> list[tuple[TextureSet, Texture]]:
     """What is baked of eight renders of an object's normals."""
     views = [normal_view(side, seen, tmp_path / "view.exr", "ORTHO") for side in SIDES]
-    return list(bake_sheets(meshes, views, sheets(meshes, **by), Baking(size=SIZE, margin=0)))
+    return list(bake_texture_sets(meshes, views, sheets(meshes, **by), Baking(size=SIZE, margin=0)))
 
 
 def image_for(material: "bpy.types.Material", path: Path, tiles: list[int]) -> "bpy.types.Image":

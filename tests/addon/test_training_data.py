@@ -14,7 +14,7 @@ import OpenImageIO as oiio
 import pytest
 
 from blender_addon.commands import main
-from blender_addon.training.training_data import standing
+from blender_addon.training.training_data import samples_status
 from mpsnet_core.synthesis.drawing import draw_recipe
 from mpsnet_core.synthesis.job import SampleJob, place_job, read_job, sample_path
 from mpsnet_core.synthesis.sample import read_sample
@@ -57,10 +57,10 @@ def test_it_goes_on_where_it_stopped(folder, scene, capfd, monkeypatch):
     kept = first.stat().st_mtime_ns
     pixels = read_sample(second).lights
     second.unlink()
-    assert standing(folder) == "1 of 2 samples"
+    assert samples_status(folder) == "1 of 2 samples"
     flags = ["--count", "3", "--seed", "3", "--size", "32", "--samples", "4", "--kinds", "blobs", "--no-denoise"]
     assert main(["render-samples", *flags, "--output", str(folder)]) == 0
-    assert standing(folder) == "3 of 3 samples"
+    assert samples_status(folder) == "3 of 3 samples"
     assert first.stat().st_mtime_ns == kept
     # Cycles' noise comes from its own seed, which is the sample's.
     assert np.abs(read_sample(second).lights - pixels).mean() < 1e-3
@@ -144,7 +144,7 @@ def online():
 def test_no_file_says_which_cluster_this_machine_listens_to(scene, tmp_path):
     scene.mps.samples["cluster"] = "tcp://10.0.0.1:8786"
     bpy.ops.mps.render_samples(count=1, output=str(tmp_path / "here"), **SMALL)
-    assert standing(tmp_path / "here") == "1 of 1 samples"
+    assert samples_status(tmp_path / "here") == "1 of 1 samples"
 
 
 @pytest.mark.parametrize("way", ["caller", "preferences"])
@@ -188,15 +188,15 @@ def test_a_scene_that_is_not_there_is_one_sentence(tmp_path):
 
 
 def test_how_a_folder_stands(tmp_path):
-    assert standing(tmp_path / "nowhere") == standing(tmp_path) == ""
+    assert samples_status(tmp_path / "nowhere") == samples_status(tmp_path) == ""
     place_job(tmp_path, SampleJob("cycles", count=20))
     for number in (0, 7, 25):
         sample_path(tmp_path, number).write_bytes(b"whole")
     sample_path(tmp_path, 3).touch()  # what a power cut leaves
     (tmp_path / ".sample_000004.9.unfinished.exr").write_bytes(b"half")
-    assert standing(tmp_path) == "2 of 20 samples"
+    assert samples_status(tmp_path) == "2 of 20 samples"
     (tmp_path / "job.json").replace(tmp_path / "other.json")
-    assert standing(tmp_path) == ""
+    assert samples_status(tmp_path) == ""
     (tmp_path / "spoilt").mkdir()
     (tmp_path / "spoilt" / "job.json").write_text("{")
-    assert standing(tmp_path / "spoilt") == ""
+    assert samples_status(tmp_path / "spoilt") == ""

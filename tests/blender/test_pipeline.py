@@ -75,8 +75,8 @@ def test_errors_reach_the_script_as_sentences(by_script):
     assert "has no UV map" in errors["bake without UVs"]
     assert not [message for message in errors.values() if "Traceback" in message]
     # Nor did any of them leave a file behind: these are the steps' own.
-    beside = ["photo.camera.json", "photo.rig.json"]
-    assert report["left"] == sorted(["normals.png", "photo.exr", "texture.png", *beside])
+    sidecar = ["photo.camera.json", "photo.rig.json"]
+    assert report["left"] == sorted(["normals.png", "photo.exr", "texture.png", *sidecar])
 
 
 def test_command_line_does_the_same(blender, scene, by_script, tmp_path):

@@ -11,7 +11,7 @@ from synthetic import degrees_between
 
 from mpsnet_core.bake.bake import View, bake_normals
 from mpsnet_core.bake.feather import FEATHER
-from mpsnet_core.bake.low_frequency_correction import levelled
+from mpsnet_core.bake.low_frequency_correction import correct_low_frequencies
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate import estimate_normals
 from mpsnet_core.scene.camera import Camera
@@ -274,7 +274,7 @@ def wrong_views(pixels: int, *, reach: float = 0.7, shadows: bool = False) -> li
 
 def all_levelled(views: list[View]) -> list[View]:
     mesh = sphere_mesh(48, 24)
-    return [View(view.camera, levelled(view.normals, view.camera, mesh)) for view in views]
+    return [View(view.camera, correct_low_frequencies(view.normals, view.camera, mesh)) for view in views]
 
 
 def outcome(views: list[View], texels: SphereTexels, feather: float = FEATHER) -> Outcome:

@@ -37,9 +37,9 @@ def ball(camera: Camera, middle: tuple[float, float, float], radius: float) -> R
     return _relief(height_shapes.spheres(camera, (*middle, radius)))
 
 
-def plane(camera: Camera, slope: tuple[float, float], distance: float) -> Relief:
+def plane(camera: Camera, gradient: tuple[float, float], distance: float) -> Relief:
     """The plane z = slope . (x, y) - distance, in camera space, over the whole picture."""
-    return _relief(height_shapes.plane(camera, (-slope[0], -slope[1], 1.0), -distance))
+    return _relief(height_shapes.plane(camera, (-gradient[0], -gradient[1], 1.0), -distance))
 
 
 def _relief(surface: height_shapes.Surface) -> Relief:

@@ -9,14 +9,14 @@ from surface_shapes import camera_looking, first_on_sphere, sphere_mesh, sphere_
 from synthetic import degrees_between
 from uv_squares import squares
 
-from mpsnet_core.bake.bake import View, bake_normals, bake_sheets
+from mpsnet_core.bake.bake import View, bake_normals, bake_texture_sets
 from mpsnet_core.bake.settings import Baking
 from mpsnet_core.bake.texture import Texture
 from mpsnet_core.bake.texture_sets import sheets
 from mpsnet_core.errors import InputError
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.joined_mesh import joined
+from mpsnet_core.scene.joined_mesh import join_meshes
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -29,7 +29,7 @@ def baked(
 ) -> list[Texture]:
     baking = Baking(**{"size": SIZE, "margin": 0, **settings})
     chosen = sheets(meshes, **dict.fromkeys(by, True))
-    return [texture for _, texture in bake_sheets(meshes, views, chosen, baking, progress=progress)]
+    return [texture for _, texture in bake_texture_sets(meshes, views, chosen, baking, progress=progress)]
 
 
 def same(one: Texture, other: Texture) -> bool:
@@ -120,7 +120,7 @@ def test_one_object_hides_another() -> None:
     vectors = np.broadcast_to(np.array([0.6, 0, 0.8]) @ camera.rotation, (200, 200, 3))
     view = View(camera, NormalMap(vectors, np.ones((200, 200), bool)))
     (texture,) = baked([back, front], [view], size=200)
-    assert same(texture, bake_normals(joined([back, front]), [view], size=200, margin=0))
+    assert same(texture, bake_normals(join_meshes([back, front]), [view], size=200, margin=0))
     column, row = np.meshgrid((np.arange(100) + 0.5) / 50 - 1, 1 - (np.arange(200) + 0.5) / 100)
     reach = np.maximum(np.abs(column), np.abs(row))
     seen = texture.seen[:, :100]
@@ -193,7 +193,7 @@ def test_where_only_a_later_tile_is_seen_none_is_missing() -> None:
     camera = Camera("orthographic", 16, 16, [100, 100], world_from_camera=pose((1, 1, 1), (2.1, 0.9, 5), 0))
     view = View(camera, NormalMap(np.broadcast_to([0.6, 0, 0.8], (16, 16, 3)), np.ones((16, 16), bool)))
     chosen = sheets([mesh], tiles=True)
-    made = {sheet.tile: texture for sheet, texture in bake_sheets([mesh], [view], chosen, Baking(64))}
+    made = {sheet.tile: texture for sheet, texture in bake_texture_sets([mesh], [view], chosen, Baking(64))}
     assert set(made) == {1001, 1002}
     assert not made[1001].seen.any() and 0 < made[1002].seen.sum() < 200
 

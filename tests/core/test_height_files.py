@@ -71,13 +71,13 @@ def test_float_files_hold_the_heights_themselves(tmp_path: Path) -> None:
 
 def test_heights_go_on_beyond_the_outline(tmp_path: Path) -> None:
     """No step at the outline that is larger than the steps inside, and nothing beyond what is inside."""
-    slope = plane(orthographic(300, 290), (0.02, 0.01), -20).heights
+    gradient = plane(orthographic(300, 290), (0.02, 0.01), -20).heights
     row, column = np.mgrid[:300, :290]
     mask = (row - 140) ** 2 + (column - 120) ** 2 < 100**2
     mask[100:130, 100:110] = False
-    write_height(tmp_path / "h.exr", HeightMap(slope.values, mask, slope.camera))
+    write_height(tmp_path / "h.exr", HeightMap(gradient.values, mask, gradient.camera))
     values = stored(tmp_path / "h.exr")[..., 0]
-    assert values[~mask].min() >= slope.values[mask].min() and values[~mask].max() <= slope.values[mask].max()
+    assert values[~mask].min() >= gradient.values[mask].min() and values[~mask].max() <= gradient.values[mask].max()
     for axis in (0, 1):
         crossing = np.diff(mask.astype(int), axis=axis) != 0
         assert np.abs(np.diff(values, axis=axis))[crossing].max() < 0.15  # the plane: 0.03 from corner to corner

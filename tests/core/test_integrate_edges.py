@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from height_shapes import Surface, off, square_camera, torus, two_spheres
 
-from mpsnet_core.arrays.mask_regions import grown
+from mpsnet_core.arrays.mask_regions import dilated
 from mpsnet_core.relief.height_map import HeightMap
 from mpsnet_core.relief.integration.bilateral import chosen_sides
 from mpsnet_core.relief.integration.gradients import Gradients
@@ -22,7 +22,7 @@ def beside_steps(surface: Surface, least: float, reach: int) -> np.ndarray:
     along = (np.abs(np.diff(z, axis=0)) > least) & mask[1:] & mask[:-1]
     steps[:, 1:] |= across
     steps[1:] |= along
-    return grown(steps, reach) & mask
+    return dilated(steps, reach) & mask
 
 
 def errors(surface: Surface, method: Method) -> np.ndarray:

@@ -15,7 +15,7 @@ from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.photogrammetry import (
     Lens,
     PosedPhoto,
-    as_shown,
+    as_displayed,
     find_photo,
     photo_points,
     turned,
@@ -205,7 +205,7 @@ def test_a_camera_is_turned_as_its_photo_is_shown(tmp_path: Path, orientation: i
     column, row = shown_at(POSED).astype(int)
     file = stored(tmp_path, orientation, (column, row))
     assert read_orientation(file) == (orientation or 1)
-    image, posed = read_image(file).pixels, as_shown(POSED, file)
+    image, posed = read_image(file).pixels, as_displayed(POSED, file)
     assert (posed.camera.height, posed.camera.width) == image.shape[:2]
     column, row = shown_at(posed).astype(int)
     assert image[row, column].min() == 1
@@ -221,7 +221,7 @@ def test_a_turned_photo_is_straightened_into_the_turned_picture(orientation: int
 
 def test_mirrored_photos_are_refused(tmp_path: Path) -> None:
     file = stored(tmp_path, 5, (3, 4))
-    assert "stored mirrored (EXIF orientation 5)" in refusal(lambda: as_shown(POSED, file))
+    assert "stored mirrored (EXIF orientation 5)" in refusal(lambda: as_displayed(POSED, file))
 
 
 def named(name: str) -> PosedPhoto:

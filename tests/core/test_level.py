@@ -7,7 +7,7 @@ from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import degrees_between
 
 from mpsnet_core.bake.bake import View
-from mpsnet_core.bake.low_frequency_correction import levelled, levelling, rotated, rotation_between
+from mpsnet_core.bake.low_frequency_correction import correct_low_frequencies, levelling, rotated, rotation_between
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
@@ -26,7 +26,7 @@ def in_front(view: View) -> np.ndarray:
 
 
 def after(vectors: np.ndarray, view: View, mesh: Mesh = MESH, scale: float = 0.03) -> np.ndarray:
-    return levelled(NormalMap(vectors, view.normals.mask), view.camera, mesh, scale=scale).vectors
+    return correct_low_frequencies(NormalMap(vectors, view.normals.mask), view.camera, mesh, scale=scale).vectors
 
 
 @pytest.mark.parametrize("projection", ["orthographic", "perspective"])
@@ -113,7 +113,7 @@ def test_nothing_reaches_over_from_what_stands_behind() -> None:
     own = np.where(at_front[..., None], turn(np.array([0.0, 1, 0]), 30)[:, 2], [0, 0, 1.0])
     lean, nod = turn(np.array([0.0, 1, 0]), 10), turn(np.array([1.0, 0, 0]), -10)
     wrong = np.where(at_front[..., None], own @ lean.T, own @ nod.T)
-    result = levelled(NormalMap(wrong, mask), camera, mesh, scale=0.05).vectors
+    result = correct_low_frequencies(NormalMap(wrong, mask), camera, mesh, scale=0.05).vectors
     edge = np.zeros_like(mask)
     edge[:, 1:] |= at_front[:, 1:] != at_front[:, :-1]
     edge[:, :-1] |= edge[:, 1:]
@@ -125,12 +125,12 @@ def test_where_the_mesh_is_not_seen_the_nearest_turn_holds() -> None:
     view = smooth_view(size=200)
     tilt = turn(np.array([1.0, 0, 0]), 10)
     everywhere = np.where(view.normals.mask[..., None], view.normals.vectors, [0, 0, 1]) @ tilt.T
-    result = levelled(NormalMap(everywhere, np.ones((200, 200), bool)), view.camera, MESH).vectors
+    result = correct_low_frequencies(NormalMap(everywhere, np.ones((200, 200), bool)), view.camera, MESH).vectors
     beyond = ~view.normals.mask
     assert 5 < degrees_between(result, everywhere)[beyond].mean() < 15
     away = camera_looking((1, 0, 0), size=64, target=(0, 50, 0))
     untouched = NormalMap(np.broadcast_to([0.6, 0, 0.8], (64, 64, 3)), np.ones((64, 64), bool))
-    assert np.array_equal(levelled(untouched, away, MESH).vectors, untouched.vectors)
+    assert np.array_equal(correct_low_frequencies(untouched, away, MESH).vectors, untouched.vectors)
     assert levelling(untouched, away, MESH).mean_angle == 0
 
 
@@ -163,4 +163,4 @@ def test_a_scale_out_of_range_is_refused(scale: float) -> None:
 def test_a_camera_of_another_size_is_refused() -> None:
     view = smooth_view(size=32)
     with pytest.raises(InputError, match="the camera is 64 x 64 but its normals are 32 x 32"):
-        levelled(view.normals, camera_looking((1, 0, 0), size=64), MESH)
+        correct_low_frequencies(view.normals, camera_looking((1, 0, 0), size=64), MESH)

@@ -24,7 +24,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.io.images import read_channel
 from mpsnet_core.relief.material.albedo import estimated_albedo
 from mpsnet_core.relief.material.flatten import evened, flattened, trend
-from mpsnet_core.relief.material.gradients import normals_of, slopes_of
+from mpsnet_core.relief.material.gradients import gradients_of, normals_of
 from mpsnet_core.relief.material.material import filled_part, flat_material
 from mpsnet_core.relief.material.periodic_heights import periodic_height
 from mpsnet_core.relief.material.resampling import resampled
@@ -36,8 +36,8 @@ from mpsnet_core.synthesis.swatches import leather, photographed, woven
 
 def test_slopes_and_normals_are_each_others_inverse():
     weave = Weave(degrees=5)
-    assert np.allclose(slopes_of(weave.normals.astype(np.float32)), weave.slopes, atol=1e-5)
-    assert degrees_between(normals_of(weave.slopes.astype(np.float32)), weave.normals).max() < 0.05
+    assert np.allclose(gradients_of(weave.normals.astype(np.float32)), weave.gradients, atol=1e-5)
+    assert degrees_between(normals_of(weave.gradients.astype(np.float32)), weave.normals).max() < 0.05
 
 
 @pytest.mark.parametrize("axis", [(1.0, 0.0), (0.6, -0.8)])
@@ -48,19 +48,19 @@ def test_a_tilt_of_the_photo_is_taken_out(axis):
     angle = np.radians(7)
     turn = np.array([[0, 0, y], [0, 0, -x], [-y, x, 0]])
     turn = np.eye(3) + np.sin(angle) * turn + (1 - np.cos(angle)) * turn @ turn
-    slopes, tilt = flattened((weave.normals @ turn.T).astype(np.float32), 0)
+    gradients, tilt = flattened((weave.normals @ turn.T).astype(np.float32), 0)
     assert tilt == pytest.approx(7, abs=0.2)
-    assert degrees_between(normals_of(slopes), weave.normals).mean() < 0.3
+    assert degrees_between(normals_of(gradients), weave.normals).mean() < 0.3
 
 
 def test_slow_bend_is_taken_out_and_detail_stays():
     weave = Weave()
     rows, columns = np.linspace(-1, 1, 260)[:, None], np.linspace(-1, 1, 330)
     bend = np.stack([0.3 * columns**3 + 0.2 * rows, 0.25 * rows**2 * columns], axis=-1)
-    bent = normals_of((weave.slopes + bend).astype(np.float32))
+    bent = normals_of((weave.gradients + bend).astype(np.float32))
     assert degrees_between(bent, weave.normals).mean() > 7
-    slopes, _ = flattened(bent, 4)
-    assert degrees_between(normals_of(slopes), weave.normals).mean() < 1
+    gradients, _ = flattened(bent, 4)
+    assert degrees_between(normals_of(gradients), weave.normals).mean() < 1
     untouched, _ = flattened(weave.normals.astype(np.float32), 4)
     assert degrees_between(normals_of(untouched), weave.normals).mean() < 0.3
 
@@ -133,13 +133,13 @@ def test_heights_of_known_waves_are_exact_in_millimetres(shape):
     """A sum of waves that fit the tile; its slopes by formula; pixels that are not square."""
     pitch = 0.3, 0.2
     rows, columns = np.indices(shape) + 0.5
-    height, slopes = np.zeros(shape), np.zeros((*shape, 2))
+    height, gradients = np.zeros(shape), np.zeros((*shape, 2))
     for across, down, size, phase in [(3, 0, 1.0, 0.2), (2, -5, 0.4, 1.1), (0, 7, 0.2, 0.7), (11, 9, 0.1, 2.0)]:
         place = 2 * np.pi * (across * columns / shape[1] + down * rows / shape[0]) + phase
         height += size * np.sin(place)
         lengths = np.array([across / (shape[1] * pitch[0]), down / (shape[0] * pitch[1])])
-        slopes += 2 * np.pi * size * np.cos(place)[..., None] * lengths
-    assert np.abs(periodic_height((slopes + 0.3).astype(np.float32), pitch) - height).max() < 1e-4
+        gradients += 2 * np.pi * size * np.cos(place)[..., None] * lengths
+    assert np.abs(periodic_height((gradients + 0.3).astype(np.float32), pitch) - height).max() < 1e-4
 
 
 @pytest.mark.parametrize("repeated", [False, True])
@@ -174,8 +174,8 @@ def test_a_weaves_tile_has_its_normals_heights_and_size(degrees):
         assert np.abs(periods - np.round(periods)).max() < 0.02
     # Normals and heights say the same: normals from heights by central differences, which wrap.
     pitch = material.pitch
-    slopes = [(np.roll(material.height, -1, a) - np.roll(material.height, 1, a)) / 2 for a in (1, 0)]
-    from_height = normals_of(np.stack([slopes[0] / pitch[0], slopes[1] / pitch[1]], axis=-1).astype(np.float32))
+    gradients = [(np.roll(material.height, -1, a) - np.roll(material.height, 1, a)) / 2 for a in (1, 0)]
+    from_height = normals_of(np.stack([gradients[0] / pitch[0], gradients[1] / pitch[1]], axis=-1).astype(np.float32))
     assert degrees_between(from_height, material.normals).mean() < 1
     steepness = np.degrees(np.arccos(weave.normals[..., 2])).mean()
     assert np.degrees(np.arccos(material.normals[..., 2])).mean() == pytest.approx(steepness, rel=0.05)
@@ -278,8 +278,8 @@ def test_the_files_say_what_they_measure(photo, tmp_path):
     assert np.ptp(exact) == pytest.approx(np.ptp(photo.height), rel=0.05)
     assert told["width_mm"] == pytest.approx(told["pixels"][0] * photo.pixel_mm, rel=0.01)
     normals = decode(read_image(files["normal"], encoding="linear").pixels)
-    slopes = np.gradient(exact, told["height_mm"] / told["pixels"][1], told["width_mm"] / told["pixels"][0])
-    vectors = np.stack([-slopes[1], slopes[0], np.ones_like(exact)], axis=-1)
+    gradients = np.gradient(exact, told["height_mm"] / told["pixels"][1], told["width_mm"] / told["pixels"][0])
+    vectors = np.stack([-gradients[1], gradients[0], np.ones_like(exact)], axis=-1)
     assert degrees_between(normals, vectors)[1:-1, 1:-1].mean() < 1
     assert read_image(files["albedo"]).pixels.mean() == pytest.approx(0.6, abs=0.02)
     # The preview is three by three of the same.

@@ -14,7 +14,7 @@ from mpsnet_core.capture.capture import Capture, read_capture
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate import estimate_normals
-from mpsnet_core.estimate.distant_lights import seen_from_afar
+from mpsnet_core.estimate.distant_lights import as_distant_lights
 from mpsnet_core.scene.camera import Camera, camera_of_lens, write_camera
 from mpsnet_core.scene.mesh import Mesh, smooth_corner_normals
 from mpsnet_core.scene.mesh_depth import depth_of_mesh
@@ -78,7 +78,7 @@ def test_the_baseline_with_grey_world_is_as_good_as_under_distant_lights(close: 
 def test_what_a_network_sees_is_turned_and_relit_and_its_answer_turned_back(tmp_path: Path, near: float | None) -> None:
     """One that hands on the initial normals gives those that are true, whatever stands between."""
     scene = ball(WIDE, near)
-    frontal = (seen_from_afar(scene.capture()).image > 0).all(axis=-1) & scene.lit
+    frontal = (as_distant_lights(scene.capture()).image > 0).all(axis=-1) & scene.lit
     normals = estimate_normals(scene.capture(), pass_through(tmp_path / "same.onnx"))
     assert frontal.sum() > 0.7 * scene.lit.sum()
     assert degrees_between(normals.vectors, scene.normals)[frontal].mean() < 0.02
@@ -87,7 +87,7 @@ def test_what_a_network_sees_is_turned_and_relit_and_its_answer_turned_back(tmp_
 def test_a_network_sees_a_ball_from_nearby_as_from_afar() -> None:
     """Seen frontally, how far from the ball's middle a line of sight passes is the sine of its normal's slant."""
     scene = ball(WIDE, NEAR)
-    seen = seen_from_afar(scene.capture()).image
+    seen = as_distant_lights(scene.capture()).image
     focal, away = WIDE / 36 * SIZE, 1.04 / np.sin(np.arctan(18 / WIDE))
     x, y = np.meshgrid(np.arange(SIZE) + 0.5 - SIZE / 2, SIZE / 2 - 0.5 - np.arange(SIZE))
     from_axis = np.hypot(x, y)

@@ -29,8 +29,8 @@ def unit(vectors: np.ndarray) -> np.ndarray:
 def bumpy_sphere(points: np.ndarray, radius: float = 1.0) -> np.ndarray:
     """(N, 3) normals of the sphere r = radius + AMPLITUDE waves, in the directions of `points`."""
     p = unit(points)
-    slope = AMPLITUDE * waves_slope(p)
-    across = slope - (slope * p).sum(axis=1, keepdims=True) * p
+    gradient = AMPLITUDE * waves_slope(p)
+    across = gradient - (gradient * p).sum(axis=1, keepdims=True) * p
     return unit((radius + AMPLITUDE * waves(p))[:, None] * p - across)
 
 
@@ -108,15 +108,15 @@ def test_a_torus_whose_one_island_meets_itself() -> None:
         middle = points * (1, 1, 0) / np.linalg.norm(points[:, :2], axis=1, keepdims=True)
         out = unit(points - middle)
         on = middle + 0.4 * out  # where the tube of radius 0.4 is, and the waves are asked
-        slope = AMPLITUDE * waves_slope(on)
+        gradient = AMPLITUDE * waves_slope(on)
         around = np.stack([-middle[:, 1], middle[:, 0], np.zeros(len(on))], axis=1)
         about = np.cross(around, out)
         wide, radius = np.linalg.norm(on[:, :2], axis=1), 0.4 + AMPLITUDE * waves(on)
         bumped = middle + radius[:, None] * out
         wider = np.linalg.norm(bumped[:, :2], axis=1)
         # The bumped surface's tangents, per length on the even tube, and what is at right angles to both.
-        one = around * (wider / wide)[:, None] + out * (slope * around).sum(1, keepdims=True)
-        other = about * (radius / 0.4)[:, None] + out * (slope * about).sum(1, keepdims=True)
+        one = around * (wider / wide)[:, None] + out * (gradient * around).sum(1, keepdims=True)
+        other = about * (radius / 0.4)[:, None] + out * (gradient * about).sum(1, keepdims=True)
         return unit(np.cross(other, one) * np.sign((np.cross(other, one) * out).sum(1, keepdims=True)))
 
     found = displacement(tangent_normals(mesh, SIZE, normals), mesh)
@@ -199,8 +199,8 @@ def test_broad_bumps_are_left_to_the_mesh_where_that_is_asked_for() -> None:
     """A tilt of all normals about one axis, as estimates err, and fine waves: the waves stay."""
     size, mesh = 128, square()
     x = np.broadcast_to((np.arange(size) + 0.5) / size, (size, size))
-    slope = 0.05 + 0.2 * np.cos(2 * np.pi * 16 * x)
-    vectors = unit(np.stack([-slope, np.zeros_like(x), np.ones_like(x)], axis=-1)).astype(np.float32)
+    gradient = 0.05 + 0.2 * np.cos(2 * np.pi * 16 * x)
+    vectors = unit(np.stack([-gradient, np.zeros_like(x), np.ones_like(x)], axis=-1)).astype(np.float32)
     fine = 0.2 / (2 * np.pi * 16) * np.sin(2 * np.pi * 16 * x)
     whole = displacement(vectors, mesh, margin=0).values
     assert whole == pytest.approx(0.05 * (x - 0.5) + fine, abs=2e-4)
@@ -249,7 +249,7 @@ def test_a_texture_of_another_space_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("slope", "told"),
+    ("gradient", "told"),
     [
         (0.02, ""),
         (
@@ -259,12 +259,12 @@ def test_a_texture_of_another_space_is_refused() -> None:
     ],
 )
 def test_a_texture_that_does_not_fit_is_told(
-    slope: float, told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    gradient: float, told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     write_mesh("mesh.npz", cube_sphere(4))
     row, column = np.indices((64, 64)) / 64 - 0.5
-    write_image("t.png", encode(unit(np.stack([-slope * column, slope * row, np.full((64, 64), 0.2)], axis=-1))))
+    write_image("t.png", encode(unit(np.stack([-gradient * column, gradient * row, np.full((64, 64), 0.2)], axis=-1))))
     assert main(["integrate", "t.png", "--uvs", "mesh.npz", "--height", "h.exr"]) == 0
     said = capsys.readouterr().err
     assert told in said if told else "check that" not in said
@@ -276,8 +276,8 @@ def test_heights_larger_than_the_mesh_are_told(
     """A ramp: nothing in it contradicts."""
     monkeypatch.chdir(tmp_path)
     write_mesh("mesh.npz", square())
-    for slope, told in ((0.5, False), (4.0, True)):
-        write_image("t.png", encode(np.broadcast_to(unit(np.array([-slope, 0, 1.0])), (32, 32, 3))))
+    for gradient, told in ((0.5, False), (4.0, True)):
+        write_image("t.png", encode(np.broadcast_to(unit(np.array([-gradient, 0, 1.0])), (32, 32, 3))))
         assert main(["integrate", "t.png", "--uvs", "mesh.npz", "--height", "h.exr"]) == 0
         said = capsys.readouterr().err
         assert ("and the whole mesh 1.41; check" in said) == told and "contradict" not in said

@@ -9,7 +9,7 @@ from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import degrees_between, write_file
 
 from mpsnet_core.bake.bake import View, bake_normals
-from mpsnet_core.bake.detail_blending import laid_onto, read_present_map, reoriented
+from mpsnet_core.bake.detail_blending import blend_detail, read_base_map, reoriented
 from mpsnet_core.bake.texture import Texture
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
@@ -57,7 +57,7 @@ def test_nothing_of_either_is_lost_where_the_other_is_flat() -> None:
 @pytest.mark.parametrize("size", [96, 256, 100])
 def test_a_present_map_of_any_size_goes_under_the_texture(size: int) -> None:
     flat = np.broadcast_to(FLAT, (128, 128, 3))
-    laid = laid_onto(texture_of(flat), waves(size))
+    laid = blend_detail(texture_of(flat), waves(size))
     assert degrees_between(laid.vectors, waves(128)).max() < 1.0
 
 
@@ -67,13 +67,13 @@ def test_present_maps_are_read_as_they_are_stored(kind: str, most: float, conven
     vectors = waves(64)
     colours = 0.5 + 0.5 * vectors * ([1, 1, 1] if convention == "opengl" else [1, -1, 1])
     path = write_file(tmp_path / ("map.exr" if kind == "half" else "map.png"), colours, kind)
-    assert degrees_between(read_present_map(path, convention=convention), vectors).max() < most
+    assert degrees_between(read_base_map(path, convention=convention), vectors).max() < most
 
 
 def test_alpha_may_hold_something_else(tmp_path: Path) -> None:
     vectors, gloss = waves(64), np.full((64, 64), 0.3)
     path = write_file(tmp_path / "m.png", np.dstack([encode(vectors), gloss]), "uint16", oiio__UnassociatedAlpha=1)
-    assert degrees_between(read_present_map(path), vectors).max() < 0.1
+    assert degrees_between(read_base_map(path), vectors).max() < 0.1
 
 
 @pytest.mark.parametrize("background", [(0, 0, 0), (1, 1, 1), (0.5, 0.5, 0.5), None], ids=str)
@@ -86,7 +86,7 @@ def test_what_surrounds_the_islands_is_no_normal(background: tuple[float, ...] |
         path = write_file(tmp_path / "map.png", np.dstack([colours, island]), "uint8", oiio__UnassociatedAlpha=1)
     else:
         path = write_file(tmp_path / "map.png", np.where(island[..., None], colours, background), "uint8")
-    laid = laid_onto(texture_of(np.broadcast_to(FLAT, (160, 160, 3))), read_present_map(path))
+    laid = blend_detail(texture_of(np.broadcast_to(FLAT, (160, 160, 3))), read_base_map(path))
     inside = island.repeat(5, 0).repeat(5, 1)[::2, ::2]
     assert degrees_between(laid.vectors, [0.5, 0, 1])[inside].max() < 0.6
     assert degrees_between(laid.vectors[-1, -1], FLAT) < 0.6
@@ -121,7 +121,7 @@ def test_a_strength_out_of_range_is_refused(strength: float) -> None:
 
 def test_an_object_space_texture_cannot_go_on_top() -> None:
     with pytest.raises(InputError, match="bake in tangent space"):
-        laid_onto(texture_of(waves(16), "object"), waves(16))
+        blend_detail(texture_of(waves(16), "object"), waves(16))
 
 
 class Bench:
@@ -143,7 +143,7 @@ class Bench:
 
     def baked(self, *arguments: str | Path) -> np.ndarray:
         assert self.bake(*arguments) == 0
-        return read_present_map(self.folder / "out.exr")
+        return read_base_map(self.folder / "out.exr")
 
     def map(self, vectors: np.ndarray, name: str = "present.png") -> Path:
         return write_file(self.folder / name, 0.5 + 0.5 * vectors, "uint16")

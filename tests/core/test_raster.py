@@ -7,7 +7,7 @@ import pytest
 from surface_shapes import texels_of
 
 from mpsnet_core.arrays import rasterize
-from mpsnet_core.arrays.rasterize import grown, texel_coordinates, triangle_of_texel
+from mpsnet_core.arrays.rasterize import extend_to_nearest, texel_coordinates, triangle_of_texel
 
 
 def owners_one_by_one(uvs: np.ndarray, size: int) -> np.ndarray:
@@ -106,7 +106,7 @@ def test_the_margin_holds_the_nearest_filled_texels_value(share: float, distance
     filled = rng.random((size, size)) < share
     filled[7, 33] = True
     values = np.where(filled[..., None], rng.random((size, size, 3)), 0).astype(np.float32)
-    result = grown(values, filled, distance)
+    result = extend_to_nearest(values, filled, distance)
 
     at = np.argwhere(filled)
     for place in np.ndindex(size, size):
@@ -121,6 +121,6 @@ def test_the_margin_holds_the_nearest_filled_texels_value(share: float, distance
 def test_growing_leaves_its_input_alone() -> None:
     values, filled = np.zeros((8, 8, 3), np.float32), np.zeros((8, 8), bool)
     values[3, 3], filled[3, 3] = 1, True
-    grown(values, filled, 2)
+    extend_to_nearest(values, filled, 2)
     assert values.sum() == 3 and filled.sum() == 1
-    assert (grown(values, np.ones((8, 8), bool), 5) == values).all()
+    assert (extend_to_nearest(values, np.ones((8, 8), bool), 5) == values).all()

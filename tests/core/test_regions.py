@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from mpsnet_core.arrays.mask_regions import box_sums, filled, grown, labelled, shrunk, without_specks
+from mpsnet_core.arrays.mask_regions import box_sums, dilated, eroded, filled, labelled, without_specks
 
 
 def random_masks() -> Iterator[np.ndarray]:
@@ -65,11 +65,11 @@ def test_growing_and_shrinking_by_a_square() -> None:
             near = np.zeros(mask.shape, bool)
             for row, column in np.argwhere(mask):
                 near |= (abs(y - row) <= pixels) & (abs(x - column) <= pixels)
-            np.testing.assert_array_equal(grown(mask, pixels), near)
+            np.testing.assert_array_equal(dilated(mask, pixels), near)
             far = np.ones(mask.shape, bool)
             for row, column in np.argwhere(~mask):
                 far &= (abs(y - row) > pixels) | (abs(x - column) > pixels)
-            np.testing.assert_array_equal(shrunk(mask, pixels), far)
+            np.testing.assert_array_equal(eroded(mask, pixels), far)
 
 
 @pytest.mark.parametrize("reach", [0, 1, 3, 20])
@@ -83,4 +83,4 @@ def test_box_sums_against_windows_one_by_one(reach: int) -> None:
 
 def test_each_channel_grows_by_itself() -> None:
     marks = np.random.default_rng(2).random((15, 12, 3)) < 0.1
-    assert np.array_equal(grown(marks, 1), np.stack([grown(marks[..., k], 1) for k in range(3)], axis=-1))
+    assert np.array_equal(dilated(marks, 1), np.stack([dilated(marks[..., k], 1) for k in range(3)], axis=-1))

@@ -15,7 +15,7 @@ from mpsnet_core.io.text_table import table_of_means
 from mpsnet_core.learning.evaluation.charts import Curve, line_chart
 from mpsnet_core.learning.evaluation.diligent import Diligent
 from mpsnet_core.learning.evaluation.measure import measure
-from mpsnet_core.learning.evaluation.report import HIGHEST_ERROR, TILE_HEIGHT, begun_report, case_picture
+from mpsnet_core.learning.evaluation.report import HIGHEST_ERROR, TILE_HEIGHT, case_picture, open_report
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.pictures import (
     BACKGROUND,
@@ -109,7 +109,7 @@ def test_a_case_is_shown_with_each_model_on_one_scale(tmp_path: Path) -> None:
 def test_the_page_shows_table_notes_charts_and_pictures(tmp_path: Path) -> None:
     diligent_object(tmp_path / "data", "ball")
     test = Diligent(tmp_path / "data", lights=[(1, 2, 3)], protocols=["white", "separated"])
-    with begun_report(tmp_path / "report.html") as report:
+    with open_report(tmp_path / "report.html") as report:
         for results in measure(test.cases, ["lambertian", "lambertian-grey-world"]):
             report.add(results)
             assert listing(tmp_path) == ["data"]

@@ -9,13 +9,13 @@ from surface_shapes import sphere_mesh
 from uv_squares import squares
 
 from mpsnet_core.bake.texture_names import split_by, texture_files
-from mpsnet_core.bake.texture_sets import Sheet, sheets
+from mpsnet_core.bake.texture_sets import TextureSet, sheets
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.mesh import read_mesh, write_mesh
 from mpsnet_core.scene.mesh_labels import Labels, labels_of_runs
 
 
-def told(found: list[Sheet]) -> list[tuple]:
+def told(found: list[TextureSet]) -> list[tuple]:
     parts = [[None if part is None else part.tolist() for part in sheet.parts] for sheet in found]
     return [(s.object, s.material, s.tile, *part) for s, part in zip(found, parts, strict=True)]
 
@@ -109,7 +109,7 @@ def test_uvs_that_no_texture_holds_are_refused(mesh, tiles: bool, said: str) -> 
 def names(pattern: str, **found: list) -> list[str]:
     """The files that a pattern gives for sheets whose tile, material or object are as listed."""
     count = len(next(iter(found.values())))
-    made = [Sheet((None,), **{what: values[n] for what, values in found.items()}) for n in range(count)]
+    made = [TextureSet((None,), **{what: values[n] for what, values in found.items()}) for n in range(count)]
     return [path.as_posix() for path in texture_files(pattern, made)]
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.rank_correlation import rank_correlation
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate import Estimator, estimate_normals
-from mpsnet_core.estimate.registry import AVERAGED_MODEL, DEFAULT_MODEL, SHELF, shelf
+from mpsnet_core.estimate.registry import AVERAGED_MODEL, DEFAULT_MODEL, MODELS_FOLDER, registered_models
 from mpsnet_core.learning.evaluation.scenes import HELD_OUT_BLOB, ideal_photograph, published_view
 from mpsnet_core.scene.normal_map import NormalMap, angular_error
 from mpsnet_core.scene.rig import LightRig, direction_from_angles
@@ -172,7 +172,11 @@ def test_default_is_better_than_every_other(seed: int) -> None:
     shown = sample(0.0, seed)
     capture = ideal_photograph(shown, "published")
     # Not its own variants, and not MPS-Net patch by patch, which takes long.
-    rivals = [entry.name for entry in shelf() if not entry.name.startswith(DEFAULT_MODEL) and entry.name != "mpsnet"]
+    rivals = [
+        entry.name
+        for entry in registered_models()
+        if not entry.name.startswith(DEFAULT_MODEL) and entry.name != "mpsnet"
+    ]
     errors = {
         name: angular_error(estimate_normals(capture, name).vectors, shown.normals)[capture.mask].mean()
         for name in (DEFAULT_MODEL, *rivals)
@@ -203,6 +207,6 @@ def test_confidence_ranks_the_errors(tmp_path: Path) -> None:
 
 
 def test_package_stays_small() -> None:
-    sizes: dict[Path, int] = {file: file.stat().st_size for file in SHELF.iterdir()}
+    sizes: dict[Path, int] = {file: file.stat().st_size for file in MODELS_FOLDER.iterdir()}
     assert sum(sizes.values()) <= 25_000_000
-    assert sizes[SHELF / f"{DEFAULT_MODEL}.onnx"] <= 8_000_000
+    assert sizes[MODELS_FOLDER / f"{DEFAULT_MODEL}.onnx"] <= 8_000_000

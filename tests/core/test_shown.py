@@ -10,8 +10,8 @@ from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import degrees_between
 
 from mpsnet_core.bake.bake import View
-from mpsnet_core.bake.base_detail_removal import Present, without_present, without_presents
-from mpsnet_core.bake.detail_blending import read_present_map
+from mpsnet_core.bake.base_detail_removal import BaseMap, remove_base_detail, remove_base_details
+from mpsnet_core.bake.detail_blending import read_base_map
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.images import write_image
@@ -31,9 +31,9 @@ def relief(u: np.ndarray, v: np.ndarray, height: float = 0.3) -> np.ndarray:
     return unit(np.stack([height * np.sin(150 * u), height * np.cos(120 * v), np.ones_like(u)], -1))
 
 
-def present(size: int = 1024, shown: str = "auto") -> Present:
+def present(size: int = 1024, shown: str = "auto") -> BaseMap:
     v, u = np.mgrid[:size, :size] + 0.5
-    return Present(relief(u / size, 1 - v / size).astype(np.float32), shown)
+    return BaseMap(relief(u / size, 1 - v / size).astype(np.float32), shown)
 
 
 def smooth_view() -> View:
@@ -52,8 +52,8 @@ def worn(view: View, height: float = 0.3) -> np.ndarray:
     return np.where(view.normals.mask[..., None], vectors, 0)
 
 
-def taken_out(vectors: np.ndarray, view: View, present: Present) -> tuple[np.ndarray, float]:
-    normals, share = without_present(NormalMap(vectors, view.normals.mask), view.camera, MESH, SCENE, present)
+def taken_out(vectors: np.ndarray, view: View, present: BaseMap) -> tuple[np.ndarray, float]:
+    normals, share = remove_base_detail(NormalMap(vectors, view.normals.mask), view.camera, MESH, SCENE, present)
     return normals.vectors, share
 
 
@@ -106,12 +106,12 @@ def test_of_two_maps_each_has_a_share_of_its_own() -> None:
     upper = MESH.uvs[..., 1].min(axis=1) >= 0.5 - 1e-6
     other = replace(present(), vectors=np.flip(present().vectors, (0, 1)), triangles=~upper)
     both = [replace(present(), triangles=upper), other]
-    normals, shares = without_presents(NormalMap(worn(view), view.normals.mask), view.camera, MESH, SCENE, both)
+    normals, shares = remove_base_details(NormalMap(worn(view), view.normals.mask), view.camera, MESH, SCENE, both)
     assert shares[0] == pytest.approx(1, abs=0.05) and shares[1] == 0
     height = (view.normals.vectors @ view.camera.rotation.T)[..., 2]
     apart = degrees_between(normals.vectors, view.normals.vectors)
     assert apart[inner(view) & (height > 0.05)].mean() < 1 and apart[inner(view) & (height < -0.05)].mean() > 10
-    again, same = without_presents(NormalMap(worn(view), view.normals.mask), view.camera, MESH, SCENE, both, shares)
+    again, same = remove_base_details(NormalMap(worn(view), view.normals.mask), view.camera, MESH, SCENE, both, shares)
     assert same == shares and np.array_equal(again.vectors, normals.vectors)
 
 
@@ -119,11 +119,11 @@ def test_a_map_of_another_tile_is_taken_out_as_that_of_the_first() -> None:
     view = smooth_view()
     moved = replace(MESH, uvs=MESH.uvs + np.array([2, 1], np.float32))
     given = NormalMap(worn(view), view.normals.mask)
-    expected, share = without_present(given, view.camera, MESH, SCENE, present())
-    found, same = without_present(given, view.camera, moved, SCENE, replace(present(), corner=(2, 1)))
+    expected, share = remove_base_detail(given, view.camera, MESH, SCENE, present())
+    found, same = remove_base_detail(given, view.camera, moved, SCENE, replace(present(), corner=(2, 1)))
     assert same == pytest.approx(share, abs=1e-3)
     assert degrees_between(found.vectors, expected.vectors)[inner(view)].max() < 0.1
-    assert without_present(given, view.camera, moved, SCENE, replace(present(), corner=(0, 1)))[1] == 0
+    assert remove_base_detail(given, view.camera, moved, SCENE, replace(present(), corner=(0, 1)))[1] == 0
 
 
 def test_as_told_it_is_left_in() -> None:
@@ -136,7 +136,7 @@ def test_relief_finer_than_the_photo_is_not_taken_for_shown() -> None:
     rng = np.random.default_rng(0)
     fine = np.concatenate([rng.normal(0, 0.5, (2048, 2048, 2)), np.ones((2048, 2048, 1))], axis=-1)
     view = smooth_view()
-    vectors, _ = taken_out(view.normals.vectors, view, Present(unit(fine).astype(np.float32), "yes"))
+    vectors, _ = taken_out(view.normals.vectors, view, BaseMap(unit(fine).astype(np.float32), "yes"))
     assert degrees_between(vectors, view.normals.vectors)[inner(view)].mean() < 12  # single texels lean by 30 degrees
 
 
@@ -158,9 +158,9 @@ def test_all_frames_of_a_sequence_have_the_share_of_the_first(tmp_path: Path, mo
     assert main([*command, "--view", "camera.json=n_#.png", "-o", "skin"]) == 0
     assert main([*command, "--view", "camera.json=n_2.png", "-o", "alone.png"]) == 0
     frame = Path("skin/skin_0002.png")
-    made = read_present_map(frame)
-    lying = degrees_between(made, read_present_map("alone.png"))
+    made = read_base_map(frame)
+    lying = degrees_between(made, read_base_map("alone.png"))
     assert lying[lying > 0].mean() > 1  # where the photo sees it, and the share counts
     frame.unlink()
     assert main([*command, "--view", "camera.json=n_#.png", "-o", "skin"]) == 0
-    assert np.array_equal(read_present_map(frame), made)
+    assert np.array_equal(read_base_map(frame), made)

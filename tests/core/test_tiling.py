@@ -7,15 +7,15 @@ import pytest
 from flat_weave import Weave
 
 from mpsnet_core.relief.material import tiling as tiling_module
-from mpsnet_core.relief.material.seam import FEATHER, least_cut
+from mpsnet_core.relief.material.seam import FEATHER, minimum_cut
 from mpsnet_core.relief.material.tiling import find_tiling
 
 
 def features(weave, noise=0.3, seed=0):
     """What a photo of the weave shows, with as much that does not repeat."""
-    slopes = weave.slopes.astype(np.float32)
-    random = np.random.default_rng(seed).normal(0, noise * slopes.std(), slopes.shape)
-    return (slopes + random).astype(np.float32)
+    gradients = weave.gradients.astype(np.float32)
+    random = np.random.default_rng(seed).normal(0, noise * gradients.std(), gradients.shape)
+    return (gradients + random).astype(np.float32)
 
 
 @pytest.mark.parametrize("degrees", [0.0, 2.0, -3.5])
@@ -80,8 +80,8 @@ def test_the_cut_is_the_cheapest_of_all_lines(seed):
     inner = cost[FEATHER:-FEATHER]
     costs = {tuple(line): inner[line, np.arange(7)].sum() for line in lines(4, 7)}
     best = min(costs, key=costs.get)
-    assert tuple(least_cut(cost, closed=False) - FEATHER) == best
+    assert tuple(minimum_cut(cost, closed=False) - FEATHER) == best
     # Closed, it is the cheapest of those that meet themselves and go through the open one's cheapest place.
     column = int(np.argmin(inner[list(best), np.arange(7)]))
     rounds = [line for line in costs if abs(line[0] - line[-1]) <= 1 and line[column] == best[column]]
-    assert tuple(least_cut(cost, closed=True) - FEATHER) == min(rounds, key=costs.get)
+    assert tuple(minimum_cut(cost, closed=True) - FEATHER) == min(rounds, key=costs.get)

@@ -145,9 +145,9 @@ def fit_ball(points: ArrayLike, camera: Camera, radius: float = 1.0) -> Ball:
     middle = projected(camera, centre[None])[0]
     outward = points[trusted] - middle
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
-    slope = np.column_stack([outward, np.ones(len(outward))])
+    jacobian = np.column_stack([outward, np.ones(len(outward))])
     variance = max(residual, LEAST_UNCERTAINTY) ** 2 * POINTS_THAT_AGREE
-    covariance = variance * np.linalg.pinv(slope.T @ slope) + LEAST_UNCERTAINTY**2 * np.eye(3)
+    covariance = variance * np.linalg.pinv(jacobian.T @ jacobian) + LEAST_UNCERTAINTY**2 * np.eye(3)
     bins = np.floor(np.arctan2(outward[:, 1], outward[:, 0]) / (2 * np.pi) * 72).astype(int) % 72
     return Ball(centre, size, camera, residual, len(np.unique(bins)) / 72, covariance)
 

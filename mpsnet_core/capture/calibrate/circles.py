@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.block_means import block_means
-from mpsnet_core.arrays.mask_regions import box_sums, grown
+from mpsnet_core.arrays.mask_regions import box_sums, dilated
 from mpsnet_core.capture.calibrate.ball import Ball, Circle, fit_ball
 from mpsnet_core.capture.calibrate.outlines import Pyramid, near_outline, sharp_outline
 from mpsnet_core.errors import InputError
@@ -127,14 +127,14 @@ def _circles(image: NDArray[np.float32], bright: NDArray[np.bool_]) -> list[Circ
     # The eye's cube root: a mirror ball's outline is faint beside the lights that it mirrors.
     picture = _smooth(np.cbrt(np.maximum(image.mean(axis=-1), 0)))
     height, width = picture.shape
-    slope_y, slope_x = np.gradient(picture)
-    steep = np.hypot(slope_x, slope_y)
-    edge = _ridge(steep, slope_x, slope_y) & ~grown(bright, 4)
+    gradient_y, gradient_x = np.gradient(picture)
+    steep = np.hypot(gradient_x, gradient_y)
+    edge = _ridge(steep, gradient_x, gradient_y) & ~dilated(bright, 4)
     edge &= steep > max(2.0 * float(np.median(steep)), 0.02 * float(np.percentile(steep, 99.5)))
     y, x = np.nonzero(edge)
     if len(x) == 0:
         return []
-    across = slope_x[edge] / steep[edge], slope_y[edge] / steep[edge]
+    across = gradient_x[edge] / steep[edge], gradient_y[edge] / steep[edge]
     shorter = min(height, width)
     found = []
     radii = np.arange(max(5.0, SMALLEST * shorter), LARGEST * shorter)
@@ -170,9 +170,11 @@ def _differ(a: Circle, b: Circle, share: float) -> bool:
     return float(np.hypot(a.x - b.x, a.y - b.y)) > limit or abs(a.radius - b.radius) > limit
 
 
-def _ridge(steep: NDArray[np.float32], slope_x: NDArray[np.float32], slope_y: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """(H, W) where the slope is steepest along its own direction, to the nearest of four."""
-    eighth = np.round(np.arctan2(slope_y, slope_x) / (np.pi / 4)).astype(int) % 4
+def _ridge(
+    steep: NDArray[np.float32], gradient_x: NDArray[np.float32], gradient_y: NDArray[np.float32]
+) -> NDArray[np.bool_]:
+    """(H, W) where the gradient is steepest along its own direction, to the nearest of four."""
+    eighth = np.round(np.arctan2(gradient_y, gradient_x) / (np.pi / 4)).astype(int) % 4
     around = np.pad(steep, 1)
     height, width = steep.shape
     top = np.zeros(steep.shape, bool)

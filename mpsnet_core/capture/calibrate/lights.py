@@ -49,8 +49,8 @@ class Sighting:
         _, sure = self.rays()
         points = np.array([spot.point for spot in self.highlights])
         step = 0.1
-        slope = [mirrored(self.ball.nudged(*nudge), points)[1] - sure for nudge in step * np.eye(3)]
-        by_ball = np.stack(slope, axis=-1) / step
+        jacobian = [mirrored(self.ball.nudged(*nudge), points)[1] - sure for nudge in step * np.eye(3)]
+        by_ball = np.stack(jacobian, axis=-1) / step
         variance = np.einsum("nij,jk,nik->n", by_ball, self.ball.covariance, by_ball)
         blur = np.array([spot.uncertainty for spot in self.highlights])
         for shift in ((step, 0.0), (0.0, step)):

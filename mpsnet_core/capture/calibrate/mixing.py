@@ -123,15 +123,15 @@ def _fitted(
     answer = np.concatenate([np.diag(colours.max(axis=0)), np.zeros((1, 3))])
     for turn in range(ROUNDS):
         basis = _shading(ball, rig, points, moved[3:])
-        slopes = np.zeros((len(points), 3, OTHERS))
+        jacobian = np.zeros((len(points), 3, OTHERS))
         if turn == 0:
-            answer = _joint_step(basis, slopes, colours, weight, np.eye(OTHERS), moved, free)[0]
+            answer = _joint_step(basis, jacobian, colours, weight, np.eye(OTHERS), moved, free)[0]
         for number, size in enumerate(STEPS):
             aside = moved + size * np.eye(OTHERS)[number]
             beside = _shading(drawn.nudged(*aside[:3]), rig, points, aside[3:])
-            slopes[..., number] = (beside - basis) @ answer / size
+            jacobian[..., number] = (beside - basis) @ answer / size
         prior = precision * scale**2
-        answer, step, left = _joint_step(basis, slopes, colours, weight, prior, moved, free)
+        answer, step, left = _joint_step(basis, jacobian, colours, weight, prior, moved, free)
         step[:3] = np.clip(step[:3], -MOST_NUDGE, MOST_NUDGE)
         moved = moved + step
         ball = drawn.nudged(*moved[:3])
@@ -277,7 +277,7 @@ def _shading(
 
 def _joint_step(
     basis: NDArray[np.float64],
-    slopes: NDArray[np.float64],
+    jacobian: NDArray[np.float64],
     colours: NDArray[np.float64],
     weight: NDArray[np.float64],
     prior: NDArray[np.float64],
@@ -287,7 +287,7 @@ def _joint_step(
     """The matrix with ambient light (4, 3), the step (9,) of outline and lights that explain the colours (P, 3) best,
     and the equations' matrix (21, 21).
 
-    basis: (P, 4). slopes: (P, 3, 9), what a step does to each channel. prior: (9, 9) precision of `moved` (9,), how
+    basis: (P, 4). jacobian: (P, 3, 9), what a step does to each channel. prior: (9, 9) precision of `moved` (9,), how
     far outline and lights have come. free: (21,) which unknowns may differ from zero.
     """
     left = np.zeros((12 + OTHERS, 12 + OTHERS))
@@ -295,7 +295,7 @@ def _joint_step(
     for channel in range(3):
         rows = np.zeros((len(basis), 12 + OTHERS))
         rows[:, 4 * channel : 4 * channel + 4] = basis
-        rows[:, 12:] = slopes[:, channel]
+        rows[:, 12:] = jacobian[:, channel]
         weighted = rows * weight[:, channel, None]
         left += weighted.T @ rows
         right += weighted.T @ colours[:, channel]

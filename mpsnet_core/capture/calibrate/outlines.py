@@ -141,9 +141,9 @@ def _edges(photo: Pyramid, ball: Ball, share: float, wanted: float) -> _Edges:
     places = outline[:, None] + offsets[:, None] * across[:, None]
     fine = np.roll(_sampled(picture, places / smaller), beside // 2, axis=0)
     profile = fine.reshape(LINES, beside, -1).mean(axis=1)
-    slope = profile[:, 2:] - profile[:, :-2]
-    steep, usual = _steepness(slope, BESIDE)
-    on_arc, usual_on_arc = _steepness(slope, [1 / ARC] * ARC)
+    gradient = profile[:, 2:] - profile[:, :-2]
+    steep, usual = _steepness(gradient, BESIDE)
+    on_arc, usual_on_arc = _steepness(gradient, [1 / ARC] * ARC)
     near = np.abs(offsets[1:-1]) <= reach
     sure = on_arc[:, near].max(axis=1) > CLEAR * usual_on_arc
     outline, across = outline[::beside], across[::beside]
@@ -153,9 +153,11 @@ def _edges(photo: Pyramid, ball: Ball, share: float, wanted: float) -> _Edges:
     return _Edges(outline, across, offsets[1:-1], steep, usual, sure, whole, reach, step)
 
 
-def _steepness(slope: NDArray[np.float64], weights: Sequence[float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _steepness(
+    gradient: NDArray[np.float64], weights: Sequence[float]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(LINES, N) how steep weighted means of lines beside each other are, and (LINES,) what is usual of it there."""
-    around = _ring(slope, len(weights) // 2)
+    around = _ring(gradient, len(weights) // 2)
     steep = np.abs(sum(weight * around[turn : turn + LINES] for turn, weight in enumerate(weights)))
     usual = _ring(np.median(steep, axis=1), NOISE_LINES)
     usual = np.median(np.lib.stride_tricks.sliding_window_view(usual, 2 * NOISE_LINES + 1), axis=1)

@@ -11,8 +11,8 @@ from mpsnet_core.capture.capture import Capture, note_doubts
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.sequence.smoothing import Shot, smoothed
 from mpsnet_core.estimate.sequence.source import Frame
-from mpsnet_core.io.files import made_folder, remove_abandoned
-from mpsnet_core.io.provenance import is_made, made_line
+from mpsnet_core.io.files import ensure_folder, remove_abandoned
+from mpsnet_core.io.provenance import is_up_to_date, provenance_line
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.normal_map import Convention, NormalMap, write_normals
 
@@ -87,7 +87,7 @@ def estimate_sequence(
 
     def write(frame: Frame, normals: NormalMap) -> None:
         if not outcome.made:
-            made_folder(frame.output.parent, "normals")
+            ensure_folder(frame.output.parent, "normals")
         write_normals(frame.output, normals, convention=convention, description=_line(frame, recipe))
         outcome.made += 1
         outcome.pixels += int(normals.mask.sum())
@@ -106,7 +106,7 @@ def estimate_sequence(
 
 
 def _line(frame: Frame, recipe: str) -> str:
-    return made_line("normals", f"{recipe}\n\n{frame.made_from}")
+    return provenance_line("normals", f"{recipe}\n\n{frame.mask_identity}")
 
 
 # --- what is to be done -----------------------------------------------------------------------------------------------
@@ -136,7 +136,7 @@ def _plan(frames: Iterable[Frame], recipe: str, span: int) -> Iterator[_Step]:
     for frame in frames:
         while waiting and waiting[0].frame.number < frame.number - span:
             yield waiting.popleft()
-        stale = not is_made(frame.output, _line(frame, recipe))
+        stale = not is_up_to_date(frame.output, _line(frame, recipe))
         if stale:
             last_stale = frame.number
             for step in waiting:

@@ -30,7 +30,7 @@ class Masks:
             raise InputError(f"{self.given} has no mask for frame {number}; add it, or give one mask for all")
         return self.by_number[number]
 
-    def made_from(self, number: int, span: int) -> list[str]:
+    def mask_identity(self, number: int, span: int) -> list[str]:
         """Text that changes when a mask of a frame or of those within `span` numbers of it does."""
         if not self.by_number:
             return [str(self.given), identity(mask_source(self.given) if self.given else None)]
@@ -50,7 +50,7 @@ class Frame:
     number: int
     name: str
     output: Path
-    made_from: str
+    mask_identity: str
     read: Callable[[], Image]
     mask: str | os.PathLike[str] | None = None
 
@@ -77,12 +77,12 @@ def photo_frames(
     order = sorted(range(len(photos)), key=numbers.__getitem__)
     for place, index in enumerate(order):
         near = order[max(place - reach, 0) : place + reach + 1]
-        made_from = [identity(photos[other]) for other in near if abs(numbers[other] - numbers[index]) <= span]
+        mask_identity = [identity(photos[other]) for other in near if abs(numbers[other] - numbers[index]) <= span]
         yield Frame(
             numbers[index],
             photos[index].name,
             outputs[index],
-            "\n".join([*made_from, *masks.made_from(numbers[index], span)]),
+            "\n".join([*mask_identity, *masks.mask_identity(numbers[index], span)]),
             partial(read_image, photos[index], encoding=encoding, layer=layer),
             masks.of(numbers[index]),
         )

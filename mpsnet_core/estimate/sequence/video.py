@@ -122,10 +122,10 @@ def video_frames(
                     f"{video.path}: frame {number} is {picture.width} x {picture.height}, the first is {video.width} x "
                     f"{video.height}; cut the video where its size changes"
                 )
-            made_from = "\n".join([source, str(number), *masks.made_from(number, reach)])
+            mask_identity = "\n".join([source, str(number), *masks.mask_identity(number, reach)])
             name = f"{video.path.name}, frame {number}"
             read = partial(_image, picture, linear, name)
-            yield Frame(number, name, outputs(number), made_from, read, masks.of(number))
+            yield Frame(number, name, outputs(number), mask_identity, read, masks.of(number))
     if number == 0:
         raise InputError(f"{video.path} holds no frame that can be read{damage}; copy or export it again")
     if damage or video.count - number > max(2, _SHORT * video.count):

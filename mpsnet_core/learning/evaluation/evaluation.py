@@ -12,7 +12,7 @@ from mpsnet_core.learning.evaluation.charts import Curve, line_chart
 from mpsnet_core.learning.evaluation.confidence import GROUPS, ConfidencePool, calibration_lines
 from mpsnet_core.learning.evaluation.magnify import magnified_name
 from mpsnet_core.learning.evaluation.measure import Case, Result, chosen_models, measure
-from mpsnet_core.learning.evaluation.report import begun_report
+from mpsnet_core.learning.evaluation.report import open_report
 from mpsnet_core.progress import Progress, silent
 
 
@@ -70,7 +70,7 @@ def evaluate(
         writable_path(json)
     rows: list[dict[str, Any]] = []
     pool = ConfidencePool()
-    with begun_report(report) if report else nullcontext() as page:
+    with open_report(report) if report else nullcontext() as page:
         # One case at a time: what results hold (photo, normals, truth) would add up to gigabytes.
         for results in measure(evaluation.cases, chosen_models([*evaluation.always, *models]), progress):
             rows += evaluation.rows(results)

@@ -11,7 +11,7 @@ from mpsnet_core.arrays.rank_correlation import rank_correlation
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate import Estimator
-from mpsnet_core.estimate.registry import AVERAGED_MODEL, shelf
+from mpsnet_core.estimate.registry import AVERAGED_MODEL, registered_models
 from mpsnet_core.learning.evaluation.confidence import error_by_confidence
 from mpsnet_core.learning.evaluation.magnify import estimate_magnified, magnified_name
 from mpsnet_core.progress import Progress, part, silent
@@ -50,7 +50,7 @@ class Case:
     @property
     def title(self) -> str:
         """The labels in one line."""
-        return magnified_name(", ".join(_told(value) for value in self.labels.values()), self.magnify)
+        return magnified_name(", ".join(_format(value) for value in self.labels.values()), self.magnify)
 
     @property
     def scored(self) -> NDArray[np.bool_]:
@@ -101,7 +101,9 @@ class Result:
 
 def chosen_models(names: Sequence[str]) -> list[str]:
     """The models asked for, each once; "all" stands for every model that `mpsnet models` lists, by one name."""
-    every = [entry.name for entry in shelf() if entry.name != AVERAGED_MODEL]  # a still's answer is the default's
+    every = [
+        entry.name for entry in registered_models() if entry.name != AVERAGED_MODEL
+    ]  # a still's answer is the default's
     return list(dict.fromkeys(name for asked in names for name in (every if asked == EVERY_MODEL else [asked])))
 
 
@@ -130,7 +132,7 @@ def measure(
     progress(1.0, "measured")
 
 
-def _told(value: object) -> str:
+def _format(value: object) -> str:
     return "-".join(map(str, value)) if isinstance(value, list) else str(value)
 
 

@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.io.files import made_folder, writable_path, write_json, written_together
+from mpsnet_core.io.files import ensure_folder, writable_path, write_json, written_together
 from mpsnet_core.io.text_table import text_table
 from mpsnet_core.learning.evaluation.charts import Curve, line_chart
 from mpsnet_core.learning.evaluation.published import TABLE_1
-from mpsnet_core.learning.evaluation.report import begun_report
+from mpsnet_core.learning.evaluation.report import open_report
 from mpsnet_core.learning.training.loop import VALIDATION_SEED, Places, train
 from mpsnet_core.learning.training.packed import PackedSamples
 from mpsnet_core.learning.training.photographing import Photographer
@@ -71,10 +71,10 @@ def evaluate_patch_sizes(
         raise InputError(f"{patches} patches cannot be measured; choose 1 or more")
     held_out = PackedSamples(validation)  # what is missing is told before hours of training
     a_picture = math.ceil(patches / len(held_out))
-    runs = made_folder(runs, "runs")
+    runs = ensure_folder(runs, "runs")
     rows = []
     variants = [(words, normals, side) for words, normals in INPUTS.items() for side in SIDES]
-    with begun_report(report) if report else nullcontext() as page:
+    with open_report(report) if report else nullcontext() as page:
         for number, (words, normals, side) in enumerate(variants):
             recipe = patch_size_recipe(side, normals, width, steps)
             checkpoint = runs / f"{recipe.name}.checkpoint"

@@ -34,7 +34,7 @@ _COPIED = 1 << 20  # characters at a time
 
 @dataclass(frozen=True)
 class Report:
-    """A page that grows case by case on disk, as its pictures would fill the memory; see :func:`begun_report`."""
+    """A page that grows case by case on disk, as its pictures would fill the memory; see :func:`open_report`."""
 
     path: Path
     figures: TextIO
@@ -59,7 +59,7 @@ class Report:
 
 
 @contextmanager
-def begun_report(path: str | os.PathLike[str]) -> Iterator[Report]:
+def open_report(path: str | os.PathLike[str]) -> Iterator[Report]:
     """A report to add cases to, which :meth:`Report.write` puts at `path`, whole or not at all.
 
     Raises InputError where no report can be put there.

@@ -23,7 +23,7 @@ from torch.utils.tensorboard import SummaryWriter
 from mpsnet_core.errors import InputError
 from mpsnet_core.learning.training.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from mpsnet_core.learning.training.fine_tune import read_exported, take_weights
-from mpsnet_core.learning.training.inputs import joined, patches_of, with_previous
+from mpsnet_core.learning.training.inputs import join_meshes, patches_of, with_previous
 from mpsnet_core.learning.training.loss import Loss, loss_of
 from mpsnet_core.learning.training.muon import Muon
 from mpsnet_core.learning.training.networks import Network, build_network
@@ -128,7 +128,7 @@ def train(
         if not anneal:
             _check_earlier(places)
         if places.resume is not None and places.resume.suffix.lower() == ".onnx":
-            run.train_further(places.resume, photographer)
+            run.fine_tune(places.resume, photographer)
         elif places.resume is not None:
             run.resume(places.resume)
         end = min(recipe.steps, stop_after or recipe.steps)
@@ -277,7 +277,7 @@ class _Run:
         autocast = torch.autocast(self.device.type, torch.bfloat16, enabled=self.precision == "bfloat16")
         self.network.eval()
         with autocast:
-            batch = joined(scales, with_previous(self.network, self.network.inputs, scales))
+            batch = join_meshes(scales, with_previous(self.network, self.network.inputs, scales))
         if self.network.kind == "patch":
             batch = patches_of(batch, self.network, recipe.patches, torch.Generator().manual_seed(seed))
         for optimiser in self.optimisers:
@@ -358,7 +358,7 @@ class _Run:
             raise InputError(f"checkpoint {path} does not fit the network: {reason}; resume from another") from None
         self.step, self.seconds, self.continues = found.step, found.seconds, found.continues
 
-    def train_further(self, path: Path, photographer: Photographer) -> None:
+    def fine_tune(self, path: Path, photographer: Photographer) -> None:
         exported = read_exported(path)
         if exported.step >= self.recipe.steps:
             raise InputError(
@@ -366,7 +366,7 @@ class _Run:
             )
         self.network.eval()
         scales = photographer.batch(0, NORM_EXAMPLES)
-        batch = joined(scales, with_previous(self.network, self.network.inputs, scales))
+        batch = join_meshes(scales, with_previous(self.network, self.network.inputs, scales))
         if self.network.kind == "patch":
             batch = patches_of(batch, self.network, self.recipe.patches, torch.Generator().manual_seed(0))
         take_weights(self.network, exported, batch.inputs)

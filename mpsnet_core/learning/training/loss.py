@@ -21,7 +21,7 @@ class Loss(NamedTuple):
 def angle_between(a: Tensor, b: Tensor) -> Tensor:
     """Radians between unit vectors along axis 1: (N, 3, ...) and (N, 3, ...) give (N, ...).
 
-    By the half angle's tangent (Kahan): exact for small angles, and unlike the arc cosine's its slope stays finite
+    By the half angle's tangent (Kahan): exact for small angles, and unlike the arc cosine's its gradient stays finite
     where the vectors meet.
     """
     difference, total = a - b, a + b

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.connected_components import connected
 from mpsnet_core.arrays.push_pull import push_pull
-from mpsnet_core.arrays.rasterize import grown
+from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.bake.settings import check_texture
 from mpsnet_core.bake.texture import Space
 from mpsnet_core.errors import InputError
@@ -20,12 +20,12 @@ from mpsnet_core.relief.sizes import MAX_SIZE, check_square
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
 
-# How heights change along a curved surface depends on the heights themselves, and so does which slopes can be trusted:
-# the second time they are known. After the third little changes.
+# How heights change along a curved surface depends on the heights themselves, and so does which gradients can be
+# trusted: the second time they are known. After the third little changes.
 PASSES = 3
-# A slope that is so far from what the slopes around it come to is half trusted.
+# A gradient that is so far from what the gradients around it come to is half trusted.
 STRAY = 0.2
-# Texels that heights are carried on beyond an island with their slope; from there on as they are.
+# Texels that heights are carried on beyond an island with their gradient; from there on as they are.
 CARRIED = 1.5
 MAX_SCALE = 10.0
 # The share of its texels that a base has in common with its mesh, at least.
@@ -115,7 +115,7 @@ def displacement(
         if done:
             trust = _trust(graph, right, below, heights, steps)
         right, below = right * trust, below * trust
-        across = _slope(graph, right, below, graph.ties, offsets)
+        across = _gradient(graph, right, below, graph.ties, offsets)
         known = across[:, 0] - across[:, 1]
         heights = solver.solve(graph.right_side(right, below, known), heights, told)
     target = asked.outwards if mean is None else np.full_like(heights, mean)
@@ -178,7 +178,7 @@ def _trust(
     return trust
 
 
-def _slope(
+def _gradient(
     graph: Graph,
     right: NDArray[np.float32],
     below: NDArray[np.float32],
@@ -209,8 +209,8 @@ def _with_margin(
 ) -> NDArray[np.float32]:
     """(S, S) the heights, grown beyond the islands.
 
-    The first texels go on with the slope of the nearest one inside, so that what is read between texels along a seam,
-    half of it from the margin, is the same on both sides.
+    The first texels go on with the gradient of the nearest one inside, so that what is read between texels along a
+    seam, half of it from the margin, is the same on both sides.
     """
     number = np.arange(len(heights))
     right, below = (heights[graph.neighbours[axis]] - heights for axis in (0, 1))
@@ -219,10 +219,10 @@ def _with_margin(
     for axis in (0, 1):
         along = np.zeros((len(heights), 2))
         along[:, axis] = 1
-        layers[covered, 1 + axis] = _slope(graph, right, below, number, along)
+        layers[covered, 1 + axis] = _gradient(graph, right, below, number, along)
     layers[..., 3] = -1
     layers[covered, 3:] = graph.cells[:, ::-1]
-    layers = grown(layers, covered, margin)
+    layers = extend_to_nearest(layers, covered, margin)
     reached = layers[..., 3] >= 0
     there = np.stack(np.meshgrid(*[np.arange(len(covered), dtype=np.float32)] * 2), axis=-1) - layers[..., 3:]
     far = np.linalg.norm(there, axis=-1, keepdims=True)

@@ -20,7 +20,7 @@ from mpsnet_core.progress import Progress, silent
 
 log = logging.getLogger(__name__)
 
-# What a step across a seam weighs, where one between neighbours in the texture weighs 1: seams crack, slopes do not.
+# What a step across a seam weighs, where one between neighbours in the texture weighs 1: seams crack, gradients do not.
 TOGETHER = 4.0
 # Fewer unknowns than this are solved at once.
 DIRECT = 400

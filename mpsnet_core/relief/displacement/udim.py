@@ -7,7 +7,7 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.bake.texture_sets import Sheet
+from mpsnet_core.bake.texture_sets import TextureSet
 from mpsnet_core.errors import InputError
 from mpsnet_core.relief.sizes import MAX_SIZE, check_square
 from mpsnet_core.scene.mesh import Mesh
@@ -37,7 +37,7 @@ class Tiles:
         # Tangents are those of the UVs as they were, which may hang together over a tile's border.
         return replace(mesh, uvs=uvs, given_tangents=mesh.tangents)
 
-    def joined(self, textures: Iterable[NDArray[np.float32]]) -> NDArray[np.float32]:
+    def join_meshes(self, textures: Iterable[NDArray[np.float32]]) -> NDArray[np.float32]:
         """(side S, side S, K) of the tiles' textures (S, S, K), asked for one by one; 0 where there is no tile.
 
         Raises InputError where they are not of one size, not square, or too large together.
@@ -72,6 +72,6 @@ class Tiles:
         return places
 
 
-def tiles_of(sheets: Sequence[Sheet]) -> Tiles:
+def tiles_of(sheets: Sequence[TextureSet]) -> Tiles:
     """The tiles of :func:`mpsnet_core.bake.texture_sets.sheets`."""
     return Tiles(np.array([sheet.corner for sheet in sheets], np.int64))

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.mask_regions import grown
+from mpsnet_core.arrays.mask_regions import dilated
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.relief.integration.fast import equations, fast
@@ -73,7 +73,7 @@ def _halved(wanted: Gradients) -> Gradients:
 
 
 def _doubled(depth: NDArray[np.float32], smaller: Gradients, mask: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Depth for all pixels of the mask from that of their blocks, each of which goes on as it slopes."""
+    """Depth for all pixels of the mask from that of their blocks, each of which goes on at its gradient."""
     doubled = np.zeros(mask.shape, np.float32)
     facing = np.maximum(smaller.facing, LEAST_FACING)
     right, down = smaller.right / facing, smaller.down / facing
@@ -91,9 +91,9 @@ def _searched(wanted: Gradients, depth: NDArray[np.float32]) -> NDArray[np.float
     After doubling, breaks run in steps of two pixels, and a pixel on the wrong side would stay there: it goes on as its
     neighbours on that side do, and its link to the right side is cut. With every doubling the steps would grow. So
     these pixels are laid between the surfaces on both sides, which stay, with most of the change where two neighbours
-    ask for different slopes or loops do not close; the passes that follow decide anew.
+    ask for different gradients or loops do not close; the passes that follow decide anew.
     """
-    beside = grown(_breaks(wanted, chosen_sides(wanted, depth)[0]), BESIDE - 1)
+    beside = dilated(_breaks(wanted, chosen_sides(wanted, depth)[0]), BESIDE - 1)
     weights, pulls = equations(wanted)
     slope_right, slope_down = (
         np.divide(values, wanted.facing, out=np.zeros_like(values), where=wanted.mask)
@@ -120,9 +120,9 @@ def _breaks(wanted: Gradients, weights: Links) -> NDArray[np.bool_]:
     return broken
 
 
-def _alike(slope: NDArray[np.float32], facing: NDArray[np.float32]) -> NDArray[np.float32]:
+def _alike(gradient: NDArray[np.float32], facing: NDArray[np.float32]) -> NDArray[np.float32]:
     """(N - 1, M) 0 to 1: how well the pixels (N, M) at both ends of links along the first axis agree."""
-    return 1 / (1 + np.square((slope[1:] - slope[:-1]) * np.minimum(facing[1:], facing[:-1]) / APART))
+    return 1 / (1 + np.square((gradient[1:] - gradient[:-1]) * np.minimum(facing[1:], facing[:-1]) / APART))
 
 
 def chosen_sides(wanted: Gradients, depth: NDArray[np.float32], off: float = OFF) -> tuple[Links, Links]:

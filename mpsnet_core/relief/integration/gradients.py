@@ -21,7 +21,7 @@ class Gradients:
 
     The unknown is depth along the camera's axis, in pixels, for an orthographic camera, and the logarithm of depth,
     times the focal length in pixels, for a perspective one. A factor of `facing` on both sides makes steep pixels,
-    whose slope is not known well, count less in least squares.
+    whose gradient is not known well, count less in least squares.
 
     facing, right, down: (H, W) float32, 0 outside the mask; facing is at least LEAST_FACING inside. mask: (H, W) bool.
     """

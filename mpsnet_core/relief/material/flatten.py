@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.block_means import block_means
-from mpsnet_core.relief.material.gradients import slopes_of
+from mpsnet_core.relief.material.gradients import gradients_of
 from mpsnet_core.scene.normal_map import normalised
 
 # A smooth surface is as well fitted to this many block means a side as to every pixel.
@@ -17,13 +17,13 @@ def flattened(normals: NDArray[np.float32], bend: int) -> tuple[NDArray[np.float
     """Slopes (H, W, 2) of the surface laid flat, and by how many degrees it was tilted.
 
     normals: (H, W, 3) unit vectors in camera space. The mean normal is turned to +z, then what is left of slow bend
-    is taken off the slopes, :func:`trend` with up to `bend` half waves from one side of the picture to the other.
+    is taken off the gradients, :func:`trend` with up to `bend` half waves from one side of the picture to the other.
     """
     rows, columns = (_window(side, 1) for side in normals.shape[:2])
     mean = normalised(np.einsum("hwc,h,w->c", normals, rows, columns, optimize=True))
     turned = normals @ _turn_to_z(mean).T.astype(np.float32)
-    slopes = slopes_of(turned)
-    return slopes - trend(slopes, bend), float(np.degrees(np.arctan2(np.hypot(*mean[:2]), mean[2])))
+    gradients = gradients_of(turned)
+    return gradients - trend(gradients, bend), float(np.degrees(np.arctan2(np.hypot(*mean[:2]), mean[2])))
 
 
 def evened(albedo: NDArray[np.float32], bend: int) -> NDArray[np.float32]:

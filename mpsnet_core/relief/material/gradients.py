@@ -11,18 +11,18 @@ from mpsnet_core.scene.normal_map import normalised
 STEEPEST = 5.0
 
 
-def slopes_of(normals: NDArray[np.float32]) -> NDArray[np.float32]:
+def gradients_of(normals: NDArray[np.float32]) -> NDArray[np.float32]:
     """(..., 2) height per length along columns (to the right) and along rows (downwards), of normals (..., 3).
 
     Those steeper than STEEPEST are taken as that steep.
     """
     facing = np.maximum(normals[..., 2:], 1 / STEEPEST)
-    slopes = normals[..., :2] / facing * np.array([-1, 1], np.float32)
-    steep = np.maximum(np.linalg.norm(slopes, axis=-1, keepdims=True) / STEEPEST, 1)
-    return (slopes / steep).astype(np.float32)
+    gradients = normals[..., :2] / facing * np.array([-1, 1], np.float32)
+    steep = np.maximum(np.linalg.norm(gradients, axis=-1, keepdims=True) / STEEPEST, 1)
+    return (gradients / steep).astype(np.float32)
 
 
-def normals_of(slopes: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(..., 3) unit normals, x right, y up, z towards the camera, of slopes (..., 2); inverse of :func:`slopes_of`."""
-    columns, rows = np.moveaxis(slopes, -1, 0)
+def normals_of(gradients: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(..., 3) unit normals, x right, y up, z towards the camera, of gradients (..., 2); as :func:`gradients_of`."""
+    columns, rows = np.moveaxis(gradients, -1, 0)
     return normalised(np.stack([-columns, rows, np.ones_like(rows)], axis=-1).astype(np.float32))

@@ -32,7 +32,7 @@ BRIGHTEST = 0.95
 class Material:
     """A tile of a flat material. Every picture goes on, beyond its last row and column, in its first.
 
-    normals: (H, W, 3) float32 unit vectors: x right, y up, z out of the material. Their slopes have mean 0.
+    normals: (H, W, 3) float32 unit vectors: x right, y up, z out of the material. Their gradients have mean 0.
     height: (H, W) float32 in millimetres, mean 0.
     curvature: (H, W) float32 in 1 / mm, above 0 where the material bulges.
     albedo: (H, W, 3) float32, linear, 0 to 1.
@@ -79,7 +79,7 @@ def flat_material(
 
     A tile of a weave is a whole number of its periods; of what does not repeat it is as large as the photo allows.
     Both borders are joined along the line where they differ least, in all pictures alike (Efros and Freeman 2001),
-    in slopes, so that normals stay unit vectors. The height comes of the normals that are joined already, and so
+    in gradients, so that normals stay unit vectors. The height comes of the normals that are joined already, and so
     repeats by itself.
 
     Raises InputError where a size, share or bend is not one, or the photo is too small or not filled.
@@ -95,22 +95,22 @@ def flat_material(
     progress(0.3, "looking for what repeats")
     tiling = find_tiling(_compared(features), overlap)
     tile = _tile_size(tiling, size)
-    joined = round(overlap * tile[0]), round(overlap * tile[1])
-    _check_joined(min(joined), overlap)
+    join_meshes = round(overlap * tile[0]), round(overlap * tile[1])
+    _check_joined(min(join_meshes), overlap)
     progress(0.5, "joining the borders")
-    patch = sampled(features, tiling, tile, joined)
+    patch = sampled(features, tiling, tile, join_meshes)
     del features  # of a large photo, as large as all that is still to come
-    pictures, cut = wrapped(patch, joined)
+    pictures, cut = wrapped(patch, join_meshes)
     del patch
     pictures = without_slow_waves(pictures, bend)
-    slopes = pictures[..., :2] - pictures[..., :2].mean(axis=(0, 1))
+    gradients = pictures[..., :2] - pictures[..., :2].mean(axis=(0, 1))
     width_mm, height_mm = (float(np.linalg.norm(step)) * pixel_mm for step in (tiling.right, tiling.down))
     pitch = width_mm / tile[1], height_mm / tile[0]
     progress(0.7, "integrating the height")
-    found = normals_of(slopes)
+    found = normals_of(gradients)
     return Material(
         found,
-        periodic_height(slopes, pitch),
+        periodic_height(gradients, pitch),
         _repeated_curvature(found, pitch),
         _within_range(np.exp(pictures[..., 2:])),
         width_mm,
@@ -182,16 +182,16 @@ def filled_part(capture: Capture, crop: tuple[int, int, int, int] | None = None)
 def _laid_flat(
     capture: Capture, normals: NormalMap, bend: int, grey: bool, progress: Progress
 ) -> tuple[NDArray[np.float32], float]:
-    """(H, W, 5) slopes along columns and rows and the albedo's logarithm, and the tilt that was taken out."""
+    """(H, W, 5) gradients along columns and rows and the albedo's logarithm, and the tilt that was taken out."""
     progress(0.0, "laying the material flat")
-    slopes, tilt = flattened(normals.vectors, bend)
+    gradients, tilt = flattened(normals.vectors, bend)
     progress(0.15, "estimating the albedo")
-    albedo = evened(estimated_albedo(capture, normals_of(slopes), grey=grey), bend)
-    return np.concatenate([slopes, np.log(albedo)], axis=-1), tilt
+    albedo = evened(estimated_albedo(capture, normals_of(gradients), grey=grey), bend)
+    return np.concatenate([gradients, np.log(albedo)], axis=-1), tilt
 
 
 def _compared(features: NDArray[np.float32]) -> NDArray[np.float32]:
-    """What counts where places are compared: slopes, and the brightness's logarithm, a like change of shading."""
+    """What counts where places are compared: gradients, and the brightness's logarithm, a like change of shading."""
     brightness = features[..., 2:].mean(axis=-1, keepdims=True)
     return np.concatenate([features[..., :2], brightness - brightness.mean()], axis=-1)
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.io.files import made_folder, read_json, write_json, written_together
+from mpsnet_core.io.files import ensure_folder, read_json, write_json, written_together
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.images import write_image
 from mpsnet_core.relief.curvature import curvature_picture, curvature_range
@@ -78,11 +78,11 @@ def write_material(
 
     Raises InputError where the folder cannot be made or written, and as :func:`material_files` does.
     """
-    files = material_files(made_folder(folder, "material"), name)
+    files = material_files(ensure_folder(folder, "material"), name)
     mask = np.ones(material.height.shape, bool)
     low, high = float(material.height.min()), float(material.height.max())
     bend = curvature_range(material.curvature, mask)
-    told = {**_told(material, low, high, bend), "convention": convention}
+    told = {**_description(material, low, high, bend), "convention": convention}
     with written_together():
         write_json(files["material"], {**told, "files": {what: files[what].name for what in PICTURES}})
         write_image(files["normal"], encode(material.normals, convention))
@@ -106,7 +106,7 @@ def repeated_picture(material: Material, repeats: int = REPEATS) -> NDArray[np.f
     return np.clip(np.tile(small, (repeats, repeats, 1)), 0, 1)
 
 
-def _told(material: Material, low: float, high: float, bend: float) -> dict[str, Any]:
+def _description(material: Material, low: float, high: float, bend: float) -> dict[str, Any]:
     rows, columns = material.height.shape
     return {
         "format": MATERIAL_FORMAT,

@@ -1,21 +1,22 @@
-"""The height of a surface that repeats, from its slopes."""
+"""The height of a surface that repeats, from its gradients."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 
-def periodic_height(slopes: NDArray[np.float32], pitch: tuple[float, float]) -> NDArray[np.float32]:
-    """(H, W) heights of mean 0, in the unit of `pitch`, whose slopes are as near to those given as can be.
+def periodic_height(gradients: NDArray[np.float32], pitch: tuple[float, float]) -> NDArray[np.float32]:
+    """(H, W) heights of mean 0, in the unit of `pitch`, whose gradients are as near to those given as can be.
 
-    slopes: (H, W, 2) along columns and rows (downwards), repeated without end in both directions, as are the heights:
-        their last row and column go on in their first. Slopes' means, which no such surface has, do not count.
+    gradients: (H, W, 2) along columns and rows (downwards), repeated without end in both directions, as are the
+        heights: their last row and column go on in their first. Gradients' means, which no such surface has, do not
+        count.
     pitch: the width and height of a pixel.
 
     The least-squares solution by Fourier transforms (Frankot and Chellappa 1988, equation 21).
     """
-    height, width = slopes.shape[:2]
+    height, width = gradients.shape[:2]
     across, down = _waves(height, width, pitch)
-    spectra = [np.fft.rfft2(slopes[..., axis]) for axis in (0, 1)]
+    spectra = [np.fft.rfft2(gradients[..., axis]) for axis in (0, 1)]
     power = across**2 + down**2
     power[0, 0] = 1  # the mean, which is 0
     spectrum = -1j * (across * spectra[0] + down * spectra[1]) / np.where(power > 0, power, 1)
@@ -26,8 +27,8 @@ def periodic_height(slopes: NDArray[np.float32], pitch: tuple[float, float]) -> 
 def without_slow_waves(values: NDArray[np.float32], half_waves: int) -> NDArray[np.float32]:
     """Repeated pictures (H, W, C) without the waves that go up and down no more than so many times within a tile.
 
-    Half a wave is one such time; waves that run aslant count by their root of squares. The mean stays. Of slopes these
-    are the waves that make the highest heights, and errors of a degree or less are enough for them.
+    Half a wave is one such time; waves that run aslant count by their root of squares. The mean stays. Of gradients
+    these are the waves that make the highest heights, and errors of a degree or less are enough for them.
     """
     height, width = values.shape[:2]
     across, down = np.fft.rfftfreq(width, 1 / width), np.fft.fftfreq(height, 1 / height)[:, None]
@@ -42,7 +43,7 @@ def without_slow_waves(values: NDArray[np.float32], half_waves: int) -> NDArray[
 
 def _waves(height: int, width: int, pitch: tuple[float, float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Wave numbers (radians a unit) along columns (1, W/2 + 1) and rows (H, 1); 0 for the shortest wave of an even
-    side, whose slope at the pixels is 0."""
+    side, whose gradient at the pixels is 0."""
     across, down = 2 * np.pi * np.fft.rfftfreq(width, pitch[0]), 2 * np.pi * np.fft.fftfreq(height, pitch[1])
     if width % 2 == 0:
         across[-1] = 0

@@ -12,7 +12,7 @@ def sampled(
 ) -> NDArray[np.float32]:
     """(H + overlap[0], W + overlap[1], C) the middle of the photo, along the tiling's steps.
 
-    features: (H', W', C), of which the first two are slopes along columns and rows; they become slopes along the
+    features: (H', W', C), of which the first two are gradients along columns and rows; they become gradients along the
         tiling's steps. size: (H, W) pixels of a tile. A tile along the photo's own pixels is cut out as it is.
     """
     steps = np.stack([tiling.right, tiling.down])

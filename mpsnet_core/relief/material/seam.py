@@ -40,7 +40,7 @@ def _wrapped_rows(
     first, second = patch[:overlap], patch[len(patch) - overlap :]
     apart = first - second
     coarse = _coarse(apart, max(1, overlap // FADED), closed)
-    line = least_cut(np.square(apart - coarse).sum(axis=-1), closed=closed)
+    line = minimum_cut(np.square(apart - coarse).sum(axis=-1), closed=closed)
     rows = np.arange(overlap)[:, None]
     share = _eased((rows - line + FEATHER) / (2 * FEATHER))[..., None]
     faded = _eased((rows[..., None] + 0.5) / overlap)
@@ -51,7 +51,7 @@ def _wrapped_rows(
     return done, cut
 
 
-def least_cut(cost: NDArray[np.floating], *, closed: bool) -> NDArray[np.int64]:
+def minimum_cut(cost: NDArray[np.floating], *, closed: bool) -> NDArray[np.int64]:
     """(W,) the row in each column of the line across `cost` (H, W) that costs least (Efros and Freeman 2001).
 
     From one column to the next the line moves by a row at most. It keeps FEATHER rows from the upper and lower edge.

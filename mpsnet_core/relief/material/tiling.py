@@ -12,7 +12,7 @@ LONGEST = 2048
 REFINED = 512
 # A tile of a weave is at least this share of the photo.
 LEAST = 0.4
-# A weave may lie turned by this slope at most, and its threads may be out of square by this.
+# A weave may lie turned by this gradient at most, and its threads may be out of square by this.
 TURN, SKEW = 0.1, 0.03
 # How alike the photo and itself, a step further, have to be for a weave. What does not repeat comes to 0.1 or 0.2;
 # where it comes to more by chance, it is joined the better for it.
@@ -145,8 +145,8 @@ def _chosen(across: _Peaks, down: _Peaks, frame: NDArray[np.float64]) -> list[_F
     # The one that is more alike to itself, or none.
     axis = int(across.alike.max(initial=0) < down.alike.max(initial=0))
     peaks = (across, down)[axis]
-    slope = np.abs(peaks.steps[:, 1 - axis] / peaks.steps[:, axis])
-    fitting = np.flatnonzero(peaks.steps[:, axis] + slope * frame[1 - axis] <= frame[axis])
+    gradient = np.abs(peaks.steps[:, 1 - axis] / peaks.steps[:, axis])
+    fitting = np.flatnonzero(peaks.steps[:, axis] + gradient * frame[1 - axis] <= frame[axis])
     if len(fitting):
         found[axis] = peaks.steps[fitting[0]], float(peaks.alike[fitting[0]])
     return found

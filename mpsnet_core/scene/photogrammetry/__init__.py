@@ -1,7 +1,7 @@
 """Cameras from photogrammetry: COLMAP, Metashape and AliceVision (Meshroom), with their lenses.
 
-:func:`read_cameras` reads what any of them wrote, :func:`find_photo` finds the photos, :func:`as_shown` turns a camera
-as the photo's EXIF orientation turns the photo, and :func:`undistorted` takes the lens out of it.
+:func:`read_cameras` reads what any of them wrote, :func:`find_photo` finds the photos, :func:`as_displayed` turns a
+camera as the photo's EXIF orientation turns the photo, and :func:`undistorted` takes the lens out of it.
 """
 
 import os
@@ -12,12 +12,12 @@ from mpsnet_core.scene.photogrammetry.alicevision import read_alicevision
 from mpsnet_core.scene.photogrammetry.colmap import read_colmap
 from mpsnet_core.scene.photogrammetry.lens import Lens, photo_points, undistorted, undistorted_mask
 from mpsnet_core.scene.photogrammetry.metashape import read_metashape
-from mpsnet_core.scene.photogrammetry.posed_photo import PosedPhoto, as_shown, find_photo, turned
+from mpsnet_core.scene.photogrammetry.posed_photo import PosedPhoto, as_displayed, find_photo, turned
 
 __all__ = [
     "Lens",
     "PosedPhoto",
-    "as_shown",
+    "as_displayed",
     "find_photo",
     "photo_points",
     "read_cameras",

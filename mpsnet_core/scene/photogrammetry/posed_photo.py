@@ -116,7 +116,7 @@ def _is_file(path: Path) -> bool:
         return False
 
 
-def as_shown(posed: PosedPhoto, file: str | os.PathLike[str]) -> PosedPhoto:
+def as_displayed(posed: PosedPhoto, file: str | os.PathLike[str]) -> PosedPhoto:
     """`posed` turned as :func:`mpsnet_core.io.images.read_image` turns the photo in `file` by its EXIF orientation.
 
     Photogrammetry programs measure in photos as they are stored, whichever way up the camera was held.

@@ -17,7 +17,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.io.claims import Claims
 from mpsnet_core.io.files import resolved, writable_path
 from mpsnet_core.io.images import is_whole
-from mpsnet_core.io.provenance import is_made
+from mpsnet_core.io.provenance import is_up_to_date
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.contact_sheet import contact_sheet, sheet_line, write_sheet
 from mpsnet_core.synthesis.farm.work import THIS_PYTHON, Answer, Answers, Worker, WorkerLost, clear_unfinished
@@ -272,7 +272,7 @@ class _GrowingSheet:
     def _write(self) -> None:
         files = [sample_path(self._folder, number) for number in sorted(samples_there(self._folder))]
         line = sheet_line(files)  # before they are read: one that changes meanwhile makes the sheet out of date
-        if is_made(self._folder / CONTACT_SHEET, line):
+        if is_up_to_date(self._folder / CONTACT_SHEET, line):
             return
         picture = contact_sheet(files)
         if picture is None:

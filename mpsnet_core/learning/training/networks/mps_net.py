@@ -77,7 +77,7 @@ class MpsNet(_Layers):
             raise ValueError(f"patch {patch!r} is not an odd number from 1 to 15")
         self.patch = patch
         middle, large = self.maps
-        # A single pixel is what it is with either stride; oneDNN's bfloat16 slopes of stride 2 on it are not finite.
+        # A single pixel is what it is with either stride; oneDNN's bfloat16 gradients of stride 2 on it are not finite.
         self.conv9 = _normed(large, middle, stride=2 if patch > 1 else 1)
         self.conv10 = convolution(middle, 3, (patch + 1) // 2, padding=0)
 
