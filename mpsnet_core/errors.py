@@ -1,5 +1,7 @@
 """What goes wrong and is not a fault of the program, and how that is said."""
 
+from collections.abc import Collection
+
 # A sentence with two paths in it is about half as long.
 LONGEST = 500
 
@@ -12,6 +14,14 @@ class InputError(Exception):
 
     def __init__(self, sentence: str = "") -> None:
         super().__init__(in_one_line(sentence))
+
+
+def check_choice(what: str, value: object, choices: Collection[object]) -> None:
+    """Raises InputError where `value` is none of `choices`; `what` names it in the sentence."""
+    if value not in choices:
+        *others, last = map(str, choices)
+        known = f"{', '.join(others)} or {last}" if others else last
+        raise InputError(f"{what} {value!r} is not known; choose {known}")
 
 
 class Cancelled(Exception):

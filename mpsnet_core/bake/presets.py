@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, check_choice
 
 if TYPE_CHECKING:  # this module is imported into Blender, where OpenImageIO is not
     from mpsnet_core.scene.normal_map import Convention
@@ -57,8 +57,7 @@ PRESETS = {
 
 def preset_named(name: str) -> Preset:
     """The preset of that name. Raises InputError where there is none."""
-    if name not in PRESETS:
-        raise InputError(f"preset {name!r} is not known; choose {', '.join(PRESETS)}")
+    check_choice("preset", name, PRESETS)
     return PRESETS[name]
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from mpsnet_core.bake.padding import PADDINGS, Padding
 from mpsnet_core.bake.texture import SPACES, Space
 from mpsnet_core.defaults import MARGIN, TEXTURE_SIZE
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, check_choice
 
 MAX_SIZE = 16384
 MAX_STRENGTH = 2.0
@@ -37,9 +37,7 @@ class Baking:
 
     def __post_init__(self) -> None:
         check_texture(self.size, self.space, self.margin)
-        if self.padding not in PADDINGS:
-            known = f"{', '.join(PADDINGS[:-1])} or {PADDINGS[-1]}"
-            raise InputError(f"padding {self.padding!r} is not known; choose {known}")
+        check_choice("padding", self.padding, PADDINGS)
         if self.samples not in SAMPLES:
             raise InputError(f"{self.samples} x {self.samples} samples a texel cannot be baked; choose 1, 2 or 4")
         if not 0 <= self.feather <= 1:
@@ -53,8 +51,7 @@ def check_texture(size: int, space: str, margin: int) -> None:
         raise InputError(f"a texture of {size} texels cannot be baked; choose a size from 1 to {MAX_SIZE}")
     if not 0 <= margin <= MAX_SIZE:
         raise InputError(f"islands cannot be grown by a margin of {margin} texels; choose 0 to {MAX_SIZE}")
-    if space not in SPACES:
-        raise InputError(f"space {space!r} is not known; choose {' or '.join(SPACES)}")
+    check_choice("space", space, SPACES)
 
 
 def check_strength(strength: float) -> None:

@@ -1,7 +1,6 @@
 """How the command line takes its arguments."""
 
 import argparse
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
 from mpsnet_core.defaults import MARGIN, TEXTURE_SIZE
@@ -210,33 +209,3 @@ def parse_viewpoint(options: argparse.Namespace) -> tuple[Any, Any]:
         except InputError as error:
             raise InputError(f"camera {options.camera}: {error}") from None
     return camera, options.distance
-
-
-def slant_and_tilt(option: str, given: str) -> tuple[float, float]:
-    """Slant and tilt in degrees, as an option of the command line gives them. Raises InputError where it does not."""
-    try:
-        slant, tilt = map(float, given.split(","))
-    except ValueError:
-        slant = tilt = float("nan")
-    if not (0 <= slant <= 90 and abs(tilt) <= 360):
-        raise InputError(f"{option} {given} is not known; give slant (0 to 90) and tilt in degrees, as 45,135")
-    return slant, tilt
-
-
-def read_files(options: argparse.Namespace) -> list[Path]:
-    """The files that options of :func:`add_reading` and :func:`add_viewpoint`, --white and --onto mean, in folders and
-    patterns one by one: what no result may overwrite.
-
-    Raises InputError where a folder or a pattern means none.
-    """
-    from mpsnet_core.capture.masks import mask_source
-    from mpsnet_core.io.frames import expand_images, is_several
-
-    mask = None if options.mask in (None, "mesh") else mask_source(options.mask)  # mesh is a word of views
-    meshes = getattr(options, "mesh", None) or []
-    files = [Path(given) for given in ([meshes] if isinstance(meshes, str) else meshes)]
-    files += [Path(given) for name in ("camera", "onto") if (given := getattr(options, name, None))]
-    white = getattr(options, "white", None) or []
-    for given in filter(None, (mask, options.dark, options.flat, *white)):
-        files += expand_images([given]) if is_several(given) else [Path(given)]
-    return files

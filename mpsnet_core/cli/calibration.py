@@ -10,7 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mpsnet_core.cli.arguments import Help, Verbs, add_reading, parse_correction, read_files
+from mpsnet_core.capture.operations import files_read
+from mpsnet_core.cli.arguments import Help, Verbs, add_reading, parse_correction
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.errors import InputError
 
@@ -441,7 +442,7 @@ def _inputs(given: Sequence[str], options: argparse.Namespace) -> list[Path]:
         writable_path(output)
         # The rig may be read whole and then written anew; nothing else may take its place.
         rig = [options.rig] if number and "rig" in options else []
-        check_apart([*files, *read_files(options), *rig, *outputs[:number]], [output])
+        check_apart([*files, *files_read(options), *rig, *outputs[:number]], [output])
     if options.overlay:
         checked_bits(Path(options.overlay), 8)
     return files

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mpsnet_core import __version__
+from mpsnet_core.capture.operations import FindMask, Superpose
 from mpsnet_core.cli import (
     EXIT_BAD_INPUT,
     EXIT_CANCELLED,
@@ -19,16 +20,16 @@ from mpsnet_core.cli import (
     cameras,
     evaluation,
     integrate,
-    masks,
     material,
-    photos,
     samples,
     training,
     views,
 )
 from mpsnet_core.cli.arguments import Parser
+from mpsnet_core.cli.operations import add_operation
 from mpsnet_core.cli.reporter import Notes, Reporter, refuse
 from mpsnet_core.errors import InputError, printable
+from mpsnet_core.estimate.operations import Estimate, ListModels
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -117,7 +118,9 @@ def _parser() -> argparse.ArgumentParser:
     common.add_argument(
         "--progress", choices=("auto", "bar", "json", "none"), default="auto", help="how to tell progress"
     )
-    groups = (photos, calibration, masks, bake, integrate, material, cameras, views, samples, training, evaluation)
+    for operation in (Estimate, Superpose, FindMask, ListModels):
+        add_operation(verbs, common, operation)
+    groups = (calibration, bake, integrate, material, cameras, views, samples, training, evaluation)
     for group in groups:
         group.add_verbs(verbs, common)
     return parser

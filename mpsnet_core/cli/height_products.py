@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mpsnet_core.cli.arguments import slant_and_tilt
 from mpsnet_core.errors import InputError
 from mpsnet_core.progress import Progress
+from mpsnet_core.scene.rig import slant_and_tilt
 
 if TYPE_CHECKING:
     import numpy as np

@@ -11,7 +11,7 @@ from mpsnet_core.cli.height_products import PRODUCTS, Surface
 from mpsnet_core.cli.on_uvs import add_on_uvs, integrate_on_uvs
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.defaults import CURVATURE_RADIUS, FACES
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, check_choice
 from mpsnet_core.progress import Progress, part
 
 log = logging.getLogger(__name__)
@@ -134,8 +134,7 @@ def _integrate(parser: argparse.ArgumentParser, options: argparse.Namespace, rep
         return integrate_on_uvs(options, reporter)
     for file in (options.normals, options.height or ""):
         check_one_texture(file)
-    if options.method not in METHODS:
-        raise InputError(f"method {options.method!r} is not known; choose {' or '.join(METHODS)}")
+    check_choice("method", options.method, METHODS)
     asked = {name: product for name, product in PRODUCTS.items() if getattr(options, name)}
     if not asked:
         wanted = ", ".join(f"--{name}" for name in PRODUCTS)

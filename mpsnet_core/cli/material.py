@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+from mpsnet_core.capture.operations import files_read
 from mpsnet_core.cli.arguments import (
     Help,
     Verbs,
@@ -14,7 +15,6 @@ from mpsnet_core.cli.arguments import (
     parse_correction,
     parse_estimator,
     parse_viewpoint,
-    read_files,
 )
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.defaults import BEND, OVERLAP
@@ -85,7 +85,7 @@ def _material(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]
     if Path(options.output).suffix.lower() in IMAGE_SUFFIXES:
         raise InputError(f"--output {options.output} ends like a picture; give the folder for all of them")
     folder = makeable_folder(options.output, "material")
-    check_apart([photo, options.rig, *read_files(options)], material_files(folder, name).values())
+    check_apart([photo, options.rig, *files_read(options)], material_files(folder, name).values())
     rig, correction, (camera, depth) = read_rig(options.rig), parse_correction(options), parse_viewpoint(options)
     estimator = parse_estimator(options, MODEL)
     reporter.progress(0.0, f"reading {photo.name}")

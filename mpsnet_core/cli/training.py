@@ -7,7 +7,7 @@ from typing import Any
 
 from mpsnet_core.cli.arguments import Help, Verbs
 from mpsnet_core.cli.reporter import Reporter
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, check_choice
 from mpsnet_core.estimate.registry import find_network, registered_models
 from mpsnet_core.io.files import makeable_folder, writable_path
 from mpsnet_core.io.frames import check_apart
@@ -64,8 +64,7 @@ def _train(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     from mpsnet_core.learning.training.recipe import read_recipe
 
     output = _model_path(options.output)
-    if options.precision not in PRECISIONS:
-        raise InputError(f"precision {options.precision!r} is not known; choose {', '.join(PRECISIONS)}")
+    check_choice("precision", options.precision, PRECISIONS)
     note_removed_options(options)
     for name in ("threads", "stop_after", "anneal"):
         if getattr(options, name) < 0:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mpsnet_core.capture.operations import files_read
 from mpsnet_core.cli.arguments import (
     Help,
     Verbs,
@@ -22,7 +23,6 @@ from mpsnet_core.cli.arguments import (
     parse_baking,
     parse_correction,
     parse_estimator,
-    read_files,
 )
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.cli.sheets import format_textures, planned, seen_share, textures_result, write_textures
@@ -128,7 +128,7 @@ def _views(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
     if options.json:
         writable_path(options.json)
     outputs = [file for file in (options.output, options.report, options.json) if file]
-    inputs = [Path(options.rig), *files_within(options.cameras), *read_files(options)]
+    inputs = [Path(options.rig), *files_within(options.cameras), *files_read(options)]
     for number, file in enumerate(outputs):
         check_apart([*inputs, *outputs[:number]], [file])
     if options.lights_in == "world":

@@ -11,7 +11,7 @@ import onnxruntime
 from numpy.typing import NDArray
 
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, check_choice
 from mpsnet_core.estimate.card import ModelCard, card_from_metadata, record_from_metadata
 from mpsnet_core.estimate.dense import dense_answer
 from mpsnet_core.estimate.distant_lights import as_distant_lights, turn_back
@@ -138,8 +138,7 @@ _RUNTIME_ERRORS: tuple[type[Exception], ...] = (
 
 
 def _session(path: Path, provider: str, threads: int) -> Any:
-    if provider not in PROVIDERS:
-        raise InputError(f"provider {provider!r} is not known; choose {', '.join(PROVIDERS)}")
+    check_choice("provider", provider, PROVIDERS)
     present = onnxruntime.get_available_providers()
     if PROVIDERS[provider] not in present:
         usable = ", ".join(name for name, full in PROVIDERS.items() if full in present)

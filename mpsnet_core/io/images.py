@@ -14,7 +14,7 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, check_choice
 from mpsnet_core.io.files import RAW_SUFFIXES, existing_file, is_utf8, written_whole
 from mpsnet_core.io.image import MAX_PIXELS, Image, libraries_silent, linear_to_srgb, srgb_to_linear, storage_type
 from mpsnet_core.io.raw import read_raw
@@ -88,8 +88,7 @@ def read_image(
 
     Raises InputError where the file is missing, broken, too large, not RGB, or the layer is not there or not told.
     """
-    if encoding not in ENCODINGS:
-        raise InputError(f"encoding {encoding!r} is not known; choose {', '.join(ENCODINGS)}")
+    check_choice("encoding", encoding, ENCODINGS)
     path = Path(path)
     if path.suffix.lower() in RAW_SUFFIXES:
         return _read_raw(path, encoding, layer)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from mpsnet_core import __version__
 from mpsnet_core.io.files import existing_file
+from mpsnet_core.operation import Operation, provenance_values
 
 
 def provenance_line(what: str, facts: str) -> str:
@@ -50,3 +51,18 @@ def content(file: str | os.PathLike[str]) -> str:
 def _stamp(file: Path) -> str:
     facts = existing_file(file, "file").stat()
     return f"{file.name} {facts.st_size} {facts.st_mtime_ns}"
+
+
+def operation_facts(operation: Operation, **more: str) -> str:
+    """Text that changes with every option of an operation that makes another result, and with `more` facts.
+
+    Raises InputError where a file that is given is not there.
+    """
+    facts = dict(more)
+    for setting, value in provenance_values(operation):
+        kind = setting.option.provenance
+        if kind == "value" or value is None:
+            facts[setting.name] = repr(value)
+        else:  # files that are small and often written anew count by what they hold
+            facts[setting.name] = content(value) if kind == "content" else identity(value)
+    return "\n".join(f"{name}: {fact}" for name, fact in sorted(facts.items()))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, check_choice
 from mpsnet_core.io.images import read_channel, read_data, write_bands
 
 Convention = Literal["opengl", "directx"]
@@ -84,8 +84,7 @@ def decode(colours: NDArray[Any], convention: Convention = "opengl") -> NDArray[
 
 def check_convention(convention: str) -> None:
     """Raises InputError where `convention` is neither "opengl" nor "directx"."""
-    if convention not in CONVENTIONS:
-        raise InputError(f"convention {convention!r} is not known; choose {' or '.join(CONVENTIONS)}")
+    check_choice("convention", convention, CONVENTIONS)
 
 
 def _signs(convention: Convention) -> NDArray[np.float32]:

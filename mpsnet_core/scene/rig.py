@@ -169,6 +169,17 @@ class LightRig:
         return angles_of(self.directions)[1]
 
 
+def slant_and_tilt(option: str, given: str) -> tuple[float, float]:
+    """Slant and tilt in degrees, as an option has them: "45,135". Raises InputError where it has not."""
+    try:
+        slant, tilt = map(float, given.split(","))
+    except ValueError:
+        slant = tilt = float("nan")
+    if not (0 <= slant <= 90 and abs(tilt) <= 360):
+        raise InputError(f"{option} {given} is not known; give slant (0 to 90) and tilt in degrees, as 45,135")
+    return slant, tilt
+
+
 def direction_from_angles(slant: ArrayLike, tilt: ArrayLike) -> NDArray[np.float64]:
     """Unit vector(s), shape (..., 3), of light(s) at `slant` from +z and `tilt` from +x towards +y, in degrees."""
     slant, tilt = np.radians(np.asarray(slant, float)), np.radians(np.asarray(tilt, float))

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, check_choice
 from mpsnet_core.io.claims import Claims
 from mpsnet_core.io.files import ensure_folder, read_json, write_json
 
@@ -116,8 +116,7 @@ class SampleJob:
 
 
 def _one_of(what: str, value: object, known: tuple[str, ...]) -> None:
-    if value not in known:
-        raise InputError(f"{what} {value!r} is not known; choose {', '.join(known)}")
+    check_choice(what, value, known)
 
 
 def sample_path(folder: str | os.PathLike[str], number: int) -> Path:

@@ -601,7 +601,7 @@ IMAGES: list[Case] = [
     (
         "unknown encoding",
         lambda b: read_image(b.photo(), encoding="log"),
-        "encoding 'log' is not known; choose auto, linear, srgb",
+        "encoding 'log' is not known; choose auto, linear or srgb",
     ),
     (
         "a PNG header of 10^10 pixels",
@@ -968,7 +968,7 @@ MODELS: list[Case] = [
     (
         "unknown provider",
         lambda b: estimate_normals(SPHERE.capture(), pass_through(b / "m.onnx"), provider="gpu"),
-        "provider 'gpu' is not known; choose cpu, cuda, directml, coreml",
+        "provider 'gpu' is not known; choose cpu, cuda, directml or coreml",
     ),
 ]
 
@@ -1279,16 +1279,16 @@ COMMANDS: list[Case] = [
     ("unknown verb", lambda b: b.run("paint"), "'paint'…see mpsnet --help"),
     ("no rig", lambda b: b.run("estimate", b.photo(), "-o", b / "n.png"), "--rig; see mpsnet estimate --help"),
     ("unknown option", lambda b: b.estimate(colour="red"), "--colour…see mpsnet"),
-    ("unknown provider", lambda b: b.estimate(provider="gpu"), "--provider…'gpu'…cpu"),
+    ("unknown provider", lambda b: b.estimate(provider="gpu"), "provider 'gpu' is not known; choose cpu"),
     (
         "unknown encoding",
         lambda b: b.estimate(encoding="log"),
-        "encoding 'log' is not known; choose auto, linear, srgb",
+        "encoding 'log' is not known; choose auto, linear or srgb",
     ),
     (
         "a number of passes that no network takes",
         lambda b: b.run("estimate", "p.png", "--rig", "r.json", "--passes", "2", "-o", "n.png"),
-        "--passes…invalid choice…2…see mpsnet estimate --help",
+        "passes 2 is not known; choose 1 or 3",
     ),
     (
         "passes in turn of a network that knows no turns",
@@ -1325,7 +1325,7 @@ DILIGENT: list[Case] = [
     (
         "unknown protocol",
         lambda b: b.evaluate("--protocol", "mixed"),
-        "protocol 'mixed' is not known; choose separated, published, white",
+        "protocol 'mixed' is not known; choose separated, published or white",
     ),
     ("unknown model", lambda b: b.evaluate("--model", "mpsnet9"), "no model 'mpsnet9'"),
     (
@@ -1487,7 +1487,7 @@ EVALUATIONS: list[Case] = [
     (
         "colours by an unknown protocol",
         lambda b: b.run("evaluate", "colour", "--protocol", "ideal"),
-        "protocol 'ideal' is not known; choose separated, published, white",
+        "protocol 'ideal' is not known; choose separated, published or white",
     ),
     (
         "a page of colours of another kind",

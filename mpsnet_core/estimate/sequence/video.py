@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, check_choice
 from mpsnet_core.estimate.sequence.source import Frame, Masks
 from mpsnet_core.io.files import VIDEO_SUFFIXES, existing_file
 from mpsnet_core.io.frames import RESULT, results_folder
@@ -62,8 +62,7 @@ def read_video_header(path: str | os.PathLike[str], *, encoding: Encoding = "aut
     that "auto" does not undo.
     """
     path = existing_file(path, "video")
-    if encoding not in ENCODINGS:
-        raise InputError(f"encoding {encoding!r} is not known; choose {', '.join(ENCODINGS)}")
+    check_choice("encoding", encoding, ENCODINGS)
     with _opened(path) as container:
         stream = container.streams.video[0]
         codec = stream.codec_context

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, check_choice
 from mpsnet_core.estimate.lambertian import usable_channels
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.images import read_data, read_mask
@@ -38,8 +38,7 @@ BRIGHT_FACING = "bright_facing_mae_deg"
 
 def protocol_weights(protocol: str) -> NDArray[np.float64]:
     """(3, 3) weights of a protocol of :data:`PROTOCOLS`. Raises InputError where there is none of that name."""
-    if protocol not in PROTOCOLS:
-        raise InputError(f"protocol {protocol!r} is not known; choose {', '.join(PROTOCOLS)}")
+    check_choice("protocol", protocol, PROTOCOLS)
     return PROTOCOLS[protocol]
 
 

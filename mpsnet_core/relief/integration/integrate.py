@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import labelled
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, check_choice
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.relief.height_map import HeightMap, pixel_camera
 from mpsnet_core.relief.integration.bilateral import bilateral
@@ -59,8 +59,7 @@ def _check(normals: NormalMap, camera: Camera, method: str, distance: float | No
             f"the camera is {camera.width} x {camera.height} but its normals are {width} x {height}; "
             "give the camera that the photo was taken with"
         )
-    if method not in METHODS:
-        raise InputError(f"method {method!r} is not known; choose {' or '.join(METHODS)}")
+    check_choice("method", method, METHODS)
     if distance is None:
         return
     if not (np.isfinite(distance) and distance > 0):

@@ -1,0 +1,222 @@
+"""Operations of the capture: photos put together, and masks found."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.operation import Operation, Result, option
+from mpsnet_core.progress import Progress, silent
+
+if TYPE_CHECKING:
+    from mpsnet_core.capture.correction import Correction
+    from mpsnet_core.scene.camera import Camera
+
+
+@dataclass(frozen=True)
+class ReadsPhotos(Operation):
+    """How photos are read: their encoding and layer, dark frame and flat field."""
+
+    encoding: Literal["auto", "linear", "srgb"] = option(
+        "auto", choices=("auto", "linear", "srgb"), help="how the photo's values are meant: auto, linear or srgb"
+    )
+    layer: str | None = option(None, help="layer of a multi-layer EXR")
+    dark: str | None = option(
+        None,
+        help="photo(s) with the three lights off, to take off: a file, or a folder or pattern to average",
+        provenance="files",
+    )
+    flat: str | None = option(
+        None,
+        help="photo(s) of an even white card in the object's place, to divide by: as --dark; not with near lights",
+        provenance="files",
+    )
+    flat_smooth: int = option(0, metavar="PIXELS", help="leave out the card's grain, finer than so many")
+
+    def correction(self) -> "Correction | None":
+        """Dark frame and flat field, None where neither is given.
+
+        Raises InputError as `read_correction` does, and where the flat field to smooth is lacking.
+        """
+        from mpsnet_core.capture.correction import read_correction
+
+        if self.flat_smooth and self.flat is None:
+            raise InputError("--flat-smooth smooths the flat field; give --flat, or leave it out")
+        if self.dark is None and self.flat is None:
+            return None
+        return read_correction(self.dark, self.flat, encoding=self.encoding, layer=self.layer, smooth=self.flat_smooth)
+
+
+@dataclass(frozen=True)
+class HasViewpoint(Operation):
+    """Where a photo was taken from: camera or lens, and how far the object was."""
+
+    camera: str | None = option(
+        None, help="camera file: for perspective, and where the rig's lights are near", provenance="content"
+    )
+    focal: float | None = option(None, metavar="MM", help="in its place the lens, in mm on a 36 mm sensor")
+    mesh: str | None = option(
+        None,
+        help="the object's mesh in the camera's world: how far each pixel is from near lights",
+        provenance="content",
+    )
+    distance: float | None = option(None, help="in its place one distance of the object from the camera")
+
+    def viewpoint(self) -> "tuple[Camera | float | None, Any]":
+        """Camera (or focal length) and depth (or distance), None where not given.
+
+        Raises InputError where both of a pair are given, a mesh is given without a camera, or a file cannot be read.
+        """
+        from mpsnet_core.scene.camera import read_camera
+        from mpsnet_core.scene.mesh import read_mesh
+        from mpsnet_core.scene.mesh_depth import depth_of_mesh
+        from mpsnet_core.scene.rays import RayScene
+
+        if self.camera and self.focal is not None:
+            raise InputError("--camera and --focal both tell the lens; give one of them")
+        if self.mesh and self.distance is not None:
+            raise InputError("--mesh and --distance both tell how far the object is; give one of them")
+        if self.mesh and not self.camera:
+            raise InputError("--mesh needs --camera, which tells where the mesh was seen from; give it")
+        if not self.camera:
+            return self.focal, self.distance
+        camera = read_camera(self.camera)
+        if not self.mesh:
+            return camera, self.distance
+        mesh = read_mesh(self.mesh, shape_only=True)
+        try:
+            return camera, depth_of_mesh(camera, RayScene(mesh.world_vertices, mesh.triangles))
+        except InputError as error:
+            raise InputError(f"camera {self.camera}: {error}") from None
+
+
+@dataclass(frozen=True)
+class PhotoMade(Result):
+    """Where the photo of all lights is."""
+
+    output: str
+
+
+@dataclass(frozen=True)
+class Superpose(Operation):
+    """Photos that show one light each become one photo."""
+
+    command: ClassVar[str] = "superpose"
+
+    image: tuple[str, ...] = option(positional=True, help="photos of a thing that did not move, one for each light")
+    encoding: Literal["auto", "linear", "srgb"] = option(
+        "auto", choices=("auto", "linear", "srgb"), help="how the photos' values are meant: auto, linear or srgb"
+    )
+    channels: bool = option(
+        False,
+        help="of three photos, each under one white light in the rig's order, make the red, green and blue channel",
+    )
+    output: str = option(
+        short="-o",
+        help="the photo under all lights: .exr, or a float .tif; with --channels also .png (sRGB, 16 bits)",
+    )
+
+    def run(self, progress: Progress = silent) -> PhotoMade:
+        """Write the photo, and say where it is."""
+        import numpy as np
+
+        from mpsnet_core.capture.superpose import as_channels, superpose
+        from mpsnet_core.io.frames import check_apart
+        from mpsnet_core.io.image import linear_to_srgb
+        from mpsnet_core.io.images import checked_bits, write_image
+
+        check_apart(self.image, [self.output])
+        is_png = self.channels and Path(self.output).suffix.lower() == ".png"
+        # A sum of light can be above 1, which only float files hold.
+        bits = checked_bits(Path(self.output), None if is_png else 32)
+        progress(0.0, "putting the photos together")
+        together = as_channels if self.channels else superpose
+        pixels, alpha = together(self.image, encoding=self.encoding)
+        if is_png:
+            pixels = linear_to_srgb(pixels / max(1.0, float(pixels.max())))
+        planes = [pixels] if alpha is None else [pixels, alpha[..., None]]
+        space = "sRGB" if is_png else "lin_rec709_scene"
+        write_image(self.output, np.concatenate(planes, axis=-1), bits=bits, color_space=space)
+        progress(1.0, "done")
+        done = "a channel each" if self.channels else "added up"
+        return PhotoMade(self.output, text=f"{self.output}: {len(self.image)} photo(s), {done}")
+
+
+@dataclass(frozen=True)
+class MaskFound(Result):
+    """Where the mask is, and the share of the photo that it covers."""
+
+    output: str
+    overlay: str | None
+    share: float
+
+
+@dataclass(frozen=True)
+class FindMask(ReadsPhotos):
+    """Find the object in a photo, and show it."""
+
+    command: ClassVar[str] = "mask"
+
+    image: str = option(positional=True, help="photo")
+    mask: str = option(
+        "auto",
+        help="auto: before a dark or plain background; background:FILE, a photo of the scene without the object; "
+        "threshold:0.05, alpha, or a mask file to look at; alpha-or-all is what `estimate` does without --mask",
+    )
+    overlay: str | None = option(None, metavar="FILE", help="also write the photo with the mask drawn over it")
+    output: str = option(short="-o", help="mask file, white on the object: .png, .tif or .exr")
+
+    def run(self, progress: Progress = silent) -> MaskFound:
+        """Write the mask, and the overlay where one is asked for."""
+        from mpsnet_core.capture.correction import corrected
+        from mpsnet_core.capture.masks import find_mask
+        from mpsnet_core.io.files import writable_path, written_together
+        from mpsnet_core.io.frames import check_apart
+        from mpsnet_core.io.images import checked_bits, read_image, write_image
+        from mpsnet_core.scene.pictures import mask_picture
+
+        outputs = [self.output, *([self.overlay] if self.overlay else [])]
+        for number, output in enumerate(outputs):
+            checked_bits(writable_path(output))
+            check_apart([self.image, *files_read(self), *outputs[:number]], [output])
+        progress(0.0, f"reading {Path(self.image).name}")
+        image = read_image(self.image, encoding=self.encoding, layer=self.layer)
+        correction = self.correction()
+        progress(0.4, "looking for the object")
+        try:
+            if correction is not None:
+                image = corrected(image, correction)
+            choice = None if self.mask == "alpha-or-all" else self.mask
+            mask = find_mask(image, choice, encoding=self.encoding, layer=self.layer, correction=correction)
+        except InputError as error:
+            raise InputError(f"{self.image}: {error}") from None
+        if mask.shape != image.pixels.shape[:2]:
+            sizes = [f"{array.shape[1]} x {array.shape[0]}" for array in (mask, image.pixels)]
+            raise InputError(f"{self.mask} is {sizes[0]} but {self.image} is {sizes[1]}; they must be the same size")
+        progress(0.8, f"writing {Path(self.output).name}")
+        with written_together():
+            write_image(self.output, mask, bits=None if Path(self.output).suffix.lower() == ".exr" else 8)
+            if self.overlay:
+                write_image(self.overlay, mask_picture(image.pixels, mask), color_space="sRGB")
+        progress(1.0, "done")
+        share = float(mask.mean())
+        text = f"{self.output}: the object covers {share:.1%} of the photo"
+        return MaskFound(self.output, self.overlay, round(share, 4), text=text)
+
+
+def files_read(given: Any) -> list[Path]:
+    """The files that options of photos and their place, ``white`` and ``onto`` mean, in folders and patterns one by
+    one: what no result may overwrite.
+
+    Raises InputError where a folder or a pattern means none.
+    """
+    from mpsnet_core.capture.masks import mask_source
+    from mpsnet_core.io.frames import expand_images, is_several
+
+    mask = None if given.mask in (None, "mesh") else mask_source(given.mask)  # mesh is a word of views
+    meshes = getattr(given, "mesh", None) or []
+    files = [Path(one) for one in ([meshes] if isinstance(meshes, str) else meshes)]
+    files += [Path(one) for name in ("camera", "onto") if (one := getattr(given, name, None))]
+    for one in filter(None, (mask, given.dark, given.flat, *(getattr(given, "white", None) or ()))):
+        files += expand_images([one]) if is_several(one) else [Path(one)]
+    return files

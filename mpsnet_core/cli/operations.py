@@ -1,0 +1,56 @@
+"""The command line of an operation, generated from its description."""
+
+import argparse
+from typing import Any
+
+from mpsnet_core.cli.arguments import Help, Verbs
+from mpsnet_core.cli.reporter import Reporter
+from mpsnet_core.operation import Operation, Setting, settings
+
+
+def add_operation(verbs: Verbs, common: argparse.ArgumentParser, kind: type[Operation]) -> None:
+    """Add the command of an operation: the last word of its name, a positional or a flag for each option."""
+    parser = verbs.add_parser(
+        kind.command.split()[-1], parents=[common], formatter_class=Help, help=kind.help()[:1].lower() + kind.help()[1:]
+    )
+    for setting in settings(kind):
+        _add(parser, setting)
+
+    def verb(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
+        given = {setting.name: getattr(options, setting.name) for setting in settings(kind)}
+        # argparse would append to a default list.
+        given = {name: value for name, value in given.items() if value is not None}
+        return kind(**given).run(reporter.progress).facts()
+
+    parser.set_defaults(verb=verb)
+
+
+def _add(parser: argparse.ArgumentParser, setting: Setting) -> None:
+    described = setting.option
+    facts: dict[str, Any] = {"help": described.help}
+    if setting.kind is bool:
+        parser.add_argument(*_flags(setting), action="store_true", **facts)
+        return
+    if setting.kind is not str:
+        facts["type"] = setting.kind
+    if described.metavar:
+        facts["metavar"] = described.metavar
+    if described.positional:
+        if setting.several:
+            facts["nargs"] = "+" if setting.required else "*"
+        elif not setting.required:
+            facts["nargs"] = "?"
+        parser.add_argument(setting.name, **facts)
+        return
+    if setting.several:
+        facts["action"] = "append"
+    if setting.required:
+        facts["required"] = True
+    else:
+        facts["default"] = None if setting.several else setting.default
+    parser.add_argument(*_flags(setting), **facts)
+
+
+def _flags(setting: Setting) -> list[str]:
+    long = "--" + setting.name.replace("_", "-")
+    return [setting.option.short, long] if setting.option.short else [long]

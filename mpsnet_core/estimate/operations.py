@@ -1,0 +1,398 @@
+"""The operation estimate: photos, frames and videos to camera-space normal maps."""
+
+import json
+import logging
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+from mpsnet_core.capture.operations import HasViewpoint, ReadsPhotos, files_read
+from mpsnet_core.errors import InputError
+from mpsnet_core.estimate.registry import (
+    AVERAGED_MODEL,
+    DEFAULT_MODEL,
+    DEFAULT_TILE,
+    LAMBERTIAN,
+    LAMBERTIAN_GREY_WORLD,
+    STILL_PASSES,
+    find_network,
+    registered_models,
+)
+from mpsnet_core.operation import Operation, Result, option
+from mpsnet_core.progress import Progress, part, silent
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from mpsnet_core.capture.capture import Capture
+    from mpsnet_core.capture.masks import Notes
+    from mpsnet_core.estimate import Estimator
+    from mpsnet_core.estimate.sequence.run import Outcome
+    from mpsnet_core.estimate.sequence.source import Frame
+    from mpsnet_core.scene.rig import LightRig
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class RunsModel(Operation):
+    """Which model estimates the normals, and how networks run."""
+
+    model: str = option(DEFAULT_MODEL, help="a name of `mpsnet models` or an .onnx file", provenance="none")
+    provider: str = option(
+        "cpu", choices=("cpu", "cuda", "directml", "coreml"), help="what runs networks", provenance="none"
+    )
+    threads: int = option(0, help="CPU threads for networks, 0 for all", provenance="none")
+    tile: int = option(DEFAULT_TILE, help="tile side in pixels for networks")
+
+    def estimator(self, passes: Literal[1, 3] | None = None) -> "Estimator":
+        """The model made ready. passes: as :class:`mpsnet_core.estimate.Estimator` takes them."""
+        from mpsnet_core.estimate import Estimator
+
+        return Estimator(self.model, passes=passes, provider=self.provider, threads=self.threads, tile=self.tile)
+
+
+@dataclass(frozen=True)
+class NormalsMade(Result):
+    """The normal map of one photo.
+
+    outputs: the file. pixels: how many have a normal. albedo: its file, where it was asked for.
+    """
+
+    outputs: list[str]
+    pixels: int
+    albedo: str | None = None
+
+
+@dataclass(frozen=True)
+class FramesMade(Result):
+    """The normal maps of several photos, of numbered frames or of a video.
+
+    folder: where they are. made, there: how many were made now, and before. pixels: how many have a normal. outputs:
+    the files, of photos that are no sequence. first_output, pattern, first, last, count, frame_rate: what a program
+    needs to load the results as one image sequence.
+    """
+
+    folder: str
+    made: int
+    there: int
+    pixels: int
+    outputs: list[str] | None = None
+    first_output: str | None = None
+    pattern: str | None = None
+    first: int | None = None
+    last: int | None = None
+    count: int | None = None
+    frame_rate: float | None = None
+
+
+@dataclass(frozen=True)
+class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
+    """Photo to camera-space normal map."""
+
+    command: ClassVar[str] = "estimate"
+
+    image: tuple[str, ...] = option(
+        positional=True,
+        help="photo(s), a folder of them, a pattern (frame_####.png, *.tif), or a video",
+        provenance="none",
+    )
+    rig: str = option(help="rig file (.json, or .lp with three lights)", provenance="content")
+    mask: str | None = option(
+        None,
+        help="mask file, alpha, none, auto, alpha-or-auto (auto where the photo has no alpha), background:FILE (the "
+        "scene without the object) or threshold:0.05, for frames also a folder or pattern of masks by their numbers; "
+        "without it alpha, where the photo has it, else the whole photo; `mpsnet mask` shows what comes of it",
+        provenance="none",  # each frame's own line tells of it
+    )
+    passes: Literal[1, 3] | None = option(
+        None,
+        choices=(1, 3),
+        help="of the network: 3 averages the answers on the scene turned and mirrored. Unless given, the default model "
+        "takes 3 for one photo and 1 for each of several or of a video",
+        provenance="none",
+    )
+    white: tuple[str, ...] = option(
+        (),
+        metavar="PHOTO",
+        help="second photo, of the same pose under white light, which tells the colour of the surface; repeated, the "
+        "photos are added up: one for each of the lights, turned white (one still photo only)",
+        provenance="none",
+    )
+    albedo: str | None = option(
+        None,
+        metavar="FILE",
+        help="also write the surface's colour without light and shadow; with --white",
+        provenance="none",
+    )
+    white_light: str | None = option(
+        None,
+        metavar="rig|SLANT,TILT",
+        help="what lit the white photo, for --albedo: the rig's three lights turned white (rig, unless given), or one "
+        "light in this direction in degrees",
+        provenance="none",
+    )
+    convention: Literal["opengl", "directx"] = option(
+        "opengl", choices=("opengl", "directx"), help="opengl (green up) or directx (green down)"
+    )
+    confidence: str | None = option(
+        None, metavar="FILE", help="also write the confidence map (one photo only)", provenance="none"
+    )
+    format: str = option("png", help="png, tif or exr, where the output is a folder")
+    smooth: int = option(0, metavar="N", help="frames before and behind that each is averaged with")
+    output: str = option(
+        short="-o",
+        help="image file, or a folder where there are several; frames that it holds already are not made again",
+        provenance="none",
+    )
+
+    def run(self, progress: Progress = silent) -> NormalsMade | FramesMade:
+        """Write the normal map of one photo, or those of several, of numbered frames or of a video."""
+        from mpsnet_core.estimate.sequence.video import is_video
+        from mpsnet_core.io.frames import expand_images, is_several
+        from mpsnet_core.scene.rig import read_rig
+
+        if self.albedo and not self.white:
+            raise InputError("--albedo is made from a photo under white light; give it with --white")
+        if self.white_light and not self.albedo:
+            raise InputError("--white-light tells what lit the photo that --albedo is made from; give both, or neither")
+        white_light = _white_light(self.white_light or "rig")
+        rig = read_rig(self.rig)
+        photos = expand_images(self.image)
+        # A folder or a pattern is a sequence, be there one frame in it so far; but only one photo's confidence is
+        # written.
+        sequence = any(map(is_several, self.image)) and not self.confidence
+        if sequence or len(photos) > 1 or is_video(photos[0]):
+            return self._frames(photos, rig, progress)
+        if self.smooth:
+            raise InputError("--smooth takes the frames of a sequence, and there is one photo; leave it out")
+        return self._photo(photos[0], rig, white_light, progress)
+
+    def _photo(
+        self, photo: Path, rig: "LightRig", white_light: "NDArray[np.float64] | None", progress: Progress
+    ) -> NormalsMade:
+        from mpsnet_core.capture.capture import read_capture
+        from mpsnet_core.estimate.albedo import albedo_from_white, write_albedo
+        from mpsnet_core.io.files import ensure_folder, writable_path, written_together
+        from mpsnet_core.io.frames import check_apart, output_files
+        from mpsnet_core.io.images import checked_bits, write_image
+        from mpsnet_core.scene.normal_map import write_normals
+
+        [output] = output_files([photo], self.output, self._suffix)
+        inputs = [photo, Path(self.rig), *files_read(self)]
+        check_apart(inputs, [output])
+        outputs = [output]
+        for other in filter(None, (self.confidence, self.albedo)):
+            checked_bits(writable_path(other))
+            check_apart([*inputs, *outputs], [other])
+            outputs.append(Path(other))
+        correction, (camera, depth) = self.correction(), self.viewpoint()
+        estimator = self.estimator(self.passes)
+        progress(0.0, f"reading {photo.name}")
+        capture = read_capture(
+            photo,
+            rig,
+            mask=self.mask,
+            encoding=self.encoding,
+            layer=self.layer,
+            camera=camera,
+            depth=depth,
+            correction=correction,
+            white=self.white or None,
+        )
+        normals = estimator(capture, part(progress, 0.1, 0.9))
+        progress(0.9, f"writing {output.name}")
+        ensure_folder(output.parent, "normals")
+        with written_together():
+            write_normals(output, normals, convention=self.convention)
+            if self.confidence:
+                write_image(self.confidence, normals.confidence)
+            if self.albedo:
+                write_albedo(self.albedo, albedo_from_white(capture, normals, white_light), capture.mask)
+        progress(1.0, "done")
+        text = f"{output}: normals by {estimator.name}" + (f"\n{self.albedo}: albedo" if self.albedo else "")
+        return NormalsMade([str(output)], int(normals.mask.sum()), self.albedo, text=text)
+
+    def _frames(self, photos: list[Path], rig: "LightRig", progress: Progress) -> FramesMade:
+        from mpsnet_core.estimate.sequence.smoothing import MAX_REACH
+        from mpsnet_core.estimate.sequence.video import is_video
+
+        if self.confidence:
+            raise InputError("--confidence takes one photo at a time; leave it out or give one photo")
+        if self.white:
+            raise InputError("--white is a second photo of one still pose; leave it out, or give one photo")
+        if not 0 <= self.smooth <= MAX_REACH:
+            raise InputError(f"--smooth {self.smooth} cannot be; choose 0 to {MAX_REACH} frames")
+        if not any(is_video(photo) for photo in photos):
+            return self._photos(photos, rig, progress)
+        if len(photos) > 1:
+            raise InputError(f"{next(filter(is_video, photos))} is a video; give it alone, and each video on its own")
+        return self._video(photos[0], rig, progress)
+
+    def _photos(self, photos: list[Path], rig: "LightRig", progress: Progress) -> FramesMade:
+        from mpsnet_core.estimate.sequence.source import frame_masks, photo_frames
+        from mpsnet_core.io.frames import check_apart, numbering, output_files
+
+        outputs = output_files(photos, self.output, self._suffix)
+        check_apart([*photos, self.rig, *files_read(self)], outputs)
+        numbered = numbering(photos)
+        masks = frame_masks(self.mask)
+        if numbered is None and (self.smooth or masks.by_number):
+            what = "--smooth" if self.smooth else f"--mask {self.mask}"
+            raise InputError(f"{what} takes the frames of one sequence: photos whose names differ in one number alone")
+        for number in numbered.numbers if numbered else ():
+            masks.of(number)  # one that is missing is told before any work
+        frames = photo_frames(photos, outputs, masks=masks, reach=self.smooth, encoding=self.encoding, layer=self.layer)
+        step = numbered.step if numbered else 1
+        outcome = self._sequence(frames, len(photos), rig, progress, step)
+        if numbered is None or outputs == [Path(self.output)]:
+            text = f"{self.output}: {self._summary(outcome)}"
+            listed = [str(output) for output in outputs]
+            return FramesMade(self.output, outcome.made, outcome.there, outcome.pixels, listed, text=text)
+        if numbered.gaps:
+            log.warning("frame(s) %s missing; the others are estimated", numbered.gaps)
+        number, first = min(zip(numbered.numbers, outputs, strict=True))
+        padded = len({len(digits) for digits in numbered.digits}) == 1
+        return self._made(outcome, first, (number, max(numbered.numbers)), padded, None)
+
+    def _video(self, path: Path, rig: "LightRig", progress: Progress) -> FramesMade:
+        from mpsnet_core.estimate.sequence.source import frame_masks
+        from mpsnet_core.estimate.sequence.video import read_video_header, video_frames, video_outputs
+        from mpsnet_core.io.files import resolved
+        from mpsnet_core.io.frames import check_apart
+
+        if self.layer:
+            raise InputError(f"{path} is a video, which has no layers; leave --layer out")
+        outputs = video_outputs(path, self.output, self._suffix)
+        taken = [path, Path(self.rig), *files_read(self)]
+        # How many frames there are is not known; a result's name ends in its number, so these are all that can be
+        # meant.
+        numbers = {int(digits) for file in taken for digits in re.findall("[0-9]+", resolved(file).stem)}
+        check_apart(taken, map(outputs, numbers))
+        video = read_video_header(path, encoding=self.encoding)
+        frames = video_frames(video, outputs, masks=frame_masks(self.mask), reach=self.smooth, encoding=self.encoding)
+        outcome = self._sequence(frames, video.count, rig, progress)
+        return self._made(outcome, outputs(1), (1, outcome.made + outcome.there), True, video.frame_rate)
+
+    def _sequence(
+        self, frames: "Iterable[Frame]", count: int, rig: "LightRig", progress: Progress, step: int = 1
+    ) -> "Outcome":
+        from mpsnet_core.capture.capture import capture_from
+        from mpsnet_core.estimate.sequence.run import estimate_sequence
+        from mpsnet_core.io.provenance import content, operation_facts
+
+        correction, (camera, depth) = self.correction(), self.viewpoint()
+        notes: Notes = "doubts"
+
+        def take(frame: "Frame") -> "Capture":
+            nonlocal notes
+            image = frame.read()
+            try:
+                capture = capture_from(
+                    image,
+                    rig,
+                    mask=frame.mask,
+                    encoding=self.encoding,
+                    layer=self.layer,
+                    camera=camera,
+                    depth=depth,
+                    correction=correction,
+                    notes=notes,
+                )
+            except InputError as error:
+                raise InputError(f"{frame.name}: {error}") from None
+            notes = "none"  # the other frames are much like the first
+            return capture
+
+        # Each pass takes as long as the first: where nobody asks for more, frames get one.
+        passes = self.passes or (STILL_PASSES if self.model == AVERAGED_MODEL else 1)
+        baseline = self.model in (LAMBERTIAN, LAMBERTIAN_GREY_WORLD)
+        model = self.model if baseline else content(find_network(self.model).path)
+        return estimate_sequence(
+            frames,
+            take,
+            self.estimator(passes),
+            recipe=operation_facts(self, passes=str(passes), model=model),
+            smooth=self.smooth,
+            step=step,
+            convention=self.convention,
+            count=count,
+            progress=progress,
+        )
+
+    def _made(
+        self, outcome: "Outcome", first: Path, numbers: tuple[int, int], padded: bool, rate: float | None
+    ) -> FramesMade:
+        *_, digits = re.finditer("[0-9]+", first.stem)
+        run = "#" * len(digits[0]) if padded else "*"
+        pattern = f"{first.stem[: digits.start()]}{run}{first.stem[digits.end() :]}{first.suffix}"
+        return FramesMade(
+            self.output,
+            outcome.made,
+            outcome.there,
+            outcome.pixels,
+            first_output=str(first),
+            pattern=pattern,
+            first=numbers[0],
+            last=numbers[1],
+            count=outcome.made + outcome.there,
+            frame_rate=rate,
+            text=f"{Path(self.output) / pattern}: {self._summary(outcome)}",
+        )
+
+    def _summary(self, outcome: "Outcome") -> str:
+        there = f", {outcome.there} there already" if outcome.there else ""
+        return f"normals by {self.model}, {outcome.made} made{there}"
+
+    @property
+    def _suffix(self) -> str:
+        return f".{self.format.lstrip('.')}"
+
+
+def _white_light(given: str) -> "NDArray[np.float64] | None":
+    """(3,) the direction of the white photo's one light, None where it was the rig's lights."""
+    from mpsnet_core.scene.rig import direction_from_angles, slant_and_tilt
+
+    return None if given == "rig" else direction_from_angles(*slant_and_tilt("--white-light", given))
+
+
+@dataclass(frozen=True)
+class ModelsListed(Result):
+    """The models by their names, or one network's card and how it was trained."""
+
+    models: list[dict[str, Any]] | None = None
+    card: dict[str, Any] | None = None
+    training: dict[str, Any] | None = None
+
+
+@dataclass(frozen=True)
+class ListModels(Operation):
+    """List the models that can be asked for by name."""
+
+    command: ClassVar[str] = "models"
+
+    model: str | None = option(None, positional=True, help="name or .onnx file of a network, to read its card")
+
+    def run(self, progress: Progress = silent) -> ModelsListed:
+        """List the models, or read one's card."""
+        if self.model:
+            return _card(self.model)
+        entries = registered_models()
+        width = max(len(entry.name) for entry in entries)
+        lists: dict[bool, list[str]] = {False: [], True: ["", "to compare with, and for scripts:"]}
+        for entry in entries:
+            lists[entry.comparison].append(f"{entry.name.ljust(width)}  {entry.title}")
+        models = [{"name": entry.name, "title": entry.title, "comparison": entry.comparison} for entry in entries]
+        return ModelsListed(models, text="\n".join(lists[False] + lists[True]))
+
+
+def _card(model: str) -> ModelsListed:
+    from mpsnet_core.estimate.onnx_model import OnnxModel
+
+    network = OnnxModel(find_network(model).path, threads=1)
+    card = json.loads(network.card.to_json())
+    text = json.dumps({"card": card, "training": network.record}, indent=2)
+    return ModelsListed(card=card, training=network.record, text=text)

@@ -1,0 +1,196 @@
+"""Operations: what the project does, each described once.
+
+An operation is a frozen dataclass that holds its inputs, outputs and settings, each a field made by :func:`option`.
+It is the Python API, and the command line is generated from it: see :mod:`mpsnet_core.cli.operations`.
+"""
+
+import dataclasses
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from types import UnionType
+from typing import Any, ClassVar, Literal, TypeVar, Union, dataclass_transform, get_args, get_origin, get_type_hints
+
+from mpsnet_core.errors import InputError, check_choice
+from mpsnet_core.progress import Progress, silent
+
+# What of an option makes another result: its value, what the file holds that it names, or which files it names, by
+# their names, sizes and times; or nothing of it does.
+Provenance = Literal["value", "content", "files", "none"]
+
+_METADATA = "option"
+
+
+@dataclass(frozen=True)
+class Option:
+    """What an option is, beside its name, type and default.
+
+    Parameters
+    ----------
+    help
+        What it does, for people, without a full stop.
+    short
+        Its short flag on the command line, as ``-o``.
+    positional
+        Whether the command line takes it without a flag.
+    metavar
+        What stands for its value in the help, its unit for instance.
+    choices
+        The values that can be, where they are few. Checked here.
+    low, high
+        Bounds of a number, both included. Checked here.
+    provenance
+        What of it makes another result.
+    """
+
+    help: str
+    short: str = ""
+    positional: bool = False
+    metavar: str | None = None
+    choices: tuple[Any, ...] = ()
+    low: float | None = None
+    high: float | None = None
+    provenance: Provenance = "value"
+
+
+def option(
+    default: Any = dataclasses.MISSING,
+    *,
+    help: str,
+    short: str = "",
+    positional: bool = False,
+    metavar: str | None = None,
+    choices: tuple[Any, ...] = (),
+    low: float | None = None,
+    high: float | None = None,
+    provenance: Provenance = "value",
+) -> Any:
+    """A field of an operation; one without a default has to be given. See :class:`Option`."""
+    described = Option(help, short, positional, metavar, choices, low, high, provenance)
+    return field(default=default, kw_only=True, metadata={_METADATA: described})
+
+
+@dataclass(frozen=True)
+class Setting:
+    """An option of an operation, with its name and type.
+
+    Parameters
+    ----------
+    name
+        As a field of the operation.
+    kind
+        The type of one value: ``str``, ``int``, ``float`` or ``bool``.
+    several
+        Whether it takes any number of values.
+    default
+        ``dataclasses.MISSING`` where it has to be given.
+    option
+        What else it is.
+    """
+
+    name: str
+    kind: type
+    several: bool
+    default: Any
+    option: Option
+
+    @property
+    def required(self) -> bool:
+        return self.default is dataclasses.MISSING
+
+
+@dataclass(frozen=True)
+class Result:
+    """What an operation made. Fields that are None are not part of the answer.
+
+    Parameters
+    ----------
+    text
+        For people, a line or more.
+    """
+
+    text: str = field(kw_only=True)
+
+    def facts(self) -> dict[str, Any]:
+        """The answer as plain data, for programs."""
+        return {one.name: value for one in dataclasses.fields(self) if (value := getattr(self, one.name)) is not None}
+
+
+_Kind = TypeVar("_Kind", bound="type[Operation]")
+
+
+@dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(option,))
+class Operation:
+    """What the project does, with everything it needs; :meth:`run` does it.
+
+    A subclass is a frozen dataclass whose docstring's first line is the command's help.
+    """
+
+    # As the command line has it: "superpose", "calibrate lights".
+    command: ClassVar[str] = ""
+
+    def __post_init__(self) -> None:
+        """Raises InputError where an option's value is out of its bounds or none of its choices."""
+        for setting in settings(type(self)):
+            value = getattr(self, setting.name)
+            if setting.several and value is not None:
+                value = tuple(map(_plain, value))
+            object.__setattr__(self, setting.name, _plain(value))
+            for one in value if setting.several and value is not None else (value,):
+                _check(setting, one)
+
+    def run(self, progress: Progress = silent) -> Result:
+        """Do it. Raises InputError on bad input, and Cancelled where `progress` does."""
+        raise NotImplementedError
+
+    @classmethod
+    def help(cls) -> str:
+        """What the command does, in a line."""
+        return (cls.__doc__ or "").split("\n")[0].rstrip(".")
+
+
+def settings(kind: type[Operation]) -> tuple[Setting, ...]:
+    """The options of an operation, those without a flag first, else in the order of its fields."""
+    hints = get_type_hints(kind)
+    found = [
+        Setting(one.name, *_value_type(hints[one.name]), one.default, one.metadata[_METADATA])
+        for one in dataclasses.fields(kind)  # type: ignore[arg-type]  # every subclass is a dataclass
+    ]
+    return tuple(sorted(found, key=lambda setting: not setting.option.positional))
+
+
+def _value_type(hint: Any) -> tuple[type, bool]:
+    """The type of one value of a field, and whether the field holds several."""
+    if get_origin(hint) in (Union, UnionType):
+        kinds = [one for one in get_args(hint) if one is not type(None) and one is not os.PathLike[str]]
+        return _value_type(kinds[0])
+    if get_origin(hint) is tuple:
+        return _value_type(get_args(hint)[0])[0], True
+    if get_origin(hint) is Literal:
+        return type(get_args(hint)[0]), False
+    return hint, False
+
+
+def _plain(value: Any) -> Any:
+    return os.fspath(value) if isinstance(value, os.PathLike) else value
+
+
+def _check(setting: Setting, value: Any) -> None:
+    if value is None:
+        return
+    low, high, choices = setting.option.low, setting.option.high, setting.option.choices
+    name = setting.name.replace("_", " ")
+    if choices:
+        check_choice(name, value, choices)
+    # "not" takes care of NaN.
+    if (low is not None and not value >= low) or (high is not None and not value <= high):
+        if high is None:
+            raise InputError(f"{name} {value:g} cannot be; choose {low:g} or more")
+        raise InputError(f"{name} {value:g} cannot be; choose {low if low is not None else '-inf':g} to {high:g}")
+
+
+def provenance_values(operation: Operation) -> Iterator[tuple[Setting, Any]]:
+    """The options that make another result, with their values."""
+    for setting in settings(type(operation)):
+        if setting.option.provenance != "none":
+            yield setting, getattr(operation, setting.name)

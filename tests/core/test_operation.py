@@ -1,0 +1,101 @@
+"""Operations: what their description alone holds them to, in Python and on the command line."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Literal
+
+import pytest
+
+from mpsnet_core.cli.arguments import Parser
+from mpsnet_core.cli.operations import add_operation
+from mpsnet_core.cli.reporter import Reporter
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.provenance import operation_facts
+from mpsnet_core.operation import Operation, Result, option, settings
+from mpsnet_core.progress import Progress, silent
+
+
+@dataclass(frozen=True)
+class Answer(Result):
+    given: dict[str, Any]
+    missing: str | None = None
+
+
+@dataclass(frozen=True)
+class Grind(Operation):
+    """Grind beans to powder."""
+
+    command: ClassVar[str] = "grind"
+
+    beans: tuple[str, ...] = option(positional=True, help="bags of beans", provenance="none")
+    roast: Literal["light", "dark"] = option("light", choices=("light", "dark"), help="how they were roasted")
+    size: float = option(0.5, low=0.1, high=2, metavar="MM", help="of the grains")
+    turns: int | None = option(None, help="how many times the handle goes round")
+    water: tuple[str, ...] = option((), help="a spring; may be repeated", provenance="none")
+    slow: bool = option(False, help="take your time", provenance="none")
+    recipe: str | None = option(None, help="file of a recipe", provenance="content")
+    output: str = option(short="-o", help="bag for the powder", provenance="none")
+
+    def run(self, progress: Progress = silent) -> Answer:
+        progress(1.0, "done")
+        return Answer({setting.name: getattr(self, setting.name) for setting in settings(type(self))}, text="ground")
+
+
+def on_the_command_line(*arguments: str) -> dict[str, Any]:
+    parser = Parser()
+    add_operation(parser.add_subparsers(), Parser(add_help=False), Grind)
+    options = parser.parse_args(["grind", *arguments])
+    return options.verb(options, Reporter("none"))
+
+
+def test_the_command_line_gives_what_python_gives() -> None:
+    given = on_the_command_line(
+        "a", "b", "--roast", "dark", "--size", "1", "--water", "x", "--water", "y", "--slow", "-o", "bag"
+    )
+    same = Grind(beans=("a", "b"), roast="dark", size=1.0, water=("x", "y"), slow=True, output="bag").run()
+    assert given == same.facts() == {"text": "ground", "given": same.given}
+    assert same.given["turns"] is None and given["given"]["recipe"] is None
+
+
+def test_what_is_not_given_on_the_command_line_is_the_operation_s_own_default() -> None:
+    assert on_the_command_line("a", "-o", "bag") == Grind(beans=("a",), output="bag").run().facts()
+
+
+def test_paths_are_taken_as_they_come() -> None:
+    grind = Grind(beans=[Path("a")], output=Path("bag"))  # type: ignore[arg-type]
+    assert grind.beans == ("a",) and grind.output == "bag"
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ({"roast": "burnt"}, "roast 'burnt' is not known; choose light or dark"),
+        ({"size": 3.0}, "size 3 cannot be; choose 0.1 to 2"),
+        ({"size": float("nan")}, "size nan cannot be; choose 0.1 to 2"),
+    ],
+)
+def test_choices_and_bounds_hold(options: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(InputError, match=sentence):
+        Grind(beans=("a",), output="bag", **options)
+    arguments = [part for name, value in options.items() for part in (f"--{name}", str(value))]
+    with pytest.raises(InputError, match=sentence):
+        on_the_command_line("a", *arguments, "-o", "bag")
+
+
+def test_an_option_that_has_to_be_given_is_missed() -> None:
+    with pytest.raises(InputError, match="required: -o/--output"):
+        on_the_command_line("a")
+
+
+def test_provenance_changes_with_what_makes_another_result_alone(tmp_path: Path) -> None:
+    recipe = tmp_path / "recipe.txt"
+    recipe.write_text("fine")
+
+    def facts(**options: Any) -> str:
+        return operation_facts(Grind(**{"beans": ("a",), "output": "bag", "recipe": recipe, **options}))
+
+    first = facts()
+    assert facts(output="sack") == facts(beans=("b",)) == facts(slow=True) == first
+    assert facts(size=1.0) != first
+    recipe.write_text("coarse")
+    assert facts() != first
