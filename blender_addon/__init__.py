@@ -10,12 +10,16 @@ import atexit
 import bpy
 
 from . import commands, menu, operators, panels, preferences, settings
-from .bake import bake, many_views, relight
-from .estimate import estimate
+
+# Under names of their own: a room's name stands for the room.
+from .bake import bake as bake_step
+from .bake import many_views, relight
+from .estimate import estimate as estimate_step
 from .heights import displace, integrate
-from .material import material
-from .photo import photo
-from .rig import calibrate, rig, several_rigs
+from .material import material as material_step
+from .photo import photo as photo_step
+from .rig import calibrate, several_rigs
+from .rig import rig as rig_step
 from .start import try_it
 from .training import training_data
 
@@ -23,16 +27,16 @@ _MODULES = (
     settings,
     preferences,
     operators,
-    rig,
+    rig_step,
     several_rigs,
     calibrate,
-    photo,
-    estimate,
-    bake,
+    photo_step,
+    estimate_step,
+    bake_step,
     displace,
     integrate,
     many_views,
-    material,
+    material_step,
     training_data,
     relight,
     try_it,

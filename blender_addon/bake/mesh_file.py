@@ -29,8 +29,8 @@ _SHOWN_AND_RENDERED = (
     ("viewport_resolution", "resolution"),
 )
 # What `mps.displace` gives an object. Textures are baked onto the object without them, and heights are of that.
-SUBDIVISION, DISPLACE, TRIAL = "MPS Subdivision", "MPS Displace", "MPS Trial"
-MODIFIERS = {SUBDIVISION: "SUBSURF", DISPLACE: "DISPLACE", TRIAL: "SUBSURF"}
+SUBDIVISION, DISPLACE, TRIAL, FACES = "MPS Subdivision", "MPS Displace", "MPS Trial", "MPS Faces"
+MODIFIERS = {SUBDIVISION: "SUBSURF", DISPLACE: "DISPLACE", TRIAL: "SUBSURF", FACES: "SUBSURF"}
 
 _ROWS_A_SLICE = 100_000
 

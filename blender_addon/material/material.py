@@ -11,6 +11,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.io.files import makeable_folder
 from mpsnet_core.scene.camera import read_camera
 
+from ..bake.mesh_file import FACES
 from ..estimate.estimate import MPS_OT_estimate, network, reading_options_without_mask, rig_and_camera_options
 from ..heights.assign_displacement import no_modifier, subdivide
 from ..nodes import own_node
@@ -24,7 +25,6 @@ from ..settings.material import MaterialSettings
 # What Blender has to know of each picture: whether its colours are numbers.
 _IS_DATA = {"albedo": False, "normal": True, "height": True}
 # The modifier that gives the displaced plane its faces; a side has two to this power of them.
-_FACES = "MPS Faces"
 _SHOWN_LEVELS, _RENDERED_LEVELS = 6, 9
 # Kept with a material that this step made: the normals that it shows, by which it is known when they are made again.
 _MADE_OF = "mpsnet_flat_normals"
@@ -104,9 +104,9 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         black, white = told["height_of_black_mm"] * millimetre, told["height_of_white_mm"] * millimetre
         assign_pictures(material, images, black, white, self.relief)
         if self.relief != "DISPLACEMENT":
-            no_modifier(plane, _FACES)
-        elif _FACES not in plane.modifiers:  # else it may have been set to fewer
-            subdivide(plane, "SIMPLE", _SHOWN_LEVELS, _RENDERED_LEVELS, _FACES)
+            no_modifier(plane, FACES)
+        elif FACES not in plane.modifiers:  # else it may have been set to fewer
+            subdivide(plane, "SIMPLE", _SHOWN_LEVELS, _RENDERED_LEVELS, FACES)
         settings.image = preview = load_image(files["preview"], f"{name} preview", is_data=False)
         fine_preview(preview)
         self.made(preview)

@@ -65,8 +65,8 @@ def available(*, with_icon: bool = False) -> float:
     view = bpy.context.region.view2d
     # Not the region's width: its contents may be zoomed.
     width = view.region_to_view(bpy.context.region.width, 0)[0] - view.region_to_view(0, 0)[0]
-    sidecar = _BESIDE + _ICON if with_icon else _BESIDE
-    return max(width - sidecar * _unit(), _LEAST * _unit())
+    beside = _BESIDE + _ICON if with_icon else _BESIDE
+    return max(width - beside * _unit(), _LEAST * _unit())
 
 
 def text_width(text: str) -> float:

@@ -66,7 +66,7 @@ def integrate_on_uvs(options: argparse.Namespace, reporter: Reporter) -> dict[st
     files = _checked_outputs(options, textures, outputs)
     tiles = tiles_of(chosen)
     reporter.progress(0.05, f"reading {Path(options.normals).name}")
-    vectors = tiles.join_meshes(read_normals(texture, convention=options.convention).vectors for texture in textures)
+    vectors = tiles.joined(read_normals(texture, convention=options.convention).vectors for texture in textures)
     found = displacement(
         vectors,
         tiles.mesh(mesh) if tiled else mesh,

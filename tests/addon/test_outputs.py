@@ -175,9 +175,9 @@ def test_an_opened_photo_takes_the_rig_and_camera_beside_it(photographed, scene,
     assert json.loads(image["mpsnet_rig"])["lights"][0]["slant"] == pytest.approx(40) != pytest.approx(taken[0][0])
     assert json.loads(image["mpsnet_camera"])["width"] == taken[1]
     # To the photo's own stem: nothing beside the photo is touched, and the camera goes with the normals.
-    sidecar = {path: path.read_bytes() for path in tmp_path.glob("photo*")}
+    beside = {path: path.read_bytes() for path in tmp_path.glob("photo*")}
     bpy.ops.mps.estimate(output=str(tmp_path / "photo.png"))
-    assert {path: path.read_bytes() for path in tmp_path.glob("photo*") if path.suffix != ".png"} == sidecar
+    assert {path: path.read_bytes() for path in tmp_path.glob("photo*") if path.suffix != ".png"} == beside
     assert scene.mps.estimate.image["mpsnet_camera"] == image["mpsnet_camera"]
     # What is no longer beside the photo is forgotten, and a normal map of the same name forgets with it.
     for name in ("photo.rig.json", "photo.camera.json"):

@@ -18,7 +18,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.io.images import read_image
 
 
-def samples_status(scene):
+def standing(scene):
     """What the chosen rig holds: settings, objects and results."""
     mps = scene.mps
     return (
@@ -45,10 +45,10 @@ def two_rigs(estimated, scene, tmp_path):
 
 
 def test_each_rig_keeps_what_is_its_own(estimated, scene, two_rigs, tmp_path):
-    second = samples_status(scene)
+    second = standing(scene)
     assert second[:3] == (40, 64, "LAMBERTIAN_GREY_WORLD")
     bpy.ops.mps.choose_rig(index=0)
-    first = samples_status(scene)
+    first = standing(scene)
     assert first[:3] == (30, 96, "LAMBERTIAN")
     assert not set(first[4]) & set(second[4]) and first[3] != second[3]
     assert first[5] != second[5] and first[6] != second[6]
@@ -59,7 +59,7 @@ def test_each_rig_keeps_what_is_its_own(estimated, scene, two_rigs, tmp_path):
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "two.blend"))
     scene = bpy.context.scene
     bpy.ops.mps.choose_rig(index=1)
-    assert samples_status(scene)[:3] == second[:3]
+    assert standing(scene)[:3] == second[:3]
     np.testing.assert_allclose(light_rig(scene).slants, 40, atol=1e-3)
 
 
@@ -68,7 +68,7 @@ def test_a_new_rig_has_the_settings_and_nothing_else(estimated, scene):
     scene.mps.estimate.output = scene.mps.estimate.rig_file = "//mine.png"
     bpy.ops.mps.new_rig()
     assert scene.mps.rig.strength == 3
-    assert samples_status(scene)[3:] == (None, [], None, None)
+    assert standing(scene)[3:] == (None, [], None, None)
     assert scene.mps.estimate.output == scene.mps.estimate.rig_file == ""
     assert [one.name for one in scene.mps.rigs] == ["Rig 1", "Rig 2"]
 

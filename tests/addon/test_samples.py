@@ -73,7 +73,7 @@ def sphere(
     return Shape(points * radius + centre, triangles, normals, np.full(len(triangles), part, np.int32))
 
 
-def join_meshes(*shapes: Shape) -> Shape:
+def joined(*shapes: Shape) -> Shape:
     starts = np.cumsum([0, *(len(shape.vertices) for shape in shapes)])
     return Shape(
         np.concatenate([shape.vertices for shape in shapes]),
@@ -120,7 +120,7 @@ def test_a_matt_sphere_is_as_the_formulas_say(projection, tmp_path):
 
 def test_one_render_shows_what_three_of_a_light_each_show(tmp_path):
     """With cast shadows, penumbrae, gloss and light between the spheres."""
-    shape = join_meshes(sphere(0.7, (-0.3, 0, 0)), sphere(0.4, (0.3, 0.3, 0.6)))
+    shape = joined(sphere(0.7, (-0.3, 0, 0)), sphere(0.4, (0.3, 0.3, 0.6)))
     materials = (Material(base_color=(0.7, 0.4, 0.2), roughness=0.4), Material(metallic=1.0, roughness=0.3))
     told = recipe(materials=materials, light_sizes=np.full(3, 10.0), bounces=2, camera=camera("orthographic", size=48))
     told = replace(told, pattern=Pattern("stripes", scale=2.0, softness=0.3))
@@ -138,7 +138,7 @@ def test_one_render_shows_what_three_of_a_light_each_show(tmp_path):
 
 def test_materials_lie_where_the_pattern_says(tmp_path):
     """Stripes and parts have no noise in them, and so are the same as the core's own."""
-    cap = join_meshes(sphere(0.8, (-0.2, 0, 0), part=1), sphere(0.5, (0.5, 0, 0), part=6))
+    cap = joined(sphere(0.8, (-0.2, 0, 0), part=1), sphere(0.5, (0.5, 0, 0), part=6))
     for kind, shape in (("parts", cap), ("stripes", sphere())):
         pattern = Pattern(kind, scale=1.7, direction=(0.36, 0.48, 0.8))
         told = recipe(materials=(RED, GREEN, BLUE, WHITE), pattern=pattern, rotation=turned(30))

@@ -112,7 +112,7 @@ def test_tiles_that_are_too_many_are_refused_when_one_is_read() -> None:
         pytest.fail("another one was read")
 
     with pytest.raises(InputError, match=r"50 tiles of 1025 texels a side are too many .* 1024 at most"):
-        Tiles(np.zeros((50, 2), np.int64)).join_meshes(textures())
+        Tiles(np.zeros((50, 2), np.int64)).joined(textures())
 
 
 @pytest.mark.parametrize(("texture", "height"), [("one.exr", "h.exr"), ("b_<UDIM>.exr", "h_<UDIM>.exr")])

@@ -57,7 +57,7 @@ def map_of(name: str, maps: Mapping[str, Tensor]) -> Tensor:
     return unit(solved) * maps["mask"]
 
 
-def join_meshes(scales: Sequence[Scale], inputs: Sequence[tuple[Tensor, ...]]) -> Batch:
+def joined(scales: Sequence[Scale], inputs: Sequence[tuple[Tensor, ...]]) -> Batch:
     """All scales' windows as one batch."""
     return Batch(
         tuple(torch.cat(values) for values in zip(*inputs, strict=True)),

@@ -23,7 +23,7 @@ from torch.utils.tensorboard import SummaryWriter
 from mpsnet_core.errors import InputError
 from mpsnet_core.learning.training.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from mpsnet_core.learning.training.fine_tune import read_exported, take_weights
-from mpsnet_core.learning.training.inputs import join_meshes, patches_of, with_previous
+from mpsnet_core.learning.training.inputs import joined, patches_of, with_previous
 from mpsnet_core.learning.training.loss import Loss, loss_of
 from mpsnet_core.learning.training.muon import Muon
 from mpsnet_core.learning.training.networks import Network, build_network
@@ -277,7 +277,7 @@ class _Run:
         autocast = torch.autocast(self.device.type, torch.bfloat16, enabled=self.precision == "bfloat16")
         self.network.eval()
         with autocast:
-            batch = join_meshes(scales, with_previous(self.network, self.network.inputs, scales))
+            batch = joined(scales, with_previous(self.network, self.network.inputs, scales))
         if self.network.kind == "patch":
             batch = patches_of(batch, self.network, recipe.patches, torch.Generator().manual_seed(seed))
         for optimiser in self.optimisers:
@@ -366,7 +366,7 @@ class _Run:
             )
         self.network.eval()
         scales = photographer.batch(0, NORM_EXAMPLES)
-        batch = join_meshes(scales, with_previous(self.network, self.network.inputs, scales))
+        batch = joined(scales, with_previous(self.network, self.network.inputs, scales))
         if self.network.kind == "patch":
             batch = patches_of(batch, self.network, self.recipe.patches, torch.Generator().manual_seed(0))
         take_weights(self.network, exported, batch.inputs)

@@ -8,7 +8,7 @@ import torch
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rank_correlation import rank_correlation
-from mpsnet_core.learning.training.inputs import Batch, join_meshes, patches_of, with_previous
+from mpsnet_core.learning.training.inputs import Batch, joined, patches_of, with_previous
 from mpsnet_core.learning.training.loss import angle_between
 from mpsnet_core.learning.training.networks import Network, Prediction
 from mpsnet_core.learning.training.photographing import Photographer, Scale
@@ -44,7 +44,7 @@ def validate(network: Network, photographer: Photographer, patches_a_picture: in
         for scale in scales:  # the last batch begins anew, and what was seen already does not count again
             scale.weights[scale.examples >= len(photographer.samples) - start] = 0
         if network.kind == "patch":
-            batch = join_meshes(scales, with_previous(network, network.inputs, scales))
+            batch = joined(scales, with_previous(network, network.inputs, scales))
             for one in _patches(network, batch, patches_a_picture, start):
                 errors.append(_missed(network(*one.inputs), one)[0])
         else:
@@ -64,7 +64,7 @@ def measured(
     answer, names: as of :func:`mpsnet_core.learning.training.inputs.with_previous`.
     """
     return [
-        _missed(answer(*seen), join_meshes([scale], [seen]))
+        _missed(answer(*seen), joined([scale], [seen]))
         for scale, seen in zip(scales, with_previous(answer, names, scales), strict=True)
     ]
 

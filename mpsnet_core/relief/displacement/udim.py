@@ -37,7 +37,7 @@ class Tiles:
         # Tangents are those of the UVs as they were, which may hang together over a tile's border.
         return replace(mesh, uvs=uvs, given_tangents=mesh.tangents)
 
-    def join_meshes(self, textures: Iterable[NDArray[np.float32]]) -> NDArray[np.float32]:
+    def joined(self, textures: Iterable[NDArray[np.float32]]) -> NDArray[np.float32]:
         """(side S, side S, K) of the tiles' textures (S, S, K), asked for one by one; 0 where there is no tile.
 
         Raises InputError where they are not of one size, not square, or too large together.

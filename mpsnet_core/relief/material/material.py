@@ -95,12 +95,12 @@ def flat_material(
     progress(0.3, "looking for what repeats")
     tiling = find_tiling(_compared(features), overlap)
     tile = _tile_size(tiling, size)
-    join_meshes = round(overlap * tile[0]), round(overlap * tile[1])
-    _check_joined(min(join_meshes), overlap)
+    joined = round(overlap * tile[0]), round(overlap * tile[1])
+    _check_joined(min(joined), overlap)
     progress(0.5, "joining the borders")
-    patch = sampled(features, tiling, tile, join_meshes)
+    patch = sampled(features, tiling, tile, joined)
     del features  # of a large photo, as large as all that is still to come
-    pictures, cut = wrapped(patch, join_meshes)
+    pictures, cut = wrapped(patch, joined)
     del patch
     pictures = without_slow_waves(pictures, bend)
     gradients = pictures[..., :2] - pictures[..., :2].mean(axis=(0, 1))

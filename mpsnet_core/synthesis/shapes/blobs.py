@@ -9,7 +9,7 @@ from mpsnet_core.scene.normal_map import normalised
 from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise
 from mpsnet_core.synthesis.shapes.draws import between, chance, count, direction, new_seed, picked, turned
 from mpsnet_core.synthesis.shapes.isosurface import isosurface
-from mpsnet_core.synthesis.shapes.shape import Shape, faceted_shape, join_meshes, placed, smooth_shape
+from mpsnet_core.synthesis.shapes.shape import Shape, faceted_shape, joined, placed, smooth_shape
 from mpsnet_core.synthesis.shapes.solids import ellipsoid, limb
 from mpsnet_core.synthesis.shapes.surfaces import bent, displaced, sphere, stacked
 
@@ -148,7 +148,7 @@ def _faceted(rng: np.random.Generator) -> Shape:
         faces = np.concatenate([faces, np.eye(3), -np.eye(3)])
         away = np.concatenate([away, np.full(6, 1.3)])
         return faceted_shape(vertices / (vertices @ faces.T / away).max(axis=1)[:, None], triangles, 0)
-    return join_meshes([_crystal(rng) for _ in range(count(rng, 7, 16))])
+    return joined([_crystal(rng) for _ in range(count(rng, 7, 16))])
 
 
 def _crystal(rng: np.random.Generator) -> Shape:

@@ -10,7 +10,7 @@ from mpsnet_core.synthesis.shapes.blobs import CHARACTERS as BLOBS
 from mpsnet_core.synthesis.shapes.blobs import build_blob
 from mpsnet_core.synthesis.shapes.composites import build_composite, draw_character
 from mpsnet_core.synthesis.shapes.draws import between, chance, count, new_seed, picked, turned
-from mpsnet_core.synthesis.shapes.shape import Shape, fitted, join_meshes, placed, standing, turn_about
+from mpsnet_core.synthesis.shapes.shape import Shape, fitted, joined, placed, standing, turn_about
 from mpsnet_core.synthesis.shapes.surfaces import sheet, slab
 
 Array = NDArray[np.float64]
@@ -44,7 +44,7 @@ def on_ground(objects: Sequence[Shape], rng: np.random.Generator) -> Shape:
         thing = placed(thing, offset=(x - middle[0], y - middle[1], between(rng, -0.06, 0.0)))
         parts = (thing.parts % PARTS_EACH + PARTS_EACH * number).astype(np.int32)
         pieces.append(Shape(thing.vertices, thing.triangles, thing.corner_normals, parts))
-    return join_meshes(
+    return joined(
         [*pieces, _ground(rng, np.concatenate([p.vertices[:, :2] for p in pieces]), PARTS_EACH * len(pieces))]
     )
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise
 from mpsnet_core.synthesis.shapes.composites import build_composite, draw_character
 from mpsnet_core.synthesis.shapes.draws import between, chance, count, new_seed, picked
-from mpsnet_core.synthesis.shapes.shape import Shape, fitted, join_meshes, placed, turn_about
+from mpsnet_core.synthesis.shapes.shape import Shape, fitted, joined, placed, turn_about
 from mpsnet_core.synthesis.shapes.surfaces import bent, sheet, smooth_curve
 
 Array = NDArray[np.float64]
@@ -71,7 +71,7 @@ def _high(rng: np.random.Generator, cells: int) -> Shape:
             between(rng, 0.05, 0.2),
         )
         pieces.append(placed(figure, None, size, place))
-    return join_meshes(pieces)
+    return joined(pieces)
 
 
 def _softened(height: Array) -> Array:

@@ -52,7 +52,7 @@ def vertex_normals(shape: Shape) -> NDArray[np.float64]:
     return normals
 
 
-def join_meshes(shapes: Sequence[Shape]) -> Shape:
+def joined(shapes: Sequence[Shape]) -> Shape:
     """Shapes beside or through each other as one; parts keep their numbers."""
     starts = np.cumsum([0] + [len(shape.vertices) for shape in shapes[:-1]])
     return Shape(

@@ -69,7 +69,7 @@ class Multiscale(Network):
         self.up3 = _Up(eighth, quarter)
         self.up2 = _Up(quarter, half)
         self.fine = nn.Sequential(convolution(half, 4 * FINE_MAPS, 1), nn.PixelShuffle(2))
-        self.join_meshes = nn.Sequential(
+        self.joined = nn.Sequential(
             convolution(FINE_MAPS + SEEN, JOINED, bias=False), nn.BatchNorm2d(JOINED), nn.ReLU()
         )
         self.answer = convolution(JOINED, ANSWER)
@@ -109,7 +109,7 @@ class Multiscale(Network):
         scale8 = self.down3(scale4, rig_maps)
         scale16 = self.bottom(self.down4(scale8, rig_maps))
         maps = self.up2(self.up3(self.up4(scale16, scale8), scale4), scale2)
-        maps = self.join_meshes(torch.cat([self.fine(maps), seen], dim=1))
+        maps = self.joined(torch.cat([self.fine(maps), seen], dim=1))
         answer = self.answer(maps).float()
         normals = unit(previous[:, 0:3] * there + own * (1 - there) + answer[:, 0:3])
         if self.formula:

@@ -47,8 +47,8 @@ class PsFcn(Network):
         directions = lights.expand(-1, -1, *photo.shape[2:])
         images = [torch.cat([photo[:, k : k + 1], directions[:, 3 * k : 3 * k + 3]], dim=1) for k in range(3)]
         features = [self.extractor(image) for image in images]
-        join_meshes = torch.maximum(torch.maximum(features[0], features[1]), features[2])
-        return Prediction(unit(self.regressor(join_meshes)))
+        joined = torch.maximum(torch.maximum(features[0], features[1]), features[2])
+        return Prediction(unit(self.regressor(joined)))
 
 
 def _layer(channels: int, maps: int, stride: int = 1) -> list[nn.Module]:

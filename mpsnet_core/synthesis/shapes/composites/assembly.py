@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from mpsnet_core.synthesis.noise import gradient_noise
 from mpsnet_core.synthesis.shapes.draws import between, chance, direction, new_seed, picked
 from mpsnet_core.synthesis.shapes.isosurface import bounds, isosurface
-from mpsnet_core.synthesis.shapes.shape import Shape, join_meshes
+from mpsnet_core.synthesis.shapes.shape import Shape, joined
 from mpsnet_core.synthesis.shapes.solids import Solid
 from mpsnet_core.synthesis.shapes.surfaces import bent, displaced
 
@@ -39,7 +39,7 @@ def assembled(pieces: Sequence[Piece], cells: int, rng: np.random.Generator) -> 
     texture = _texture(rng)
     if texture is not None:
         shapes = [displaced(shape, texture) if _longest_edge(shape) < COARSE else shape for shape in shapes]
-    shape = join_meshes(shapes)
+    shape = joined(shapes)
     if chance(rng, 0.35):
         shape = bent(shape, _bend(rng))
     if chance(rng, 0.2):  # lumps that move both sides of what is thin alike

@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike, NDArray
 from mpsnet_core.synthesis.noise import gradient_noise
 from mpsnet_core.synthesis.shapes.composites.assembly import BASE, DRESS, FEATURES, LOAD, Piece
 from mpsnet_core.synthesis.shapes.draws import between, chance, count, direction, new_seed, picked, turned
-from mpsnet_core.synthesis.shapes.shape import Shape, join_meshes, placed, smooth_shape, turn_about
+from mpsnet_core.synthesis.shapes.shape import Shape, joined, placed, smooth_shape, turn_about
 from mpsnet_core.synthesis.shapes.solids import curved_limb, cylinder, ellipsoid, ring
 from mpsnet_core.synthesis.shapes.surfaces import (
     displaced,
@@ -66,7 +66,7 @@ def hat(rng: np.random.Generator) -> Shape:
         (0.02, high + 0.25),
     ]
     cap = turned_profile(smooth_profile(profile), DRESS)
-    return join_meshes([cap, ball(between(rng, 0.2, 0.38), (0, 0, high + 0.35), FEATURES)])
+    return joined([cap, ball(between(rng, 0.2, 0.38), (0, 0, high + 0.35), FEATURES)])
 
 
 def ball(radius: float, centre: ArrayLike = (0, 0, 0), part: int = LOAD) -> Shape:
@@ -97,7 +97,7 @@ def sack(rng: np.random.Generator, size: float) -> Shape:
         return depth * fade * near * np.cos(folds * bent) + 0.12 * fade * gradient_noise(points * 1.6, seed + 1)
 
     rope = tube(_circle(neck * 1.12, 0.72 * high), 0.07, DRESS, 10)
-    return placed(join_meshes([displaced(shape, height), rope]), scale=size)
+    return placed(joined([displaced(shape, height), rope]), scale=size)
 
 
 def thing(rng: np.random.Generator, place: ArrayLike, size: float) -> list[Piece]:
@@ -142,7 +142,7 @@ def thing(rng: np.random.Generator, place: ArrayLike, size: float) -> list[Piece
         ball(between(rng, 0.25, 0.4), (between(rng, -0.35, 0.35), between(rng, -0.35, 0.35), 0.45), FEATURES)
         for _ in range(4)
     ]
-    return [placed(join_meshes([jar, tube(arch, 0.08, LOAD), *heap]), axes, size, centre)]
+    return [placed(joined([jar, tube(arch, 0.08, LOAD), *heap]), axes, size, centre)]
 
 
 def crate(
