@@ -37,14 +37,14 @@ class Weave:
         return self.amplitude_mm * np.cos(self._waves).sum(axis=0)
 
     @property
-    def slopes(self) -> np.ndarray:
+    def gradients(self) -> np.ndarray:
         """(H, W, 2) along columns and rows, in mm a mm."""
         steep = -self.amplitude_mm * 2 * np.pi / (self.period * self.pixel_mm) * np.sin(self._waves)
         return np.einsum("ahw,ai->hwi", steep, self.axes)
 
     @property
     def normals(self) -> np.ndarray:
-        across, down = np.moveaxis(self.slopes, -1, 0)
+        across, down = np.moveaxis(self.gradients, -1, 0)
         vectors = np.stack([-across, down, np.ones_like(down)], axis=-1)
         return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
