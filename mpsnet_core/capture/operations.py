@@ -213,7 +213,8 @@ def files_read(given: Any) -> list[Path]:
     from mpsnet_core.capture.masks import mask_source
     from mpsnet_core.io.frames import expand_images, is_several
 
-    mask = None if given.mask in (None, "mesh") else mask_source(given.mask)  # mesh is a word of views
+    mask = getattr(given, "mask", None)
+    mask = None if mask in (None, "mesh") else mask_source(mask)  # mesh is a word of views
     meshes = getattr(given, "mesh", None) or []
     files = [Path(one) for one in ([meshes] if isinstance(meshes, str) else meshes)]
     files += [Path(one) for name in ("camera", "onto") if (one := getattr(given, name, None))]

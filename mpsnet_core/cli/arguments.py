@@ -133,16 +133,6 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_viewpoint(parser: argparse.ArgumentParser) -> None:
-    """Where the photo was taken from: camera or lens, and how far the object was."""
-    parser.add_argument("--camera", help="camera file: for perspective, and where the rig's lights are near")
-    parser.add_argument("--focal", type=float, metavar="MM", help="in its place the lens, in mm on a 36 mm sensor")
-    parser.add_argument(
-        "--mesh", help="the object's mesh in the camera's world: how far each pixel is from near lights"
-    )
-    parser.add_argument("--distance", type=float, help="in its place one distance of the object from the camera")
-
-
 def add_network(parser: argparse.ArgumentParser, model: str = "multiscale") -> None:
     """Which model estimates the normals, and how networks run. model: what is said to be taken unless told."""
     parser.add_argument("--model", help=f"a name of `mpsnet models` or an .onnx file; {model} unless given")
@@ -186,26 +176,3 @@ def parse_correction(options: argparse.Namespace) -> "Correction | None":
     return read_correction(
         options.dark, options.flat, encoding=options.encoding, layer=options.layer, smooth=options.flat_smooth
     )
-
-
-def parse_viewpoint(options: argparse.Namespace) -> tuple[Any, Any]:
-    """Camera (or focal length) and depth (or distance) as :func:`add_viewpoint` takes them, None where not told."""
-    from mpsnet_core.scene.camera import read_camera
-    from mpsnet_core.scene.mesh import read_mesh
-    from mpsnet_core.scene.mesh_depth import depth_of_mesh
-    from mpsnet_core.scene.rays import RayScene
-
-    if options.camera and options.focal is not None:
-        raise InputError("--camera and --focal both tell the lens; give one of them")
-    if options.mesh and options.distance is not None:
-        raise InputError("--mesh and --distance both tell how far the object is; give one of them")
-    if options.mesh and not options.camera:
-        raise InputError("--mesh needs --camera, which tells where the mesh was seen from; give it")
-    camera = read_camera(options.camera) if options.camera else options.focal
-    if options.mesh:
-        mesh = read_mesh(options.mesh, shape_only=True)
-        try:
-            return camera, depth_of_mesh(camera, RayScene(mesh.world_vertices, mesh.triangles))
-        except InputError as error:
-            raise InputError(f"camera {options.camera}: {error}") from None
-    return camera, options.distance

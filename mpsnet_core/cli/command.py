@@ -19,8 +19,6 @@ from mpsnet_core.cli import (
     calibration,
     cameras,
     evaluation,
-    integrate,
-    material,
     samples,
     training,
     views,
@@ -30,6 +28,7 @@ from mpsnet_core.cli.operations import add_operation
 from mpsnet_core.cli.reporter import Notes, Reporter, refuse
 from mpsnet_core.errors import InputError, printable
 from mpsnet_core.estimate.operations import Estimate, ListModels
+from mpsnet_core.relief.operations import Integrate, MakeMaterial
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -118,9 +117,9 @@ def _parser() -> argparse.ArgumentParser:
     common.add_argument(
         "--progress", choices=("auto", "bar", "json", "none"), default="auto", help="how to tell progress"
     )
-    for operation in (Estimate, Superpose, FindMask, ListModels):
+    for operation in (Estimate, Superpose, FindMask, ListModels, Integrate, MakeMaterial):
         add_operation(verbs, common, operation)
-    groups = (calibration, bake, integrate, material, cameras, views, samples, training, evaluation)
+    groups = (calibration, bake, cameras, views, samples, training, evaluation)
     for group in groups:
         group.add_verbs(verbs, common)
     return parser

@@ -63,6 +63,15 @@ class HeightScale:
         """The modifier's midlevel, which is the value that stays where it is."""
         return (self.zero - self.black) / self.strength
 
+    @property
+    def displace_words(self) -> str:
+        """What to put into the modifier, for people."""
+        return f"Blender's Displace: strength {self.strength:.6g}, midlevel {self.midlevel:.6g}"
+
+    def facts(self) -> dict[str, float]:
+        """The scale as plain data, for programs."""
+        return {name: getattr(self, name) for name in ("black", "white", "strength", "midlevel")}
+
     def __str__(self) -> str:
         if (self.black, self.white) == (0, 1):
             return f"its values are heights in {self.unit}"

@@ -8,10 +8,11 @@ import pytest
 from reliefs import ball, orthographic
 from synthetic import listing, write_file
 
-from mpsnet_core import Camera, read_image, read_mesh, write_camera, write_normals
+from mpsnet_core import Camera, InputError, read_image, read_mesh, write_camera, write_normals
 from mpsnet_core.cli import main
 from mpsnet_core.io.images import read_channel
 from mpsnet_core.relief.height_files import read_height
+from mpsnet_core.relief.operations import Integrate
 
 BALL = ball(orthographic(64, 72, 16), (0, 0, 0), 3.5)  # larger than the picture: no rim
 NEAR = ball(Camera("perspective", 72, 64, (100.0, 100.0)), (0, 0, -6), 2.6)
@@ -122,6 +123,16 @@ def test_blenders_world_is_turned_for_y_up_formats(here: Path, capsys: pytest.Ca
         assert result(capsys, f"n.png {words} --mesh m.obj --faces 500")["mesh"]["up"] == up
 
 
+def test_python_gives_what_the_command_line_gives(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    told = result(capsys, "n.png --camera camera.json --unit mm --height h.png --curvature c.png --mesh m.ply --up y")
+    made = Integrate(
+        normals="n.png", camera=here / "camera.json", unit="mm", height="h.png", curvature="c.png", mesh="m.ply", up="y"
+    ).run()
+    assert told == {**made.facts(), "notes": []}
+    with pytest.raises(InputError, match="--light goes with --relit, which is not given"):
+        Integrate(normals="n.png", height="h.png", light="20,30").run()
+
+
 BAD: list[tuple[str, str]] = [
     ("n.png", "nothing is asked for; give at least one of --height, --curvature, --occlusion, --relit, --mesh"),
     ("gone.png --height h.png", "image gone.png does not exist"),
@@ -152,7 +163,7 @@ BAD: list[tuple[str, str]] = [
     ("n.png --mesh m.ply --faces 0", "a mesh of 0 faces cannot be made"),
     ("n.png --mesh m.ply --faces many", "invalid int value: 'many'"),
     ("n.png --mesh m.ply --open 91", "between 0 and 90 degrees on, not 91"),
-    ("n.png --mesh m.ply --up x", "invalid choice: 'x'"),
+    ("n.png --mesh m.ply --up x", "up 'x' is not known; choose y or z"),
     ("n.png --curvature c.png --curvature-radius -1", "a radius of -1 pixels is none"),
     ("n.png --curvature c.png --curvature-range 0", "a curvature's range must be a number above 0, not 0"),
     ("n.png --occlusion a.png --occlusion-reach 0", "over 0 pixels is none"),

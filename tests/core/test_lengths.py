@@ -2,8 +2,8 @@
 
 import pytest
 
-from mpsnet_core.cli.units import millimetres
 from mpsnet_core.errors import InputError
+from mpsnet_core.relief.material.scale import millimetres
 
 
 @pytest.mark.parametrize(

@@ -34,7 +34,7 @@ from mpsnet_core.synthesis.swatches import leather, photographed, woven
 # --- laid flat --------------------------------------------------------------------------------------------------------
 
 
-def test_slopes_and_normals_are_each_others_inverse():
+def test_gradients_and_normals_are_each_others_inverse():
     weave = Weave(degrees=5)
     assert np.allclose(gradients_of(weave.normals.astype(np.float32)), weave.gradients, atol=1e-5)
     assert degrees_between(normals_of(weave.gradients.astype(np.float32)), weave.normals).max() < 0.05

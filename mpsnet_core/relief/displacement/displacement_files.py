@@ -1,0 +1,138 @@
+"""The files of a normal texture, one or UDIM tiles, to those of heights on the same mesh's UVs."""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mpsnet_core.bake.texture import Space
+from mpsnet_core.bake.texture_names import check_one_texture, split_by, texture_files
+from mpsnet_core.bake.texture_sets import sheets
+from mpsnet_core.defaults import MARGIN
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.files import written_together
+from mpsnet_core.io.frames import check_apart
+from mpsnet_core.operation import Result
+from mpsnet_core.progress import Progress, part, silent
+from mpsnet_core.relief.displacement.displacement import Displacement, displacement
+from mpsnet_core.relief.displacement.udim import tiles_of
+from mpsnet_core.relief.height_files import height_files, write_height
+from mpsnet_core.scene.mesh import Mesh, read_mesh
+from mpsnet_core.scene.normal_map import Convention, read_normals
+
+log = logging.getLogger(__name__)
+
+# The share of the surface where normals that fit it may contradict one another: a photo's around eyes and nostrils are
+# some hundredths.
+DOUBTFUL = 0.3
+
+
+@dataclass(frozen=True)
+class HeightsOnUVs(Result):
+    """Heights on a mesh's UVs.
+
+    outputs: the files of heights and of their scales. tiles: the UDIM tiles' numbers. unit: what the mesh's unit is
+    called. height: the lowest and the highest, how the files mean them, and the step at the seams.
+    """
+
+    outputs: list[str]
+    tiles: list[int]
+    unit: str
+    height: dict[str, Any]
+
+
+def write_displacement(
+    normals: str,
+    uvs: str,
+    height: str,
+    *,
+    base: str | None = None,
+    convention: Convention = "opengl",
+    space: Space = "tangent",
+    scale: float = 0.0,
+    mean: float | None = None,
+    margin: int = MARGIN,
+    bits: int | None = None,
+    unit: str = "unit",
+    progress: Progress = silent,
+) -> HeightsOnUVs:
+    """Write the heights that a normal texture means on the mesh that it was baked onto.
+
+    normals, height: one texture, or UDIM tiles where both names have ``<UDIM>``. uvs: the file of the mesh; base: of
+    what is to be displaced, where that is the same mesh subdivided. bits: as :func:`write_height` takes them. The rest
+    is as :func:`displacement` takes it.
+
+    Raises InputError where a file cannot be read or written, a number is out of range, or the texture does not fit the
+    mesh.
+    """
+    tiled = _tiled(normals, height)
+    progress(0.0, "reading the mesh")
+    mesh, base_mesh = read_mesh(uvs), read_mesh(base) if base else None
+    chosen = sheets([mesh], tiles=tiled)
+    textures, outputs = (texture_files(name, chosen) if tiled else [Path(name)] for name in (normals, height))
+    files = _checked_outputs(outputs, bits, [*textures, *(Path(file) for file in (uvs, base) if file)])
+    tiles = tiles_of(chosen)
+    progress(0.05, f"reading {Path(normals).name}")
+    found = displacement(
+        tiles.joined(read_normals(texture, convention=convention).vectors for texture in textures),
+        tiles.mesh(mesh) if tiled else mesh,
+        space=space,
+        base=tiles.mesh(base_mesh) if tiled and base_mesh else base_mesh,
+        scale=scale,
+        mean=mean,
+        margin=margin,
+        progress=part(progress, 0.1, 0.9),
+    )
+    progress(0.9, f"writing {Path(height).name}")
+    ends = float(found.values.min()), float(found.values.max())
+    with written_together():
+        for output, values in zip(outputs, tiles.parted(found.values), strict=True):
+            heights = replace(found, values=values).as_height_map()
+            means = write_height(output, heights, bits=bits, unit=unit, on_uvs=True, ends=ends)
+    inside = found.values[found.covered]
+    lowest, highest = float(inside.min()), float(inside.max())
+    _warn_of_misfit(found, highest - lowest, mesh, unit, f"in {space} space and {convention}")
+    return HeightsOnUVs(
+        [str(file) for file in files],
+        [sheet.tile for sheet in chosen if sheet.tile],
+        unit,
+        {"lowest": lowest, "highest": highest, **means.facts(), "seam_step": found.seam_step},
+        text=f"{height}: heights from {lowest:.4g} to {highest:.4g} {unit}; {means}; {means.displace_words}",
+    )
+
+
+def _tiled(normals: str, height: str) -> bool:
+    """Whether texture and heights are of UDIM tiles. Raises InputError where one of them is."""
+    normals_tiled, height_tiled = ("tile" in split_by(name) for name in (normals, height))
+    if normals_tiled != height_tiled:
+        has, lacks = (normals, height) if normals_tiled else (height, normals)
+        raise InputError(f"{has} means a file for each UDIM tile, and {lacks} one for all; put <UDIM> into both names")
+    if not normals_tiled:
+        check_one_texture(normals)
+        check_one_texture(height)
+    return normals_tiled
+
+
+def _checked_outputs(outputs: Sequence[Path], bits: int | None, taken: Sequence[Path]) -> list[Path]:
+    """The heights' files and their scales. Raises InputError where they cannot be written, or are `taken`."""
+    files = []
+    for output in outputs:
+        written = height_files(output, bits)
+        check_apart(taken, written)
+        files += written[:2]
+    return files
+
+
+def _warn_of_misfit(found: Displacement, span: float, mesh: Mesh, unit: str, baked: str) -> None:
+    """Warn where the texture seems to be another mesh's, or `baked` otherwise. span: of the heights."""
+    across = float(np.linalg.norm(np.ptp(mesh.world_vertices, axis=0)))
+    told = []
+    if span > across:
+        told.append(f"the heights span {span:.3g} {unit}, and the whole mesh {across:.3g}")
+    if found.contradicted > DOUBTFUL:
+        told.append(f"the normals contradict one another on {found.contradicted:.0%} of the surface, which stays flat")
+    if told:
+        log.warning("%s; check that the texture was baked onto this mesh, %s", "; ".join(told), baked)

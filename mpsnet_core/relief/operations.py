@@ -1,0 +1,475 @@
+"""Operations of the relief: what a normal map is made into, and a photo of something flat to a seamless material."""
+
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+from mpsnet_core.capture.operations import HasViewpoint, ReadsPhotos, files_read
+from mpsnet_core.defaults import BEND, CURVATURE_RADIUS, FACES, MARGIN, OVERLAP
+from mpsnet_core.errors import InputError
+from mpsnet_core.estimate.operations import RunsModel
+from mpsnet_core.estimate.registry import LAMBERTIAN_GREY_WORLD
+from mpsnet_core.operation import Operation, Result, option, settings
+from mpsnet_core.progress import Progress, part, silent
+
+if TYPE_CHECKING:
+    from mpsnet_core.capture.capture import Capture
+    from mpsnet_core.relief.displacement.displacement_files import HeightsOnUVs
+    from mpsnet_core.relief.products import Product, Surface
+    from mpsnet_core.scene.camera import Camera
+    from mpsnet_core.scene.normal_map import NormalMap
+
+log = logging.getLogger(__name__)
+
+# What is made of a photo's normals, in this order; each is asked for by the option of its name.
+PRODUCTS = ("height", "curvature", "occlusion", "relit", "mesh")
+# Options that go with a photo's normal map only.
+_OF_PHOTOS = ("camera", "focal", "pixel_size", "distance", "method", "mesh", "curvature", "occlusion", "relit")
+# Options that mean nothing without another one.
+_NEEDED = {
+    "height_bits": "height",
+    **dict.fromkeys(("faces", "open", "up"), "mesh"),
+    **dict.fromkeys(("curvature_radius", "curvature_range"), "curvature"),
+    "occlusion_reach": "occlusion",
+    **dict.fromkeys(("light", "albedo", "turntable"), "relit"),
+    **dict.fromkeys(("space", "base", "scale", "mean", "margin"), "uvs"),
+}
+_ONE_SCALE = "give one of --width, --pixel-size or --ruler"
+
+
+@dataclass(frozen=True)
+class SurfaceMade(Result):
+    """What was made of a photo's normals.
+
+    outputs: the files. unit: what the unit of all numbers is called. height, curvature, occlusion, relit, mesh: what
+    there is to tell of each that was asked for.
+    """
+
+    outputs: list[str]
+    unit: str
+    height: dict[str, Any] | None = None
+    curvature: dict[str, Any] | None = None
+    occlusion: dict[str, Any] | None = None
+    relit: dict[str, Any] | None = None
+    mesh: dict[str, Any] | None = None
+
+
+@dataclass(frozen=True)
+class Integrate(Operation):
+    """Normal map to heights, a mesh, curvature and more."""
+
+    command: ClassVar[str] = "integrate"
+
+    normals: str = option(
+        positional=True,
+        help="normal map in camera space, as `mpsnet estimate` writes it; or with --uvs a texture",
+        provenance="files",
+    )
+    convention: Literal["opengl", "directx"] = option(
+        "opengl", choices=("opengl", "directx"), help="of the normal map: opengl (green up) or directx"
+    )
+    camera: str | None = option(None, help="camera file of the photo", provenance="content")
+    focal: float | None = option(None, metavar="MM", help="in its place the lens, in mm on a 36 mm sensor")
+    pixel_size: float | None = option(
+        None, metavar="S", help="in its place the size of a pixel, seen from afar; 1 unless given"
+    )
+    distance: float | None = option(
+        None,
+        help="mean distance from the camera: of a perspective one it tells the scale (1 unless given), of an "
+        "orthographic one where the mesh stands",
+    )
+    unit: str | None = option(None, help="what the unit of all these is called: mm, m, ...")
+    method: Literal["fast", "bilateral"] = option(
+        "fast",
+        choices=("fast", "bilateral"),
+        help="fast: one smooth surface; bilateral: breaks where one thing stands before another",
+    )
+    height: str | None = option(
+        None,
+        metavar="FILE",
+        help=".exr, float heights; or .png or .tif, 16 bits from black to white. FILE.json says what they mean",
+        provenance="none",
+    )
+    height_bits: int | None = option(None, metavar="BITS", help="32 for float heights in .tif")
+    mesh: str | None = option(None, metavar="FILE", help=".ply, .glb or .obj, with the photo's UVs", provenance="none")
+    faces: int = option(FACES, help="of the mesh, at most so many, small ones where it bends")
+    open: float | None = option(
+        None, metavar="ANGLE", help="leave out faces this steep or more to the line of sight, as 85"
+    )
+    up: Literal["y", "z"] | None = option(
+        None,
+        choices=("y", "z"),
+        help="what points up in the camera's world, y or z, for .glb and .obj; z with --camera, y without, unless "
+        "given",
+    )
+    curvature: str | None = option(
+        None,
+        metavar="FILE",
+        help="edges bright and creases dark; .exr: sum of both curvatures, 1 / unit",
+        provenance="none",
+    )
+    curvature_radius: int = option(CURVATURE_RADIUS, metavar="PIXELS", help="the broadest shapes it shows")
+    curvature_range: float | None = option(None, metavar="C", help="the curvature, per unit, that is white")
+    occlusion: str | None = option(
+        None, metavar="FILE", help="ambient occlusion: white where all light comes in", provenance="none"
+    )
+    occlusion_reach: int | None = option(None, metavar="PIXELS", help="how far it looks; everywhere unless given")
+    relit: str | None = option(
+        None,
+        metavar="FILE",
+        help="picture under a white light; shaded by --occlusion where made",
+        provenance="none",
+    )
+    light: str = option("45,135", metavar="SLANT,TILT", help="where that light is, in degrees")
+    albedo: str | None = option(
+        None, metavar="PHOTO", help="the surface's colour in it; light grey unless given", provenance="files"
+    )
+    turntable: int | None = option(
+        None,
+        metavar="N",
+        help="the light goes around in N steps: one picture of all, or frames where FILE has ####",
+    )
+    uvs: str | None = option(
+        None,
+        metavar="MESH",
+        help="the mesh with UVs that the texture was baked onto; needs --height; <UDIM> in both names for UDIM tiles",
+        provenance="content",
+    )
+    space: Literal["tangent", "object"] = option(
+        "tangent", help="with --uvs, of the texture: tangent (MikkTSpace) or object"
+    )
+    base: str | None = option(
+        None,
+        metavar="MESH",
+        help="with --uvs, what is to be displaced, where that is the same mesh subdivided",
+        provenance="content",
+    )
+    scale: float = option(
+        0.0, help="with --uvs, leave bumps wider than this share of the mesh's size to the mesh; 0 keeps all"
+    )
+    mean: float | None = option(None, help="with --uvs, of the heights; unless given, the surface stays where it is")
+    margin: int = option(MARGIN, help="with --uvs, texels that the islands' borders are grown by")
+
+    def run(self, progress: Progress = silent) -> "SurfaceMade | HeightsOnUVs":
+        """Write all that is asked for, or the heights on a mesh's UVs."""
+        self._check_together()
+        if self.uvs is None:
+            return self._of_photo(progress)
+        if self.height is None:
+            raise InputError("--uvs makes heights; name their file with --height")
+        from mpsnet_core.relief.displacement.displacement_files import write_displacement
+
+        return write_displacement(
+            self.normals,
+            self.uvs,
+            self.height,
+            base=self.base,
+            convention=self.convention,
+            space=self.space,
+            scale=self.scale,
+            mean=self.mean,
+            margin=self.margin,
+            bits=self.height_bits,
+            unit=self.unit or "unit",
+            progress=progress,
+        )
+
+    def _check_together(self) -> None:
+        """Raises InputError where an option is given that the others make meaningless."""
+        given = {
+            setting.name: "--" + setting.name.replace("_", "-")
+            for setting in settings(type(self))
+            if getattr(self, setting.name) != setting.default
+        }
+        for name in _OF_PHOTOS if self.uvs else ():
+            if name in given:
+                raise InputError(f"{given[name]} goes with a photo's normals, not with --uvs; leave it out")
+        for name, needed in _NEEDED.items():
+            if name in given and not getattr(self, needed):
+                raise InputError(f"{given[name]} goes with --{needed}, which is not given; leave it out, or give both")
+
+    def _of_photo(self, progress: Progress) -> SurfaceMade:
+        from mpsnet_core.io.files import written_together
+        from mpsnet_core.relief.surface_mesh import NoFaceError
+
+        products = self._products()
+        progress(0.0, f"reading {Path(self.normals).name}")
+        surface = self._surface(self._read_normals(), part(progress, 0.05, 0.75))
+        outputs: list[str] = []
+        facts: dict[str, dict[str, Any]] = {}
+        lines, no_mesh = [], None
+        with written_together():
+            for number, (name, product) in enumerate(products.items()):
+                first, last = (0.75 + 0.25 * (number + end) / len(products) for end in (0, 1))
+                try:
+                    made = product.make(surface, part(progress, first, last))
+                except NoFaceError as error:  # only known now, and shall cost none of the others
+                    no_mesh = error
+                    continue
+                outputs += map(str, made.files)
+                facts[name] = made.facts
+                lines.append(f"{product.path}: {made.words}")
+        if no_mesh is not None:
+            raise no_mesh
+        progress(1.0, "done")
+        return SurfaceMade(outputs, surface.unit, **facts, text="\n".join(lines))
+
+    def _products(self) -> "dict[str, Product]":
+        """What is asked for, by its option. Raises InputError where that is nothing, or cannot be made or written."""
+        from mpsnet_core.bake.texture_names import check_one_texture
+        from mpsnet_core.io.frames import check_apart, is_several
+
+        for file in (self.normals, self.height or ""):
+            check_one_texture(file)
+        asked = {name: self._product(name, Path(file)) for name in PRODUCTS if (file := getattr(self, name))}
+        if not asked:
+            wanted = ", ".join(f"--{name}" for name in PRODUCTS)
+            raise InputError(f"nothing is asked for; give at least one of {wanted} with a file")
+        if is_several(self.normals):
+            raise InputError(f"{self.normals} means several normal maps; integrate them one by one")
+        taken = [Path(file) for file in (self.normals, self.camera, self.albedo) if file]
+        for product in asked.values():
+            files = product.files()
+            check_apart(taken, files)
+            taken += files
+        return asked
+
+    def _product(self, name: str, path: Path) -> "Product":
+        from mpsnet_core.relief import products
+
+        if name == "height":
+            return products.HeightPicture(path, self.height_bits)
+        if name == "curvature":
+            return products.CurvaturePicture(path, self.curvature_radius, self.curvature_range)
+        if name == "occlusion":
+            return products.OcclusionPicture(path, self.occlusion_reach)
+        if name == "relit":
+            return products.RelitPicture(path, self.light, self.turntable)
+        return products.MeshFile(path, self.faces, self.open, self.up or ("z" if self.camera else "y"), self.distance)
+
+    def _read_normals(self) -> "NormalMap":
+        from mpsnet_core.relief.surface_mesh import check_has_faces
+        from mpsnet_core.scene.normal_map import OUTWARDS_SHARE, read_normals
+
+        normals = read_normals(self.normals, convention=self.convention)
+        if (normals.vectors[normals.mask, 2] >= 0).mean() < OUTWARDS_SHARE:
+            raise InputError(
+                f"{self.normals} is not in camera space: many of its normals point away from the camera; give a "
+                "photo's normals, or for a texture its mesh with --uvs"
+            )
+        if self.mesh:
+            try:
+                check_has_faces(normals.mask)
+            except InputError as error:
+                raise InputError(f"{self.normals}: {error}") from None
+        return normals
+
+    def _surface(self, normals: "NormalMap", progress: Progress) -> "Surface":
+        """What the products that are asked for are made of, and no more."""
+        from mpsnet_core.io.images import read_image
+        from mpsnet_core.relief.height_map import pixel_camera
+        from mpsnet_core.relief.integration.integrate import integrate
+        from mpsnet_core.relief.occlusion import ambient_occlusion
+        from mpsnet_core.relief.products import Surface
+        from mpsnet_core.relief.sizes import check_size
+
+        given = self._camera(*normals.mask.shape)
+        camera = given or pixel_camera(*normals.mask.shape)
+        if self.distance is not None and not 0 < self.distance < float("inf"):
+            raise InputError(f"--distance {self.distance:g} is none; the distance must be a number above 0")
+        albedo = read_image(self.albedo).pixels if self.relit and self.albedo else None
+        if albedo is not None:
+            check_size("albedo", albedo.shape, normals)
+        heights = occlusion = None
+        bent = self.curvature and camera.projection == "perspective"
+        if self.height or self.mesh or self.occlusion or bent:
+            if camera.projection == "perspective" and self.distance is None:
+                log.info("--distance is not given: the mean distance from the camera counts as 1")
+            to_occlusion = 0.5 if self.occlusion else 1.0
+            heights = integrate(
+                normals,
+                camera,
+                method=self.method,
+                distance=self.distance if camera.projection == "perspective" else None,
+                progress=part(progress, 0.0, to_occlusion),
+            )
+            if self.occlusion:
+                occlusion = ambient_occlusion(
+                    heights, normals, reach=self.occlusion_reach, progress=part(progress, to_occlusion, 1.0)
+                )
+        return Surface(normals, camera, self.unit or ("unit" if given else "pixel"), heights, occlusion, albedo)
+
+    def _camera(self, height: int, width: int) -> "Camera | None":
+        """The camera of a photo of that size, None where the options tell none."""
+        import numpy as np
+
+        from mpsnet_core.scene.camera import Camera, camera_of_lens, read_camera
+
+        given = [name for name in ("camera", "focal", "pixel_size") if getattr(self, name) is not None]
+        if len(given) > 1:
+            names = " and ".join("--" + name.replace("_", "-") for name in given)
+            raise InputError(f"{names} tell the same; give one of them")
+        if self.camera:
+            camera = read_camera(self.camera)
+            if (camera.height, camera.width) != (height, width):
+                raise InputError(
+                    f"camera {self.camera} is {camera.width} x {camera.height} but {self.normals} is "
+                    f"{width} x {height}; give the camera that the photo was taken with"
+                )
+            return camera
+        if self.focal is not None:
+            return camera_of_lens(self.focal, width, height)
+        if self.pixel_size is not None:
+            if not (np.isfinite(self.pixel_size) and self.pixel_size > 0):
+                raise InputError(f"--pixel-size {self.pixel_size:g} is no size; give a number above 0")
+            return Camera("orthographic", width, height, np.full(2, 1 / self.pixel_size))
+        return None
+
+
+@dataclass(frozen=True)
+class MaterialMade(Result):
+    """The textures of a flat material.
+
+    files: by what they hold. width_mm, height_mm: what the tile measures. relief_mm: how deep it is. seam: the step of
+    the normals across the tile's border, as a share of that between other neighbours.
+    """
+
+    files: dict[str, str]
+    width_mm: float
+    height_mm: float
+    relief_mm: float
+    seam: float
+
+
+@dataclass(frozen=True)
+class MakeMaterial(RunsModel, HasViewpoint, ReadsPhotos):
+    """Photo of cloth, leather or bark to textures that repeat without a seam."""
+
+    command: ClassVar[str] = "material"
+
+    image: str = option(
+        positional=True, help="photo of something flat that fills it, or its --crop", provenance="files"
+    )
+    rig: str = option(help="rig file (.json, or .lp with three lights)", provenance="content")
+    # Of cloth and leather, which are matt and lit by all three lights, equation 2 tells more than the networks, which
+    # have learned from whole objects.
+    model: str = option(LAMBERTIAN_GREY_WORLD, help="a name of `mpsnet models` or an .onnx file")
+    width: str | None = option(None, metavar="LENGTH", help="what the photo's whole width measures: 120mm, 12cm, 4.5in")
+    pixel_size: str | None = option(None, metavar="LENGTH", help="in place of --width, what a pixel measures: 0.05mm")
+    ruler: str | None = option(
+        None,
+        metavar="X1,Y1,X2,Y2=LENGTH",
+        help="in place of --width, what two places measure, in pixels: 120,80,1620,95=50mm",
+    )
+    crop: str | None = option(None, metavar="X,Y,W,H", help="the part of the photo to use, from its upper left corner")
+    size: int | None = option(None, help="side of the square pictures in pixels; those of the photo unless given")
+    overlap: float = option(OVERLAP, help="share of the tile that its borders are joined over")
+    bend: int = option(
+        BEND,
+        help="half waves across the photo up to which bends and uneven brightness are taken out; 0 for the tilt alone",
+    )
+    grey: bool = option(False, help="an albedo without colour")
+    convention: Literal["opengl", "directx"] = option(
+        "opengl", choices=("opengl", "directx"), help="of the normals: opengl (green up) or directx"
+    )
+    name: str | None = option(None, help="what the files' names begin with; the photo's unless given")
+    output: str = option(short="-o", metavar="FOLDER", help="folder for the pictures", provenance="none")
+
+    def run(self, progress: Progress = silent) -> MaterialMade:
+        """Write the material's textures into the folder."""
+        from mpsnet_core.capture.capture import note_doubts
+        from mpsnet_core.io.files import makeable_folder
+        from mpsnet_core.io.frames import check_apart
+        from mpsnet_core.relief.material.material import check_material, flat_material
+        from mpsnet_core.relief.material.material_files import material_files, write_material
+        from mpsnet_core.relief.material.scale import parse_crop
+
+        check_material(self.size, self.overlap, self.bend)
+        crop = parse_crop(self.crop) if self.crop else None
+        length_mm, pixels = self._scale()
+        name = self._checked_name()
+        folder = makeable_folder(self.output, "material")
+        check_apart([self.image, self.rig, *files_read(self)], material_files(folder, name).values())
+        estimator = self.estimator()
+        progress(0.0, f"reading {Path(self.image).name}")
+        capture, pixel_mm = self._capture(length_mm, pixels, crop)
+        note_doubts(capture)
+        material = flat_material(
+            capture,
+            estimator(capture, part(progress, 0.05, 0.5)),
+            pixel_mm,
+            size=self.size,
+            overlap=self.overlap,
+            bend=self.bend,
+            grey=self.grey,
+            progress=part(progress, 0.5, 0.85),
+        )
+        progress(0.85, f"writing {folder.name}")
+        files = write_material(folder, name, material, convention=self.convention)
+        progress(1.0, "done")
+        rows, columns = material.height.shape
+        deep, seam = float(material.height.max()) - float(material.height.min()), material.seam.border[0]
+        size = f"{material.width_mm:.4g} x {material.height_mm:.4g} mm"
+        return MaterialMade(
+            {what: str(file) for what, file in files.items()},
+            material.width_mm,
+            material.height_mm,
+            deep,
+            seam,
+            text=f"{folder}: {name}, a tile of {size} ({columns} x {rows}), {deep:.3g} mm deep; "
+            f"{_repeats(material.tiling.alike)}; seam {seam:.2f}, where 1 is none",
+        )
+
+    def _scale(self) -> tuple[float, float | None]:
+        """A length in millimetres, and how many of the photo's pixels it is; None for its width, not known yet."""
+        from mpsnet_core.relief.material.scale import millimetres, parse_ruler
+
+        if sum(given is not None for given in (self.width, self.pixel_size, self.ruler)) > 1:
+            raise InputError(f"several options tell how large it is; {_ONE_SCALE}")
+        if self.width is not None:
+            return millimetres(self.width), None
+        if self.pixel_size is not None:
+            return millimetres(self.pixel_size), 1.0
+        if self.ruler is not None:
+            ruler = parse_ruler(self.ruler)
+            return ruler.length_mm, ruler.pixels
+        raise InputError(f"nothing tells how large it is; {_ONE_SCALE}")
+
+    def _checked_name(self) -> str:
+        """What the files' names begin with. Raises InputError where name or folder cannot be meant."""
+        from mpsnet_core.io.files import IMAGE_SUFFIXES
+
+        name = Path(self.image).stem if self.name is None else self.name
+        if Path(name).name != name:
+            raise InputError(f"--name {name} is not a file's name; give the folder with -o")
+        if Path(self.output).suffix.lower() in IMAGE_SUFFIXES:
+            raise InputError(f"--output {self.output} ends like a picture; give the folder for all of them")
+        return name
+
+    def _capture(
+        self, length_mm: float, pixels: float | None, crop: tuple[int, int, int, int] | None
+    ) -> "tuple[Capture, float]":
+        """The part of the photo to use, and what a pixel measures in millimetres."""
+        from mpsnet_core.capture.capture import capture_from
+        from mpsnet_core.io.images import read_image
+        from mpsnet_core.relief.material.material import filled_part
+        from mpsnet_core.relief.material.scale import parse_ruler
+        from mpsnet_core.scene.rig import read_rig
+
+        rig, correction, (camera, depth) = read_rig(self.rig), self.correction(), self.viewpoint()
+        image = read_image(self.image, encoding=self.encoding, layer=self.layer)
+        mask = "none" if image.alpha is None else "alpha"
+        try:
+            capture = capture_from(image, rig, mask=mask, camera=camera, depth=depth, correction=correction)
+            height, width = capture.mask.shape
+            if self.ruler:
+                parse_ruler(self.ruler).check_within(height, width)
+            return filled_part(capture, crop), length_mm / (pixels or width)
+        except InputError as error:
+            raise InputError(f"{self.image}: {error}") from None
+
+
+def _repeats(alike: tuple[float | None, float | None]) -> str:
+    told = [f"{share:.0%} alike {way}" for share, way in zip(alike, ("across", "down"), strict=True) if share]
+    return f"it repeats in the photo, {' and '.join(told)}" if told else "nothing in the photo repeats"

@@ -1,0 +1,208 @@
+"""What a photo's normal map is made into: for each product where it goes, how it is made, and what is told of it."""
+
+import re
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.files import writable_path
+from mpsnet_core.io.images import checked_bits, write_image
+from mpsnet_core.progress import Progress
+from mpsnet_core.relief.curvature import check_curvature, curvature, curvature_picture, curvature_range
+from mpsnet_core.relief.height_files import height_files, write_height
+from mpsnet_core.relief.height_map import HeightMap
+from mpsnet_core.relief.height_names import height_names
+from mpsnet_core.relief.occlusion import check_reach
+from mpsnet_core.relief.relight import relit, turntable_sheet, turntable_tilts
+from mpsnet_core.relief.surface_mesh import (
+    Up,
+    check_surface_mesh,
+    surface_mesh,
+    writable_mesh,
+    write_surface_mesh,
+)
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.normal_map import NormalMap
+from mpsnet_core.scene.rig import direction_from_angles, slant_and_tilt
+
+
+@dataclass(frozen=True)
+class Surface:
+    """What the products are made of, None where none of them needs it.
+
+    unit: what the camera's unit is called. heights: in that unit. occlusion: (H, W). albedo: (H, W, 3), linear.
+    """
+
+    normals: NormalMap
+    camera: Camera
+    unit: str
+    heights: HeightMap | None
+    occlusion: NDArray[np.float32] | None
+    albedo: NDArray[np.float32] | None
+
+
+@dataclass(frozen=True)
+class Made:
+    """Files that were written, and what is told of them: in words, and as plain data."""
+
+    files: list[Path]
+    words: str
+    facts: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Product(ABC):
+    """Something made of a surface, written to `path`."""
+
+    path: Path
+
+    @abstractmethod
+    def files(self) -> list[Path]:
+        """The files that it is written to. Raises InputError where it cannot be made, or not written there."""
+
+    @abstractmethod
+    def make(self, surface: Surface, progress: Progress) -> Made:
+        """Make and write it. Raises InputError where that fails."""
+
+
+@dataclass(frozen=True)
+class HeightPicture(Product):
+    """The heights, their scale and their mask. bits: as :func:`write_height` takes them."""
+
+    bits: int | None
+
+    def files(self) -> list[Path]:
+        return height_files(self.path, self.bits)
+
+    def make(self, surface: Surface, progress: Progress) -> Made:
+        heights = surface.heights
+        assert heights is not None
+        progress(0.0, f"writing {self.path.name}")
+        scale = write_height(self.path, heights, bits=self.bits, unit=surface.unit)
+        inside = heights.values[heights.mask]
+        facts = {"lowest": float(inside.min()), "highest": float(inside.max()), **scale.facts()}
+        from_camera = "; height 0 is at the camera" if heights.camera.projection == "perspective" else ""
+        files = height_names(self.path)
+        return Made(files[:2] if heights.mask.all() else files, f"{scale}{from_camera}; {scale.displace_words}", facts)
+
+
+@dataclass(frozen=True)
+class CurvaturePicture(Product):
+    """Edges bright and creases dark. radius: in pixels. range: the curvature that is white, None for what is found."""
+
+    radius: int
+    range: float | None
+
+    def files(self) -> list[Path]:
+        check_curvature(self.radius, self.range)
+        return _picture(self.path)
+
+    def make(self, surface: Surface, progress: Progress) -> Made:
+        normals, unit = surface.normals, surface.unit
+        depth = None if surface.heights is None else -surface.heights.values
+        values = curvature(normals, surface.camera, depth, radius=self.radius, progress=progress)
+        limit = self.range or curvature_range(values, normals.mask)
+        if self.path.suffix.lower() == ".exr":
+            words = f"the sum of both curvatures in 1 / {unit}, above 0 where convex"
+            write_image(self.path, values, description=words)
+        else:
+            words = f"flat is 0.5, white is convex by {limit:.6g} / {unit} (the sum of both curvatures), black concave"
+            write_image(self.path, curvature_picture(values, limit), bits=16, description=words)
+        return Made([self.path], words, {"range": limit})
+
+
+@dataclass(frozen=True)
+class OcclusionPicture(Product):
+    """Ambient occlusion. reach: how far it looks, in pixels, None for everywhere."""
+
+    reach: int | None
+
+    def files(self) -> list[Path]:
+        check_reach(self.reach)
+        return _picture(self.path)
+
+    def make(self, surface: Surface, progress: Progress) -> Made:
+        assert surface.occlusion is not None
+        write_image(self.path, surface.occlusion)
+        mean = float(surface.occlusion[surface.normals.mask].mean())
+        return Made([self.path], f"on the mean {mean:.1%} of the light comes in", {"mean": round(mean, 4)})
+
+
+@dataclass(frozen=True)
+class RelitPicture(Product):
+    """The surface under a white light. light: "SLANT,TILT" in degrees. turntable: lights around, None for one alone."""
+
+    light: str
+    turntable: int | None
+
+    def files(self) -> list[Path]:
+        """One picture, or a frame for each light of a turntable where the name has a run of #."""
+        slant_and_tilt("--light", self.light)
+        count = 1 if self.turntable is None else len(turntable_tilts(self.turntable, 0))
+        if self.path.suffix.lower() == ".exr":
+            raise InputError(f"cannot write {self.path}: a relit picture is for the screen; use .png or .tif")
+        if "#" not in self.path.name:
+            return _picture(self.path)
+        if self.turntable is None:
+            raise InputError(
+                f"{self.path} stands for frames, and there is one light; give --turntable, or a name without #"
+            )
+        head, run, tail = re.split("(#+)", self.path.name, maxsplit=1)
+        names = [f"{head}{number:0{len(run)}d}{tail}" for number in range(1, count + 1)]
+        return [file for name in names for file in _picture(self.path.with_name(name))]
+
+    def make(self, surface: Surface, progress: Progress) -> Made:
+        slant, tilt = slant_and_tilt("--light", self.light)
+        shown = {"occlusion": surface.occlusion, "albedo": surface.albedo}
+        files = self.files()
+        tilts = [tilt] if self.turntable is None else turntable_tilts(self.turntable, tilt)
+        if len(tilts) > 1 and len(files) == 1:
+            progress(0.0, f"making {files[0].name}")
+            write_image(files[0], turntable_sheet(surface.normals, slant, tilts, **shown), bits=8, color_space="sRGB")
+        else:
+            for number, (file, angle) in enumerate(zip(files, tilts, strict=True)):
+                progress(number / len(files), f"making {file.name}")
+                picture = relit(surface.normals, direction_from_angles(slant, angle), **shown)
+                write_image(file, picture, bits=8, color_space="sRGB")
+        around = f"{len(tilts)} lights around from" if len(tilts) > 1 else "a white light at"
+        return Made(files, f"{around} slant {slant:g}°, tilt {tilt:g}°", {"tilts": tilts})
+
+
+@dataclass(frozen=True)
+class MeshFile(Product):
+    """The surface as a mesh.
+
+    faces, open_from: as :func:`surface_mesh` takes them. up: what points up in the camera's world. distance: where it
+    stands before an orthographic camera, None for where its heights have it.
+    """
+
+    faces: int
+    open_from: float | None
+    up: Up
+    distance: float | None
+
+    def files(self) -> list[Path]:
+        check_surface_mesh(self.faces, self.open_from)
+        return [writable_mesh(self.path)]
+
+    def make(self, surface: Surface, progress: Progress) -> Made:
+        heights = surface.heights
+        assert heights is not None
+        if surface.camera.projection == "orthographic" and self.distance is not None:
+            heights = replace(heights, values=heights.values - self.distance)
+        mesh = surface_mesh(heights, surface.normals, faces=self.faces, open_from=self.open_from, progress=progress)
+        progress(0.9, f"writing {self.path.name}")
+        write_surface_mesh(self.path, mesh, up=self.up)
+        facts = {"vertices": len(mesh.vertices), "faces": len(mesh.triangles), "up": self.up}
+        count = "1 face" if facts["faces"] == 1 else f"{facts['faces']} faces"
+        return Made([self.path], f"{count}, in {surface.unit}", facts)
+
+
+def _picture(path: Path) -> list[Path]:
+    checked_bits(writable_path(path))
+    return [path]
