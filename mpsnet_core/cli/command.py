@@ -18,11 +18,8 @@ from mpsnet_core.cli import (
     bake,
     calibration,
     cameras,
-    evaluation,
     integrate,
     material,
-    samples,
-    training,
     views,
 )
 from mpsnet_core.cli.arguments import Parser
@@ -30,6 +27,39 @@ from mpsnet_core.cli.operations import add_operation
 from mpsnet_core.cli.reporter import Notes, Reporter, refuse
 from mpsnet_core.errors import InputError, printable
 from mpsnet_core.estimate.operations import Estimate, ListModels
+from mpsnet_core.learning.evaluation.operations import (
+    EvaluateColour,
+    EvaluateDiligent,
+    EvaluateMaterials,
+    EvaluatePatchSizes,
+    EvaluateRendered,
+    EvaluateSamples,
+    EvaluateStatues,
+)
+from mpsnet_core.learning.operations import Quantize, Train
+from mpsnet_core.operation import Operation
+from mpsnet_core.synthesis.operations import MakeSamples, ShowSamples, Synthesize, Work
+
+# In the order of the help.
+OPERATIONS: tuple[type[Operation], ...] = (
+    Estimate,
+    Superpose,
+    FindMask,
+    ListModels,
+    Synthesize,
+    MakeSamples,
+    ShowSamples,
+    Work,
+    Train,
+    Quantize,
+    EvaluateDiligent,
+    EvaluateMaterials,
+    EvaluateRendered,
+    EvaluateStatues,
+    EvaluateColour,
+    EvaluateSamples,
+    EvaluatePatchSizes,
+)
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -118,9 +148,9 @@ def _parser() -> argparse.ArgumentParser:
     common.add_argument(
         "--progress", choices=("auto", "bar", "json", "none"), default="auto", help="how to tell progress"
     )
-    for operation in (Estimate, Superpose, FindMask, ListModels):
+    for operation in OPERATIONS:
         add_operation(verbs, common, operation)
-    groups = (calibration, bake, integrate, material, cameras, views, samples, training, evaluation)
+    groups = (calibration, bake, integrate, material, cameras, views)
     for group in groups:
         group.add_verbs(verbs, common)
     return parser
