@@ -28,7 +28,7 @@ class Option:
     Parameters
     ----------
     help
-        What it does, for people, without a full stop.
+        What it does, for people, without a full stop. The command line does not list an option without.
     short
         Its short flag on the command line, as ``-o``.
     positional
@@ -128,6 +128,8 @@ class Operation:
 
     # As the command line has it: "superpose", "calibrate lights".
     command: ClassVar[str] = ""
+    # Whether the help of the command line lists it.
+    listed: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         """Raises InputError where an option's value is out of its bounds or none of its choices."""

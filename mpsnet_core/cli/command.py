@@ -18,9 +18,6 @@ from mpsnet_core.cli import (
     bake,
     calibration,
     cameras,
-    evaluation,
-    samples,
-    training,
     views,
 )
 from mpsnet_core.cli.arguments import Parser
@@ -28,7 +25,42 @@ from mpsnet_core.cli.operations import add_operation
 from mpsnet_core.cli.reporter import Notes, Reporter, refuse
 from mpsnet_core.errors import InputError, printable
 from mpsnet_core.estimate.operations import Estimate, ListModels
+from mpsnet_core.learning.evaluation.operations import (
+    EvaluateColour,
+    EvaluateDiligent,
+    EvaluateMaterials,
+    EvaluatePatchSizes,
+    EvaluateRendered,
+    EvaluateSamples,
+    EvaluateStatues,
+)
+from mpsnet_core.learning.operations import Quantize, Train
+from mpsnet_core.operation import Operation
 from mpsnet_core.relief.operations import Integrate, MakeMaterial
+from mpsnet_core.synthesis.operations import MakeSamples, ShowSamples, Synthesize, Work
+
+# In the order of the help.
+OPERATIONS: tuple[type[Operation], ...] = (
+    Estimate,
+    Superpose,
+    FindMask,
+    Integrate,
+    MakeMaterial,
+    ListModels,
+    Synthesize,
+    MakeSamples,
+    ShowSamples,
+    Work,
+    Train,
+    Quantize,
+    EvaluateDiligent,
+    EvaluateMaterials,
+    EvaluateRendered,
+    EvaluateStatues,
+    EvaluateColour,
+    EvaluateSamples,
+    EvaluatePatchSizes,
+)
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -117,9 +149,9 @@ def _parser() -> argparse.ArgumentParser:
     common.add_argument(
         "--progress", choices=("auto", "bar", "json", "none"), default="auto", help="how to tell progress"
     )
-    for operation in (Estimate, Superpose, FindMask, ListModels, Integrate, MakeMaterial):
+    for operation in OPERATIONS:
         add_operation(verbs, common, operation)
-    groups = (calibration, bake, cameras, views, samples, training, evaluation)
+    groups = (calibration, bake, cameras, views)
     for group in groups:
         group.add_verbs(verbs, common)
     return parser

@@ -7,12 +7,16 @@ from mpsnet_core.cli.arguments import Help, Verbs
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.operation import Operation, Setting, settings
 
+# Commands of two words: what the help says of all that share the first one, and what stands for the second.
+GROUPS = {"evaluate": ("measure models against known normals", "TEST")}
+
 
 def add_operation(verbs: Verbs, common: argparse.ArgumentParser, kind: type[Operation]) -> None:
     """Add the command of an operation: the last word of its name, a positional or a flag for each option."""
-    parser = verbs.add_parser(
-        kind.command.split()[-1], parents=[common], formatter_class=Help, help=kind.help()[:1].lower() + kind.help()[1:]
-    )
+    group, _, name = kind.command.rpartition(" ")
+    facts: dict[str, Any] = {"help": kind.help()[:1].lower() + kind.help()[1:]} if kind.listed else {}
+    place = _group(verbs, group) if group else verbs
+    parser = place.add_parser(name, parents=[common], formatter_class=Help, **facts)
     for setting in settings(kind):
         _add(parser, setting)
 
@@ -25,9 +29,18 @@ def add_operation(verbs: Verbs, common: argparse.ArgumentParser, kind: type[Oper
     parser.set_defaults(verb=verb)
 
 
+def _group(verbs: Verbs, name: str) -> Verbs:
+    """Where the commands are added whose first word is `name`; made where it is not there yet."""
+    if name not in verbs.choices:
+        words, metavar = GROUPS[name]
+        verbs.add_parser(name, help=words).add_subparsers(metavar=metavar, required=True)
+    [found] = [action for action in verbs.choices[name]._actions if isinstance(action, argparse._SubParsersAction)]
+    return found
+
+
 def _add(parser: argparse.ArgumentParser, setting: Setting) -> None:
     described = setting.option
-    facts: dict[str, Any] = {"help": described.help}
+    facts: dict[str, Any] = {"help": described.help or argparse.SUPPRESS}
     if setting.kind is bool:
         parser.add_argument(*_flags(setting), action="store_true", **facts)
         return
@@ -44,6 +57,8 @@ def _add(parser: argparse.ArgumentParser, setting: Setting) -> None:
         return
     if setting.several:
         facts["action"] = "append"
+        if not setting.required and setting.default:  # which argparse is not told
+            facts["help"] += f" (default: {', '.join(map(str, setting.default))})"
     if setting.required:
         facts["required"] = True
     else:

@@ -34,11 +34,31 @@ class Grind(Operation):
     water: tuple[str, ...] = option((), help="a spring; may be repeated", provenance="none")
     slow: bool = option(False, help="take your time", provenance="none")
     recipe: str | None = option(None, help="file of a recipe", provenance="content")
+    sieves: tuple[int, ...] = option((3, 5), help="in a row")
+    crank: str | None = option(None, help="", provenance="none")
     output: str = option(short="-o", help="bag for the powder", provenance="none")
 
     def run(self, progress: Progress = silent) -> Answer:
         progress(1.0, "done")
         return Answer({setting.name: getattr(self, setting.name) for setting in settings(type(self))}, text="ground")
+
+
+@dataclass(frozen=True)
+class EvaluateTaste(Operation):
+    """Taste it."""
+
+    command: ClassVar[str] = "evaluate taste"
+
+    def run(self, progress: Progress = silent) -> Result:
+        return Result(text="good")
+
+
+@dataclass(frozen=True)
+class EvaluateSmell(EvaluateTaste):
+    """Smell it."""
+
+    command: ClassVar[str] = "evaluate smell"
+    listed: ClassVar[bool] = False
 
 
 def on_the_command_line(*arguments: str) -> dict[str, Any]:
@@ -99,3 +119,25 @@ def test_provenance_changes_with_what_makes_another_result_alone(tmp_path: Path)
     assert facts(size=1.0) != first
     recipe.write_text("coarse")
     assert facts() != first
+
+
+def test_commands_of_one_group_stand_together() -> None:
+    parser = Parser()
+    verbs, common = parser.add_subparsers(), Parser(add_help=False)
+    for kind in (EvaluateTaste, Grind, EvaluateSmell):
+        add_operation(verbs, common, kind)
+    assert list(verbs.choices) == ["evaluate", "grind"]
+    for name in ("taste", "smell"):
+        assert parser.parse_args(["evaluate", name]).verb(None, Reporter("none")) == {"text": "good"}
+    listed = verbs.choices["evaluate"].format_help()
+    assert "taste it" in listed and "smell" not in listed
+    with pytest.raises(InputError, match="required: TEST"):
+        parser.parse_args(["evaluate"])
+
+
+def test_help_shows_defaults_and_leaves_out_what_has_no_help() -> None:
+    verbs = Parser().add_subparsers()
+    add_operation(verbs, Parser(add_help=False), Grind)
+    text = verbs.choices["grind"].format_help()
+    assert "in a row (default: 3, 5)" in text and "--crank" not in text
+    assert on_the_command_line("a", "-o", "bag", "--crank", "x", "--sieves", "7")["given"]["sieves"] == (7,)

@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.defaults import SYNTHETIC_SIZE
 from mpsnet_core.io.text_table import table_of_means
 from mpsnet_core.learning.evaluation.diligent import protocol_weights
 from mpsnet_core.learning.evaluation.evaluation import Evaluation
 from mpsnet_core.learning.evaluation.measure import Case, Result
-from mpsnet_core.learning.evaluation.scenes import HELD_OUT_BLOB, SIZE, held_out_blob, ideal_photograph, published_view
+from mpsnet_core.learning.evaluation.scenes import HELD_OUT_BLOB, held_out_blob, ideal_photograph, published_view
 from mpsnet_core.scene.normal_map import angular_error
 from mpsnet_core.synthesis.recipe import Colour, Material, Pattern, Recipe
 from mpsnet_core.synthesis.reflectance import load_reflectance
@@ -53,7 +54,7 @@ class ColourChanges(Evaluation):
 
     title = "One blob, many colours"
 
-    def __init__(self, *, protocols: Sequence[str] = ("published",), size: int = SIZE) -> None:
+    def __init__(self, *, protocols: Sequence[str] = ("published",), size: int = SYNTHETIC_SIZE) -> None:
         for protocol in protocols:
             protocol_weights(protocol)
         self._white: dict[tuple[str, str], NDArray[np.float32]] = {}

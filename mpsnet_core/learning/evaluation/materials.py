@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from mpsnet_core.defaults import SYNTHETIC_SIZE
 from mpsnet_core.estimate.registry import LAMBERTIAN
 from mpsnet_core.io.text_table import mean_cell, text_table
 from mpsnet_core.learning.evaluation.charts import Curve, line_chart
 from mpsnet_core.learning.evaluation.diligent import protocol_weights
 from mpsnet_core.learning.evaluation.evaluation import Evaluation
 from mpsnet_core.learning.evaluation.measure import Case
-from mpsnet_core.learning.evaluation.scenes import HELD_OUT_BLOB, SIZE, held_out_blob, ideal_photograph, published_view
+from mpsnet_core.learning.evaluation.scenes import HELD_OUT_BLOB, held_out_blob, ideal_photograph, published_view
 from mpsnet_core.synthesis.drawing import HELD_OUT
 from mpsnet_core.synthesis.recipe import Material
 from mpsnet_core.synthesis.reflectance import load_reflectance, material_names
@@ -34,7 +35,7 @@ class Materials(Evaluation):
     always = (LAMBERTIAN,)  # whose error the materials are sorted by
 
     def __init__(
-        self, merl: str | os.PathLike[str], *, protocols: Sequence[str] = ("published",), size: int = SIZE
+        self, merl: str | os.PathLike[str], *, protocols: Sequence[str] = ("published",), size: int = SYNTHETIC_SIZE
     ) -> None:
         for protocol in protocols:
             protocol_weights(protocol)

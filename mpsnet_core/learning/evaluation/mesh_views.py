@@ -15,7 +15,6 @@ from mpsnet_core.synthesis.shading.synthesise import synthesise
 from mpsnet_core.synthesis.shapes.meshes import load_mesh, mesh_files
 from mpsnet_core.synthesis.shapes.shape import turn_about
 
-VIEWS = 2
 ELEVATION, FIRST_TURN = 15.0, 20.0  # degrees
 MAX_VIEWS = 360
 

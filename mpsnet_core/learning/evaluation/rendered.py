@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from mpsnet_core.defaults import MESH_VIEWS, SYNTHETIC_SIZE
 from mpsnet_core.io.text_table import table_of_means
 from mpsnet_core.learning.evaluation.diligent import protocol_weights
 from mpsnet_core.learning.evaluation.evaluation import Evaluation
 from mpsnet_core.learning.evaluation.measure import Case
-from mpsnet_core.learning.evaluation.mesh_views import VIEWS, MeshView, mesh_views
+from mpsnet_core.learning.evaluation.mesh_views import MeshView, mesh_views
 from mpsnet_core.learning.evaluation.published import FIGURE_6
-from mpsnet_core.learning.evaluation.scenes import HELD_OUT_SEED, SIZE, ideal_photograph
+from mpsnet_core.learning.evaluation.scenes import HELD_OUT_SEED, ideal_photograph
 from mpsnet_core.synthesis.drawing import HELD_OUT, draw_recipe
 from mpsnet_core.synthesis.job import SampleJob
 from mpsnet_core.synthesis.recipe import Material, Pattern
@@ -40,8 +41,8 @@ class Rendered(Evaluation):
         *,
         merl: str | os.PathLike[str] = "",
         protocols: Sequence[str] = ("published",),
-        views: int = VIEWS,
-        size: int = SIZE,
+        views: int = MESH_VIEWS,
+        size: int = SYNTHETIC_SIZE,
     ) -> None:
         for protocol in protocols:
             protocol_weights(protocol)

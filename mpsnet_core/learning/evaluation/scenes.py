@@ -21,7 +21,6 @@ from mpsnet_core.synthesis.shapes import Shape, build_shape
 
 HELD_OUT_SEED = 1 << 62
 HELD_OUT_BLOB = {"kind": "blobs", "seed": HELD_OUT_SEED, "pose": "any", "character": "smooth"}
-SIZE = 256
 DISTANCE = 10.0
 HIGHLIGHTS = 0.01  # share of the pixels that are brighter than 1
 MARGIN = 1.02  # half the picture's width, in radii of the object's bounding sphere

@@ -6,13 +6,14 @@ from dataclasses import replace
 from functools import lru_cache, partial
 from typing import Any
 
+from mpsnet_core.defaults import MESH_VIEWS, STATUE_SIZE, STATUE_SLANT, STATUE_TILTS
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.text_table import table_of_means
 from mpsnet_core.learning.evaluation.evaluation import Evaluation
 from mpsnet_core.learning.evaluation.fine_relief import fine_relief
 from mpsnet_core.learning.evaluation.magnify import check_magnify
 from mpsnet_core.learning.evaluation.measure import Case, Result
-from mpsnet_core.learning.evaluation.mesh_views import VIEWS, MeshView, mesh_views
+from mpsnet_core.learning.evaluation.mesh_views import MeshView, mesh_views
 from mpsnet_core.learning.evaluation.scenes import ideal_photograph
 from mpsnet_core.scene.rig import published_rig
 from mpsnet_core.synthesis.job import MAX_BOUNCES
@@ -20,10 +21,6 @@ from mpsnet_core.synthesis.recipe import Material
 from mpsnet_core.synthesis.sample import Sample
 
 MATT_GREY = Material(base_color=(0.6, 0.6, 0.6), roughness=1.0, specular=0.0)
-SIZE = 640
-SLANT = 30.0
-# Of the first light: straight above the camera, where networks turn no picture, and two odd angles.
-TILTS = (90.0, 107.0, 131.0)
 # From this share on a light counts as reaching a pixel.
 REACHED = 0.99
 # The Gaussian that tells detail from shape, as a share of the picture's width.
@@ -47,12 +44,12 @@ class Statues(Evaluation):
         self,
         paths: Sequence[str | os.PathLike[str]],
         *,
-        views: int = VIEWS,
-        slant: float = SLANT,
-        tilts: Sequence[float] = TILTS,
+        views: int = MESH_VIEWS,
+        slant: float = STATUE_SLANT,
+        tilts: Sequence[float] = STATUE_TILTS,
         bounces: int = 0,
         magnify: Sequence[int] = (1,),
-        size: int = SIZE,
+        size: int = STATUE_SIZE,
     ) -> None:
         check_magnify(magnify)
         if not 0 <= bounces <= MAX_BOUNCES:

@@ -38,7 +38,6 @@ from mpsnet_core.synthesis.job import JOB_FILE
 log = logging.getLogger(__name__)
 
 Precision = Literal["auto", "float32", "bfloat16"]
-PRECISIONS = ("auto", "float32", "bfloat16")
 LOGGED_EVERY = 50  # steps
 VALIDATION_SEED = 1  # of its photographs
 VALIDATION_CROP = 128

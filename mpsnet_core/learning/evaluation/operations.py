@@ -1,0 +1,237 @@
+"""Operations evaluate: how good the models are, an operation for each test."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from mpsnet_core.defaults import MESH_VIEWS, STATUE_SIZE, STATUE_SLANT, STATUE_TILTS, SYNTHETIC_SIZE
+from mpsnet_core.errors import InputError
+from mpsnet_core.estimate.registry import DEFAULT_MODEL
+from mpsnet_core.learning.operations import HadWorkers
+from mpsnet_core.operation import Operation, Result, option
+from mpsnet_core.progress import Progress, silent
+
+if TYPE_CHECKING:
+    from mpsnet_core.learning.evaluation.evaluation import Evaluation
+
+
+@dataclass(frozen=True)
+class Measured(Result):
+    """What a test came to, as plain data.
+
+    rows: what was measured. published: what the paper found. confidence: how well the models' confidence tells their
+    error. skipped: what was to be measured and is not there.
+    """
+
+    rows: list[dict[str, Any]]
+    published: list[dict[str, Any]]
+    confidence: list[dict[str, Any]] | None = None
+    skipped: list[str] | None = None
+
+
+@dataclass(frozen=True)
+class MeasuresModels(Operation):
+    """Which models a test measures, and where the answer goes."""
+
+    model: tuple[str, ...] = option((DEFAULT_MODEL,), metavar="MODEL", help="name, file, or all; repeatable")
+    json: str | None = option(None, metavar="FILE", help="write the rows as JSON", provenance="none")
+    output: str | None = option(
+        None, short="-o", metavar="REPORT", help="write an HTML report with pictures", provenance="none"
+    )
+
+    def evaluation(self) -> "Evaluation":
+        """The test. Raises InputError where its data are missing or an option is not usable."""
+        raise NotImplementedError
+
+    def run(self, progress: Progress = silent) -> Measured:
+        """Run the test, and write rows and report where they are asked for."""
+        from mpsnet_core.io.files import writable_path
+        from mpsnet_core.io.html_page import page_path
+        from mpsnet_core.learning.evaluation.evaluation import evaluate
+
+        # Asked first, as a test's data may take a while to look through.
+        if self.json:
+            writable_path(self.json)
+        if self.output:
+            page_path(self.output)
+        told = evaluate(self.evaluation(), self.model, json=self.json, report=self.output, progress=progress)
+        return Measured(**told)
+
+
+@dataclass(frozen=True)
+class Magnifies(MeasuresModels):
+    """How many times photographs are magnified."""
+
+    magnify: tuple[int, ...] = option(
+        (1,), metavar="N", help="magnify the photographs N times before the estimate; repeatable"
+    )
+
+
+@dataclass(frozen=True)
+class PhotographsSynthetic(MeasuresModels):
+    """How synthetic scenes are photographed."""
+
+    protocol: tuple[str, ...] = option(
+        ("published",), help="how a channel weighs colours: separated, published or white; repeatable"
+    )
+    size: int = option(SYNTHETIC_SIZE, help="side of a picture in pixels")
+
+
+@dataclass(frozen=True)
+class EvaluateDiligent(Magnifies):
+    """The DiLiGenT photographs, multiplexed."""
+
+    command: ClassVar[str] = "evaluate diligent"
+
+    folder: str = option(
+        positional=True, help="DiLiGenT's pmsData folder; objects that are absent are named and skipped"
+    )
+    object: tuple[str, ...] = option((), metavar="NAME", help="repeatable; all ten unless given")
+    lights: tuple[str, ...] = option((), metavar="A,B,C", help="lights giving R, G, B; repeatable")
+    protocol: tuple[str, ...] = option(
+        (),
+        help="how a channel weighs colours: separated, published or white; repeatable; all three unless given",
+    )
+
+    def evaluation(self) -> "Evaluation":
+        from mpsnet_core.learning.evaluation.diligent import OBJECTS, PROTOCOLS, Diligent
+        from mpsnet_core.learning.evaluation.published import PUBLISHED_LIGHTS
+
+        return Diligent(
+            self.folder,
+            objects=self.object or OBJECTS,
+            lights=[_triple(text) for text in self.lights] or PUBLISHED_LIGHTS,
+            protocols=self.protocol or tuple(PROTOCOLS),
+            magnify=self.magnify,
+        )
+
+
+def _triple(text: str) -> tuple[int, int, int]:
+    try:
+        first, second, third = (int(number) for number in text.split(","))
+    except ValueError:
+        raise InputError(f"--lights {text} is not three numbers; write them like 48,1,96") from None
+    return first, second, third
+
+
+@dataclass(frozen=True)
+class EvaluateMaterials(PhotographsSynthetic):
+    """One blob under each measured material."""
+
+    command: ClassVar[str] = "evaluate materials"
+
+    merl: str = option(metavar="PATH", help="a folder of MERL .binary files, or .npz of fits")
+
+    def evaluation(self) -> "Evaluation":
+        from mpsnet_core.learning.evaluation.materials import Materials
+
+        return Materials(self.merl, protocols=self.protocol, size=self.size)
+
+
+@dataclass(frozen=True)
+class EvaluateRendered(PhotographsSynthetic):
+    """Meshes from files, of one and of several materials."""
+
+    command: ClassVar[str] = "evaluate rendered"
+
+    mesh: tuple[str, ...] = option(positional=True, help="mesh files, or folders of them")
+    merl: str = option("", metavar="PATH", help="measured materials in place of principled ones")
+    views: int = option(MESH_VIEWS, help="of each mesh, from all around")
+
+    def evaluation(self) -> "Evaluation":
+        from mpsnet_core.learning.evaluation.rendered import Rendered
+
+        return Rendered(self.mesh, merl=self.merl, views=self.views, protocols=self.protocol, size=self.size)
+
+
+@dataclass(frozen=True)
+class EvaluateStatues(Magnifies):
+    """Matt grey meshes with cast shadows; fine relief kept."""
+
+    command: ClassVar[str] = "evaluate statues"
+
+    mesh: tuple[str, ...] = option(positional=True, help="mesh files, or folders of them")
+    views: int = option(MESH_VIEWS, help="of each mesh, from all around")
+    slant: float = option(STATUE_SLANT, metavar="DEGREES", help="of the three lights")
+    tilt: tuple[float, ...] = option(
+        STATUE_TILTS, metavar="DEGREES", help="of the first light, the others 120° apart; repeatable"
+    )
+    bounces: int = option(0, help="of light between surfaces: 0 to 3")
+    size: int = option(STATUE_SIZE, help="side of a picture in pixels")
+
+    def evaluation(self) -> "Evaluation":
+        from mpsnet_core.learning.evaluation.statues import Statues
+
+        return Statues(
+            self.mesh,
+            views=self.views,
+            slant=self.slant,
+            tilts=self.tilt,
+            bounces=self.bounces,
+            magnify=self.magnify,
+            size=self.size,
+        )
+
+
+@dataclass(frozen=True)
+class EvaluateColour(PhotographsSynthetic):
+    """One blob in many colours: their edges, their influence."""
+
+    command: ClassVar[str] = "evaluate colour"
+
+    def evaluation(self) -> "Evaluation":
+        from mpsnet_core.learning.evaluation.colour import ColourChanges
+
+        return ColourChanges(protocols=self.protocol, size=self.size)
+
+
+@dataclass(frozen=True)
+class EvaluateSamples(Magnifies):
+    """Held-out samples, photographed (needs PyTorch)."""
+
+    command: ClassVar[str] = "evaluate samples"
+
+    folder: tuple[str, ...] = option(positional=True, help="folders of samples that training does not see")
+    count: int = option(0, help="how many, evenly spread; 0 for all")
+    white: bool = option(False, help="measure each once more with a white photo beside it")
+
+    def evaluation(self) -> "Evaluation":
+        from mpsnet_core.learning.evaluation.samples import Samples
+
+        return Samples(self.folder, count=self.count, magnify=self.magnify, white=self.white)
+
+
+@dataclass(frozen=True)
+class EvaluatePatchSizes(HadWorkers):
+    """Train MPS-Net with patches of five sizes (table 1)."""
+
+    command: ClassVar[str] = "evaluate patch-sizes"
+
+    samples: tuple[str, ...] = option(metavar="DIR", help="to train on; repeatable")
+    validation: tuple[str, ...] = option(metavar="DIR", help="held out; repeatable")
+    runs: str = option(metavar="DIR", help="for checkpoints; a cancelled run goes on from them", provenance="none")
+    width: float = option(0.125, help="factor of the published numbers of maps")
+    steps: int = option(600, help="of each of the ten trainings, of 500 patches")
+    patches: int = option(500_000, help="to measure on")
+    json: str | None = option(None, metavar="FILE", help="write the rows as JSON", provenance="none")
+    output: str | None = option(
+        None, short="-o", metavar="REPORT", help="write an HTML report with a chart", provenance="none"
+    )
+
+    def run(self, progress: Progress = silent) -> Measured:
+        """Train and measure the ten networks, and write rows and report where they are asked for."""
+        from mpsnet_core.learning.evaluation.patch_sizes import evaluate_patch_sizes
+
+        self.note_removed_options()
+        told = evaluate_patch_sizes(
+            [Path(folder) for folder in self.samples],
+            [Path(folder) for folder in self.validation],
+            self.runs,
+            width=self.width,
+            steps=self.steps,
+            patches=self.patches,
+            json=self.json,
+            report=self.output,
+            progress=progress,
+        )
+        return Measured(**told)

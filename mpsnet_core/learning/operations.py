@@ -1,0 +1,185 @@
+"""Operations train and quantize: from samples to a network, and to its int8 twin.
+
+They stand here because :mod:`mpsnet_core.learning.training` cannot be imported without PyTorch (extra ``train``).
+"""
+
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.estimate.registry import find_network, registered_models
+from mpsnet_core.operation import Operation, Result, option
+from mpsnet_core.progress import Progress, silent
+
+if TYPE_CHECKING:
+    from mpsnet_core.learning.training.loop import Places
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class HadWorkers(Operation):
+    """What scripts may still give: options of the processes that made examples."""
+
+    workers: str | None = option(None, help="", provenance="none")
+    keep: bool = option(False, help="", provenance="none")
+
+    def note_removed_options(self) -> None:
+        """Tell who gives them that they do nothing any more."""
+        if self.workers is not None or self.keep:
+            log.info("--workers and --keep do nothing any more: examples are made where the network learns")
+
+
+@dataclass(frozen=True)
+class NetworkTrained(Result):
+    """What a training came to.
+
+    step: how many steps were taken. model: the network's file, where the training is at its end. checkpoint: what to go
+    on from, where it is not. mae_deg: mean angular error on held-out samples, where there are any.
+    """
+
+    step: int
+    model: str | None = None
+    checkpoint: str | None = None
+    mae_deg: float | None = None
+
+
+@dataclass(frozen=True)
+class Train(HadWorkers):
+    """Train a network on samples and export it to ONNX."""
+
+    command: ClassVar[str] = "train"
+
+    recipe: str = option(help="a network's name, mpsnet-published, or a .toml file of your own")
+    samples: tuple[str, ...] = option(metavar="DIR", help="to train on; may be repeated")
+    validation: tuple[str, ...] = option((), metavar="DIR", help="held-out samples; may be repeated")
+    checkpoint: str | None = option(
+        None, metavar="FILE", help="written on the way (default: beside the output)", provenance="none"
+    )
+    resume: str | None = option(None, metavar="FILE", help="a checkpoint to go on from, or a network to train further")
+    logs: str | None = option(None, metavar="DIR", help="for TensorBoard", provenance="none")
+    stop_after: int = option(0, metavar="STEPS", help="to go on later; 0: at the end")
+    minutes: float = option(0.0, help="to go on later, by the clock; 0: at the end")
+    anneal: int = option(
+        0,
+        metavar="STEPS",
+        help="from the checkpoint to resume, which stays: lower the learning rate to nothing over so many steps",
+    )
+    threads: int = option(0, help="of the processor, 0 for all cores")
+    precision: Literal["auto", "float32", "bfloat16"] = option(
+        "auto", choices=("auto", "float32", "bfloat16"), help="auto, float32 or bfloat16"
+    )
+    output: str = option(short="-o", metavar="MODEL", help="the .onnx file", provenance="none")
+
+    def run(self, progress: Progress = silent) -> NetworkTrained:
+        """Train to the recipe's end and write the network, or stop before it and leave the checkpoint."""
+        from mpsnet_core.learning.training.export import export_onnx
+        from mpsnet_core.learning.training.loop import train
+        from mpsnet_core.learning.training.recipe import read_recipe
+
+        output = _model_path(self.output)
+        self.note_removed_options()
+        self._check_numbers()
+        if self.threads:
+            import torch
+
+            torch.set_num_threads(self.threads)
+        places = self._places(output)
+        trained = train(
+            read_recipe(self.recipe),
+            [Path(folder) for folder in self.samples],
+            [Path(folder) for folder in self.validation],
+            places=places,
+            precision=self.precision,
+            stop_after=self.stop_after,
+            anneal=self.anneal,
+            minutes=self.minutes,
+            progress=progress,
+        )
+        step, steps = trained.step, trained.recipe.steps
+        if trained.rank:  # of several processes one writes
+            return NetworkTrained(step, text="")
+        if step < steps and not self.anneal:
+            text = f"stopped after {step} of {steps} steps; go on with --resume {places.checkpoint}"
+            return NetworkTrained(step, checkpoint=str(places.checkpoint), text=text)
+        export_onnx(trained, output)
+        figures = "" if trained.figures is None else f": {trained.figures} on held-out samples"
+        mae_deg = None if trained.figures is None else round(trained.figures.mae_deg, 4)
+        return NetworkTrained(step, model=str(output), mae_deg=mae_deg, text=f"wrote {output}{figures}")
+
+    def _check_numbers(self) -> None:
+        for name in ("threads", "stop_after", "anneal"):
+            if getattr(self, name) < 0:
+                raise InputError(f"--{name.replace('_', '-')} cannot be {getattr(self, name)}; choose 0 or more")
+        if not 0 <= self.minutes < 1e6:
+            raise InputError(f"--minutes cannot be {self.minutes:g}; choose a number from 0 to a million")
+
+    def _places(self, output: Path) -> "Places":
+        from mpsnet_core.io.files import makeable_folder, writable_path
+        from mpsnet_core.io.frames import check_apart
+        from mpsnet_core.learning.training.loop import Places
+
+        checkpoint = Path(self.checkpoint) if self.checkpoint else output.with_suffix(".checkpoint")
+        places = Places(
+            checkpoint=writable_path(checkpoint),
+            resume=_resumed(self.resume) if self.resume else None,
+            logs=makeable_folder(self.logs, "logs") if self.logs else None,
+        )
+        check_apart([checkpoint, *([places.resume] if places.resume else [])], [output])
+        return places
+
+
+@dataclass(frozen=True)
+class TwinMade(Result):
+    """Where the twin is, and its mean angular error on the samples beside that of the model itself."""
+
+    model: str
+    mae_deg: float
+    mae_deg_of_model: float
+
+
+@dataclass(frozen=True)
+class Quantize(Operation):
+    """Make a model's int8 twin: smaller and quicker."""
+
+    command: ClassVar[str] = "quantize"
+
+    model: str = option(positional=True, metavar="MODEL", help="a shipped model's name, or an .onnx file of ours")
+    samples: tuple[str, ...] = option(metavar="DIR", help="to calibrate on; may be repeated")
+    count: int = option(64, help="photographs of the samples")
+    output: str = option(short="-o", metavar="MODEL", help="the .onnx file", provenance="none")
+
+    def run(self, progress: Progress = silent) -> TwinMade:
+        """Write the twin, and tell what it costs."""
+        from mpsnet_core.io.frames import check_apart
+        from mpsnet_core.learning.training.quantize import quantise
+
+        output = _model_path(self.output)
+        model = find_network(self.model).path
+        check_apart([model], [output])
+        samples = [Path(folder) for folder in self.samples]
+        twin = quantise(model, samples, output, count=self.count, progress=progress)
+        return TwinMade(
+            str(output),
+            round(twin.mae_deg, 4),
+            round(twin.model_mae_deg, 4),
+            text=f"wrote {output}: {twin.mae_deg:.2f}° on the samples, the model itself {twin.model_mae_deg:.2f}°",
+        )
+
+
+def _resumed(name: str) -> Path:
+    """A shipped network's file by its name, or the path as it is."""
+    shipped = {entry.name: entry.file for entry in registered_models()}
+    return shipped.get(name) or Path(name)
+
+
+def _model_path(path: str) -> Path:
+    """Where a model can be written; InputError where not."""
+    from mpsnet_core.io.files import writable_path
+
+    output = writable_path(path)
+    if output.suffix.lower() != ".onnx":
+        raise InputError(f"cannot write {output}: models are written as .onnx; change the suffix")
+    return output

@@ -1,0 +1,223 @@
+"""Operations on training samples: made without Blender, gone on with, and shown."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar, Literal
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.operation import Operation, Result, option
+from mpsnet_core.progress import Progress, part, silent
+from mpsnet_core.synthesis.job import CONTACT_SHEET, SampleJob, read_job
+
+# So many of the files that `show` skips are named; all are counted.
+NAMED = 10
+
+
+@dataclass(frozen=True)
+class SamplesMade(Result):
+    """How many samples a folder got now, how many it had, and where they are shown."""
+
+    output: str
+    made: int
+    there: int
+    contact_sheet: str
+
+
+@dataclass(frozen=True)
+class RunsWorkers(Operation):
+    """Who makes samples: processes on this machine, or a cluster."""
+
+    processes: int = option(0, help="on this machine, 0 for as many as it has cores", provenance="none")
+    cluster: str = option("", metavar="ADDRESS", help="of a Dask scheduler, whose workers do it", provenance="none")
+    cluster_trusted: bool = option(
+        False, help="the address needs no tls://: whoever is in the network may run code", provenance="none"
+    )
+
+    def make(self, folder: str, job: SampleJob, progress: Progress, blender: str = "", addon: str = "") -> SamplesMade:
+        """Make the samples of `job` that `folder` does not hold yet.
+
+        blender, addon: what renders them, as :func:`mpsnet_core.synthesis.farm.run.blender_command` takes it.
+        Raises InputError as `make_samples` does, and where a sample could not be made.
+        """
+        from mpsnet_core.synthesis.farm.run import SYNTHESIS_COMMAND, blender_command, make_samples
+
+        harvest = make_samples(
+            folder,
+            job,
+            SYNTHESIS_COMMAND if job.renderer == "synthesis" else blender_command(blender, addon),
+            processes=self.processes,
+            cluster=self.cluster,
+            cluster_trusted=self.cluster_trusted,
+            progress=progress,
+        )
+        facts = f"{harvest.made} made, {harvest.there} there already"
+        if harvest.failed:
+            number, sentence = min(harvest.failed.items())
+            count = len(harvest.failed)
+            raise InputError(f"{folder}: {count} of {job.count} samples failed, {facts}; sample {number}: {sentence}")
+        sheet = str(Path(folder) / CONTACT_SHEET)
+        return SamplesMade(folder, harvest.made, harvest.there, sheet, text=f"{folder}: {facts}")
+
+
+@dataclass(frozen=True)
+class Synthesize(RunsWorkers):
+    """Training samples without Blender."""
+
+    command: ClassVar[str] = "synthesize"
+
+    count: int = option(help="how many samples the folder shall hold")
+    seed: int = option(SampleJob.seed, help="what everything is drawn from")
+    size: int = option(SampleJob.size, help="side of a sample in pixels")
+    shapes: str | None = option(
+        None,
+        metavar="KIND,...",
+        help="of blobs, drapery, reliefs, composites, groups, meshes; meshes where --meshes is given, else all others",
+    )
+    meshes: str = option("", metavar="FOLDER", help="mesh files to take shapes from")
+    merl: str = option("", metavar="PATH", help="measured materials: a folder of MERL .binary files, or .npz of fits")
+    merl_part: Literal["all", "training", "validation"] = option(
+        SampleJob.merl_part,
+        metavar="PART",
+        help="all, or training (four in five of the measured materials) or validation (the fifth that was left out)",
+    )
+    views: int = option(SampleJob.views, help="samples in a row that show the same shape")
+    bounces: int = option(SampleJob.bounces, help="of light between surfaces: 0 to 3")
+    supersampling: int = option(SampleJob.supersampling, help="rays along a pixel's side")
+    output: str = option(short="-o", metavar="FOLDER", help="new, or begun by the same command", provenance="none")
+
+    def run(self, progress: Progress = silent) -> SamplesMade:
+        """Make the samples that the folder does not hold yet."""
+        from mpsnet_core.synthesis.reflectance import material_names
+        from mpsnet_core.synthesis.shapes import mesh_files
+
+        job = self.job()
+        # What is missing is told before anything is begun.
+        if job.meshes:
+            mesh_files(job.meshes)
+        if job.merl:
+            material_names(job.merl)
+        return self.make(self.output, job, progress)
+
+    def job(self) -> SampleJob:
+        """What the samples are drawn from. Raises InputError as `SampleJob` does."""
+        from mpsnet_core.io.files import resolved
+
+        if self.shapes is not None:
+            shapes = tuple(name.strip() for name in self.shapes.split(",") if name.strip())
+        else:
+            shapes = ("meshes",) if self.meshes else SampleJob.shapes
+        return SampleJob(
+            renderer="synthesis",
+            count=self.count,
+            seed=self.seed,
+            size=self.size,
+            shapes=shapes,
+            # Workers may stand elsewhere.
+            meshes=str(resolved(self.meshes)) if self.meshes else "",
+            merl=str(resolved(self.merl)) if self.merl else "",
+            merl_part=self.merl_part,
+            views=self.views,
+            bounces=self.bounces,
+            supersampling=self.supersampling,
+        )
+
+
+@dataclass(frozen=True)
+class MakeSamples(RunsWorkers):
+    """Go on with a folder's training samples."""
+
+    command: ClassVar[str] = "make"
+
+    folder: str = option(positional=True, help="folder that a job of samples was begun in", provenance="none")
+    blender: str = option("", metavar="PROGRAM", help="Blender that renders; this Python's bpy without")
+    addon: str = option("", metavar="MODULE", help="the extension in it, unless always enabled there")
+
+    def run(self, progress: Progress = silent) -> SamplesMade:
+        """Make the samples that the folder's job asks for and that it does not hold yet."""
+        job = read_job(self.folder)
+        if self.blender and job.renderer != "cycles":
+            raise InputError(f"the samples of {self.folder} are made without Blender; leave --blender out")
+        return self.make(self.folder, job, progress, self.blender, self.addon)
+
+
+@dataclass(frozen=True)
+class Work(Operation):
+    """Make the samples of a folder whose numbers come on stdin; only the farm calls it."""
+
+    command: ClassVar[str] = "work"
+    listed: ClassVar[bool] = False
+
+    folder: str = option(positional=True, help="folder that a job of samples was begun in", provenance="none")
+
+    def run(self, progress: Progress = silent) -> Result:
+        """Make samples until stdin ends."""
+        from mpsnet_core.synthesis.farm.work import serve
+        from mpsnet_core.synthesis.make import make_sample
+
+        serve(self.folder, make_sample)
+        return Result(text="")
+
+
+@dataclass(frozen=True)
+class SamplesShown(Result):
+    """Where the picture is, and what the samples are: see `mpsnet_core.synthesis.contact_sheet.FolderSummary`."""
+
+    output: str
+    samples: int
+    renderers: dict[str, int]
+    mean_shares: tuple[float, ...]
+    samples_with: tuple[int, ...]
+    skipped: list[str]
+
+
+@dataclass(frozen=True)
+class ShowSamples(Operation):
+    """Samples or photos as a picture."""
+
+    command: ClassVar[str] = "show"
+
+    path: tuple[str, ...] = option(positional=True, help="a sample, a folder of samples, or a photo", provenance="none")
+    count: int = option(8, help="how many of a folder's samples, evenly spread")
+    output: str | None = option(
+        None, short="-o", help="picture: .png or .tif; unless given beside what it shows", provenance="none"
+    )
+
+    def run(self, progress: Progress = silent) -> SamplesShown:
+        """Write the picture, and tell what the samples are."""
+        from mpsnet_core.io.files import writable_path
+        from mpsnet_core.io.frames import check_apart
+        from mpsnet_core.io.images import checked_bits
+        from mpsnet_core.synthesis.contact_sheet import folder_samples, is_sample, show, summarise, write_sheet
+
+        if self.count < 1:
+            raise InputError(f"--count {self.count} shows nothing; choose 1 or more")
+        paths = [Path(path) for path in self.path]
+        first = paths[0]
+        beside = first / CONTACT_SHEET if first.is_dir() else first.with_name(f"{first.stem}_sheet.png")
+        output = writable_path(self.output or beside)
+        checked_bits(output, 8)
+        check_apart(paths, [output])
+        progress(0.0, "reading")
+        samples: list[Path] = []
+        photos: list[Path] = []
+        for path in paths:
+            if path.is_dir():
+                samples += folder_samples(path)
+            else:
+                (samples if is_sample(path) else photos).append(path)
+        summary = summarise(samples, part(progress, 0.0, 0.8))
+        if len(paths) == 1 and summary.skipped and not summary.count:
+            raise InputError(summary.skipped[0])
+        write_sheet(output, show(samples, photos, self.count))
+        progress(1.0, "done")
+        skipped = [f"skipped {len(summary.skipped)} file(s)", *summary.skipped[:NAMED]] if summary.skipped else []
+        told = [str(summary)] if samples else []
+        return SamplesShown(
+            str(output),
+            summary.count,
+            summary.renderers,
+            summary.mean_shares,
+            summary.samples_with,
+            summary.skipped,
+            text="\n".join([*told, *skipped, str(output)]),
+        )
