@@ -11,11 +11,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mpsnet_core import __version__
+from mpsnet_core.bake.operations import Bake, BakeViews
 from mpsnet_core.capture.operations import FindMask, Superpose
 from mpsnet_core.cli import (
     EXIT_BAD_INPUT,
     EXIT_CANCELLED,
-    bake,
     calibration,
     cameras,
     evaluation,
@@ -23,7 +23,6 @@ from mpsnet_core.cli import (
     material,
     samples,
     training,
-    views,
 )
 from mpsnet_core.cli.arguments import Parser
 from mpsnet_core.cli.operations import add_operation
@@ -118,9 +117,9 @@ def _parser() -> argparse.ArgumentParser:
     common.add_argument(
         "--progress", choices=("auto", "bar", "json", "none"), default="auto", help="how to tell progress"
     )
-    for operation in (Estimate, Superpose, FindMask, ListModels):
+    for operation in (Estimate, Superpose, FindMask, ListModels, Bake, BakeViews):
         add_operation(verbs, common, operation)
-    groups = (calibration, bake, integrate, material, cameras, views, samples, training, evaluation)
+    groups = (calibration, integrate, material, cameras, samples, training, evaluation)
     for group in groups:
         group.add_verbs(verbs, common)
     return parser
