@@ -3,6 +3,7 @@
 A map that was sculpted is not to be seen in a photo; one that was made of the same object is.
 """
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -19,6 +20,8 @@ from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import NormalMap, normalised
 from mpsnet_core.scene.rays import RayScene
+
+log = logging.getLogger(__name__)
 
 Shown = Literal["auto", "yes", "no"]
 SHOWN: tuple[Shown, ...] = ("auto", "yes", "no")
@@ -105,6 +108,14 @@ def check_shown(shown: str) -> None:
     """Raises InputError where `shown` is none of the words that :class:`BaseMap` knows."""
     if shown not in SHOWN:
         raise InputError(f"{shown!r} does not say whether the photos show the present map; choose {', '.join(SHOWN)}")
+
+
+def note_shares(shares: Sequence[Sequence[float]]) -> None:
+    """Tell of views that show the present maps' relief. shares: for each view, what of each map was taken out of it."""
+    taken = [share for of_view in shares for share in of_view if share]
+    if taken:
+        share, views = sum(taken) / len(taken), f"{sum(map(any, shares))} of {len(shares)} view(s)"
+        log.info("%s show %.0f%% of the present map's relief, which is not added to it again", views, 100 * share)
 
 
 def _share(view: NDArray[np.float32], relief: NDArray[np.float32]) -> float:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mpsnet_core.bake.base_detail_removal import BaseMap, Shown
 from mpsnet_core.bake.detail_blending import read_base_map
 from mpsnet_core.bake.map_list import ListedMap, read_map_list
-from mpsnet_core.bake.texture_names import TOKENS, map_files
+from mpsnet_core.bake.texture_names import TOKENS, check_one_texture, map_files
 from mpsnet_core.bake.texture_sets import TextureSet
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.mesh import Mesh
@@ -63,6 +63,17 @@ def maps_beneath(
             named = f" {missing}" if missing else ""
             log.info("%s: there is no present map%s, so nothing lies beneath its texture", sheet.named, named)
     return beneath
+
+
+def one_base_map(file: str, convention: Convention, shown: Shown) -> BaseMap:
+    """The one map that goes beneath every texture of a sequence.
+
+    Raises InputError where the file stands for several maps, or cannot be read.
+    """
+    check_one_texture(file)
+    if Path(file).suffix.lower() == ".json":
+        raise InputError(f"{file} lists present maps for several textures; name the one image to go on top of")
+    return BaseMap(read_base_map(file, convention=convention), shown)
 
 
 class BaseMaps(Sequence[BaseMap]):

@@ -50,6 +50,19 @@ class Levelling:
         return float(np.degrees(angles.mean())) if len(angles) else 0.0
 
 
+def parse_scale(text: str) -> float:
+    """The levelling's scale that is meant by on, off or a number; 0 for none. Raises InputError where none is."""
+    if text in ("on", "off"):
+        return LEVEL_SCALE if text == "on" else 0.0
+    try:
+        scale = float(text)
+    except ValueError:
+        scale = 0.0
+    if not MIN_SCALE <= scale <= MAX_SCALE:
+        raise InputError(f"--level {text} is not known; give on, off, or a scale from {MIN_SCALE:g} to {MAX_SCALE:g}")
+    return scale
+
+
 def correct_low_frequencies(
     normals: NormalMap, camera: Camera, mesh: Mesh, scene: RayScene | None = None, *, scale: float = LEVEL_SCALE
 ) -> NormalMap:

@@ -17,13 +17,16 @@ from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape
 from mpsnet_core.bake.base_detail_removal import BaseMap, remove_base_details
 from mpsnet_core.bake.low_frequency_correction import Levelling, levelling, turned
 from mpsnet_core.bake.projection import View
+from mpsnet_core.bake.view_agreement import Agreement
 from mpsnet_core.capture.capture import Capture, capture_of, corrected_and_masked, note_doubts
 from mpsnet_core.capture.correction import Correction
 from mpsnet_core.errors import InputError
+from mpsnet_core.estimate import Estimator
 from mpsnet_core.io.files import read_json, write_json
 from mpsnet_core.io.images import Encoding, is_whole, read_image, write_image
 from mpsnet_core.io.photo_folder import PhotoFolder
 from mpsnet_core.io.provenance import identity
+from mpsnet_core.progress import Progress, part
 from mpsnet_core.scene.camera import Camera, camera_data, read_camera
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.mesh_depth import depth_of_mesh
@@ -335,3 +338,33 @@ class KeptViews(Sequence[View]):
             return estimated, estimated, 0.0
         by: Levelling = levelling(normals, camera, self.mesh, self.scene, scale=self.level)
         return estimated, View(camera, turned(normals, by)), by.mean_angle
+
+
+def estimate_views(
+    views: Sequence[ViewPhoto],
+    sources: Sequence[dict[str, Any]],
+    photography: Photography,
+    estimator: Estimator,
+    stored: KeptViews,
+    agreed: Agreement,
+    *,
+    progress: Progress,
+) -> int:
+    """Estimate each view's normals onto the disk, but for those that lie there already; gives how many did.
+
+    sources: of :func:`sources_of`. agreed: is given every view.
+
+    Raises InputError, which names the view, where its photo cannot be had.
+    """
+    known = 0
+    for number, (view, source) in enumerate(zip(views, sources, strict=True)):
+        named = f"view {number + 1} of {len(views)}: {view.name}"
+        step = part(progress, number / len(views), (number + 1) / len(views))
+        step(0.0, named)
+        kept = stored.kept[number]
+        if kept.is_of(source):
+            known += 1
+        else:
+            kept.write(estimator(photography.capture(view, stored.scene), part(step, 0.1, 0.8, named)), source)
+        agreed.add(view.name, *stored.both(number))
+    return known

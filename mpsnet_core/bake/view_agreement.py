@@ -4,6 +4,7 @@ It is asked at points spread evenly over the surface, so that neither UVs nor th
 each view is at hand, so that none needs to be read again.
 """
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -16,7 +17,11 @@ from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import angular_error, normalised
 from mpsnet_core.scene.rays import RayScene
 
+log = logging.getLogger(__name__)
+
 POINTS = 20_000
+# Degrees. Estimates of one surface differ by less, whatever the network.
+MOST_APART = 20.0
 # Roberts' additive sequence for two dimensions, from the plastic number.
 _STEPS = np.array([0.7548776662466927, 0.5698402909980532])
 
@@ -105,6 +110,19 @@ def _departures(looks: Sequence[NDArray[np.float32]]) -> list[float]:
         mean = float(np.average(angular_error(own, rest), weights=weights)) if len(shared) else float("nan")
         departures.append(mean)
     return departures
+
+
+def note_doubts(views: Sequence[ViewAgreement]) -> None:
+    """Tell of views that depart from the others, or from the mesh, by more than estimates do."""
+    for view in views:
+        if max(np.nan_to_num(view.before), view.level) > MOST_APART:
+            log.warning(
+                "view %s is %.0f° apart from the others and was levelled by %.0f°: do rig, camera and mesh belong "
+                "together, and did the lights go with what was said?",
+                view.name,
+                np.nan_to_num(view.before),
+                view.level,
+            )
 
 
 def table_rows(views: Sequence[ViewAgreement]) -> list[dict[str, Any]]:

@@ -3,11 +3,9 @@
 import argparse
 from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
-from mpsnet_core.defaults import MARGIN, TEXTURE_SIZE
 from mpsnet_core.errors import InputError
 
 if TYPE_CHECKING:
-    from mpsnet_core.bake.settings import Baking
     from mpsnet_core.capture.correction import Correction
     from mpsnet_core.estimate import Estimator
 
@@ -35,86 +33,6 @@ class Parser(argparse.ArgumentParser):
 
 # What `add_subparsers` gives: the place where verbs are added.
 Verbs = argparse._SubParsersAction
-
-
-def add_texture(parser: argparse.ArgumentParser) -> None:
-    """What texture is baked: its size, space, convention, samples, padding and bits; the rest by
-    :func:`textures.settle`."""
-    parser.add_argument("--size", type=int, default=TEXTURE_SIZE, help="side of the texture in texels")
-    parser.add_argument("--space", default="tangent", help="tangent (MikkTSpace) or object")
-    parser.add_argument("--convention", help="of the texture: opengl (green up; unless given) or directx")
-    parser.add_argument(
-        "--samples", type=int, default=1, metavar="N", help="1, 2 or 4: N x N points a texel, against jagged edges"
-    )
-    parser.add_argument(
-        "--padding", default="nearest", help="beyond the UV islands: nearest, push-pull (fills the texture) or none"
-    )
-    parser.add_argument(
-        "--margin",
-        type=int,
-        help=f"texels that the islands' borders are grown by, with nearest; {MARGIN} unless given",
-    )
-    parser.add_argument(
-        "--bits",
-        type=int,
-        help="bits a channel: 8 or 16 (PNG, TIFF), 16 or 32 (EXR); 16 for PNG and TIFF, 32 for EXR unless given",
-    )
-
-
-def parse_baking(options: argparse.Namespace, feather: float) -> "Baking":
-    """How options of :func:`add_texture`, and --strength, ask for textures to be baked.
-
-    Raises InputError where one is out of range, or a margin is given that the padding does not use.
-    """
-    from mpsnet_core.bake.settings import Baking
-
-    if options.margin is not None and options.padding in ("push-pull", "none"):
-        raise InputError(f"--margin goes with --padding nearest, not with {options.padding}; leave it out")
-    return Baking(
-        size=options.size,
-        space=options.space,
-        margin=MARGIN if options.margin is None else options.margin,
-        padding=options.padding,
-        samples=options.samples,
-        feather=feather,
-        strength=options.strength,
-    )
-
-
-def add_meshes(parser: argparse.ArgumentParser) -> None:
-    """The meshes that are baked onto, a list of one or more."""
-    parser.add_argument(
-        "--mesh",
-        required=True,
-        action="append",
-        help="mesh with UVs: .obj, .ply, .glb, or the add-on's .npz; may be repeated: the meshes hide one another",
-    )
-
-
-def add_level(parser: argparse.ArgumentParser, default: str | None) -> None:
-    """The option --level, read by :func:`level_scale`."""
-    parser.add_argument(
-        "--level",
-        default=default,
-        metavar="on|off|SCALE",
-        help="take from the mesh what is larger than SCALE (a share of its size; on: 0.03), and detail from the photos"
-        + ("" if default else " (off unless given; on with --onto)"),
-    )
-
-
-def level_scale(text: str) -> float:
-    """The levelling's scale that --level means, 0 for none. Raises InputError where it means none of them."""
-    from mpsnet_core.bake.low_frequency_correction import LEVEL_SCALE, MAX_SCALE, MIN_SCALE
-
-    if text in ("on", "off"):
-        return LEVEL_SCALE if text == "on" else 0.0
-    try:
-        scale = float(text)
-    except ValueError:
-        scale = 0.0
-    if not MIN_SCALE <= scale <= MAX_SCALE:
-        raise InputError(f"--level {text} is not known; give on, off, or a scale from {MIN_SCALE:g} to {MAX_SCALE:g}")
-    return scale
 
 
 def add_reading(parser: argparse.ArgumentParser) -> None:

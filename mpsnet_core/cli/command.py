@@ -11,14 +11,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mpsnet_core import __version__
+from mpsnet_core.bake.operations import Bake, BakeViews
 from mpsnet_core.capture.operations import FindMask, Superpose
 from mpsnet_core.cli import (
     EXIT_BAD_INPUT,
     EXIT_CANCELLED,
-    bake,
     calibration,
     cameras,
-    views,
 )
 from mpsnet_core.cli.arguments import Parser
 from mpsnet_core.cli.operations import add_operation
@@ -44,6 +43,8 @@ OPERATIONS: tuple[type[Operation], ...] = (
     Estimate,
     Superpose,
     FindMask,
+    Bake,
+    BakeViews,
     Integrate,
     MakeMaterial,
     ListModels,
@@ -151,7 +152,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     for operation in OPERATIONS:
         add_operation(verbs, common, operation)
-    groups = (calibration, bake, cameras, views)
+    groups = (calibration, cameras)
     for group in groups:
         group.add_verbs(verbs, common)
     return parser

@@ -1,0 +1,149 @@
+"""What textures are baked from: meshes, and for each view its camera and normal map, of one pose or of each frame."""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from mpsnet_core.bake.base_detail_removal import BaseMap, note_shares, remove_base_details
+from mpsnet_core.bake.low_frequency_correction import correct_low_frequencies
+from mpsnet_core.bake.projection import View
+from mpsnet_core.errors import InputError
+from mpsnet_core.estimate.albedo import read_albedo
+from mpsnet_core.io.frames import is_several, matching_files, numbering
+from mpsnet_core.io.provenance import content, identity
+from mpsnet_core.progress import Progress
+from mpsnet_core.scene.camera import read_camera
+from mpsnet_core.scene.joined_mesh import join_meshes
+from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.normal_map import Convention, read_normals
+from mpsnet_core.scene.rays import RayScene
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class ViewInputs:
+    """The files of a view; confidence and albedo where it has them."""
+
+    camera: Path
+    normals: Path
+    confidence: Path | None = None
+    albedo: Path | None = None
+
+    @property
+    def files(self) -> list[Path]:
+        return [file for file in (self.camera, self.normals, self.confidence, self.albedo) if file]
+
+
+@dataclass(frozen=True)
+class BakeInputs:
+    """The files of one bake."""
+
+    meshes: tuple[Path, ...]
+    views: tuple[ViewInputs, ...]
+
+    @property
+    def files(self) -> list[Path]:
+        return [*self.meshes, *(file for view in self.views for file in view.files)]
+
+    def facts(self) -> list[str]:
+        """Texts that change when meshes, cameras or normal maps do.
+
+        Meshes and cameras count by what they hold: Blender writes them anew for every run.
+        """
+        held = [*self.meshes, *(view.camera for view in self.views)]
+        return [*map(content, held), *(identity(view.normals) for view in self.views)]
+
+
+@dataclass(frozen=True)
+class ViewReader:
+    """How views are read to be baked.
+
+    convention: of their normal maps. level: the levelling's scale as a share of the mesh's size, 0 for none.
+    base_maps: the maps that the mesh wears, to be taken out of the views.
+    """
+
+    convention: Convention
+    level: float
+    base_maps: Sequence[BaseMap] = ()
+
+    def read(
+        self,
+        inputs: Sequence[ViewInputs],
+        meshes: Sequence[Mesh],
+        progress: Progress,
+        known: Sequence[Sequence[float]] | None = None,
+    ) -> tuple[list[View], list[Sequence[float]]]:
+        """The views as they are baked, and for each the shares of the present maps' relief that were taken out of it.
+
+        known: these shares, where they have been found before.
+
+        Raises InputError, which names the view, where one cannot be read, or its files differ in size.
+        """
+        whole = join_meshes(meshes)
+        scene = RayScene(whole.world_vertices, whole.triangles) if self.level or self.base_maps else None
+        views, shares = list[View](), list[Sequence[float]]()
+        for number, one in enumerate(inputs):
+            progress(number / len(inputs), f"reading {one.normals.name}")
+            try:
+                normals = read_normals(one.normals, convention=self.convention, confidence=one.confidence)
+                view = View(read_camera(one.camera), normals, None if one.albedo is None else read_albedo(one.albedo))
+                if self.base_maps and scene is not None:
+                    before = None if known is None else known[number]
+                    normals, found = remove_base_details(
+                        view.normals, view.camera, whole, scene, self.base_maps, before
+                    )
+                    view = replace(view, normals=normals)
+                    shares.append(found)
+                if self.level and scene is not None:
+                    normals = correct_low_frequencies(view.normals, view.camera, whole, scene, scale=self.level)
+                    view = replace(view, normals=normals)
+                views.append(view)
+            except InputError as error:
+                raise InputError(f"view {one.camera}={one.normals}: {error}") from None
+        if known is None:
+            note_shares(shares)
+        return views, shares
+
+
+def frame_inputs(mesh: str, views: Sequence[tuple[str, str]]) -> dict[int, BakeInputs]:
+    """The inputs of a sequence by the numbers of its frames; what has no number is the same for all frames.
+
+    mesh: a file, or a folder or pattern of numbered ones. views: camera and normal map each, likewise.
+
+    Raises InputError where a pattern means no sequence, or no number is common to all.
+    """
+    meshes = _by_number(mesh, "mesh")
+    pairs = [(_by_number(camera, "camera"), _by_number(normals, "normal map")) for camera, normals in views]
+    numbered = [files for pair in pairs for files in pair if isinstance(files, dict)]
+    numbers = sorted(set.intersection(*map(set, numbered)))
+    if isinstance(meshes, dict):
+        numbers = [number for number in numbers if number in meshes]
+    if not numbers:
+        raise InputError("no number is common to the frames of all views and meshes; check the patterns")
+    left_out = max(map(len, numbered)) - len(numbers)
+    if left_out:
+        log.warning("%d frame(s) are left out: not every view or mesh has their number", left_out)
+    return {
+        number: BakeInputs(
+            (_file_of(meshes, number),),
+            tuple(ViewInputs(_file_of(cameras, number), _file_of(normals, number)) for cameras, normals in pairs),
+        )
+        for number in numbers
+    }
+
+
+def _by_number(given: str, what: str) -> Path | dict[int, Path]:
+    """A file, or the files of a folder or a pattern by the numbers in their names."""
+    if not is_several(given):
+        return Path(given)
+    files = matching_files(given, what)
+    numbered = numbering(files)
+    if numbered is None:
+        raise InputError(f"the {what}s of {given} are no sequence: their names must differ in one number alone")
+    return dict(zip(numbered.numbers, files, strict=True))
+
+
+def _file_of(files: Path | dict[int, Path], number: int) -> Path:
+    return files[number] if isinstance(files, dict) else files

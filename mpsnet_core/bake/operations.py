@@ -1,0 +1,533 @@
+"""The operations bake and views: normal maps, or posed photos, to textures on a mesh's UVs."""
+
+import contextlib
+import tempfile
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+from mpsnet_core.capture.operations import ReadsPhotos, files_read
+from mpsnet_core.defaults import MARGIN, TEXTURE_SIZE
+from mpsnet_core.errors import InputError
+from mpsnet_core.estimate.operations import RunsModel
+from mpsnet_core.operation import Operation, Result, option
+from mpsnet_core.progress import Progress, part, silent
+
+if TYPE_CHECKING:
+    from mpsnet_core.bake.inputs import BakeInputs
+    from mpsnet_core.bake.multi_view import Photography
+    from mpsnet_core.bake.settings import Baking
+    from mpsnet_core.bake.texture import Texture
+    from mpsnet_core.bake.texture_files import Plan, TextureTarget
+    from mpsnet_core.bake.texture_sets import TextureSet
+    from mpsnet_core.bake.view_agreement import ViewAgreement
+    from mpsnet_core.scene.camera import Camera
+    from mpsnet_core.scene.rig import LightRig
+
+LEVEL = "take from the mesh what is larger than SCALE (a share of its size; on: 0.03), and detail from the photos"
+
+
+@dataclass(frozen=True)
+class MakesTextures(Operation):
+    """The meshes that are baked onto, and what textures are baked."""
+
+    mesh: tuple[str, ...] = option(
+        help="mesh with UVs: .obj, .ply, .glb, or the add-on's .npz; may be repeated: the meshes hide one another",
+        provenance="none",  # each texture's own line tells of it
+    )
+    size: int = option(TEXTURE_SIZE, help="side of the texture in texels")
+    space: Literal["tangent", "object"] = option("tangent", help="tangent (MikkTSpace) or object")
+    convention: Literal["opengl", "directx"] | None = option(
+        None,
+        choices=("opengl", "directx"),
+        help="of the texture: opengl (green up; unless given) or directx",
+        provenance="none",  # but what it comes to with the preset
+    )
+    samples: int = option(1, metavar="N", help="1, 2 or 4: N x N points a texel, against jagged edges")
+    padding: Literal["nearest", "push-pull", "none"] = option(
+        "nearest", help="beyond the UV islands: nearest, push-pull (fills the texture) or none"
+    )
+    margin: int | None = option(
+        None, help=f"texels that the islands' borders are grown by, with nearest; {MARGIN} unless given"
+    )
+    bits: int | None = option(
+        None,
+        help="bits a channel: 8 or 16 (PNG, TIFF), 16 or 32 (EXR); 16 for PNG and TIFF, 32 for EXR unless given",
+        provenance="none",  # but what they come to with the preset
+    )
+    preset: str | None = option(
+        None,
+        metavar="NAME",
+        help="blender, unreal, unity, godot or gltf: convention, bits, file format and, in a folder, the file's name; "
+        "options that are given as well win",
+        provenance="none",
+    )
+
+    def texture_facts(self, target: "TextureTarget") -> str:
+        """What is true of all the textures, for people."""
+        return f"{self.size} x {self.size}, {self.space} space, {target.convention}"
+
+
+@dataclass(frozen=True)
+class LaysOnto(MakesTextures):
+    """What is made of the photos' detail: its strength, and a normal map that it goes on top of."""
+
+    level: str | None = option(
+        None,
+        metavar="on|off|SCALE",
+        help=f"{LEVEL} (off unless given; on with --onto)",
+        provenance="none",  # but the scale that it means
+    )
+    strength: float = option(1.0, help="of what the photos add to the mesh's own normals: 0 to 2")
+    onto: str | None = option(
+        None,
+        metavar="MAP",
+        help="the object's present normal map (tangent space, same UVs), to add detail to; with <UDIM>, <MATERIAL> or "
+        "<OBJECT> in its name as in the output's, or a .json file that lists several",
+        provenance="files",
+    )
+    onto_convention: Literal["opengl", "directx"] = option(
+        "opengl", choices=("opengl", "directx"), help="of the present map: opengl (green up) or directx"
+    )
+    onto_shown: Literal["auto", "yes", "no"] = option(
+        "auto",
+        metavar="auto|yes|no",
+        help="whether the photos show the present map's relief as well, which is then not added again",
+    )
+
+    def check_onto(self) -> None:
+        """Raises InputError where the detail cannot go on top of the present map, or its options lack the map."""
+        from mpsnet_core.bake.base_detail_removal import check_shown
+        from mpsnet_core.bake.detail_blending import check_blending
+
+        check_shown(self.onto_shown)
+        if self.onto:
+            check_blending(self.space)
+        elif self.onto_convention != "opengl" or self.onto_shown != "auto":
+            raise InputError("--onto-convention and --onto-shown tell of the map of --onto; give it, or leave them out")
+
+    def level_scale(self) -> float:
+        """The levelling's scale as a share of the mesh's size, 0 for none. Raises InputError where it is not known."""
+        from mpsnet_core.bake.low_frequency_correction import parse_scale
+
+        # What is large in the present map is in the photo as well, and shall not be added to it.
+        return parse_scale(self.level or ("on" if self.onto else "off"))
+
+    def baking(self, feather: float) -> "Baking":
+        """How the textures are baked.
+
+        Raises InputError where an option is out of range, or a margin is given that the padding does not use.
+        """
+        from mpsnet_core.bake.settings import Baking
+
+        if self.margin is not None and self.padding in ("push-pull", "none"):
+            raise InputError(f"--margin goes with --padding nearest, not with {self.padding}; leave it out")
+        return Baking(
+            size=self.size,
+            space=self.space,
+            margin=MARGIN if self.margin is None else self.margin,
+            padding=self.padding,
+            samples=self.samples,
+            feather=feather,
+            strength=self.strength,
+        )
+
+    def planned(self, target: "TextureTarget", taken: "Sequence[Path]", *, albedo: bool = False) -> "Plan":
+        """The textures to be made; see :func:`mpsnet_core.bake.texture_files.planned`."""
+        from mpsnet_core.bake.texture_files import planned
+
+        return planned(
+            target,
+            self.mesh,
+            taken,
+            onto=self.onto,
+            onto_convention=self.onto_convention,
+            onto_shown=self.onto_shown,
+            albedo=albedo,
+        )
+
+
+@dataclass(frozen=True)
+class TexturesBaked(Result):
+    """The textures of one pose.
+
+    output: their file, or its name with tokens in it. outputs: each one's file, what it is of, and the share of it that
+    some view saw. seen: that share of all.
+    """
+
+    output: str
+    outputs: list[dict[str, Any]]
+    seen: float
+
+
+@dataclass(frozen=True)
+class FramesBaked(Result):
+    """The textures of a sequence.
+
+    folder: where they are. first_output: the first one's file. first, last: their numbers. made, there: how many were
+    made now, and before. seen: the share of the surface that some view saw, None where none was made.
+    """
+
+    folder: str
+    first_output: str
+    first: int
+    last: int
+    count: int
+    made: int
+    there: int
+    seen: float | None
+
+
+@dataclass(frozen=True)
+class Bake(LaysOnto):
+    """Normal maps to a texture on a mesh's UVs."""
+
+    command: ClassVar[str] = "bake"
+
+    view: tuple[str, ...] = option(
+        metavar="CAMERA=NORMALS",
+        help="camera file and its normal map; normals/frame_####.png for a sequence",
+        provenance="none",  # each texture's own line tells of it
+    )
+    normals_convention: Literal["opengl", "directx"] = option(
+        "opengl", choices=("opengl", "directx"), help="of the normal maps that are read"
+    )
+    confidence: tuple[str, ...] = option(
+        (), metavar="FILE", help="confidence map of a view, in the views' order", provenance="none"
+    )
+    albedo: tuple[str, ...] = option(
+        (),
+        metavar="FILE",
+        help="albedo of a view (of estimate --albedo), in the views' order: baked as well, to TEXTURE_albedo",
+        provenance="none",
+    )
+    format: str | None = option(
+        None, help="png (unless given), tif or exr, where the output is a folder", provenance="none"
+    )
+    output: str = option(
+        short="-o",
+        help="texture file: .png, .tif or .exr; with <UDIM>, <MATERIAL> or <OBJECT> in its name one for each tile, "
+        "material or object; a folder for a sequence, or with --preset",
+        provenance="none",
+    )
+
+    def run(self, progress: Progress = silent) -> TexturesBaked | FramesBaked:
+        """Write the textures of one pose, or a texture for each frame of a sequence."""
+        from mpsnet_core.bake.texture_files import texture_target
+        from mpsnet_core.io.frames import is_several
+
+        views = self._views()
+        sequence = any(is_several(normals) for _, normals in views)
+        self.check_onto()
+        baking = self._baking()
+        for what, files, none in (("confidence maps", self.confidence, ""), ("albedos", self.albedo, ", or none")):
+            if files and len(files) != len(views):
+                raise InputError(f"there are {len(views)} views but {len(files)} {what}; give one for each view{none}")
+        target = texture_target(
+            self.output,
+            self.mesh,
+            preset=self.preset,
+            ending=self.format,
+            convention=self.convention,
+            bits=self.bits,
+            sequence=sequence,
+        )
+        if sequence:
+            return self._sequence(views, target, baking, progress)
+        return self._pose(views, target, baking, progress)
+
+    def _views(self) -> list[tuple[str, str]]:
+        """Camera and normal map of each view."""
+        views = []
+        for view in self.view:
+            camera, equals, normals = view.partition("=")
+            if not (camera and equals and normals):
+                raise InputError(
+                    f"--view {view} is not CAMERA=NORMALS; give a camera file, an equals sign, a normal map"
+                )
+            views.append((camera, normals))
+        return views
+
+    def _baking(self) -> "Baking":
+        from mpsnet_core.bake.feather import FEATHER
+
+        # Views that are levelled are meant to leave no seam.
+        return self.baking(FEATHER if self.level_scale() else 0.0)
+
+    def _pose(
+        self, views: list[tuple[str, str]], target: "TextureTarget", baking: "Baking", progress: Progress
+    ) -> TexturesBaked:
+        from mpsnet_core.bake.bake import bake_texture_sets
+        from mpsnet_core.bake.inputs import BakeInputs, ViewInputs, ViewReader
+        from mpsnet_core.bake.texture_files import format_textures, textures_result, write_textures
+        from mpsnet_core.io.files import writable_path, written_together
+        from mpsnet_core.io.images import checked_bits
+
+        checked_bits(writable_path(target.output), target.bits)
+        maps = [tuple(map(Path, files)) or (None,) * len(views) for files in (self.confidence, self.albedo)]
+        inputs = BakeInputs(
+            tuple(map(Path, self.mesh)),
+            tuple(
+                ViewInputs(Path(camera), Path(normals), confidence, albedo)
+                for (camera, normals), confidence, albedo in zip(views, *maps, strict=True)
+            ),
+        )
+        progress(0.0, "reading the mesh")
+        plan = self.planned(target, [*inputs.files, *self._onto_files()], albedo=bool(self.albedo))
+        reader = ViewReader(self.normals_convention, self.level_scale(), plan.base_maps.in_photos())
+        seen, _ = reader.read(inputs.views, plan.meshes, part(progress, 0.05, 0.15))
+        baked = bake_texture_sets(plan.meshes, seen, plan.sheets, baking, progress=part(progress, 0.15, 1.0))
+        with written_together():
+            made = [one for one, _ in write_textures(plan, baked)]
+        text = format_textures(made, self.texture_facts(target))
+        return TexturesBaked(target.output, **textures_result(made), text=text)
+
+    def _sequence(
+        self, views: list[tuple[str, str]], target: "TextureTarget", baking: "Baking", progress: Progress
+    ) -> FramesBaked:
+        from mpsnet_core.bake.existing_maps import one_base_map
+        from mpsnet_core.bake.inputs import ViewReader
+        from mpsnet_core.bake.sequence import bake_sequence
+        from mpsnet_core.io.files import ensure_folder, remove_abandoned
+        from mpsnet_core.io.frames import check_apart, results_folder
+        from mpsnet_core.io.provenance import operation_facts
+
+        frames, (first, last) = self._frames(views, target)
+        check_apart({*(file for one in frames.values() for file in one.files), *self._onto_files()}, frames)
+        remove_abandoned(ensure_folder(results_folder(target.output, "a sequence is baked", "textures"), "textures"))
+        level = self.level_scale()
+        base_maps = [one_base_map(self.onto, self.onto_convention, self.onto_shown)] if self.onto else []
+        outcome = bake_sequence(
+            frames,
+            ViewReader(self.normals_convention, level, base_maps),
+            baking,
+            target,
+            recipe=operation_facts(self, convention=target.convention, bits=str(target.bits), level=str(level)),
+            progress=progress,
+        )
+        output = next(iter(frames))
+        there = f", {outcome.there} there already" if outcome.there else ""
+        return FramesBaked(
+            target.output,
+            str(output),
+            first,
+            last,
+            len(frames),
+            outcome.made,
+            outcome.there,
+            outcome.seen,
+            text=f"{output.parent}: textures of {len(frames)} frames, {outcome.made} made{there}",
+        )
+
+    def _frames(
+        self, views: list[tuple[str, str]], target: "TextureTarget"
+    ) -> "tuple[dict[Path, BakeInputs], tuple[int, int]]":
+        """What each frame's texture is baked from, and the first and last number."""
+        from mpsnet_core.bake.inputs import frame_inputs
+        from mpsnet_core.bake.texture_names import split_by
+        from mpsnet_core.io.images import checked_bits
+
+        if len(self.mesh) > 1 or split_by(target.output):
+            raise InputError(
+                "a sequence is baked onto one mesh and into one texture a frame; give one --mesh, and leave <UDIM>, "
+                "<MATERIAL> and <OBJECT> out of --output"
+            )
+        if self.confidence:
+            raise InputError("--confidence takes one normal map a view; leave it out for a sequence")
+        if self.albedo:
+            raise InputError("--albedo is of one still photo a view; leave it out for a sequence")
+        inputs = frame_inputs(self.mesh[0], views)
+        checked_bits(Path(f"texture{target.suffix}"), target.bits)
+        numbers = sorted(inputs)
+        digits = max(4, len(str(numbers[-1])))
+        return {target.frame(number, digits): inputs[number] for number in numbers}, (numbers[0], numbers[-1])
+
+    def _onto_files(self) -> list[Path]:
+        return [Path(self.onto)] if self.onto else []
+
+
+@dataclass(frozen=True)
+class ViewsBaked(TexturesBaked):
+    """The textures of posed photos.
+
+    views: for each its share of the surface, and how far it departs from the others. level: the levelling's scale, 0
+    for none. model: the estimator's name.
+    """
+
+    views: list[dict[str, Any]]
+    level: float
+    model: str
+
+
+@dataclass(frozen=True)
+class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
+    """Posed photos from all around to one texture."""
+
+    command: ClassVar[str] = "views"
+
+    cameras: str = option(
+        help="from photogrammetry (COLMAP folder, Metashape .xml, Meshroom .sfm), or a folder of NAME.camera.json"
+    )
+    photos: str | None = option(
+        None, metavar="FOLDER", help="the photos, one for each camera; only the add-on's file names them itself"
+    )
+    rig: str = option(help="rig file (.json; .lp with three lights that go with the camera)")
+    lights_in: Literal["camera", "world"] = option(
+        "camera",
+        choices=("camera", "world"),
+        help="camera: the lights go with it (or the object turns); world: they stand still, the rig file has "
+        "directions along the mesh's axes, or positions in its world",
+    )
+    mask: str = option(
+        "mesh", help="mesh (where the camera sees it), a folder of masks named as the photos, or as in estimate"
+    )
+    level: str | None = option("on", metavar="on|off|SCALE", help=LEVEL)
+    keep: str | None = option(
+        None, metavar="FOLDER", help="keep each view's normals there; the next run goes on from them"
+    )
+    report: str | None = option(
+        None, metavar="FILE", help="write an HTML page: coverage, disagreement, a line for each view"
+    )
+    json: str | None = option(None, metavar="FILE", help="write the same figures as JSON")
+    output: str = option(
+        short="-o",
+        help="texture file: .png, .tif or .exr; with <UDIM>, <MATERIAL> or <OBJECT> in its name one for each tile, "
+        "material or object; a folder with --preset",
+    )
+
+    def run(self, progress: Progress = silent) -> ViewsBaked:
+        """Write the textures, and report and figures where they are asked for."""
+        from mpsnet_core.bake.bake import bake_texture_sets
+        from mpsnet_core.bake.base_detail_removal import note_shares
+        from mpsnet_core.bake.feather import FEATHER
+        from mpsnet_core.bake.multi_view import KeptView, KeptViews, estimate_views, posed_photos, sources_of
+        from mpsnet_core.bake.view_agreement import agreement, note_doubts
+        from mpsnet_core.io.frames import check_apart
+        from mpsnet_core.scene.joined_mesh import join_meshes
+        from mpsnet_core.scene.rays import RayScene
+
+        # All that can be known beforehand is asked before the long work.
+        baking, level, target = self.baking(FEATHER), self.level_scale(), self._target()
+        inputs, outputs = self._files(target)
+        photography = self._photography()
+        views = posed_photos(self.cameras, self.photos)
+        photos = [view.photo for view in views]
+        check_apart(photos, outputs)
+        progress(0.0, "reading the mesh")
+        plan = self.planned(target, [*inputs, *photos, *map(Path, outputs[1:])])
+        mesh = join_meshes(plan.meshes)
+        sources = sources_of(views, photography, mesh, self._estimated_by())
+        scene = RayScene(mesh.world_vertices, mesh.triangles)
+        estimator = self.estimator()
+        with contextlib.ExitStack() as stack:
+            folder = self._folder(stack)
+            kept = [KeptView(folder, view.name) for view in views]
+            stored = KeptViews(kept, [view.camera for view in views], mesh, scene, level, plan.base_maps.in_photos())
+            agreed = agreement(mesh, scene, FEATHER)
+            known = estimate_views(
+                views, sources, photography, estimator, stored, agreed, progress=part(progress, 0.02, 0.72)
+            )
+            note_shares(stored.shares)
+            baked = bake_texture_sets(plan.meshes, stored, plan.sheets, baking, progress=part(progress, 0.72, 1.0))
+            table = agreed.views()
+            note_doubts(table)
+            how = f"levelled at {level:g} of the mesh's size" if level else "not levelled"
+            before = f"; {known} kept from before" if known else ""
+            summary = f"{len(views)} view(s) by {estimator.name}, {how}{before}"
+            return self._written(plan, baked, table, estimator.name, summary)
+
+    def _target(self) -> "TextureTarget":
+        from mpsnet_core.bake.texture_files import texture_target
+        from mpsnet_core.io.files import writable_path
+        from mpsnet_core.io.images import checked_bits
+
+        self.check_onto()
+        target = texture_target(self.output, self.mesh, preset=self.preset, convention=self.convention, bits=self.bits)
+        checked_bits(writable_path(target.output), target.bits)
+        return target
+
+    def _files(self, target: "TextureTarget") -> tuple[list[Path], list[str]]:
+        """What is read, but for the photos, and what is written. Raises InputError where one would overwrite another,
+        or has no place."""
+        from mpsnet_core.io.files import files_within, writable_path
+        from mpsnet_core.io.frames import check_apart
+        from mpsnet_core.io.html_page import page_path
+
+        if self.report:
+            page_path(self.report)
+        if self.json:
+            writable_path(self.json)
+        outputs = [file for file in (target.output, self.report, self.json) if file]
+        inputs = [Path(self.rig), *files_within(self.cameras), *files_read(self)]
+        for number, file in enumerate(outputs):
+            check_apart([*inputs, *outputs[:number]], [file])
+        return inputs, outputs
+
+    def _photography(self) -> "Photography":
+        from mpsnet_core.bake.multi_view import Photography
+        from mpsnet_core.scene.rig import read_rig
+        from mpsnet_core.scene.world_lights import read_world_lights
+
+        if self.lights_in == "world":
+            rig_of = read_world_lights(self.rig).seen_by
+        else:
+            rig = read_rig(self.rig)
+
+            def rig_of(camera: "Camera") -> "LightRig":
+                return rig
+
+        return Photography(rig_of, self.mask, self.encoding, self.layer, self.correction())
+
+    def _estimated_by(self) -> list[str]:
+        """What all views' normals are made by, beside their photos: not by what the textures alone depend on."""
+        from mpsnet_core import __version__
+        from mpsnet_core.io.provenance import identity
+
+        files = self.model, self.dark, self.flat
+        return [__version__, self.model, *map(identity, files), str(self.flat_smooth)]
+
+    def _folder(self, stack: contextlib.ExitStack) -> Path:
+        """Where the views' normals go: to be kept, or for as long as the stack is open."""
+        from mpsnet_core.io.files import ensure_folder, remove_abandoned
+
+        if not self.keep:
+            return Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="mpsnet-views-")))
+        folder = ensure_folder(self.keep, "normals of the views")
+        remove_abandoned(folder)
+        return folder
+
+    def _written(
+        self,
+        plan: "Plan",
+        baked: "Iterable[tuple[TextureSet, Texture]]",
+        table: "Sequence[ViewAgreement]",
+        model: str,
+        summary: str,
+    ) -> ViewsBaked:
+        """Textures, report and figures, all of them or none."""
+        from mpsnet_core.bake.report import texture_maps, view_table, write_bake_report
+        from mpsnet_core.bake.texture_files import format_textures, textures_result, write_textures
+        from mpsnet_core.bake.view_agreement import table_rows
+        from mpsnet_core.io.files import write_json, written_together
+
+        made, maps = [], []
+        with written_together():
+            for one, texture in write_textures(plan, baked):
+                made.append(one)
+                if self.report:
+                    maps += texture_maps(texture, one.sheet.named)
+                del texture
+            text, textures = format_textures(made, self.texture_facts(plan.target)), textures_result(made)
+            figures = {
+                "views": table_rows(table),
+                "seen": textures["seen"],
+                "level": self.level_scale(),
+                "model": model,
+            }
+            if self.report:
+                write_bake_report(self.report, Path(plan.target.output).name, maps, table, [text, summary])
+            if self.json:
+                write_json(self.json, figures)
+        everything = "\n".join([view_table(table), summary, text])
+        return ViewsBaked(plan.target.output, **{**textures, **figures}, text=everything)

@@ -1,0 +1,85 @@
+"""Sequences: a texture for each frame; what is there already, made of the same files and settings, is kept."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+from mpsnet_core.bake.bake import bake_texture_sets
+from mpsnet_core.bake.detail_blending import blend_detail
+from mpsnet_core.bake.inputs import BakeInputs, ViewReader
+from mpsnet_core.bake.settings import Baking
+from mpsnet_core.bake.texture import write_texture
+from mpsnet_core.bake.texture_files import TextureTarget
+from mpsnet_core.bake.texture_sets import sheets
+from mpsnet_core.errors import InputError
+from mpsnet_core.io.provenance import is_up_to_date, provenance_line
+from mpsnet_core.progress import Progress, part
+from mpsnet_core.scene.mesh import read_mesh
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a sequence.
+
+    made, there: how many textures were made now, and before. seen: the share of the surface that some view saw, mean
+    over those made now, None where none was.
+    """
+
+    made: int
+    there: int
+    seen: float | None
+
+
+def bake_sequence(
+    frames: Mapping[Path, BakeInputs],
+    reader: ViewReader,
+    baking: Baking,
+    target: TextureTarget,
+    *,
+    recipe: str,
+    progress: Progress,
+) -> Outcome:
+    """Bake the textures of frames, each with one mesh, and write them.
+
+    frames: by their textures' files, in their order. reader: with one present map at most, which goes beneath each
+    texture. recipe: text that changes with every setting that makes other textures.
+
+    Raises InputError where a frame cannot be read or baked; those before it are written.
+    """
+    present = reader.base_maps[0] if reader.base_maps else None
+    mesh_of = lru_cache(maxsize=1)(read_mesh)
+    # A share of the present map's relief that was found anew for each frame would flicker: all have the first one's.
+    first, shares = next(iter(frames.values())), None
+    made, seen = 0, 0.0
+    for number, (output, inputs) in enumerate(frames.items()):
+        ends = number / len(frames), (number + 1) / len(frames)
+        step = part(progress, *ends, f"{output.name}, {len(frames)} in all")
+        step(0.0, "")
+        line = _line(recipe, [inputs, first] if present is not None and present.shown == "auto" else [inputs])
+        if is_up_to_date(output, line):
+            continue
+        mesh = mesh_of(inputs.meshes[0])
+        try:
+            if present is not None and shares is None and inputs is not first:
+                _, shares = reader.read(first.views, [read_mesh(first.meshes[0])], part(step, 0.0, 0.0))
+            views, shares = reader.read(inputs.views, [mesh], part(step, 0.0, 0.1), shares)
+            baked = bake_texture_sets([mesh], views, sheets([mesh]), baking, progress=part(step, 0.1, 1.0))
+            ((_, texture),) = baked
+            if present is not None:
+                texture = blend_detail(texture, present.vectors)
+        except InputError as error:
+            if not made:
+                raise
+            done = f"{made} texture{'s were' if made > 1 else ' was'} made"
+            raise InputError(f"{error}; {done}, and the same command goes on from there") from None
+        write_texture(output, texture, convention=target.convention, bits=target.bits, description=line)
+        made += 1
+        seen += texture.seen_fraction
+    progress(1.0, "done")
+    return Outcome(made, len(frames) - made, round(seen / made, 4) if made else None)
+
+
+def _line(recipe: str, made_of: Sequence[BakeInputs]) -> str:
+    """The line that a texture keeps: what made it of what."""
+    return provenance_line("texture", "\n".join([recipe, *(fact for inputs in made_of for fact in inputs.facts())]))

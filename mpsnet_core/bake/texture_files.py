@@ -1,0 +1,213 @@
+"""Texture files: how they are written, which ones are made of which meshes, and what became of them."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mpsnet_core.bake.base_detail_removal import Shown
+from mpsnet_core.bake.detail_blending import blend_detail
+from mpsnet_core.bake.existing_maps import BaseMaps, maps_beneath
+from mpsnet_core.bake.presets import preset_named, preset_output
+from mpsnet_core.bake.texture import Texture, write_texture
+from mpsnet_core.bake.texture_names import split_by, texture_files, tile_patterns
+from mpsnet_core.bake.texture_sets import TextureSet, sheets
+from mpsnet_core.errors import InputError
+from mpsnet_core.estimate.albedo import write_albedo
+from mpsnet_core.io.files import ensure_folder, writable_path
+from mpsnet_core.io.frames import check_apart
+from mpsnet_core.scene.mesh import Mesh, read_mesh
+from mpsnet_core.scene.mesh_labels import Labels
+from mpsnet_core.scene.normal_map import Convention
+
+# So many textures are listed one by one; of more, the first and the last.
+LISTED = 12
+
+
+@dataclass(frozen=True)
+class TextureTarget:
+    """How textures are written, and where.
+
+    output: a file, with the tokens of :mod:`mpsnet_core.bake.texture_names` where there are several; of a sequence a
+    folder. suffix: the ending of a sequence's files. convention, bits (a channel, None for the ending's own): of each.
+    """
+
+    output: str
+    convention: Convention
+    bits: int | None
+    suffix: str
+
+    def frame(self, number: int, digits: int) -> Path:
+        """The file of a sequence's frame."""
+        folder = Path(self.output)
+        return folder / f"{folder.name}_{number:0{digits}d}{self.suffix}"
+
+
+def texture_target(
+    output: str,
+    meshes: Sequence[str],
+    *,
+    preset: str | None = None,
+    ending: str | None = None,
+    convention: Convention | None = None,
+    bits: int | None = None,
+    sequence: bool = False,
+) -> TextureTarget:
+    """What was not given is filled in, from the preset where there is one: an output folder becomes its file in it.
+
+    ending: the files' format, with or without a dot. sequence: the output is a folder of frames, which have names of
+    their own.
+
+    Raises InputError where the preset is not known, what is asked for does not fit the output's ending, or a folder is
+    given for what several meshes share, which no preset has a name for.
+    """
+    suffix = f".{ending.lstrip('.').lower()}" if ending else None
+    if preset is None:
+        if suffix and not sequence and Path(output).suffix.lower() != suffix:
+            raise InputError(f"--format {suffix[1:]} is not what {output} ends in; change one, or leave --format out")
+        return TextureTarget(output, convention or "opengl", bits, suffix or ".png")
+    wanted = preset_named(preset)
+    if not sequence:
+        folder = output.endswith(("/", "\\"))
+        if len(meshes) > 1 and (folder or Path(output).is_dir()):
+            raise InputError(
+                f"a preset names a texture after its mesh, and {len(meshes)} share this one; give its file "
+                f"with --output, as {output.rstrip('/')}/{wanted.stem('name')}{wanted.suffix}"
+            )
+        target = preset_output(wanted, output, Path(meshes[0]).stem, suffix)
+        if folder:
+            ensure_folder(target.parent, "texture")
+        output = str(target)
+    suffix = suffix or wanted.suffix
+    # Bits go with the preset's own format.
+    own_bits = wanted.bits if suffix == wanted.suffix else None
+    return TextureTarget(output, convention or wanted.convention, own_bits if bits is None else bits, suffix)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Textures to be made of meshes: a sheet and a file for each.
+
+    patterns: the files with <UDIM> in place of the tile's number. base_maps: the maps that go beneath them.
+    """
+
+    target: TextureTarget
+    meshes: Sequence[Mesh]
+    sheets: Sequence[TextureSet]
+    files: Sequence[Path]
+    patterns: Sequence[Path]
+    base_maps: BaseMaps
+
+
+@dataclass(frozen=True)
+class Made:
+    """A texture that was written. pattern: see :class:`Plan`. seen, covered: how many texels a view saw, and all.
+    albedo: the file of the colours, where the views have them."""
+
+    file: Path
+    pattern: Path
+    sheet: TextureSet
+    seen: int
+    covered: int
+    albedo: Path | None = None
+
+
+def planned(
+    target: TextureTarget,
+    mesh_files: Sequence[str],
+    taken: Sequence[Path],
+    *,
+    onto: str | None = None,
+    onto_convention: Convention = "opengl",
+    onto_shown: Shown = "auto",
+    albedo: bool = False,
+) -> Plan:
+    """The textures that the target means; meshes are read.
+
+    taken: what no texture may overwrite. onto, onto_convention: as :func:`maps_beneath` takes them. onto_shown: whether
+    the photos show that map. albedo: whether the views' colours are baked as well.
+
+    Raises InputError where a mesh cannot be read, no texture has a present map, or a texture has no place.
+    """
+    by = split_by(target.output)
+    meshes = [read_mesh(file) for file in mesh_files]
+    if "object" in by:
+        meshes = [_named(mesh, Path(file).stem) for mesh, file in zip(meshes, mesh_files, strict=True)]
+    if "material" in by and not any(mesh.materials for mesh in meshes):
+        raise InputError(f"{' and '.join(mesh_files)}: there are no materials; leave <MATERIAL> out of --output")
+    chosen = sheets(meshes, tiles="tile" in by, materials="material" in by, objects="object" in by)
+    files = texture_files(target.output, chosen)
+    beneath = maps_beneath(onto, onto_convention, chosen) if onto else [None] * len(chosen)
+    coloured = map(albedo_file, files) if albedo else ()
+    check_apart([*taken, *(one.file for one in beneath if one)], map(writable_path, [*files, *coloured]))
+    base_maps = BaseMaps(beneath, chosen, meshes, onto_shown)
+    return Plan(target, meshes, chosen, files, tile_patterns(target.output, chosen), base_maps)
+
+
+def albedo_file(texture: Path) -> Path:
+    """Where the albedo goes that is baked beside a normal texture: NAME_albedo."""
+    return texture.with_name(f"{texture.stem}_albedo{texture.suffix}")
+
+
+def _named(mesh: Mesh, name: str) -> Mesh:
+    """The mesh, as an object of that name where its file tells none."""
+    return mesh if mesh.objects else replace(mesh, objects=Labels((name,), np.zeros(len(mesh.triangles), np.int32)))
+
+
+def write_textures(plan: Plan, baked: Iterable[tuple[TextureSet, Texture]]) -> Iterator[tuple[Made, Texture]]:
+    """Write textures one by one, as they are baked; gives each with what was made of it.
+
+    Raises InputError where one cannot be baked or written.
+    """
+    target = plan.target
+    for sheet, texture in baked:
+        place = plan.sheets.index(sheet)
+        beneath = plan.base_maps.beneath(sheet)
+        if beneath is not None:
+            texture = blend_detail(texture, beneath)
+        write_texture(plan.files[place], texture, convention=target.convention, bits=target.bits)
+        albedo = None
+        if texture.colours is not None:
+            albedo = albedo_file(plan.files[place])
+            write_albedo(albedo, texture.colours[..., :3], bits=target.bits)
+        seen, covered = int(texture.seen.sum()), int(texture.covered.sum())
+        yield Made(plan.files[place], plan.patterns[place], sheet, seen, covered, albedo), texture
+        del texture
+
+
+def textures_result(made: Sequence[Made]) -> dict[str, Any]:
+    """What became of the textures as plain data: each one's file, what it is of, and the share of it that was seen.
+
+    tiles, albedo_tiles: the file's name for all tiles, with <UDIM> in it.
+    """
+    outputs = []
+    for one in made:
+        shows = {what: getattr(one.sheet, what) for what in ("tile", "material", "object")}
+        known = {what: value for what, value in shows.items() if value is not None}
+        if one.sheet.tile is not None:
+            known["tiles"] = str(one.pattern)
+        if one.albedo is not None:
+            known["albedo"] = str(one.albedo)
+            if one.sheet.tile is not None:
+                known["albedo_tiles"] = str(albedo_file(one.pattern))
+        outputs.append({"output": str(one.file), **known, "seen": round(one.seen / one.covered, 4)})
+    return {"outputs": outputs, "seen": round(seen_share(made), 4)}
+
+
+def seen_share(made: Sequence[Made]) -> float:
+    """The share of all the textures' surface that some view saw."""
+    return sum(one.seen for one in made) / sum(one.covered for one in made)
+
+
+def format_textures(made: Sequence[Made], facts: str) -> str:
+    """A line for each texture: where it is, what it is, how much of it was seen. facts: what is true of all."""
+    lines = [
+        f"{one.file}: {facts}, {one.seen / one.covered:.1%} of its surface seen"
+        + (f"; albedo in {one.albedo.name}" if one.albedo is not None else "")
+        for one in made
+    ]
+    if len(lines) > LISTED:
+        lines = [lines[0], f"... {len(lines) - 2} more ...", lines[-1]]
+    return "\n".join(lines)
