@@ -74,7 +74,7 @@ _HOME = {
     "correct_low_frequencies": "bake.low_frequency_correction",
     "mixing_from_ball": "capture.calibrate.mixing",
     "near_rig": "scene.rig",
-    "posed_photos": "bake.multi_view",
+    "posed_photos": "scene.view_photos",
     "published_rig": "scene.rig",
     "read_albedo": "estimate.albedo",
     "read_camera": "scene.camera",

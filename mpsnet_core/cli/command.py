@@ -11,13 +11,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mpsnet_core import __version__
+from mpsnet_core.capture.calibrate.operations import CalibrateLights, CalibrateMixing
 from mpsnet_core.capture.operations import FindMask, Superpose
 from mpsnet_core.cli import (
     EXIT_BAD_INPUT,
     EXIT_CANCELLED,
     bake,
-    calibration,
-    cameras,
     evaluation,
     integrate,
     material,
@@ -30,6 +29,7 @@ from mpsnet_core.cli.operations import add_operation
 from mpsnet_core.cli.reporter import Notes, Reporter, refuse
 from mpsnet_core.errors import InputError, printable
 from mpsnet_core.estimate.operations import Estimate, ListModels
+from mpsnet_core.scene.operations import WriteCameras
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -118,9 +118,13 @@ def _parser() -> argparse.ArgumentParser:
     common.add_argument(
         "--progress", choices=("auto", "bar", "json", "none"), default="auto", help="how to tell progress"
     )
-    for operation in (Estimate, Superpose, FindMask, ListModels):
+    for operation in (Estimate, Superpose, FindMask, ListModels, WriteCameras):
         add_operation(verbs, common, operation)
-    groups = (calibration, bake, integrate, material, cameras, views, samples, training, evaluation)
+    calibrate = verbs.add_parser("calibrate", help="where the lights are and how their colours mix, by photos of balls")
+    what = calibrate.add_subparsers(metavar="WHAT", required=True)
+    for calibration in (CalibrateLights, CalibrateMixing):
+        add_operation(what, common, calibration)
+    groups = (bake, integrate, material, views, samples, training, evaluation)
     for group in groups:
         group.add_verbs(verbs, common)
     return parser
