@@ -85,7 +85,7 @@ _HOME = {
     "join_meshes": "scene.joined_mesh",
     "mixing_from_ball": "capture.calibrate.mixing",
     "near_rig": "scene.rig",
-    "posed_photos": "bake.multi_view",
+    "posed_photos": "scene.view_photos",
     "published_rig": "scene.rig",
     "read_albedo": "estimate.albedo",
     "read_base_map": "bake.detail_blending",

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,95 +27,20 @@ from mpsnet_core.io.images import Encoding, is_whole, read_image, write_image
 from mpsnet_core.io.photo_folder import PhotoFolder
 from mpsnet_core.io.provenance import identity
 from mpsnet_core.progress import Progress, part
-from mpsnet_core.scene.camera import Camera, camera_data, read_camera
+from mpsnet_core.scene.camera import Camera, camera_data
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.mesh_depth import depth_of_mesh
 from mpsnet_core.scene.normal_map import NormalMap, read_normals, write_normals
 from mpsnet_core.scene.rays import RayScene
 from mpsnet_core.scene.rig import LightRig
-from mpsnet_core.scene.view_files import read_views
-
-if TYPE_CHECKING:
-    from mpsnet_core.scene.photogrammetry import Lens
+from mpsnet_core.scene.view_photos import ViewPhoto
+from mpsnet_core.scene.view_photos import posed_photos as posed_photos
 
 log = logging.getLogger(__name__)
 
-# So many photos that are missing are named.
-NAMED_PHOTOS = 3
-CAMERA_SUFFIX = ".camera.json"
 VIEW_FORMAT, VIEW_VERSION = "mpsnet-view", 1
 # A mask from the mesh is traced at no more than this many pixels on the longer side.
 MASK_PIXELS = 2048
-
-
-@dataclass(frozen=True)
-class ViewPhoto:
-    """A photo and the camera that took it.
-
-    name: what it is called in messages and files, like no other of its views. lens: what bends the camera's picture
-    into the photo, if anything. folder: where the photo lies in the folder of all photos.
-    """
-
-    name: str
-    photo: Path
-    camera: Camera
-    lens: "Lens | None" = None
-    folder: Path = Path()
-
-
-def posed_photos(cameras: str | os.PathLike[str], photos: str | os.PathLike[str] | None = None) -> list[ViewPhoto]:
-    """Photos with their cameras, sorted by name.
-
-    cameras: what a photogrammetry program wrote (:func:`mpsnet_core.scene.photogrammetry.read_cameras`); a folder of
-        our own camera files, NAME.camera.json for the photo NAME.png; or a file of ours that names the photos as well
-        ("mpsnet-views", as the add-on writes it).
-    photos: their folder; None where `cameras` names the photos.
-
-    Raises InputError where a camera has no photo, or several photos fit it.
-    """
-    cameras = Path(cameras)
-    if photos is None:
-        if cameras.suffix.lower() != ".json":
-            raise InputError(f"{cameras} does not name its photos; give the folder of the photos")
-        found = [ViewPhoto(*view) for view in read_views(cameras)]
-    else:
-        folder = PhotoFolder(photos)
-        own = sorted(cameras.glob(f"*{CAMERA_SUFFIX}")) if cameras.is_dir() else []
-        found = [_own_photo(file, folder) for file in own] if own else _photogrammetry_photos(cameras, folder)
-    for what, names in (("called", [view.name for view in found]), ("in", [str(view.photo) for view in found])):
-        twice = next((name for name in names if names.count(name) > 1), None)
-        if twice:
-            raise InputError(f"{cameras} has two cameras for photos {what} {twice}; rename one of the photos")
-    return found
-
-
-def _own_photo(camera: Path, photos: PhotoFolder) -> ViewPhoto:
-    name = camera.name.removesuffix(CAMERA_SUFFIX)
-    photo = photos.find([name], f"the photo of camera {camera.name}")
-    if photo is None:
-        raise InputError(f"camera {camera.name} has no photo {name} in {photos.path}; put it there")
-    return ViewPhoto(name, photo, read_camera(camera))
-
-
-def _photogrammetry_photos(cameras: Path, photos: PhotoFolder) -> list[ViewPhoto]:
-    from mpsnet_core.scene.photogrammetry import as_displayed, find_photo, read_cameras
-
-    views, missing = [], []
-    for posed in read_cameras(cameras):
-        photo = find_photo(posed, photos)
-        if photo is None:
-            missing.append(posed.photo)
-            continue
-        posed = as_displayed(posed, photo)
-        # Photos in folders below this one may share their names.
-        place = photo.relative_to(photos.path)
-        views.append(ViewPhoto("_".join(place.with_suffix("").parts), photo, posed.camera, posed.lens, place.parent))
-    if not views:
-        raise InputError(f"none of the {len(missing)} photos of {cameras}, such as {missing[0]}, is in {photos.path}")
-    if missing:
-        named = ", ".join(missing[:NAMED_PHOTOS]) + (", ..." if len(missing) > NAMED_PHOTOS else "")
-        log.warning("%d camera(s) have no photo in %s and are left out: %s", len(missing), photos.path, named)
-    return views
 
 
 @dataclass(frozen=True)

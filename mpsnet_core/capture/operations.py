@@ -48,13 +48,33 @@ class ReadsPhotos(Operation):
 
 
 @dataclass(frozen=True)
-class HasViewpoint(Operation):
-    """Where a photo was taken from: camera or lens, and how far the object was."""
+class HasLens(Operation):
+    """How the camera of a photo sees."""
 
     camera: str | None = option(
-        None, help="camera file: for perspective, and where the rig's lights are near", provenance="content"
+        None,
+        help="camera file: for perspective, and where the rig's lights are near; without it the camera is taken as far "
+        "away",
+        provenance="content",
     )
     focal: float | None = option(None, metavar="MM", help="in its place the lens, in mm on a 36 mm sensor")
+
+    def lens(self) -> "Camera | float | None":
+        """Camera or focal length, None where neither is given.
+
+        Raises InputError where both are given, or the camera file cannot be read.
+        """
+        from mpsnet_core.scene.camera import read_camera
+
+        if self.camera and self.focal is not None:
+            raise InputError("--camera and --focal both tell the lens; give one of them")
+        return read_camera(self.camera) if self.camera else self.focal
+
+
+@dataclass(frozen=True)
+class HasViewpoint(HasLens):
+    """Where a photo was taken from: camera or lens, and how far the object was."""
+
     mesh: str | None = option(
         None,
         help="the object's mesh in the camera's world: how far each pixel is from near lights",
@@ -67,25 +87,21 @@ class HasViewpoint(Operation):
 
         Raises InputError where both of a pair are given, a mesh is given without a camera, or a file cannot be read.
         """
-        from mpsnet_core.scene.camera import read_camera
+        from mpsnet_core.scene.camera import Camera
         from mpsnet_core.scene.mesh import read_mesh
         from mpsnet_core.scene.mesh_depth import depth_of_mesh
         from mpsnet_core.scene.rays import RayScene
 
-        if self.camera and self.focal is not None:
-            raise InputError("--camera and --focal both tell the lens; give one of them")
         if self.mesh and self.distance is not None:
             raise InputError("--mesh and --distance both tell how far the object is; give one of them")
-        if self.mesh and not self.camera:
-            raise InputError("--mesh needs --camera, which tells where the mesh was seen from; give it")
-        if not self.camera:
-            return self.focal, self.distance
-        camera = read_camera(self.camera)
+        lens = self.lens()
         if not self.mesh:
-            return camera, self.distance
+            return lens, self.distance
+        if not isinstance(lens, Camera):
+            raise InputError("--mesh needs --camera, which tells where the mesh was seen from; give it")
         mesh = read_mesh(self.mesh, shape_only=True)
         try:
-            return camera, depth_of_mesh(camera, RayScene(mesh.world_vertices, mesh.triangles))
+            return lens, depth_of_mesh(lens, RayScene(mesh.world_vertices, mesh.triangles))
         except InputError as error:
             raise InputError(f"camera {self.camera}: {error}") from None
 

@@ -12,12 +12,11 @@ from pathlib import Path
 
 from mpsnet_core import __version__
 from mpsnet_core.bake.operations import Bake, BakeViews
+from mpsnet_core.capture.calibrate.operations import CalibrateLights, CalibrateMixing
 from mpsnet_core.capture.operations import FindMask, Superpose
 from mpsnet_core.cli import (
     EXIT_BAD_INPUT,
     EXIT_CANCELLED,
-    calibration,
-    cameras,
 )
 from mpsnet_core.cli.arguments import Parser
 from mpsnet_core.cli.operations import add_operation
@@ -36,6 +35,7 @@ from mpsnet_core.learning.evaluation.operations import (
 from mpsnet_core.learning.operations import Quantize, Train
 from mpsnet_core.operation import Operation
 from mpsnet_core.relief.operations import Integrate, MakeMaterial
+from mpsnet_core.scene.operations import WriteCameras
 from mpsnet_core.synthesis.operations import MakeSamples, ShowSamples, Synthesize, Work
 
 # In the order of the help.
@@ -43,6 +43,9 @@ OPERATIONS: tuple[type[Operation], ...] = (
     Estimate,
     Superpose,
     FindMask,
+    CalibrateLights,
+    CalibrateMixing,
+    WriteCameras,
     Bake,
     BakeViews,
     Integrate,
@@ -152,7 +155,4 @@ def _parser() -> argparse.ArgumentParser:
     )
     for operation in OPERATIONS:
         add_operation(verbs, common, operation)
-    groups = (calibration, cameras)
-    for group in groups:
-        group.add_verbs(verbs, common)
     return parser

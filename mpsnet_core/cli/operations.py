@@ -8,7 +8,10 @@ from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.operation import Operation, Setting, settings
 
 # Commands of two words: what the help says of all that share the first one, and what stands for the second.
-GROUPS = {"evaluate": ("measure models against known normals", "TEST")}
+GROUPS = {
+    "calibrate": ("where the lights are and how their colours mix, by photos of balls", "WHAT"),
+    "evaluate": ("measure models against known normals", "TEST"),
+}
 
 
 def add_operation(verbs: Verbs, common: argparse.ArgumentParser, kind: type[Operation]) -> None:

@@ -16,6 +16,7 @@ from mirror_ball import CROSSTALK, Scene, around, grey_photograph, lamps_around,
 from synthetic import degrees_between, listing, write_file
 
 from mpsnet_core.capture.calibrate.lights import write_lp
+from mpsnet_core.capture.calibrate.operations import CalibrateLights
 from mpsnet_core.capture.calibrate.photos import BallPhotos
 from mpsnet_core.cli import main
 from mpsnet_core.scene.camera import Camera, write_camera
@@ -86,6 +87,14 @@ def test_one_photo_becomes_a_rig(mpsnet: Mpsnet, photos: Path, tmp_path: Path) -
     assert ((red > 0.9) & (green > 0.75) & (blue < 0.4)).sum() > 300
     assert ((red > 0.9) & (green < 0.5)).any() and ((green > 0.8) & (red < 0.5)).any()
     assert ((blue > 0.9) & (red < 0.5)).any()
+
+
+def test_python_gives_what_is_written_as_json(photos: Path, tmp_path: Path) -> None:
+    told, rig = tmp_path / "told.json", tmp_path / "rig.json"
+    found = CalibrateLights(ball=[photos / "ball.exr"], circle=[CIRCLE], json=told, output=rig).run()
+    assert json.loads(told.read_text()) == {name: fact for name, fact in found.facts().items() if name != "text"}
+    assert [[light["slant"], light["tilt"]] for light in found.lights] == [pytest.approx(at, abs=1) for at in ANGLES]
+    assert found.text.startswith(f"{rig}:\n   red: slant ")
 
 
 def test_without_json_it_says_what_it_found(mpsnet: Mpsnet, photos: Path, tmp_path: Path) -> None:
@@ -233,7 +242,10 @@ BALL_CASES: dict[str, tuple[list[str], str]] = {
     "mask of another size": (["ball.exr", "--mask", "small.png"], "small.png is 20 x 20 … 240 x 200"),
     "empty mask": (["ball.exr", "--mask", "black.exr"], "shows no ball"),
     "camera of another size": (["ball.exr", "--camera", "camera.json"], "600 x 400 … 240 x 200"),
-    "camera and focal": (["ball.exr", "--camera", "camera.json", "--focal", "50"], "not allowed with"),
+    "camera and focal": (
+        ["ball.exr", "--camera", "camera.json", "--focal", "50"],
+        "--camera and --focal … give one of them",
+    ),
     "focal of nothing": (["ball.exr", "--focal", "0"], "focal length … above 0"),
     "focal in words": (["ball.exr", "--focal", "long"], "--focal"),
     "no balls": (["ball.exr", "--balls", "0"], "--balls is a number from 1"),

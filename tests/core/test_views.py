@@ -18,7 +18,7 @@ from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import degrees_between, listing, write_file
 
 from mpsnet_core.bake.bake import View, bake_normals
-from mpsnet_core.bake.multi_view import Photography, ViewPhoto, posed_photos, sources_of
+from mpsnet_core.bake.multi_view import Photography, sources_of
 from mpsnet_core.capture.capture import read_capture
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
@@ -31,6 +31,7 @@ from mpsnet_core.scene.normal_map import NormalMap, decode, read_normals, write_
 from mpsnet_core.scene.photogrammetry import Lens, PosedPhoto, find_photo
 from mpsnet_core.scene.rig import LightRig, near_rig, published_rig, write_rig
 from mpsnet_core.scene.view_files import write_views
+from mpsnet_core.scene.view_photos import ViewPhoto, posed_photos
 from mpsnet_core.scene.world_lights import WorldLights, in_world, read_world_lights, write_world_lights
 
 

@@ -1,0 +1,515 @@
+"""The calibration of lights: where they are, and how their colours mix, by photos of balls and cards."""
+
+import contextlib
+import logging
+import math
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from mpsnet_core.capture.operations import HasLens, ReadsPhotos, files_read
+from mpsnet_core.errors import InputError
+from mpsnet_core.operation import Result, option
+from mpsnet_core.progress import Progress, part, silent
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from mpsnet_core.capture.calibrate.ball import Circle
+    from mpsnet_core.capture.calibrate.lights import LightsFound, Sighting
+    from mpsnet_core.capture.calibrate.mixing import MixingFound
+    from mpsnet_core.capture.calibrate.photos import BallPhotos
+    from mpsnet_core.io.image import Image
+    from mpsnet_core.scene.rig import LightRig
+
+log = logging.getLogger(__name__)
+
+# So many files are named in a sentence.
+MOST_NAMED = 16
+
+
+@dataclass(frozen=True)
+class LooksAtBall(ReadsPhotos, HasLens):
+    """Where the ball is in the photo, how the camera sees, and what is written beside the rig."""
+
+    circle: tuple[str, ...] = option(
+        (),
+        metavar="X,Y,R",
+        help="the ball's outline by hand: its middle from the photo's top left corner and its radius, in pixels; "
+        "repeatable, in the balls' order; it is looked for unless given",
+    )
+    mask: str | None = option(None, help="mask file of what the photo is of", provenance="files")
+    radius: float | None = option(
+        None, help="of the ball, in the unit of the lights' positions, best the mesh's; without it they count in radii"
+    )
+    overlay: str | None = option(
+        None, metavar="PNG", help="write a picture of what was found, drawn over the photo", provenance="none"
+    )
+    json: str | None = option(None, metavar="FILE", help="write what was found as JSON", provenance="none")
+
+    def _inputs(self, given: Sequence[str], output: str, rig: str | None = None) -> list[Path]:
+        """The photos, once it is sure that the results can be written and overwrite none of what is read."""
+        from mpsnet_core.io.files import writable_path
+        from mpsnet_core.io.frames import check_apart, expand_images, natural_order
+        from mpsnet_core.io.images import checked_bits
+
+        if self.radius is not None and not 0 < self.radius < math.inf:
+            raise InputError(f"--radius is the ball's radius, a number above 0, not {self.radius:g}")
+        files = _without_masks(expand_images(given))
+        if files == sorted(files, key=lambda file: str(file)):
+            files = sorted(files, key=natural_order)  # a shell puts 10 before 2
+        outputs = [file for file in (output, self.overlay, self.json) if file]
+        for number, one in enumerate(outputs):
+            writable_path(one)
+            # The rig may be read whole and then written anew; nothing else may take its place.
+            kept = [rig] if number and rig else []
+            check_apart([*files, *files_read(self), *kept, *outputs[:number]], [one])
+        if self.overlay:
+            checked_bits(Path(self.overlay), 8)
+        return files
+
+    def _photos(self, files: Sequence[Path], **more: Any) -> "BallPhotos":
+        from mpsnet_core.capture.calibrate.ball import Circle
+        from mpsnet_core.capture.calibrate.photos import BallPhotos
+
+        if self.circle and self.mask:
+            raise InputError("--circle and --mask both say where it is; give one of them")
+        return BallPhotos(
+            files,
+            [Circle(*_numbers(text, "--circle")) for text in self.circle],
+            Path(self.mask) if self.mask else None,
+            camera=self.lens(),
+            radius=1.0 if self.radius is None else self.radius,
+            encoding=self.encoding,
+            layer=self.layer,
+            correction=self.correction(),
+            **more,
+        )
+
+    def _write_json(self, result: Result) -> None:
+        from mpsnet_core.io.files import write_json
+
+        if self.json:
+            write_json(self.json, {name: fact for name, fact in result.facts().items() if name != "text"})
+
+
+# --- lights -----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class LightsCalibrated(Result):
+    """Where the rig is and what was found; lights and balls as :mod:`mpsnet_core.capture.calibrate.report` has them.
+
+    target: what the lights' positions stand around. Without balls and target where the lights are those of an .lp file.
+    """
+
+    output: str
+    overlay: str | None
+    lights: list[dict[str, Any]]
+    balls: list[dict[str, Any]] | None = None
+    target: list[float] | None = None
+
+
+@dataclass(frozen=True)
+class _Chosen:
+    """Which of the lights in the photos are wanted.
+
+    places: of the ball. numbers: the lights', from 0. names: theirs. files: the photo of each at the first place, None
+    where a photo shows all lights.
+    """
+
+    places: int
+    numbers: list[int]
+    names: list[str]
+    files: list[Path] | None
+
+
+@dataclass(frozen=True)
+class CalibrateLights(LooksAtBall):
+    """A mirror ball tells where lights are."""
+
+    command: ClassVar[str] = "calibrate lights"
+
+    ball: tuple[str, ...] = option(
+        positional=True,
+        help="photo(s) of a mirror ball under the red, green and blue light at once, one for each place of the ball, "
+        "or an .lp file, of which --lights chooses three",
+        provenance="files",
+    )
+    per_light: bool = option(
+        False,
+        help="the photos show one light each, in the order red, green, blue (any number of lights for an .lp file)",
+    )
+    places: int = option(
+        1, help="with --per-light: at how many places the ball stood, first all photos of the first place"
+    )
+    balls: int = option(1, help="how many mirror balls each photo shows")
+    lights: str | None = option(
+        None,
+        metavar="R,G,B",
+        help="with --per-light or an .lp file: which of the lights, counted from 1 in the order of the table, are the "
+        "rig's red, green and blue one",
+    )
+    distant: bool = option(False, help="write directions, though positions could be told")
+    output: str = option(
+        short="-o",
+        metavar="RIG",
+        help="rig file (.json), or .lp with any number of directions",
+        provenance="none",
+    )
+
+    def run(self, progress: Progress = silent) -> LightsCalibrated:
+        """Write the rig, and what else is asked for."""
+        if Path(self.ball[0]).suffix.lower() == ".lp":
+            return self._choose_of_lp()
+        from mpsnet_core.capture.calibrate.lights import find_lights
+        from mpsnet_core.capture.calibrate.report import ball_data, ball_line, light_line, lights_data
+        from mpsnet_core.io.files import written_together
+
+        files = self._inputs(self.ball, self.output)
+        chosen = self._choose(files)
+        sightings, pictured = self._sightings(files, chosen, progress)
+        found = find_lights(sightings)
+        progress(0.9, "drawing what was found")
+        lights = lights_data(found, chosen.names, chosen.files)
+        balls = [ball_data(sighting.ball) for sighting in found.sightings]
+        lines = [f"{self.output}:", *map(light_line, lights), *map(ball_line, balls)]
+        target = found.target.tolist()
+        result = LightsCalibrated(self.output, self.overlay, lights, balls, target, text="\n".join(lines))
+        with written_together():
+            self._write_rig(found, chosen)
+            if self.overlay:
+                self._draw(self.overlay, found, chosen, pictured)
+            self._write_json(result)
+        progress(1.0, "done")
+        return result
+
+    @property
+    def _is_lp(self) -> bool:
+        return Path(self.output).suffix.lower() == ".lp"
+
+    def _choose(self, files: Sequence[Path]) -> _Chosen:
+        from mpsnet_core.capture.calibrate.report import COLOURS
+
+        for name, value in (("places", self.places), ("balls", self.balls)):
+            if value < 1:
+                raise InputError(f"--{name} is a number from 1 up, not {value}")
+        if not self.per_light and (self.places > 1 or self.lights):
+            raise InputError(
+                "--places and --lights are for photos of one light each; add --per-light, or leave them out"
+            )
+        if len(files) % self.places:
+            raise InputError(
+                f"{len(files)} photos cannot be shared out to {self.places} places; give as many for each place"
+            )
+        places = self.places if self.per_light else len(files)
+        count = len(files) // places if self.per_light else 3
+        numbers = _three_of(self.lights, count) if self.lights else list(range(count))
+        if len(numbers) != 3 and not self._is_lp:
+            raise InputError(
+                f"there are photos of {count} light(s) where a rig has three; choose them with --lights 1,2,3, or "
+                f"write an .lp file{_numbered(files[:count])}"
+            )
+        if self.per_light and count < 2:
+            raise InputError("--per-light takes a photo for each light; leave it out for one photo under all of them")
+        names = [*COLOURS] if len(numbers) == 3 else [str(number + 1) for number in numbers]
+        return _Chosen(places, numbers, names, [files[k] for k in numbers] if self.per_light else None)
+
+    def _sightings(
+        self, files: Sequence[Path], chosen: _Chosen, progress: Progress
+    ) -> tuple[list["Sighting"], list["BallPhotos"]]:
+        """What each ball shows of the chosen lights, and the photos that show the ball."""
+        from mpsnet_core.capture.calibrate.photos import read_sightings
+
+        sightings, pictured = [], []
+        for number, photos in enumerate(self._by_place(files, chosen.places)):
+            step = part(progress, 0.9 * number / chosen.places, 0.9 * (number + 1) / chosen.places)
+            try:
+                seen = read_sightings(photos, step)
+            except InputError as error:
+                shown = f"; {self.overlay} shows the ball that was found" if _ball_drawn(photos, self.overlay) else ""
+                raise InputError(f"{error}{shown}") from None
+            for sighting in seen:
+                kept = tuple(sighting.highlights[light] for light in chosen.numbers)
+                sightings.append(replace(sighting, highlights=kept))
+                pictured.append(photos)
+        return sightings, pictured
+
+    def _by_place(self, files: Sequence[Path], places: int) -> list["BallPhotos"]:
+        if self.mask and not self.circle and (places > 1 or self.balls > 1):
+            raise InputError("--mask shows one ball at one place; give circles instead")
+        photos = self._photos(files, balls=self.balls)
+        circles: Sequence[Circle] = photos.circles
+        if len(circles) % places:
+            raise InputError(f"there are {len(circles)} circles for {places} places of the ball; give as many for each")
+        share, each = len(files) // places, len(circles) // places
+        return [
+            replace(
+                photos,
+                files=files[place * share : (place + 1) * share],
+                circles=circles[place * each : (place + 1) * each],
+            )
+            for place in range(places)
+        ]
+
+    def _write_rig(self, found: "LightsFound", chosen: _Chosen) -> None:
+        from mpsnet_core.capture.calibrate.lights import write_lp
+        from mpsnet_core.scene.rig import LightRig, near_rig, write_rig
+
+        if self._is_lp:
+            names = [file.stem for file in chosen.files] if chosen.files else chosen.names
+            write_lp(self.output, found.directions, names)
+            return
+        _note_replaced(Path(self.output))
+        if found.positions is not None and not self.distant:
+            write_rig(self.output, near_rig(found.positions, found.target))
+        else:
+            write_rig(self.output, LightRig(found.directions))
+
+    @staticmethod
+    def _draw(overlay: str, found: "LightsFound", chosen: _Chosen, pictured: Sequence["BallPhotos"]) -> None:
+        from mpsnet_core.capture.calibrate.overlay import lights_picture
+        from mpsnet_core.capture.calibrate.photos import mean_photo
+        from mpsnet_core.io.images import write_image
+        from mpsnet_core.scene.pictures import sheet
+
+        labels = chosen.names
+        if chosen.files:
+            labels = [f"{name} {file.stem}" for name, file in zip(labels, chosen.files, strict=True)]
+        tiles = [
+            lights_picture(mean_photo(photos), sighting, found.directions, labels)
+            for photos, sighting in zip(pictured, found.sightings, strict=True)
+        ]
+        titled = [(f"{place}", tile) for place, tile in enumerate(tiles, 1)]
+        picture = tiles[0] if len(tiles) == 1 else sheet(titled, 2, tile_height=tiles[0].shape[0])
+        write_image(overlay, picture, bits=8, color_space="sRGB")
+
+    def _choose_of_lp(self) -> LightsCalibrated:
+        """A rig of three of an .lp file's lights."""
+        from mpsnet_core.capture.calibrate.report import COLOURS, directions_data, light_line
+        from mpsnet_core.io.files import writable_path
+        from mpsnet_core.io.frames import check_apart
+        from mpsnet_core.scene.rig import LightRig, read_lp, write_rig
+
+        if len(self.ball) > 1 or self.overlay or self.json:
+            raise InputError("an .lp file is taken by itself, with --lights and -o alone; leave the rest out")
+        [file] = self.ball
+        try:
+            names, directions = read_lp(file)
+        except InputError as error:
+            raise InputError(str(error) if file in str(error) else f"{file}: {error}") from None
+        if not self.lights:
+            raise InputError(
+                f"{file} holds {len(names)} light(s); choose three with --lights 1,2,3{_numbered(map(Path, names))}"
+            )
+        numbers = _three_of(self.lights, len(names))
+        check_apart([file], [self.output])
+        if writable_path(self.output).suffix.lower() != ".json":
+            raise InputError(f"{self.output}: a rig of three lights is a .json file; name one")
+        rig = LightRig(directions[numbers])
+        _note_replaced(Path(self.output))
+        write_rig(self.output, rig)
+        lights = directions_data(rig.directions, COLOURS, [names[k] for k in numbers])
+        text = "\n".join([f"{self.output}:", *map(light_line, lights)])
+        return LightsCalibrated(self.output, None, lights, text=text)
+
+
+# --- mixing -----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class MixingCalibrated(Result):
+    """Where the rig with its mixing is, and what was found, as :class:`mpsnet_core.MixingFound` has it."""
+
+    output: str
+    overlay: str | None
+    mixing: list[list[float]]
+    residual: float
+    ambient: list[float]
+    pixels: int
+    left_out: float
+    determined: bool
+    uncertainty: float
+    balls: list[dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class CalibrateMixing(LooksAtBall):
+    """A grey ball or card tells the mixing."""
+
+    command: ClassVar[str] = "calibrate mixing"
+
+    photo: tuple[str, ...] = option(
+        positional=True,
+        help="a photo of a matt grey ball under all three lights, or three, each under one light, in the rig's order",
+        provenance="files",
+    )
+    rig: str = option(help="rig file with the lights' directions or positions", provenance="content")
+    card: bool = option(False, help="the photos show a flat grey card: one photo a light")
+    normal: str | None = option(
+        None, metavar="X,Y,Z", help="where the card faces, in camera space; towards the camera unless given"
+    )
+    output: str = option(short="-o", metavar="RIG", help="rig file with the mixing (.json)", provenance="none")
+
+    def run(self, progress: Progress = silent) -> MixingCalibrated:
+        """Write the rig with its mixing, and what else is asked for."""
+        from mpsnet_core.capture.calibrate.overlay import ball_picture
+        from mpsnet_core.capture.calibrate.photos import mean_photo
+        from mpsnet_core.io.files import written_together
+        from mpsnet_core.io.images import write_image
+        from mpsnet_core.scene.rig import read_rig, write_rig
+
+        files = self._inputs(self.photo, self.output, self.rig)
+        rig = read_rig(self.rig)
+        self._check(files, rig)
+        photos = self._photos(files, mirror=False)
+        progress(0.0, "reading the photos")
+        read = [photos.read(file) for file in files]
+        image = mean_photo(photos, read)
+        found = self._by_card(photos, read, rig) if self.card else self._by_ball(photos, read, image, rig, progress)
+        result = self._result(found)
+        with written_together():
+            write_rig(self.output, replace(rig, mixing=found.mixing))
+            if self.overlay and found.ball is not None:
+                picture = ball_picture(image, found.ball, f"{found.residual:.1%} unexplained")
+                write_image(self.overlay, picture, bits=8, color_space="sRGB")
+            self._write_json(result)
+        progress(1.0, "done")
+        return result
+
+    def _check(self, files: Sequence[Path], rig: "LightRig") -> None:
+        if Path(self.output).suffix.lower() != ".json":
+            raise InputError(f"{self.output}: a rig with its mixing is a .json file; name one")
+        if rig.near is not None and not self.card and self.radius is None:
+            raise InputError(
+                "the rig's lights stand near the ball, so its size counts; give --radius, in the rig's unit"
+            )
+        if self.normal and not self.card:
+            raise InputError("--normal is a card's; add --card, or leave it out")
+        if len(files) not in ((3,) if self.card else (1, 3)):
+            wanted = "a card takes three photos, one" if self.card else "give one photo of a grey ball, or three, one"
+            raise InputError(f"there are {len(files)} photo(s): {wanted} under each light alone, in the rig's order")
+
+    @staticmethod
+    def _by_ball(
+        photos: "BallPhotos",
+        read: Sequence["Image"],
+        image: "NDArray[np.float32]",
+        rig: "LightRig",
+        progress: Progress,
+    ) -> "MixingFound":
+        from mpsnet_core.capture.calibrate.mixing import mixing_from_ball, mixing_from_ball_by_light
+        from mpsnet_core.capture.calibrate.photos import seen_balls
+
+        ball = seen_balls(photos, image)[0]
+        progress(0.4, "solving for the mixing")
+        return mixing_from_ball(read[0], ball, rig) if len(read) == 1 else mixing_from_ball_by_light(read, ball, rig)
+
+    def _by_card(self, photos: "BallPhotos", read: Sequence["Image"], rig: "LightRig") -> "MixingFound":
+        import numpy as np
+
+        from mpsnet_core.capture.calibrate.mixing import mixing_from_card
+        from mpsnet_core.io.images import read_mask
+
+        if self.overlay:
+            raise InputError("--overlay shows a ball; leave it out with --card")
+        height, width = read[0].pixels.shape[:2]
+        if photos.mask is not None:
+            mask = read_mask(photos.mask)
+            if mask.shape != (height, width):
+                raise InputError(f"the mask {photos.mask} is not of the photo's size, {width} x {height}; make it so")
+        elif photos.circles:
+            x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+            mask = np.hypot(x - photos.circles[0].x, y - photos.circles[0].y) < photos.circles[0].radius
+        else:
+            raise InputError("where is the card? Give --mask FILE, or --circle X,Y,R for a part of it")
+        normal = _numbers(self.normal, "--normal") if self.normal else [0.0, 0.0, 1.0]
+        return mixing_from_card(read, mask, rig, normal)
+
+    def _result(self, found: "MixingFound") -> MixingCalibrated:
+        from mpsnet_core.capture.calibrate.report import ball_data, ball_line, mixing_lines
+
+        balls = [] if found.ball is None else [ball_data(found.ball)]
+        return MixingCalibrated(
+            self.output,
+            self.overlay,
+            mixing=found.mixing.tolist(),
+            residual=found.residual,
+            ambient=found.ambient.tolist(),
+            pixels=found.pixels,
+            left_out=found.left_out,
+            determined=found.determined,
+            uncertainty=found.uncertainty,
+            balls=balls,
+            text="\n".join([f"{self.output}:", *mixing_lines(found), *map(ball_line, balls)]),
+        )
+
+
+# --- words and files --------------------------------------------------------------------------------------------------
+
+
+def _without_masks(files: list[Path]) -> list[Path]:
+    """The photos among files that a pattern took in; masks are told by their names."""
+    photos = [file for file in files if not re.search(r"(^|[^a-z])mask$", file.stem.lower())]
+    if not photos or len(photos) == len(files):
+        return files
+    masks = ", ".join(file.name for file in files if file not in photos)
+    log.info("%s is left out, a mask by its name; --mask says where the ball is", masks)
+    return photos
+
+
+def _numbers(text: str, option: str) -> list[float]:
+    try:
+        numbers = [float(number) for number in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != 3:
+        raise InputError(f"{option} {text} is not three numbers with commas between them, such as 250,148,119")
+    return numbers
+
+
+def _three_of(text: str, count: int) -> list[int]:
+    try:
+        numbers = [int(number) for number in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(set(numbers)) != 3 or len(numbers) != 3 or not all(1 <= number <= count for number in numbers):
+        raise InputError(f"--lights {text} must be three different lights, numbers from 1 to {count}: 1,5,9 for one")
+    return [number - 1 for number in numbers]
+
+
+def _numbered(files: Iterable[Path]) -> str:
+    """The files with their numbers, for the end of a sentence; the first of them, where there are many."""
+    told = [f"{number} {file.name}" for number, file in enumerate(files, 1)]
+    return f" ({', '.join(told[:MOST_NAMED] + ['...'] * (len(told) > MOST_NAMED))})"
+
+
+def _ball_drawn(photos: "BallPhotos", overlay: str | None) -> bool:
+    """Draw at least the first ball, where its highlights were not found: most often it is none."""
+    from mpsnet_core.capture.calibrate.overlay import ball_picture
+    from mpsnet_core.capture.calibrate.photos import mean_photo, seen_balls
+    from mpsnet_core.io.images import write_image
+
+    if not overlay:
+        return False
+    try:
+        image = mean_photo(photos)
+        ball = seen_balls(photos, image)[0]
+    except InputError:  # there is no ball to draw
+        return False
+    write_image(overlay, ball_picture(image, ball, "no lights found"), bits=8, color_space="sRGB")
+    return True
+
+
+def _note_replaced(file: Path) -> None:
+    """Tell of a mixing that goes with the rig file that is written over: it was that of other lights."""
+    import numpy as np
+
+    from mpsnet_core.scene.rig import read_rig
+
+    with contextlib.suppress(InputError):
+        if file.is_file() and not np.array_equal(read_rig(file).mixing, np.eye(3)):
+            log.info("the mixing that %s held is gone with its lights; find it again", file.name)

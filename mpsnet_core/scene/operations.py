@@ -1,0 +1,92 @@
+"""The operation cameras: what photogrammetry found, as camera files of ours, and photos without their lens."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.operation import Operation, Result, option
+from mpsnet_core.progress import Progress, silent
+
+if TYPE_CHECKING:
+    from mpsnet_core.scene.view_photos import ViewPhoto
+
+
+@dataclass(frozen=True)
+class CamerasWritten(Result):
+    """The folder, the camera files in it, and how many photos were written without their lens's distortion."""
+
+    folder: str
+    cameras: list[str]
+    photos: int
+
+
+@dataclass(frozen=True)
+class WriteCameras(Operation):
+    """Cameras of photogrammetry as camera files, and photos without their lens's distortion."""
+
+    command: ClassVar[str] = "cameras"
+
+    cameras: str = option(
+        positional=True, help="a COLMAP folder, Metashape's .xml or Meshroom's .sfm", provenance="files"
+    )
+    photos: str = option(metavar="FOLDER", help="the photos, one for each camera", provenance="files")
+    encoding: Literal["auto", "linear", "srgb"] = option(
+        "auto", choices=("auto", "linear", "srgb"), help="how the photos' values are meant: auto, linear or srgb"
+    )
+    output: str = option(
+        short="-o",
+        metavar="FOLDER",
+        help="folder for NAME.camera.json, and where a lens bends the picture NAME.exr without that",
+        provenance="none",
+    )
+
+    def run(self, progress: Progress = silent) -> CamerasWritten:
+        """Write a camera file for each photo, and the photo without its lens where that bends it."""
+        from mpsnet_core.io.files import ensure_folder
+        from mpsnet_core.io.frames import check_apart
+        from mpsnet_core.scene.camera import write_camera
+        from mpsnet_core.scene.view_photos import CAMERA_SUFFIX, posed_photos
+
+        views = posed_photos(self.cameras, self.photos)
+        folder = ensure_folder(self.output, "cameras")
+        check_apart([view.photo for view in views], [folder / f"{view.name}.exr" for view in views])
+        straightened = 0
+        for number, view in enumerate(views):
+            progress(number / len(views), view.name)
+            camera = folder / f"{view.name}{CAMERA_SUFFIX}"
+            if view.lens is None or view.lens.is_identity:
+                write_camera(camera, view.camera)
+                continue
+            self._straighten(view, camera, folder / f"{view.name}.exr")
+            straightened += 1
+        progress(1.0, "done")
+        told = f", {straightened} photo(s) without their lens" if straightened else ", whose lenses bend nothing"
+        return CamerasWritten(
+            str(folder),
+            [f"{view.name}{CAMERA_SUFFIX}" for view in views],
+            straightened,
+            text=f"{folder}: {len(views)} camera(s){told}",
+        )
+
+    def _straighten(self, view: "ViewPhoto", camera: Path, photo: Path) -> None:
+        """Write the camera and the photo without its lens, both or neither."""
+        import numpy as np
+
+        from mpsnet_core.io.files import written_together
+        from mpsnet_core.io.images import read_image, write_image
+        from mpsnet_core.scene.camera import write_camera
+        from mpsnet_core.scene.photogrammetry import undistorted, undistorted_mask
+
+        assert view.lens is not None
+        try:
+            image = read_image(view.photo, encoding=self.encoding)
+            pixels = undistorted(image.pixels, view.camera, view.lens)
+            shown = np.ones(image.pixels.shape[:2], bool) if image.alpha is None else image.alpha > 0.5
+            alpha = undistorted_mask(shown, view.camera, view.lens)
+        except InputError as error:
+            raise InputError(f"{view.photo}: {error}") from None
+        stored = np.concatenate([pixels, alpha[..., None]], axis=-1)
+        with written_together():
+            write_camera(camera, view.camera)
+            write_image(photo, stored, bits=16, color_space="lin_rec709_scene")
