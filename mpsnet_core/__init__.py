@@ -25,8 +25,12 @@ os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 
 # Loaded on first use, so that Blender can import the light nouns without onnxruntime, OpenImageIO or trimesh.
 _HOME = {
+    "Bake": "bake.operations",
+    "BakeViews": "bake.operations",
     "Baking": "bake.settings",
     "BaseMap": "bake.base_detail_removal",
+    "CalibrateLights": "capture.calibrate.operations",
+    "CalibrateMixing": "capture.calibrate.operations",
     "Camera": "scene.camera",
     "Capture": "capture.capture",
     "Correction": "capture.correction",
@@ -62,6 +66,7 @@ _HOME = {
     "Train": "learning.operations",
     "View": "bake.bake",
     "WorldLights": "scene.world_lights",
+    "WriteCameras": "scene.operations",
     "albedo_from_white": "estimate.albedo",
     "ambient_occlusion": "relief.occlusion",
     "angular_error": "scene.normal_map",
