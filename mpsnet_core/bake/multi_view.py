@@ -34,7 +34,6 @@ from mpsnet_core.scene.normal_map import NormalMap, read_normals, write_normals
 from mpsnet_core.scene.rays import RayScene
 from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.scene.view_photos import ViewPhoto
-from mpsnet_core.scene.view_photos import posed_photos as posed_photos
 
 log = logging.getLogger(__name__)
 

@@ -401,11 +401,12 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         from mpsnet_core.bake.bake import bake_texture_sets
         from mpsnet_core.bake.base_detail_removal import note_shares
         from mpsnet_core.bake.feather import FEATHER
-        from mpsnet_core.bake.multi_view import KeptView, KeptViews, estimate_views, posed_photos, sources_of
+        from mpsnet_core.bake.multi_view import KeptView, KeptViews, estimate_views, sources_of
         from mpsnet_core.bake.view_agreement import agreement, note_doubts
         from mpsnet_core.io.frames import check_apart
         from mpsnet_core.scene.joined_mesh import join_meshes
         from mpsnet_core.scene.rays import RayScene
+        from mpsnet_core.scene.view_photos import posed_photos
 
         # All that can be known beforehand is asked before the long work.
         baking, level, target = self.baking(FEATHER), self.level_scale(), self._target()
