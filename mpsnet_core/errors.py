@@ -6,22 +6,39 @@ from collections.abc import Collection
 LONGEST = 500
 
 
-class InputError(Exception):
+class InputError(ValueError):
     """Bad input from outside. The message is one sentence: what is wrong, where, and how to mend it.
 
-    Whatever a file or a path puts into it, it stays one readable line: see :func:`in_one_line`.
+    Whatever a file or a path puts into it, it stays one readable line: see :func:`in_one_line`. Its subclasses are for
+    callers who go on in one case and not in another.
     """
 
     def __init__(self, sentence: str = "") -> None:
         super().__init__(in_one_line(sentence))
 
 
+class FileError(InputError):
+    """A file or folder that is missing, cannot be read or cannot be written."""
+
+
+class FormatError(InputError):
+    """A file that can be read, but whose content is damaged, or no such thing as it is read for."""
+
+
+class GeometryError(InputError):
+    """Lights, cameras, meshes, masks or normals that no answer follows from, or that do not belong together."""
+
+
+class SettingsError(InputError):
+    """An option that is unknown or out of its range, or options that contradict one another."""
+
+
 def check_choice(what: str, value: object, choices: Collection[object]) -> None:
-    """Raises InputError where `value` is none of `choices`; `what` names it in the sentence."""
+    """Raises SettingsError where `value` is none of `choices`; `what` names it in the sentence."""
     if value not in choices:
         *others, last = map(str, choices)
         known = f"{', '.join(others)} or {last}" if others else last
-        raise InputError(f"{what} {value!r} is not known; choose {known}")
+        raise SettingsError(f"{what} {value!r} is not known; choose {known}")
 
 
 class Cancelled(Exception):

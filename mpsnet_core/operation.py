@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from types import UnionType
 from typing import Any, ClassVar, Literal, TypeVar, Union, dataclass_transform, get_args, get_origin, get_type_hints
 
-from mpsnet_core.errors import InputError, check_choice
+from mpsnet_core.errors import SettingsError, check_choice
 from mpsnet_core.progress import Progress, silent
 
 # What of an option makes another result: its value, what the file holds that it names, or which files it names, by
@@ -132,7 +132,7 @@ class Operation:
     listed: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        """Raises InputError where an option's value is out of its bounds or none of its choices."""
+        """Raises SettingsError where an option's value is out of its bounds or none of its choices."""
         for setting in settings(type(self)):
             value = getattr(self, setting.name)
             if setting.several and value is not None:
@@ -187,8 +187,8 @@ def _check(setting: Setting, value: Any) -> None:
     # "not" takes care of NaN.
     if (low is not None and not value >= low) or (high is not None and not value <= high):
         if high is None:
-            raise InputError(f"{name} {value:g} cannot be; choose {low:g} or more")
-        raise InputError(f"{name} {value:g} cannot be; choose {low if low is not None else '-inf':g} to {high:g}")
+            raise SettingsError(f"{name} {value:g} cannot be; choose {low:g} or more")
+        raise SettingsError(f"{name} {value:g} cannot be; choose {low if low is not None else '-inf':g} to {high:g}")
 
 
 def provenance_values(operation: Operation) -> Iterator[tuple[Setting, Any]]:
