@@ -15,7 +15,7 @@ os.environ["OMP_NUM_THREADS"] = "1"
 
 import torch
 
-from mpsnet_core.learning.training.loop import _Run
+from mpsnet_core.learning.training.loop import _Processes, _Run
 from mpsnet_core.learning.training.networks import build_network
 from mpsnet_core.learning.training.packed import PackedSamples
 from mpsnet_core.learning.training.photographing import Photographer
@@ -31,13 +31,13 @@ def main() -> None:
     recipe = read_recipe("multiscale")
     network = build_network(recipe.network, dict(recipe.options))
     photographer = Photographer.of(network, PackedSamples([options.samples]), seed=recipe.seed, window=recipe.crop)
-    run = _Run(recipe, network, torch.device("cpu"), "auto", "")
+    run = _Run(recipe, network, _Processes(), "auto", "")
     photographing, learning = [], []
     for step in range(options.steps + 2):
         times = [time.process_time()]
         scales = photographer.batch(step, recipe.batch)
         times.append(time.process_time())
-        run.advance(network, scales, 0)
+        run.advance(network, scales)
         times.append(time.process_time())
         if step > 1:  # the first ones also load and plan
             photographing.append((times[1] - times[0]) / recipe.batch)

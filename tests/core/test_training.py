@@ -158,7 +158,7 @@ def test_training_lowers_the_error_on_what_is_seen_again_and_again(
     network: str, least: float, ball: Path, tmp_path: Path
 ) -> None:
     of = recipe(network, steps=60, learning_rate=5e-3, ema=0.9)
-    options = {"validation": [ball], "validations": 1}
+    options = {"validation": [ball]}
     before = run(of, ball, tmp_path / "c", stop_after=1, **options).figures
     after = run(of, ball, tmp_path / "d", logs=tmp_path / "logs", **options).figures
     assert before is not None and after is not None

@@ -2,8 +2,8 @@
 
 from importlib.util import find_spec
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import SettingsError
 
 for _name, _library in (("torch", "PyTorch"), ("onnx", "ONNX"), ("tensorboard", "TensorBoard")):
     if find_spec(_name) is None:
-        raise InputError(f"training needs {_library}, which is not installed; pip install 'mpsnet[train]'")
+        raise SettingsError(f"training needs {_library}, which is not installed; pip install 'mpsnet[train]'")

@@ -1,4 +1,4 @@
-"""Checkpoints: all that a run needs to go on as if it had never stopped."""
+"""Checkpoints: all that a run needs to resume as if it had never stopped."""
 
 import os
 import pickle
@@ -7,18 +7,18 @@ import warnings
 import zipfile
 import zlib
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_origin, get_type_hints
 
 import torch
 from torch import Tensor
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.io.files import existing_file, written_whole
 from mpsnet_core.learning.training.recipe import TrainingRecipe, recipe_from_data
 
 FORMAT = "mpsnet-checkpoint"
 MAX_BYTES = 4 << 30
-# What reading a file that is damaged, or was never a checkpoint, ends with.
+# What PyTorch raises on a file that is damaged, or is no checkpoint.
 _DAMAGED = (
     AssertionError,
     AttributeError,
@@ -37,8 +37,8 @@ _DAMAGED = (
 
 class Checkpoint(NamedTuple):
     """step: how many are done. weights, mean_weights: the network's, and their running mean. optimisers: their states.
-    seconds: trained so far. samples: fingerprint of the samples. precision: as it was asked for.
-    keep: no longer says anything. continues: record of the network that it began with. See
+    seconds: trained so far. samples: fingerprint of the samples. precision: of the layers. keep: unused, part of the
+    format. continues: record of the network that it began with, see
     :class:`mpsnet_core.learning.training.loop.Trained`."""
 
     recipe: TrainingRecipe
@@ -53,47 +53,37 @@ class Checkpoint(NamedTuple):
     continues: dict[str, Any] | None
 
 
-# As they are in the file.
-_KINDS: dict[str, Any] = {
-    "recipe": dict,
-    "step": int,
-    "weights": dict,
-    "mean_weights": dict,
-    "optimisers": list,
-    "seconds": float,
-    "samples": str,
-    "precision": str,
-    "keep": bool,
-    "continues": dict | None,
-}
+# Types of the values in the file.
+_TYPES: dict[str, Any] = {name: get_origin(kind) or kind for name, kind in get_type_hints(Checkpoint).items()}
+_TYPES |= {"recipe": dict, "continues": dict | None}
 
 
 def write_checkpoint(path: str | os.PathLike[str], checkpoint: Checkpoint) -> None:
-    """Whole or not at all."""
+    """Write the file whole or not at all."""
     data = {**checkpoint._asdict(), "format": FORMAT, "recipe": checkpoint.recipe.to_json()}
     with written_whole(Path(path)) as unfinished:
         torch.save(data, unfinished)
 
 
 def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
-    """Raises InputError where the file is missing, damaged or no checkpoint of ours. No code in it is run."""
+    """Raises InputError where the file is missing, damaged or no checkpoint of ours. No code in it runs."""
     path = existing_file(path, "checkpoint")
     if path.stat().st_size > MAX_BYTES:
-        raise InputError(f"checkpoint {path} is larger than 4 GiB; it is not one of ours")
+        raise FormatError(f"checkpoint {path} is larger than 4 GiB; it is not one of ours")
     try:
         with zipfile.ZipFile(path) as archive:  # PyTorch does not look at the checksums
             whole = archive.testzip() is None
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of what is odd about a damaged file
+            warnings.simplefilter("ignore")  # about damaged files
             data = torch.load(path, map_location="cpu", weights_only=True) if whole else None
     except _DAMAGED:
         data = None
-    if not isinstance(data, dict) or data.pop("format", None) != FORMAT or set(data) != set(_KINDS):
-        raise InputError(f"checkpoint {path} is damaged or not one of ours; resume from another")
-    for name, kind in _KINDS.items():
+    if not isinstance(data, dict) or data.pop("format", None) != FORMAT or set(data) != set(_TYPES):
+        raise FormatError(f"checkpoint {path} is damaged or not one of ours; resume from another")
+    for name, kind in _TYPES.items():
         if not isinstance(data[name], kind):
-            raise InputError(f"checkpoint {path} is not one of ours: {name} is of another kind; resume from another")
+            raise FormatError(f"checkpoint {path} is not one of ours: {name} is of another type; resume from another")
     try:
         return Checkpoint(**{**data, "recipe": recipe_from_data(data["recipe"])})
     except InputError as error:
-        raise InputError(f"checkpoint {path}: {error}") from None
+        raise FormatError(f"checkpoint {path}: {error}") from None

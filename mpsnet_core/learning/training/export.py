@@ -1,4 +1,4 @@
-"""Export: a trained network as an ONNX file with its card, proved equal to PyTorch's before it is kept."""
+"""Export: a trained network as an ONNX file with its card, written only if it answers as PyTorch does."""
 
 import json
 import os
@@ -16,7 +16,7 @@ import onnxruntime
 import torch
 from torch import Tensor, nn
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, SettingsError
 from mpsnet_core.estimate.card import CARD_KEY, TRAINING_KEY, ModelCard
 from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS
 from mpsnet_core.io.files import writable_path, written_whole
@@ -33,14 +33,17 @@ def export_onnx(trained: Trained, path: str | os.PathLike[str]) -> ModelCard:
     """Write the network's ONNX file: opset 17, batch, height and width free, shapes inferred, card and record inside.
 
     Outputs are "normals", and "confidence" where the network expects an error e of itself: 1 - e / 90°.
-    The file is kept if onnxruntime gives what PyTorch gives, to 1e-4, on pictures of two sizes.
+    The file is written if onnxruntime's answer equals PyTorch's to 1e-4, on pictures of two sizes.
 
-    Raises InputError where `path` cannot be written, the two differ, or training went astray.
+    Raises FileError where `path` cannot be written, SettingsError where weights are not finite, InputError where the
+    two answers differ.
     """
     path = writable_path(path)
     for name, values in trained.network.state_dict().items():
         if not values.isfinite().all():
-            raise InputError(f"weights of the network are not finite ({name}); train again with a lower learning rate")
+            raise SettingsError(
+                f"weights of the network are not finite ({name}); train again with a lower learning rate"
+            )
     network = trained.network.eval()
     card = card_of(network, trained.recipe.name)
     model = _onnx_of(network)
@@ -53,7 +56,7 @@ def export_onnx(trained: Trained, path: str | os.PathLike[str]) -> ModelCard:
 
 
 def card_of(network: Network, name: str) -> ModelCard:
-    """The card of a network that goes by `name`."""
+    """The card of a network called `name`."""
     card = ModelCard(name, type(network).__name__, LICENCE, network.kind, network.inputs)
     if network.kind == "patch":
         return replace(card, patch=network.patch)
@@ -61,7 +64,7 @@ def card_of(network: Network, name: str) -> ModelCard:
 
 
 def record_of(trained: Trained) -> dict[str, Any]:
-    """How a model came about, as plain data: recipe, date, time, hardware, versions, figures."""
+    """How a model was trained, as plain data: recipe, date, time, hardware, versions, figures."""
     figures, before = trained.figures, trained.continues or {}
     return {
         "recipe": trained.recipe.to_json(),
@@ -81,12 +84,12 @@ def record_of(trained: Trained) -> dict[str, Any]:
 
 
 class _Answer(nn.Module):
-    """A network whose outputs are what the card promises."""
+    """A network with the outputs of its card."""
 
     def __init__(self, network: Network) -> None:
         super().__init__()
         self.network = network
-        self.eval()  # the exporter puts back the mode that it finds
+        self.eval()  # the exporter restores the mode that it finds
 
     def forward(self, *inputs: Tensor) -> Tensor | tuple[Tensor, Tensor]:
         prediction = self.network.predict(*inputs)
@@ -99,14 +102,11 @@ def _onnx_of(network: Network) -> onnx.ModelProto:
     answer = _Answer(network)
     inputs = _examples(network, 2, network.patch if network.kind == "patch" else 64)
     outputs = ["normals", "confidence"] if isinstance(answer(*inputs), tuple) else ["normals"]
-    axes: dict[str, dict[int, str]] = {}
-    for name, features in network.inputs.items():
-        free = network.kind != "patch" and not _constant(features)
-        axes[name] = {0: "batch", **({2: "height", 3: "width"} if free else {})}
-    for name in outputs:
-        axes[name] = {0: "batch", **({2: "height", 3: "width"} if network.kind != "patch" else {})}
+    size = {} if network.kind == "patch" else {2: "height", 3: "width"}
+    axes = {name: {0: "batch", **({} if _constant(given) else size)} for name, given in network.inputs.items()}
+    axes |= {name: {0: "batch", **size} for name in outputs}
     with warnings.catch_warnings(), tempfile.TemporaryDirectory() as folder:
-        warnings.simplefilter("ignore")  # of the exporter, about itself
+        warnings.simplefilter("ignore")  # the exporter's, about itself
         file = Path(folder) / "model.onnx"
         torch.onnx.export(
             answer,
@@ -129,17 +129,19 @@ def _prove(network: Network, model: onnx.ModelProto) -> None:
         with torch.no_grad():
             expected = _Answer(network)(*inputs)
         expected = expected if isinstance(expected, tuple) else (expected,)
-        given = session.run(None, {name: values.numpy() for name, values in zip(network.inputs, inputs, strict=True)})
-        for ours, theirs in zip(expected, given, strict=True):
-            off = float(np.abs(ours.numpy() - theirs).max())
-            if not off <= TOLERANCE:
-                raise InputError(f"the exported model differs from the trained one by {off:.2g}; export it elsewhere")
+        found = session.run(None, {name: values.numpy() for name, values in zip(network.inputs, inputs, strict=True)})
+        for ours, theirs in zip(expected, found, strict=True):
+            difference = float(np.abs(ours.numpy() - theirs).max())
+            if not difference <= TOLERANCE:
+                raise InputError(
+                    f"the exported model differs from the trained one by {difference:.2g}; export it elsewhere"
+                )
 
 
 def _examples(network: Network, count: int, side: int) -> tuple[Tensor, ...]:
     """Inputs of plausible values: images at least 0, directions of unit length."""
     generator = torch.Generator().manual_seed(side)
-    made = []
+    examples = []
     for features in network.inputs.values():
         channels = sum(FEATURE_CHANNELS[name] for name in features)
         size = 1 if _constant(features) else side
@@ -147,8 +149,8 @@ def _examples(network: Network, count: int, side: int) -> tuple[Tensor, ...]:
         if features[0] == "lights":
             directions = nn.functional.normalize((values[:, :9] - 0.5).view(count, 3, 3), dim=2)
             values = torch.cat([directions.reshape(count, 9, 1, 1), values[:, 9:]], dim=1)
-        made.append(values)
-    return tuple(made)
+        examples.append(values)
+    return tuple(examples)
 
 
 def _constant(features: tuple[str, ...]) -> bool:

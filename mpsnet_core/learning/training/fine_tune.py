@@ -1,18 +1,18 @@
-"""Training further: an exported network's weights back in a network that can be trained."""
+"""Fine-tuning: an exported network's weights back in a network that can be trained."""
 
 import json
 import os
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 import onnx
 import torch
 from google.protobuf.message import DecodeError
+from numpy.typing import NDArray
 from onnx import numpy_helper
 from torch import Tensor, nn
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FormatError
 from mpsnet_core.estimate.card import TRAINING_KEY
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.learning.training.networks import Network
@@ -20,14 +20,14 @@ from mpsnet_core.learning.training.networks import Network
 MAX_BYTES = 1 << 30
 CONVOLUTIONS = (nn.Conv2d, nn.ConvTranspose2d)
 
-Filters = tuple[np.ndarray, np.ndarray | None]
+Filters = tuple[NDArray[Any], NDArray[Any] | None]
 
 
 @dataclass(frozen=True)
 class Exported:
     """A network's ONNX file.
 
-    record: how it came about. filters: weights, and biases or None, of its convolutions in the order in which they run.
+    record: how it was trained. filters: weights, and biases or None, of its convolutions in the order of their runs.
     """
 
     path: str
@@ -45,11 +45,11 @@ def read_exported(path: str | os.PathLike[str]) -> Exported:
     path = existing_file(path, "model")
     refusal = f"model {path} is damaged or was not trained here; resume from another"
     if path.stat().st_size > MAX_BYTES:
-        raise InputError(refusal)
+        raise FormatError(refusal)
     try:
         model = onnx.load(str(path), load_external_data=False)
         if any(node.op_type == "DequantizeLinear" for node in model.graph.node):
-            raise InputError(f"model {path} is in 8-bit numbers; resume from the one that it was made from")
+            raise FormatError(f"model {path} is in 8-bit numbers; resume from the one that it was made from")
         record = json.loads({entry.key: entry.value for entry in model.metadata_props}[TRAINING_KEY])
         values = {entry.name: numpy_helper.to_array(entry) for entry in model.graph.initializer}
         nodes = [node for node in model.graph.node if node.op_type in ("Conv", "ConvTranspose")]
@@ -57,23 +57,25 @@ def read_exported(path: str | os.PathLike[str]) -> Exported:
         exported = Exported(str(path), record, filters)
         if exported.step < 0 or not isinstance(record["minutes"], int | float):
             raise ValueError
+    except FormatError:
+        raise
     except (DecodeError, LookupError, TypeError, ValueError):
-        raise InputError(refusal) from None
+        raise FormatError(refusal) from None
     return exported
 
 
 @torch.no_grad()
 def take_weights(network: Network, exported: Exported, inputs: tuple[Tensor, ...]) -> None:
-    """Give the network the exported one's weights.
+    """Copy the exported network's weights.
 
     Export folds each batch norm into the convolution before it. Here every batch norm takes its mean and variance from
-    `inputs` (the network's, some pictures or patches) and undoes them by its own scale and shift, so that the network
-    answers as the exported one does, and is normalised as any other when it learns on.
+    `inputs` (the network's, some pictures or patches) and undoes them by its own scale and shift. So the network's
+    answers are the exported one's, and it is normalised as any other when training resumes.
 
-    Raises InputError where the file is of a network of another build.
+    Raises FormatError where the file is of a network of another build.
     """
     filters = iter(exported.filters)
-    bias: Tensor | None = None  # of the last convolution, which its batch norm has to give
+    bias: Tensor | None = None  # of the last convolution, which its batch norm must add
 
     def before_convolution(layer: nn.Module, _: Any) -> None:
         nonlocal bias
@@ -107,7 +109,7 @@ def take_weights(network: Network, exported: Exported, inputs: tuple[Tensor, ...
         if next(filters, None) is not None:
             raise ValueError
     except (ValueError, RuntimeError, StopIteration):
-        raise InputError(
+        raise FormatError(
             f"model {exported.path} is of another network than the recipe's; resume from another"
         ) from None
     finally:

@@ -1,4 +1,4 @@
-"""What networks are given of photographs: maps stacked into inputs, coarse to fine with their own answers, patches."""
+"""Inputs of networks: maps stacked, coarse to fine with the answers on the scale before, or cut into patches."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
@@ -30,18 +30,15 @@ def with_previous(
 ) -> list[tuple[Tensor, ...]]:
     """A network's inputs for each scale, with its answers on the scale before.
 
-    names: of the maps that are stacked into each input. answer: the network as it is in use, not in training mode.
+    names: of the maps that are stacked into each input. answer: the network, not in training mode.
     """
-    inputs, previous = [], None
-    for number, scale in enumerate(scales):
-        mask = scale.maps["mask"]
-        if previous is None:
-            previous = mask.new_zeros(len(mask), 4, *mask.shape[2:])
-        maps = {**scale.maps, "previous": previous * mask}
-        seen = tuple(torch.cat([map_of(name, maps) for name in stacked], dim=1) for stacked in names.values())
-        inputs.append(seen)
-        if number + 1 < len(scales):
-            previous = _enlarged(answer(*seen), scale, scales[number + 1])
+    mask = scales[0].maps["mask"]
+    inputs, previous = [], mask.new_zeros(len(mask), 4, *mask.shape[2:])
+    for scale, finer in zip(scales, [*scales[1:], None], strict=True):
+        maps = {**scale.maps, "previous": previous * scale.maps["mask"]}
+        inputs.append(tuple(torch.cat([map_of(name, maps) for name in stacked], dim=1) for stacked in names.values()))
+        if finer is not None:
+            previous = _enlarged(answer(*inputs[-1]), scale, finer)
     return inputs
 
 
@@ -69,11 +66,11 @@ def _enlarged(prediction: Prediction, scale: Scale, finer: Scale) -> Tensor:
     """(M, 4, H, W) normals and expected error where the finer scale's windows are, at twice the resolution."""
     assert prediction.expected_error is not None
     side = scale.weights.shape[-1] // 2
-    where = {int(example): place for place, example in enumerate(scale.examples)}
+    window_of = {int(example): number for number, example in enumerate(scale.examples)}
     answer = torch.cat([prediction.normals, prediction.expected_error, scale.maps["mask"]], dim=1).float()
     answer[:, :4] *= answer[:, 4:]
     parts = [
-        answer[where[int(example)], :, top : top + side, left : left + side]
+        answer[window_of[int(example)], :, top : top + side, left : left + side]
         for example, (top, left) in zip(finer.examples, finer.places, strict=True)
     ]
     large = functional.interpolate(torch.stack(parts), scale_factor=2, mode="bilinear", align_corners=False)
@@ -82,7 +79,7 @@ def _enlarged(prediction: Prediction, scale: Scale, finer: Scale) -> Tensor:
 
 
 def patches_of(batch: Batch, network: Network, count: int, generator: torch.Generator) -> Batch:
-    """`count` patches from each picture of a batch, around pixels that count; pictures without any are passed over.
+    """`count` patches from each picture of a batch, around pixels that count; pictures without any are skipped.
 
     inputs become (N * count, C, patch, patch), zero beyond the picture; truth (N * count, 3); weights (N * count,).
     Inputs of one pixel ("lights") are repeated as they are.

@@ -1,7 +1,7 @@
-"""What JPEG compression does to pictures, computed and not written, for a batch at once.
+"""JPEG's losses, computed for a batch of pictures without writing files.
 
 ITU-T T.81 with its example quantisation tables (annex K), scaled by quality as libjpeg scales them, and JFIF's colours.
-Entropy coding loses nothing and is left out.
+Entropy coding is lossless and left out.
 """
 
 import math
@@ -38,23 +38,23 @@ def jpeg_losses(levels: Tensor, quality: Tensor, halved_chroma: Tensor) -> Tenso
     red, green, blue = levels.unbind(1)
     luma = 0.299 * red + 0.587 * green + 0.114 * blue
     chroma = torch.stack([(blue - luma) / 1.772, (red - luma) / 1.402], dim=1)
-    full = _kept(torch.round(chroma), _CHROMINANCE, quality)
-    half = _kept(torch.round(functional.avg_pool2d(chroma, 2)), _CHROMINANCE, quality)
+    full = _quantised(torch.round(chroma), _CHROMINANCE, quality)
+    half = _quantised(torch.round(functional.avg_pool2d(chroma, 2)), _CHROMINANCE, quality)
     half = torch.round(functional.interpolate(half, scale_factor=2, mode="bilinear", align_corners=False))
     chroma = torch.where(halved_chroma[:, None, None, None], half, full)
-    luma = _kept(torch.round(luma)[:, None] - 128, _LUMINANCE, quality)[:, 0] + 128
+    luma = _quantised(torch.round(luma)[:, None] - 128, _LUMINANCE, quality)[:, 0] + 128
     red, blue = luma + 1.402 * chroma[:, 1], luma + 1.772 * chroma[:, 0]
     green = (luma - 0.299 * red - 0.114 * blue) / 0.587
     return torch.round(torch.stack([red, green, blue], dim=1)).clamp(0, 255)
 
 
-def _kept(planes: Tensor, table: Tensor, quality: Tensor) -> Tensor:
+def _quantised(planes: Tensor, table: Tensor, quality: Tensor) -> Tensor:
     """Planes (N, C, H, W) centred on 0 whose blocks of 8 x 8 went through the quantised cosine transform and back."""
     scale = torch.where(quality < 50, torch.floor(5000 / quality), 200 - 2 * quality)[:, None, None]
     table, transform = table.to(planes.device), _DCT.to(planes.device)
     steps = torch.floor((table * scale + 50) / 100).clamp(1, 255)[:, None, None, None]
     count, channels, height, width = planes.shape
     blocks = planes.reshape(count, channels, height // 8, 8, width // 8, 8).permute(0, 1, 2, 4, 3, 5)
-    kept = torch.round(transform @ blocks @ transform.T / steps) * steps
-    restored = (transform.T @ kept @ transform).permute(0, 1, 2, 4, 3, 5).reshape(planes.shape)
+    coefficients = torch.round(transform @ blocks @ transform.T / steps) * steps
+    restored = (transform.T @ coefficients @ transform).permute(0, 1, 2, 4, 3, 5).reshape(planes.shape)
     return torch.round(restored).clamp(-128, 127)

@@ -1,4 +1,7 @@
-"""Muon: momentum whose every matrix is made orthogonal (Jordan et al., 2024), for the weights of convolutions."""
+"""Muon: momentum, orthogonalised matrix by matrix (Jordan et al., 2024), for the weights of convolutions.
+
+:class:`torch.optim.Muon`, from PyTorch 2.9 on, takes no convolutions.
+"""
 
 from collections.abc import Iterable
 from typing import Any
@@ -25,7 +28,7 @@ class Muon(torch.optim.Optimizer):
 
     @torch.no_grad()
     def step(self, closure: Any = None) -> Any:
-        """One step along the gradients that are there."""
+        """One step of the parameters that have gradients."""
         for group in self.param_groups:
             for parameter in group["params"]:
                 if parameter.grad is None:
@@ -44,10 +47,10 @@ class Muon(torch.optim.Optimizer):
 
 def orthogonal(matrix: Tensor) -> Tensor:
     """A matrix (M, N) with its singular values brought near one, by a Newton-Schulz iteration."""
-    turned = matrix.shape[0] > matrix.shape[1]
-    values = matrix.T if turned else matrix
+    tall = matrix.shape[0] > matrix.shape[1]
+    values: Tensor = matrix.T if tall else matrix
     values = values / (values.norm() + 1e-7)
     for _ in range(STEPS):
         square = values @ values.T
         values = _A * values + (_B * square + _C * square @ square) @ values
-    return values.T if turned else values
+    return values.T if tall else values

@@ -1,7 +1,7 @@
-"""Packed samples: what training needs of a folder's samples, in half floats, in one file that is mapped into memory.
+"""Packed samples: a folder's samples for training, in half floats, in one file that is mapped into memory.
 
 Reading a sample's EXR takes longer than photographing it. So each is read once, cut to the object, and appended to
-``packed.bin`` in its folder, which can be deleted at any time. Samples that were made anew since then are read again.
+``packed.bin`` in its folder, which can be deleted at any time. Samples that were remade since then are read again.
 """
 
 import logging
@@ -17,7 +17,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, FormatError, InputError
 from mpsnet_core.io.claims import Claims
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.job import FOLDER_CLAIM, sample_path, samples_there
@@ -51,7 +51,7 @@ class Packed(NamedTuple):
 
 
 class _Entry(NamedTuple):
-    """Where in the file a sample's pixels begin, and what its header says. A damaged sample has no pixels."""
+    """Where in the file a sample's pixels begin, and its header. A damaged sample has no pixels."""
 
     number: int
     kind: str
@@ -67,10 +67,24 @@ class _Entry(NamedTuple):
 class PackedSamples:
     """The whole samples of some folders, folder by folder in the order of their numbers, packed where they are not yet.
 
-    kinds: of shapes to take; empty for all. paths, names: of the samples. left_out: the files that are no whole
-    samples, or show nothing; why is told in the log when they are packed.
+    Parameters
+    ----------
+    folders : sequence of path
+        Where the samples are; each folder gets a file ``packed.bin``.
+    kinds : sequence of str
+        Of shapes to use; empty for all.
 
-    Raises InputError where a folder is missing, cannot be written to, or there is no whole sample.
+    Attributes
+    ----------
+    names, paths : list
+        Of the samples.
+    left_out : list of Path
+        Files that are no whole samples, or show nothing; the log warns why when they are packed.
+
+    Raises
+    ------
+    FileError
+        Where a folder is missing, cannot be written to, or holds no whole sample.
     """
 
     def __init__(
@@ -94,7 +108,7 @@ class PackedSamples:
         if not self._places:
             what = f"sample of {' or '.join(kinds)}" if kinds else "sample"
             where = ", ".join(map(str, folders))
-            raise InputError(f"there is no whole {what} in {where}; make some with mpsnet synthesize")
+            raise FileError(f"there is no whole {what} in {where}; make some with mpsnet synthesize")
 
     def __len__(self) -> int:
         return len(self._places)
@@ -111,37 +125,36 @@ class PackedSamples:
 
 
 def _packed(folder: Path, progress: Progress) -> dict[int, _Entry]:
-    """What the folder's packed file holds, by the samples' numbers, once what was missing is there as well."""
+    """The entries of the folder's packed file, by the samples' numbers, once what was missing is packed as well."""
     if not folder.is_dir():
-        raise InputError(f"the folder of samples {folder} does not exist; check the path")
-    there = samples_there(folder)
-    if any(_missing(folder, there)):
+        raise FileError(f"the folder of samples {folder} does not exist; check the path")
+    present = samples_there(folder)
+    if any(_missing(folder, present)):
         with Claims(folder) as claims:
-            while not _appended(folder, there, claims, progress):
+            while not _appended(folder, present, claims, progress):
                 progress(0.0, f"another process packs the samples in {folder}")
                 time.sleep(0.2)
-    entries = _entries(folder / DATA)
-    return {number: entry for number, entry in entries.items() if number in there}
+    return {number: entry for number, entry in _entries(folder / DATA).items() if number in present}
 
 
-def _missing(folder: Path, there: set[int]) -> tuple[list[int], list[int]]:
-    """Numbers of the samples that were made anew since the folder was packed, and of those that are not packed."""
+def _missing(folder: Path, present: set[int]) -> tuple[list[int], list[int]]:
+    """Numbers of the samples that were remade since the folder was packed, and of those that are not packed."""
     data = folder / DATA
-    known = there & set(_entries(data))
+    known = present & set(_entries(data))
     packed = data.stat().st_mtime_ns if known else 0
-    anew = [number for number in known if sample_path(folder, number).stat().st_mtime_ns > packed]
-    return sorted(anew), sorted(there - known)
+    remade = [number for number in known if sample_path(folder, number).stat().st_mtime_ns > packed]
+    return sorted(remade), sorted(present - known)
 
 
-def _appended(folder: Path, there: set[int], claims: Claims, progress: Progress) -> bool:
-    """Whether all is packed now; False where another process is at it."""
+def _appended(folder: Path, present: set[int], claims: Claims, progress: Progress) -> bool:
+    """Pack what is missing. Returns whether all is packed; False where another process packs."""
     data = folder / DATA
     with claims.claim(PACKING_CLAIM) as ours:
         if ours:
             try:
-                _append(folder, *_missing(folder, there), progress)
+                _append(folder, *_missing(folder, present), progress)
             except OSError as error:
-                raise InputError(f"{data} cannot be written ({error.strerror}); make room there") from None
+                raise FileError(f"{data} cannot be written ({error.strerror}); make room there") from None
         return ours
 
 
@@ -168,19 +181,19 @@ def _entries(data: Path) -> dict[int, _Entry]:
     return entries
 
 
-def _append(folder: Path, anew: Sequence[int], missing: Sequence[int], progress: Progress) -> None:
-    data, numbers = folder / DATA, [*anew, *missing]
+def _append(folder: Path, remade: Sequence[int], missing: Sequence[int], progress: Progress) -> None:
+    data, numbers = folder / DATA, [*remade, *missing]
     if not numbers:
         return
     end = max((entry.end for entry in _entries(data).values()), default=0)
     begun = time.time_ns()
-    packed = data.stat().st_mtime_ns if anew else begun
+    packed = data.stat().st_mtime_ns if remade else begun
     with data.open("r+b" if data.exists() else "wb") as file:
         try:
             file.truncate(end)
             file.seek(end)
             for done, number in enumerate(numbers):
-                packed = packed if done < len(anew) else begun
+                packed = packed if done < len(remade) else begun
                 progress(done / len(numbers), f"packing sample {done + 1} of {len(numbers)}")
                 try:
                     file.write(_block(sample_path(folder, number), number))
@@ -191,7 +204,7 @@ def _append(folder: Path, anew: Sequence[int], missing: Sequence[int], progress:
             os.fsync(file.fileno())
             packed = begun
         finally:
-            # Samples that are made anew meanwhile, and those that were but are not reached, are newer than the file.
+            # Samples that are remade meanwhile, and those that were but are not packed yet, are newer than the file.
             file.close()
             os.utime(data, ns=(packed, packed))
 
@@ -200,7 +213,7 @@ def _block(path: Path, number: int) -> bytes:
     sample = read_sample(path)
     rows, columns = np.nonzero(sample.mask)
     if not (sample.lights[:, sample.mask] > 0).any():
-        raise InputError(f"sample {path} shows no pixel of its object wholly, or no light reaches it; make it again")
+        raise FormatError(f"sample {path} shows no pixel of its object wholly, or no light reaches it; make it again")
     box = (
         slice(max(rows.min() - MARGIN, 0), rows.max() + MARGIN + 1),
         slice(max(columns.min() - MARGIN, 0), columns.max() + MARGIN + 1),
@@ -211,7 +224,6 @@ def _block(path: Path, number: int) -> bytes:
     bits = mask.astype(np.uint8)
     for light in range(3):
         bits |= np.uint8(2 << light) * (mask & (sample.lit[light][box] >= 0.5))
-    recipe = sample.recipe
-    kind = str(recipe.shape["kind"]).encode("ascii", "replace")[:12]
-    head = _HEADER.pack(_MARK, number, kind, *mask.shape, *recipe.light_directions.ravel())
-    return head + planes.astype(np.float16).tobytes() + bits.tobytes()
+    kind = str(sample.recipe.shape["kind"]).encode("ascii", "replace")[:12]
+    head = _HEADER.pack(_MARK, number, kind, *mask.shape, *sample.recipe.light_directions.ravel())
+    return b"".join([head, planes.astype(np.float16).tobytes(), bits.tobytes()])

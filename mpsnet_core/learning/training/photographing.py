@@ -1,11 +1,10 @@
-"""Photographing: packed samples become the photographs that a network learns from, on the device that it learns on.
+"""Photographing: packed samples become training photographs, on the device that trains.
 
-The capture model's numbers are drawn in :mod:`mpsnet_core.synthesis.capture_model`; here they are applied
-to a whole batch at once. For networks that go from coarse to fine an example is shown at several scales, as the network
-sees a photo: first the whole object, then windows of it, each at twice the resolution. The finest is the camera's own
-pixels, with its blur, mosaic, noise, levels and JPEG; the others are means of those. Beyond the sample's own resolution
-the picture is magnified, and is as soft as large photos of smooth things are. For other networks, and to measure models
-by, the sample's own pixels are the camera's.
+The capture model's numbers are drawn in :mod:`mpsnet_core.synthesis.capture_model`; here they are applied to a whole
+batch at once. Networks that go from coarse to fine see an example at several scales: first the whole object, then
+windows of it, each at twice the resolution. The finest is the camera's own pixels, with its blur, mosaic, noise, levels
+and JPEG; the others are means of those. Beyond the sample's own resolution the picture is magnified, as soft as large
+photos of smooth things. For other networks, and in evaluations, the sample's own pixels are the camera's.
 """
 
 from collections.abc import Sequence
@@ -55,12 +54,9 @@ class Scale(NamedTuple):
 
 @dataclass
 class _Example:
-    """One sample on its way.
+    """One sample, arranged to be photographed."""
 
-    planes: (13, H, W) at its own resolution, zero outside the mask.
-    """
-
-    planes: Tensor
+    planes: Tensor  # (13, H, W) at its own resolution, zero outside the mask
     directions: NDArray[np.float64]
     draw: CaptureDraw
     finest: int
@@ -70,7 +66,7 @@ class _Example:
 
 
 class Network(Protocol):
-    """What of a network, or of its card, says which photographs it sees."""
+    """The attributes of a network, or of its card, that its photographs depend on."""
 
     @property
     def kind(self) -> str: ...
@@ -81,11 +77,25 @@ class Network(Protocol):
 class Photographer:
     """Draws batches of examples: `batch(step, size)` depends on nothing but the samples, the seed and the step.
 
-    samples: every epoch shows all of them, unless not `shuffled` in an order of its own. window: pixels a side, around
-    pixels that count; 0, where there is one scale, for whole pictures. finer: shares of how many scales follow the
-    first; none for one scale, the samples' own pixels. canonical: whether in frames in which the first light stands
-    most nearly straight up, the lights counter-clockwise; else turned by any quarters, mirrored or not, any light
-    being each channel's. device: where photographs are made.
+    Parameters
+    ----------
+    samples : PackedSamples
+        Every epoch shows all of them.
+    model : CaptureModel, optional
+        Of the capture's numbers.
+    seed : int
+        Of all that is drawn.
+    window : int
+        Pixels a side, around pixels that count; 0, where there is one scale, for whole pictures.
+    finer : sequence of float
+        Shares of how many scales follow the first; none for one scale, the samples' own pixels.
+    canonical : bool
+        Whether in frames in which the first light stands most nearly straight up, the lights counter-clockwise; else
+        turned by any quarters, mirrored or not, the lights in any order.
+    shuffled : bool
+        Whether every epoch has an order of its own.
+    device : torch.device, optional
+        Where photographs are made; the CPU unless given.
     """
 
     def __init__(
@@ -116,7 +126,7 @@ class Photographer:
         shuffled: bool = True,
         device: torch.device | None = None,
     ) -> "Photographer":
-        """One for what a network sees."""
+        """Of the photographs that a network sees."""
         finer = FINER_SHARES if network.kind == "pyramid" else ()
         canonical = network.frame == "canonical"
         return cls(
@@ -161,14 +171,14 @@ class Photographer:
 
 
 def photograph(packed: Packed, draw: CaptureDraw) -> tuple[Capture, NDArray[np.float32]]:
-    """A sample's own pixels in camera space: the one photo under three lights at once, with what whoever estimates
-    knows of it, errors included, and (H, W, 3) the true normals, zero where there are none.
+    """Photograph a sample's own pixels in camera space, under three lights at once.
 
-    Raises InputError where no light reaches the object.
+    Returns the capture, whose rig and mask have the draw's errors, and (H, W, 3) true normals, zero where unknown.
     """
     example = _arranged(packed, draw, CAMERA_FRAME, torch.device("cpu"))
     planes, draws = _window(example, 0, _side([example]))[None], _Draws.of([draw], torch.device("cpu"))
-    shot = _shot(planes, draws, None, torch.zeros(1), torch.Generator().manual_seed(draw.noise_seed))
+    exposure, noise = _exposures(planes, draws), torch.Generator().manual_seed(draw.noise_seed)
+    shot = _shot(planes, draws, exposure, torch.zeros(1), noise)
     height, width = packed.mask.shape
 
     def whole(values: Tensor) -> NDArray[np.float32]:
@@ -176,17 +186,17 @@ def photograph(packed: Packed, draw: CaptureDraw) -> tuple[Capture, NDArray[np.f
 
     capture = Capture(
         whole(shot.photo),
-        whole(shot.shown)[..., 0] > 0,
+        whole(shot.mask)[..., 0] > 0,
         LightRig(turned(packed.directions, draw.direction_errors), draw.known_mixing),
         clip=1.0 if draw.bits else np.inf,
         white=whole(shot.white) if draw.white else None,
-        white_clipped=np.repeat(whole(shot.told) == 0, 3, axis=2) if draw.white and draw.bits else None,
+        white_clipped=np.repeat(whole(shot.unclipped) == 0, 3, axis=2) if draw.white and draw.bits else None,
     )
     return capture, whole(unit(planes[:, 6:9]))
 
 
 def _near_frame(directions: NDArray[np.float64], rng: np.random.Generator) -> LightFrame:
-    """Mostly one of the two nearest, which single passes take; else any, for averages of more passes."""
+    """Mostly one of the two nearest, which single passes use; else any, for averages of more passes."""
     frames = canonical_frames(directions)
     return frames[int(rng.integers(2 if rng.random() < NEAREST_SHARE else len(frames)))]
 
@@ -197,7 +207,7 @@ def _any_frame(rng: np.random.Generator) -> LightFrame:
 
 
 def _arranged(packed: Packed, draw: CaptureDraw, frame: LightFrame, device: torch.device) -> _Example:
-    """What the photo's channels see of the sample, turned into the frame; its one scale is the sample's own."""
+    """The sample as the photo's channels see it, turned into the frame; its one scale is the sample's own."""
     lights, normals, mask, lit = (
         values.to(device) for values in (packed.lights, packed.normals, packed.mask, packed.lit)
     )
@@ -222,7 +232,7 @@ def _arranged(packed: Packed, draw: CaptureDraw, frame: LightFrame, device: torc
 
 
 def _side(examples: Sequence[_Example], least: int = 0) -> int:
-    """Of a square that holds each of some examples at its own resolution; a multiple of JPEG's blocks."""
+    """Pixels a side of a square that holds each example at its own resolution; a multiple of JPEG's blocks."""
     return -(-max(least, *(side for example in examples for side in example.coarse)) // 16) * 16
 
 
@@ -235,30 +245,30 @@ def _photographed(
     known = np.stack([turned(example.directions, example.draw.direction_errors) for example in examples])
     chosen = list(range(len(examples)))
     places = np.zeros((len(examples), 2), np.int64)
-    exposure: Tensor | None = None
-    means = torch.ones(len(examples), 6, device=device)
     scales: list[Scale] = []
     for level in range(max(example.finest for example in examples) + 1):
         planes = torch.stack([_window(examples[k], level, window) for k in chosen])
         some = torch.tensor(chosen, device=device)
         drawn = draws.chosen(some)
         finer = torch.tensor([examples[k].finest - level for k in chosen], device=device)
-        shot = _shot(planes, drawn, None if exposure is None else exposure[some], finer, generator)
-        photo = unmixed(shot.photo, drawn.known_mixing) * shot.shown
-        white = shot.white * shot.shown * shot.told
-        if exposure is None:
-            exposure, means = shot.exposure, _means(photo, white, shot.shown, shot.told)
+        if level == 0:
+            exposure = _exposures(planes, drawn)
+        shot = _shot(planes, drawn, exposure[some], finer, generator)
+        photo = unmixed(shot.photo, drawn.known_mixing) * shot.mask
+        white = shot.white * shot.mask * shot.unclipped
+        if level == 0:
+            means = _means(photo, white, shot.mask, shot.unclipped)
         mean = means[some]
         photo = photo / mean[:, :3].mean(dim=1)[:, None, None, None]
         white = white / mean[:, 3:, None, None] * drawn.white[:, None, None, None]
         mask = planes[:, 12:] > 0
-        counts = (mask & shot.shown).float()
+        counts = (mask & shot.mask).float()
         given = torch.stack([torch.full((len(chosen),), float(level > 0), device=device), drawn.white], dim=1)
         scales.append(
             Scale(
                 maps={
                     "photo": photo,
-                    "mask": shot.shown.float(),
+                    "mask": shot.mask.float(),
                     "white": white,
                     "lights": torch.tensor(known[chosen].reshape(-1, 9, 1, 1), dtype=torch.float32, device=device),
                     "channel_means": (mean[:, :3] / mean[:, :3].mean(dim=1, keepdim=True))[:, :, None, None],
@@ -271,9 +281,9 @@ def _photographed(
                 places=places,
             )
         )
-        finer_ones = [place for place, k in enumerate(chosen) if examples[k].finest > level]
-        places = np.array([_zoom(examples[chosen[k]], mask[k, 0], window, rng) for k in finer_ones]).reshape(-1, 2)
-        chosen = [chosen[k] for k in finer_ones]
+        zoomed = [number for number, k in enumerate(chosen) if examples[k].finest > level]
+        places = np.array([_zoom(examples[chosen[n]], mask[n, 0], window, rng) for n in zoomed]).reshape(-1, 2)
+        chosen = [chosen[n] for n in zoomed]
     return scales
 
 
@@ -287,13 +297,8 @@ def _window(example: _Example, level: int, window: int) -> Tensor:
     top, left = (int(place) for place in example.offset)
     if size[0] <= height:
         whole = functional.interpolate(planes[None], size=size, mode="bilinear", antialias=True)[0]
-        found = torch.zeros(SHOWN, window, window, device=planes.device)
-        rows, columns = (
-            slice(max(start, 0), min(start + window, length)) for start, length in ((top, size[0]), (left, size[1]))
-        )
-        found[:, rows.start - top : rows.stop - top, columns.start - left : columns.stop - left] = whole[
-            :, rows, columns
-        ]
+        # Negative padding cuts.
+        found = functional.pad(whole, (-left, left + window - size[1], -top, top + window - size[0]))
     else:
         steps = torch.arange(window, device=planes.device) + 0.5
         y, x = ((steps + start) / length * 2 - 1 for start, length in ((top, size[0]), (left, size[1])))
@@ -315,7 +320,7 @@ def _zoom(example: _Example, mask: Tensor, window: int, rng: np.random.Generator
     jitter = rng.integers(-(window // 8), window // 8 + 1, size=2)
     place = np.clip(middle + jitter - window // 4, 0, window - window // 2)
     example.offset = 2 * (example.offset + place)
-    return place.astype(np.int64)
+    return np.asarray(place, np.int64)
 
 
 def _cut(whole: Scale, size: int, rng: np.random.Generator) -> Scale:
@@ -330,7 +335,7 @@ def _cut(whole: Scale, size: int, rng: np.random.Generator) -> Scale:
         if values.shape[-1] == 1:
             return values
         pairs = zip(values, corners, strict=True)
-        return torch.stack([one[..., top : top + size, left : left + size] for one, (top, left) in pairs])
+        return torch.stack([picture[..., top : top + size, left : left + size] for picture, (top, left) in pairs])
 
     maps = {name: cut(values) for name, values in whole.maps.items()}
     return whole._replace(maps=maps, truth=cut(whole.truth), weights=cut(whole.weights), lit=cut(whole.lit))
@@ -370,50 +375,35 @@ class _Draws(NamedTuple):
 
 
 def _weights(draw: CaptureDraw, device: torch.device) -> Tensor:
-    """(6, 9) what the photo's and the white photo's channels see of each light's red, green and blue."""
+    """(6, 9) responses of the photo's and the white photo's channels to each light's red, green and blue."""
     photo = np.einsum("ik,ij->ikj", draw.mixing, draw.colours)
     white = np.einsum("ik,ij->ikj", draw.white_mixing, draw.colours)
     return torch.tensor(np.concatenate([photo, white]).reshape(6, 9), dtype=torch.float32, device=device)
 
 
 class _Shot(NamedTuple):
-    """N photographs. photo, white: (N, 3, H, W) as their files hold them. told: (N, 1, H, W) 1 where the white one is
-    not clipped. shown: (N, 1, H, W) bool, the mask as it is known. exposure: (N, 2) of photo and white photo."""
+    """N photographs. photo, white: (N, 3, H, W) values of their files. unclipped: (N, 1, H, W) 1 where the white one is
+    not clipped. mask: (N, 1, H, W) bool, as it is known."""
 
     photo: Tensor
     white: Tensor
-    told: Tensor
-    shown: Tensor
-    exposure: Tensor
+    unclipped: Tensor
+    mask: Tensor
 
 
-def _shot(planes: Tensor, draws: _Draws, exposure: Tensor | None, finer: Tensor, generator: torch.Generator) -> _Shot:
-    """Take photographs of windows (N, 13, H, W). exposure: None where it is to be found, on the whole object."""
-    mask = planes[:, 12:] > 0
-    if exposure is None:
-        exposure = _exposures(planes, mask, draws)
-    photo, white, told = _seen(planes, draws, exposure, finer, generator)
-    shown = _grown(mask, (draws.mask_error / 2**finer).trunc().long())
-    # A mask that would have shrunk to nothing stays as it was.
-    shown = torch.where(shown.flatten(1).any(1)[:, None, None, None], shown, mask)
-    return _Shot(photo, white, told, shown, exposure)
-
-
-def _exposures(planes: Tensor, mask: Tensor, draws: _Draws) -> Tensor:
+def _exposures(planes: Tensor, draws: _Draws) -> Tensor:
     """(N, 2) factors that bring the photo's and the white photo's highlights to the sensor's drawn exposure."""
     factors = []
-    for values, inside, share, exposure in zip(planes, mask, draws.highlights, draws.exposure, strict=True):
+    for values, share, exposure in zip(planes, draws.highlights, draws.exposure, strict=True):
         for first in (0, 3):
-            seen = values[first : first + 3].amax(dim=0)[inside[0]]
-            bright = torch.quantile(seen, 1 - share) if len(seen) else torch.ones((), device=planes.device)
+            brightness = values[first : first + 3].amax(dim=0)[values[12] > 0]
+            bright = torch.quantile(brightness, 1 - share) if len(brightness) else torch.ones_like(exposure)
             factors.append(exposure / bright.clamp(min=1e-6))
     return torch.stack(factors).reshape(-1, 2)
 
 
-def _seen(
-    planes: Tensor, draws: _Draws, exposure: Tensor, finer: Tensor, generator: torch.Generator
-) -> tuple[Tensor, Tensor, Tensor]:
-    """Photo and white photo (N, 3, H, W) as their files hold them, and where (N, 1, H, W) the white one is not clipped.
+def _shot(planes: Tensor, draws: _Draws, exposure: Tensor, finer: Tensor, generator: torch.Generator) -> _Shot:
+    """Photograph windows (N, 13, H, W).
 
     finer: (N,) how many scales finer the camera's own pixels are: noise falls with the pixels that are averaged.
     """
@@ -432,17 +422,21 @@ def _seen(
     if len(rounded):
         light[rounded] = _stored(light[rounded], draws.chosen(rounded))
     photo, white = light[:, :3], light[:, 3:]
-    told = ((white < 0.98).all(dim=1, keepdim=True) | ~stored[:, None, None, None]).float()
-    return photo, white, told
+    unclipped = ((white < 0.98).all(dim=1, keepdim=True) | ~stored[:, None, None, None]).float()
+    mask = planes[:, 12:] > 0
+    known = _grown(mask, (draws.mask_error / 2**finer).trunc().long())
+    # A mask that would have shrunk to nothing stays as it was.
+    known = torch.where(known.flatten(1).any(1)[:, None, None, None], known, mask)
+    return _Shot(photo, white, unclipped, known)
 
 
 def _blurred(planes: Tensor, sigma: Tensor) -> Tensor:
-    """Planes (N, C, H, W) under Gaussians of N widths; what lies beyond their border is like the border."""
-    weights = [blur_weights(float(one)) for one in sigma]
-    reach = max(len(one) // 2 for one in weights)
+    """Planes (N, C, H, W) under Gaussians of N widths; the border is repeated beyond it."""
+    weights = [blur_weights(float(width)) for width in sigma]
+    reach = max(len(gaussian) // 2 for gaussian in weights)
     if not reach:
         return planes
-    kernels = np.stack([np.pad(one, reach - len(one) // 2) for one in weights]).astype(np.float32)
+    kernels = np.stack([np.pad(gaussian, reach - len(gaussian) // 2) for gaussian in weights]).astype(np.float32)
     count, channels, height, _ = planes.shape
     kernel = torch.from_numpy(kernels).to(planes.device).repeat_interleave(channels, dim=0)[:, None, None]
     flat = functional.pad(planes, (reach,) * 4, mode="replicate").reshape(1, count * channels, height + 2 * reach, -1)
@@ -451,24 +445,23 @@ def _blurred(planes: Tensor, sigma: Tensor) -> Tensor:
     return flat.reshape(planes.shape)
 
 
-# Bilinear interpolation of a Bayer mosaic: the weights that a missing value takes from its neighbours.
+# Bilinear interpolation of a Bayer mosaic: the weights of a missing value's neighbours.
 _GREEN = torch.tensor([[0.0, 0.25, 0.0], [0.25, 1.0, 0.25], [0.0, 0.25, 0.0]])
 _RED_BLUE = torch.tensor([[0.25, 0.5, 0.25], [0.5, 1.0, 0.5], [0.25, 0.5, 0.25]])
 
 
 def _demosaiced(planes: Tensor) -> Tensor:
-    """What is left of pictures (N, 6, H, W) behind a Bayer mosaic (red top left), interpolated bilinearly."""
+    """Pictures (N, 6, H, W) behind a Bayer mosaic (red top left), interpolated bilinearly."""
     sites = torch.zeros(3, *planes.shape[2:], device=planes.device)
     sites[0, ::2, ::2] = sites[1, ::2, 1::2] = sites[1, 1::2, ::2] = sites[2, 1::2, 1::2] = 1
     sites = sites.repeat(2, 1, 1)
     kernel = torch.stack([_RED_BLUE, _GREEN, _RED_BLUE]).repeat(2, 1, 1)[:, None].to(planes.device)
-    held = functional.pad(planes * sites, (1,) * 4)
-    there = functional.pad(sites[None], (1,) * 4)
-    return functional.conv2d(held, kernel, groups=6) / functional.conv2d(there, kernel, groups=6)
+    total = functional.conv2d(functional.pad(planes * sites, (1,) * 4), kernel, groups=6)
+    return total / functional.conv2d(functional.pad(sites[None], (1,) * 4), kernel, groups=6)
 
 
 def _stored(light: Tensor, draws: _Draws) -> Tensor:
-    """Values (N, 6, H, W) from 0 to 1 as files keep them, read back."""
+    """Values (N, 6, H, W) from 0 to 1, written to files and read back."""
     top = (2.0**draws.bits - 1)[:, None, None, None]
     curved = draws.srgb[:, None, None, None] > 0
     levels = torch.round(torch.where(curved, _to_srgb(light), light) * top)
@@ -507,15 +500,14 @@ def _grown(mask: Tensor, pixels: Tensor) -> Tensor:
 
 
 def unmixed(photo: Tensor, mixing: Tensor) -> Tensor:
-    """What each light gives to photos (N, 3, H, W) under mixings (N, 3, 3); under light directions, equation 2."""
+    """Each light's share of photos (N, 3, H, W) under mixings (N, 3, 3); under light directions, equation 2."""
     return torch.einsum("nij,njhw->nihw", torch.linalg.inv(mixing.double()).float(), photo)
 
 
-def _means(photo: Tensor, white: Tensor, mask: Tensor, told: Tensor) -> Tensor:
-    """(N, 6) means of photo and white photo over the mask; 1 in place of what is not above zero."""
-    count = mask.sum(dim=(2, 3)).clamp(min=1)
-    seen = (mask * told).sum(dim=(2, 3)).clamp(min=1)
-    means = torch.cat([(photo * mask).sum(dim=(2, 3)) / count, (white * mask * told).sum(dim=(2, 3)) / seen], dim=1)
+def _means(photo: Tensor, white: Tensor, mask: Tensor, unclipped: Tensor) -> Tensor:
+    """(N, 6) means of photo and white photo, zero where they do not count, over the mask; 1 where not above zero."""
+    pairs = ((photo, mask), (white, mask * unclipped))
+    means = torch.cat([values.sum(dim=(2, 3)) / count.sum(dim=(2, 3)).clamp(min=1) for values, count in pairs], dim=1)
     means = torch.where(means > 0, means, 1)
     photo_mean = means[:, :3].mean(dim=1, keepdim=True)
     # A channel that is black everywhere must not blow up the others.

@@ -1,8 +1,8 @@
-"""Quantisation: the int8 twin of a dense model or a pyramid, calibrated on what the model sees of samples.
+"""Quantisation: the int8 twin of a dense model or a pyramid, calibrated on photographs of samples.
 
 Convolutions in eight bits are two to three times as quick on processors that have instructions for them, and the file
-is about a third of the size. Between the convolutions that see the picture's own values and the last one all is in
-eight bits. Those, which see and say directions, stay in single precision, and so does whatever depends on the lights:
+is about a third of the size. All between the convolutions that see the picture's own values and the last one is in
+eight bits. Those, whose values are directions, stay in single precision, and so does whatever depends on the lights:
 256 steps are too coarse for both.
 """
 
@@ -21,10 +21,10 @@ import onnx
 import onnxruntime
 import torch
 from numpy.typing import NDArray
-from onnxruntime.quantization import CalibrationDataReader, CalibrationMethod, QuantFormat, QuantType, quantize_static
+from onnxruntime.quantization import CalibrationMethod, QuantFormat, QuantType, quantize_static
 from torch import Tensor
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FormatError, SettingsError
 from mpsnet_core.estimate.card import CARD_KEY, TRAINING_KEY, ModelCard, record_from_metadata
 from mpsnet_core.estimate.features import CONSTANTS
 from mpsnet_core.estimate.onnx_model import OnnxModel
@@ -33,21 +33,21 @@ from mpsnet_core.learning.training.export import RIGHT_ANGLE
 from mpsnet_core.learning.training.inputs import with_previous
 from mpsnet_core.learning.training.networks import Prediction
 from mpsnet_core.learning.training.packed import PackedSamples
-from mpsnet_core.learning.training.photographing import Photographer
+from mpsnet_core.learning.training.photographing import Photographer, Scale
 from mpsnet_core.learning.training.validation import measured
 from mpsnet_core.progress import Progress, part, silent
 
 QUANTISED = ("Add", "Concat", "Conv", "DepthToSpace", "Relu")
 CROP = 128
-PERCENTILE = 99.99  # of what is seen that eight bits reach
+PERCENTILE = 99.99  # of the values that eight bits cover
 SEED = 2  # of the photographs
-# Tells onnxruntime that shapes are inferred, as ours are.
+# For onnxruntime: shapes are inferred already.
 PREPARED = {"onnx.quant.pre_process": "onnxruntime.quant"}
 
 
 class Twin(NamedTuple):
-    """card: the twin's. model_mae_deg, mae_deg: mean angular errors, in degrees, of the model that it was made from and
-    of the twin, on the same photographs."""
+    """card: the twin's. model_mae_deg, mae_deg: mean angular errors, in degrees, of its model and of the twin, on the
+    same photographs."""
 
     card: ModelCard
     model_mae_deg: float
@@ -62,10 +62,10 @@ def quantise(
     count: int = 64,
     progress: Progress = silent,
 ) -> Twin:
-    """Write the int8 twin of a model (QDQ, weights by channel), named after it with "-int8"; its record goes along.
+    """Write the int8 twin of a model (QDQ, weights by channel), named after it with "-int8", with its record.
 
     model: an ONNX file of ours, of a dense network or a pyramid. samples: folders of samples such as it was trained on.
-    count: how many photographs of them calibrate it, and how many others tell what it costs.
+    count: how many photographs of them calibrate it, and how many others measure its error.
 
     Weights have seven bits: with eight, sums of 16 bits overflow on processors without VNNI instructions, and the
     answers would depend on the processor.
@@ -75,22 +75,22 @@ def quantise(
     """
     output = writable_path(output)
     if count < 1:
-        raise InputError(f"{count} photographs cannot calibrate a model; choose 1 or more")
+        raise SettingsError(f"{count} photographs cannot calibrate a model; choose 1 or more")
     source = OnnxModel(model)
     card = source.card
     if card.kind == "patch":
-        raise InputError(f"model file {source.path} works patch by patch; only those that do not have int8 twins")
+        raise FormatError(f"model file {source.path} works patch by patch; only those that do not have int8 twins")
     try:
         graph = onnx.load(str(source.path))
     except onnx.checker.ValidationError as error:
-        raise InputError(
+        raise FormatError(
             f"model file {source.path} has weights elsewhere ({error}); give one that has them all"
         ) from None
     if any(node.op_type == "QuantizeLinear" for node in graph.graph.node):
-        raise InputError(f"model file {source.path} is in eight bits already; give the one that it was made from")
+        raise FormatError(f"model file {source.path} is in eight bits already; give the one that it was made from")
     inner = _inner_nodes(graph, card)
     if not inner:
-        raise InputError(f"model file {source.path} has no layer between its first and its last; leave it as it is")
+        raise FormatError(f"model file {source.path} has no layer between its first and its last; leave it as it is")
     packed = PackedSamples(samples)
     photographer = Photographer.of(card, packed, seed=SEED, window=-(-CROP // card.multiple) * card.multiple)
     model_answer = _Answer(source.session, card)
@@ -126,22 +126,24 @@ class _Answer:
         return Prediction(answer["normals"], None if confidence is None else (1 - confidence) * RIGHT_ANGLE)
 
 
-class _Photographs(CalibrationDataReader):
-    """What a model sees of `count` photographs, scale by scale."""
+class _Photographs:
+    """A model's inputs for `count` photographs, scale by scale, as onnxruntime reads calibration data."""
 
     def __init__(self, photographer: Photographer, answer: _Answer, count: int, progress: Progress) -> None:
-        self.given = self._all(photographer, answer, count, progress)
-
-    @staticmethod
-    def _all(
-        photographer: Photographer, answer: _Answer, count: int, progress: Progress
-    ) -> Iterator[dict[str, NDArray[np.float32]]]:
-        for number in range(count):
-            progress(number / count, f"photograph {number + 1} of {count}")
-            yield from map(answer.named, with_previous(answer, answer.inputs, photographer.batch(number, 1)))
+        self.inputs = (
+            answer.named(seen)
+            for scales in _photographs(photographer, 0, count, progress)
+            for seen in with_previous(answer, answer.inputs, scales)
+        )
 
     def get_next(self) -> dict[str, NDArray[np.float32]] | None:
-        return next(self.given, None)
+        return next(self.inputs, None)
+
+
+def _photographs(photographer: Photographer, first: int, count: int, progress: Progress) -> Iterator[list[Scale]]:
+    for number in range(count):
+        progress(number / count, f"photograph {number + 1} of {count}")
+        yield photographer.batch(first + number, 1)
 
 
 def _quantised(graph: onnx.ModelProto, nodes: list[str], photographs: _Photographs) -> onnx.ModelProto:
@@ -160,7 +162,7 @@ def _quantised(graph: onnx.ModelProto, nodes: list[str], photographs: _Photograp
             per_channel=True,
             reduce_range=True,
             activation_type=QuantType.QUInt8,
-            # A few pixels are far from all others: to reach them would make the steps of all too coarse.
+            # A few pixels are far from all others: to cover them would make the steps of all too coarse.
             calibrate_method=CalibrationMethod.Percentile,
             extra_options={"CalibPercentile": PERCENTILE},
             weight_type=QuantType.QInt8,
@@ -170,7 +172,7 @@ def _quantised(graph: onnx.ModelProto, nodes: list[str], photographs: _Photograp
 
 @contextmanager
 def _quiet_root() -> Iterator[None]:
-    """onnxruntime tells the root logger what it thinks of a model; what the measurement says counts."""
+    """Silence the root logger, where onnxruntime warns about models; the measured error counts."""
     log, silence = logging.getLogger(), logging.Filter("nobody")
     log.addFilter(silence)
     try:
@@ -180,8 +182,8 @@ def _quiet_root() -> Iterator[None]:
 
 
 def _inner_nodes(graph: onnx.ModelProto, card: ModelCard) -> list[str]:
-    """Names of the convolutions that others follow and that see neither the picture's own values nor what depends on
-    the lights alone, and of the nodes of :data:`QUANTISED` between them."""
+    """Names of the convolutions that others follow and whose inputs are neither the picture's own values nor those that
+    depend on the lights alone, and of the nodes of :data:`QUANTISED` between them."""
     lights = {name for name, features in card.inputs.items() if features[0] in CONSTANTS}
     own = set(card.inputs) - lights  # values that are the picture's own, not yet seen by a convolution
     behind: set[str] = set()  # values that a convolution over the picture lies before
@@ -212,11 +214,9 @@ def _inner_nodes(graph: onnx.ModelProto, card: ModelCard) -> list[str]:
 def _errors(
     answers: Sequence[_Answer], photographer: Photographer, first: int, count: int, progress: Progress
 ) -> list[float]:
-    """Of each model the mean angular error in degrees, over the pixels that count of `count` photographs."""
+    """For each model the mean angular error in degrees over the pixels that count of `count` photographs."""
     errors: list[list[NDArray[np.float32]]] = [[] for _ in answers]
-    for number in range(count):
-        progress(number / count, f"photograph {number + 1} of {count}")
-        scales = photographer.batch(first + number, 1)
-        for found, answer in zip(errors, answers, strict=True):
-            found += [missed for missed, _ in measured(answer, answer.inputs, scales)]
-    return [float(np.concatenate(found).mean(dtype=np.float64)) for found in errors]
+    for scales in _photographs(photographer, first, count, progress):
+        for own, answer in zip(errors, answers, strict=True):
+            own += [error for error, _ in measured(answer, answer.inputs, scales)]
+    return [float(np.concatenate(own).mean(dtype=np.float64)) for own in errors]

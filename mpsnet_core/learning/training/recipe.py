@@ -1,4 +1,4 @@
-"""Training recipe: all that a training run is made of, but for the samples' place. One TOML file per shipped model."""
+"""Training recipe: all settings of a training run but for its files. One TOML file per shipped model."""
 
 import os
 import tomllib
@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FormatError, InputError, SettingsError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.synthesis.job import SHAPES
 
@@ -37,20 +37,18 @@ class TrainingRecipe:
     """How one model is trained.
 
     name: the model's. title: a line for people. network: of :data:`mpsnet_core.learning.training.networks.NETWORKS`,
-    options: its own, such as its width. samples: the commands that make the samples it was meant for; for people.
-    steps: of the optimiser. batch: pictures a step (over all processes). crop: side of a picture in pixels, 0 for whole
-    pictures (patch-wise networks alone). patches: places taken from each picture where the network is patch-wise, so
-    that a step sees batch * patches of them.
+    options: its own, such as its width. samples: the commands that make its samples, for people. steps: of the
+    optimiser. batch: pictures a step (over all processes). crop: side of a picture in pixels, 0 for whole pictures
+    (patch-wise networks alone). patches: from each picture where the network is patch-wise, batch * patches a step.
     optimiser: "adamw", or "muon" for the weights of convolutions and AdamW for the rest.
     learning_rate: it rises over `warm_up` steps, stays, and falls to nothing over the last `decay` steps, in a straight
     line (Hägele et al., "Scaling laws and compute-optimal training beyond fixed training durations", 2024).
-    weight_decay: of weights, not of biases and batch norm. ema: decay of the weights' running mean, which is what
-    becomes the model. error_weight: of the squared error of the expected error in the loss, for networks that give one.
-    gradient_weight: of the difference between the normals' steps from pixel to pixel and the true ones.
-    kinds: of shapes to train on, of those in the samples; empty for all. seed: of the first weights, the photographs
-    and their order.
+    weight_decay: of weights, not of biases and batch norm. ema: decay of the weights' running mean, which becomes the
+    model. error_weight: in the loss, of the squared error of the expected error. gradient_weight: in the loss, of the
+    difference between the normals' gradients and the true ones. kinds: of shapes to train on; empty for all. seed: of
+    the first weights, the photographs and their order.
 
-    Raises InputError where a value is out of its range.
+    Raises SettingsError where a value is out of its range.
     """
 
     name: str
@@ -77,33 +75,29 @@ class TrainingRecipe:
         for name in ("name", "title", "network"):
             value = getattr(self, name)
             if not isinstance(value, str) or not value:
-                raise InputError(f"the recipe's {name} must be a text, not {value!r}")
+                raise SettingsError(f"the recipe's {name} must be a text, not {value!r}")
         if not isinstance(self.options, Mapping):
-            raise InputError(f"the recipe's options must be a table, not {self.options!r}")
+            raise SettingsError(f"the recipe's options must be a table, not {self.options!r}")
         if not all(isinstance(line, str) for line in self.samples):
-            raise InputError("the recipe's samples must be a list of texts")
+            raise SettingsError("the recipe's samples must be a list of texts")
         if self.optimiser not in OPTIMISERS:
-            raise InputError(f"the recipe's optimiser must be {' or '.join(OPTIMISERS)}, not {self.optimiser!r}")
+            raise SettingsError(f"the recipe's optimiser must be {' or '.join(OPTIMISERS)}, not {self.optimiser!r}")
         for shape in self.kinds:
             if shape not in SHAPES:
-                raise InputError(f"the recipe's kinds must be some of {', '.join(SHAPES)}, not {shape!r}")
+                raise SettingsError(f"the recipe's kinds must be some of {', '.join(SHAPES)}, not {shape!r}")
         for name, (low, high) in _RANGES.items():
             value, kind = getattr(self, name), type(getattr(self, name))
             if kind not in (int, float) or (kind is float and isinstance(low, int)) or not low <= value <= high:
-                raise InputError(f"the recipe's {name} must be from {low:g} to {high:g}, not {value!r}")
+                raise SettingsError(f"the recipe's {name} must be from {low:g} to {high:g}, not {value!r}")
         if self.warm_up + self.decay > self.steps:
-            raise InputError(
+            raise SettingsError(
                 f"the recipe's warm_up and decay take {self.warm_up + self.decay} steps of {self.steps}; give it more"
             )
 
     def to_json(self) -> dict[str, Any]:
-        """The recipe as plain data, which :func:`recipe_from_data` takes."""
-        return {
-            **asdict(self),
-            "options": dict(self.options),
-            "samples": list(self.samples),
-            "kinds": list(self.kinds),
-        }
+        """The recipe as plain data, for :func:`recipe_from_data`."""
+        lists = {"samples": list(self.samples), "kinds": list(self.kinds)}
+        return {**asdict(self), "options": dict(self.options), **lists}
 
 
 def recipe_names() -> list[str]:
@@ -116,31 +110,31 @@ def read_recipe(name: str | os.PathLike[str]) -> TrainingRecipe:
     name = os.fspath(name)
     path = RECIPES / f"{name}.toml" if name in recipe_names() else Path(name)
     if path.suffix.lower() != ".toml":
-        raise InputError(f"there is no recipe {name!r}; choose {', '.join(recipe_names())} or give a .toml file")
+        raise SettingsError(f"there is no recipe {name!r}; choose {', '.join(recipe_names())} or give a .toml file")
     path = existing_file(path, "recipe")
     if path.stat().st_size > MAX_RECIPE_BYTES:
-        raise InputError(f"recipe {path} is larger than 64 KiB; it is not one of ours")
+        raise FormatError(f"recipe {path} is larger than 64 KiB; it is not one of ours")
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (ValueError, RecursionError) as error:  # also what Python says of a number of 5,000 digits
-        raise InputError(f"recipe {path} is not valid TOML: {error}") from None
+    except (ValueError, RecursionError) as error:  # ValueError also for numbers of 5,000 digits
+        raise FormatError(f"recipe {path} is not valid TOML: {error}") from None
     try:
         return recipe_from_data(data)
     except InputError as error:
-        raise InputError(f"recipe {path}: {error}") from None
+        raise FormatError(f"recipe {path}: {error}") from None
 
 
 def recipe_from_data(data: Mapping[str, Any]) -> TrainingRecipe:
-    """A recipe from plain data. Raises InputError where something is missing, unknown or out of its range."""
+    """A recipe from plain data. Raises SettingsError where something is missing, unknown or out of its range."""
     known = {entry.name for entry in fields(TrainingRecipe)}
     for name in data:
         if name not in known:
-            raise InputError(f"the recipe's {name!r} is not known; choose {', '.join(sorted(known))}")
+            raise SettingsError(f"the recipe's {name!r} is not known; choose {', '.join(sorted(known))}")
     for name in ("name", "title", "network", "steps"):
         if name not in data:
-            raise InputError(f'the recipe lacks "{name}"; add it')
+            raise SettingsError(f'the recipe lacks "{name}"; add it')
     lists = {name: data[name] for name in ("samples", "kinds") if name in data}
     for name, values in lists.items():
         if not isinstance(values, list | tuple):
-            raise InputError(f"the recipe's {name} must be a list, not {values!r}")
+            raise SettingsError(f"the recipe's {name} must be a list, not {values!r}")
     return TrainingRecipe(**{**data, **{name: tuple(values) for name, values in lists.items()}})

@@ -1,4 +1,4 @@
-"""Validation: how well a network does on samples that it was not trained on."""
+"""Validation: a network's errors on samples that it was not trained on."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
@@ -33,24 +33,24 @@ class Figures(NamedTuple):
 
 @torch.no_grad()
 def validate(network: Network, photographer: Photographer, patches_a_picture: int = PATCHES_A_PICTURE) -> Figures:
-    """Over all windows on all scales of each held-out sample, photographed once.
+    """Errors over all windows on all scales of each held-out sample, photographed once.
 
-    patches_a_picture: how many pixels of each, drawn with a fixed seed, a patch-wise network is asked for.
+    patches_a_picture: how many pixels of each, drawn with a fixed seed, a patch-wise network estimates.
     """
     network.eval()
     errors, expected = [], []
     for start in range(0, len(photographer.samples), PICTURES_AT_ONCE):
         scales = photographer.batch(start // PICTURES_AT_ONCE, PICTURES_AT_ONCE)
-        for scale in scales:  # the last batch begins anew, and what was seen already does not count again
+        for scale in scales:  # the last batch is filled up with samples that were counted already
             scale.weights[scale.examples >= len(photographer.samples) - start] = 0
         if network.kind == "patch":
             batch = joined(scales, with_previous(network, network.inputs, scales))
-            for one in _patches(network, batch, patches_a_picture, start):
-                errors.append(_missed(network(*one.inputs), one)[0])
+            patches = _patches(network, batch, patches_a_picture, start)
+            errors += [_errors(network(*some.inputs), some)[0] for some in patches]
         else:
-            for missed, told in measured(network, network.inputs, scales):
-                errors.append(missed)
-                expected += [told] if told is not None else []
+            for found, prediction in measured(network, network.inputs, scales):
+                errors.append(found)
+                expected += [] if prediction is None else [prediction]
     error = np.concatenate(errors).astype(np.float64)
     rank = rank_correlation(np.concatenate(expected), error) if expected else None
     return Figures(float(error.mean()), float(error.max()), rank)
@@ -59,17 +59,17 @@ def validate(network: Network, photographer: Photographer, patches_a_picture: in
 def measured(
     answer: Callable[..., Prediction], names: Mapping[str, Sequence[str]], scales: Sequence[Scale]
 ) -> list[tuple[NDArray[np.float32], NDArray[np.float32] | None]]:
-    """Of each scale angular errors in degrees, over the pixels that count, and what was expected of them in radians.
+    """For each scale angular errors in degrees, over the pixels that count, and the expected errors in radians.
 
     answer, names: as of :func:`mpsnet_core.learning.training.inputs.with_previous`.
     """
     return [
-        _missed(answer(*seen), joined([scale], [seen]))
+        _errors(answer(*seen), joined([scale], [seen]))
         for scale, seen in zip(scales, with_previous(answer, names, scales), strict=True)
     ]
 
 
-def _missed(prediction: Prediction, batch: Batch) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
+def _errors(prediction: Prediction, batch: Batch) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
     counted = batch.weights > 0
     error = torch.rad2deg(angle_between(prediction.normals, batch.truth))[counted].float().cpu().numpy()
     if prediction.expected_error is None:

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import SettingsError
 from mpsnet_core.learning.training.networks.demultiplexer import Demultiplexer
 from mpsnet_core.learning.training.networks.mps_net import MpsNet, MpsNetDense
 from mpsnet_core.learning.training.networks.multiscale import Multiscale
@@ -21,13 +21,29 @@ NETWORKS: dict[str, type[Network]] = {
 
 
 def build_network(name: str, options: dict[str, Any] | None = None) -> Network:
-    """A network of fresh weights. options: its own, such as the `width` factor.
+    """A network of fresh weights.
 
-    Raises InputError where there is no such network or it does not take the options.
+    Parameters
+    ----------
+    name : str
+        A key of :data:`NETWORKS`.
+    options : dict, optional
+        The network's own, such as the `width` factor.
+
+    Raises
+    ------
+    SettingsError
+        Where there is no such network or it does not take the options.
+
+    Examples
+    --------
+    >>> network = build_network("mpsnet", {"width": 0.125})
+    >>> network.kind, network.patch
+    ('patch', 5)
     """
     if name not in NETWORKS:
-        raise InputError(f"there is no network {name!r}; choose {', '.join(NETWORKS)}")
+        raise SettingsError(f"there is no network {name!r}; choose {', '.join(NETWORKS)}")
     try:
         return NETWORKS[name](**(options or {}))
     except (TypeError, ValueError) as error:
-        raise InputError(f"network {name} cannot be built with {options}: {error}; mend the recipe") from None
+        raise SettingsError(f"network {name} cannot be built with {options}: {error}; mend the recipe") from None

@@ -5,10 +5,17 @@ Layers and widths are our choice, and so are two things that the paper does not 
 because our rigs differ from photo to photo, and the network learns through equation 2, from the normals alone.
 """
 
-import torch
 from torch import Tensor, nn
 
-from mpsnet_core.learning.training.networks.network import Network, Prediction, convolution, scaled, unit
+from mpsnet_core.learning.training.networks.network import (
+    Network,
+    Prediction,
+    convolution,
+    inverse,
+    multiplied,
+    scaled,
+    unit,
+)
 
 
 class Demultiplexer(Network):
@@ -36,24 +43,4 @@ class Demultiplexer(Network):
         photo, lights = inputs
         # What the network adds; at first the three intensities are the pixel's own.
         intensities = photo + self.layers(self.photo(photo) + self.lights(lights))
-        return Prediction(_equation_2(intensities.float(), lights))
-
-
-def _equation_2(intensities: Tensor, lights: Tensor) -> Tensor:
-    """``L⁻¹ c``, normalised: (N, 3, H, W) for lights (N, 9, 1, 1). The inverse by cross products: ONNX has no other."""
-    first, second, third = lights[:, 0:3], lights[:, 3:6], lights[:, 6:9]
-    columns = (_cross(second, third), _cross(third, first), _cross(first, second))
-    determinant = (first * columns[0]).sum(dim=1, keepdim=True)
-    total = sum(intensities[:, k : k + 1] * column for k, column in enumerate(columns))
-    return unit(total * torch.sign(determinant))
-
-
-def _cross(a: Tensor, b: Tensor) -> Tensor:
-    return torch.cat(
-        [
-            a[:, 1:2] * b[:, 2:3] - a[:, 2:3] * b[:, 1:2],
-            a[:, 2:3] * b[:, 0:1] - a[:, 0:1] * b[:, 2:3],
-            a[:, 0:1] * b[:, 1:2] - a[:, 1:2] * b[:, 0:1],
-        ],
-        dim=1,
-    )
+        return Prediction(unit(multiplied(inverse(lights), intensities)))

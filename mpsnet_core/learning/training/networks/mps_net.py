@@ -54,7 +54,8 @@ class _Layers(Network):
         maps = image if self.conv8 is None else torch.cat([image, initial_normals.to(image.dtype)], dim=1)
         maps = self.conv4(self.dropout(self.conv3(maps)))
         maps = self.conv7(self.conv6(self.dropout(self.conv5(maps))))
-        return maps if self.conv8 is None else maps + self.conv8(initial_normals)
+        result: Tensor = maps if self.conv8 is None else maps + self.conv8(initial_normals)
+        return result
 
 
 def _normed(channels: int, maps: int, **options: int) -> nn.Sequential:

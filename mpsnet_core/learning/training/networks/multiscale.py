@@ -25,7 +25,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from mpsnet_core.learning.training.networks.network import Network, Prediction, convolution, unit
+from mpsnet_core.learning.training.networks.network import Network, Prediction, convolution, inverse, multiplied, unit
 
 # Added to values before their logarithm: shadows of a 30th of the mean are as good as black.
 DARKEST = 0.03
@@ -34,12 +34,11 @@ FINE_MAPS, JOINED = 8, 16  # together with SEEN 32 maps, which processors take i
 ANSWER = 8  # normals, expected error, gains, weight of the formula
 MAX_GAIN = 2.0  # of the gains' logarithms
 LEAST_WHITE = 0.02  # of a white photo's mean: what is darker tells no colour
-RIG = 14  # light directions, channel means, what is given
+RIG = 14  # light directions, channel means, whether there are a coarser scale and a white photo
 
 
 class Multiscale(Network):
-    """widths: maps at a half, a quarter, an eighth and a sixteenth of the photo's resolution. formula: whether equation
-    2 is a part of the answer. calibrated: whether the calibrated photo is seen beside grey world."""
+    """widths: maps at a half, a quarter, an eighth and a sixteenth of the photo's resolution."""
 
     inputs = {
         "pixels": ("photo", "mask", "white", "previous"),
@@ -50,15 +49,12 @@ class Multiscale(Network):
     multiple = 16
     halo = 112  # what lies further, up to 133, moves trained answers by less than 0.01 degrees
 
-    def __init__(
-        self, widths: Sequence[int] = (32, 64, 128, 152), formula: bool = True, calibrated: bool = True
-    ) -> None:
+    def __init__(self, widths: Sequence[int] = (32, 64, 128, 152)) -> None:
         super().__init__()
         numbers = isinstance(widths, list | tuple) and all(type(maps) is int and 1 <= maps <= 4096 for maps in widths)
         if not numbers or len(widths) != 4:
             raise ValueError(f"widths {widths!r} are not four whole numbers from 1 to 4096")
         half, quarter, eighth, sixteenth = widths
-        self.formula, self.calibrated = formula, calibrated
         self.rig = nn.Sequential(convolution(RIG, 64, 1), nn.ReLU())
         self.down1 = _Down(SEEN, half, side=4, residual=False)
         self.down2 = _Down(half, quarter)
@@ -81,28 +77,27 @@ class Multiscale(Network):
         pixels, rig = inputs
         photo, mask, white, previous = pixels[:, 0:3], pixels[:, 3:4], pixels[:, 4:7], pixels[:, 7:11]
         lights, means, given = rig[:, 0:9], rig[:, 9:12], rig[:, 12:14]
-        there = given[:, 0:1]
-        solve = _inverse(lights)
-        pseudo = _mixed(solve, photo)
+        has_previous, has_white = given[:, 0:1], given[:, 1:2]
+        solve = inverse(lights)
+        pseudo = multiplied(solve, photo)
         length = (pseudo * pseudo).sum(dim=1, keepdim=True)
         calibrated = pseudo * torch.rsqrt(length + 1e-12)
         # Zero outside the mask, as the photo is.
-        own = unit(_mixed(solve / means.flatten(1)[:, None], photo))
+        grey_world = unit(multiplied(solve / means.flatten(1)[:, None], photo))
         size = torch.log(torch.sqrt(length + 1e-12) + DARKEST)
-        white_given = given[:, 1:2]
-        uncoloured = unit(_mixed(solve, photo / (white + DARKEST) * (white > 0))) * white_given
-        told = [
+        uncoloured = unit(multiplied(solve, photo / (white + DARKEST) * (white > 0))) * has_white
+        features = [
             0.5 * mask * _logarithm(photo / means),
-            own,
-            0.5 * mask * _logarithm(photo) if self.calibrated else 0 * own,
-            calibrated if self.calibrated else 0 * own,
-            0.5 * mask * size if self.calibrated else 0 * mask,
+            grey_world,
+            0.5 * mask * _logarithm(photo),
+            calibrated,
+            0.5 * mask * size,
             mask,
             previous,
-            0.5 * mask * white_given * _logarithm(white),
+            0.5 * mask * has_white * _logarithm(white),
             uncoloured,
         ]
-        seen = torch.cat(told, dim=1)
+        seen = torch.cat(features, dim=1)
         rig_maps = self.rig(rig)
         scale2 = self.down1(seen, rig_maps)
         scale4 = self.down2(scale2, rig_maps)
@@ -111,13 +106,13 @@ class Multiscale(Network):
         maps = self.up2(self.up3(self.up4(scale16, scale8), scale4), scale2)
         maps = self.joined(torch.cat([self.fine(maps), seen], dim=1))
         answer = self.answer(maps).float()
-        normals = unit(previous[:, 0:3] * there + own * (1 - there) + answer[:, 0:3])
-        if self.formula:
-            gains = torch.exp(MAX_GAIN * torch.tanh(answer[:, 4:7]))
-            weight = torch.sigmoid(answer[:, 7:8])
-            # A white photo takes the colour away; what gains are left belong to its light and camera.
-            light = torch.where(white > 0, photo / white.clamp(min=LEAST_WHITE), photo)
-            normals = unit(weight * unit(_mixed(solve, light * gains)) + (1 - weight) * normals)
+        start = previous[:, 0:3] * has_previous + grey_world * (1 - has_previous)
+        normals = unit(start + answer[:, 0:3])
+        gains = torch.exp(MAX_GAIN * torch.tanh(answer[:, 4:7]))
+        weight = torch.sigmoid(answer[:, 7:8])
+        # A white photo takes the colour away; what gains are left belong to its light and camera.
+        light = torch.where(white > 0, photo / white.clamp(min=LEAST_WHITE), photo)
+        normals = unit(weight * unit(multiplied(solve, light * gains)) + (1 - weight) * normals)
         lit = self.lit(maps).float() if self.training else None
         return Prediction(normals, _softplus(answer[:, 3:4]), lit)
 
@@ -127,30 +122,8 @@ def _logarithm(values: Tensor) -> Tensor:
 
 
 def _softplus(values: Tensor) -> Tensor:
-    # As onnxruntime is quick in it: its own Softplus is ten times slower than both of these.
+    # onnxruntime's own Softplus is ten times slower than both of these.
     return -torch.log(torch.sigmoid(-values).clamp(min=1e-30))
-
-
-def _inverse(lights: Tensor) -> Tensor:
-    """(N, 3, 3) that makes of what each light gives a normal times albedo (equation 2), for lights (N, 9, 1, 1)."""
-    first, second, third = lights.flatten(1).reshape(-1, 3, 3).unbind(dim=1)
-    columns = [_cross(second, third), _cross(third, first), _cross(first, second)]
-    volume = (first * columns[0]).sum(dim=1)[:, None, None]
-    # In the plane of the three lights no normal can be told.
-    volume = torch.where(volume.abs() < 1e-6, torch.full_like(volume, 1e-6), volume)
-    return torch.stack(columns, dim=2) / volume
-
-
-def _mixed(matrix: Tensor, light: Tensor) -> Tensor:
-    """Each pixel of (N, 3, H, W) multiplied by a matrix (N, 3, 3), in single precision."""
-    with torch.autocast(light.device.type, enabled=False):
-        return torch.matmul(matrix, light.float().flatten(2)).reshape(light.shape)
-
-
-def _cross(a: Tensor, b: Tensor) -> Tensor:
-    ax, ay, az = a[:, 0], a[:, 1], a[:, 2]
-    bx, by, bz = b[:, 0], b[:, 1], b[:, 2]
-    return torch.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], dim=1)
 
 
 class _Residual(nn.Module):
@@ -171,17 +144,17 @@ class _Down(nn.Module):
         self.shrink = nn.Sequential(
             convolution(channels, maps, side, stride=2, padding=side // 2 - 1, bias=False), nn.BatchNorm2d(maps)
         )
-        self.told = convolution(64, 2 * maps, 1)
+        self.told = convolution(64, 2 * maps, 1)  # of the rig; checkpoints have this name
         self.residual = _Residual(maps) if residual else nn.Identity()
 
-    def forward(self, maps: Tensor, told: Tensor) -> Tensor:
-        scale, shift = self.told(told).chunk(2, dim=1)
+    def forward(self, maps: Tensor, rig: Tensor) -> Tensor:
+        scale, shift = self.told(rig).chunk(2, dim=1)
         result: Tensor = self.residual(functional.relu(self.shrink(maps) * (1 + scale) + shift))
         return result
 
 
 class _Up(nn.Module):
-    """To twice the resolution, joined with what was there on the way down."""
+    """To twice the resolution, added to the maps of the way down."""
 
     def __init__(self, channels: int, maps: int) -> None:
         super().__init__()
@@ -189,4 +162,5 @@ class _Up(nn.Module):
         self.residual = _Residual(maps)
 
     def forward(self, maps: Tensor, beside: Tensor) -> Tensor:
-        return self.residual(functional.relu(self.grow(maps) + beside))
+        result: Tensor = self.residual(functional.relu(self.grow(maps) + beside))
+        return result

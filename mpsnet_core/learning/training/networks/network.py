@@ -1,4 +1,4 @@
-"""Network: what the loop, the validation and the export ask of every network."""
+"""Network: what the loop, the validation and the export need of every network."""
 
 from abc import ABC, abstractmethod
 from typing import Any, ClassVar, Literal, NamedTuple
@@ -8,10 +8,16 @@ from torch import Tensor, nn
 
 
 class Prediction(NamedTuple):
-    """What a network says. normals: (N, 3, H, W) unit vectors in the network's frame, or (N, 3) for patches.
+    """The output of a network.
 
-    expected_error: (N, 1, H, W) radians, the angular error that the network expects of itself; None where it gives
-    none. lit: (N, 3, H, W) logits of whether each light reaches a pixel; in training, where the network says so.
+    Attributes
+    ----------
+    normals : Tensor
+        (N, 3, H, W) unit vectors in the network's frame, or (N, 3) for patches.
+    expected_error : Tensor or None
+        (N, 1, H, W) angular error, in radians, that the network expects of itself; None where it predicts none.
+    lit : Tensor or None
+        (N, 3, H, W) logits of whether each light reaches a pixel; in training, where the network predicts them.
     """
 
     normals: Tensor
@@ -22,9 +28,13 @@ class Prediction(NamedTuple):
 class Network(nn.Module, ABC):
     """What all networks have in common.
 
-    inputs: for each argument of :meth:`predict` the feature maps that are stacked into it
+    Attributes
+    ----------
+    inputs : dict of str to tuple of str
+        For each argument of :meth:`predict` the feature maps that are stacked into it
         (:data:`mpsnet_core.estimate.features.FEATURE_CHANNELS`).
-    kind, frame, multiple, halo, patch: as on the card (:class:`mpsnet_core.estimate.card.ModelCard`).
+    kind, frame, multiple, halo, patch
+        As on the card (:class:`mpsnet_core.estimate.card.ModelCard`).
     """
 
     inputs: ClassVar[dict[str, tuple[str, ...]]]
@@ -47,6 +57,22 @@ def unit(vectors: Tensor) -> Tensor:
     # In single precision also where the layers before run in bfloat16.
     vectors = vectors.float()
     return vectors * torch.rsqrt((vectors * vectors).sum(dim=1, keepdim=True) + 1e-12)
+
+
+def inverse(lights: Tensor) -> Tensor:
+    """(N, 3, 3) inverses of light directions (N, 9, 1, 1), by cross products: ONNX has no other."""
+    first, second, third = lights.flatten(1).reshape(-1, 3, 3).unbind(dim=1)
+    columns = [torch.linalg.cross(*pair) for pair in ((second, third), (third, first), (first, second))]
+    volume = (first * columns[0]).sum(dim=1)[:, None, None]
+    # Lights in one plane determine no normal.
+    volume = torch.where(volume.abs() < 1e-6, torch.full_like(volume, 1e-6), volume)
+    return torch.stack(columns, dim=2) / volume
+
+
+def multiplied(matrix: Tensor, pixels: Tensor) -> Tensor:
+    """Each pixel of (N, 3, H, W) multiplied by a matrix (N, 3, 3), in the matrix's precision."""
+    with torch.autocast(pixels.device.type, enabled=False):
+        return torch.matmul(matrix, pixels.to(matrix.dtype).flatten(2)).reshape(pixels.shape)
 
 
 def scaled(maps: tuple[int, ...], width: float) -> list[int]:
