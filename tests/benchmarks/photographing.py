@@ -10,16 +10,15 @@ import argparse
 import os
 import statistics
 import time
+from pathlib import Path
 
 os.environ["OMP_NUM_THREADS"] = "1"
 
 import torch
 
 from mpsnet_core.learning.training.loop import _Processes, _Run
-from mpsnet_core.learning.training.networks import build_network
-from mpsnet_core.learning.training.packed import PackedSamples
-from mpsnet_core.learning.training.photographing import Photographer
 from mpsnet_core.learning.training.recipe import read_recipe
+from mpsnet_core.progress import silent
 
 
 def main() -> None:
@@ -29,15 +28,13 @@ def main() -> None:
     options = parser.parse_args()
     torch.set_num_threads(1)
     recipe = read_recipe("multiscale")
-    network = build_network(recipe.network, dict(recipe.options))
-    photographer = Photographer.of(network, PackedSamples([options.samples]), seed=recipe.seed, window=recipe.crop)
-    run = _Run(recipe, network, _Processes(), "auto", "")
+    run = _Run(recipe, [Path(options.samples)], [], _Processes(), "auto", silent)
     photographing, learning = [], []
     for step in range(options.steps + 2):
         times = [time.process_time()]
-        scales = photographer.batch(step, recipe.batch)
+        scales = run.photographer.batch(step, recipe.batch)
         times.append(time.process_time())
-        run.advance(network, scales)
+        run.advance(run.network, scales)
         times.append(time.process_time())
         if step > 1:  # the first ones also load and plan
             photographing.append((times[1] - times[0]) / recipe.batch)

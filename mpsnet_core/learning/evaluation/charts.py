@@ -1,4 +1,4 @@
-"""Line charts as SVG, to stand inside a page."""
+"""Line charts as SVG, for HTML pages."""
 
 import html
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ COLOURS = ("#e69f00", "#56b4e9", "#009e73", "#f0e442", "#d55e00", "#cc79a7", "#b
 
 
 class Curve(NamedTuple):
-    """A line of a chart, with words for each of its points where there are any."""
+    """A line of a chart, with tooltips of its points where `words` has any."""
 
     name: str
     x: Sequence[float]

@@ -1,4 +1,4 @@
-"""Colour: one smooth shape in many colours; what their edges cost, and what a change of colour alone does."""
+"""Colour: one smooth shape in many colours; the error at their edges, and the effect of a change of colour alone."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.defaults import SYNTHETIC_SIZE
-from mpsnet_core.io.text_table import table_of_means
-from mpsnet_core.learning.evaluation.diligent import protocol_weights
-from mpsnet_core.learning.evaluation.evaluation import Evaluation
+from mpsnet_core.learning.evaluation.diligent import check_protocols
+from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_measures
 from mpsnet_core.learning.evaluation.measure import Case, Result
 from mpsnet_core.learning.evaluation.scenes import HELD_OUT_BLOB, held_out_blob, ideal_photograph, published_view
 from mpsnet_core.scene.normal_map import angular_error
@@ -32,7 +31,7 @@ RED, GREEN, BLUE, YELLOW, DARK = (
 )
 MANY = (RED, GREEN, BLUE, YELLOW, DARK, WHITE)
 
-# The colours of the surface and how they are spread; white, which the others are compared with, comes first.
+# The surface's colours and their pattern; white, which the others are compared with, comes first.
 COLOURINGS: dict[str, tuple[tuple[Colour, ...], Pattern]] = {
     "white": ((WHITE,), Pattern()),
     "red": ((RED,), Pattern()),
@@ -55,8 +54,7 @@ class ColourChanges(Evaluation):
     title = "One blob, many colours"
 
     def __init__(self, *, protocols: Sequence[str] = ("published",), size: int = SYNTHETIC_SIZE) -> None:
-        for protocol in protocols:
-            protocol_weights(protocol)
+        check_protocols(protocols)
         self._white: dict[tuple[str, str], NDArray[np.float32]] = {}
         self.cases = [partial(_case, name, protocol, size) for name in COLOURINGS for protocol in protocols]
 
@@ -77,20 +75,12 @@ class ColourChanges(Evaluation):
             "far from edges": "far_from_edges_deg",
             "moved by colour": "moved_deg",
         }
-        lines = [
-            {**row, "measure": words, "value": row.get(key)}
-            for protocol in dict.fromkeys(row["protocol"] for row in rows)
-            for model in dict.fromkeys(row["model"] for row in rows)
-            for words, key in measures.items()
-            for row in rows
-            if (row["protocol"], row["model"]) == (protocol, model)
-        ]
-        return table_of_means(lines, ("protocol", "model", "measure"), "colouring", "value")
+        return table_of_measures(rows, ("protocol", "model"), measures, "colouring")
 
     def notes(self, rows: Sequence[dict[str, Any]]) -> list[str]:
-        """What the measures mean."""
+        """Definitions of the measures."""
         return [
-            f"near edges: within {NEAR} pixels of neighbouring pixels whose surface colours, as the recipe says them, "
+            f"near edges: within {NEAR} pixels of neighbouring pixels whose surface colours, by the recipe, "
             f"differ by more than {CHANGE:.0%} of the brighter",
             "moved by colour: mean angle between the estimates of the same shape in these colours and in white",
         ]
@@ -123,20 +113,19 @@ def surface_colours(recipe: Recipe, shape: Shape) -> NDArray[np.float32]:
 
 
 def near_colour_edges(colours: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """(H, W) whether a pixel is within :data:`NEAR` pixels of a change between neighbours; where NaN begins is none."""
+    """(H, W) whether a pixel is within :data:`NEAR` pixels of a change between neighbours; NaN is no colour."""
     height, width = colours.shape[:2]
     edge = np.zeros((height, width), bool)
     for axis in (0, 1):
-        one, other = (colours.swapaxes(0, axis)[part] for part in (slice(None, -1), slice(1, None)))
+        first, second = colours.swapaxes(0, axis)[:-1], colours.swapaxes(0, axis)[1:]
         # A comparison with NaN is false.
-        changed = np.abs(one - other).max(axis=-1) > CHANGE * np.maximum(one, other).max(axis=-1)
+        changed = np.abs(first - second).max(axis=-1) > CHANGE * np.maximum(first, second).max(axis=-1)
         view = edge.swapaxes(0, axis)
         view[:-1] |= changed
         view[1:] |= changed
     padded = np.pad(edge, NEAR)
     near = np.zeros_like(edge)
-    for down in range(2 * NEAR + 1):
-        for right in range(2 * NEAR + 1):
-            if (down - NEAR) ** 2 + (right - NEAR) ** 2 <= NEAR**2:
-                near |= padded[down : down + height, right : right + width]
+    for down, right in np.ndindex(2 * NEAR + 1, 2 * NEAR + 1):
+        if (down - NEAR) ** 2 + (right - NEAR) ** 2 <= NEAR**2:
+            near |= padded[down : down + height, right : right + width]
     return near

@@ -1,4 +1,4 @@
-"""Confidence against error: how well a model knows where it errs."""
+"""Confidence against error: how well a model predicts its errors."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -10,38 +10,33 @@ from mpsnet_core.arrays.rank_correlation import rank_correlation
 from mpsnet_core.estimate.registry import LAMBERTIAN, LAMBERTIAN_GREY_WORLD
 
 GROUPS = 10
-# Pixels of each photo that are kept until all have been seen.
+# Pixels of each photo in the pool.
 PIXELS_A_PHOTO = 4096
 
 
 def error_by_confidence(confidence: NDArray[Any], error: NDArray[Any]) -> NDArray[np.float64]:
     """(10,) mean errors of ten equally large groups of pixels, those of the highest confidence first.
 
-    Pixels of equal confidence, which no order tells apart, share their mean error.
+    Pixels of equal confidence, which have no order, share their mean error.
     """
-    return _group_means(-confidence, error)
-
-
-def _group_means(order: NDArray[Any], values: NDArray[Any]) -> NDArray[np.float64]:
-    """(10,) means of `values` in ten groups by ascending `order`."""
-    _, place, count = np.unique(order, return_inverse=True, return_counts=True)
-    shared = np.repeat(np.bincount(place.reshape(-1), values.astype(np.float64)) / count, count)
+    _, place, count = np.unique(-confidence, return_inverse=True, return_counts=True)
+    shared = np.repeat(np.bincount(place.reshape(-1), error.astype(np.float64)) / count, count)
     return np.array([group.mean() for group in np.array_split(shared, GROUPS)])
 
 
 class ConfidencePool:
-    """Confidence and error of pixels from many photos, so many of each, evenly spread."""
+    """Confidence and error of pixels from many photos, as many of each, evenly spread."""
 
     def __init__(self) -> None:
         self._pixels: dict[str, list[NDArray[np.float32]]] = {}
 
     def add(self, model: str, confidence: NDArray[np.float32], error: NDArray[np.float32]) -> None:
-        """Take in one photo's scored pixels, (N,) each."""
+        """Add one photo's scored pixels, (N,) each."""
         step = -(-len(error) // PIXELS_A_PHOTO)
         self._pixels.setdefault(model, []).append(np.stack([confidence[::step], error[::step]]))
 
     def calibration(self) -> list[dict[str, Any]]:
-        """A row for each model whose confidence says something: over all photos' pixels together.
+        """A row for each model whose confidence varies, over all photos' pixels together.
 
         "rank_correlation": of 1 - confidence and error. "error_deg": ten mean errors, of the most trusted pixels first.
         "expected_deg": the errors that the model expected of the same groups, 90° · (1 - confidence); networks only, as
@@ -59,13 +54,13 @@ class ConfidencePool:
                 "error_deg": error_by_confidence(confidence, error).round(4).tolist(),
             }
             if model.split(" ×")[0] not in (LAMBERTIAN, LAMBERTIAN_GREY_WORLD):  # magnified or not
-                row["expected_deg"] = _group_means(-confidence, 90 * (1 - confidence)).round(4).tolist()
+                row["expected_deg"] = error_by_confidence(confidence, 90 * (1 - confidence)).round(4).tolist()
             rows.append(row)
         return rows
 
 
 def calibration_lines(row: Mapping[str, Any]) -> list[list[str]]:
-    """A row of :meth:`ConfidencePool.calibration` as lines of a table: model, rank correlation, what, ten groups."""
+    """A row of :meth:`ConfidencePool.calibration` as lines of a table: model, correlation, measure, ten groups."""
     lines = [[row["model"], f"{row['rank_correlation']:.2f}", "error", *(f"{mean:.1f}" for mean in row["error_deg"])]]
     if "expected_deg" in row:
         lines.append(["", "", "expected", *(f"{mean:.1f}" for mean in row["expected_deg"])])

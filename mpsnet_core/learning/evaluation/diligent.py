@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.errors import InputError, check_choice
+from mpsnet_core.errors import FileError, FormatError, GeometryError, InputError, SettingsError, check_choice
 from mpsnet_core.estimate.lambertian import usable_channels
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.images import read_data, read_mask
@@ -31,15 +31,20 @@ PROTOCOLS: dict[str, NDArray[np.float64]] = {
     "published": np.full((3, 3), 2 / 9) + np.eye(3) * (5 / 9 - 2 / 9),
     "white": np.full((3, 3), 1 / 3),
 }
-# The data set's authors say so of its bear.
-DAMAGED_PHOTOGRAPHS = 20
+DAMAGED_PHOTOGRAPHS = 20  # of the bear, by the data set's authors
 BRIGHT_FACING = "bright_facing_mae_deg"
 
 
 def protocol_weights(protocol: str) -> NDArray[np.float64]:
-    """(3, 3) weights of a protocol of :data:`PROTOCOLS`. Raises InputError where there is none of that name."""
+    """(3, 3) weights of a protocol of :data:`PROTOCOLS`. Raises SettingsError where there is none of that name."""
     check_choice("protocol", protocol, PROTOCOLS)
     return PROTOCOLS[protocol]
+
+
+def check_protocols(protocols: Sequence[str]) -> None:
+    """Raises SettingsError where one of them is none of :data:`PROTOCOLS`."""
+    for protocol in protocols:
+        protocol_weights(protocol)
 
 
 def object_folder(root: str | os.PathLike[str], name: str) -> Path | None:
@@ -53,7 +58,7 @@ def object_folder(root: str | os.PathLike[str], name: str) -> Path | None:
 def read_diligent(folder: str | os.PathLike[str], lights: Lights, protocol: str) -> Capture:
     """Multiplex a capture from three of an object's white photographs.
 
-    lights: numbers from 1; light a gives the red channel, b green, c blue. Each photograph is divided by its light's
+    lights: numbers from 1 of the red, green and blue channels' lights. Each photograph is divided by its light's
     intensity. protocol: a key of :data:`PROTOCOLS`.
 
     Raises InputError where a file is missing or does not fit.
@@ -63,21 +68,21 @@ def read_diligent(folder: str | os.PathLike[str], lights: Lights, protocol: str)
     directions = _numbers(folder / "light_directions.txt")
     intensities = _numbers(folder / "light_intensities.txt")
     if (intensities <= 0).any():
-        raise InputError(f"{folder / 'light_intensities.txt'} holds a light without intensity; all must be above 0")
+        raise FormatError(f"{folder / 'light_intensities.txt'} holds a light without intensity; all must be above 0")
     names = _text(folder / "filenames.txt").split()
     count = min(len(directions), len(intensities), len(names))
     for light in lights:
         if not 1 <= light <= count:
-            raise InputError(f"{folder.name} has lights 1 to {count}, not {light}; mend --lights")
+            raise SettingsError(f"{folder.name} has lights 1 to {count}, not {light}; mend --lights")
     mixed = []
     for weights, light in zip(channels, lights, strict=True):
-        # The photographs' 16-bit values are linear, whatever the files say.
+        # The photographs' 16-bit values are linear, whatever their files' metadata.
         photo, _ = read_data(folder / names[light - 1])
         mixed.append(photo / intensities[light - 1] @ weights)
     try:
         rig = LightRig(directions[[light - 1 for light in lights]])
     except InputError as error:
-        raise InputError(f"{folder.name}, lights {lights}: {error}") from None
+        raise GeometryError(f"{folder.name}, lights {lights}: {error}") from None
     return Capture(np.stack(mixed, axis=-1).astype(np.float32), read_mask(folder / "mask.png"), rig)
 
 
@@ -85,21 +90,20 @@ def read_truth(folder: str | os.PathLike[str]) -> NDArray[np.float32]:
     """(H, W, 3) true normals in camera space. Raises InputError where they are missing."""
     truth = read_mat_array(Path(folder) / "Normal_gt.mat", "Normal_gt")
     if truth.ndim != 3 or truth.shape[2] != 3:
-        raise InputError(f"{folder}: Normal_gt has shape {truth.shape}, expected height x width x 3")
+        raise FormatError(f"{folder}: Normal_gt has shape {truth.shape}, expected height x width x 3")
     return normalised(truth).astype(np.float32)
 
 
 class Diligent(Evaluation):
     """The photographs of DiLiGenT under a root folder, multiplexed.
 
-    objects: of :data:`OBJECTS`; those that are absent are skipped and named. lights, protocols: as for
+    objects: of :data:`OBJECTS`; absent ones are skipped and reported. lights, protocols: as for
     :func:`read_diligent`. magnify: how many times the photographs are magnified, see
     :func:`mpsnet_core.learning.evaluation.magnify.estimate_magnified`.
 
-    Which pixels all lights reach is not known, as the data has true normals and no shape that casts shadows. Rows have
-    "bright_facing_mae_deg" for the nearest thing to it: the mean over the pixels whose true normal faces all three
-    lights and whose channels are all above 2% of their 99th percentile. Light between surfaces may make a cast shadow
-    so bright.
+    The data has no shapes, so cast shadows are not known. Instead rows have "bright_facing_mae_deg": the mean over the
+    pixels whose true normal faces all three lights and whose channels are all above 2% of their 99th percentile. Light
+    between surfaces may make a cast shadow so bright.
 
     Raises InputError where an object or a protocol is not known, or none of the objects is there.
     """
@@ -118,13 +122,12 @@ class Diligent(Evaluation):
         check_magnify(magnify)
         for name in objects:
             if name not in OBJECTS:
-                raise InputError(f"DiLiGenT has no object {name!r}; choose {', '.join(OBJECTS)}")
-        for protocol in protocols:
-            protocol_weights(protocol)
+                raise SettingsError(f"DiLiGenT has no object {name!r}; choose {', '.join(OBJECTS)}")
+        check_protocols(protocols)
         folders = {name: object_folder(root, name) for name in dict.fromkeys(objects)}
         if not any(folders.values()):
             wanted = ", ".join(f"{name}PNG" for name in list(folders)[:2])
-            raise InputError(f"{root} has none of DiLiGenT's folders ({wanted}, ...); give its pmsData folder")
+            raise FileError(f"{root} has none of DiLiGenT's folders ({wanted}, ...); give its pmsData folder")
         self.lights = list(lights)
         self.absent = [name for name, folder in folders.items() if folder is None]
         self.cases = [
@@ -139,7 +142,7 @@ class Diligent(Evaluation):
     def table(self, rows: Sequence[dict[str, Any]]) -> str:
         """A line for each protocol, model and triple, and for the means over the triples; the paper's figures below.
 
-        Below that a line for each protocol and model, of the pixels that face all lights and are bright.
+        Below that a line for each protocol and model, over the bright pixels that face all lights.
         """
         lines: list[dict[str, Any]] = []
         for protocol in dict.fromkeys(row["protocol"] for row in rows):
@@ -163,7 +166,7 @@ class Diligent(Evaluation):
         return diligent_figures(list(dict.fromkeys(row["object"] for row in rows)), self.lights)
 
     def notes(self, rows: Sequence[dict[str, Any]]) -> list[str]:
-        """Whose figures these are, and what ails the data."""
+        """The source of the paper's figures, and known damage of the data."""
         notes = []
         if self.published(rows):
             notes.append("paper: table 2 and figure 8 of Ju et al. 2019, as printed; figure 8 names no lights")
@@ -183,7 +186,7 @@ def _case(name: str, folder: Path, lights: Lights, protocol: str, magnify: int) 
     labels = {"object": name, "lights": list(lights), "protocol": protocol}
     capture, truth = read_diligent(folder, lights, protocol), _truth(folder)
     if truth.shape != capture.image.shape:
-        raise InputError(f"{folder}: the truth is {truth.shape}, the photos {capture.image.shape}")
+        raise GeometryError(f"{folder}: the truth is {truth.shape}, the photos {capture.image.shape}")
     bright_facing = usable_channels(capture).all(axis=-1) & (truth @ capture.rig.directions.T > 0).all(axis=-1)
     return Case(labels, capture, truth, {BRIGHT_FACING.removesuffix("_deg"): bright_facing}, magnify)
 
@@ -204,11 +207,11 @@ def _text(path: Path) -> str:
 
 
 def _numbers(path: Path) -> NDArray[np.float64]:
+    lines = _text(path).splitlines()
     try:
-        lines = _text(path).splitlines()
         values = np.array([[float(number) for number in line.split()] for line in lines if line.strip()])
     except ValueError as error:
-        raise InputError(f"{path} is not a table of numbers ({error}); copy it again") from None
+        raise FormatError(f"{path} is not a table of numbers ({error}); copy it again") from None
     if values.shape[1:] != (3,) or not np.isfinite(values).all():
-        raise InputError(f"{path} must hold three numbers a line; copy it again")
+        raise FormatError(f"{path} must hold three numbers a line; copy it again")
     return values

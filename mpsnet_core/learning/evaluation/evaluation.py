@@ -1,13 +1,13 @@
-"""Evaluation: a test of models, and the one way in which every test is run and told."""
+"""Evaluation: a test of models, and how every test is run and reported."""
 
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from typing import Any
 
 from mpsnet_core.io.files import writable_path, write_json, written_together
-from mpsnet_core.io.text_table import text_table
+from mpsnet_core.io.text_table import table_of_means, text_table
 from mpsnet_core.learning.evaluation.charts import Curve, line_chart
 from mpsnet_core.learning.evaluation.confidence import GROUPS, ConfidencePool, calibration_lines
 from mpsnet_core.learning.evaluation.magnify import magnified_name
@@ -17,10 +17,9 @@ from mpsnet_core.progress import Progress, silent
 
 
 class Evaluation(ABC):
-    """A test: which photos, and how the results are told.
+    """A test: its photos, and the report of its results.
 
-    title: of the page. cases: each makes one photo when it is called. always: models that are measured even where they
-    are not asked for.
+    title: of the page. cases: each makes one photo when it is called. always: models that are always measured.
     """
 
     title: str
@@ -36,7 +35,7 @@ class Evaluation(ABC):
         """All rows as text."""
 
     def published(self, rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-        """What the paper found, to stand beside these rows."""
+        """The paper's figures, to compare with these rows."""
         return []
 
     def charts(self, rows: Sequence[dict[str, Any]]) -> list[str]:
@@ -44,11 +43,11 @@ class Evaluation(ABC):
         return []
 
     def notes(self, rows: Sequence[dict[str, Any]]) -> list[str]:
-        """What a reader of the table must know, a sentence each."""
+        """Notes below the table, a sentence each."""
         return []
 
     def skipped(self) -> list[str]:
-        """What was to be measured and is not there; asked once all is done."""
+        """Sentences on what was to be measured and is missing; called at the end."""
         return []
 
 
@@ -60,7 +59,7 @@ def evaluate(
     report: str | os.PathLike[str] | None = None,
     progress: Progress = silent,
 ) -> dict[str, Any]:
-    """Run a test and tell it: "rows", "published", "confidence", "skipped" (plain data), and "text" for the terminal.
+    """Run a test. Returns "rows", "published", "confidence", "skipped" (plain data), and "text" for the terminal.
 
     models: names or files, "all" for the whole shelf. json: a file for all but the text. report: an HTML page.
 
@@ -71,7 +70,7 @@ def evaluate(
     rows: list[dict[str, Any]] = []
     pool = ConfidencePool()
     with open_report(report) if report else nullcontext() as page:
-        # One case at a time: what results hold (photo, normals, truth) would add up to gigabytes.
+        # One case at a time: the photos, normals and truths of all would be gigabytes.
         for results in measure(evaluation.cases, chosen_models([*evaluation.always, *models]), progress):
             rows += evaluation.rows(results)
             for result in results:
@@ -81,7 +80,7 @@ def evaluate(
             if page:
                 page.add(results)
         confidence = pool.calibration()
-        told = {
+        data = {
             "rows": rows,
             "published": evaluation.published(rows),
             "confidence": confidence,
@@ -94,10 +93,19 @@ def evaluate(
         notes = [*evaluation.notes(rows), *evaluation.skipped()]
         with written_together():
             if json:
-                write_json(json, told)
+                write_json(json, data)
             if page:
                 page.write(evaluation.title, table, notes, [*evaluation.charts(rows), *_calibration_chart(confidence)])
-    return {**told, "text": "\n".join([table, *notes])}
+    return {**data, "text": "\n".join([table, *notes])}
+
+
+def table_of_measures(
+    rows: Sequence[dict[str, Any]], lines: Sequence[str], measures: Mapping[str, str], column: str
+) -> str:
+    """Means of several measures (their keys by their names in the table), a line for each; see
+    :func:`mpsnet_core.io.text_table.table_of_means`."""
+    values = [{**row, "measure": name, "value": row.get(key)} for row in rows for name, key in measures.items()]
+    return table_of_means(values, (*lines, "measure"), column, "value")
 
 
 def _confidence_table(confidence: Sequence[dict[str, Any]]) -> list[str]:

@@ -1,4 +1,4 @@
-"""Fine relief: how much of the surface's detail an estimate keeps, whatever its errors at large are."""
+"""Fine relief: the share of the surface's detail in an estimate, whatever its low-frequency errors."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,14 +14,14 @@ def fine_relief(
     lit: NDArray[np.bool_],
     sigma: float,
 ) -> float | None:
-    """The slope of the estimate's detail against the truth's: 1 where all is kept, 0 where it is flattened.
+    """Regression coefficient of the estimate's detail on the truth's: 1 where all remains, 0 where it is flattened.
 
     estimate, truth: (H, W, 3) unit normals. mask, lit: (H, W) the object's pixels, and those that all lights reach.
     sigma: of the Gaussian in pixels.
 
-    Detail is what the normals' x and y differ by from their Gaussian mean over lit pixels, so that errors in shadow do
-    not spread; it counts at lit pixels whose neighbourhood is the object. The slope is that of least squares through
-    the origin: noise does not change it, and above 1 detail is exaggerated. None where the truth has no detail.
+    Detail is the difference of the normals' x and y from their Gaussian mean over lit pixels, so that errors in shadow
+    do not spread; it counts at lit pixels whose neighbourhood is the object. The coefficient is by least squares
+    through the origin: noise does not change it, and above 1 detail is exaggerated. None where the truth has no detail.
     """
     lit = lit & mask
     counted = lit & (_blurred(mask[..., None], sigma)[..., 0] > LEAST_INSIDE)
@@ -29,11 +29,12 @@ def fine_relief(
 
     def detail(normals: NDArray[np.float32]) -> NDArray[np.float64]:
         across = np.where(lit[..., None], normals[..., :2], 0)
-        return (across - _blurred(across, sigma) / weight)[counted]
+        high: NDArray[np.float64] = across - _blurred(across, sigma) / weight
+        return high[counted]
 
-    found, there = detail(estimate), detail(truth)
-    size = float((there**2).sum())
-    return float((found * there).sum()) / size if size > 1e-9 else None
+    found, true = detail(estimate), detail(truth)
+    size = float((true**2).sum())
+    return float((found * true).sum()) / size if size > 1e-9 else None
 
 
 def _blurred(values: NDArray[np.generic], sigma: float) -> NDArray[np.float64]:

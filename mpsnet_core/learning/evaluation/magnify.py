@@ -1,4 +1,4 @@
-"""Magnified photographs: what it costs a model that a thing is shown by more pixels than its detail fills."""
+"""Magnified photographs: a model's error on pictures of more pixels than detail."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import SettingsError
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -17,14 +17,14 @@ MARGIN = 2  # pixels around the mask that are magnified with it
 
 
 def check_magnify(magnify: Sequence[int]) -> None:
-    """Raises InputError where photographs are not magnified so many times."""
+    """Raises SettingsError where photographs cannot be magnified so many times."""
     for times in magnify:
         if not 1 <= times <= MAX_MAGNIFY:
-            raise InputError(f"photographs cannot be magnified {times} times; choose 1, which is not at all, to 8")
+            raise SettingsError(f"photographs cannot be magnified {times} times; choose 1, which is not at all, to 8")
 
 
 def magnified_name(name: str, times: int) -> str:
-    """What is told of `name`, a model or a photo, where photographs are magnified so many times."""
+    """`name`, of a model or a photo, with its magnification."""
     return name if times == 1 else f"{name} ×{times}"
 
 
@@ -34,21 +34,20 @@ def estimate_magnified(
     """Normals of the capture on its own pixels (H, W), estimated from the photograph magnified so many times.
 
     Between neighbours the magnified photograph is bilinear, and every `times`-th of its pixels is a pixel of the
-    photograph, unchanged. The estimate is taken at those alone. So the same pixels are held against the same truth
-    whatever the magnification is: what a row differs by is what magnification costs the model, and for equation 2,
-    which sees one pixel at a time, that is nothing. A magnified truth would count the pixels that interpolation makes
-    up as well, half of one surface and half of another where one ends before the other.
+    photograph, unchanged. Only those are scored, so the same pixels are compared with the same truth whatever the
+    magnification, and equation 2, pixel by pixel, is the same. A magnified truth would have interpolated pixels where
+    one surface ends before another.
 
-    Of the photograph the mask's box is magnified. Its lights are distant, and its camera is left out.
+    Only the mask's box is magnified. Its lights are distant, and its camera is left out.
 
-    Raises InputError where more than :data:`MAX_SIDE` pixels would be a side.
+    Raises SettingsError where more than :data:`MAX_SIDE` pixels would be a side.
     """
     if times == 1:
         return estimator(capture, progress)
     box = _box(capture.mask)
     rows, columns = capture.mask[box].shape
     if times * max(rows, columns) > MAX_SIDE:
-        raise InputError(
+        raise SettingsError(
             f"the object's {columns} x {rows} pixels cannot be magnified {times} times: that is more than {MAX_SIDE} "
             "a side; magnify less"
         )
@@ -78,14 +77,10 @@ def _box(mask: NDArray[np.bool_]) -> tuple[slice, slice]:
 
 def _magnified(values: NDArray[Any], times: int) -> NDArray[np.float32]:
     """Values (h, w, ...) with times - 1 more between each two neighbours, both ways, linear."""
-    fine = values.astype(np.float32)
     for axis in (0, 1):
-        coarse, before = fine, (slice(None),) * axis
-        shape = list(coarse.shape)
-        shape[axis] = (shape[axis] - 1) * times + 1
-        fine = np.empty(shape, np.float32)
-        fine[*before, ::times] = coarse
-        low, step = coarse[*before, :-1], np.diff(coarse, axis=axis)
-        for place in range(1, times):
-            fine[*before, place::times] = low + np.float32(place / times) * step
-    return fine
+        lines = np.moveaxis(values.astype(np.float32), axis, 0)
+        low, share = np.divmod(np.arange((len(lines) - 1) * times + 1), times)
+        share = (share / times).astype(np.float32).reshape(-1, *[1] * (values.ndim - 1))
+        high = np.minimum(low + 1, len(lines) - 1)
+        values = np.moveaxis(lines[low] + share * (lines[high] - lines[low]), 0, axis)
+    return np.ascontiguousarray(values)

@@ -11,7 +11,7 @@ from mpsnet_core.defaults import SYNTHETIC_SIZE
 from mpsnet_core.estimate.registry import LAMBERTIAN
 from mpsnet_core.io.text_table import mean_cell, text_table
 from mpsnet_core.learning.evaluation.charts import Curve, line_chart
-from mpsnet_core.learning.evaluation.diligent import protocol_weights
+from mpsnet_core.learning.evaluation.diligent import check_protocols
 from mpsnet_core.learning.evaluation.evaluation import Evaluation
 from mpsnet_core.learning.evaluation.measure import Case
 from mpsnet_core.learning.evaluation.scenes import HELD_OUT_BLOB, held_out_blob, ideal_photograph, published_view
@@ -25,7 +25,7 @@ from mpsnet_core.synthesis.shading.synthesise import synthesise
 class Materials(Evaluation):
     """A blob that no training data shows, under each material of a folder of MERL or a file of fits to it.
 
-    merl: folder of ``.binary`` files or the ``.npz``. protocols: how the photo weighs colours, see
+    merl: folder of ``.binary`` files or the ``.npz``. protocols: of the photo's colours, see
     :func:`mpsnet_core.learning.evaluation.scenes.ideal_photograph`. size: pixels a side.
 
     Raises InputError where there are no such materials, or a protocol is not known.
@@ -37,8 +37,7 @@ class Materials(Evaluation):
     def __init__(
         self, merl: str | os.PathLike[str], *, protocols: Sequence[str] = ("published",), size: int = SYNTHETIC_SIZE
     ) -> None:
-        for protocol in protocols:
-            protocol_weights(protocol)
+        check_protocols(protocols)
         source = os.fspath(merl)
         materials = material_names(source)
         self._are_fits = materials[0][0] == "fit"
@@ -48,7 +47,7 @@ class Materials(Evaluation):
         ]
 
     def table(self, rows: Sequence[dict[str, Any]]) -> str:
-        """Of each model: mean, that of the materials that training can leave out, median, largest, and with which."""
+        """Each model's mean, held-out mean, median and largest error, and the material of the largest."""
         lines = []
         for (protocol, model), own in _grouped(rows).items():
             errors = [row["mae_deg"] for row in own]
@@ -59,20 +58,17 @@ class Materials(Evaluation):
         return text_table(["protocol", "model", "mean", "held-out", "median", "largest", "with"], lines, 2)
 
     def charts(self, rows: Sequence[dict[str, Any]]) -> list[str]:
-        """The curve of figure 5, a chart a protocol: each material's error, in the order of the baseline's."""
+        """Figure 5's curve, a chart a protocol: each material's error, in the order of the baseline's."""
         grouped = _grouped(rows)
         charts = []
         for protocol in dict.fromkeys(protocol for protocol, _ in grouped):
             order = sorted(grouped[protocol, LAMBERTIAN], key=lambda row: row["mae_deg"])
             places = {row["material"]: place for place, row in enumerate(order, 1)}
             curves = []
-            for (theirs, model), own in grouped.items():
-                if theirs == protocol:
-                    own = sorted(own, key=lambda row: places[row["material"]])
-                    words = [f"{row['material']}: {row['mae_deg']:.2f}°" for row in own]
-                    curves.append(
-                        Curve(model, [places[r["material"]] for r in own], [r["mae_deg"] for r in own], words)
-                    )
+            for model in (model for group, model in grouped if group == protocol):
+                own = sorted(grouped[protocol, model], key=lambda row: places[row["material"]])
+                words = [f"{row['material']}: {row['mae_deg']:.2f}°" for row in own]
+                curves.append(Curve(model, range(1, len(own) + 1), [row["mae_deg"] for row in own], words))
             title = f"{len(order)} materials, {protocol}"
             charts.append(
                 line_chart(title, curves, "materials by the baseline's error", "mean angular error in degrees")
@@ -80,7 +76,7 @@ class Materials(Evaluation):
         return charts
 
     def notes(self, rows: Sequence[dict[str, Any]]) -> list[str]:
-        """What was photographed."""
+        """The photographed materials and shape."""
         fits = ["the materials are neural fits to MERL (Sztrajman et al. 2021), not MERL"] if self._are_fits else []
         return [
             *fits,

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import existing_file
 
 # "MAT-File Format", MathWorks, tables 1-1 and 1-3.
@@ -20,29 +20,31 @@ MAX_BYTES = 1 << 30
 def read_mat_array(path: str | os.PathLike[str], name: str) -> NDArray[np.float64]:
     """The real, full, numeric array called `name`, float64 in its own shape.
 
-    Raises InputError where the file is missing, broken or holds no such array.
+    Raises FileError where the file is missing, FormatError where it is broken or holds no such array.
     """
     path = existing_file(path, "MATLAB file")
     if path.stat().st_size > MAX_BYTES:
-        raise InputError(f"MATLAB file {path} is larger than 1 GiB; it is not DiLiGenT's")
+        raise FormatError(f"MATLAB file {path} is larger than 1 GiB; it is not DiLiGenT's")
     data = path.read_bytes()
     if data[124:128] != b"\x00\x01IM":
-        raise InputError(f"{path} is not a little-endian MATLAB 5 file; save it with -v7")
+        raise FormatError(f"{path} is not a little-endian MATLAB 5 file; save it with -v7")
     try:
         for kind, body in _elements(data[128:]):
             if kind == _COMPRESSED:
                 unpacker = zlib.decompressobj()
                 unpacked = unpacker.decompress(body, MAX_BYTES)
                 if unpacker.unconsumed_tail:
-                    raise InputError(f"{path} unpacks to more than 1 GiB; it is not DiLiGenT's")
+                    raise FormatError(f"{path} unpacks to more than 1 GiB; it is not DiLiGenT's")
                 kind, body = next(_elements(unpacked))
             if kind == _MATRIX:
                 found = _matrix(body, name)
                 if found is not None:
                     return found
+    except FormatError:
+        raise
     except (zlib.error, struct.error, ValueError, StopIteration, KeyError, IndexError) as error:
-        raise InputError(f"{path} is damaged ({error or 'it ends early'}); copy it again") from None
-    raise InputError(f"{path} holds no numeric array called {name!r}")
+        raise FormatError(f"{path} is damaged ({error or 'it ends early'}); copy it again") from None
+    raise FormatError(f"{path} holds no numeric array called {name!r}")
 
 
 def _elements(data: bytes) -> Iterator[tuple[int, bytes]]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rank_correlation import rank_correlation
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError
 from mpsnet_core.estimate import Estimator
 from mpsnet_core.estimate.registry import AVERAGED_MODEL, registered_models
 from mpsnet_core.learning.evaluation.confidence import error_by_confidence
@@ -24,12 +24,12 @@ EVERY_MODEL = "all"
 class Case:
     """One photo whose normals are known.
 
-    labels: what it shows, as its rows say it. truth: (H, W, 3) true unit normals in camera space, zero where there are
-    none (a mask that is too large reaches there). regions: parts of the picture, (H, W) bool, whose mean errors are
-    told as well, by name. magnify: how many times the photo is magnified before the estimate, which is measured on the
-    photo's own pixels all the same; see :func:`mpsnet_core.learning.evaluation.magnify.estimate_magnified`.
+    labels: of its rows. truth: (H, W, 3) true unit normals in camera space, zero where there are none (a mask that is
+    too large reaches there). regions: parts of the picture, (H, W) bool, whose mean errors are reported as well, by
+    name. magnify: how many times the photo is magnified before the estimate, which is measured on the photo's own
+    pixels; see :func:`mpsnet_core.learning.evaluation.magnify.estimate_magnified`.
 
-    Raises InputError where truth and photo differ in size, or no pixel of the mask has a true normal.
+    Raises GeometryError where truth and photo differ in size, or no pixel of the mask has a true normal.
     """
 
     labels: Mapping[str, Any]
@@ -40,12 +40,12 @@ class Case:
 
     def __post_init__(self) -> None:
         if self.truth.shape != self.capture.image.shape:
-            raise InputError(
+            raise GeometryError(
                 f"{self.title}: the truth is {self.truth.shape}, the photos {self.capture.image.shape}; take those of "
                 "one size"
             )
         if not self.scored.any():
-            raise InputError(f"{self.title}: no pixel inside the mask has a true normal; choose another mask")
+            raise GeometryError(f"{self.title}: no pixel inside the mask has a true normal; choose another mask")
 
     @property
     def title(self) -> str:
@@ -55,7 +55,8 @@ class Case:
     @property
     def scored(self) -> NDArray[np.bool_]:
         """(H, W) pixels of the mask that have a true normal."""
-        return self.capture.mask & (np.abs(self.truth).max(axis=-1) > 0)
+        known: NDArray[np.bool_] = np.abs(self.truth).max(axis=-1) > 0
+        return self.capture.mask & known
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ class Result:
         """The result as a row of the table that ``--json`` writes.
 
         Beside the case's labels, the model and "magnify": "mae_deg", "median_deg", "NAME_deg" for each region that has
-        pixels, and for models that give a confidence "confidence_rank_correlation" (Spearman's, of 1 - confidence and
+        pixels, and for models whose confidence varies "confidence_rank_correlation" (Spearman's, of 1 - confidence and
         error) and "confidence_decile_deg", the mean errors of ten equally large groups of pixels, the most trusted
         first.
         """
@@ -100,11 +101,10 @@ class Result:
 
 
 def chosen_models(names: Sequence[str]) -> list[str]:
-    """The models asked for, each once; "all" stands for every model that `mpsnet models` lists, by one name."""
-    every = [
-        entry.name for entry in registered_models() if entry.name != AVERAGED_MODEL
-    ]  # a still's answer is the default's
-    return list(dict.fromkeys(name for asked in names for name in (every if asked == EVERY_MODEL else [asked])))
+    """The named models, each once; "all" stands for every model that `mpsnet models` lists."""
+    # The averaged model's answer on stills is the default's.
+    every = [entry.name for entry in registered_models() if entry.name != AVERAGED_MODEL]
+    return list(dict.fromkeys(name for given in names for name in (every if given == EVERY_MODEL else [given])))
 
 
 def measure(
@@ -122,9 +122,9 @@ def measure(
         case = make()
         results = []
         for place, estimator in enumerate(estimators, start + 1):
-            told = f"{case.title}, {estimator.name}"
-            progress(place / total, told)
-            share = part(progress, place / total, (place + 1) / total, told)
+            message = f"{case.title}, {estimator.name}"
+            progress(place / total, message)
+            share = part(progress, place / total, (place + 1) / total, message)
             estimate = estimate_magnified(estimator, case.capture, case.magnify, share)
             error = np.where(case.scored, angular_error(estimate.vectors, case.truth), 0).astype(np.float32)
             results.append(Result(case, estimator.name, estimate, error))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, SettingsError
 from mpsnet_core.learning.evaluation.scenes import HELD_OUT_SEED, published_view
 from mpsnet_core.synthesis.recipe import Material, Recipe
 from mpsnet_core.synthesis.reflectance import load_reflectance
@@ -21,7 +21,7 @@ MAX_VIEWS = 360
 
 @dataclass(frozen=True)
 class MeshView:
-    """A mesh file as it is seen from one side. number: of the view, from 1. turn: degrees about the upright axis."""
+    """A view of a mesh file. number: of the view, from 1. turn: degrees about the upright axis."""
 
     file: Path
     number: int
@@ -29,7 +29,7 @@ class MeshView:
 
     @property
     def labels(self) -> dict[str, Any]:
-        """Mesh and view, as rows say them."""
+        """Mesh and view, for rows."""
         return {"object": self.file.stem, "view": self.number}
 
     def recipe(self, materials: tuple[Material, ...], size: int, **changes: Any) -> Recipe:
@@ -45,7 +45,7 @@ class MeshView:
         return published_view(shape, materials, size, standing, **changes)
 
     def sample(self, recipe: Recipe, merl: str = "") -> Sample:
-        """What such a recipe shows. merl: where measured materials are. Raises InputError where the mesh is broken."""
+        """The recipe's sample. merl: where measured materials are. Raises InputError where the mesh is broken."""
         return synthesise(
             recipe, load_mesh(str(self.file)), [load_reflectance(material, merl) for material in recipe.materials]
         )
@@ -57,11 +57,11 @@ def mesh_views(paths: Sequence[str | os.PathLike[str]], views: int) -> list[Mesh
     Raises InputError where a file is missing, a folder has no meshes, or the number of views cannot be shown.
     """
     if not 1 <= views <= MAX_VIEWS:
-        raise InputError(f"{views} views of a mesh cannot be shown; choose 1 to {MAX_VIEWS}")
+        raise SettingsError(f"{views} views of a mesh cannot be shown; choose 1 to {MAX_VIEWS}")
     files: list[Path] = []
     for path in map(Path, paths):
         files += [path / name for name in mesh_files(path)] if path.is_dir() else [path]
     for file in files:
         if not file.is_file():
-            raise InputError(f"the mesh file or folder {file} does not exist; check the path")
+            raise FileError(f"the mesh file or folder {file} does not exist; check the path")
     return [MeshView(file, view + 1, FIRST_TURN + 360 * view / views) for file in files for view in range(views)]

@@ -11,7 +11,7 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import SettingsError
 from mpsnet_core.io.files import ensure_folder, writable_path, write_json, written_together
 from mpsnet_core.io.text_table import text_table
 from mpsnet_core.learning.evaluation.charts import Curve, line_chart
@@ -30,7 +30,7 @@ PICTURES_A_STEP, PATCHES_A_PICTURE = 10, 50
 
 
 def patch_size_recipe(side: int, normals: bool, width: float, steps: int) -> TrainingRecipe:
-    """What one of the ten networks is trained by; all but side and normals is the same for all."""
+    """One of the ten networks' recipe; they differ in side and normals alone."""
     return TrainingRecipe(
         name=f"patch-{side}{'-normals' if normals else ''}",
         title=f"MPS-Net, patches of {side} x {side}",
@@ -57,52 +57,33 @@ def evaluate_patch_sizes(
     report: str | os.PathLike[str] | None = None,
     progress: Progress = silent,
 ) -> dict[str, Any]:
-    """Train and measure the ten networks: "rows", "published" (plain data), and "text" for the terminal.
+    """Train and measure the ten networks. Returns "rows", "published" (plain data), and "text" for the terminal.
 
-    runs: a folder for their checkpoints; a run that was cancelled goes on from them. width: factor of the published
-    numbers of maps. steps: of each training, of 500 patches. patches: how many are measured, or a few more: as many
-    from each held-out sample. json: a file for all but the text. report: an HTML page.
+    runs: a folder for their checkpoints; a cancelled run resumes from them. width: factor of the published numbers of
+    maps. steps: of each training, of 500 patches. patches: how many are measured, or a few more: as many from each
+    held-out sample. json: a file for all but the text. report: an HTML page.
 
     Raises InputError where samples, validation or runs cannot be used, and Cancelled where `progress` does.
     """
     if json:
         writable_path(json)
     if patches < 1:
-        raise InputError(f"{patches} patches cannot be measured; choose 1 or more")
-    held_out = PackedSamples(validation)  # what is missing is told before hours of training
+        raise SettingsError(f"{patches} patches cannot be measured; choose 1 or more")
+    held_out = PackedSamples(validation)  # before hours of training
     a_picture = math.ceil(patches / len(held_out))
     runs = ensure_folder(runs, "runs")
     rows = []
-    variants = [(words, normals, side) for words, normals in INPUTS.items() for side in SIDES]
+    variants = [(name, normals, side) for name, normals in INPUTS.items() for side in SIDES]
     with open_report(report) if report else nullcontext() as page:
-        for number, (words, normals, side) in enumerate(variants):
+        for number, (name, normals, side) in enumerate(variants):
             recipe = patch_size_recipe(side, normals, width, steps)
-            checkpoint = runs / f"{recipe.name}.checkpoint"
-            progress(number / len(variants), recipe.title)
-            trained = train(
-                recipe,
-                list(samples),
-                [],
-                places=Places(checkpoint, checkpoint if checkpoint.exists() else None),
-                progress=part(progress, number / len(variants), (number + 1) / len(variants)),
-            )
-            photographer = Photographer.of(trained.network, held_out, seed=VALIDATION_SEED, window=0, shuffled=False)
-            figures = validate(trained.network, photographer, a_picture)
-            rows.append(
-                {
-                    "input": words,
-                    "patch": side,
-                    "mae_deg": round(figures.mae_deg, 4),
-                    "highest_deg": round(figures.highest_deg, 2),
-                    "width": width,
-                    "steps": steps,
-                    "patches": a_picture * len(held_out),
-                    "minutes": round(trained.seconds / 60, 1),
-                }
-            )
+            share = part(progress, number / len(variants), (number + 1) / len(variants))
+            figures = _figures(recipe, list(samples), held_out, runs, a_picture, share)
+            facts = {"width": width, "steps": steps, "patches": a_picture * len(held_out)}
+            rows.append({"input": name, "patch": side, **figures, **facts})
         published = [
-            {"input": words, "patch": side, "mae_deg": error, "source": "Table 1"}
-            for words, errors in TABLE_1.items()
+            {"input": name, "patch": side, "mae_deg": error, "source": "Table 1"}
+            for name, errors in TABLE_1.items()
             for side, error in errors.items()
         ]
         table = _table(rows)
@@ -110,28 +91,46 @@ def evaluate_patch_sizes(
             if json:
                 write_json(json, {"rows": rows, "published": published})
             if page:
-                curves = [
-                    Curve(f"{source}{words}", list(errors), list(errors.values()))
-                    for source, errors_of in (("", _by_input(rows)), ("paper: ", TABLE_1))
-                    for words, errors in errors_of.items()
-                ]
-                title = "Patch sizes"
-                page.write(title, table, [], [line_chart(title, curves, "side of a patch", "mean error in degrees")])
+                page.write("Patch sizes", table, [], [_chart(rows)])
     return {"rows": rows, "published": published, "text": table}
 
 
+def _figures(
+    recipe: TrainingRecipe, samples: list[Path], held_out: PackedSamples, runs: Path, a_picture: int, progress: Progress
+) -> dict[str, float]:
+    """Train one network, or resume its training, and measure it."""
+    checkpoint = runs / f"{recipe.name}.checkpoint"
+    progress(0.0, recipe.title)
+    places = Places(checkpoint, checkpoint if checkpoint.exists() else None)
+    trained = train(recipe, samples, [], places=places, progress=progress)
+    photographer = Photographer.of(trained.network, held_out, seed=VALIDATION_SEED, window=0, shuffled=False)
+    found = validate(trained.network, photographer, a_picture)
+    return {
+        "mae_deg": round(found.mae_deg, 4),
+        "highest_deg": round(found.highest_deg, 2),
+        "minutes": round(trained.seconds / 60, 1),
+    }
+
+
+def _chart(rows: Sequence[dict[str, Any]]) -> str:
+    curves = [
+        Curve(f"{source}{name}", list(errors), list(errors.values()))
+        for source, errors_of in (("", _by_input(rows)), ("paper: ", TABLE_1))
+        for name, errors in errors_of.items()
+    ]
+    return line_chart("Patch sizes", curves, "side of a patch", "mean error in degrees")
+
+
 def _by_input(rows: Sequence[dict[str, Any]], value: str = "mae_deg") -> dict[str, dict[int, float]]:
-    return {words: {row["patch"]: row[value] for row in rows if row["input"] == words} for words in INPUTS}
+    return {name: {row["patch"]: row[value] for row in rows if row["input"] == name} for name in INPUTS}
 
 
 def _table(rows: Sequence[dict[str, Any]]) -> str:
-    lines = []
-    for words in INPUTS:
-        for what, errors in (
-            ("mean", _by_input(rows)[words]),
-            ("largest", _by_input(rows, "highest_deg")[words]),
-            ("paper: mean", TABLE_1[words]),
-        ):
-            lines.append([words, what, *(f"{errors[side]:.2f}" for side in SIDES)])
+    measures = {"mean": _by_input(rows), "largest": _by_input(rows, "highest_deg"), "paper: mean": TABLE_1}
+    lines = [
+        [name, measure, *(f"{errors[name][side]:.2f}" for side in SIDES)]
+        for name in INPUTS
+        for measure, errors in measures.items()
+    ]
     title = f"angular error in degrees over {rows[0]['patches']} patches, by the side of a patch\n"
     return title + text_table(["input", "", *map(str, SIDES)], lines, 2)

@@ -1,4 +1,4 @@
-"""What the paper measured: figures to stand beside ours, never mixed with them.
+"""The paper's figures, to compare with ours.
 
 Ju et al., "MPS-Net: Learning to Recover Surface Normal for Multispectral Photometric Stereo", Neurocomputing 2019. Mean
 angular errors in degrees.
@@ -44,9 +44,9 @@ PUBLISHED_LIGHTS: tuple[Lights, ...] = tuple(TABLE_2)
 
 
 def diligent_figures(objects: list[str], lights: list[Lights]) -> list[dict[str, Any]]:
-    """Table 2 and figure 8 where they speak of these objects and lights, as rows; figure 8 names no lights.
+    """Table 2 and figure 8 of these objects and lights, as rows; figure 8 names no lights.
 
-    All are of what the paper's images are multiplexed by, the protocol "published".
+    The paper's images are multiplexed by the protocol "published".
     """
     table_2 = [
         {"object": name, "lights": list(triple), "model": "MPS-Net", "mae_deg": errors[name], "source": "Table 2"}

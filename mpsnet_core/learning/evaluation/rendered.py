@@ -9,7 +9,7 @@ import numpy as np
 
 from mpsnet_core.defaults import MESH_VIEWS, SYNTHETIC_SIZE
 from mpsnet_core.io.text_table import table_of_means
-from mpsnet_core.learning.evaluation.diligent import protocol_weights
+from mpsnet_core.learning.evaluation.diligent import check_protocols
 from mpsnet_core.learning.evaluation.evaluation import Evaluation
 from mpsnet_core.learning.evaluation.measure import Case
 from mpsnet_core.learning.evaluation.mesh_views import MeshView, mesh_views
@@ -27,8 +27,8 @@ SEVERAL = 4  # materials
 class Rendered(Evaluation):
     """Meshes, each seen from all around, once of one material and once of several in a pattern, synthesised.
 
-    paths: mesh files, or folders of them. merl: where measured materials are taken from, every fifth of them, which
-    training can leave out; "" for principled ones. views: of each mesh. Views and materials are the same every time.
+    paths: mesh files, or folders of them. merl: measured materials, of which every fifth is used, which training can
+    leave out; "" for principled ones. views: of each mesh. Views and materials are the same every time.
 
     Raises InputError where a file is missing or there are no meshes or materials.
     """
@@ -44,8 +44,7 @@ class Rendered(Evaluation):
         views: int = MESH_VIEWS,
         size: int = SYNTHETIC_SIZE,
     ) -> None:
-        for protocol in protocols:
-            protocol_weights(protocol)
+        check_protocols(protocols)
         source = os.fspath(merl)
         self.measured = bool(source)
         self.cases = [
@@ -65,7 +64,7 @@ class Rendered(Evaluation):
         return [{"model": "MPS-Net", "mae_deg": error, "source": "Figure 6"} for error in FIGURE_6]
 
     def notes(self, rows: Sequence[dict[str, Any]]) -> list[str]:
-        """What was photographed, and what the paper found on its own."""
+        """The photographed materials, and the paper's figures on its own."""
         figure = ", ".join(f"{error:.2f}" for error in FIGURE_6)
         kind = "every fifth of the measured ones, or of fits to them" if self.measured else "principled materials"
         return [

@@ -2,6 +2,7 @@
 
 import html
 import os
+import shutil
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -29,12 +30,11 @@ from mpsnet_core.scene.pictures import (
 HIGHEST_ERROR = 45.0  # degrees; one scale for all models and cases
 TILE_HEIGHT = 176
 LONGEST_TITLE = 21  # letters above a tile
-_COPIED = 1 << 20  # characters at a time
 
 
 @dataclass(frozen=True)
 class Report:
-    """A page that grows case by case on disk, as its pictures would fill the memory; see :func:`open_report`."""
+    """A page whose pictures are collected on disk, as they would fill the memory; see :func:`open_report`."""
 
     path: Path
     figures: TextIO
@@ -46,23 +46,22 @@ class Report:
         self.figures.write(f"<h2>{title}</h2>\n<img alt='{title}' loading='lazy' src='{picture}'>\n")
 
     def write(self, title: str, table: str, notes: Sequence[str], charts: Sequence[str]) -> None:
-        """Put the page in its place: title, table, notes, SVG charts, and all cases' pictures."""
+        """Write the page: title, table, notes, SVG charts, and all cases' pictures."""
         self.figures.seek(0)
         with written_whole(self.path) as unfinished, unfinished.open("w", encoding="utf-8") as page:
             page.write(HEAD.format(title=html.escape(title)))
             page.write(f"<pre>{html.escape(table)}</pre>\n")
             page.writelines(f"<p>{html.escape(note)}</p>\n" for note in notes)
             page.writelines(f"{chart}\n" for chart in charts)
-            while part := self.figures.read(_COPIED):
-                page.write(part)
+            shutil.copyfileobj(self.figures, page, 1 << 20)
             page.write("</html>\n")
 
 
 @contextmanager
 def open_report(path: str | os.PathLike[str]) -> Iterator[Report]:
-    """A report to add cases to, which :meth:`Report.write` puts at `path`, whole or not at all.
+    """A report to add cases to, which :meth:`Report.write` writes to `path`, whole or not at all.
 
-    Raises InputError where no report can be put there.
+    Raises InputError where no report can be written there.
     """
     path = page_path(path)
     with tempfile.TemporaryFile("w+", encoding="utf-8") as figures:
@@ -82,11 +81,11 @@ def case_picture(results: Sequence[Result]) -> NDArray[np.float32]:
     count = len(results)
     names = [result.model[-LONGEST_TITLE:] for result in results]
     errors = [f"{result.mae_deg:.2f}°" for result in results]
-    nothing = np.full((TILE_HEIGHT, 1, 3), BACKGROUND, np.float32)
+    empty = np.full((TILE_HEIGHT, 1, 3), BACKGROUND, np.float32)
     return sheet(
         [
             *zip(["photo", *names], tiles[: count + 1], strict=True),
-            ("", nothing),
+            ("", empty),
             *zip(["truth", *errors], tiles[count + 1 :], strict=True),
             ("degrees", colour_scale(HIGHEST_ERROR, TILE_HEIGHT)),
         ],
@@ -96,6 +95,6 @@ def case_picture(results: Sequence[Result]) -> NDArray[np.float32]:
 
 
 def _at_least_square(picture: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The picture with background at its sides, so that its title has room."""
+    """The picture with background at its sides, to make room for its title."""
     missing = max(picture.shape[0] - picture.shape[1], 0)
     return np.pad(picture, [(0, 0), (missing // 2, missing - missing // 2), (0, 0)], constant_values=BACKGROUND)

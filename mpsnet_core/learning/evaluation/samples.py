@@ -1,6 +1,6 @@
-"""Samples: photographs of held-out samples, as varied as those that training sees. Models are chosen by this test.
+"""Samples: photographs of held-out samples, drawn as for training. Models are chosen by this test.
 
-It needs PyTorch (extra ``train``), as training does, whose camera takes the photographs.
+It needs PyTorch (extra ``train``), as photographs are made by :mod:`mpsnet_core.learning.training.photographing`.
 """
 
 import os
@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import SettingsError
 from mpsnet_core.io.text_table import table_of_means
 from mpsnet_core.learning.evaluation.evaluation import Evaluation
 from mpsnet_core.learning.evaluation.magnify import check_magnify
@@ -21,8 +21,7 @@ from mpsnet_core.learning.training.photographing import photograph
 from mpsnet_core.synthesis.capture_model import CaptureModel
 from mpsnet_core.synthesis.sample import read_sample_data
 
-# What the photographs of the samples are drawn from.
-SEED = 0
+SEED = 0  # of the photographs
 
 
 class Samples(Evaluation):
@@ -47,27 +46,24 @@ class Samples(Evaluation):
     ) -> None:
         check_magnify(magnify)
         if count < 0:
-            raise InputError(f"{count} samples cannot be measured; choose 0, which is all, or more")
+            raise SettingsError(f"{count} samples cannot be measured; choose 0, which is all, or more")
         self._samples = PackedSamples(folders)
-        there = len(self._samples)
-        count = min(count or there, there)
+        total = len(self._samples)
+        count = min(count or total, total)
         self.cases = [
-            partial(_case, self._samples, index * there // count, times, beside)
+            partial(_case, self._samples, index * total // count, times, beside)
             for index in range(count)
             for times in magnify
             for beside in ((False, True) if white else (False,))
         ]
 
     def table(self, rows: Sequence[dict[str, Any]]) -> str:
-        """A line for each model, a column for each kind of shape; the last is the mean over all samples.
-
-        And the same for the number of colours.
-        """
+        """A line for each model, a column for each kind of shape, then for the number of colours; means last."""
         lines = ("model", "photos") if any(row["photos"] > 1 for row in rows) else ("model",)
         return "\n\n".join(table_of_means(rows, lines, column) for column in ("shape", "colours"))
 
     def notes(self, rows: Sequence[dict[str, Any]]) -> list[str]:
-        """How the photographs come about."""
+        """How the photographs are made."""
         return ["photographed by the default capture model, with crosstalk, noise, JPEG and errors of mask and lights"]
 
     def skipped(self) -> list[str]:

@@ -1,4 +1,4 @@
-"""What the synthetic tests share: shapes that no training job shows, seen by the published rig and photographed.
+"""Scenes of the synthetic tests: shapes that no training job shows, under the published rig, photographed.
 
 Jobs draw their shapes from seeds below 2^62 (:func:`mpsnet_core.synthesis.shapes.draws.new_seed`), whatever their own
 seed is. The seed here is above, so that no training data holds these shapes.
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.learning.evaluation.diligent import protocol_weights
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import LightRig, published_rig
@@ -41,10 +41,10 @@ def published_view(
 ) -> Recipe:
     """The shape seen orthographically under the paper's rig: three point lights, slant 30°, tilts 120° apart.
 
-    changes: what else of the :class:`Recipe` is not as it is without them.
+    changes: other fields of the :class:`Recipe`.
     """
     if not 16 <= size <= 8192:
-        raise InputError(f"pictures of {size} pixels a side cannot be made; choose a size from 16 to 8192")
+        raise SettingsError(f"pictures of {size} pixels a side cannot be made; choose a size from 16 to 8192")
     pose = np.eye(4)
     pose[2, 3] = DISTANCE
     return Recipe(
@@ -61,7 +61,7 @@ def published_view(
 
 
 def ideal_photograph(sample: Sample, protocol: str) -> Capture:
-    """The sample photographed without noise or error, its colours weighed as the protocol says.
+    """The sample photographed without noise or error, its colours weighed by the protocol.
 
     protocol: of :data:`mpsnet_core.learning.evaluation.diligent.PROTOCOLS`; "separated" is an ideal rig, "published"
     the paper's multiplexed images. Raises InputError where it is not known or no light reaches the object.
@@ -72,5 +72,5 @@ def ideal_photograph(sample: Sample, protocol: str) -> Capture:
     seen = image.max(axis=-1)[sample.mask]
     bright = float(np.quantile(seen, 1 - HIGHLIGHTS, method="higher")) if len(seen) else 0.0
     if bright <= 0:
-        raise InputError("no pixel shows the object wholly, or no light reaches it; take another sample")
+        raise GeometryError("no pixel shows the object wholly, or no light reaches it; take another sample")
     return Capture(image * np.float32(1 / bright), sample.mask, LightRig(sample.recipe.light_directions))

@@ -1,4 +1,4 @@
-"""Statues: plain matt grey meshes under an exact rig, where all that misleads equation 2 is shadow."""
+"""Statues: plain matt grey meshes under an exact rig, where equation 2 errs in shadow alone."""
 
 import os
 from collections.abc import Sequence
@@ -7,9 +7,8 @@ from functools import lru_cache, partial
 from typing import Any
 
 from mpsnet_core.defaults import MESH_VIEWS, STATUE_SIZE, STATUE_SLANT, STATUE_TILTS
-from mpsnet_core.errors import InputError
-from mpsnet_core.io.text_table import table_of_means
-from mpsnet_core.learning.evaluation.evaluation import Evaluation
+from mpsnet_core.errors import SettingsError
+from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_measures
 from mpsnet_core.learning.evaluation.fine_relief import fine_relief
 from mpsnet_core.learning.evaluation.magnify import check_magnify
 from mpsnet_core.learning.evaluation.measure import Case, Result
@@ -21,10 +20,8 @@ from mpsnet_core.synthesis.recipe import Material
 from mpsnet_core.synthesis.sample import Sample
 
 MATT_GREY = Material(base_color=(0.6, 0.6, 0.6), roughness=1.0, specular=0.0)
-# From this share on a light counts as reaching a pixel.
-REACHED = 0.99
-# The Gaussian that tells detail from shape, as a share of the picture's width.
-DETAIL = 0.01
+REACHED = 0.99  # the least share of a light that reaches a lit pixel
+DETAIL = 0.01  # standard deviation of the Gaussian that separates detail from shape, as a share of the picture's width
 
 
 class Statues(Evaluation):
@@ -53,7 +50,7 @@ class Statues(Evaluation):
     ) -> None:
         check_magnify(magnify)
         if not 0 <= bounces <= MAX_BOUNCES:
-            raise InputError(f"light cannot be followed over {bounces} bounces; choose 0 to {MAX_BOUNCES}")
+            raise SettingsError(f"light cannot be followed over {bounces} bounces; choose 0 to {MAX_BOUNCES}")
         for tilt in tilts:
             published_rig(slant, tilt)
         self.bounces = bounces
@@ -70,8 +67,8 @@ class Statues(Evaluation):
         for result, row in zip(results, super().rows(results), strict=True):
             case = result.case
             sigma = max(DETAIL * case.truth.shape[1], 1.0)
-            kept = fine_relief(result.estimate.vectors, case.truth, case.scored, case.regions["lit_mae"], sigma)
-            rows.append(row if kept is None else {**row, "fine_relief": round(kept, 4)})
+            relief = fine_relief(result.estimate.vectors, case.truth, case.scored, case.regions["lit_mae"], sigma)
+            rows.append(row if relief is None else {**row, "fine_relief": round(relief, 4)})
         return rows
 
     def table(self, rows: Sequence[dict[str, Any]]) -> str:
@@ -82,17 +79,10 @@ class Statues(Evaluation):
             "elsewhere": "elsewhere_mae_deg",
             "fine relief kept (1: all)": "fine_relief",
         }
-        lines = [
-            {**row, "measure": words, "value": row.get(key)}
-            for model in dict.fromkeys(row["model"] for row in rows)
-            for words, key in measures.items()
-            for row in rows
-            if row["model"] == model
-        ]
-        return table_of_means(lines, ("model", "measure"), "object", "value")
+        return table_of_measures(rows, ("model",), measures, "object")
 
     def notes(self, rows: Sequence[dict[str, Any]]) -> list[str]:
-        """What was photographed."""
+        """The photographed scene."""
         tilts = ", ".join(f"{tilt:g}°" for tilt in dict.fromkeys(row["tilt"] for row in rows))
         return [
             f"matt grey with cast shadows, no noise; the rig is exact; bounces of light: {self.bounces}; first light's "

@@ -110,56 +110,28 @@ def train(
                 f"a batch of {recipe.batch} cannot be shared by {processes.count} processes; mend the recipe"
             )
         _check_places(places, anneal)
-        torch.manual_seed(recipe.seed)
-        network = build_network(recipe.network, dict(recipe.options)).to(processes.device)
-        _check_fit(recipe, network)
-        nn.utils.convert_conv2d_weight_memory_format(network, torch.channels_last)
-        packed = PackedSamples(samples, recipe.kinds, progress)
-        photographer = Photographer.of(network, packed, seed=recipe.seed, window=recipe.crop, device=processes.device)
-        held_out = _held_out(validation, network, processes.device, progress) if validation else None
-        run = _Run(recipe, network, processes, precision, _fingerprint(samples, packed.names))
-        run.begin(places.resume, photographer)
+        run = _Run(recipe, samples, validation, processes, precision, progress)
+        run.begin(places.resume)
         end = min(recipe.steps, stop_after or recipe.steps)
         if anneal:
             run.anneal, end = (run.step, anneal), run.step + anneal
-        checkpoint = None if anneal or processes.rank else places.checkpoint
-        logs = None if processes.rank else places.logs
-        figures = _learn(run, photographer, held_out, checkpoint, logs, end, minutes, progress)
-        return Trained(
-            run.mean().cpu(),
-            recipe,
-            run.step,
-            run.seconds,
-            figures,
-            len(packed),
-            run.samples,
-            processes.hardware,
-            run.precision,
-            run.continues,
-            processes.rank,
-        )
+        if anneal or processes.rank:  # of several processes the first one writes
+            places = Places(logs=None if processes.rank else places.logs)
+        figures = _learn(run, places, end, 60 * minutes, progress)
+        return run.trained(figures)
 
 
-def _learn(
-    run: "_Run",
-    photographer: Photographer,
-    held_out: Photographer | None,
-    checkpoint: Path | None,
-    logs: Path | None,
-    end: int,
-    minutes: float,
-    progress: Progress,
-) -> Figures | None:
-    """Take steps until `end`, or for some minutes. Returns the figures of the last validation, in the first process."""
+def _learn(run: "_Run", places: Places, end: int, seconds: float, progress: Progress) -> Figures | None:
+    """Take steps until `end`, or for some seconds. Returns the figures of the last validation, in the first process."""
     processes, first = run.processes, run.processes.rank == 0
-    writer = SummaryWriter(str(logs)) if logs is not None else None
+    writer = None if places.logs is None else SummaryWriter(str(places.logs))
     model = run.network if processes.count == 1 else DistributedDataParallel(run.network)
     between = run.recipe.steps // VALIDATIONS or 1
     figures, before, started = None, run.seconds, time.monotonic()
     saved = started
     try:
         while run.step < end:
-            loss = _whole_step(run, model, photographer)
+            loss = _whole_step(run, model)
             run.seconds = before + time.monotonic() - started
             if run.step % LOGGED_EVERY == 0 and first:
                 angle = math.degrees(float(loss.angle))
@@ -168,29 +140,29 @@ def _learn(
                     writer.add_scalar("training/angle_deg", angle, run.step)
                     writer.add_scalar("training/expected_error", float(loss.expected), run.step)
                     writer.add_scalar("training/learning_rate", run.rate(run.step - 1), run.step)
-            if held_out and first and (run.step % between == 0 or run.step == end):
-                figures = validate(run.mean(), held_out)
+            if run.held_out and first and (run.step % between == 0 or run.step == end):
+                figures = validate(run.mean(), run.held_out)
                 log.info("step %d: %s on held-out samples", run.step, figures)
                 if writer is not None:
                     writer.add_scalar("validation/mae_deg", figures.mae_deg, run.step)
             if time.monotonic() - saved > SAVED_EVERY:
-                run.save(checkpoint)
+                run.save(places.checkpoint)
                 saved = time.monotonic()
-            if minutes and processes.agreed(time.monotonic() - started > 60 * minutes):
+            if seconds and processes.agreed(time.monotonic() - started > seconds):
                 break
     finally:
-        run.save(checkpoint)
+        run.save(places.checkpoint)
         if writer is not None:
             writer.close()
-    if figures is None and held_out and first:  # as where it was resumed at the recipe's end
-        figures = validate(run.mean(), held_out)
+    if figures is None and run.held_out and first:  # as where it was resumed at the recipe's end
+        figures = validate(run.mean(), run.held_out)
     return figures
 
 
-def _whole_step(run: "_Run", model: nn.Module, photographer: Photographer) -> Loss:
+def _whole_step(run: "_Run", model: nn.Module) -> Loss:
     """One step on this process' share of the batch; signals wait for its end."""
     rank, count = run.processes.rank, run.processes.count
-    scales = photographer.batch(run.step * count + rank, run.recipe.batch // count)
+    scales = run.photographer.batch(run.step * count + rank, run.recipe.batch // count)
     with held_signals():
         try:
             return run.advance(model, scales)
@@ -201,11 +173,6 @@ def _whole_step(run: "_Run", model: nn.Module, photographer: Photographer) -> Lo
             raise InputError(
                 f"another of the {count} processes ended ({reason}); go on from the last checkpoint"
             ) from None
-
-
-def _held_out(folders: list[Path], network: Network, device: torch.device, progress: Progress) -> Photographer:
-    packed = PackedSamples(folders, (), progress)
-    return Photographer.of(network, packed, seed=VALIDATION_SEED, window=VALIDATION_CROP, shuffled=False, device=device)
 
 
 def _check_places(places: Places, anneal: int) -> None:
@@ -248,32 +215,35 @@ class _Run:
     """The state of a run: what a checkpoint keeps."""
 
     def __init__(
-        self, recipe: TrainingRecipe, network: Network, processes: "_Processes", precision: Precision, samples: str
+        self,
+        recipe: TrainingRecipe,
+        samples: list[Path],
+        validation: list[Path],
+        processes: "_Processes",
+        precision: Precision,
+        progress: Progress,
     ) -> None:
-        self.recipe, self.network, self.processes, self.samples = recipe, network, processes, samples
-        self.precision = _computed(precision, processes.device)
+        device, self.recipe, self.processes = processes.device, recipe, processes
+        torch.manual_seed(recipe.seed)
+        self.network = network = build_network(recipe.network, dict(recipe.options)).to(device)
+        _check_fit(recipe, network)
+        nn.utils.convert_conv2d_weight_memory_format(network, torch.channels_last)
+        packed = PackedSamples(samples, recipe.kinds, progress)
+        self.photographer = Photographer.of(network, packed, seed=recipe.seed, window=recipe.crop, device=device)
+        self.held_out: Photographer | None = None
+        if validation:
+            held_out = PackedSamples(validation, (), progress)
+            self.held_out = Photographer.of(
+                network, held_out, seed=VALIDATION_SEED, window=VALIDATION_CROP, shuffled=False, device=device
+            )
+        self.fingerprint = _fingerprint(samples, packed.names)
+        self.precision = _computed(precision, device)
         torch.backends.cudnn.deterministic = True
         self.step, self.seconds = 0, 0.0
         self.continues: dict[str, Any] | None = None
         self.whole = True  # False within a step
         self.anneal: tuple[int, int] | None = None  # the step at which it begins, and over how many
-        single, matrices, rest = [], [], []
-        for value in network.parameters():
-            if value.ndim <= 1:
-                single.append(value)
-            # Muon is for the layers between; first and last layers, of few maps, are AdamW's as single numbers are.
-            elif recipe.optimiser == "muon" and min(value.flatten(1).shape) >= MUON_MAPS:
-                matrices.append(value)
-            else:
-                rest.append(value)
-        self.optimisers: list[torch.optim.Optimizer] = [
-            torch.optim.AdamW(
-                [{"params": rest, "weight_decay": recipe.weight_decay}, {"params": single, "weight_decay": 0.0}],
-                lr=recipe.learning_rate,
-            )
-        ]
-        if matrices:
-            self.optimisers.append(Muon(matrices, lr=recipe.learning_rate, weight_decay=recipe.weight_decay))
+        self.optimisers = _optimisers(recipe, network)
         self.mean_weights = self._weights()
 
     def rate(self, step: int) -> float:
@@ -355,17 +325,33 @@ class _Run:
             self.mean_weights,
             [optimiser.state_dict() for optimiser in self.optimisers],
             self.seconds,
-            self.samples,
+            self.fingerprint,
             self.precision,
             False,
             self.continues,
         )
         write_checkpoint(path, checkpoint)
 
-    def begin(self, path: Path | None, photographer: Photographer) -> None:
+    def trained(self, figures: Figures | None) -> Trained:
+        """The result, with these figures of the last validation."""
+        return Trained(
+            self.mean().cpu(),
+            self.recipe,
+            self.step,
+            self.seconds,
+            figures,
+            len(self.photographer.samples),
+            self.fingerprint,
+            self.processes.hardware,
+            self.precision,
+            self.continues,
+            self.processes.rank,
+        )
+
+    def begin(self, path: Path | None) -> None:
         """Start from a checkpoint or an exported network, where there is one."""
         if path is not None and path.suffix.lower() == ".onnx":
-            self.fine_tune(path, photographer)
+            self.fine_tune(path)
         elif path is not None:
             self.resume(path)
 
@@ -373,7 +359,7 @@ class _Run:
         found = read_checkpoint(path)
         if found.recipe != self.recipe:
             raise SettingsError(f"checkpoint {path} is of another recipe; resume with the one it began with")
-        if found.samples != self.samples:  # as where more were made: what was learned holds, the order begins anew
+        if found.samples != self.fingerprint:  # as where more were made: what was learned holds, the order begins anew
             log.warning("checkpoint %s was trained on other samples before", path)
         if found.precision != self.precision:
             raise SettingsError(
@@ -389,16 +375,33 @@ class _Run:
             raise FormatError(f"checkpoint {path} does not fit the network: {reason}; resume from another") from None
         self.step, self.seconds, self.continues = found.step, found.seconds, found.continues
 
-    def fine_tune(self, path: Path, photographer: Photographer) -> None:
+    def fine_tune(self, path: Path) -> None:
         exported = read_exported(path)
         if exported.step >= self.recipe.steps:
             raise SettingsError(
                 f"model {path} has had {exported.step} steps already, the recipe has {self.recipe.steps}; give it more"
             )
         self.network.eval()
-        take_weights(self.network, exported, self._batch(photographer.batch(0, NORM_EXAMPLES), 0).inputs)
+        take_weights(self.network, exported, self._batch(self.photographer.batch(0, NORM_EXAMPLES), 0).inputs)
         self.mean_weights = self._weights()
         self.step, self.continues = exported.step, exported.record
+
+
+def _optimisers(recipe: TrainingRecipe, network: Network) -> list[torch.optim.Optimizer]:
+    single, matrices, rest = [], [], []
+    for value in network.parameters():
+        if value.ndim <= 1:
+            single.append(value)
+        # Muon is for the layers between; first and last layers, of few maps, are AdamW's as single numbers are.
+        elif recipe.optimiser == "muon" and min(value.flatten(1).shape) >= MUON_MAPS:
+            matrices.append(value)
+        else:
+            rest.append(value)
+    groups = [{"params": rest, "weight_decay": recipe.weight_decay}, {"params": single, "weight_decay": 0.0}]
+    optimisers: list[torch.optim.Optimizer] = [torch.optim.AdamW(groups, lr=recipe.learning_rate)]
+    if matrices:
+        optimisers.append(Muon(matrices, lr=recipe.learning_rate, weight_decay=recipe.weight_decay))
+    return optimisers
 
 
 def _fingerprint(folders: list[Path], names: list[str]) -> str:
