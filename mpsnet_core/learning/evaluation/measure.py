@@ -29,7 +29,7 @@ class Case:
     name. magnify: how many times the photo is magnified before the estimate, which is measured on the photo's own
     pixels; see :func:`mpsnet_core.learning.evaluation.magnify.estimate_magnified`.
 
-    Raises GeometryError where truth and photo differ in size, or no pixel of the mask has a true normal.
+    Raises GeometryError where no pixel of the mask has a true normal.
     """
 
     labels: Mapping[str, Any]
@@ -39,11 +39,6 @@ class Case:
     magnify: int = 1
 
     def __post_init__(self) -> None:
-        if self.truth.shape != self.capture.image.shape:
-            raise GeometryError(
-                f"{self.title}: the truth is {self.truth.shape}, the photos {self.capture.image.shape}; take those of "
-                "one size"
-            )
         if not self.scored.any():
             raise GeometryError(f"{self.title}: no pixel inside the mask has a true normal; choose another mask")
 

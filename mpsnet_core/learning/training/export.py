@@ -29,7 +29,7 @@ TOLERANCE = 1e-4
 RIGHT_ANGLE = float(np.pi / 2)
 
 
-def export_onnx(trained: Trained, path: str | os.PathLike[str]) -> ModelCard:
+def export_onnx(trained: Trained, path: str | os.PathLike[str]) -> None:
     """Write the network's ONNX file: opset 17, batch, height and width free, shapes inferred, card and record inside.
 
     Outputs are "normals", and "confidence" where the network expects an error e of itself: 1 - e / 90°.
@@ -45,14 +45,12 @@ def export_onnx(trained: Trained, path: str | os.PathLike[str]) -> ModelCard:
                 f"weights of the network are not finite ({name}); train again with a lower learning rate"
             )
     network = trained.network.eval()
-    card = card_of(network, trained.recipe.name)
     model = _onnx_of(network)
-    model.metadata_props.add(key=CARD_KEY, value=card.to_json())
+    model.metadata_props.add(key=CARD_KEY, value=card_of(network, trained.recipe.name).to_json())
     model.metadata_props.add(key=TRAINING_KEY, value=json.dumps(record_of(trained)))
     _prove(network, model)
     with written_whole(path) as unfinished:
         unfinished.write_bytes(model.SerializeToString())
-    return card
 
 
 def card_of(network: Network, name: str) -> ModelCard:

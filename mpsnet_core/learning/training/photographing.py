@@ -9,7 +9,7 @@ photos of smooth things. For other networks, and in evaluations, the sample's ow
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -18,9 +18,10 @@ from torch import Tensor
 from torch.nn import functional
 
 from mpsnet_core.capture.capture import Capture
+from mpsnet_core.estimate.card import ModelCard
 from mpsnet_core.estimate.light_frame import CAMERA_FRAME, LightFrame, canonical_frames
 from mpsnet_core.learning.training.jpeg import jpeg_losses
-from mpsnet_core.learning.training.networks.network import unit
+from mpsnet_core.learning.training.networks.network import Network, unit
 from mpsnet_core.learning.training.packed import Packed, PackedSamples
 from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.synthesis.capture_model import CaptureDraw, CaptureModel, blur_weights, turned
@@ -63,15 +64,6 @@ class _Example:
     coarse: tuple[int, int]  # height and width of the object on the first scale
     offset: NDArray[np.int64]  # of the present window, in pixels of the present scale, from the object's own corner
     bicubic: bool
-
-
-class Network(Protocol):
-    """The attributes of a network, or of its card, that its photographs depend on."""
-
-    @property
-    def kind(self) -> str: ...
-    @property
-    def frame(self) -> str: ...
 
 
 class Photographer:
@@ -118,7 +110,7 @@ class Photographer:
     @classmethod
     def of(
         cls,
-        network: Network,
+        network: Network | ModelCard,
         samples: PackedSamples,
         *,
         seed: int,
@@ -126,7 +118,7 @@ class Photographer:
         shuffled: bool = True,
         device: torch.device | None = None,
     ) -> "Photographer":
-        """Of the photographs that a network sees."""
+        """For the photographs that a network, or the one of a card, sees."""
         finer = FINER_SHARES if network.kind == "pyramid" else ()
         canonical = network.frame == "canonical"
         return cls(

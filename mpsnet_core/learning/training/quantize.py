@@ -13,6 +13,7 @@ import os
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -46,10 +47,8 @@ PREPARED = {"onnx.quant.pre_process": "onnxruntime.quant"}
 
 
 class Twin(NamedTuple):
-    """card: the twin's. model_mae_deg, mae_deg: mean angular errors, in degrees, of its model and of the twin, on the
-    same photographs."""
+    """Mean angular errors, in degrees, of its model and of the twin, on the same photographs."""
 
-    card: ModelCard
     model_mae_deg: float
     mae_deg: float
 
@@ -96,13 +95,13 @@ def quantise(
     model_answer = _Answer(source.session, card)
     twin = _quantised(graph, inner, _Photographs(photographer, model_answer, count, part(progress, 0, 0.5)))
     session = onnxruntime.InferenceSession(twin.SerializeToString(), providers=["CPUExecutionProvider"])
-    twin_card = ModelCard(**{**card.__dict__, "name": f"{card.name}-int8"})
     first = -(-count // len(packed)) * len(packed)  # of the epoch after those that calibrated
     errors = _errors([model_answer, _Answer(session, card)], photographer, first, count, part(progress, 0.5, 1))
-    figures = Twin(twin_card, *errors)
+    figures = Twin(*errors)
     record = record_from_metadata({entry.key: entry.value for entry in graph.metadata_props})
     record["int8"] = {"of": card.name, "photographs": count, "mae_deg": round(figures.mae_deg, 3)}
     record["int8"]["mae_deg_of_model"] = round(figures.model_mae_deg, 3)
+    twin_card = replace(card, name=f"{card.name}-int8")
     del twin.metadata_props[:]
     onnx.helper.set_model_props(twin, {CARD_KEY: twin_card.to_json(), TRAINING_KEY: json.dumps(record)})
     with written_whole(output) as unfinished:

@@ -40,10 +40,7 @@ RIG = 14  # light directions, channel means, whether there are a coarser scale a
 class Multiscale(Network):
     """widths: maps at a half, a quarter, an eighth and a sixteenth of the photo's resolution."""
 
-    inputs = {
-        "pixels": ("photo", "mask", "white", "previous"),
-        "rig": ("lights", "channel_means", "given"),
-    }
+    inputs = {"pixels": ("photo", "mask", "white", "previous"), "rig": ("lights", "channel_means", "given")}
     kind = "pyramid"
     frame = "canonical"
     multiple = 16
