@@ -101,7 +101,7 @@ def _onnx_of(network: Network) -> onnx.ModelProto:
     inputs = _examples(network, 2, network.patch if network.kind == "patch" else 64)
     outputs = ["normals", "confidence"] if isinstance(answer(*inputs), tuple) else ["normals"]
     size = {} if network.kind == "patch" else {2: "height", 3: "width"}
-    axes = {name: {0: "batch", **({} if _constant(given) else size)} for name, given in network.inputs.items()}
+    axes = {name: {0: "batch", **({} if given[0] in CONSTANTS else size)} for name, given in network.inputs.items()}
     axes |= {name: {0: "batch", **size} for name in outputs}
     with warnings.catch_warnings(), tempfile.TemporaryDirectory() as folder:
         warnings.simplefilter("ignore")  # the exporter's, about itself
@@ -142,14 +142,10 @@ def _examples(network: Network, count: int, side: int) -> tuple[Tensor, ...]:
     examples = []
     for features in network.inputs.values():
         channels = sum(FEATURE_CHANNELS[name] for name in features)
-        size = 1 if _constant(features) else side
+        size = 1 if features[0] in CONSTANTS else side
         values = torch.rand((count, channels, size, size), generator=generator)
         if features[0] == "lights":
             directions = nn.functional.normalize((values[:, :9] - 0.5).view(count, 3, 3), dim=2)
             values = torch.cat([directions.reshape(count, 9, 1, 1), values[:, 9:]], dim=1)
         examples.append(values)
     return tuple(examples)
-
-
-def _constant(features: tuple[str, ...]) -> bool:
-    return features[0] in CONSTANTS

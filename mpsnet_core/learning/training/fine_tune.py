@@ -20,8 +20,6 @@ from mpsnet_core.learning.training.networks import Network
 MAX_BYTES = 1 << 30
 CONVOLUTIONS = (nn.Conv2d, nn.ConvTranspose2d)
 
-Filters = tuple[NDArray[Any], NDArray[Any] | None]
-
 
 @dataclass(frozen=True)
 class Exported:
@@ -32,7 +30,7 @@ class Exported:
 
     path: str
     record: dict[str, Any]
-    filters: list[Filters]
+    filters: list[tuple[NDArray[Any], NDArray[Any] | None]]
 
     @property
     def step(self) -> int:
