@@ -1,10 +1,12 @@
 """A photo made small: the means of its blocks of pixels."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 
-def block_means(pixels: NDArray[np.floating], factor: int) -> NDArray[np.float32]:
+def block_means(pixels: NDArray[np.floating[Any]], factor: int) -> NDArray[np.float32]:
     """(H, W, 3) means of factor x factor pixels; what is not finite counts as black."""
     height, width, channels = pixels.shape
     starts = np.arange(0, width, factor)

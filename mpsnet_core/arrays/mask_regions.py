@@ -1,6 +1,7 @@
 """Connected parts of masks: found, small ones removed, holes filled."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,7 +71,7 @@ def dilated(mask: NDArray[np.bool_], pixels: int) -> NDArray[np.bool_]:
     return mask
 
 
-def box_sums(values: NDArray[np.floating], reach: int) -> NDArray[np.float64]:
+def box_sums(values: NDArray[np.floating[Any]], reach: int) -> NDArray[np.float64]:
     """(H, W) the sum over the square of 2 reach + 1 pixels around each pixel; beyond the edges there is nothing."""
     sums = values.astype(np.float64)
     width = 2 * reach + 1

@@ -1,5 +1,7 @@
 """Which triangle covers which texel."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,15 +11,16 @@ NO_AREA = 1e-9
 AT_ONCE = 1 << 20
 
 
-def texel_coordinates(uvs: NDArray[np.floating], size: int) -> NDArray[np.float64]:
+def texel_coordinates(uvs: NDArray[np.floating[Any]], size: int) -> NDArray[np.float64]:
     """UVs (..., 2) as texel coordinates: x right, y down, whole numbers at texel centres, row 0 at v = 1."""
     return np.stack([uvs[..., 0] * size - 0.5, (1 - uvs[..., 1].astype(np.float64)) * size - 0.5], axis=-1)
 
 
-def texel_areas(corners: NDArray[np.floating]) -> NDArray[np.float64]:
+def texel_areas(corners: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
     """(T,) areas in texels of triangles given by texel coordinates (T, 3, 2)."""
     e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    return np.abs(e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0]).astype(np.float64) / 2
+    doubled: NDArray[np.float64] = np.abs(e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0]).astype(np.float64)
+    return doubled / 2
 
 
 def triangle_of_texel(corners: NDArray[np.float64], size: int, rows: slice | None = None) -> NDArray[np.int32]:

@@ -16,4 +16,5 @@ def spread(errors: NDArray[np.float64], trusted: NDArray[np.bool_]) -> float:
 
 def biweight(errors: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
     """Weights in 0 to 1 by Tukey's biweight (Beaton and Tukey 1974), for errors of standard deviation `scale`."""
-    return np.maximum(1 - np.square(errors / (TUKEY * scale)), 0.0) ** 2.0
+    weights: NDArray[np.float64] = np.maximum(1 - np.square(errors / (TUKEY * scale)), 0.0) ** 2.0
+    return weights

@@ -32,4 +32,5 @@ def _along(values: NDArray[np.float32], axis: int, length: int, chosen: slice) -
     first = np.minimum(place.astype(np.int64), max(count - 2, 0))
     share = (place - first).astype(np.float32).reshape([-1 if a == axis else 1 for a in range(values.ndim)])
     low, high = values.take(first, axis), values.take(np.minimum(first + 1, count - 1), axis)
-    return low + share * (high - low)
+    interpolated: NDArray[np.float32] = low + share * (high - low)
+    return interpolated

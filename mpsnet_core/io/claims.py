@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError
 
 LOCK_FILE = "job.lock"
 
@@ -45,7 +45,7 @@ class Claims:
         try:
             self._file = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o666)
         except OSError as error:
-            raise InputError(f"cannot write {self._path}: {error.strerror}; choose another folder") from None
+            raise FileError(f"cannot write {self._path}: {error.strerror}; choose another folder") from None
 
     @contextmanager
     def claim(self, number: int) -> Iterator[bool]:
@@ -55,7 +55,7 @@ class Claims:
         except OSError as error:
             # Windows and some network drives say "no permission" where POSIX says "try again".
             if error.errno not in (errno.EAGAIN, errno.EACCES, errno.EDEADLK):
-                raise InputError(f"{self._path} cannot be locked ({error.strerror}); choose another drive") from None
+                raise FileError(f"{self._path} cannot be locked ({error.strerror}); choose another drive") from None
             yield False
             return
         try:

@@ -24,7 +24,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, FormatError, InputError
 
 # Rigs and cameras are a few hundred bytes; a larger file is not one of ours and is not parsed.
 MAX_JSON_BYTES = 1 << 20
@@ -49,6 +49,15 @@ class _Block(threading.local):
 
 
 _block = _Block()
+
+
+@contextmanager
+def located(where: object) -> Iterator[None]:
+    """Begins the message of an InputError raised in the block with `where`: a file, or a place in one."""
+    try:
+        yield
+    except InputError as error:
+        raise type(error)(f"{where}: {error}") from None
 
 
 @contextmanager
@@ -167,9 +176,7 @@ def _writing(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise InputError(
-            f"cannot write {path}: {error.strerror or error}; make room or choose another folder"
-        ) from None
+        raise FileError(f"cannot write {path}: {error.strerror or error}; make room or choose another folder") from None
 
 
 def unfinished_path(path: Path, suffix: str = "") -> Path:
@@ -192,13 +199,13 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
     """`path` as a Path, or InputError where a file cannot be put there; asked before long work starts."""
     path = Path(path)
     if not is_utf8(path):
-        raise InputError(f"cannot write {path}: its name is not valid UTF-8; choose another name")
+        raise FileError(f"cannot write {path}: its name is not valid UTF-8; choose another name")
     if not path.parent.is_dir():
-        raise InputError(f"cannot write {path}: the folder {path.parent} does not exist; create it first")
+        raise FileError(f"cannot write {path}: the folder {path.parent} does not exist; create it first")
     if path.is_dir():
-        raise InputError(f"cannot write {path}: it is a folder; give a file name")
+        raise FileError(f"cannot write {path}: it is a folder; give a file name")
     if not _takes_files(path.parent):
-        raise InputError(f"cannot write {path}: the folder {path.parent} takes no files; choose another folder")
+        raise FileError(f"cannot write {path}: the folder {path.parent} takes no files; choose another folder")
     return path
 
 
@@ -233,14 +240,14 @@ def makeable_folder(path: str | os.PathLike[str], what: str) -> Path:
     """`path` as a Path, or InputError where it is no folder for `what` and none can be made; asked before long work."""
     path = Path(path)
     if not is_utf8(path):
-        raise InputError(f"cannot make folder {path}: its name is not valid UTF-8; choose another name")
+        raise FileError(f"cannot make folder {path}: its name is not valid UTF-8; choose another name")
     if path.exists() and not path.is_dir():
-        raise InputError(f"{path} is a file; name a folder for the {what}")
+        raise FileError(f"{path} is a file; name a folder for the {what}")
     if not path.parent.is_dir():
-        raise InputError(f"cannot make folder {path}: {path.parent} does not exist; create it first")
+        raise FileError(f"cannot make folder {path}: {path.parent} does not exist; create it first")
     there = path if path.is_dir() else path.parent
     if not _takes_files(there):
-        raise InputError(f"cannot put the {what} into {path}: the folder {there} takes no files; choose another folder")
+        raise FileError(f"cannot put the {what} into {path}: the folder {there} takes no files; choose another folder")
     return path
 
 
@@ -250,7 +257,7 @@ def ensure_folder(path: str | os.PathLike[str], what: str) -> Path:
     try:
         path.mkdir(exist_ok=True)
     except OSError as error:
-        raise InputError(f"cannot make folder {path}: {error.strerror or error}; choose another place") from None
+        raise FileError(f"cannot make folder {path}: {error.strerror or error}; choose another place") from None
     with contextlib.suppress(OSError):
         _flush(path.parent)
     return path
@@ -315,12 +322,12 @@ def existing_file(path: str | os.PathLike[str], what: str) -> Path:
     path = Path(path)
     try:
         if path.is_dir():
-            raise InputError(f"{what} {path} is a folder, not a file; name a file in it")
+            raise FileError(f"{what} {path} is a folder, not a file; name a file in it")
         if not path.is_file():
-            raise InputError(f"{what} {path} does not exist; check the path")
+            raise FileError(f"{what} {path} does not exist; check the path")
         path.open("rb").close()
     except OSError as error:
-        raise InputError(f"{what} {path} cannot be opened ({error.strerror}); check the path") from None
+        raise FileError(f"{what} {path} cannot be opened ({error.strerror}); check the path") from None
     return path
 
 
@@ -331,24 +338,25 @@ def read_json(path: str | os.PathLike[str], format_name: str, version: int, keys
     """
     path = existing_file(path, f"{format_name.removeprefix('mpsnet-')} file")
     if path.stat().st_size > MAX_JSON_BYTES:
-        raise InputError(f"{path} is larger than 1 MiB and so not a {format_name} file; check the path")
+        raise FormatError(f"{path} is larger than 1 MiB and so not a {format_name} file; check the path")
     try:
         data = json.loads(path.read_text(encoding="utf-8-sig"))  # Notepad begins its files with a mark
     except UnicodeDecodeError:
-        raise InputError(f"{path} is not a text file; give a {format_name} file, as JSON") from None
+        raise FormatError(f"{path} is not a text file; give a {format_name} file, as JSON") from None
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{path} is not valid JSON ({error}); write it again as a {format_name} file") from None
+        raise FormatError(f"{path} is not valid JSON ({error}); write it again as a {format_name} file") from None
     found = data.get("format") if isinstance(data, dict) else None
     if found != format_name:
-        raise InputError(f'{path} is not a {format_name} file: its "format" is {found!r}, expected {format_name!r}')
+        raise FormatError(f'{path} is not a {format_name} file: its "format" is {found!r}, expected {format_name!r}')
+    fields: dict[str, Any] = data
     if not isinstance(data.get("version"), int) or not 1 <= data["version"] <= version:
-        raise InputError(
+        raise FormatError(
             f"{path} is version {data.get('version')!r} of {format_name}, this program reads up to {version}; update it"
         )
     unknown = sorted(set(data) - {"format", "version", *keys})
     if unknown:
-        raise InputError(f'{path} has "{unknown[0]}", which no {format_name} file has; it may have {", ".join(keys)}')
-    return data
+        raise FormatError(f'{path} has "{unknown[0]}", which no {format_name} file has; it may have {", ".join(keys)}')
+    return fields
 
 
 def write_json(path: str | os.PathLike[str], data: dict[str, Any]) -> None:

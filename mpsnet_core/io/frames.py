@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError
 from mpsnet_core.io.files import IMAGE_SUFFIXES, PHOTO_SUFFIXES, RAW_SUFFIXES, makeable_folder, resolved, writable_path
 from mpsnet_core.io.images import checked_bits
 
@@ -100,7 +100,7 @@ def expand_images(inputs: Sequence[str | os.PathLike[str]]) -> list[Path]:
             found = _photos(file for file in path.iterdir() if not _is_result(file))
             if not found:
                 kinds = ", ".join(IMAGE_SUFFIXES)
-                raise InputError(f"folder {path} holds no images ({kinds}, or camera raw); choose another")
+                raise FileError(f"folder {path} holds no images ({kinds}, or camera raw); choose another")
         elif path.is_file():
             found = [path]
         elif any(sign in path.name for sign in "#*?"):
@@ -108,9 +108,9 @@ def expand_images(inputs: Sequence[str | os.PathLike[str]]) -> list[Path]:
             if RESULT not in path.stem:  # as in a folder
                 found = [file for file in found if not _is_result(file)]
             if not found:
-                raise InputError(f"no image matches {path}; check the pattern")
+                raise FileError(f"no image matches {path}; check the pattern")
         else:
-            raise InputError(f"image {path} does not exist; check the path")
+            raise FileError(f"image {path} does not exist; check the path")
         photos += found
     return photos
 
@@ -133,7 +133,7 @@ def matching_files(given: str | os.PathLike[str], what: str = "image") -> list[P
         found = path.parent.glob(re.sub("#", "[0-9]", glob.escape(path.name).replace("[*]", "*").replace("[?]", "?")))
     files = sorted((file for file in found if file.is_file() and not file.name.startswith(".")), key=natural_order)
     if not files:
-        raise InputError(f"no {what} matches {path}; check the pattern")
+        raise FileError(f"no {what} matches {path}; check the pattern")
     return files
 
 
@@ -154,7 +154,7 @@ def output_files(photos: Sequence[Path], output: str | os.PathLike[str], suffix:
     files = [target / f"{stem}{RESULT}{suffix}" for stem in stems]
     if len(set(files)) < len(files):
         twice = next(file for file, times in Counter(files).items() if times > 1)
-        raise InputError(f"two photos would both be written to {twice}; rename one or estimate them apart")
+        raise FileError(f"two photos would both be written to {twice}; rename one or estimate them apart")
     check_apart(photos, files)
     return files
 
@@ -168,7 +168,7 @@ def results_folder(output: str | os.PathLike[str], given: str, what: str = "norm
     """
     target = Path(output)
     if not target.is_dir() and (target.exists() or target.suffix.lower() in PHOTO_SUFFIXES):
-        raise InputError(f"{target} is one file, but {given}; give a folder")
+        raise FileError(f"{target} is one file, but {given}; give a folder")
     return makeable_folder(target, what)
 
 
@@ -177,7 +177,7 @@ def check_apart(taken: Iterable[str | os.PathLike[str]], outputs: Iterable[str |
     files = {resolved(file) for file in taken}
     for output in outputs:
         if resolved(output) in files:
-            raise InputError(f"the result would overwrite {output}, a file that it needs; choose another output")
+            raise FileError(f"the result would overwrite {output}, a file that it needs; choose another output")
 
 
 def _is_result(file: Path) -> bool:

@@ -36,7 +36,7 @@ class Image:
     assumed: whether sRGB is only what most such files hold, and neither the file nor who asked said so.
     """
 
-    pixels: NDArray[np.floating]
+    pixels: NDArray[np.floating[Any]]
     alpha: NDArray[np.float32] | None
     clip: float
     note: str
@@ -50,12 +50,12 @@ class Image:
         return saturated(self.pixels, self.clip) if self.clipped is None else self.clipped
 
 
-def storage_type(shape: tuple[int, ...]) -> type[np.floating]:
+def storage_type(shape: tuple[int, ...]) -> type[np.floating[Any]]:
     """The type in which values for an image (H, W) are held: half floats where it is large."""
     return np.float16 if shape[0] * shape[1] > HALF_ABOVE else np.float32
 
 
-def saturated(pixels: NDArray[np.floating], clip: float) -> NDArray[np.bool_]:
+def saturated(pixels: NDArray[np.floating[Any]], clip: float) -> NDArray[np.bool_]:
     """Where values of a photo that clips at `clip` are at their end; of the shape of `pixels`."""
     return pixels >= SATURATED_SHARE * clip
 

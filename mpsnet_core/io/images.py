@@ -14,7 +14,7 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.errors import InputError, check_choice
+from mpsnet_core.errors import FileError, FormatError, SettingsError, check_choice
 from mpsnet_core.io.files import RAW_SUFFIXES, existing_file, is_utf8, written_whole
 from mpsnet_core.io.image import MAX_PIXELS, Image, libraries_silent, linear_to_srgb, srgb_to_linear, storage_type
 from mpsnet_core.io.raw import read_raw
@@ -97,7 +97,7 @@ def read_image(
     if grey and not colour and len(names.keys() - {"A"}) == 1:
         colour = [next(number for name, number in names.items() if name != "A")] * 3
     if len(colour) != 3:
-        raise InputError(
+        raise FormatError(
             f"{path} has {len(names)} channel(s) ({', '.join(names)}) where red, green and blue are needed; "
             "give a colour image"
         )
@@ -151,9 +151,9 @@ def _exposure_time(spec: Any) -> float | None:
 
 def _read_raw(path: Path, encoding: Encoding, layer: str | None) -> Image:
     if encoding == "srgb":
-        raise InputError(f"{path} is a camera raw file, which is linear, not sRGB; leave the encoding at auto")
+        raise SettingsError(f"{path} is a camera raw file, which is linear, not sRGB; leave the encoding at auto")
     if layer is not None:
-        raise InputError(f"{path} is a camera raw file, which has no layer {layer!r}; leave the layer out")
+        raise SettingsError(f"{path} is a camera raw file, which has no layer {layer!r}; leave the layer out")
     image = read_raw(path)
     log.info(image.note)
     return image
@@ -294,7 +294,7 @@ def _write(
 
     target = oiio.ImageOutput.create(str(file))
     if target is None:
-        raise InputError(f"cannot write {path}: {complaint(oiio)}")
+        raise FileError(f"cannot write {path}: {complaint(oiio)}")
     try:
         done = target.open(str(file), spec) and all(
             target.write_scanlines(rows.start, rows.stop, 0, stored(rows)) for rows in bands(height)
@@ -306,7 +306,7 @@ def _write(
     if not (closed and done and is_whole(file)):
         reason = complaint(target) or complaint(oiio) or "the file was cut short"
         reason = reason.replace(str(file), path.name)
-        raise InputError(f"cannot write {path} ({reason[:80]}); make room on the disk")
+        raise FileError(f"cannot write {path} ({reason[:80]}); make room on the disk")
 
 
 def image_description(path: str | os.PathLike[str]) -> str:
@@ -360,13 +360,15 @@ def checked_bits(path: Path, bits: int | None = None) -> int:
     choices = WRITABLE_BITS.get(path.suffix.lower())
     if choices is None:
         kind = path.suffix or "no suffix"
-        raise InputError(f"cannot write {path}: {kind} is not an image format of ours; use {', '.join(WRITABLE_BITS)}")
+        raise SettingsError(
+            f"cannot write {path}: {kind} is not an image format of ours; use {', '.join(WRITABLE_BITS)}"
+        )
     if bits is None:
         return choices[0]
     if bits not in choices:
         allowed = " or ".join(map(str, sorted(choices)))
         held = f"{path.suffix} files hold {allowed} bits a channel, not {bits}"
-        raise InputError(f"cannot write {path}: {held}; change the format or the bits")
+        raise SettingsError(f"cannot write {path}: {held}; change the format or the bits")
     return bits
 
 
@@ -376,7 +378,7 @@ def _open(path: Path) -> Any:
     source = image_input(path, config)
     if source is None:
         reason = complaint(oiio) or "it is a file of another kind"
-        raise InputError(f"{path} cannot be read as an image ({reason}); is it PNG, JPEG, TIFF or EXR, and whole?")
+        raise FormatError(f"{path} cannot be read as an image ({reason}); is it PNG, JPEG, TIFF or EXR, and whole?")
     return source
 
 
@@ -388,7 +390,7 @@ def image_input(path: str | os.PathLike[str], *config: Any) -> Any:
     Raises InputError where the file's name is not valid UTF-8.
     """
     if not is_utf8(path):
-        raise InputError(f"{path} cannot be opened: its name is not valid UTF-8; rename it")
+        raise FileError(f"{path} cannot be opened: its name is not valid UTF-8; rename it")
     try:
         with Path(path).open("rb") as file:
             known = file.read(8).startswith(_SIGNATURES)
@@ -428,7 +430,7 @@ def _layers(source: Any, path: Path) -> dict[str, _Layer]:
             or spec.nchannels > MAX_CHANNELS
             or spec.depth > 1
         ):
-            raise InputError(
+            raise FormatError(
                 f"{path} says it is {spec.width} x {spec.height} with {spec.nchannels} channels, more than this "
                 f"program reads ({MAX_PIXELS // 10**6} megapixels, {MAX_CHANNELS} channels, no volumes)"
             )
@@ -466,8 +468,8 @@ def _choose(layers: dict[str, _Layer], wanted: str | None, path: Path) -> _Layer
         return layers[matches[0]]
     names = ", ".join(sorted(name or "(unnamed)" for name in layers))
     if wanted is not None and not matches:
-        raise InputError(f"{path} has no layer {wanted!r}; it has {names}")
-    raise InputError(f"{path} has several layers; name one of {names}")
+        raise SettingsError(f"{path} has no layer {wanted!r}; it has {names}")
+    raise SettingsError(f"{path} has several layers; name one of {names}")
 
 
 def _read_layer(path: Path, layer: str | None) -> tuple[NDArray[Any], dict[str, int], Any]:
@@ -490,7 +492,7 @@ def _read_layer(path: Path, layer: str | None) -> tuple[NDArray[Any], dict[str, 
     finally:
         source.close()
     if values is None or reason:
-        raise InputError(f"{path} is damaged or cut short ({reason or 'no pixels'}); copy or export it again")
+        raise FormatError(f"{path} is damaged or cut short ({reason or 'no pixels'}); copy or export it again")
     values = np.asarray(values).reshape(spec.height, spec.width, last + 1 - first)
     if _is_float(spec):
         for rows in bands(len(values)):

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FormatError, InputError
 
 
 @contextmanager
@@ -28,4 +28,4 @@ def read_scene(path: Path) -> Iterator[Any]:
     except InputError:
         raise
     except Exception as error:  # noqa: BLE001  # of damaged files trimesh raises whatever comes
-        raise InputError(f"it cannot be read ({type(error).__name__}: {error}); export it again") from None
+        raise FormatError(f"it cannot be read ({type(error).__name__}: {error}); export it again") from None

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FormatError
 
 # What NumPy and zipfile raise for files that are damaged in one way or another; encrypted ones are a RuntimeError.
 _UNREADABLE = (
@@ -39,13 +39,14 @@ def read_arrays(path: Path, most: int) -> dict[str, NDArray[Any]]:
         if size <= most:
             with np.load(path, allow_pickle=False) as data:
                 arrays = {name: data[name] for name in data.files}
-            return {name: _plain(name, array) for name, array in arrays.items() if isinstance(array, np.ndarray)}
     except _UNREADABLE as error:
-        raise InputError(f"it cannot be read ({error}); export it again") from None
-    raise InputError(f"it unpacks to {size / (1 << 20):.0f} MiB, and may to {most >> 20}; reduce it first")
+        raise FormatError(f"it cannot be read ({error}); export it again") from None
+    if size > most:
+        raise FormatError(f"it unpacks to {size / (1 << 20):.0f} MiB, and may to {most >> 20}; reduce it first")
+    return {name: _plain(name, array) for name, array in arrays.items() if isinstance(array, np.ndarray)}
 
 
 def _plain(name: str, array: NDArray[Any]) -> NDArray[Any]:
     if array.dtype.kind not in "biufU":
-        raise InputError(f'its "{name}" holds neither numbers nor texts; export it again')
+        raise FormatError(f'its "{name}" holds neither numbers nor texts; export it again')
     return array

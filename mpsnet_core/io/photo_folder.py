@@ -4,7 +4,7 @@ import os
 from collections.abc import Collection
 from pathlib import Path
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError
 from mpsnet_core.io.files import PHOTO_SUFFIXES, RAW_SUFFIXES
 
 
@@ -17,7 +17,7 @@ class PhotoFolder:
     def __init__(self, path: str | os.PathLike[str], what: str = "photos") -> None:
         self.path = Path(path)
         if not self.path.is_dir():
-            raise InputError(f"{path} is not a folder; name the folder of the {what}")
+            raise FileError(f"{path} is not a folder; name the folder of the {what}")
         self._listed: dict[Path, dict[str, list[Path]]] = {}
 
     def find(
@@ -40,7 +40,7 @@ class PhotoFolder:
             return raw[0] if len(raw) == 1 else None
         if len(found) > 1:
             names = ", ".join(file.name for file in found)
-            raise InputError(f"{who} may be any of {names} in {folder}; keep one of them")
+            raise FileError(f"{who} may be any of {names} in {folder}; keep one of them")
         return found[0] if found else None
 
 

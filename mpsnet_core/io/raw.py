@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import dilated
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, FormatError, InputError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.image import MAX_PIXELS, SATURATED_SHARE, Image, libraries_silent
 
@@ -48,24 +48,24 @@ def read_raw(path: Path) -> Image:
     except (rawpy.LibRawError, rawpy.NotSupportedError, NotImplementedError) as error:
         told = error.args[0] if error.args else ""
         reason = told.decode("ascii", "replace") if isinstance(told, bytes) else str(told)
-        raise InputError(
+        raise FormatError(
             f"{path} cannot be read as camera raw ({reason}); if it is whole, convert it to a linear TIFF"
         ) from None
     except UnicodeError:
-        raise InputError(f"{path} cannot be opened: its name is not valid UTF-8; rename it") from None
+        raise FileError(f"{path} cannot be opened: its name is not valid UTF-8; rename it") from None
 
 
 def _check(raw: Any, path: Path) -> None:
     """Refuse by the header, before any memory is asked for."""
     sizes = raw.sizes
     if max(sizes.raw_width * sizes.raw_height, sizes.width * sizes.height) > MAX_PIXELS:
-        raise InputError(
+        raise FormatError(
             f"{path} says it is {sizes.raw_width} x {sizes.raw_height}, more than this program reads "
             f"({MAX_PIXELS // 10**6} megapixels)"
         )
     if raw.num_colors != 3 or set(raw.color_desc.rstrip(b"\0")) != set(b"RGB"):
         colours = raw.color_desc.rstrip(b"\0").decode("ascii", "replace")[: max(raw.num_colors, 1)]
-        raise InputError(
+        raise FormatError(
             f"{path} is from a sensor that sees {raw.num_colors} colour(s) ({colours}) where red, green and blue are "
             "needed; take the photo with another camera"
         )
@@ -86,7 +86,7 @@ def _developed(raw: Any, rawpy: Any, path: Path) -> Image:
     )
     clipped = _clipped(raw)
     if counted.shape != clipped.shape:
-        raise InputError(
+        raise FormatError(
             f"{path} is from a sensor whose pixels are not square or stand in slanted rows, which this program does "
             "not read; convert it to a linear TIFF"
         )
@@ -104,8 +104,10 @@ def _clipped(raw: Any) -> NDArray[np.bool_]:
     white = np.minimum(raw.white_level, raw.camera_white_level_per_channel or raw.white_level)
     white = np.where(white > black, white, raw.white_level)
     ends = black + SATURATED_SHARE * (white - black)
+    clipped: NDArray[np.bool_]
     if sites.ndim == 3:  # every pixel has all three
-        return sites[..., :3] >= ends[:3]
+        clipped = sites[..., :3] >= ends[:3]
+        return clipped
     colours = raw.raw_colors_visible
     clipped = np.zeros((*sites.shape, 3), bool)
     at_end = sites >= ends.astype(sites.dtype)[colours]

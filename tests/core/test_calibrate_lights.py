@@ -9,6 +9,7 @@ import pytest
 from mirror_ball import CROSSTALK, Scene, around, developed, lamps_around, photograph, taken
 from synthetic import degrees_between
 
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.calibrate.ball import (
     Circle,
     ball_from_circle,
@@ -24,7 +25,6 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.images import read_image, read_mask
 from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.normal_map import normalised
 from mpsnet_core.scene.rig import read_rig
 
 FAR = 1e6

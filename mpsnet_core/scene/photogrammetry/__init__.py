@@ -7,7 +7,7 @@ camera as the photo's EXIF orientation turns the photo, and :func:`undistorted` 
 import os
 from pathlib import Path
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FormatError
 from mpsnet_core.scene.photogrammetry.alicevision import read_alicevision
 from mpsnet_core.scene.photogrammetry.colmap import read_colmap
 from mpsnet_core.scene.photogrammetry.lens import Lens, photo_points, undistorted, undistorted_mask
@@ -49,11 +49,11 @@ def read_cameras(path: str | os.PathLike[str]) -> list[PosedPhoto]:
     path = Path(path)
     reader = read_colmap if path.is_dir() else _READERS.get(path.suffix.lower())
     if reader is None:
-        raise InputError(
+        raise FormatError(
             f"{path} is no file of cameras that is read here: name a COLMAP folder, a Metashape .xml "
             "(File > Export > Export Cameras) or Meshroom's cameras.sfm"
         )
     photos = sorted(reader(path), key=lambda posed: posed.photo)
     if not photos:
-        raise InputError(f"{path} holds no photo with a pose; align the photos and export the cameras again")
+        raise FormatError(f"{path} holds no photo with a pose; align the photos and export the cameras again")
     return photos

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.camera import Camera
 
 # Rows at a time: each pixel of them takes some 200 bytes on the way. More are no faster.
@@ -45,7 +45,7 @@ class Lens:
 
     def __post_init__(self) -> None:
         if not np.isfinite([*self.radial, *self.divisor, *self.tangential, *chain(*self.affinity)]).all():
-            raise InputError("the lens has a coefficient that is not finite; calibrate it again")
+            raise GeometryError("the lens has a coefficient that is not finite; calibrate it again")
 
     @property
     def is_identity(self) -> bool:
@@ -80,7 +80,7 @@ def photo_points(points: ArrayLike, camera: Camera, lens: Lens) -> NDArray[np.fl
     return lens.distorted(plane) * camera.focal + camera.centre
 
 
-def undistorted(image: NDArray[np.floating], camera: Camera, lens: Lens) -> NDArray[np.float32]:
+def undistorted(image: NDArray[np.floating[Any]], camera: Camera, lens: Lens) -> NDArray[np.float32]:
     """A photo as the pinhole camera would have taken it, by bilinear interpolation.
 
     image: (H, W) or (H, W, C) as the lens showed it, linear; the camera's size. Gives the same shape; what the photo
@@ -138,7 +138,8 @@ class _Source:
 
     def read(self, photo: NDArray[np.float32]) -> NDArray[np.float32]:
         pixels = photo.reshape(-1, photo.shape[2])
-        upper, upper_right, lower, lower_right = (pixels[corner] for corner in self.corners)
+        corners: list[NDArray[np.float32]] = [pixels[corner] for corner in self.corners]
+        upper, upper_right, lower, lower_right = corners
         across = self.across[..., None]
         upper += (upper_right - upper) * across
         lower += (lower_right - lower) * across
@@ -148,10 +149,12 @@ class _Source:
 
     def all(self, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
         pixels = mask.ravel()
-        upper, upper_right, lower, lower_right = (pixels[corner] for corner in self.corners)
+        corners: list[NDArray[np.bool_]] = [pixels[corner] for corner in self.corners]
+        upper, upper_right, lower, lower_right = corners
         upper &= upper_right | (self.across == 0)
         lower &= lower_right | (self.across == 0)
-        return upper & (lower | (self.down == 0)) & self.inside
+        upper &= lower | (self.down == 0)
+        return upper & self.inside
 
 
 def _sources(camera: Camera, lens: Lens) -> Iterator[tuple[slice, _Source]]:
@@ -161,11 +164,11 @@ def _sources(camera: Camera, lens: Lens) -> Iterator[tuple[slice, _Source]]:
     reach = lens.reach(float(np.linalg.norm(corners, axis=1).max()))
     for top in range(0, shape[0], ROWS):
         rows = slice(top, min(top + ROWS, shape[0]))
-        plane = np.stack(np.meshgrid(np.arange(shape[1]) + 0.5, np.arange(shape[0])[rows] + 0.5), axis=-1)
-        plane = (plane - camera.centre) / camera.focal
+        pixels = np.stack(np.meshgrid(np.arange(shape[1]) + 0.5, np.arange(shape[0])[rows] + 0.5), axis=-1)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # where a divisor is zero
-            points = lens.distorted(plane) * camera.focal + camera.centre
-        inside = ((points >= 0) & (points <= size)).all(axis=-1) & ((plane**2).sum(axis=-1) <= reach**2)
+            points = photo_points(pixels, camera, lens)
+        square = (((pixels - camera.centre) / camera.focal) ** 2).sum(axis=-1)
+        inside = ((points >= 0) & (points <= size)).all(axis=-1) & (square <= reach**2)
         yield rows, _Source(points, inside, shape)
 
 
@@ -180,7 +183,7 @@ def _polynomial(coefficients: tuple[float, ...], square: NDArray[np.float64]) ->
 def _check_size(image: NDArray[Any], camera: Camera) -> None:
     if image.ndim not in (2, 3) or image.shape[:2] != (camera.height, camera.width):
         found = " x ".join(map(str, image.shape[1::-1]))
-        raise InputError(
+        raise GeometryError(
             f"the photo is {found} but its camera {camera.width} x {camera.height}; give the photo as photogrammetry "
             "had it, neither scaled, cropped nor turned"
         )

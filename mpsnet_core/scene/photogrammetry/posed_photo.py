@@ -1,15 +1,13 @@
 """PosedPhoto: what photogrammetry knows of a photo, in the house's own conventions; the photo's file."""
 
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path, PureWindowsPath
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.files import PHOTO_SUFFIXES
 from mpsnet_core.io.images import read_orientation
 from mpsnet_core.io.photo_folder import PhotoFolder
@@ -47,15 +45,6 @@ class PosedPhoto:
     lens: Lens
 
 
-@contextmanager
-def said_of(where: object) -> Iterator[None]:
-    """What is wrong in here is wrong at `where`, a file or a place in it, and says so."""
-    try:
-        yield
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from None
-
-
 def rotation(values: ArrayLike, what: str) -> NDArray[np.float64]:
     """The rotation nearest to `values`, nine numbers row by row; `what` is it the rotation of.
 
@@ -64,11 +53,12 @@ def rotation(values: ArrayLike, what: str) -> NDArray[np.float64]:
     matrix = np.asarray(values, np.float64).reshape(3, 3)
     # The first bound keeps the product finite; it says no to nan as well.
     if not (np.abs(matrix) < 2).all() or np.abs(matrix @ matrix.T - np.eye(3)).max() > ROTATION_TOLERANCE:
-        raise InputError(f"the rotation of {what} is not one; export the cameras again")
+        raise GeometryError(f"the rotation of {what} is not one; export the cameras again")
     left, _, right = np.linalg.svd(matrix)
     if np.linalg.det(left @ right) < 0:
-        raise InputError(f"the rotation of {what} is a mirroring; export the cameras again, without mirrored axes")
-    return left @ right
+        raise GeometryError(f"the rotation of {what} is a mirroring; export the cameras again, without mirrored axes")
+    nearest: NDArray[np.float64] = left @ right
+    return nearest
 
 
 def photogrammetry_camera(
@@ -125,7 +115,7 @@ def as_displayed(posed: PosedPhoto, file: str | os.PathLike[str]) -> PosedPhoto:
     """
     orientation = read_orientation(file)
     if orientation not in _TURNS:
-        raise InputError(f"{file} is stored mirrored (EXIF orientation {orientation}); save it again as it is shown")
+        raise GeometryError(f"{file} is stored mirrored (EXIF orientation {orientation}); save it again as it is shown")
     return turned(posed, orientation)
 
 
