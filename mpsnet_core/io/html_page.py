@@ -19,7 +19,7 @@ h2{{font-size:16px;margin:1.5em 0 .3em}}img{{max-width:100%}}svg{{display:block;
 
 
 def page_path(path: str | os.PathLike[str]) -> Path:
-    """`path` as a Path, or InputError where no page can be put there; asked before long work starts."""
+    """`path` as a Path, for checks before long work. Raises FileError, or SettingsError for another suffix."""
     path = writable_path(path)
     if path.suffix.lower() not in (".html", ".htm"):
         raise SettingsError(f"cannot write {path}: reports are written as .html; change the suffix")

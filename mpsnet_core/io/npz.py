@@ -1,4 +1,4 @@
-"""Arrays from ``.npz`` files of whatever origin."""
+"""Arrays from untrusted ``.npz`` files."""
 
 import tokenize
 import zipfile
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.errors import FormatError
 
-# What NumPy and zipfile raise for files that are damaged in one way or another; encrypted ones are a RuntimeError.
+# Raised by NumPy and zipfile for damaged files; RuntimeError for encrypted ones.
 _UNREADABLE = (
     EOFError,
     LookupError,
@@ -29,9 +29,9 @@ _UNREADABLE = (
 
 
 def read_arrays(path: Path, most: int) -> dict[str, NDArray[Any]]:
-    """All arrays of an ``.npz`` file by their names. most: bytes that it may unpack to.
+    """All arrays of an ``.npz`` file by their names. most: limit of the unpacked size in bytes.
 
-    Raises InputError, which does not name the file, where it is damaged, larger, or holds anything but arrays.
+    Raises FormatError, without the file's name, where it is damaged, larger, or has arrays of objects.
     """
     try:
         with zipfile.ZipFile(path) as archive:

@@ -293,7 +293,7 @@ def test_clipping_that_the_photo_tells_by_itself() -> None:
     image = photograph(scene, brightness=2.0)
     gains = np.array([1.9, 1.0, 1.4], np.float32)
     ball = find_balls(image, distant_camera(*scene.size))[0]
-    told = Image(image * gains, None, np.inf, "raw", clipped=image >= 1)
+    told = Image(image * gains, None, np.inf, clipped=image >= 1)
     found = find_lights([Sighting(ball, find_coloured_highlights(told, ball))])
     assert degrees_between(found.directions, FACING).max() < 0.7
     assert all(spot.clipped for spot in found.sightings[0].highlights)

@@ -35,8 +35,9 @@ def read_alicevision(path: str | os.PathLike[str]) -> list[PosedPhoto]:
     The world is that of the meshes that the same version writes: since file version 1.2.3 they have y and z the other
     way round than the poses have, and so the cameras are turned with them.
 
-    Raises InputError where the file is missing, broken, no scene, or larger than 256 MiB, or a photo was taken by
-    something else than a camera of type pinhole, radial1, radial3 or brown, or by one of several mounted together.
+    Raises FileError where the file is missing; FormatError where it is damaged, no scene, or larger than 256 MiB, or a
+    camera is not of type pinhole, radial1, radial3 or brown, or is one of a rig of several; GeometryError where a pose
+    is not rigid.
     """
     file = existing_file(path, "scene")
     with located(file):
@@ -76,13 +77,13 @@ def read_alicevision(path: str | os.PathLike[str]) -> list[PosedPhoto]:
 
 def _posed(name: str, intrinsic: dict[str, Any], pose: dict[str, Any], version: Version) -> PosedPhoto:
     transform = _part(_part(pose, "pose"), "transform")
-    # Column by column world to camera, which read row by row is camera to world.
+    # Stored column by column from world to camera, which row by row is camera to world.
     turn = rotation(_numbers(transform, "rotation", 9), "its pose")
     position = _numbers(transform, "center", 3)
     if version >= (1, 2, 3):
         turn, position = FLIP_YZ @ turn, FLIP_YZ @ position
     width, height = (_number(intrinsic, side) for side in ("width", "height"))
-    # AliceVision counts from the middle of the first pixel, we from its corner.
+    # AliceVision's origin is the middle of the first pixel, ours its corner.
     centre = _numbers(intrinsic, "principalPoint", 2) + 0.5
     if version >= (1, 2, 1):
         centre += np.array([width, height]) / 2

@@ -22,7 +22,7 @@ from mpsnet_core.scene.photogrammetry.posed_photo import PosedPhoto, photogramme
 
 log = logging.getLogger(__name__)
 
-# What a camera model's parameters are, in the file's order. p1 and p2 are OpenCV's.
+# Parameters of the camera models, in the file's order. p1 and p2 are OpenCV's.
 _PARAMETERS = {
     "SIMPLE_PINHOLE": ("f", "cx", "cy"),
     "PINHOLE": ("fx", "fy", "cx", "cy"),
@@ -73,13 +73,14 @@ class _Intrinsics:
 def read_colmap(path: str | os.PathLike[str]) -> list[PosedPhoto]:
     """The posed photos of a COLMAP sparse model.
 
-    path: its folder, a project's folder (the model in sparse/0 is taken), or one of the files cameras.bin, images.bin,
-        cameras.txt and images.txt. Where a folder has both kinds the binary ones are taken, as COLMAP does.
+    path: its folder, a project's folder (for the model in sparse/0), or one of the files cameras.bin, images.bin,
+        cameras.txt and images.txt. Where a folder has both kinds the binary ones are read, as COLMAP does.
 
     World axes and scale are the model's, as in the meshes that COLMAP makes of it.
 
-    Raises InputError where files are missing, broken or larger than 1 GiB, or a camera is none of the models
-    SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and FULL_OPENCV.
+    Raises FileError where files are missing; FormatError where they are damaged or larger than 1 GiB, or a camera is
+    none of the models SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and FULL_OPENCV; GeometryError where a
+    value cannot be a camera's.
     """
     cameras, images = _model_files(Path(path))
     for file in (cameras, images):
@@ -110,7 +111,7 @@ def _model_files(path: Path) -> tuple[Path, Path]:
             cameras = path / place / f"cameras{suffix}"
             if cameras.is_file():
                 if place == "sparse/0" and (path / "sparse" / "1").is_dir():
-                    log.info("%s holds several models; the first, 0, is taken", path / "sparse")
+                    log.info("%s holds several models; the first, 0, is read", path / "sparse")
                 return cameras, cameras.with_name(f"images{suffix}")
     raise FileError(f"folder {path} holds no COLMAP model (cameras.bin or cameras.txt, also in sparse/0); choose it")
 
@@ -203,7 +204,7 @@ def _text_images(source: TextIO, cameras: dict[int, _Intrinsics]) -> list[PosedP
 
 
 def _check_points(words: list[str]) -> None:
-    """Raises InputError where a line is not X, Y, POINT3D_ID of any number of points: it may be the next photo's."""
+    """Raises FormatError where a line is not X, Y, POINT3D_ID of any number of points: it may be the next photo's."""
     try:
         whole = len(words) % 3 == 0 and all(math.isfinite(float(word)) for word in words[-3:])
     except ValueError:
@@ -222,7 +223,7 @@ def _lines(source: TextIO) -> Iterator[tuple[int, str]]:
 
 
 class _Binary:
-    """A little-endian file whose counts are held against what is left of it."""
+    """A little-endian file whose counts are checked against the bytes that are left."""
 
     def __init__(self, source: BinaryIO) -> None:
         self._source, self._left = source, os.fstat(source.fileno()).st_size

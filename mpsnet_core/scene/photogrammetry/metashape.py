@@ -44,10 +44,10 @@ def read_metashape(path: str | os.PathLike[str]) -> list[PosedPhoto]:
     """The posed photos of a Metashape XML file; photos that are disabled or not aligned are left out.
 
     The world is that of the chunk's own meshes: the transform of the chunk, or of a camera's component, is applied. Its
-    scale moves the cameras, and leaves them the rigid poses that they are.
+    scale moves the cameras; their poses stay rigid.
 
-    Raises InputError where the file is missing, broken, larger than 64 MiB or holds a document type, where a chunk is
-    not the only one, or a photo was not taken by a frame camera.
+    Raises FileError where the file is missing; FormatError where it is damaged, larger than 64 MiB, has a document type
+    or several chunks, or a camera is not a frame camera; GeometryError where a pose is not rigid.
     """
     file = existing_file(path, "camera file")
     if file.stat().st_size > MAX_FILE_BYTES:
