@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-# Checked before any memory is asked for: a broken or hostile header can claim any size.
+# Checked before any memory is allocated: a broken or hostile header can claim any size.
 MAX_PIXELS = 400_000_000
 
 # Above so many pixels photos and normals are held as half floats, within 0.05%, so that 100 megapixels take 2 GB.

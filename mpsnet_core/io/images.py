@@ -1,10 +1,10 @@
 """Image files, read and written by OpenImageIO: nothing else opens them."""
 
-import contextlib
 import logging
 import os
 import tempfile
 from collections.abc import Callable
+from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, TypeVar
@@ -54,12 +54,8 @@ class _Layer:
 def image_layers(path: str | os.PathLike[str]) -> list[str]:
     """Names of the layers in a file, "" for channels without a layer's name. Parts of multi-part EXRs count too."""
     path = existing_file(path, "image")
-    source = _open(path)
-    try:
-        with libraries_silent():
-            return list(_layers(source, path))
-    finally:
-        source.close()
+    with closing(_open(path)) as source, libraries_silent():
+        return list(_layers(source, path))
 
 
 def layer_in(path: str | os.PathLike[str], layer: str | None) -> str | None:
@@ -229,11 +225,8 @@ def read_orientation(path: str | os.PathLike[str]) -> int:
     path = existing_file(path, "image")
     if path.suffix.lower() in RAW_SUFFIXES:
         return 1
-    source = _open(path)
-    try:
+    with closing(_open(path)) as source:
         return _orientation(source.spec())
-    finally:
-        source.close()
 
 
 def write_image(
@@ -372,10 +365,8 @@ def image_description(path: str | os.PathLike[str]) -> str:
     if source is None:
         complaint(oiio)
         return ""
-    try:
+    with closing(source):
         return image_attribute(source.spec(), "ImageDescription", str) or ""
-    finally:
-        source.close()
 
 
 def is_whole(path: str | os.PathLike[str]) -> bool:
@@ -385,7 +376,7 @@ def is_whole(path: str | os.PathLike[str]) -> bool:
     """
     path = Path(path)
     if path.suffix.lower() == ".png":
-        with contextlib.suppress(OSError), path.open("rb") as file:
+        with suppress(OSError), path.open("rb") as file:
             file.seek(-8, os.SEEK_END)
             return file.read(4) == b"IEND"
         return False
@@ -394,14 +385,12 @@ def is_whole(path: str | os.PathLike[str]) -> bool:
         if source is None:
             complaint(oiio)
             return False
-        try:
+        with closing(source):
             spec = source.spec()
             strip = max(image_attribute(spec, "tiff:RowsPerStrip", int) or 1, 1)  # strips are decoded whole
             first = (spec.height - 1) // strip * strip
             last = source.read_scanlines(first, spec.height, 0, 0, spec.nchannels, spec.format)
             return last is not None and not complaint(source)
-        finally:
-            source.close()
 
 
 def checked_bits(path: Path, bits: int | None = None) -> int:
@@ -483,7 +472,7 @@ def _layers(source: Any, path: Path) -> dict[str, _Layer]:
             or spec.depth > 1
         ):
             raise FormatError(
-                f"{path} says it is {spec.width} x {spec.height} with {spec.nchannels} channels, more than this "
+                f"{path} claims to be {spec.width} x {spec.height} with {spec.nchannels} channels, more than this "
                 f"program reads ({MAX_PIXELS // 10**6} megapixels, {MAX_CHANNELS} channels, no volumes)"
             )
         part = image_attribute(spec, "oiio:subimagename", str) or ""
@@ -530,19 +519,14 @@ def _read_layer(path: Path, layer: str | None) -> tuple[NDArray[Any], dict[str, 
     Integers of 8 and 16 bits stay integers (see :func:`_as_float`), all else is float32.
     """
     path = existing_file(path, "image")
-    source = _open(path)
-    try:
-        with libraries_silent():
-            chosen = _choose(_layers(source, path), layer, path)
+    with closing(_open(path)) as source, libraries_silent():
+        chosen = _choose(_layers(source, path), layer, path)
         source.seek_subimage(chosen.subimage, 0)
         spec = source.spec()
         first, last = min(chosen.channels.values()), max(chosen.channels.values())
-        with libraries_silent():
-            kind = spec.format.basetype if spec.format.basetype in (oiio.UINT8, oiio.UINT16) else oiio.FLOAT
-            values = source.read_image(chosen.subimage, 0, first, last + 1, kind)
+        kind = spec.format.basetype if spec.format.basetype in (oiio.UINT8, oiio.UINT16) else oiio.FLOAT
+        values = source.read_image(chosen.subimage, 0, first, last + 1, kind)
         reason = complaint(source)
-    finally:
-        source.close()
     if values is None or reason:
         raise FormatError(f"{path} is damaged or cut short ({reason or 'no pixels'}); copy or export it again")
     values = np.asarray(values).reshape(spec.height, spec.width, last + 1 - first)

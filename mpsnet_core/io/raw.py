@@ -55,7 +55,7 @@ def _check(raw: Any, path: Path) -> None:
     sizes = raw.sizes
     if max(sizes.raw_width * sizes.raw_height, sizes.width * sizes.height) > MAX_PIXELS:
         raise FormatError(
-            f"{path} says it is {sizes.raw_width} x {sizes.raw_height}, more than this program reads "
+            f"{path} claims to be {sizes.raw_width} x {sizes.raw_height}, more than this program reads "
             f"({MAX_PIXELS // 10**6} megapixels)"
         )
     if raw.num_colors != 3 or set(raw.color_desc.rstrip(b"\0")) != set(b"RGB"):

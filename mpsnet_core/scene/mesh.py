@@ -318,7 +318,7 @@ def _material_name(part: Any) -> str:
 
 
 def _placed(part: Any, pose: NDArray[np.float64], shape_only: bool) -> tuple[NDArray[Any], ...]:
-    """Vertices, triangles, normals (NaN where the file has none) and UVs of one of trimesh's meshes where it stands."""
+    """Vertices, triangles, normals (NaN where the file has none) and UVs of one of trimesh's meshes in the scene."""
     faces = np.asarray(getattr(part, "faces", np.empty((0, 3))), np.int32)
     vertices = np.asarray(part.vertices, np.float64)
     _check_numbers(faces, len(vertices))

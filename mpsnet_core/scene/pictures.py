@@ -16,6 +16,7 @@ TITLE_HEIGHT = 30
 GAP = 10
 OUTLINE_COLOUR = (1.0, 0.55, 0.1)
 LEGEND_STEP = 150
+SCALE_WIDTH = 90
 
 
 def photo_picture(image: NDArray[np.float32], mask: NDArray[np.bool_] | None = None) -> NDArray[np.float32]:
@@ -44,16 +45,16 @@ def error_picture(error: NDArray[np.float64], mask: NDArray[np.bool_], highest: 
     return np.where(mask[..., None], _inferno(np.clip(error / highest, 0, 1)), np.float32(BACKGROUND))
 
 
-def colour_scale(highest: float, height: int, width: int = 90) -> NDArray[np.float32]:
-    """(height, width, 3) the colour bar of :func:`error_picture`, labelled in degrees."""
-    bar = _inferno(np.repeat(np.linspace(1, 0, height)[:, None], width // 3, axis=1))
-    canvas = np.full((height, width, 3), BACKGROUND, np.float32)
-    canvas[:, : width // 3] = bar
+def colour_scale(highest: float, height: int) -> NDArray[np.float32]:
+    """(height, SCALE_WIDTH, 3) the colour bar of :func:`error_picture`, labelled in degrees."""
+    bar = SCALE_WIDTH // 3
+    canvas = np.full((height, SCALE_WIDTH, 3), BACKGROUND, np.float32)
+    canvas[:, :bar] = _inferno(np.repeat(np.linspace(1, 0, height)[:, None], bar, axis=1))
     steps = 5
     for step in range(steps + 1):
         y = round((1 - step / steps) * (height - 1))
         label = f"{highest * step / steps:.3g}°"
-        _write(canvas, label, width // 3 + 6, min(max(y + 6, 14), height - 4), 15)
+        _write(canvas, label, bar + 6, min(max(y + 6, 14), height - 4), 15)
     return canvas
 
 

@@ -277,34 +277,38 @@ def read_rig(path: str | os.PathLike[str]) -> LightRig:
         directions = read_lp(path)[1]
         with located(f"rig file {path}"):
             return _lp_rig(directions, path.name)
+    data, near = read_rig_data(path)
+    with located(f"rig file {path}"):
+        named, mixing = list(zip(data["lights"], LIGHT_NAMES, strict=True)), data.get("mixing", np.eye(3))
+        if near:
+            positions = [_json_position(light, name) for light, name in named]
+            return near_rig(positions, data["target"], mixing, data.get("lobe", 0.0))
+        return LightRig(np.array([_json_direction(light, name) for light, name in named]), mixing)
+
+
+def read_rig_data(path: str | os.PathLike[str]) -> tuple[dict[str, Any], bool]:
+    """The JSON of a rig file with three "lights", and whether they are near: these have a "target".
+
+    Raises FileError where the file is missing, FormatError where it is malformed.
+    """
     data = read_json(path, RIG_FORMAT, RIG_VERSION, ("lights", "mixing", "target", "lobe"))
     with located(f"rig file {path}"):
-        return _json_rig(data)
+        lights = data.get("lights")
+        if not isinstance(lights, list) or len(lights) != 3:
+            raise FormatError('"lights" must be a list of three lights')
+        near = any(isinstance(light, dict) and "position" in light for light in lights)
+        if near and "target" not in data:
+            raise FormatError('lights with a position need a "target" [x, y, z], the point that they face; add it')
+        for key in ("target", "lobe"):
+            if key in data and not near:
+                raise FormatError(f'"{key}" is for lights with a "position" each; leave it out')
+    return data, near
 
 
-def _json_rig(data: dict[str, Any]) -> LightRig:
-    lights = data.get("lights")
-    if not isinstance(lights, list) or len(lights) != 3:
-        raise FormatError('"lights" must be a list of three lights')
-    mixing = data.get("mixing", np.eye(3))
-    if any(isinstance(light, dict) and "position" in light for light in lights):
-        return _json_near_rig(data, lights, mixing)
-    for key in ("target", "lobe"):
-        if key in data:
-            raise FormatError(f'"{key}" is for lights with a "position" each; leave it out')
-    directions = [_json_direction(light, name) for light, name in zip(lights, LIGHT_NAMES, strict=True)]
-    return LightRig(np.array(directions), mixing)
-
-
-def _json_near_rig(data: dict[str, Any], lights: list[Any], mixing: ArrayLike) -> LightRig:
-    positions = []
-    for light, name in zip(lights, LIGHT_NAMES, strict=True):
-        if not isinstance(light, dict) or set(light) != {"position"}:
-            raise FormatError(f'the {name} light needs a "position" [x, y, z] and nothing else, as the others have one')
-        positions.append(_three(light["position"], f"the {name} light's position"))
-    if "target" not in data:
-        raise FormatError('lights with a position need a "target" [x, y, z], the point that they are turned to; add it')
-    return near_rig(positions, data["target"], mixing, data.get("lobe", 0.0))
+def _json_position(light: Any, name: str) -> NDArray[np.float64]:
+    if not isinstance(light, dict) or set(light) != {"position"}:
+        raise FormatError(f'the {name} light needs a "position" [x, y, z] and nothing else, as the others have one')
+    return _three(light["position"], f"the {name} light's position")
 
 
 def _json_direction(light: Any, name: str) -> NDArray[np.float64]:
@@ -339,7 +343,7 @@ def read_lp(path: str | os.PathLike[str]) -> tuple[list[str], NDArray[np.float64
                 'not an .lp file: the first line is the count, then a line "name x y z" a light'
             ) from None
         if len(directions) != count:
-            raise FormatError(f"the first line says {count} lights but {len(lines) - 1} lines follow; mend the count")
+            raise FormatError(f"the first line states {count} lights but {len(lines) - 1} lines follow; mend the count")
     return [" ".join(words[:-3]) for words in lines[1:]], directions
 
 
@@ -360,11 +364,17 @@ def write_rig(path: str | os.PathLike[str], rig: LightRig) -> None:
     FileError
         If the file cannot be written.
     """
-    data: dict[str, Any] = {"format": RIG_FORMAT, "version": RIG_VERSION}
-    if rig.near is not None:
-        data["lights"] = [{"position": position.tolist()} for position in rig.near.positions]
-        data |= {"target": rig.near.target.tolist(), "lobe": rig.near.lobe}
-    else:
-        angles = zip(rig.slants, rig.tilts, strict=True)
-        data["lights"] = [{"slant": float(slant), "tilt": float(tilt)} for slant, tilt in angles]
-    write_json(path, {**data, "mixing": rig.mixing.tolist()})
+    angles = zip(rig.slants, rig.tilts, strict=True)
+    distant = [{"slant": float(slant), "tilt": float(tilt)} for slant, tilt in angles]
+    write_rig_data(path, distant, rig.near, rig.mixing)
+
+
+def write_rig_data(
+    path: str | os.PathLike[str], distant: list[dict[str, Any]], near: NearLights | None, mixing: NDArray[np.float64]
+) -> None:
+    """Write a JSON rig file, whole or not at all, with the lights `near`, or `distant` if that is None."""
+    data: dict[str, Any] = {"format": RIG_FORMAT, "version": RIG_VERSION, "lights": distant}
+    if near is not None:
+        data["lights"] = [{"position": position.tolist()} for position in near.positions]
+        data |= {"target": near.target.tolist(), "lobe": near.lobe}
+    write_json(path, {**data, "mixing": np.asarray(mixing).tolist()})

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import FormatError, GeometryError
-from mpsnet_core.io.files import located, read_json, write_json
+from mpsnet_core.io.files import located
 from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.rig import LIGHT_NAMES, RIG_FORMAT, RIG_VERSION, LightRig, NearLights, near_rig
+from mpsnet_core.scene.rig import LIGHT_NAMES, LightRig, NearLights, near_rig, read_rig_data, write_rig_data
 
 
 @dataclass(frozen=True)
@@ -73,33 +73,20 @@ def read_world_lights(path: str | os.PathLike[str]) -> WorldLights:
         raise FormatError(
             f"{path}: an .lp file's lights stand before the camera; for lights in the world give a rig .json"
         )
-    data = read_json(path, RIG_FORMAT, RIG_VERSION, ("lights", "mixing", "target", "lobe"))
-    lights, mixing = data.get("lights"), data.get("mixing", np.eye(3))
+    data, is_near = read_rig_data(path)
     with located(f"rig file {path}"):
-        if not isinstance(lights, list) or len(lights) != 3:
-            raise FormatError('"lights" must be a list of three lights')
-        key = "position" if any(isinstance(light, dict) and "position" in light for light in lights) else "direction"
-        given = np.array([_three(light, key, name) for light, name in zip(lights, LIGHT_NAMES, strict=True)])
-        if key == "direction":
-            for other in ("target", "lobe"):
-                if other in data:
-                    raise FormatError(f'"{other}" is for lights with a "position" each; leave it out')
-            return WorldLights(given, mixing)
-        if "target" not in data:
-            raise FormatError('lights with a position need a "target" [x, y, z], the point that they are turned to')
-        near = NearLights(given, data["target"], data.get("lobe", 0.0))
+        key, mixing = "position" if is_near else "direction", data.get("mixing", np.eye(3))
+        lights = np.array([_three(light, key, name) for light, name in zip(data["lights"], LIGHT_NAMES, strict=True)])
+        if not is_near:
+            return WorldLights(lights, mixing)
+        near = NearLights(lights, data["target"], data.get("lobe", 0.0))
         return WorldLights(near.positions - near.target, mixing, near)
 
 
 def write_world_lights(path: str | os.PathLike[str], lights: WorldLights) -> None:
     """Write a rig file with lights in the world, whole or not at all."""
-    data: dict[str, Any] = {"format": RIG_FORMAT, "version": RIG_VERSION, "mixing": np.asarray(lights.mixing).tolist()}
-    if lights.near is None:
-        data["lights"] = [{"direction": direction.tolist()} for direction in lights.directions]
-    else:
-        data["lights"] = [{"position": position.tolist()} for position in lights.near.positions]
-        data |= {"target": lights.near.target.tolist(), "lobe": lights.near.lobe}
-    write_json(path, data)
+    distant = [{"direction": direction.tolist()} for direction in lights.directions]
+    write_rig_data(path, distant, lights.near, lights.mixing)
 
 
 def _three(light: Any, key: str, name: str) -> list[float]:

@@ -611,7 +611,7 @@ IMAGES: list[Case] = [
     (
         "more pixels than the limit",
         lambda b: within(images, "MAX_PIXELS", 255, lambda: read_image(b.photo())),
-        "photo.exr says it is 16 x 16…more than this program reads",
+        "photo.exr claims to be 16 x 16…more than this program reads",
     ),
     ("an EXR header of 10^10 pixels", lambda b: read_image(huge_exr(b)), "huge.exr"),
     (

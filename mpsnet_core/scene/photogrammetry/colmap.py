@@ -230,7 +230,7 @@ class _Binary:
 
     def skip(self, size: int) -> None:
         if size > self._left:
-            raise FormatError("it ends before all that it says is in it; copy or export it again")
+            raise FormatError("it is cut short; copy or export it again")
         self._left -= size
         self._source.seek(size, os.SEEK_CUR)
 
@@ -244,7 +244,7 @@ class _Binary:
         """How many records of at least `smallest` bytes follow."""
         (count,) = self.read("<Q")
         if count * smallest > self._left:
-            raise FormatError(f"it says that it holds {count} more than fit into it; copy or export it again")
+            raise FormatError(f"it states {count} records, more than fit into it; copy or export it again")
         return int(count)
 
     def name(self) -> str:
@@ -259,7 +259,7 @@ class _Binary:
 
     def end(self) -> None:
         if self._left:
-            raise FormatError("it holds more than it says; copy or export it again")
+            raise FormatError("it is longer than it states; copy or export it again")
 
 
 def _binary_cameras(source: _Binary) -> dict[int, _Intrinsics]:
