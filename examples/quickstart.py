@@ -15,8 +15,9 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.io.images import read_data, read_image, write_image
-from mpsnet_core.scene.normal_map import NormalMap, angular_error, read_normals
+from mpsnet_core.scene.normal_map import NormalMap, read_normals
 from mpsnet_core.scene.pictures import (
     colour_scale,
     cropped,

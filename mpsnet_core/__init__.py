@@ -73,7 +73,7 @@ _HOME = {
     "WriteCameras": "scene.operations",
     "albedo_from_white": "estimate.albedo",
     "ambient_occlusion": "relief.occlusion",
-    "angular_error": "scene.normal_map",
+    "angular_error": "arrays.unit_vectors",
     "as_channels": "capture.superpose",
     "bake_normals": "bake.bake",
     "bake_texture_sets": "bake.bake",

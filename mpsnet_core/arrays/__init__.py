@@ -1,1 +1,1 @@
-"""Arrays: what images, masks, graphs and statistics need, without knowing what they show."""
+"""Arrays: algorithms on images, masks, graphs and vectors, and statistics, that know of no photo."""

@@ -1,11 +1,13 @@
-"""A photo made small: the means of its blocks of pixels."""
+"""Downsampling by block means."""
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 
-def block_means(pixels: NDArray[np.floating], factor: int) -> NDArray[np.float32]:
-    """(H, W, 3) means of factor x factor pixels; what is not finite counts as black."""
+def block_means(pixels: NDArray[np.floating[Any]], factor: int) -> NDArray[np.float32]:
+    """(⌈H/factor⌉, ⌈W/factor⌉, C) means of blocks of factor x factor pixels; values that are not finite count as 0."""
     height, width, channels = pixels.shape
     starts = np.arange(0, width, factor)
     counts = np.diff([*starts, width])[:, None]

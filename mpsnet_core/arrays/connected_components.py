@@ -1,22 +1,25 @@
-"""Connected components: what hangs together, of anything that has numbers and neighbours."""
+"""Connected components of graphs."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 
 def connected(count: int, one: NDArray[np.int64], other: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(count,) the least number in each one's connected component, given the pairs (one, other) that hang together.
+    """(count,) the smallest node of each node's connected component, given the edges (one, other).
 
-    Union-find, all pairs at a time.
+    Union-find, all edges at a time.
+
+    >>> connected(5, np.array([4, 1]), np.array([2, 2])).tolist()
+    [0, 1, 1, 3, 1]
     """
     root = np.arange(count)
     while True:
         a, b = root[one], root[other]
-        apart = a != b
-        if not apart.any():
+        separate = a != b
+        if not separate.any():
             return root
-        one, other = one[apart], other[apart]
-        a, b = a[apart], b[apart]
+        one, other = one[separate], other[separate]
+        a, b = a[separate], b[separate]
         np.minimum.at(root, np.maximum(a, b), np.minimum(a, b))
         while not np.array_equal(root, root[root]):
             root = root[root]

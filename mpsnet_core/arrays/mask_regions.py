@@ -1,26 +1,27 @@
-"""Connected parts of masks: found, small ones removed, holes filled."""
+"""Connected regions, holes and morphology of masks; box filters."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.connected_components import connected
 
-# Of parts' labels (H, W) and sizes, (parts + 1,) which of them.
+# From regions' labels (H, W) and sizes, (regions + 1,) which of them to select.
 Chosen = Callable[[NDArray[np.int32], NDArray[np.int64]], NDArray[np.bool_]]
 
 
 def labelled(mask: NDArray[np.bool_], *, diagonal: bool = False) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """The mask's connected parts.
+    """The mask's connected regions.
 
     diagonal: whether pixels that touch at a corner are connected as well.
 
-    Returns (H, W) the number of each pixel's part, from 1, and 0 outside the mask; and (parts + 1,) the size of each
-    in pixels, that of the outside first.
+    Returns (H, W) each pixel's label, from 1, and 0 outside the mask; and (regions + 1,) the size of each region in
+    pixels, that of the outside first.
     """
     height, width = mask.shape
-    # Runs of pixels, row by row: a column of background at either side sets every row's runs apart.
+    # Runs of pixels, row by row: a column of background at either side separates the rows.
     padded = np.zeros((height, width + 2), np.int8)
     padded[:, 1:-1] = mask
     steps = np.diff(padded, axis=1).ravel()
@@ -36,20 +37,20 @@ def labelled(mask: NDArray[np.bool_], *, diagonal: bool = False) -> tuple[NDArra
 
 
 def without_specks(mask: NDArray[np.bool_], least: float) -> NDArray[np.bool_]:
-    """The mask's connected parts of at least `least` pixels."""
+    """The mask's connected regions of at least `least` pixels."""
     labels, sizes = labelled(mask)
-    kept = sizes >= least
-    kept[0] = False
-    return kept[labels]
+    large = sizes >= least
+    large[0] = False
+    return large[labels]
 
 
 def filled(mask: NDArray[np.bool_], most: float = np.inf) -> NDArray[np.bool_]:
-    """The mask with its holes of at most `most` pixels: background that does not reach the picture's border."""
+    """The mask with its holes of at most `most` pixels filled: background that does not reach the image's border."""
     return without_holes(mask, lambda labels, sizes: sizes <= most)
 
 
 def without_holes(mask: NDArray[np.bool_], chosen: Chosen) -> NDArray[np.bool_]:
-    """The mask with those of its holes filled that are chosen, by the labels and sizes that :func:`labelled` gives."""
+    """The mask with the holes filled that `chosen` selects from :func:`labelled`'s labels and sizes."""
     labels, sizes = labelled(~mask, diagonal=True)
     hole = chosen(labels, sizes)
     for border in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
@@ -59,7 +60,7 @@ def without_holes(mask: NDArray[np.bool_], chosen: Chosen) -> NDArray[np.bool_]:
 
 
 def dilated(mask: NDArray[np.bool_], pixels: int) -> NDArray[np.bool_]:
-    """The mask, (H, W) or (H, W, C), and all within `pixels` of it in rows and columns: a square around each pixel."""
+    """The mask (H, W) or (H, W, C) dilated by a square of 2 pixels + 1."""
     for axis in (0, 1):
         lines = np.moveaxis(mask, axis, 0)
         places = np.arange(len(lines))
@@ -70,8 +71,8 @@ def dilated(mask: NDArray[np.bool_], pixels: int) -> NDArray[np.bool_]:
     return mask
 
 
-def box_sums(values: NDArray[np.floating], reach: int) -> NDArray[np.float64]:
-    """(H, W) the sum over the square of 2 reach + 1 pixels around each pixel; beyond the edges there is nothing."""
+def box_sums(values: NDArray[np.floating[Any]], reach: int) -> NDArray[np.float64]:
+    """(H, W) sums over the square of 2 reach + 1 pixels around each pixel, zero beyond the edges."""
     sums = values.astype(np.float64)
     width = 2 * reach + 1
     for axis in (0, 1):
@@ -81,15 +82,15 @@ def box_sums(values: NDArray[np.floating], reach: int) -> NDArray[np.float64]:
 
 
 def eroded(mask: NDArray[np.bool_], pixels: int) -> NDArray[np.bool_]:
-    """The mask less all within `pixels` of the background; the picture's border is none."""
+    """The mask eroded by a square of 2 pixels + 1; beyond the image's border counts as inside."""
     return ~dilated(~mask, pixels)
 
 
 def _touching(
     starts: NDArray[np.int64], ends: NDArray[np.int64], stride: int, reach: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Pairs of runs that touch from one row to the next, as two lists of their numbers."""
-    # Seen from the row below, the runs that end after a run's start and start before its end, a row up.
+    """Pairs of runs that touch from one row to the next, as two arrays of their indices."""
+    # For each run, those a row above that end after its start and start before its end.
     first = np.searchsorted(ends, starts - stride - reach, side="right")
     last = np.searchsorted(starts, ends - stride + reach, side="left")
     counts = np.maximum(last - first, 0)

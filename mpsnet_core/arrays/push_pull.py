@@ -1,4 +1,4 @@
-"""What is known in parts of a picture, carried on over the rest, so that whoever interpolates across meets no step."""
+"""Smooth extrapolation of an image into its unknown pixels."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,11 +8,11 @@ from mpsnet_core.arrays.upsample import upsampled
 
 
 def push_pull(values: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Values (H, W) or (H, W, C) as they are where they are known, (H, W) bool, and going on smoothly elsewhere.
+    """Values (H, W) or (H, W, C), extrapolated smoothly from where they are `known`, (H, W) bool, to all other pixels.
 
-    Each halving of the picture takes the mean of those of four pixels that are known; what is missing then comes from
-    the coarser picture, linear between its pixels: pull and push of Gortler et al., "The Lumigraph" (SIGGRAPH 1996),
-    with full weight for a pixel that holds anything. Where nothing at all is known, values stay as they are.
+    An image pyramid: each level halves the image by the mean of the known ones of four pixels, and unknown pixels are
+    interpolated bilinearly from the coarser level: push-pull of Gortler et al., "The Lumigraph" (SIGGRAPH 1996), with
+    full weight for a pixel that has any known one. Where nothing is known, values stay unchanged.
     """
     if known.all() or known.size == 1:
         return values
@@ -35,5 +35,5 @@ def push_pull(values: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[
 
 
 def _like(picture: NDArray[np.generic], values: NDArray[np.float32]) -> NDArray[np.generic]:
-    """A picture (H, W) that goes with values (H, W) or (H, W, C)."""
+    """An image (H, W) in a shape that broadcasts with values (H, W) or (H, W, C)."""
     return picture if values.ndim == 2 else picture[..., None]

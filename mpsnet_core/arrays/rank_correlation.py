@@ -16,7 +16,7 @@ def rank_correlation(one: NDArray[Any], other: NDArray[Any]) -> float | None:
 
 
 def _ranks(values: NDArray[Any]) -> NDArray[np.float64]:
-    """Places in ascending order; equal values share the mean of theirs."""
-    _, place, count = np.unique(values, return_inverse=True, return_counts=True)
-    ranks: NDArray[np.float64] = (np.cumsum(count) - (count - 1) / 2)[place.reshape(-1)]
+    """Ranks from 1; ties share the mean of theirs."""
+    _, inverse, count = np.unique(values, return_inverse=True, return_counts=True)
+    ranks: NDArray[np.float64] = (np.cumsum(count) - (count - 1) / 2)[inverse.reshape(-1)]
     return ranks

@@ -1,4 +1,4 @@
-"""A few rows of an image at a time: what is made of them on the way stays small, however large the image is."""
+"""Bands of rows, which keep intermediate arrays small for images of any size."""
 
 from collections.abc import Iterator
 

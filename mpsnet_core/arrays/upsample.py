@@ -1,11 +1,15 @@
-"""Images of fewer pixels that stand for a large one, where what they hold is smooth."""
+"""Reduced sizes for smooth images, and bilinear upsampling back."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 
 def reduced_shape(height: int, width: int, longest: int) -> tuple[int, int]:
-    """Height and width of the same picture with no more than `longest` pixels on either side."""
+    """Height and width of an image scaled down to at most `longest` pixels on its longer side.
+
+    >>> reduced_shape(3000, 6000, 1024)
+    (512, 1024)
+    """
     scale = min(1.0, longest / max(height, width))
     return max(1, round(height * scale)), max(1, round(width * scale))
 
@@ -13,14 +17,14 @@ def reduced_shape(height: int, width: int, longest: int) -> tuple[int, int]:
 def chosen_pixels(
     small_height: int, small_width: int, height: int, width: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(h,) rows and (w,) columns of the large picture's pixels that lie in the middle of the small one's."""
+    """(h,) rows and (w,) columns of the large image's pixels at the middles of the small one's pixels."""
     rows = ((np.arange(small_height) + 0.5) * height / small_height).astype(np.int64)
     columns = ((np.arange(small_width) + 0.5) * width / small_width).astype(np.int64)
     return rows, columns
 
 
 def upsampled(values: NDArray[np.float32], shape: tuple[int, ...], rows: slice) -> NDArray[np.float32]:
-    """Values (h, w, ...) of a small picture for some rows of the large one of `shape` (H, W); linear between pixels."""
+    """Values (h, w, ...) of a small image, interpolated bilinearly for `rows` of a large one of `shape` (H, W)."""
     return _along(_along(values, 0, shape[0], rows), 1, shape[1], slice(None))
 
 
@@ -28,8 +32,9 @@ def _along(values: NDArray[np.float32], axis: int, length: int, chosen: slice) -
     count = values.shape[axis]
     if count == length:
         return values[(slice(None),) * axis + (chosen,)]
-    place = np.clip((np.arange(length)[chosen] + 0.5) * count / length - 0.5, 0, count - 1)
-    first = np.minimum(place.astype(np.int64), max(count - 2, 0))
-    share = (place - first).astype(np.float32).reshape([-1 if a == axis else 1 for a in range(values.ndim)])
+    position = np.clip((np.arange(length)[chosen] + 0.5) * count / length - 0.5, 0, count - 1)
+    first = np.minimum(position.astype(np.int64), max(count - 2, 0))
+    weight = (position - first).astype(np.float32).reshape([-1 if a == axis else 1 for a in range(values.ndim)])
     low, high = values.take(first, axis), values.take(np.minimum(first + 1, count - 1), axis)
-    return low + share * (high - low)
+    interpolated: NDArray[np.float32] = low + weight * (high - low)
+    return interpolated

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.push_pull import push_pull
 from mpsnet_core.arrays.rasterize import texel_areas, triangle_of_texel
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.bake.padding import Padding, padded
 from mpsnet_core.bake.projection import Projector, View
 from mpsnet_core.bake.settings import Baking
@@ -25,7 +26,6 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.joined_mesh import join_meshes
 from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.normal_map import normalised
 from mpsnet_core.scene.rays import RayScene
 
 log = logging.getLogger(__name__)

@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape
 from mpsnet_core.bake.detail_blending import resampled
 from mpsnet_core.bake.low_frequency_correction import correct_low_frequencies, rotated, rotation_between
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.normal_map import NormalMap, normalised
+from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rays import RayScene
 
 log = logging.getLogger(__name__)

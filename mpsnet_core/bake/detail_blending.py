@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.bake.texture import Texture
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.images import read_data
-from mpsnet_core.scene.normal_map import OUTWARDS_SHARE, Convention, decode, normalised
+from mpsnet_core.scene.normal_map import OUTWARDS_SHARE, Convention, decode
 
 # How far a colour's vector may be from unit length: 8 bits, JPEG and averages of steep slopes are.
 NEARLY_UNIT = 0.1

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.push_pull import push_pull
 from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.scene.normal_map import normalised
+from mpsnet_core.arrays.unit_vectors import normalised
 
 Padding = Literal["nearest", "push-pull", "none"]
 PADDINGS: tuple[Padding, ...] = ("nearest", "push-pull", "none")

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rasterize import texel_coordinates
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.bake.texture import Space
 from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.normal_map import normalised
 
 
 class Place(NamedTuple):

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.bake.projection import Projector, View
 from mpsnet_core.errors import InputError
 from mpsnet_core.progress import Progress
 from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.normal_map import normalised
 from mpsnet_core.scene.rays import RayScene
 
 # Views beyond about this much memory are not held at once, but asked for again in each pass.

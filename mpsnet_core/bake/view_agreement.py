@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.unit_vectors import angular_error, normalised
 from mpsnet_core.bake.projection import Projector, View
 from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.normal_map import angular_error, normalised
 from mpsnet_core.scene.rays import RayScene
 
 log = logging.getLogger(__name__)

@@ -6,6 +6,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.card import ModelCard
 from mpsnet_core.estimate.features import (
@@ -20,7 +21,6 @@ from mpsnet_core.estimate.features import (
 from mpsnet_core.estimate.light_frame import CAMERA_FRAME, LightFrame, canonical_frames
 from mpsnet_core.io.image import storage_type
 from mpsnet_core.progress import Progress
-from mpsnet_core.scene.normal_map import normalised
 
 Floats = NDArray[np.float32]
 Window = tuple[slice, slice]

@@ -3,9 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.distant_lights import under_distant_lights
-from mpsnet_core.scene.normal_map import NormalMap, normalised
+from mpsnet_core.scene.normal_map import NormalMap
 
 # Below this share of its channel's 99th percentile inside the mask a pixel counts as unlit by that channel's light.
 SHADOW_SHARE = 0.02

@@ -1,1 +1,1 @@
-"""Files: images, camera raw, JSON and NPZ, that appear whole or not at all; where results came from."""
+"""Files: images, camera raw, JSON and NPZ, written atomically; provenance of results."""

@@ -1,4 +1,4 @@
-"""Claims: who is at work on what in a folder, as locks of the operating system, which it drops when a process ends."""
+"""Claims: which process works on which part of a folder, as file locks, which the system releases when it ends."""
 
 import errno
 import os
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError
 
 LOCK_FILE = "job.lock"
 
@@ -34,10 +34,10 @@ else:
 class Claims:
     """One process's claims in a folder: number n is byte n of the folder's lock file, which stays empty.
 
-    The claims are the process's own: its children have none of them, two threads of it do not keep each other out,
-    and on POSIX closing one `Claims` of a folder drops what another one of the same process holds there.
+    Locks belong to a process: children do not inherit them, threads share them, and on POSIX closing one `Claims` of a
+    folder releases those of all others in the process.
 
-    Raises InputError where the lock file cannot be made, or the file system has no locks.
+    Raises FileError where the lock file cannot be created, or the file system has no locks.
     """
 
     def __init__(self, folder: str | os.PathLike[str]) -> None:
@@ -45,7 +45,7 @@ class Claims:
         try:
             self._file = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o666)
         except OSError as error:
-            raise InputError(f"cannot write {self._path}: {error.strerror}; choose another folder") from None
+            raise FileError(f"cannot write {self._path}: {error.strerror}; choose another folder") from None
 
     @contextmanager
     def claim(self, number: int) -> Iterator[bool]:
@@ -53,9 +53,9 @@ class Claims:
         try:
             _lock(self._file, number)
         except OSError as error:
-            # Windows and some network drives say "no permission" where POSIX says "try again".
+            # Windows and some network drives report "no permission" where POSIX reports "try again".
             if error.errno not in (errno.EAGAIN, errno.EACCES, errno.EDEADLK):
-                raise InputError(f"{self._path} cannot be locked ({error.strerror}); choose another drive") from None
+                raise FileError(f"{self._path} cannot be locked ({error.strerror}); choose another drive") from None
             yield False
             return
         try:
@@ -64,7 +64,7 @@ class Claims:
             _unlock(self._file, number)
 
     def close(self) -> None:
-        """Drop every claim."""
+        """Release every claim."""
         os.close(self._file)
 
     def __enter__(self) -> "Claims":

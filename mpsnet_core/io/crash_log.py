@@ -1,4 +1,4 @@
-"""The last resort: what nobody foresaw becomes one sentence, and its traceback a file to report it with."""
+"""Unexpected errors: one sentence for the user, the traceback in a file to report."""
 
 import contextlib
 import os
@@ -16,20 +16,20 @@ LONGEST_REASON = 120
 
 
 def unforeseen(error: BaseException, folder: Path | None = None) -> str:
-    """A sentence that says what happened and how to report it; the traceback goes to a file that the sentence names.
+    """A sentence on what happened and how to report it, with the path of a file with the traceback.
 
-    folder: for the file, that for temporary files unless given. Its name is one that nobody can foresee.
+    folder: of that file, whose name is random; that for temporary files by default.
     """
     reason = in_one_line(traceback.format_exception_only(error)[-1].splitlines()[0], LONGEST_REASON)
-    log = _log_of(error, folder)
-    kept = f"its traceback is in {log}; please send that file" if log else "no log could be written; please send this"
+    log = _write_log(error, folder)
+    advice = f"its traceback is in {log}; please send that file" if log else "no log could be written; please send this"
     return in_one_line(
-        f"this is a fault of the program, not yours ({reason}); {kept} to whoever you have the program from"
+        f"this is a fault of the program, not yours ({reason}); {advice} to whoever you have the program from"
     )
 
 
-def _log_of(error: BaseException, folder: Path | None) -> str:
-    """Write what helps to find the fault into a file of its own and give its name, "" where that cannot be done."""
+def _write_log(error: BaseException, folder: Path | None) -> str:
+    """Write versions, command line and traceback to a new file; its path, "" where it cannot be written."""
     lines = [
         f"mpsnet {__version__}, Python {platform.python_version()}, {platform.platform()}\n",
         f"{shlex.join(sys.argv)}\n\n",

@@ -1,9 +1,9 @@
-"""Files that appear whole or not at all, alone or together, and JSON files that say what they are.
+"""Files written atomically, alone or together, and JSON files with a format and a version.
 
-A file that is being written is called ``.NAME.PID-PLACE-RANDOM.unfinished.SUFFIX``. The place is a number made of the
-host's name and, on Linux, of the process numbers' namespace: only there does PID say whether its writer is still at
-work. What a writer that was ended left is removed by the next process that writes into the folder from the same place;
-from elsewhere, say in a folder that several hosts share, nobody touches it.
+A file that is being written is called ``.NAME.PID-PLACE-RANDOM.unfinished.SUFFIX``. PLACE is a hash of the host's name
+and, on Linux, of the PID namespace: only there does PID show whether the writer is still running. The next process that
+writes into the folder from the same place removes what a killed writer left; from elsewhere, say in a folder that
+several hosts share, nobody touches it.
 """
 
 import contextlib
@@ -24,7 +24,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, FormatError, InputError
 
 # Rigs and cameras are a few hundred bytes; a larger file is not one of ours and is not parsed.
 MAX_JSON_BYTES = 1 << 20
@@ -42,8 +42,10 @@ VIDEO_SUFFIXES = (".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mts", ".mxf", ".webm
 
 
 class _Block(threading.local):
-    """The changes that a block of :func:`written_together` has ready: where each goes, and the file that is to stand
-    there, None where nothing is. None outside such a block."""
+    """Pending changes of a block of :func:`written_together`: a path and the file that replaces it, None to remove it.
+
+    None outside such a block.
+    """
 
     changes: list[tuple[Path, Path | None]] | None = None
 
@@ -52,13 +54,22 @@ _block = _Block()
 
 
 @contextmanager
+def located(where: object) -> Iterator[None]:
+    """Begins the message of an InputError raised in the block with `where`: a file, or a place in one."""
+    try:
+        yield
+    except InputError as error:
+        raise type(error)(f"{where}: {error}") from None
+
+
+@contextmanager
 def written_together() -> Iterator[None]:
-    """All that this thread writes whole in the block appears at its end; where it fails nothing does, old files stay.
+    """All files that this thread writes in the block appear at its end; if it fails none does, and old files stay.
 
-    Until then they have their unfinished names, for the block itself as well. Within another such block it is a part of
-    that one. Only a process that is killed as it renames them, in less than a millisecond, leaves some of them new.
+    Until then they have their unfinished names, within the block as well. A nested block is part of the outer one. Only
+    a process that is killed while it renames them, in less than a millisecond, leaves some of them new.
 
-    Raises InputError where a file cannot be put in its place.
+    Raises FileError where a file cannot be renamed.
     """
     if _block.changes is not None:
         yield
@@ -77,13 +88,13 @@ def written_together() -> Iterator[None]:
 
 @contextmanager
 def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Give an empty file beside `path` to write to; on success rename it to `path`, on failure remove it.
+    """Yields an empty file beside `path` to write to; renames it to `path` on success, removes it on failure.
 
-    It is made at once, so that nobody can put a link in its place; :func:`unfinished_path` says how it is called.
-    Whoever had to kill this process can clear up with :func:`remove_unfinished`. Once it has its name, it outlives a
-    power cut. In a block of :func:`written_together` it is renamed at the block's end.
+    It exists from the start, so that nobody can put a link in its place. :func:`remove_unfinished` cleans up after a
+    killed process. The renamed file is flushed to the disk. In a block of :func:`written_together` it is renamed at the
+    block's end.
 
-    Raises InputError where the folder is missing or cannot be written, or the disk is full.
+    Raises FileError where the folder is missing or cannot be written, or the disk is full.
     """
     path = writable_path(path)
     _clear_once(resolved(path.parent))
@@ -109,53 +120,53 @@ def remove_file(path: str | os.PathLike[str]) -> None:
 
 
 def _put_in_place(changes: Sequence[tuple[Path, Path | None]]) -> None:
-    """Rename and remove what was asked for; where one of several fails, take back those before it."""
-    kept: list[tuple[Path, Path | None]] = []
+    """Rename and remove files; if one of several fails, undo those before it."""
+    backups: list[tuple[Path, Path | None]] = []
     try:
         for path, unfinished in changes:
             with _writing(path):
                 if len(changes) > 1:
-                    kept.append((path, _second_name(path)))
+                    backups.append((path, _second_name(path)))
                 if unfinished is None:
                     path.unlink(missing_ok=True)
                 else:
                     unfinished.replace(path)
     except BaseException:
-        for path, before in reversed(kept):
+        for path, backup in reversed(backups):
             with contextlib.suppress(OSError):
-                if before is None:
+                if backup is None:
                     path.unlink(missing_ok=True)
                 else:
-                    before.replace(path)
+                    backup.replace(path)
         raise
     finally:
-        for _, before in kept:
-            if before is not None:
-                before.unlink(missing_ok=True)
+        for _, backup in backups:
+            if backup is not None:
+                backup.unlink(missing_ok=True)
     for folder in {path.parent for path, _ in changes}:
-        with contextlib.suppress(OSError):  # Windows opens no folders, nor may everybody list one
+        with contextlib.suppress(OSError):  # Windows cannot open folders, nor may everybody list one
             _flush(folder)
 
 
 def _second_name(path: Path) -> Path | None:
-    """Another name for what stands at `path`, to take it back from; None where nothing does."""
+    """A link to or copy of the file at `path`, to restore it from; None where there is no file."""
     if not path.exists():
         return None
     name = unfinished_path(path)
     try:
         os.link(path, name)
-    except OSError:  # USB sticks and some network drives know no links
+    except OSError:  # USB sticks and some network drives have no links
         shutil.copy2(path, name)
     return name
 
 
 def _flush(path: Path) -> None:
-    """Have a file's bytes, or the names in a folder, on the disk itself, where a power cut leaves them."""
-    handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)  # Windows flushes only what may be written
+    """Flush a file, or a folder's entries, to the disk, against a power cut."""
+    handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)  # Windows flushes only writable handles
     try:
         os.fsync(handle)
     except OSError as error:
-        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # of drives that know no such thing
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # of drives without fsync
             raise
     finally:
         os.close(handle)
@@ -163,24 +174,22 @@ def _flush(path: Path) -> None:
 
 @contextmanager
 def _writing(path: Path) -> Iterator[None]:
-    """Raises InputError, which names `path`, where the system cannot do what is done in the block."""
+    """Turns an OSError in the block into a FileError that names `path`."""
     try:
         yield
     except OSError as error:
-        raise InputError(
-            f"cannot write {path}: {error.strerror or error}; make room or choose another folder"
-        ) from None
+        raise FileError(f"cannot write {path}: {error.strerror or error}; make room or choose another folder") from None
 
 
 def unfinished_path(path: Path, suffix: str = "") -> Path:
-    """A name that nobody can foresee, beside `path`, for what becomes it; it keeps the suffix, which tells formats."""
+    """A random name beside `path` for the file that becomes it, with its suffix, which determines the format."""
     mark = f"{os.getpid()}-{_place()}-{secrets.token_hex(4)}"
     return path.with_name(f".{path.stem}.{mark}.unfinished{suffix or path.suffix}")
 
 
 @cache
 def _place() -> str:
-    """Within what numbers of processes are known, as eight hexadecimal digits."""
+    """Hash of the scope within which PIDs are unique, as eight hexadecimal digits."""
     try:
         namespace = str(Path("/proc/self/ns/pid").readlink())  # containers may share a host's name
     except OSError:
@@ -189,21 +198,21 @@ def _place() -> str:
 
 
 def writable_path(path: str | os.PathLike[str]) -> Path:
-    """`path` as a Path, or InputError where a file cannot be put there; asked before long work starts."""
+    """`path` as a Path, for checks before long work. Raises FileError where no file can be written there."""
     path = Path(path)
     if not is_utf8(path):
-        raise InputError(f"cannot write {path}: its name is not valid UTF-8; choose another name")
+        raise FileError(f"cannot write {path}: its name is not valid UTF-8; choose another name")
     if not path.parent.is_dir():
-        raise InputError(f"cannot write {path}: the folder {path.parent} does not exist; create it first")
+        raise FileError(f"cannot write {path}: the folder {path.parent} does not exist; create it first")
     if path.is_dir():
-        raise InputError(f"cannot write {path}: it is a folder; give a file name")
+        raise FileError(f"cannot write {path}: it is a folder; give a file name")
     if not _takes_files(path.parent):
-        raise InputError(f"cannot write {path}: the folder {path.parent} takes no files; choose another folder")
+        raise FileError(f"cannot write {path}: the folder {path.parent} takes no files; choose another folder")
     return path
 
 
 def is_utf8(path: str | os.PathLike[str]) -> bool:
-    """Whether a path is text: one that another system wrote may hold bytes that stand for no letter."""
+    """Whether a path is valid UTF-8, which one from another system may not be."""
     try:
         os.fspath(path).encode()
     except UnicodeEncodeError:
@@ -212,8 +221,8 @@ def is_utf8(path: str | os.PathLike[str]) -> bool:
 
 
 def resolved(path: str | os.PathLike[str]) -> Path:
-    """Where a path leads, as far as links can be followed: one that leads to itself stays as it is, and so does one
-    that cannot be a file's name (out of a JSON file, say): whoever opens it tells."""
+    """A path with its links resolved. One that links to itself, or cannot be a path (out of a JSON file, say), stays
+    unchanged, for an error on opening."""
     try:
         return Path(os.path.realpath(path))
     except ValueError:
@@ -221,7 +230,7 @@ def resolved(path: str | os.PathLike[str]) -> Path:
 
 
 def _takes_files(folder: Path) -> bool:
-    """Found out by making one: permissions alone tell it neither on Windows nor of folders that are not on a disk."""
+    """Tested by creating one: permissions do not show it on Windows, nor for folders that are not on a disk."""
     try:
         tempfile.TemporaryFile(dir=folder).close()
     except OSError:
@@ -230,53 +239,50 @@ def _takes_files(folder: Path) -> bool:
 
 
 def makeable_folder(path: str | os.PathLike[str], what: str) -> Path:
-    """`path` as a Path, or InputError where it is no folder for `what` and none can be made; asked before long work."""
+    """`path` as a folder for `what`, that exists or can be created, for checks before long work. Raises FileError."""
     path = Path(path)
     if not is_utf8(path):
-        raise InputError(f"cannot make folder {path}: its name is not valid UTF-8; choose another name")
+        raise FileError(f"cannot make folder {path}: its name is not valid UTF-8; choose another name")
     if path.exists() and not path.is_dir():
-        raise InputError(f"{path} is a file; name a folder for the {what}")
+        raise FileError(f"{path} is a file; name a folder for the {what}")
     if not path.parent.is_dir():
-        raise InputError(f"cannot make folder {path}: {path.parent} does not exist; create it first")
-    there = path if path.is_dir() else path.parent
-    if not _takes_files(there):
-        raise InputError(f"cannot put the {what} into {path}: the folder {there} takes no files; choose another folder")
+        raise FileError(f"cannot make folder {path}: {path.parent} does not exist; create it first")
+    folder = path if path.is_dir() else path.parent
+    if not _takes_files(folder):
+        raise FileError(f"cannot put the {what} into {path}: the folder {folder} takes no files; choose another folder")
     return path
 
 
 def ensure_folder(path: str | os.PathLike[str], what: str) -> Path:
-    """`path` as a folder, made where it is missing; `what` is to be put there. InputError where it cannot be."""
+    """`path` as a folder for `what`, created where it is missing. Raises FileError where it cannot be."""
     path = makeable_folder(path, what)
     try:
         path.mkdir(exist_ok=True)
     except OSError as error:
-        raise InputError(f"cannot make folder {path}: {error.strerror or error}; choose another place") from None
+        raise FileError(f"cannot make folder {path}: {error.strerror or error}; choose another place") from None
     with contextlib.suppress(OSError):
         _flush(path.parent)
     return path
 
 
 def remove_unfinished(folder: str | os.PathLike[str], pid: int) -> None:
-    """Remove what process `pid`, ended by force, left unfinished in `folder`."""
-    for left in Path(folder).glob(f".*.{pid}-{_place()}-*.unfinished*"):
-        left.unlink(missing_ok=True)
+    """Remove the unfinished files of the killed process `pid` from `folder`."""
+    for file in Path(folder).glob(f".*.{pid}-{_place()}-*.unfinished*"):
+        file.unlink(missing_ok=True)
 
 
 def remove_abandoned(folder: str | os.PathLike[str]) -> None:
-    """Remove what processes that were ended by force left unfinished in `folder`, and nothing that one is writing.
-
-    What another host, or another container, is writing or has left stays.
-    """
-    for left in Path(folder).glob(".*.unfinished*"):
-        found = re.search(rf"\.(\d+)-{_place()}-[0-9a-f]+\.unfinished", left.name)
+    """Remove the unfinished files of killed processes from `folder`; those of other hosts or containers stay."""
+    for file in Path(folder).glob(".*.unfinished*"):
+        found = re.search(rf"\.(\d+)-{_place()}-[0-9a-f]+\.unfinished", file.name)
         if found and not _running(int(found[1])):
-            with contextlib.suppress(OSError):  # another process was faster, or may and we may not
-                left.unlink()
+            with contextlib.suppress(OSError):  # another process was faster, or we have no permission
+                file.unlink()
 
 
 @cache
 def _clear_once(folder: Path) -> None:
-    """A folder may hold a hundred thousand files: it is looked through at a process's first file in it alone."""
+    """At a process's first file in a folder only, which may hold a hundred thousand files."""
     remove_abandoned(folder)
 
 
@@ -305,50 +311,51 @@ def _running(pid: int) -> bool:
 
 
 def files_within(path: str | os.PathLike[str]) -> list[Path]:
-    """The file itself, or the files in a folder and in those that it holds."""
+    """The file itself, or all files in a folder and its subfolders."""
     path = Path(path)
     return [file for file in path.rglob("*") if file.is_file()] if path.is_dir() else [path]
 
 
 def existing_file(path: str | os.PathLike[str], what: str) -> Path:
-    """`path` as a Path, or InputError where there is no such file or it cannot be opened."""
+    """`path` as a Path. Raises FileError, with `what` the file is, where it is missing or cannot be opened."""
     path = Path(path)
     try:
         if path.is_dir():
-            raise InputError(f"{what} {path} is a folder, not a file; name a file in it")
+            raise FileError(f"{what} {path} is a folder, not a file; name a file in it")
         if not path.is_file():
-            raise InputError(f"{what} {path} does not exist; check the path")
+            raise FileError(f"{what} {path} does not exist; check the path")
         path.open("rb").close()
     except OSError as error:
-        raise InputError(f"{what} {path} cannot be opened ({error.strerror}); check the path") from None
+        raise FileError(f"{what} {path} cannot be opened ({error.strerror}); check the path") from None
     return path
 
 
 def read_json(path: str | os.PathLike[str], format_name: str, version: int, keys: Collection[str]) -> dict[str, Any]:
     """Read a JSON object whose "format" is `format_name` and whose "version" is at most `version`.
 
-    keys: what else it may hold. Raises InputError for any other key, which is a misspelling more often than not.
+    keys: its other keys. Raises FileError; FormatError for anything else, and for an unknown key, mostly a misspelling.
     """
     path = existing_file(path, f"{format_name.removeprefix('mpsnet-')} file")
     if path.stat().st_size > MAX_JSON_BYTES:
-        raise InputError(f"{path} is larger than 1 MiB and so not a {format_name} file; check the path")
+        raise FormatError(f"{path} is larger than 1 MiB and so not a {format_name} file; check the path")
     try:
-        data = json.loads(path.read_text(encoding="utf-8-sig"))  # Notepad begins its files with a mark
+        data = json.loads(path.read_text(encoding="utf-8-sig"))  # Notepad writes a byte order mark
     except UnicodeDecodeError:
-        raise InputError(f"{path} is not a text file; give a {format_name} file, as JSON") from None
+        raise FormatError(f"{path} is not a text file; give a {format_name} file, as JSON") from None
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{path} is not valid JSON ({error}); write it again as a {format_name} file") from None
+        raise FormatError(f"{path} is not valid JSON ({error}); write it again as a {format_name} file") from None
     found = data.get("format") if isinstance(data, dict) else None
     if found != format_name:
-        raise InputError(f'{path} is not a {format_name} file: its "format" is {found!r}, expected {format_name!r}')
+        raise FormatError(f'{path} is not a {format_name} file: its "format" is {found!r}, expected {format_name!r}')
+    fields: dict[str, Any] = data
     if not isinstance(data.get("version"), int) or not 1 <= data["version"] <= version:
-        raise InputError(
+        raise FormatError(
             f"{path} is version {data.get('version')!r} of {format_name}, this program reads up to {version}; update it"
         )
     unknown = sorted(set(data) - {"format", "version", *keys})
     if unknown:
-        raise InputError(f'{path} has "{unknown[0]}", which no {format_name} file has; it may have {", ".join(keys)}')
-    return data
+        raise FormatError(f'{path} has "{unknown[0]}", which no {format_name} file has; it may have {", ".join(keys)}')
+    return fields
 
 
 def write_json(path: str | os.PathLike[str], data: dict[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""Which photos are meant by files, folders and frame patterns, and what their results are called."""
+"""Photos by files, folders and frame patterns; frame numbers; names of results."""
 
 import glob
 import itertools
@@ -9,22 +9,22 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError
 from mpsnet_core.io.files import IMAGE_SUFFIXES, PHOTO_SUFFIXES, RAW_SUFFIXES, makeable_folder, resolved, writable_path
 from mpsnet_core.io.images import checked_bits
 
-# What a photo's name is given to name its normals.
+# Suffix of a photo's name for its normals.
 RESULT = "_normals"
 
-# So many gaps in a sequence are named; more are only said to be.
+# How many gaps in a sequence are named.
 NAMED_GAPS = 5
 
 
 @dataclass(frozen=True)
 class Numbering:
-    """The numbers of files whose names differ in one run of digits alone, or of one file by its last: of a sequence.
+    """Frame numbers of a sequence: files whose names differ in one run of digits alone, or one file by its last run.
 
-    head, tail: the names without suffix, before and behind the digits. digits: of each file, as written.
+    head, tail: the names without suffix, before and after the digits. digits: of each file, as written.
     """
 
     head: str
@@ -38,19 +38,19 @@ class Numbering:
 
     @property
     def stems(self) -> list[str]:
-        """The files' names without suffix, the number moved behind all other digits, where Blender looks for it."""
+        """The files' names without suffix, the number moved after all other digits, where Blender expects it."""
         if not re.search("[0-9]", self.tail):
             return [f"{self.head}{digits}{self.tail}" for digits in self.digits]
         return [f"{self.head.rstrip('_.- ')}{self.tail}_{digits}" for digits in self.digits]
 
     @property
     def step(self) -> int:
-        """How far apart the numbers of two frames are that follow each other: the smallest distance of any two."""
+        """The smallest difference of two frame numbers."""
         return min((b - a for a, b in itertools.pairwise(sorted(self.numbers))), default=1)
 
     @property
     def gaps(self) -> str:
-        """The numbers that are missing between the first and the last, in words; "" where none is."""
+        """The frame numbers that are missing between the first and the last, as text; "" where none is."""
         step, gaps = self.step, []
         for a, b in itertools.pairwise(sorted(self.numbers)):
             first, last = a + step, a + (b - a - 1) // step * step
@@ -68,7 +68,7 @@ def numbering(files: Sequence[Path]) -> Numbering | None:
     differing = [place for place, column in enumerate(columns) if len(set(column)) > 1]
     if len(files) == 1 and len(columns) > 1:
         differing = [len(columns) - 2]
-    if len(differing) != 1 or differing[0] % 2 == 0:  # text stands at even places, digits between
+    if len(differing) != 1 or differing[0] % 2 == 0:  # text is at even places, digits between
         return None
     place = differing[0]
     found = Numbering("".join(names[0][:place]), "".join(names[0][place + 1 :]), columns[place])
@@ -84,23 +84,22 @@ def natural_order(file: Path) -> tuple[list[str | int], str]:
 
 
 def expand_images(inputs: Sequence[str | os.PathLike[str]]) -> list[Path]:
-    """The photos meant by `inputs`, in order: files as they are, a folder's or a pattern's images by name, numbers in
-    names by their size (frame_2 before frame_10).
+    """The photos of `inputs`: files in their order, those of folders and patterns in natural order (frame_2, frame_10).
 
-    A run of # in a pattern stands for as many digits; * and ? as in a shell. Where a camera wrote a photo both as raw
-    and as JPEG, folders and patterns mean the raw file.
+    A run of # in a pattern matches as many digits; * and ? as in a shell. Of a photo both as raw and as JPEG, folders
+    and patterns match the raw file.
 
-    Raises InputError where something is missing or matches no image.
+    Raises FileError where a file is missing, or a folder or pattern matches no image.
     """
     photos: list[Path] = []
     for given in inputs:
         path = Path(given)
         if path.is_dir():
-            # A folder may hold the results of an earlier run beside the photos.
+            # The results of an earlier run may be beside the photos.
             found = _photos(file for file in path.iterdir() if not _is_result(file))
             if not found:
                 kinds = ", ".join(IMAGE_SUFFIXES)
-                raise InputError(f"folder {path} holds no images ({kinds}, or camera raw); choose another")
+                raise FileError(f"folder {path} holds no images ({kinds}, or camera raw); choose another")
         elif path.is_file():
             found = [path]
         elif any(sign in path.name for sign in "#*?"):
@@ -108,23 +107,23 @@ def expand_images(inputs: Sequence[str | os.PathLike[str]]) -> list[Path]:
             if RESULT not in path.stem:  # as in a folder
                 found = [file for file in found if not _is_result(file)]
             if not found:
-                raise InputError(f"no image matches {path}; check the pattern")
+                raise FileError(f"no image matches {path}; check the pattern")
         else:
-            raise InputError(f"image {path} does not exist; check the path")
+            raise FileError(f"image {path} does not exist; check the path")
         photos += found
     return photos
 
 
 def is_several(given: str | os.PathLike[str]) -> bool:
-    """Whether a folder or a pattern is meant, and not one file."""
+    """Whether a path is a folder or a pattern, not one file."""
     path = Path(given)
     return path.is_dir() or (bool(set("#*?") & set(path.name)) and not path.is_file())
 
 
 def matching_files(given: str | os.PathLike[str], what: str = "image") -> list[Path]:
-    """The files of a folder, or those that match a pattern, numbers in names by their size; see :func:`expand_images`.
+    """The files in a folder, or those that match a pattern, in natural order; see :func:`expand_images`.
 
-    what: they are called. Raises InputError where there are none.
+    what: their name in messages. Raises FileError where there are none.
     """
     path = Path(given)
     if path.is_dir():
@@ -133,14 +132,14 @@ def matching_files(given: str | os.PathLike[str], what: str = "image") -> list[P
         found = path.parent.glob(re.sub("#", "[0-9]", glob.escape(path.name).replace("[*]", "*").replace("[?]", "?")))
     files = sorted((file for file in found if file.is_file() and not file.name.startswith(".")), key=natural_order)
     if not files:
-        raise InputError(f"no {what} matches {path}; check the pattern")
+        raise FileError(f"no {what} matches {path}; check the pattern")
     return files
 
 
 def output_files(photos: Sequence[Path], output: str | os.PathLike[str], suffix: str) -> list[Path]:
-    """Where each photo's normals go: `output` itself for one photo, NAME_normals in the folder `output` for several.
+    """The file of each photo's normals: `output` itself for one photo, NAME_normals in the folder `output` for several.
 
-    Raises InputError where two results would share a name, or a result would overwrite a photo.
+    Raises FileError where two results would share a name, or a result would overwrite a photo.
     """
     target = Path(output)
     if len(photos) == 1 and not target.is_dir() and (target.suffix or target.is_file()):
@@ -154,30 +153,30 @@ def output_files(photos: Sequence[Path], output: str | os.PathLike[str], suffix:
     files = [target / f"{stem}{RESULT}{suffix}" for stem in stems]
     if len(set(files)) < len(files):
         twice = next(file for file, times in Counter(files).items() if times > 1)
-        raise InputError(f"two photos would both be written to {twice}; rename one or estimate them apart")
+        raise FileError(f"two photos would both be written to {twice}; rename one or estimate them apart")
     check_apart(photos, files)
     return files
 
 
 def results_folder(output: str | os.PathLike[str], given: str, what: str = "normals") -> Path:
-    """The folder for the normals of several pictures, which is made with the first of them.
+    """The folder for the normals of several pictures, which is created with the first of them.
 
-    given: what asks for a folder, for people. what: what goes into it, if not normals.
+    given: why it must be a folder, for messages. what: its content, if not normals.
 
-    Raises InputError where `output` names a file, or cannot be made.
+    Raises FileError where `output` is a file, or cannot be created.
     """
     target = Path(output)
     if not target.is_dir() and (target.exists() or target.suffix.lower() in PHOTO_SUFFIXES):
-        raise InputError(f"{target} is one file, but {given}; give a folder")
+        raise FileError(f"{target} is one file, but {given}; give a folder")
     return makeable_folder(target, what)
 
 
 def check_apart(taken: Iterable[str | os.PathLike[str]], outputs: Iterable[str | os.PathLike[str]]) -> None:
-    """Raises InputError where one of `outputs` is among the files that are `taken` already, as input or output."""
+    """Raises FileError where one of `outputs` is among the files `taken` by other inputs or outputs."""
     files = {resolved(file) for file in taken}
     for output in outputs:
         if resolved(output) in files:
-            raise InputError(f"the result would overwrite {output}, a file that it needs; choose another output")
+            raise FileError(f"the result would overwrite {output}, a file that it needs; choose another output")
 
 
 def _is_result(file: Path) -> bool:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import SettingsError
 from mpsnet_core.io.files import writable_path
 from mpsnet_core.io.images import png_bytes
 
@@ -19,10 +19,10 @@ h2{{font-size:16px;margin:1.5em 0 .3em}}img{{max-width:100%}}svg{{display:block;
 
 
 def page_path(path: str | os.PathLike[str]) -> Path:
-    """`path` as a Path, or InputError where no page can be put there; asked before long work starts."""
+    """`path` as a Path, for checks before long work. Raises FileError, or SettingsError for another suffix."""
     path = writable_path(path)
     if path.suffix.lower() not in (".html", ".htm"):
-        raise InputError(f"cannot write {path}: reports are written as .html; change the suffix")
+        raise SettingsError(f"cannot write {path}: reports are written as .html; change the suffix")
     return path
 
 

@@ -1,4 +1,4 @@
-"""Image: a photo's linear values as they were read, and what its format says of them."""
+"""Image: a photo's linear values and what its file states of them; the sRGB curve."""
 
 import os
 import threading
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-# Checked before any memory is asked for: a broken or hostile header can claim any size.
+# Checked before any memory is allocated: a broken or hostile header can claim any size.
 MAX_PIXELS = 400_000_000
 
 # Above so many pixels photos and normals are held as half floats, within 0.05%, so that 100 megapixels take 2 GB.
@@ -25,43 +25,47 @@ SATURATED_SHARE = 0.99
 class Image:
     """An image as read.
 
-    pixels: (H, W, 3) float32, linear, row 0 on top, not premultiplied by alpha; float16 where a large photo was read
-        compactly.
-    alpha: (H, W) float32 in 0 to 1, or None where the file has none.
-    clip: the linear value from which a channel may be saturated: 1 in integer files, infinity in float files and where
-        `clipped` tells it.
-    note: how the file's values were taken, for people to read.
-    clipped: (H, W, 3) bool, where a channel is at its end and so wrong, or None where `clip` tells it.
-    exposure_time: in seconds, where the file says it.
-    assumed: whether sRGB is only what most such files hold, and neither the file nor who asked said so.
+    Attributes
+    ----------
+    pixels : (H, W, 3) float32 array
+        Linear, row 0 on top, not premultiplied by alpha; float16 where a large photo was read compactly.
+    alpha : (H, W) float32 array or None
+        In 0 to 1; None where the file has none.
+    clip : float
+        The linear value where channels saturate: 1 in integer files, infinity in float files and with `clipped`.
+    clipped : (H, W, 3) bool array or None
+        Where a channel is saturated; None where `clip` determines it.
+    exposure_time : float or None
+        In seconds, where the file states it.
+    assumed : bool
+        Whether sRGB is only the usual encoding of such files, neither stated by the file nor requested.
     """
 
-    pixels: NDArray[np.floating]
+    pixels: NDArray[np.floating[Any]]
     alpha: NDArray[np.float32] | None
     clip: float
-    note: str
     clipped: NDArray[np.bool_] | None = None
     exposure_time: float | None = None
     assumed: bool = False
 
     @property
     def saturated(self) -> NDArray[np.bool_]:
-        """(H, W, 3) where a channel is at its end, and so wrong."""
+        """(H, W, 3) where a channel is saturated, and so wrong."""
         return saturated(self.pixels, self.clip) if self.clipped is None else self.clipped
 
 
-def storage_type(shape: tuple[int, ...]) -> type[np.floating]:
-    """The type in which values for an image (H, W) are held: half floats where it is large."""
+def storage_type(shape: tuple[int, ...]) -> type[np.floating[Any]]:
+    """The type that stores values of an image (H, W): half floats where it is large."""
     return np.float16 if shape[0] * shape[1] > HALF_ABOVE else np.float32
 
 
-def saturated(pixels: NDArray[np.floating], clip: float) -> NDArray[np.bool_]:
-    """Where values of a photo that clips at `clip` are at their end; of the shape of `pixels`."""
+def saturated(pixels: NDArray[np.floating[Any]], clip: float) -> NDArray[np.bool_]:
+    """Where the values of a photo that clips at `clip` are saturated; of the shape of `pixels`."""
     return pixels >= SATURATED_SHARE * clip
 
 
 def srgb_to_linear(values: NDArray[Any]) -> NDArray[Any]:
-    """The sRGB curve undone (IEC 61966-2-1); any shape, 0 to 1."""
+    """The inverse of the sRGB curve (IEC 61966-2-1); any shape, 0 to 1."""
     return np.where(values <= 0.04045, values / 12.92, ((np.maximum(values, 0) + 0.055) / 1.055) ** 2.4)
 
 
@@ -73,9 +77,9 @@ def linear_to_srgb(values: NDArray[Any]) -> NDArray[Any]:
 
 @contextmanager
 def libraries_silent() -> Iterator[None]:
-    """Keep libpng and OpenEXR from printing to stderr what OpenImageIO hands to us as well.
+    """Keep libpng and OpenEXR from printing to stderr what OpenImageIO returns as well.
 
-    stderr belongs to the whole process, so of threads that read at the same time only one may turn it aside.
+    stderr belongs to the whole process, so only one thread at a time may redirect it.
     """
     with _stderr_lock:
         try:
@@ -83,8 +87,8 @@ def libraries_silent() -> Iterator[None]:
         except OSError:  # a windowed program has none
             yield
             return
-        with Path(os.devnull).open("wb") as nowhere:
-            os.dup2(nowhere.fileno(), 2)
+        with Path(os.devnull).open("wb") as null:
+            os.dup2(null.fileno(), 2)
         try:
             yield
         finally:

@@ -1,10 +1,10 @@
-"""The only door to image files: OpenImageIO in, linear float32 out, and back."""
+"""Image files, read and written by OpenImageIO: nothing else opens them."""
 
-import contextlib
 import logging
 import os
 import tempfile
 from collections.abc import Callable
+from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, TypeVar
@@ -14,7 +14,7 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.errors import InputError, check_choice
+from mpsnet_core.errors import FileError, FormatError, SettingsError, check_choice
 from mpsnet_core.io.files import RAW_SUFFIXES, existing_file, is_utf8, written_whole
 from mpsnet_core.io.image import MAX_PIXELS, Image, libraries_silent, linear_to_srgb, srgb_to_linear, storage_type
 from mpsnet_core.io.raw import read_raw
@@ -26,44 +26,40 @@ _Kind = TypeVar("_Kind")
 Encoding = Literal["auto", "linear", "srgb"]
 ENCODINGS: tuple[Encoding, ...] = ("auto", "linear", "srgb")
 
-# Checked before any memory is asked for: a broken or hostile header can claim any number.
+# Checked before any memory is allocated: a broken or hostile header can claim any number.
 MAX_CHANNELS = 1024
-# Far above the sun's, and its square is a float32 still; what is beyond counts as not finite.
+# Far above the sun's, and its square is finite in float32; larger values count as not finite.
 MAX_VALUE = 1e15
 
-# Bits a channel that each kind of file can hold; the first is what is written unless asked otherwise.
+# Bits per channel of each format; the first is the default.
 WRITABLE_BITS = {".png": (16, 8), ".tif": (16, 8, 32), ".tiff": (16, 8, 32), ".exr": (32, 16)}
 
-# What files of the formats that are read begin with, and what OpenImageIO calls these.
+# First bytes of the formats that are read, and OpenImageIO's names of these formats.
 _SIGNATURES = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"v/1\x01")
 _FORMATS = ("png", "jpeg", "tiff", "openexr")
 
-# What stands before a PNG's pixels, and is not told otherwise, is within so many bytes.
+# A PNG's chunks before its pixels are within so many bytes.
 PNG_HEAD = 65_536
 PNG_FILTER_UP = 32  # libpng's number: each pixel is stored as its difference from the one above
 
 
 @dataclass(frozen=True)
 class _Layer:
-    """Where a layer's channels stand: a subimage (part) of the file and channel numbers by their short names."""
+    """A layer's channels: a subimage (part) of the file and channel indices by their short names."""
 
     subimage: int
     channels: dict[str, int]
 
 
 def image_layers(path: str | os.PathLike[str]) -> list[str]:
-    """Names of the layers in a file; "" is the layer whose channels carry no name. Multi-part EXR parts count too."""
+    """Names of the layers in a file, "" for channels without a layer's name. Parts of multi-part EXRs count too."""
     path = existing_file(path, "image")
-    source = _open(path)
-    try:
-        with libraries_silent():
-            return list(_layers(source, path))
-    finally:
-        source.close()
+    with closing(_open(path)) as source, libraries_silent():
+        return list(_layers(source, path))
 
 
 def layer_in(path: str | os.PathLike[str], layer: str | None) -> str | None:
-    """The layer to read of a file that goes with a photo whose `layer` is taken: the same, where there is a choice."""
+    """The layer to read of a file that belongs to a photo's `layer`: the same, where the file has several."""
     if layer is None or Path(path).suffix.lower() in RAW_SUFFIXES:
         return None
     return layer if len(image_layers(path)) > 1 else None
@@ -77,44 +73,44 @@ def read_image(
     grey: bool = False,
     compact: bool = False,
 ) -> Image:
-    """Read a colour image; camera raw files too, where rawpy is installed (:mod:`mpsnet_core.io.raw`).
+    """Read a colour image; camera raw files too, where rawpy is installed.
 
-    encoding: how the file's values are meant. "auto": float files and files that say so are linear, all others sRGB.
-        Camera raw is always linear.
-    layer: which layer of a multi-layer or multi-part EXR; its full name or its last part ("Combined"). Unless
-        given: the unnamed layer, else the only one, else the one called Combined.
-    grey: take a file of one channel as well, for all three.
-    compact: hold a large photo in half floats, where its file has no more than 16 bits a channel.
+    Parameters
+    ----------
+    path : path-like
+        A PNG, JPEG, TIFF or EXR file, or camera raw, which is always linear.
+    encoding : {"auto", "linear", "srgb"}, optional
+        Of the file's values. "auto": float files and files that state so are linear, all others sRGB.
+    layer : str, optional
+        Layer of a multi-layer or multi-part EXR: its full name or the name's last part ("Combined"). By default the
+        unnamed layer, else the only one, else the one called Combined.
+    grey : bool, optional
+        Accept a file of one channel too, for all three.
+    compact : bool, optional
+        Store a large photo in half floats, if its file has at most 16 bits per channel.
 
-    Raises InputError where the file is missing, broken, too large, not RGB, or the layer is not there or not told.
+    Returns
+    -------
+    Image
+
+    Raises
+    ------
+    FileError
+        If the file is missing.
+    FormatError
+        If it is damaged, too large or not RGB.
+    SettingsError
+        If the layer is missing or ambiguous, or the encoding unknown.
     """
     check_choice("encoding", encoding, ENCODINGS)
     path = Path(path)
     if path.suffix.lower() in RAW_SUFFIXES:
         return _read_raw(path, encoding, layer)
     values, names, spec = _read_layer(path, layer)
-    colour = [names[name] for name in ("XYZ" if "X" in names else "RGB") if name in names]
-    if grey and not colour and len(names.keys() - {"A"}) == 1:
-        colour = [next(number for name, number in names.items() if name != "A")] * 3
-    if len(colour) != 3:
-        raise InputError(
-            f"{path} has {len(names)} channel(s) ({', '.join(names)}) where red, green and blue are needed; "
-            "give a colour image"
-        )
+    colour = _colour_channels(names, grey, path)
     alpha = np.clip(_as_float(values[..., names["A"]]), 0, 1) if "A" in names else None
-    is_float = _is_float(spec)
+    linear, assumed = (encoding == "linear", False) if encoding != "auto" else _stated_encoding(path, spec)
     premultiplied = alpha is not None and not spec.getattribute("oiio:UnassociatedAlpha")
-    declared = (image_attribute(spec, "oiio:ColorSpace", str) or "").lower()
-    if encoding == "auto":
-        linear = is_float or "lin" in declared or declared in ("raw", "data")
-        note = f"taken as {'linear' if linear else 'sRGB'} ({'float' if is_float else spec.format} file)"
-        assumed = not (linear or _says_its_curve(path, spec))
-        if not linear and spec.format.basetype == oiio.UINT16:
-            note += "; if a raw converter wrote linear values, set the encoding to linear"
-        log.info(note)
-    else:
-        linear, assumed = encoding == "linear", False
-        note = f"taken as {'linear' if linear else 'sRGB'} as told"
     fits = compact and spec.format.basetype in (oiio.HALF, oiio.UINT8, oiio.UINT16)
     pixels = np.empty((*values.shape[:2], 3), storage_type(values.shape) if fits else np.float32)
     for rows in bands(len(values)):
@@ -123,19 +119,43 @@ def read_image(
             cover = alpha[rows, :, None]
             band = np.divide(band, cover, out=np.zeros_like(band), where=cover > 1e-6)
         pixels[rows] = band if linear else srgb_to_linear(band)
-    clip = np.inf if is_float else 1.0
-    return Image(pixels, alpha, clip, note, exposure_time=_exposure_time(spec), assumed=assumed)
+    clip = np.inf if _is_float(spec) else 1.0
+    return Image(pixels, alpha, clip, exposure_time=_exposure_time(spec), assumed=assumed)
+
+
+def _colour_channels(names: dict[str, int], grey: bool, path: Path) -> list[int]:
+    colour = [names[name] for name in ("XYZ" if "X" in names else "RGB") if name in names]
+    if grey and not colour and len(names.keys() - {"A"}) == 1:
+        colour = [next(number for name, number in names.items() if name != "A")] * 3
+    if len(colour) != 3:
+        raise FormatError(
+            f"{path} has {len(names)} channel(s) ({', '.join(names)}) where red, green and blue are needed; "
+            "give a colour image"
+        )
+    return colour
+
+
+def _stated_encoding(path: Path, spec: Any) -> tuple[bool, bool]:
+    """Whether a file is linear by what it states, and whether that it is not is only assumed."""
+    is_float = _is_float(spec)
+    stated = (image_attribute(spec, "oiio:ColorSpace", str) or "").lower()
+    linear = is_float or "lin" in stated or stated in ("raw", "data")
+    hint = ""
+    if not linear and spec.format.basetype == oiio.UINT16:
+        hint = "; if a raw converter wrote linear values, set the encoding to linear"
+    log.info("read as %s (%s file)%s", "linear" if linear else "sRGB", "float" if is_float else spec.format, hint)
+    return linear, not (linear or _states_its_curve(path, spec))
 
 
 def as_stored(image: Image) -> Image:
-    """An image that was taken as sRGB with the values that its file holds, as linear ones, in place of its own."""
+    """An image that was decoded as sRGB, overwritten with the values of its file as linear ones."""
     for rows in bands(len(image.pixels)):
         image.pixels[rows] = linear_to_srgb(image.pixels[rows].astype(np.float32, copy=False))
-    return replace(image, note="taken as linear", assumed=False)
+    return replace(image, assumed=False)
 
 
-def _says_its_curve(path: Path, spec: Any) -> bool:
-    """Whether a file says how its values are meant, as JPEG does; OpenImageIO calls sRGB what says nothing, too."""
+def _states_its_curve(path: Path, spec: Any) -> bool:
+    """Whether a file states its encoding, as JPEG does; OpenImageIO reports sRGB for files without a statement, too."""
     if any(spec.getattribute(name) is not None for name in ("ICCProfile", "CICP", "oiio:Gamma", "Exif:ColorSpace")):
         return True
     if path.suffix.lower() == ".png":
@@ -151,18 +171,27 @@ def _exposure_time(spec: Any) -> float | None:
 
 def _read_raw(path: Path, encoding: Encoding, layer: str | None) -> Image:
     if encoding == "srgb":
-        raise InputError(f"{path} is a camera raw file, which is linear, not sRGB; leave the encoding at auto")
+        raise SettingsError(f"{path} is a camera raw file, which is linear, not sRGB; leave the encoding at auto")
     if layer is not None:
-        raise InputError(f"{path} is a camera raw file, which has no layer {layer!r}; leave the layer out")
+        raise SettingsError(f"{path} is a camera raw file, which has no layer {layer!r}; leave the layer out")
     image = read_raw(path)
-    log.info(image.note)
+    log.info("read as camera raw: linear, without white balance")
     return image
 
 
 def read_mask(path: str | os.PathLike[str]) -> NDArray[np.bool_]:
-    """Read a mask, (H, W) bool: the alpha channel where it varies, else where the brightest channel is above half.
+    """Read a mask: where the alpha channel is above half if it varies, else where the brightest channel is.
 
-    Raises InputError where the file is missing or broken.
+    Returns
+    -------
+    (H, W) bool array
+
+    Raises
+    ------
+    FileError
+        If the file is missing.
+    FormatError
+        If it is damaged.
     """
     values, names, _ = _read_layer(Path(path), None)
     if "A" in names:
@@ -173,7 +202,7 @@ def read_mask(path: str | os.PathLike[str]) -> NDArray[np.bool_]:
 
 
 def read_channel(path: str | os.PathLike[str]) -> NDArray[np.float32]:
-    """Read the first channel of an image as it stands, (H, W) float32. Raises InputError where it cannot be read."""
+    """Read the first channel of an image, (H, W) float32, undecoded. Raises FileError, FormatError."""
     values, names, _ = _read_layer(Path(path), None)
     return np.nan_to_num(_as_float(values[..., names.get("R", 0)]))
 
@@ -181,26 +210,23 @@ def read_channel(path: str | os.PathLike[str]) -> NDArray[np.float32]:
 def read_data(
     path: str | os.PathLike[str], layer: str | None = None
 ) -> tuple[NDArray[np.float32], NDArray[Any] | None]:
-    """Read three channels of data (normals) as they stand: (H, W, 3) float32 without any curve, and alpha or None."""
+    """Read three channels of data (normals), (H, W, 3) float32 without any curve, and alpha or None."""
     image = read_image(path, encoding="linear", layer=layer)
     return image.pixels, image.alpha
 
 
 def read_orientation(path: str | os.PathLike[str]) -> int:
-    """EXIF orientation of a photo, 1 to 8; :func:`read_image` turns it so that it is 1, which it is unless told.
+    """EXIF orientation of a photo, 1 to 8, by which :func:`read_image` rotates it; 1, upright, if the file has none.
 
-    Camera raw counts as 1: other programs see what a raw converter made of it, which is upright.
+    Camera raw counts as 1: other programs read a raw converter's output, which is upright.
 
-    Raises InputError where the file is missing or broken.
+    Raises FileError where the file is missing, FormatError where it is damaged.
     """
     path = existing_file(path, "image")
     if path.suffix.lower() in RAW_SUFFIXES:
         return 1
-    source = _open(path)
-    try:
+    with closing(_open(path)) as source:
         return _orientation(source.spec())
-    finally:
-        source.close()
 
 
 def write_image(
@@ -211,7 +237,28 @@ def write_image(
     color_space: str = "raw",
     description: str | None = None,
 ) -> None:
-    """Write (H, W) or (H, W, C) values as they stand, whole or not at all; all else as of :func:`write_bands`."""
+    """Write an image without applying a curve, whole or not at all.
+
+    Parameters
+    ----------
+    path : path-like
+        A .png, .tif or .exr file.
+    pixels : (H, W) or (H, W, C) array
+        Of four channels the last is alpha, not premultiplied.
+    bits : int, optional
+        8, 16 or 32 per channel as the format allows. Integers store 0 to 1; EXR's 16 are half floats.
+    color_space : str, optional
+        "raw" for data, "sRGB" for pictures with that curve.
+    description : str, optional
+        A line of text in the file.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    SettingsError
+        If the format or the bits are not supported.
+    """
     pixels = pixels if pixels.ndim == 3 else pixels[..., None]
     height, width, channels = pixels.shape
     write_bands(
@@ -233,15 +280,9 @@ def write_bands(
     color_space: str = "raw",
     description: str | None = None,
 ) -> None:
-    """Write an image whose values are made as they are written, whole or not at all.
+    """Write an image of `shape` (H, W, C) that is computed as it is written, whole or not at all.
 
-    shape: (H, W, C). band: gives the values (h, W, C) of some rows, from the top to the bottom; a fourth channel is
-        alpha, not premultiplied into the others here.
-    bits: 8, 16 or 32 as the format allows; integers hold 0 to 1, EXR 16 is half.
-    color_space: "raw" for data, "sRGB" for pictures whose values carry that curve.
-    description: a line of text to be kept in the file, which :func:`image_description` reads.
-
-    Raises InputError where the format, the bits or the place to write are not usable.
+    band: returns the values (h, W, C) of some rows, from the top to the bottom. All else as of :func:`write_image`.
     """
     path = Path(path)
     bits = checked_bits(path, bits)
@@ -250,7 +291,7 @@ def write_bands(
 
 
 def png_bytes(pixels: NDArray[Any]) -> bytes:
-    """A picture (H, W, 3) of sRGB values as a PNG file of 8 bits. Raises InputError where the disk is full."""
+    """A picture (H, W, 3) of sRGB values as a PNG file of 8 bits. Raises FileError where the disk is full."""
     height, width, channels = pixels.shape
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "picture.png"
@@ -267,71 +308,75 @@ def _write(
     color_space: str,
     description: str | None,
 ) -> None:
-    """Write what is to become `path` into `file`."""
-    height, width, channels = shape
-    is_exr = path.suffix.lower() == ".exr"
-    kind = ("half" if bits == 16 else "float") if is_exr else {8: "uint8", 16: "uint16", 32: "float"}[bits]
-    spec = oiio.ImageSpec(width, height, channels, kind)
+    """Write into `file` the image that becomes `path`."""
+    premultiplied = path.suffix.lower() == ".exr" and shape[2] == 4  # as OpenEXR defines colour
+    spec = _output_spec(path.suffix.lower(), shape, bits)
     spec.attribute("oiio:ColorSpace", color_space)
-    if path.suffix.lower() == ".png":
-        # For 16 bits of normals or photos smaller than what libpng chooses, in a quarter of its time.
-        spec.attribute("compression", "rle")
-        spec.attribute("png:filter", PNG_FILTER_UP)
-    elif not path.suffix.lower().startswith(".jp"):
-        spec.attribute("compression", "zip")
     if description is not None:
         spec.attribute("ImageDescription", description)
-    if channels == 4:
-        spec.alpha_channel = 3
-        if not is_exr:
-            spec.attribute("oiio:UnassociatedAlpha", 1)
 
     def stored(rows: slice) -> NDArray[np.float32]:
         values = np.ascontiguousarray(band(rows), dtype=np.float32)
-        if is_exr and channels == 4:  # OpenEXR defines colour as premultiplied
+        if premultiplied:
             return np.concatenate([values[..., :3] * values[..., 3:], values[..., 3:]], axis=-1)
         return values
 
     target = oiio.ImageOutput.create(str(file))
     if target is None:
-        raise InputError(f"cannot write {path}: {complaint(oiio)}")
+        raise FileError(f"cannot write {path}: {complaint(oiio)}")
     try:
         done = target.open(str(file), spec) and all(
-            target.write_scanlines(rows.start, rows.stop, 0, stored(rows)) for rows in bands(height)
+            target.write_scanlines(rows.start, rows.stop, 0, stored(rows)) for rows in bands(shape[0])
         )
     finally:
-        with libraries_silent():  # libpng complains of a picture that is not whole
+        with libraries_silent():  # libpng reports a picture that is not whole
             closed = target.close()
     # OpenImageIO reports success where a full disk cut a file short.
     if not (closed and done and is_whole(file)):
         reason = complaint(target) or complaint(oiio) or "the file was cut short"
         reason = reason.replace(str(file), path.name)
-        raise InputError(f"cannot write {path} ({reason[:80]}); make room on the disk")
+        raise FileError(f"cannot write {path} ({reason[:80]}); make room on the disk")
+
+
+def _output_spec(suffix: str, shape: tuple[int, int, int], bits: int) -> Any:
+    height, width, channels = shape
+    is_exr = suffix == ".exr"
+    kind = ("half" if bits == 16 else "float") if is_exr else {8: "uint8", 16: "uint16", 32: "float"}[bits]
+    spec = oiio.ImageSpec(width, height, channels, kind)
+    if suffix == ".png":
+        # For 16 bits of normals or photos, smaller files than libpng's defaults in a quarter of the time.
+        spec.attribute("compression", "rle")
+        spec.attribute("png:filter", PNG_FILTER_UP)
+    else:
+        spec.attribute("compression", "zip")
+    if channels == 4:
+        spec.alpha_channel = 3
+        if not is_exr:
+            spec.attribute("oiio:UnassociatedAlpha", 1)
+    return spec
 
 
 def image_description(path: str | os.PathLike[str]) -> str:
-    """The line of text that an image file keeps, "" where it has none or cannot be read as an image.
+    """The description in an image file, "" where it has none or cannot be read as an image.
 
-    Raises InputError where the file's name is not valid UTF-8.
+    Raises FileError where the file's name is not valid UTF-8.
     """
     source = image_input(path)
     if source is None:
         complaint(oiio)
         return ""
-    try:
+    with closing(source):
         return image_attribute(source.spec(), "ImageDescription", str) or ""
-    finally:
-        source.close()
 
 
 def is_whole(path: str | os.PathLike[str]) -> bool:
-    """Whether an image file of ours is there to its end, which one that was cut short lacks.
+    """Whether an image file of ours exists and is not cut short.
 
-    Told in milliseconds, for folders of thousands: a PNG ends in a mark, and of other formats the last rows are read.
+    Fast enough for folders of thousands: a PNG ends in a marker, and of other formats only the last rows are read.
     """
     path = Path(path)
     if path.suffix.lower() == ".png":
-        with contextlib.suppress(OSError), path.open("rb") as file:
+        with suppress(OSError), path.open("rb") as file:
             file.seek(-8, os.SEEK_END)
             return file.read(4) == b"IEND"
         return False
@@ -340,33 +385,31 @@ def is_whole(path: str | os.PathLike[str]) -> bool:
         if source is None:
             complaint(oiio)
             return False
-        try:
+        with closing(source):
             spec = source.spec()
-            together = max(
-                image_attribute(spec, "tiff:RowsPerStrip", int) or 1, 1
-            )  # from within a strip all before it would be read
-            first = (spec.height - 1) // together * together
+            strip = max(image_attribute(spec, "tiff:RowsPerStrip", int) or 1, 1)  # strips are decoded whole
+            first = (spec.height - 1) // strip * strip
             last = source.read_scanlines(first, spec.height, 0, 0, spec.nchannels, spec.format)
             return last is not None and not complaint(source)
-        finally:
-            source.close()
 
 
 def checked_bits(path: Path, bits: int | None = None) -> int:
-    """Bits a channel to write `path` with: `bits` if its format can hold them, the format's usual ones if None.
+    """Bits per channel to write `path` with: `bits` if the format supports them, its default if None.
 
-    Raises InputError where the format is not ours or cannot hold them.
+    Raises SettingsError where the format is not supported, or does not support these bits.
     """
     choices = WRITABLE_BITS.get(path.suffix.lower())
     if choices is None:
         kind = path.suffix or "no suffix"
-        raise InputError(f"cannot write {path}: {kind} is not an image format of ours; use {', '.join(WRITABLE_BITS)}")
+        raise SettingsError(
+            f"cannot write {path}: {kind} is not an image format of ours; use {', '.join(WRITABLE_BITS)}"
+        )
     if bits is None:
         return choices[0]
     if bits not in choices:
         allowed = " or ".join(map(str, sorted(choices)))
-        held = f"{path.suffix} files hold {allowed} bits a channel, not {bits}"
-        raise InputError(f"cannot write {path}: {held}; change the format or the bits")
+        reason = f"{path.suffix} files hold {allowed} bits a channel, not {bits}"
+        raise SettingsError(f"cannot write {path}: {reason}; change the format or the bits")
     return bits
 
 
@@ -376,19 +419,19 @@ def _open(path: Path) -> Any:
     source = image_input(path, config)
     if source is None:
         reason = complaint(oiio) or "it is a file of another kind"
-        raise InputError(f"{path} cannot be read as an image ({reason}); is it PNG, JPEG, TIFF or EXR, and whole?")
+        raise FormatError(f"{path} cannot be read as an image ({reason}); is it PNG, JPEG, TIFF or EXR, and whole?")
     return source
 
 
 def image_input(path: str | os.PathLike[str], *config: Any) -> Any:
-    """OpenImageIO's reader of a PNG, JPEG, TIFF or EXR file, whatever its name ends in; None where it is none of them.
+    """OpenImageIO's reader of a PNG, JPEG, TIFF or EXR file, whatever its suffix; None where it is none of them.
 
-    Nothing else reaches OpenImageIO, which reads twenty formats more. Why not, :func:`complaint` may tell.
+    Files of OpenImageIO's other formats are not opened. :func:`complaint` may return the reason.
 
-    Raises InputError where the file's name is not valid UTF-8.
+    Raises FileError where the file's name is not valid UTF-8.
     """
     if not is_utf8(path):
-        raise InputError(f"{path} cannot be opened: its name is not valid UTF-8; rename it")
+        raise FileError(f"{path} cannot be opened: its name is not valid UTF-8; rename it")
     try:
         with Path(path).open("rb") as file:
             known = file.read(8).startswith(_SIGNATURES)
@@ -405,10 +448,10 @@ def image_input(path: str | os.PathLike[str], *config: Any) -> Any:
 
 
 def complaint(source: Any) -> str:
-    """What OpenImageIO, or its reader or writer of a file, has to complain of, as one line; it forgets it thereby."""
+    """The pending error message of OpenImageIO, or of its reader or writer, as one line; clears it."""
     try:
         return " ".join(source.geterror().split())
-    except UnicodeDecodeError:  # it cites the file
+    except UnicodeDecodeError:  # it quotes the file
         return "a text in it is not UTF-8"
 
 
@@ -428,19 +471,19 @@ def _layers(source: Any, path: Path) -> dict[str, _Layer]:
             or spec.nchannels > MAX_CHANNELS
             or spec.depth > 1
         ):
-            raise InputError(
-                f"{path} says it is {spec.width} x {spec.height} with {spec.nchannels} channels, more than this "
+            raise FormatError(
+                f"{path} claims to be {spec.width} x {spec.height} with {spec.nchannels} channels, more than this "
                 f"program reads ({MAX_PIXELS // 10**6} megapixels, {MAX_CHANNELS} channels, no volumes)"
             )
         part = image_attribute(spec, "oiio:subimagename", str) or ""
         names = spec.channelnames
         for number, channel in enumerate(names):
             prefix, _, name = channel.rpartition(".")
-            # Blender 5 writes a part a pass and repeats its name in the channels only where a pass has a layer.
+            # Blender 5 writes a part per pass and repeats its name in the channels only where a pass has a layer.
             layer = prefix or (part if subimage or not _is_colour(names) else "")
             layers.setdefault(layer, _Layer(subimage, {})).channels.setdefault(_short(name, spec.nchannels), number)
         subimage += 1
-    complaint(source)  # seeking past the last part leaves a message behind
+    complaint(source)  # of seeking past the last part
     return layers
 
 
@@ -449,7 +492,7 @@ def _is_colour(names: tuple[str, ...]) -> bool:
 
 
 def _short(name: str, count: int) -> str:
-    """Channel names as files spell them, brought to R, G, B, A, X, Y, Z."""
+    """A file's channel name as R, G, B, A, X, Y or Z, if it is one of these."""
     if count > 1 and name.lower() in ("red", "green", "blue", "alpha"):
         return name[0].upper()
     return name.upper() if len(name) == 1 else name
@@ -466,31 +509,26 @@ def _choose(layers: dict[str, _Layer], wanted: str | None, path: Path) -> _Layer
         return layers[matches[0]]
     names = ", ".join(sorted(name or "(unnamed)" for name in layers))
     if wanted is not None and not matches:
-        raise InputError(f"{path} has no layer {wanted!r}; it has {names}")
-    raise InputError(f"{path} has several layers; name one of {names}")
+        raise SettingsError(f"{path} has no layer {wanted!r}; it has {names}")
+    raise SettingsError(f"{path} has several layers; name one of {names}")
 
 
 def _read_layer(path: Path, layer: str | None) -> tuple[NDArray[Any], dict[str, int], Any]:
-    """All values of a layer (H, W, C) as stored, its channels by short name, and the file's spec.
+    """All values of a layer (H, W, C) as stored, its channel indices by short name, and the file's spec.
 
     Integers of 8 and 16 bits stay integers (see :func:`_as_float`), all else is float32.
     """
     path = existing_file(path, "image")
-    source = _open(path)
-    try:
-        with libraries_silent():
-            chosen = _choose(_layers(source, path), layer, path)
+    with closing(_open(path)) as source, libraries_silent():
+        chosen = _choose(_layers(source, path), layer, path)
         source.seek_subimage(chosen.subimage, 0)
         spec = source.spec()
         first, last = min(chosen.channels.values()), max(chosen.channels.values())
-        with libraries_silent():
-            kind = spec.format.basetype if spec.format.basetype in (oiio.UINT8, oiio.UINT16) else oiio.FLOAT
-            values = source.read_image(chosen.subimage, 0, first, last + 1, kind)
+        kind = spec.format.basetype if spec.format.basetype in (oiio.UINT8, oiio.UINT16) else oiio.FLOAT
+        values = source.read_image(chosen.subimage, 0, first, last + 1, kind)
         reason = complaint(source)
-    finally:
-        source.close()
     if values is None or reason:
-        raise InputError(f"{path} is damaged or cut short ({reason or 'no pixels'}); copy or export it again")
+        raise FormatError(f"{path} is damaged or cut short ({reason or 'no pixels'}); copy or export it again")
     values = np.asarray(values).reshape(spec.height, spec.width, last + 1 - first)
     if _is_float(spec):
         for rows in bands(len(values)):
@@ -512,7 +550,7 @@ def _is_float(spec: Any) -> bool:
 
 
 def _upright(values: NDArray[Any], spec: Any) -> NDArray[Any]:
-    """Pixels as a viewer shows them: cameras store a photo as its sensor lay, and say in EXIF how to turn it."""
+    """Pixels rotated by the file's EXIF orientation, as viewers display them."""
     orientation = _orientation(spec)
     if orientation >= 5:
         values = values.transpose(1, 0, 2)
@@ -524,13 +562,13 @@ def _upright(values: NDArray[Any], spec: Any) -> NDArray[Any]:
 
 
 def _orientation(spec: Any) -> int:
-    """1, upright, unless the file says one of the other numbers of EXIF."""
+    """EXIF orientation, 1 where the file has none."""
     orientation = image_attribute(spec, "Orientation", int) or 1
     return orientation if 1 <= orientation <= 8 else 1
 
 
 def _on_display_window(values: NDArray[Any], spec: Any) -> NDArray[Any]:
-    """An EXR may hold only a part of its picture (a render region), or more than it; what is missing is zero."""
+    """An EXR's data window may be smaller (a render region) or larger than its display window; fills with zero."""
     top, left = spec.y - spec.full_y, spec.x - spec.full_x
     if (top, left, spec.height, spec.width) == (0, 0, spec.full_height, spec.full_width):
         return values

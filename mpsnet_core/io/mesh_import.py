@@ -5,21 +5,21 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FormatError, InputError
 
 
 @contextmanager
 def read_scene(path: Path) -> Iterator[Any]:
-    """What trimesh reads from a file of the format that its suffix names, with vertices and UVs as they stand there.
+    """The trimesh scene of a file, its format by its suffix, with vertices and UVs unmerged.
 
-    The file stands alone: nothing that it names is opened.
+    Files that it refers to are not opened.
 
-    Raises InputError, which does not name the file, where it cannot be read, or used as it is read.
+    Raises FormatError, without the file's name, where it cannot be read, or the block fails on its content.
     """
     import trimesh  # takes a while to load
 
     try:
-        with path.open("rb") as file:  # of a path trimesh would take what stands beside it
+        with path.open("rb") as file:  # by a path trimesh would open the files beside it
             # process=False: merging vertices would lose UV seams and sharp edges.
             scene = trimesh.load_scene(
                 file, file_type=path.suffix.lower().lstrip("."), process=False, maintain_order=True
@@ -27,5 +27,5 @@ def read_scene(path: Path) -> Iterator[Any]:
         yield scene
     except InputError:
         raise
-    except Exception as error:  # noqa: BLE001  # of damaged files trimesh raises whatever comes
-        raise InputError(f"it cannot be read ({type(error).__name__}: {error}); export it again") from None
+    except Exception as error:  # noqa: BLE001  # trimesh raises anything for damaged files
+        raise FormatError(f"it cannot be read ({type(error).__name__}: {error}); export it again") from None

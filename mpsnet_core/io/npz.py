@@ -1,4 +1,4 @@
-"""Arrays from ``.npz`` files of whatever origin."""
+"""Arrays from untrusted ``.npz`` files."""
 
 import tokenize
 import zipfile
@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FormatError
 
-# What NumPy and zipfile raise for files that are damaged in one way or another; encrypted ones are a RuntimeError.
+# Raised by NumPy and zipfile for damaged files; RuntimeError for encrypted ones.
 _UNREADABLE = (
     EOFError,
     LookupError,
@@ -29,9 +29,9 @@ _UNREADABLE = (
 
 
 def read_arrays(path: Path, most: int) -> dict[str, NDArray[Any]]:
-    """All arrays of an ``.npz`` file by their names. most: bytes that it may unpack to.
+    """All arrays of an ``.npz`` file by their names. most: limit of the unpacked size in bytes.
 
-    Raises InputError, which does not name the file, where it is damaged, larger, or holds anything but arrays.
+    Raises FormatError, without the file's name, where it is damaged, larger, or has arrays of objects.
     """
     try:
         with zipfile.ZipFile(path) as archive:
@@ -39,13 +39,14 @@ def read_arrays(path: Path, most: int) -> dict[str, NDArray[Any]]:
         if size <= most:
             with np.load(path, allow_pickle=False) as data:
                 arrays = {name: data[name] for name in data.files}
-            return {name: _plain(name, array) for name, array in arrays.items() if isinstance(array, np.ndarray)}
     except _UNREADABLE as error:
-        raise InputError(f"it cannot be read ({error}); export it again") from None
-    raise InputError(f"it unpacks to {size / (1 << 20):.0f} MiB, and may to {most >> 20}; reduce it first")
+        raise FormatError(f"it cannot be read ({error}); export it again") from None
+    if size > most:
+        raise FormatError(f"it unpacks to {size / (1 << 20):.0f} MiB, and may to {most >> 20}; reduce it first")
+    return {name: _plain(name, array) for name, array in arrays.items() if isinstance(array, np.ndarray)}
 
 
 def _plain(name: str, array: NDArray[Any]) -> NDArray[Any]:
     if array.dtype.kind not in "biufU":
-        raise InputError(f'its "{name}" holds neither numbers nor texts; export it again')
+        raise FormatError(f'its "{name}" holds neither numbers nor texts; export it again')
     return array

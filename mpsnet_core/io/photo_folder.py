@@ -1,34 +1,34 @@
-"""PhotoFolder: photos found by their names without suffix."""
+"""PhotoFolder: photos by their names without suffix."""
 
 import os
 from collections.abc import Collection
 from pathlib import Path
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError
 from mpsnet_core.io.files import PHOTO_SUFFIXES, RAW_SUFFIXES
 
 
 class PhotoFolder:
-    """A folder of photos or masks, with folders in it or not. Each is listed once, however many are looked for.
+    """A folder of photos or masks, with or without subfolders. Each folder is listed once.
 
-    Raises InputError where it is no folder.
+    Raises FileError where it is no folder.
     """
 
     def __init__(self, path: str | os.PathLike[str], what: str = "photos") -> None:
         self.path = Path(path)
         if not self.path.is_dir():
-            raise InputError(f"{path} is not a folder; name the folder of the {what}")
+            raise FileError(f"{path} is not a folder; name the folder of the {what}")
         self._listed: dict[Path, dict[str, list[Path]]] = {}
 
     def find(
         self, stems: Collection[str], who: str, within: Path | None = None, *, raw_only: bool = False
     ) -> Path | None:
-        """The one image in the folder `within` (this one unless given) that has one of these names without suffix.
+        """The image in the folder `within` (this one by default) that has one of these names without suffix.
 
-        Where a camera wrote a photo both as raw and otherwise, the raw file is meant. Upper and lower case count where
-        they tell images apart. raw_only: nothing but a raw file will do.
+        Of a photo both as raw and otherwise, the raw file. Case counts where it distinguishes images. raw_only: return
+        None unless it is a raw file.
 
-        Raises InputError, for `who`, where several fit.
+        Raises FileError, with the name `who`, where several match.
         """
         folder = self.path if within is None else within
         if folder not in self._listed:
@@ -40,7 +40,7 @@ class PhotoFolder:
             return raw[0] if len(raw) == 1 else None
         if len(found) > 1:
             names = ", ".join(file.name for file in found)
-            raise InputError(f"{who} may be any of {names} in {folder}; keep one of them")
+            raise FileError(f"{who} may be any of {names} in {folder}; keep one of them")
         return found[0] if found else None
 
 
@@ -51,6 +51,6 @@ def _by_stem(folder: Path) -> dict[str, list[Path]]:
         for file in folder.iterdir():
             if file.suffix.lower() in PHOTO_SUFFIXES and file.is_file():
                 found.setdefault(file.stem.lower(), []).append(file)
-    except (OSError, ValueError):  # not there, or a name that is too long or holds a zero
+    except (OSError, ValueError):  # missing, or a name that is too long or has a null character
         return {}
     return found

@@ -1,4 +1,4 @@
-"""Lines that change when what a result was made from changes: how a run that goes on knows what need not be made."""
+"""Provenance: hashes of a result's inputs, by which a resumed run skips what is up to date."""
 
 import hashlib
 import os
@@ -10,23 +10,22 @@ from mpsnet_core.operation import Operation, provenance_values
 
 
 def provenance_line(what: str, facts: str) -> str:
-    """The line that a picture keeps: what it is, and what changes with any of the facts that it was made of."""
+    """A picture's description: what it is, and a hash of the facts that it was computed from."""
     digest = hashlib.sha256(facts.encode(errors="surrogateescape")).hexdigest()
     return f"{what} by mpsnet {__version__}, {digest[:32]}"
 
 
 def is_up_to_date(picture: Path, line: str) -> bool:
-    """Whether a picture is there, keeps this line, and is whole."""
+    """Whether a picture exists with this description and is not cut short."""
     from mpsnet_core.io.images import image_description, is_whole
 
     return image_description(picture) == line and is_whole(picture)
 
 
 def identity(given: str | os.PathLike[str] | None) -> str:
-    """Text that changes when the file or files that are meant do: their names, sizes and times.
+    """Text that changes with files: their names, sizes and times.
 
-    given: a file, a folder or a pattern (frame_####.png), also behind "background:". What means no file stands for
-    itself.
+    given: a file, a folder or a pattern (frame_####.png), also after "background:". Anything else is returned as text.
     """
     if given is None:
         return str(given)
@@ -43,7 +42,7 @@ def identity(given: str | os.PathLike[str] | None) -> str:
 
 
 def content(file: str | os.PathLike[str]) -> str:
-    """Text that changes with what a file holds. Raises InputError where there is no such file."""
+    """Hash of a file's content. Raises FileError where it is missing."""
     with existing_file(file, "file").open("rb") as opened:
         return hashlib.file_digest(opened, "sha256").hexdigest()
 
@@ -54,15 +53,15 @@ def _stamp(file: Path) -> str:
 
 
 def operation_facts(operation: Operation, **more: str) -> str:
-    """Text that changes with every option of an operation that makes another result, and with `more` facts.
+    """Text that changes with every option that affects an operation's result, and with `more` facts.
 
-    Raises InputError where a file that is given is not there.
+    Raises FileError where a given file is missing.
     """
     facts = dict(more)
     for setting, value in provenance_values(operation):
         kind = setting.option.provenance
         if kind == "value" or value is None:
             facts[setting.name] = repr(value)
-        else:  # files that are small and often written anew count by what they hold
+        else:  # small files that are often rewritten count by content
             facts[setting.name] = content(value) if kind == "content" else identity(value)
     return "\n".join(f"{name}: {fact}" for name, fact in sorted(facts.items()))

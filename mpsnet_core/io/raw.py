@@ -1,7 +1,4 @@
-"""Camera raw files by LibRaw (rawpy), as the sensor counted: linear, in the camera's own colours, nothing made up.
-
-:func:`mpsnet_core.io.images.read_image` is the door that calls this.
-"""
+"""Camera raw files by LibRaw (rawpy), as the sensor measured: linear, in the camera's own colours."""
 
 import importlib
 from pathlib import Path
@@ -12,25 +9,23 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import dilated
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, FormatError, InputError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.image import MAX_PIXELS, SATURATED_SHARE, Image, libraries_silent
 
-NOTE = "taken as camera raw: linear, without white balance"
-
 
 def read_raw(path: Path) -> Image:
-    """Read a camera raw file: black level taken off, 1 where the sensor clips, upright as its orientation says.
+    """Read a camera raw file: black level subtracted, 1 where the sensor clips, rotated by its orientation.
 
-    Neither white balance nor a colour matrix or curve is applied. The mosaic is filled in bilinearly, each channel
-    from its own sites alone. Other methods draw on what photographs under white light have in common, that the
-    channels change together; here each channel shows another light, and they would put one light's relief into
-    another's (LibRaw's AHD and DCB do). The price: at sharp edges of paint, colour fringes a pixel wide.
+    Neither white balance nor a colour matrix or curve is applied. Demosaicing is bilinear, each channel from its own
+    sites alone: other methods assume that channels correlate as under white light. Here each channel shows another
+    light, and they would mix one light's relief into another's (LibRaw's AHD and DCB do). The price: at sharp edges of
+    paint, colour fringes a pixel wide.
 
-    `clipped` marks a channel where its site or one next to it, which it was filled in from, is at its end.
+    `clipped` marks a channel where its site, or a neighbour that it is interpolated from, is saturated.
 
-    Raises InputError where rawpy is not installed, or the file is missing, broken, too large, or of a sensor without
-    red, green and blue in upright rows.
+    Raises FileError where the file is missing; FormatError where it is damaged, too large, or of a sensor without red,
+    green and blue in upright rows; InputError where rawpy is not installed.
     """
     path = existing_file(path, "image")
     try:
@@ -46,34 +41,34 @@ def read_raw(path: Path) -> Image:
             raw.unpack()
             return _developed(raw, rawpy, path)
     except (rawpy.LibRawError, rawpy.NotSupportedError, NotImplementedError) as error:
-        told = error.args[0] if error.args else ""
-        reason = told.decode("ascii", "replace") if isinstance(told, bytes) else str(told)
-        raise InputError(
+        message = error.args[0] if error.args else ""
+        reason = message.decode("ascii", "replace") if isinstance(message, bytes) else str(message)
+        raise FormatError(
             f"{path} cannot be read as camera raw ({reason}); if it is whole, convert it to a linear TIFF"
         ) from None
     except UnicodeError:
-        raise InputError(f"{path} cannot be opened: its name is not valid UTF-8; rename it") from None
+        raise FileError(f"{path} cannot be opened: its name is not valid UTF-8; rename it") from None
 
 
 def _check(raw: Any, path: Path) -> None:
-    """Refuse by the header, before any memory is asked for."""
+    """Check the header, before any memory is allocated."""
     sizes = raw.sizes
     if max(sizes.raw_width * sizes.raw_height, sizes.width * sizes.height) > MAX_PIXELS:
-        raise InputError(
-            f"{path} says it is {sizes.raw_width} x {sizes.raw_height}, more than this program reads "
+        raise FormatError(
+            f"{path} claims to be {sizes.raw_width} x {sizes.raw_height}, more than this program reads "
             f"({MAX_PIXELS // 10**6} megapixels)"
         )
     if raw.num_colors != 3 or set(raw.color_desc.rstrip(b"\0")) != set(b"RGB"):
         colours = raw.color_desc.rstrip(b"\0").decode("ascii", "replace")[: max(raw.num_colors, 1)]
-        raise InputError(
+        raise FormatError(
             f"{path} is from a sensor that sees {raw.num_colors} colour(s) ({colours}) where red, green and blue are "
             "needed; take the photo with another camera"
         )
 
 
 def _developed(raw: Any, rawpy: Any, path: Path) -> Image:
-    flip, exposure_time = raw.sizes.flip, raw.other.shutter_speed  # asked now: developing forgets how it was held
-    counted = raw.postprocess(
+    flip, exposure_time = raw.sizes.flip, raw.other.shutter_speed  # read now: postprocess resets them
+    developed = raw.postprocess(
         demosaic_algorithm=rawpy.DemosaicAlgorithm.LINEAR,
         user_wb=[1, 1, 1, 1],
         output_color=rawpy.ColorSpace.raw,
@@ -82,40 +77,42 @@ def _developed(raw: Any, rawpy: Any, path: Path) -> Image:
         highlight_mode=rawpy.HighlightMode.Clip,
         no_auto_bright=True,
         adjust_maximum_thr=0,  # else the brightest pixel of a photo would be its white level
-        user_flip=0,  # turned below, with what is clipped
+        user_flip=0,  # rotated below, with `clipped`
     )
     clipped = _clipped(raw)
-    if counted.shape != clipped.shape:
-        raise InputError(
+    if developed.shape != clipped.shape:
+        raise FormatError(
             f"{path} is from a sensor whose pixels are not square or stand in slanted rows, which this program does "
             "not read; convert it to a linear TIFF"
         )
-    counted, clipped = _upright(counted, flip), _upright(clipped, flip)
-    pixels = np.empty(counted.shape, np.float32)
+    developed, clipped = _upright(developed, flip), _upright(clipped, flip)
+    pixels = np.empty(developed.shape, np.float32)
     for rows in bands(len(pixels)):
-        pixels[rows] = counted[rows] / np.float32(65535)
-    return Image(pixels, None, np.inf, NOTE, np.ascontiguousarray(clipped), exposure_time or None)
+        pixels[rows] = developed[rows] / np.float32(65535)
+    return Image(pixels, None, np.inf, np.ascontiguousarray(clipped), exposure_time or None)
 
 
 def _clipped(raw: Any) -> NDArray[np.bool_]:
-    """(H, W, 3) where a channel is at its end, or a site of its own next to it is; before turning upright."""
+    """(H, W, 3) where a channel's site, or one next to it, is saturated; before rotation."""
     sites = raw.raw_image_visible
     black = np.array(raw.black_level_per_channel, float)
     white = np.minimum(raw.white_level, raw.camera_white_level_per_channel or raw.white_level)
     white = np.where(white > black, white, raw.white_level)
     ends = black + SATURATED_SHARE * (white - black)
+    clipped: NDArray[np.bool_]
     if sites.ndim == 3:  # every pixel has all three
-        return sites[..., :3] >= ends[:3]
+        clipped = sites[..., :3] >= ends[:3]
+        return clipped
     colours = raw.raw_colors_visible
     clipped = np.zeros((*sites.shape, 3), bool)
-    at_end = sites >= ends.astype(sites.dtype)[colours]
+    saturated = sites >= ends.astype(sites.dtype)[colours]
     for colour in range(4):  # 3 is a second green
-        clipped[..., colour % 3 if colour < 3 else 1] |= at_end & (colours == colour)
+        clipped[..., colour % 3 if colour < 3 else 1] |= saturated & (colours == colour)
     return dilated(clipped, 1)
 
 
 def _upright(values: NDArray[Any], flip: int) -> NDArray[Any]:
-    """As the camera was held, by LibRaw's code: 2 turns the rows round, 1 the columns, and then 4 swaps the two."""
+    """Rotated by LibRaw's code: 2 reverses the rows, 1 the columns, and then 4 transposes."""
     if flip & 2:
         values = values[::-1]
     if flip & 1:

@@ -1,4 +1,4 @@
-"""Tables of text, for the terminal and for the page."""
+"""Plain-text tables, for the terminal and for reports."""
 
 from collections.abc import Mapping, Sequence
 from itertools import chain
@@ -8,7 +8,13 @@ import numpy as np
 
 
 def text_table(header: Sequence[str], lines: Sequence[Sequence[str]], left: int) -> str:
-    """The lines below their header; the first `left` columns are words, the others numbers, aligned at the right."""
+    """The lines below their header; the first `left` columns are left-aligned, the others right-aligned.
+
+    >>> print(text_table(["model", "error"], [["lambertian", "9.50"], ["dense", "12.25"]], 1))
+    model       error
+    lambertian   9.50
+    dense       12.25
+    """
     table = [header, *lines]
     widths = [max(len(line[column]) for line in table) for column in range(len(header))]
     return "\n".join(
@@ -23,7 +29,7 @@ def text_table(header: Sequence[str], lines: Sequence[Sequence[str]], left: int)
 def table_of_means(rows: Sequence[Mapping[str, Any]], lines: Sequence[str], column: str, value: str = "mae_deg") -> str:
     """Mean of `value` over the rows: a line for each combination of the keys `lines`, a column for each `column`.
 
-    The last column is the mean over all rows of its line. Rows without the value, and cells without rows, count not.
+    The last column is the mean over all rows of its line. Rows without the value do not count.
     """
     columns = list(dict.fromkeys(str(row[column]) for row in rows))
     grouped: dict[tuple[str, ...], dict[str, list[float]]] = {}

@@ -1,1 +1,1 @@
-"""The scene: cameras, light rigs, meshes, normal maps, and photogrammetry that tells where photos were taken."""
+"""The scene: cameras, light rigs, meshes, normal maps, and the cameras of photogrammetry."""

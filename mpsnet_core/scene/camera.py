@@ -7,18 +7,18 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mpsnet_core.errors import InputError
-from mpsnet_core.io.files import read_json, write_json
+from mpsnet_core.errors import FormatError, GeometryError, SettingsError
+from mpsnet_core.io.files import located, read_json, write_json
 
 CAMERA_FORMAT = "mpsnet-camera"
 CAMERA_VERSION = 1
 CAMERA_KEYS = ("projection", "width", "height", "focal", "centre", "world_from_camera")
 MAX_SIDE = 1_000_000
-# Pixels and pixels a world unit, and world units; what is computed of them stays a number.
+# Limits in pixels or pixels per world unit, and in world units: products of such numbers stay finite.
 MOST = 1e9
 FARTHEST = 1e12
 LEAST_FOCAL = 1e-6
-FULL_FRAME = 36.0  # mm, the longer side of what focal lengths are told for
+FULL_FRAME = 36.0  # mm, the longer side of the sensor that 35 mm equivalent focal lengths refer to
 
 Projection = Literal["orthographic", "perspective"]
 
@@ -27,15 +27,30 @@ Projection = Literal["orthographic", "perspective"]
 class Camera:
     """A pinhole or orthographic camera.
 
-    projection: "orthographic" or "perspective".
-    width, height: image size in pixels.
-    focal: (2,) pixels along x and y: the focal length of a perspective camera; the pixels a world unit of an
-        orthographic one.
-    centre: (2,) pixels, where the optical axis meets the image; pixel (row r, column c) covers [c, c+1] x [r, r+1]
-        with row 0 on top. The image's middle unless given.
-    world_from_camera: (4, 4) rigid pose. Camera axes: x right, y up, z towards the viewer (Blender's and OpenGL's).
+    Parameters
+    ----------
+    projection : {"orthographic", "perspective"}
+    width, height : int
+        Image size in pixels.
+    focal : (2,) float64 array
+        Along x and y: the focal length in pixels if perspective, the pixels per world unit if orthographic.
+    centre : (2,) float64 array, optional
+        Principal point in pixels; pixel (row r, column c) covers [c, c+1] x [r, r+1] with row 0 on top. The image's
+        middle by default.
+    world_from_camera : (4, 4) float64 array, optional
+        Rigid pose; the identity by default. Camera axes: x right, y up, z towards the viewer (Blender's and OpenGL's).
 
-    Raises InputError where a size is not positive or the pose is not rigid.
+    Raises
+    ------
+    GeometryError
+        If a size is not positive or the pose is not rigid.
+
+    Examples
+    --------
+    >>> camera = Camera("perspective", 640, 480, np.array([800.0, 800.0]))
+    >>> x, y, w = camera.projection_rows() @ [0.1, 0, -2, 1]
+    >>> float(x / w), float(y / w)
+    (360.0, 240.0)
     """
 
     projection: Projection
@@ -47,20 +62,20 @@ class Camera:
 
     def __post_init__(self) -> None:
         if self.projection not in ("orthographic", "perspective"):
-            raise InputError(f'a camera\'s projection is "orthographic" or "perspective", not {self.projection!r}')
+            raise GeometryError(f'a camera\'s projection is "orthographic" or "perspective", not {self.projection!r}')
         for what, size in (("width", self.width), ("height", self.height)):
             if isinstance(size, bool) or not isinstance(size, int | np.integer) or not 1 <= size <= MAX_SIDE:
-                raise InputError(f"the camera's {what} must be a whole number of pixels from 1 to {MAX_SIDE}")
+                raise GeometryError(f"the camera's {what} must be a whole number of pixels from 1 to {MAX_SIDE}")
         focal = _numbers(self.focal, (2,), "focal", np.inf)
         if not ((focal >= LEAST_FOCAL) & (focal <= MOST)).all():
-            raise InputError(f"the camera's focal must be above 0 in x and in y, {LEAST_FOCAL:g} to {MOST:g} pixels")
+            raise GeometryError(f"the camera's focal must be above 0 in x and in y, {LEAST_FOCAL:g} to {MOST:g} pixels")
         middle = np.array([self.width / 2, self.height / 2])
         centre = _numbers(middle if self.centre is None else self.centre, (2,), "centre", MOST)
         pose = _numbers(self.world_from_camera, (4, 4), "world_from_camera", FARTHEST)
         turn = pose[:3, :3]
         rigid = np.allclose(turn.T @ turn, np.eye(3), atol=1e-4) and np.linalg.det(turn) > 0
         if not rigid or not np.allclose(pose[3], [0, 0, 0, 1]):
-            raise InputError(
+            raise GeometryError(
                 "the camera's world_from_camera is not a rotation and a translation; remove scale, shear and mirroring"
             )
         for name, value in (("focal", focal), ("centre", centre), ("world_from_camera", pose)):
@@ -73,21 +88,23 @@ class Camera:
         return self.world_from_camera[:3, :3]
 
     def projection_rows(self) -> NDArray[np.float64]:
-        """(3, 4) matrix P: a homogeneous world point p gives (x·w, y·w, w) in pixels; w is 1 if orthographic."""
+        """(3, 4) projection matrix P: for a homogeneous world point p, P p is (x w, y w, w) in pixels."""
         camera_from_world = np.linalg.inv(self.world_from_camera)
         (fx, fy), (cx, cy) = self.focal, self.centre
         if self.projection == "orthographic":
             rows = np.array([[fx, 0, 0, cx], [0, -fy, 0, cy], [0, 0, 0, 1.0]])
         else:
             rows = np.array([[fx, 0, -cx, 0], [0, -fy, -cy, 0], [0, 0, -1.0, 0]])
-        return rows @ camera_from_world
+        projection: NDArray[np.float64] = rows @ camera_from_world
+        return projection
 
     def depth_row(self) -> NDArray[np.float64]:
         """(4,) row d: a homogeneous world point's distance in front of the camera along its axis is d·p."""
-        return -np.linalg.inv(self.world_from_camera)[2]
+        row: NDArray[np.float64] = -np.linalg.inv(self.world_from_camera)[2]
+        return row
 
-    def points(self, depth: NDArray[np.floating], first_row: int = 0) -> NDArray[np.float64]:
-        """(h, W, 3) in camera space: what rows of pixels from `first_row` on show at `depth` (h, W) along the axis."""
+    def points(self, depth: NDArray[np.floating[Any]], first_row: int = 0) -> NDArray[np.float64]:
+        """(h, W, 3) points in camera space: rows of pixels from `first_row` on, at `depth` (h, W) along the axis."""
         depth = np.asarray(depth, np.float64)
         x = (np.arange(depth.shape[1]) + 0.5 - self.centre[0]) / self.focal[0]
         y = (self.centre[1] - (np.arange(depth.shape[0]) + first_row + 0.5)) / self.focal[1]
@@ -108,13 +125,27 @@ class Camera:
 
 
 def camera_of_lens(focal_length: float, width: int, height: int) -> Camera:
-    """A perspective camera in the origin whose lens has `focal_length` in millimetres on a sensor 36 mm wide ("35 mm
-    equivalent"), whichever way the camera was held.
+    """A perspective camera at the origin from a 35 mm equivalent focal length, in landscape or portrait format.
 
-    Raises InputError where the focal length is not above 0.
+    Parameters
+    ----------
+    focal_length : float
+        In millimetres, on a sensor whose longer side is 36 mm.
+    width, height : int
+        Image size in pixels.
+
+    Raises
+    ------
+    SettingsError
+        If the focal length is not above 0.
+
+    Examples
+    --------
+    >>> camera_of_lens(50, 4000, 6000).focal.round(1).tolist()
+    [8333.3, 8333.3]
     """
     if not (np.isfinite(focal_length) and focal_length > 0):
-        raise InputError(f"a focal length is a number of millimetres above 0, not {focal_length}")
+        raise SettingsError(f"a focal length is a number of millimetres above 0, not {focal_length}")
     return Camera("perspective", width, height, np.full(2, focal_length / FULL_FRAME * max(width, height)))
 
 
@@ -124,9 +155,9 @@ def _numbers(value: ArrayLike, shape: tuple[int, ...], what: str, most: float) -
     except (TypeError, ValueError, OverflowError):
         array = np.empty(0)
     if array.shape != shape or not np.isfinite(array).all():
-        raise InputError(f"the camera's {what} must be {' by '.join(map(str, shape))} finite numbers")
+        raise GeometryError(f"the camera's {what} must be {' by '.join(map(str, shape))} finite numbers")
     if (np.abs(array) > most).any():
-        raise InputError(f"the camera's {what} holds a number beyond {most:g}; mend it")
+        raise GeometryError(f"the camera's {what} holds a number beyond {most:g}; mend it")
     return array
 
 
@@ -145,23 +176,37 @@ def camera_data(camera: Camera) -> dict[str, Any]:
 def camera_from_data(data: dict[str, Any]) -> Camera:
     """A camera from JSON data with (at least) :func:`camera_data`'s keys; "centre" may be left out.
 
-    Raises InputError where a key is missing or a value cannot be a camera's.
+    Raises FormatError where a key is missing, GeometryError where a value cannot be a camera's.
     """
     missing = [key for key in CAMERA_KEYS if key not in data and key != "centre"]
     if missing:
-        raise InputError(f'it lacks "{missing[0]}"; add it')
+        raise FormatError(f'it lacks "{missing[0]}"; add it')
     return Camera(**{key: data[key] for key in CAMERA_KEYS if key in data})
 
 
 def read_camera(path: str | os.PathLike[str]) -> Camera:
-    """Read a JSON camera file. Raises InputError where it is missing or malformed."""
+    """Read a JSON camera file.
+
+    Raises
+    ------
+    FileError
+        If the file is missing.
+    FormatError
+        If it is not a camera file.
+    GeometryError
+        If its values cannot be a camera's.
+    """
     data = read_json(path, CAMERA_FORMAT, CAMERA_VERSION, CAMERA_KEYS)
-    try:
+    with located(f"camera file {path}"):
         return camera_from_data(data)
-    except InputError as error:
-        raise InputError(f"camera file {path}: {error}") from None
 
 
 def write_camera(path: str | os.PathLike[str], camera: Camera) -> None:
-    """Write a JSON camera file, whole or not at all."""
+    """Write a JSON camera file, whole or not at all.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    """
     write_json(path, {"format": CAMERA_FORMAT, "version": CAMERA_VERSION, **camera_data(camera)})

@@ -1,19 +1,26 @@
-"""Several meshes as one, where only their shape counts: what hides what, and what stands where in the world."""
+"""Several meshes as one, where only their shape counts: for occlusion and world positions."""
 
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.normal_map import normalised
 
 
 def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
-    """One mesh in world space, its triangles those of the meshes in their order; a mesh alone is given as it is.
+    """One mesh in world space, its triangles those of the meshes in their order.
 
-    Names of materials and objects, and tangents that were given, are left behind.
-    Raises InputError where all together cannot be a mesh, as :class:`Mesh` does.
+    Parameters
+    ----------
+    meshes : sequence of Mesh
+        A single mesh is returned unchanged. Labels and given tangents of several are dropped.
+
+    Raises
+    ------
+    GeometryError
+        If the joined arrays are no :class:`Mesh`.
     """
     if len(meshes) == 1:
         return meshes[0]
@@ -28,10 +35,10 @@ def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
 
 
 def _outwards(mesh: Mesh, at_corners: NDArray[np.generic]) -> NDArray[np.generic]:
-    """Corner values (T, 3, ...) in the order that is counter-clockwise in the world: a mirrored object's turn round."""
+    """Corner values (T, 3, ...) in counter-clockwise order in the world: reversed for a mirrored object."""
     return at_corners[:, ::-1] if np.linalg.det(mesh.world_from_object[:3, :3]) < 0 else at_corners
 
 
 def _world_normals(mesh: Mesh) -> NDArray[np.float32]:
-    # Normals are carried by the inverse transpose; a row times a matrix transposes once more.
+    # The inverse transpose transforms normals; a row times a matrix transposes once more.
     return normalised(mesh.corner_normals @ np.linalg.inv(mesh.world_from_object[:3, :3]).astype(np.float32))

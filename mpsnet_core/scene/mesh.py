@@ -11,36 +11,56 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
-from mpsnet_core.io.files import existing_file, written_whole
+from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.errors import FormatError, GeometryError
+from mpsnet_core.io.files import existing_file, located
 from mpsnet_core.io.mesh_import import read_scene
 from mpsnet_core.io.npz import read_arrays
 from mpsnet_core.scene.mesh_labels import Labels, labels_of_runs
 from mpsnet_core.scene.mikktspace import mikktspace_tangents
-from mpsnet_core.scene.normal_map import normalised
 
 MESH_FORMAT = "mpsnet-mesh"
 MESH_VERSION = 1
 MAX_MESH_BYTES = 4 << 30
-# In any unit: products of three such lengths are numbers still.
+# In any unit: products of three such lengths stay finite.
 MOST = 1e12
-# More corners than a modeller gives a face; fans of thin triangles from one corner make no texture.
+# No modeller's faces have more corners, and fans of thin triangles carry no texture.
 MAX_CORNERS = 4096
 
 
 @dataclass(frozen=True)
 class Mesh:
-    """A triangle mesh; everything but world_from_object is in the object's own space.
+    """A triangle mesh; everything but `world_from_object` is in object space.
 
-    vertices: (V, 3). triangles: (T, 3) vertex numbers, counter-clockwise seen from outside.
-    corner_normals: (T, 3, 3) unit shading normals. uvs: (T, 3, 2), v up; one unit square is the texture.
-    tangents: (T, 3, 4) MikkTSpace tangent and the bitangent's sign (B = sign N x T); computed where not given.
-    world_from_object: (4, 4) affine, may be scaled.
-    materials, objects: the name of each triangle's material, and of the object that it is of; None where not known.
-    polygons: (T,) the number of the polygon that each triangle is part of, for tangents as of quads, see
-        :func:`.mikktspace.mikktspace_tangents`; None where all are triangles.
+    Parameters
+    ----------
+    vertices : (V, 3) float64 array
+    triangles : (T, 3) int32 array
+        Vertex indices, counter-clockwise seen from outside.
+    corner_normals : (T, 3, 3) float32 array
+        Unit shading normals.
+    uvs : (T, 3, 2) float32 array
+        v up; one unit square is the texture.
+    given_tangents : (T, 3, 4) float32 array, optional
+        What :attr:`tangents` returns; MikkTSpace's by default.
+    world_from_object : (4, 4) float64 array, optional
+        Affine, may be scaled; the identity by default.
+    materials, objects : Labels, optional
+        Each triangle's material and object.
+    polygons : (T,) int32 array, optional
+        The polygon of each triangle, for the tangents of quads: see :func:`.mikktspace.mikktspace_tangents`.
 
-    Raises InputError where shapes do not fit or a number is not finite.
+    Raises
+    ------
+    GeometryError
+        If shapes do not agree, a number is not finite, or the object is scaled to nothing.
+
+    Examples
+    --------
+    >>> vertices = np.array([[0, 0, 0], [2, 0, 0], [0, 2, 0.0]])
+    >>> normals, uvs = np.tile([0, 0, 1], (1, 3, 1)), np.array([[[0, 0], [1, 0], [0, 1]]])
+    >>> Mesh(vertices, np.array([[0, 1, 2]]), normals, uvs).tangents[0, 0].tolist()
+    [1.0, 0.0, 0.0, 1.0]
     """
 
     vertices: NDArray[np.float64]
@@ -56,7 +76,7 @@ class Mesh:
     def __post_init__(self) -> None:
         count, points = len(np.atleast_1d(self.triangles)), len(np.atleast_1d(self.vertices))
         if count == 0 or points == 0:
-            raise InputError("the mesh has no faces; choose an object with a surface")
+            raise GeometryError("the mesh has no faces; choose an object with a surface")
         shapes: dict[str, tuple[int, ...]] = {
             "vertices": (points, 3),
             "triangles": (count, 3),
@@ -73,22 +93,22 @@ class Mesh:
             try:
                 value = np.asarray(getattr(self, name), dtype=kinds.get(name, np.float32))
             except (TypeError, ValueError, OverflowError):
-                raise InputError(f"the mesh's {name} are not numbers; export it again") from None
+                raise GeometryError(f"the mesh's {name} are not numbers; export it again") from None
             if value.shape != shape:
-                raise InputError(f"the mesh's {name} have shape {value.shape}, expected {shape}; export it again")
+                raise GeometryError(f"the mesh's {name} have shape {value.shape}, expected {shape}; export it again")
             _check_finite(name, value)
             object.__setattr__(self, name, value)
         _check_numbers(self.triangles, points)
         scales = np.linalg.svd(self.world_from_object[:3, :3], compute_uv=False)
         if scales[-1] <= 1e-9 * scales[0]:
-            raise InputError("the object is scaled to nothing in one direction; give it a scale above 0")
+            raise GeometryError("the object is scaled to nothing in one direction; give it a scale above 0")
         for what, labels in (("materials", self.materials), ("objects", self.objects)):
             if labels is not None and len(labels) != count:
-                raise InputError(f"the mesh has {count} triangles, but {what} for {len(labels)}; export it again")
+                raise GeometryError(f"the mesh has {count} triangles, but {what} for {len(labels)}; export it again")
 
     @cached_property
     def tangents(self) -> NDArray[np.float32]:
-        """(T, 3, 4) tangent (unit) and bitangent sign of every corner."""
+        """(T, 3, 4) unit tangent T of every corner, then the sign s of its bitangent B = s N x T."""
         if self.given_tangents is not None:
             return self.given_tangents
         return mikktspace_tangents(self.vertices[self.triangles], self.corner_normals, self.uvs, self.polygons)
@@ -96,85 +116,67 @@ class Mesh:
     @cached_property
     def world_vertices(self) -> NDArray[np.float64]:
         """(V, 3) vertices in world space."""
-        return self.vertices @ self.world_from_object[:3, :3].T + self.world_from_object[:3, 3]
+        placed: NDArray[np.float64] = self.vertices @ self.world_from_object[:3, :3].T + self.world_from_object[:3, 3]
+        return placed
 
 
 def _check_finite(name: str, values: NDArray[Any]) -> None:
     if not np.isfinite(values).all():
-        raise InputError(f"the mesh's {name} hold a value that is not finite; mend the mesh")
+        raise GeometryError(f"the mesh's {name} hold a value that is not finite; mend the mesh")
     if name != "uvs" and (np.abs(values) > MOST).any():
-        raise InputError(f"the mesh's {name} hold a value beyond {MOST:g}; mend the mesh")
+        raise GeometryError(f"the mesh's {name} hold a value beyond {MOST:g}; mend the mesh")
 
 
 def _check_numbers(triangles: NDArray[Any], count: int) -> None:
     if triangles.size and not 0 <= triangles.min() <= triangles.max() < count:
-        raise InputError("the mesh's triangles name vertices that it does not have; export it again")
+        raise GeometryError("the mesh's triangles name vertices that it does not have; export it again")
 
 
 def read_mesh(path: str | os.PathLike[str], *, shape_only: bool = False) -> Mesh:
-    """Read a mesh with UVs: OBJ; PLY and GLB through trimesh; or the ``.npz`` that the add-on writes.
+    """Read a mesh with UVs: OBJ, PLY, GLB, or the ``.npz`` that the add-on writes.
 
-    Polygons become fans of triangles, and all of the file's objects and materials one mesh, which knows their names.
-    Shading normals are the file's own, else smooth ones, across UV seams too.
-    The file's axes are taken as they stand: cameras must be given in the same world.
+    Polygons become fans of triangles, and all of the file's objects and materials one mesh that is labelled with their
+    names. Shading normals are the file's own, else smooth ones, across UV seams too. The axes stay the file's: cameras
+    must be in the same world.
 
-    shape_only: UVs are not needed, and if there are some they do not count.
+    Parameters
+    ----------
+    path : path-like
+    shape_only : bool, optional
+        Ignore UVs, which are then not required.
 
-    Raises InputError where the file is missing, broken, without faces or without UVs.
+    Raises
+    ------
+    FileError
+        If the file is missing.
+    FormatError
+        If it is damaged, or none of these formats.
+    GeometryError
+        If the mesh has no faces or no UVs, or cannot be a :class:`Mesh`.
     """
     path = existing_file(path, "mesh file")
     if path.stat().st_size > MAX_MESH_BYTES:
-        raise InputError(f"mesh file {path} is larger than 4 GiB; reduce the mesh first")
+        raise FormatError(f"mesh file {path} is larger than 4 GiB; reduce the mesh first")
     readers = {".npz": _read_npz, ".obj": _read_obj, ".ply": _read_with_trimesh, ".glb": _read_with_trimesh}
-    try:
+    with located(f"mesh file {path}"):
         reader = readers.get(path.suffix.lower())
         if reader is None:
-            raise InputError(f"{path.suffix or 'no suffix'} is not a mesh format we read; use OBJ, PLY, GLB or npz")
+            raise FormatError(f"{path.suffix or 'no suffix'} is not a mesh format we read; use OBJ, PLY, GLB or npz")
         return reader(path, shape_only)
-    except InputError as error:
-        raise InputError(f"mesh file {path}: {error}") from None
 
 
-def write_mesh(path: str | os.PathLike[str], mesh: Mesh) -> None:
-    """Write a mesh as ``.npz`` with all that :func:`read_mesh` gives back, whole or not at all."""
-    if Path(path).suffix.lower() != ".npz":
-        raise InputError(f"cannot write {path}: meshes are written as .npz")
-    with written_whole(path) as unfinished:
-        np.savez(
-            unfinished,
-            format=np.array(MESH_FORMAT),
-            version=np.array(MESH_VERSION),
-            vertices=mesh.vertices,
-            triangles=mesh.triangles,
-            corner_normals=mesh.corner_normals,
-            uvs=mesh.uvs,
-            tangents=mesh.tangents,
-            world_from_object=mesh.world_from_object,
-            **_labels_as_arrays(mesh),
-        )
-
-
-# What a file calls the names of a kind of labels, and the number that each triangle has among them.
+# The .npz arrays of labels: names, and each triangle's index into them.
 _LABEL_KEYS = {"materials": "triangle_material", "objects": "triangle_object"}
-
-
-def _labels_as_arrays(mesh: Mesh) -> dict[str, NDArray[Any]]:
-    arrays: dict[str, NDArray[Any]] = {}
-    for names, numbers in _LABEL_KEYS.items():
-        labels: Labels | None = getattr(mesh, names)
-        if labels is not None:
-            arrays |= {names: np.array(labels.names, str), numbers: labels.number}
-    return arrays
 
 
 def _labels_of_arrays(arrays: dict[str, NDArray[Any]]) -> dict[str, Labels]:
     found = {}
     for names, numbers in _LABEL_KEYS.items():
         if (names in arrays) != (numbers in arrays):
-            raise InputError(f'it has only one of "{names}" and "{numbers}"; export it again')
+            raise FormatError(f'it has only one of "{names}" and "{numbers}"; export it again')
         if names in arrays:
             if arrays[names].dtype.kind != "U" or arrays[names].ndim != 1:
-                raise InputError(f'its "{names}" are no names; export it again')
+                raise FormatError(f'its "{names}" are no names; export it again')
             found[names] = Labels(tuple(arrays[names].tolist()), arrays[numbers])
     return found
 
@@ -182,12 +184,14 @@ def _labels_of_arrays(arrays: dict[str, NDArray[Any]]) -> dict[str, Labels]:
 def _read_npz(path: Path, shape_only: bool) -> Mesh:
     arrays = read_arrays(path, MAX_MESH_BYTES)
     if str(arrays.get("format")) != MESH_FORMAT:
-        raise InputError(f"it is not a {MESH_FORMAT} file; export it with the add-on")
+        raise FormatError(f"it is not a {MESH_FORMAT} file; export it with the add-on")
     if not np.array_equal(arrays.get("version", 0), MESH_VERSION):
-        raise InputError(f"it is version {arrays.get('version')}, this program reads version {MESH_VERSION}; update it")
+        raise FormatError(
+            f"it is version {arrays.get('version')}, this program reads version {MESH_VERSION}; update it"
+        )
     missing = [name for name in ("vertices", "triangles", "corner_normals", "uvs") if name not in arrays]
     if missing:
-        raise InputError(f'it lacks "{missing[0]}"; export it again')
+        raise FormatError(f'it lacks "{missing[0]}"; export it again')
     return Mesh(
         arrays["vertices"],
         arrays["triangles"],
@@ -205,7 +209,7 @@ def _read_obj(path: Path, shape_only: bool) -> Mesh:
     values: dict[str, list[list[float]]] = {"v": [], "vt": [], "vn": []}
     width = {"v": 3, "vt": 2, "vn": 3}
     corners: list[tuple[int, ...]] = []
-    # The names that hold from a corner on, under the words that OBJ has for them.
+    # By OBJ's keywords, the first corner that each name applies to.
     named: dict[str, list[tuple[int, str]]] = {"usemtl": [], "o": []}
     # Names may be in any encoding. A backslash joins a line with the next one.
     text = path.read_text(encoding="utf-8", errors="replace").replace("\\\n", " ")
@@ -219,7 +223,7 @@ def _read_obj(path: Path, shape_only: bool) -> Mesh:
                 values[key].append(row)
             elif key == "f":
                 if len(words) > MAX_CORNERS:
-                    raise InputError(
+                    raise FormatError(
                         f"line {number} is a face of {len(words)} corners, more than {MAX_CORNERS}; triangulate it"
                     )
                 counts = [len(values[kind]) for kind in ("v", "vt", "vn")]
@@ -228,10 +232,12 @@ def _read_obj(path: Path, shape_only: bool) -> Mesh:
                     corners += face[0], second, third
             elif key in named:
                 named[key].append((len(corners), " ".join(words)))
+        except FormatError:
+            raise
         except ValueError:
-            raise InputError(f"line {number} cannot be read ({line.strip()[:60]!r}); export it again") from None
+            raise FormatError(f"line {number} cannot be read ({line.strip()[:60]!r}); export it again") from None
     if not corners:
-        raise InputError("it has no faces; choose a mesh with a surface")
+        raise GeometryError("it has no faces; choose a mesh with a surface")
     v, vt, vn = np.moveaxis(np.array(corners).reshape(-1, 3, 3), 2, 0)
     if (vt < 0).any() and not shape_only:
         raise _without_uvs("its faces have" if (vt < 0).all() else "some of its faces have")
@@ -250,7 +256,7 @@ def _read_obj(path: Path, shape_only: bool) -> Mesh:
 
 
 def _labels_from(starts: list[tuple[int, str]], end: int) -> Labels | None:
-    """Labels of names that hold each from a corner on, of `end` corners; None where there are no names."""
+    """Labels from the first corner of each name, of `end` corners; None where there are no names."""
     if not starts:
         return None
     runs = pairwise([(0, ""), *starts, (end, "")])
@@ -258,7 +264,7 @@ def _labels_from(starts: list[tuple[int, str]], end: int) -> Labels | None:
 
 
 def _obj_corner(word: str, counts: list[int]) -> tuple[int, ...]:
-    """ "5/7/2" as numbers from 0 of vertex, UV and normal; -1 for those not given. Negative ones count from the end."""
+    """Indices from 0 of vertex, UV and normal in "5/7/2", -1 for those not given; negative ones count from the end."""
     given = [int(part) if part else 0 for part in word.split("/")]
     numbers = [-1, -1, -1]
     for place, (number, count) in enumerate(zip(given, counts, strict=False)):
@@ -281,7 +287,7 @@ def _read_with_trimesh(path: Path, shape_only: bool) -> Mesh:
     counts = [len(part[1]) for part in parts]
     parts = [part for part in parts if len(part[1])]
     if not parts:
-        raise InputError("it has no faces; choose a mesh with a surface")
+        raise GeometryError("it has no faces; choose a mesh with a surface")
     # Joined here and not by trimesh, which packs the textures of several materials anew and moves the UVs.
     starts = np.cumsum([0] + [len(part[0]) for part in parts[:-1]])
     triangles = np.concatenate([part[1] + start for part, start in zip(parts, starts, strict=True)])
@@ -302,7 +308,7 @@ def _read_with_trimesh(path: Path, shape_only: bool) -> Mesh:
 
 
 def _object_name(graph: Any, node: str) -> str:
-    """The name of the file's node. trimesh gives each material of a node a node of its own beneath it, NAME_1a2b3c."""
+    """The name of the file's node; trimesh splits a node by materials into child nodes called NAME_1a2b3c."""
     parent = graph.transforms.parents.get(node)
     return parent if parent and re.fullmatch(re.escape(parent) + "_[0-9A-Za-z]{6}", node) else node
 
@@ -312,7 +318,7 @@ def _material_name(part: Any) -> str:
 
 
 def _placed(part: Any, pose: NDArray[np.float64], shape_only: bool) -> tuple[NDArray[Any], ...]:
-    """Vertices, triangles, normals (NaN where the file has none) and UVs of one of trimesh's meshes where it stands."""
+    """Vertices, triangles, normals (NaN where the file has none) and UVs of one of trimesh's meshes in the scene."""
     faces = np.asarray(getattr(part, "faces", np.empty((0, 3))), np.int32)
     vertices = np.asarray(part.vertices, np.float64)
     _check_numbers(faces, len(vertices))
@@ -332,12 +338,12 @@ def _placed(part: Any, pose: NDArray[np.float64], shape_only: bool) -> tuple[NDA
 
 
 def _no_uvs(count: int) -> NDArray[np.float32]:
-    """(T, 3, 2) UVs that stand for none: each triangle has half of the texture."""
+    """(T, 3, 2) placeholder UVs: each triangle covers half of the texture."""
     return np.broadcast_to(np.array([[0, 0], [1, 0], [0, 1]], np.float32), (count, 3, 2))
 
 
-def _without_uvs(who: str) -> InputError:
-    return InputError(f"{who} no UVs; unwrap it in Blender (UV > Smart UV Project) and export it with UVs")
+def _without_uvs(who: str) -> GeometryError:
+    return GeometryError(f"{who} no UVs; unwrap it in Blender (UV > Smart UV Project) and export it with UVs")
 
 
 def smooth_corner_normals(vertices: NDArray[np.float64], triangles: NDArray[np.int32]) -> NDArray[np.float64]:

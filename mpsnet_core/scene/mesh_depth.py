@@ -1,18 +1,39 @@
-"""How far each pixel's surface is from the camera, told from a mesh."""
+"""Depth maps of meshes."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rays import RayScene
 
 
 def depth_of_mesh(camera: Camera, scene: RayScene) -> NDArray[np.float32]:
-    """(H, W) how far in front of the camera, along its axis, the scene's mesh is in each pixel; infinity beside it.
+    """Depth map of a mesh, by a ray through each pixel's middle.
 
-    In the unit of the mesh's world. Raises InputError where the camera sees nothing of the mesh.
+    Parameters
+    ----------
+    camera : Camera
+    scene : RayScene
+        The mesh, in the camera's world.
+
+    Returns
+    -------
+    (H, W) float32 array
+        Depth along the optical axis in world units; infinity where no surface is.
+
+    Raises
+    ------
+    GeometryError
+        If the camera does not see the mesh.
+
+    Examples
+    --------
+    >>> square = np.array([[-1, -1, -5], [1, -1, -5], [1, 1, -5], [-1, 1, -5.0]])
+    >>> scene = RayScene(square, np.array([[0, 1, 2], [0, 2, 3]]))
+    >>> depth_of_mesh(Camera("perspective", 4, 1, np.array([5.0, 5.0])), scene).tolist()
+    [[inf, 5.0, 5.0, inf]]
     """
     depth = np.full((camera.height, camera.width), np.inf, np.float32)
     x = np.arange(camera.width) + 0.5
@@ -23,5 +44,7 @@ def depth_of_mesh(camera: Camera, scene: RayScene) -> NDArray[np.float32]:
         along = directions @ -camera.rotation[:, 2]
         depth[rows] = (scene.distances(origins, directions) * along).reshape(-1, camera.width)
     if not np.isfinite(depth).any():
-        raise InputError("the camera does not see the mesh; check that both are of one world, and that it looks at it")
+        raise GeometryError(
+            "the camera does not see the mesh; check that both are of one world, and that it looks at it"
+        )
     return depth

@@ -6,16 +6,30 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError
 
 
 @dataclass(frozen=True)
 class Labels:
     """A name for each of T triangles.
 
-    names: distinct ones. number: (T,) int32, which of the names each triangle has.
+    Parameters
+    ----------
+    names : tuple of str
+        Distinct names.
+    number : (T,) int32 array
+        Each triangle's index into `names`.
 
-    Raises InputError where a name comes twice or the numbers name none.
+    Raises
+    ------
+    GeometryError
+        If a name occurs twice or an index is out of range.
+
+    Examples
+    --------
+    >>> labels = Labels(("glaze", "clay"), np.array([0, 0, 1]))
+    >>> [labels.names[number] for number in labels.number]
+    ['glaze', 'glaze', 'clay']
     """
 
     names: tuple[str, ...]
@@ -24,13 +38,13 @@ class Labels:
     def __post_init__(self) -> None:
         number = np.asarray(self.number)
         if number.ndim != 1 or number.dtype.kind not in "iu":
-            raise InputError("labels need one whole number for each triangle; export the mesh again")
+            raise GeometryError("labels need one whole number for each triangle; export the mesh again")
         if len(number) and not (number.min() >= 0 and number.max() < len(self.names)):
-            raise InputError(
+            raise GeometryError(
                 f"labels are numbered up to {number.max()}, but have {len(self.names)} names; export again"
             )
         if len(set(self.names)) < len(self.names):
-            raise InputError("two labels have the same name; export the mesh again")
+            raise GeometryError("two labels have the same name; export the mesh again")
         object.__setattr__(self, "names", tuple(map(str, self.names)))
         object.__setattr__(self, "number", number.astype(np.int32))
 
@@ -39,7 +53,7 @@ class Labels:
 
 
 def labels_of_runs(runs: Iterable[tuple[str, int]]) -> Labels:
-    """Labels of a name for so many triangles, then another for so many, and so on; a name may come again."""
+    """Labels from run lengths: each name with its number of triangles; a name may occur again."""
     names: dict[str, int] = {}
     numbers, counts = [], []
     for name, count in runs:

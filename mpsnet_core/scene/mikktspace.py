@@ -6,34 +6,44 @@ for NumPy because no maintained Python package carries it on all platforms.
 
 from dataclasses import dataclass
 from itertools import permutations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.connected_components import connected
-from mpsnet_core.scene.normal_map import normalised
+from mpsnet_core.arrays.unit_vectors import normalised
 
 
 def mikktspace_tangents(
-    corners: NDArray[np.floating],
-    normals: NDArray[np.floating],
-    uvs: NDArray[np.floating],
-    polygons: NDArray[np.integer] | None = None,
+    corners: NDArray[np.floating[Any]],
+    normals: NDArray[np.floating[Any]],
+    uvs: NDArray[np.floating[Any]],
+    polygons: NDArray[np.integer[Any]] | None = None,
 ) -> NDArray[np.float32]:
     """Tangent and bitangent sign for every corner of every triangle.
 
-    corners: (T, 3, 3) positions. normals: (T, 3, 3) unit shading normals. uvs: (T, 3, 2).
-    polygons: (T,) the number of the polygon that each triangle is part of, those of one polygon in a row. Two triangles
-        of one polygon are a quad: its tangents are those of the two that its shorter diagonal in UV space makes,
-        whichever diagonal these have. Polygons with more corners are their triangles. None: so is everything.
-    Returns (T, 3, 4): a unit tangent perpendicular to the corner's normal, then the sign s of B = s N x T.
+    Parameters
+    ----------
+    corners, normals, uvs : (T, 3, 3), (T, 3, 3) and (T, 3, 2) arrays
+        Positions, unit shading normals and UVs of the corners.
+    polygons : (T,) integer array, optional
+        The polygon of each triangle, those of one polygon in a row. Two triangles of one polygon are a quad, whose
+        tangents are those of its two triangles along its shorter diagonal in UV space, whichever diagonal these have.
+        Polygons with more corners are independent triangles, as all are by default.
 
-    Corners that share position, normal and UV, and whose triangles meet at an edge and turn the same way round in UV
-    space, share one tangent: the mean of their triangles' tangents, weighted by the triangles' angles there.
-    Triangles without area in UV space, which hold no texel, belong to their neighbours' groups; a corner that no group
-    gives a tangent takes one from a corner at the same vertex, else at the same place of its quad, else +x.
-    mikktspace.c leaves zero at the few corners whose angle is too small for single precision (about 5e-4 rad); here
-    they have the unit tangent.
+    Returns
+    -------
+    (T, 3, 4) float32 array
+        A unit tangent perpendicular to the corner's normal, then the sign s of the bitangent B = s N x T.
+
+    Notes
+    -----
+    Corners that share position, normal and UV, and whose triangles share an edge and have the same orientation in UV
+    space, share one tangent: the mean of their triangles' tangents, weighted by the triangles' angles there. Triangles
+    without area in UV space belong to their neighbours' groups; a corner without a tangent after that copies one from a
+    corner at the same vertex, else at the same position of its quad, else it is +x. mikktspace.c leaves zero at the few
+    corners whose angle is too small for single precision (about 5e-4 rad); here they have the unit tangent.
     """
     corners, normals, uvs = (np.asarray(a, np.float64) for a in (corners, normals, uvs))
     vertex = _welded(corners, normals, uvs)
@@ -51,13 +61,13 @@ def mikktspace_tangents(
 
 
 def _tangents(
-    corners: NDArray[np.floating],
-    normals: NDArray[np.floating],
-    uvs: NDArray[np.floating],
+    corners: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    uvs: NDArray[np.float64],
     vertex: NDArray[np.int64],
     quads: NDArray[np.int64],
-) -> NDArray[np.floating]:
-    """(3T, 4) tangents of triangles, zero where there is none. quads: each one's first triangle, the other is next."""
+) -> NDArray[np.float64]:
+    """(3T, 4) tangents of triangles, zero where undefined. quads: the first triangle of each, the other is the next."""
     directions, areas, usable = _triangle_tangents(corners, uvs)
     distinct = _three_places(corners)
     usable &= distinct
@@ -65,9 +75,9 @@ def _tangents(
     turns = _adopted(_turned_alike(areas, usable, distinct, quads), usable, pairs)
 
     # The triangle's tangent in each corner's own tangent plane, weighted by the triangle's angle there.
-    projected = normalised_or_zero(_in_plane(directions[:, None], normals))
-    ahead = normalised_or_zero(_in_plane(np.roll(corners, -1, axis=1) - corners, normals))
-    behind = normalised_or_zero(_in_plane(np.roll(corners, 1, axis=1) - corners, normals))
+    projected = _normalised_or_zero(_in_plane(directions[:, None], normals))
+    ahead = _normalised_or_zero(_in_plane(np.roll(corners, -1, axis=1) - corners, normals))
+    behind = _normalised_or_zero(_in_plane(np.roll(corners, 1, axis=1) - corners, normals))
     angles = np.arccos(np.clip(np.einsum("tci,tci->tc", ahead, behind), -1, 1))
     weighted = np.where(usable[:, None, None], projected * angles[..., None], 0).reshape(-1, 3)
 
@@ -75,27 +85,26 @@ def _tangents(
     count = int(group.max()) + 1
     summed: NDArray[np.float64] = np.stack([np.bincount(group, weighted[:, axis], count) for axis in range(3)], axis=-1)
     tangents = np.empty((len(group), 4))
-    tangents[:, :3] = normalised_or_zero(summed)[group]
+    tangents[:, :3] = _normalised_or_zero(summed)[group]
     tangents[:, 3] = np.where(np.repeat(turns, 3), 1.0, -1.0)
 
-    # Corners without a tangent of their own borrow one from a corner at the same welded vertex.
+    # Corners without a tangent of their own copy the one of the first corner at the same welded vertex that has one.
     flat_vertex = vertex.ravel()
-    has_tangent = tangents[:, :3].any(axis=1)
-    have = np.flatnonzero(has_tangent)
-    lender = np.full(int(flat_vertex.max()) + 1, -1)
-    lender[flat_vertex[have[::-1]]] = have[::-1]
-    need = np.flatnonzero(~has_tangent)
-    source = lender[flat_vertex[need]]
-    tangents[need[source >= 0]] = tangents[source[source >= 0]]
+    defined = tangents[:, :3].any(axis=1)
+    with_tangent, without = np.flatnonzero(defined), np.flatnonzero(~defined)
+    first_corner = np.full(int(flat_vertex.max()) + 1, -1)
+    first_corner[flat_vertex[with_tangent[::-1]]] = with_tangent[::-1]
+    source = first_corner[flat_vertex[without]]
+    tangents[without[source >= 0]] = tangents[source[source >= 0]]
     return tangents
 
 
 @dataclass(frozen=True)
 class _Quads:
-    """The quads among triangles, whose corners are numbered through.
+    """The quads among the triangles; corners have flat indices, three per triangle.
 
-    first: (Q,) each one's first triangle; the other is the next. around: (Q, 4) its corners in turn. diagonal: (Q, 2)
-    the other two of the six, and twins: (Q, 2) those of the four that they are the same as.
+    first: (Q,) the first triangle of each; the other is the next. around: (Q, 4) its corners in order. diagonal: (Q, 2)
+    the other two of the six, and twins: (Q, 2) the corners in `around` that they duplicate.
     """
 
     first: NDArray[np.int64]
@@ -105,7 +114,7 @@ class _Quads:
     triangles: int
 
     @classmethod
-    def of(cls, polygons: NDArray[np.integer], vertex: NDArray[np.int64]) -> "_Quads":
+    def of(cls, polygons: NDArray[np.integer[Any]], vertex: NDArray[np.int64]) -> "_Quads":
         starts = np.flatnonzero(np.diff(polygons, prepend=polygons[0] - 1))
         first = starts[np.diff(starts, append=len(polygons)) == 2]
         # The corners 0, 1, 2 and 0, 2, 3, or 0, 1, 3 and 1, 2, 3.
@@ -113,21 +122,21 @@ class _Quads:
         at_0 = (one[:, 0] == other[:, 0]) & (one[:, 2] == other[:, 1])
         known = at_0 | ((one[:, 1] == other[:, 0]) & (one[:, 2] == other[:, 2]))
         first, at_0 = first[known], at_0[known, None]
-        corner = 3 * first[:, None]
 
         def numbered(one: list[int], other: list[int]) -> NDArray[np.int64]:
-            return corner + np.where(at_0, one, other)
+            corners: NDArray[np.int64] = 3 * first[:, None] + np.where(at_0, one, other)
+            return corners
 
         around = numbered([0, 1, 2, 5], [0, 1, 4, 2])
         return cls(first, around, numbered([3, 4], [3, 5]), numbered([0, 2], [1, 2]), len(vertex))
 
-    def split(self, corners: NDArray[np.floating], uvs: NDArray[np.floating]) -> NDArray[np.int64]:
-        """(T, 3) the corners of all triangles, with each quad's two by its shorter diagonal."""
+    def split(self, corners: NDArray[np.float64], uvs: NDArray[np.float64]) -> NDArray[np.int64]:
+        """(T, 3) corners of all triangles, each quad divided along its shorter diagonal."""
 
-        def diagonals(points: NDArray[np.floating]) -> NDArray[np.floating]:
-            """(Q, 2) squared lengths, from corner 0 to 2 and from 1 to 3, in single precision as mikktspace.c."""
+        def diagonals(points: NDArray[np.float64]) -> NDArray[np.float32]:
+            """(Q, 2) squared lengths from corner 0 to 2 and from 1 to 3, in single precision as in mikktspace.c."""
             placed = points.reshape(-1, points.shape[-1])[self.around].astype(np.float32)
-            squared: NDArray[np.floating] = ((placed[:, 2:] - placed[:, :2]) ** 2).sum(axis=-1)
+            squared: NDArray[np.float32] = ((placed[:, 2:] - placed[:, :2]) ** 2).sum(axis=-1)
             return squared
 
         in_uv, in_space = diagonals(uvs), diagonals(corners)
@@ -137,21 +146,21 @@ class _Quads:
         split[self.first + 1] = np.where(from_0[:, None], self.around[:, [0, 2, 3]], self.around[:, [1, 2, 3]])
         return split
 
-    def complete(self, tangents: NDArray[np.floating], places: NDArray[np.floating]) -> None:
-        """Fill in what the split has left out. tangents: (3T, 4). places: (3T, 3)."""
+    def complete(self, tangents: NDArray[np.float64], places: NDArray[np.float64]) -> None:
+        """Copy tangents to the corners of each quad that have none. tangents: (3T, 4). places: (3T, 3) positions."""
         missing = ~tangents[self.around, :3].any(axis=-1)
         some = np.flatnonzero(missing.any(axis=1))
         for one, other in permutations(range(4), 2):
             to, source = self.around[some, one], self.around[some, other]
-            lent = missing[some, one] & ~missing[some, other] & (places[to] == places[source]).all(axis=1)
-            tangents[to[lent]] = tangents[source[lent]]
+            copied = missing[some, one] & ~missing[some, other] & (places[to] == places[source]).all(axis=1)
+            tangents[to[copied]] = tangents[source[copied]]
         tangents[self.diagonal] = tangents[self.twins]
 
 
 def _turned_alike(
-    areas: NDArray[np.floating], usable: NDArray[np.bool_], distinct: NDArray[np.bool_], quads: NDArray[np.int64]
+    areas: NDArray[np.float64], usable: NDArray[np.bool_], distinct: NDArray[np.bool_], quads: NDArray[np.int64]
 ) -> NDArray[np.bool_]:
-    """Whether each triangle's UVs turn counter-clockwise; where a quad's two differ, both as the larger does."""
+    """Whether each triangle is counter-clockwise in UV space; where a quad's two differ, both are as the larger."""
     turns = areas > 0
     other = quads + 1
     differ = (turns[quads] != turns[other]) & distinct[quads] & distinct[other]
@@ -161,32 +170,33 @@ def _turned_alike(
     return turns
 
 
-def normalised_or_zero(vectors: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Vectors (..., 3) brought to unit length; those without a direction stay zero."""
+def _normalised_or_zero(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Vectors (..., 3) scaled to unit length; zero vectors stay zero."""
     return np.asarray(np.where(np.any(vectors != 0, axis=-1, keepdims=True), normalised(vectors), 0.0))
 
 
-def _in_plane(vectors: NDArray[np.floating], normals: NDArray[np.floating]) -> NDArray[np.floating]:
-    return vectors - normals * np.einsum("tci,tci->tc", np.broadcast_to(vectors, normals.shape), normals)[..., None]
+def _in_plane(vectors: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArray[np.float64]:
+    height = np.einsum("tci,tci->tc", np.broadcast_to(vectors, normals.shape), normals)[..., None]
+    projected: NDArray[np.float64] = vectors - normals * height
+    return projected
 
 
-def _welded(
-    corners: NDArray[np.floating], normals: NDArray[np.floating], uvs: NDArray[np.floating]
-) -> NDArray[np.int64]:
+def _welded(corners: NDArray[np.float64], normals: NDArray[np.float64], uvs: NDArray[np.float64]) -> NDArray[np.int64]:
     """(T, 3) a number for every distinct position, normal and UV."""
     rows = np.concatenate([corners, normals, uvs], axis=2).reshape(-1, 8).astype(np.float32) + np.float32(0)
     keys = np.ascontiguousarray(rows).view(np.dtype((np.void, rows.itemsize * rows.shape[1]))).ravel()
-    return np.unique(keys, return_inverse=True)[1].reshape(-1, 3).astype(np.int64)
+    numbers: NDArray[np.int64] = np.unique(keys, return_inverse=True)[1].reshape(-1, 3).astype(np.int64)
+    return numbers
 
 
 def _triangle_tangents(
-    corners: NDArray[np.floating], uvs: NDArray[np.floating]
-) -> tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.bool_]]:
+    corners: NDArray[np.float64], uvs: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
     """Each triangle's unit direction of growing u, twice its area in UV space, and whether it has both."""
     d1, d2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     t1, t2 = uvs[:, 1] - uvs[:, 0], uvs[:, 2] - uvs[:, 0]
     doubled_area = t1[:, 0] * t2[:, 1] - t1[:, 1] * t2[:, 0]
-    along_u: NDArray[np.floating] = t2[:, 1:] * d1 - t1[:, 1:] * d2
+    along_u: NDArray[np.float64] = t2[:, 1:] * d1 - t1[:, 1:] * d2
     along_u[doubled_area <= 0] *= -1
     along_v = -t2[:, :1] * d1 + t1[:, :1] * d2
     tiny = np.finfo(np.float32).tiny
@@ -195,20 +205,20 @@ def _triangle_tangents(
         & (np.linalg.norm(along_u, axis=1) > tiny)
         & (np.linalg.norm(along_v, axis=1) > tiny)
     )
-    return normalised_or_zero(along_u), doubled_area, usable
+    return _normalised_or_zero(along_u), doubled_area, usable
 
 
 def _three_places(corners: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(T,) whether no two of a triangle's corners stand at one place."""
+    """(T,) whether a triangle's corners are at three distinct positions."""
     rounded = corners.astype(np.float32)
     same: NDArray[np.bool_] = (rounded == np.roll(rounded, 1, axis=1)).all(axis=2).any(axis=1)
     return ~same
 
 
 def _meeting_edges(vertex: NDArray[np.int64], distinct: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """(E, 2, 2) corners, numbered through, where two triangles meet: their edge's two ends, on either triangle.
+    """(E, 2, 2) flat corner indices of shared edges: an edge's two ends, on either triangle.
 
-    They meet where they run along the edge in opposite directions.
+    Two triangles share an edge where they traverse it in opposite directions.
     """
     corner = np.arange(vertex.size).reshape(-1, 3)[distinct]
     ends = np.stack([corner, np.roll(corner, -1, axis=1)], axis=-1).reshape(-1, 2)
@@ -223,7 +233,7 @@ def _meeting_edges(vertex: NDArray[np.int64], distinct: NDArray[np.bool_]) -> ND
 
 
 def _adopted(turns: NDArray[np.bool_], usable: NDArray[np.bool_], pairs: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Triangles without UV area turn as the first neighbour does, so that groups reach across them."""
+    """Triangles without UV area get the orientation of their first neighbour, so that groups reach across them."""
     turns, known = turns.copy(), usable.copy()
     triangles = pairs[:, 0] // 3
     both = np.concatenate([triangles, triangles[:, ::-1]])
@@ -231,7 +241,7 @@ def _adopted(turns: NDArray[np.bool_], usable: NDArray[np.bool_], pairs: NDArray
         waiting = both[known[both[:, 0]] & ~known[both[:, 1]]]
         if not len(waiting):
             return turns
-        waiting = waiting[np.argsort(-waiting[:, 0], kind="stable")]  # where several offer, the least number stays
+        waiting = waiting[np.argsort(-waiting[:, 0], kind="stable")]  # of several neighbours the lowest is written last
         turns[waiting[:, 1]] = turns[waiting[:, 0]]
         known[waiting[:, 1]] = True
 

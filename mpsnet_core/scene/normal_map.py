@@ -1,4 +1,4 @@
-"""NormalMap: a unit vector for every pixel; its encodings in files; the angular error."""
+"""NormalMap: a unit vector for every pixel; its encodings in files."""
 
 import os
 from dataclasses import InitVar, dataclass, field
@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.errors import InputError, check_choice
+from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.errors import FormatError, GeometryError, check_choice
 from mpsnet_core.io.images import read_channel, read_data, write_bands
 
 Convention = Literal["opengl", "directx"]
 CONVENTIONS: tuple[Convention, ...] = ("opengl", "directx")
-# The share of a map's normals that must face outwards, or the camera, for the map to be of the space it is taken for.
+# The share of a map's normals that must face outwards, or the camera, in the space that the map is read in.
 OUTWARDS_SHARE = 0.9
 
 
@@ -21,13 +22,26 @@ OUTWARDS_SHARE = 0.9
 class NormalMap:
     """Surface normals in camera space (x right, y up, z towards the camera).
 
-    vectors: (H, W, 3) float32, or float16 where they are given so; unit length inside the mask, zero outside;
-        normalised here.
-    mask: (H, W) bool.
-    confidence: (H, W) of the same type, in 0 to 1, zero outside the mask; 1 inside it unless given.
-    in_place: normalise the arrays as they are given, rather than copies.
+    Parameters
+    ----------
+    vectors : (H, W, 3) float32 or float16 array
+        Normalised here to unit length inside the mask, set to zero outside.
+    mask : (H, W) bool array
+    confidence : (H, W) array of the same type, optional
+        In 0 to 1, set to zero outside the mask; 1 inside it by default.
+    in_place : bool, optional
+        Overwrite the given arrays rather than copy them.
 
-    Raises InputError where the shapes do not agree or the mask is empty.
+    Raises
+    ------
+    GeometryError
+        If the shapes do not agree or the mask is empty.
+
+    Examples
+    --------
+    >>> vectors = np.array([[[0, 0, 2], [1, 0, 0]]], np.float32)
+    >>> NormalMap(vectors, np.array([[True, False]])).vectors.tolist()
+    [[[0.0, 0.0, 1.0], [0.0, 0.0, 0.0]]]
     """
 
     vectors: NDArray[np.float32]
@@ -40,12 +54,12 @@ class NormalMap:
         if vectors.dtype != np.float16:
             vectors = vectors.astype(np.float32, copy=False)
         if vectors.shape != (*mask.shape, 3) or mask.ndim != 2:
-            raise InputError(f"normals of shape {vectors.shape} do not fit a mask of shape {mask.shape}")
+            raise GeometryError(f"normals of shape {vectors.shape} do not fit a mask of shape {mask.shape}")
         if not mask.any():
-            raise InputError("the normal map's mask is empty; there is nothing to work on")
+            raise GeometryError("the normal map's mask is empty; there is nothing to work on")
         confidence = np.asarray(self.confidence)
         if confidence.shape not in ((), mask.shape):
-            raise InputError(f"a confidence of shape {confidence.shape} does not fit a mask of shape {mask.shape}")
+            raise GeometryError(f"a confidence of shape {confidence.shape} does not fit a mask of shape {mask.shape}")
         unit, trust = vectors, confidence
         if not in_place:
             unit, trust = np.empty_like(vectors), np.empty(mask.shape, vectors.dtype)
@@ -58,22 +72,8 @@ class NormalMap:
         object.__setattr__(self, "confidence", trust)
 
 
-def normalised(vectors: NDArray[Any]) -> NDArray[Any]:
-    """Vectors (..., 3) brought to unit length; those without a direction become +z, never NaN."""
-    length = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
-    unit = vectors / np.maximum(length, vectors.dtype.type(1e-12))[..., None]
-    unit[length <= 1e-12] = (0, 0, 1)
-    return unit
-
-
-def angular_error(estimate: NDArray[Any], truth: NDArray[Any]) -> NDArray[np.float64]:
-    """Angle in degrees between unit vectors (..., 3); accurate near 0° and 180°, where arccos is not."""
-    a, b = np.asarray(estimate, np.float64), np.asarray(truth, np.float64)
-    return np.degrees(2 * np.arctan2(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1)))
-
-
 def encode(vectors: NDArray[Any], convention: Convention = "opengl") -> NDArray[np.float32]:
-    """Vectors (..., 3) as colours 0.5 + 0.5 n; green down for DirectX."""
+    """Vectors (..., 3) as colours 0.5 + 0.5 n; for DirectX green is -y."""
     return (0.5 + 0.5 * np.asarray(vectors, np.float32) * _signs(convention)).astype(np.float32)
 
 
@@ -83,7 +83,7 @@ def decode(colours: NDArray[Any], convention: Convention = "opengl") -> NDArray[
 
 
 def check_convention(convention: str) -> None:
-    """Raises InputError where `convention` is neither "opengl" nor "directx"."""
+    """Raises SettingsError where `convention` is neither "opengl" nor "directx"."""
     check_choice("convention", convention, CONVENTIONS)
 
 
@@ -100,9 +100,24 @@ def write_normals(
     bits: int | None = None,
     description: str | None = None,
 ) -> None:
-    """Write camera-space normals as colours with the mask as alpha: PNG or TIFF (16 bits) or EXR (float).
+    """Write camera-space normals as colours 0.5 + 0.5 n with the mask as alpha, whole or not at all.
 
-    description: a line of text to be kept in the file, see :func:`mpsnet_core.io.images.write_image`.
+    Parameters
+    ----------
+    path : path-like
+        A .png, .tif or .exr file.
+    normals : NormalMap
+    convention : {"opengl", "directx"}, optional
+        Whether green is y or -y.
+    bits, description : optional
+        As of :func:`mpsnet_core.write_image`.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    SettingsError
+        If the format cannot hold `bits`, or the convention is unknown.
     """
     height, width = normals.mask.shape
 
@@ -120,21 +135,32 @@ def read_normals(
 ) -> NormalMap:
     """Read camera-space normals written by :func:`write_normals`, or any such map.
 
-    Without alpha the mask is where the colours decode to a vector of about unit length. confidence: a map of the same
-    size, 0 to 1, in a file of its own; 1 everywhere unless given.
+    Parameters
+    ----------
+    path : path-like
+        Without an alpha channel the mask is where the colours decode to a vector of about unit length.
+    convention : {"opengl", "directx"}, optional
+        Whether green is y or -y.
+    confidence : path-like, optional
+        A map of the same size, 0 to 1, in a file of its own; 1 everywhere by default.
 
-    Raises InputError where the file is not a normal map, or the confidence is of another size.
+    Raises
+    ------
+    FileError, FormatError
+        If a file is missing, cannot be read as an image, or is not a normal map.
+    GeometryError
+        If the confidence is of another size.
     """
     colours, alpha = read_data(path)
     length = np.linalg.norm(colours * 2 - 1, axis=-1)
     unit = np.abs(length - 1) < 0.1
     mask = unit if alpha is None else alpha > 0.5
     if not np.isfinite(colours[mask]).all():
-        raise InputError(f"{path} holds values that are not finite inside its mask; estimate the normals again")
+        raise FormatError(f"{path} holds values that are not finite inside its mask; estimate the normals again")
     if alpha is not None and not mask.any():
-        raise InputError(f"{path} holds no normals: its mask is empty; estimate them again")
+        raise FormatError(f"{path} holds no normals: its mask is empty; estimate them again")
     if not mask.any() or unit[mask].mean() < 0.5:
-        raise InputError(f"{path} is not a normal map: its colours are not unit vectors 0.5 + 0.5 n; choose another")
+        raise FormatError(f"{path} is not a normal map: its colours are not unit vectors 0.5 + 0.5 n; choose another")
     if confidence is None:
         return NormalMap(decode(colours, convention), mask)
     return NormalMap(decode(colours, convention), mask, read_channel(confidence))

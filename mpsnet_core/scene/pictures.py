@@ -1,6 +1,7 @@
-"""Pictures for people: normals and errors in colour, sheets of titled tiles."""
+"""Pictures for display: normals and errors in colour, contact sheets of titled tiles."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
@@ -15,6 +16,7 @@ TITLE_HEIGHT = 30
 GAP = 10
 OUTLINE_COLOUR = (1.0, 0.55, 0.1)
 LEGEND_STEP = 150
+SCALE_WIDTH = 90
 
 
 def photo_picture(image: NDArray[np.float32], mask: NDArray[np.bool_] | None = None) -> NDArray[np.float32]:
@@ -34,7 +36,7 @@ def mask_picture(image: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray
 
 
 def normals_picture(normals: NormalMap) -> NDArray[np.float32]:
-    """(H, W, 3) the normals' colours, the background dark."""
+    """(H, W, 3) colour-coded normals on a dark background."""
     return np.where(normals.mask[..., None], encode(normals.vectors), np.float32(BACKGROUND))
 
 
@@ -43,26 +45,26 @@ def error_picture(error: NDArray[np.float64], mask: NDArray[np.bool_], highest: 
     return np.where(mask[..., None], _inferno(np.clip(error / highest, 0, 1)), np.float32(BACKGROUND))
 
 
-def colour_scale(highest: float, height: int, width: int = 90) -> NDArray[np.float32]:
-    """(height, width, 3) the scale of :func:`error_picture`, with its degrees written beside it."""
-    bar = _inferno(np.repeat(np.linspace(1, 0, height)[:, None], width // 3, axis=1))
-    canvas = np.full((height, width, 3), BACKGROUND, np.float32)
-    canvas[:, : width // 3] = bar
+def colour_scale(highest: float, height: int) -> NDArray[np.float32]:
+    """(height, SCALE_WIDTH, 3) the colour bar of :func:`error_picture`, labelled in degrees."""
+    bar = SCALE_WIDTH // 3
+    canvas = np.full((height, SCALE_WIDTH, 3), BACKGROUND, np.float32)
+    canvas[:, :bar] = _inferno(np.repeat(np.linspace(1, 0, height)[:, None], bar, axis=1))
     steps = 5
     for step in range(steps + 1):
         y = round((1 - step / steps) * (height - 1))
         label = f"{highest * step / steps:.3g}°"
-        _write(canvas, label, width // 3 + 6, min(max(y + 6, 14), height - 4), 15)
+        _write(canvas, label, bar + 6, min(max(y + 6, 14), height - 4), 15)
     return canvas
 
 
 def legend(entries: Sequence[tuple[tuple[float, float, float], str]], width: int) -> NDArray[np.float32]:
-    """(H, width, 3) what colours mean: a swatch and its words for each, in a row."""
+    """(H, width, 3) a row of swatches with their labels."""
     canvas = np.full((TITLE_HEIGHT, width, 3), BACKGROUND, np.float32)
-    for number, (colour, words) in enumerate(entries):
+    for number, (colour, label) in enumerate(entries):
         left = GAP + number * LEGEND_STEP
         canvas[4:22, left : left + 18] = colour
-        _write(canvas, words, left + 26, 19, 15)
+        _write(canvas, label, left + 26, 19, 15)
     return canvas
 
 
@@ -97,7 +99,7 @@ def cropped(
     return [picture[top : rows[-1] + 1 + margin, left : columns[-1] + 1 + margin] for picture in pictures]
 
 
-def _inferno(values: NDArray[np.floating]) -> NDArray[np.float32]:
+def _inferno(values: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
     source = oiio.ImageBuf(np.ascontiguousarray(values[..., None], dtype=np.float32))
     # OpenImageIO's maps are linear.
     linear = oiio.ImageBufAlgo.color_map(source, 0, "inferno").get_pixels(oiio.FLOAT)
@@ -112,7 +114,7 @@ def _scaled(picture: NDArray[np.float32], height: int) -> NDArray[np.float32]:
 
 
 def _write(canvas: NDArray[np.float32], text: str, x: int, y: int, size: int) -> None:
-    # Of a large canvas only the line is copied to the library and back.
+    # Only the line's rows of the canvas are copied to the library and back.
     top = max(y - size, 0)
     line = canvas[top : y + size // 2]
     buffer = oiio.ImageBuf(np.ascontiguousarray(line))

@@ -25,19 +25,19 @@ class Hits:
     v: NDArray[np.float32]
     distance: NDArray[np.float32]
 
-    def chosen(self, which: NDArray[np.integer]) -> "Hits":
-        """Those of some of the rays, by their numbers."""
+    def chosen(self, which: NDArray[np.integer[Any]]) -> "Hits":
+        """The hits of some of the rays, by their indices."""
         return Hits(self.triangle[which], self.u[which], self.v[which], self.distance[which])
 
 
 class RayScene:
-    """A mesh made ready for ray casting.
+    """A mesh prepared for ray casting.
 
     vertices: (V, 3) in world space. triangles: (T, 3) vertex numbers.
     middle: (3,) of the mesh's bounding box; size: its diagonal.
     """
 
-    def __init__(self, vertices: NDArray[np.floating], triangles: NDArray[np.integer]) -> None:
+    def __init__(self, vertices: NDArray[np.floating[Any]], triangles: NDArray[np.integer[Any]]) -> None:
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
 
@@ -45,15 +45,15 @@ class RayScene:
         low, high = vertices.min(axis=0), vertices.max(axis=0)
         self.middle, self.size = (low + high) / 2, float(np.linalg.norm(high - low)) or 1.0
         self._scene = EmbreeScene()
-        # embreex reads numbers one by one, out of tuples in half the time that it takes out of an array's rows.
+        # embreex reads indices one by one, from tuples twice as fast as from an array's rows.
         corners = np.fromiter(zip(*triangles.T.tolist(), strict=True), object, len(triangles))
         self._mesh = TriangleMesh(self._scene, ((vertices - self.middle) / self.size).astype(np.float32), corners)
 
     def rays_of(self, camera: Camera, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-        """Origins and unit directions, each (N, 3), of a camera's rays through image points (N, 2) in pixels.
+        """World-space origins and unit directions, each (N, 3), of a camera's rays through image points (N, 2).
 
-        And how far before the camera they begin: an orthographic one sees what is behind its plane as well, so its rays
-        begin outside the mesh.
+        And the distance by which they start before the camera: an orthographic one sees what is behind its plane as
+        well, so its rays start outside the mesh.
         """
         origins, directions = camera.rays(points)
         if camera.projection == "perspective":
@@ -61,23 +61,27 @@ class RayScene:
         back = float(np.linalg.norm(camera.world_from_camera[:3, 3] - self.middle)) + self.size
         return origins - back * directions, directions, back
 
-    def distances(self, origins: NDArray[np.floating], directions: NDArray[np.floating]) -> NDArray[np.float64]:
+    def distances(
+        self, origins: NDArray[np.floating[Any]], directions: NDArray[np.floating[Any]]
+    ) -> NDArray[np.float64]:
         """(N,) distance along each ray to the first hit, infinity where it hits nothing. Unit directions (N, 3)."""
         found = np.asarray(self._run(origins, directions, "DISTANCE"), np.float64)
         return np.where(found > _NO_HIT, np.inf, found * self.size)
 
-    def hits(self, origins: NDArray[np.floating], directions: NDArray[np.floating]) -> Hits:
+    def hits(self, origins: NDArray[np.floating[Any]], directions: NDArray[np.floating[Any]]) -> Hits:
         """Where rays (N, 3), with unit directions (N, 3), first meet the mesh."""
         found = self._run(origins, directions, "DISTANCE", output=1)
         distance = np.where(found["primID"] < 0, np.float32(np.inf), found["tfar"] * np.float32(self.size))
         return Hits(found["primID"], found["u"], found["v"], distance)
 
-    def occluded(self, origins: NDArray[np.floating], directions: NDArray[np.floating]) -> NDArray[np.bool_]:
+    def occluded(self, origins: NDArray[np.floating[Any]], directions: NDArray[np.floating[Any]]) -> NDArray[np.bool_]:
         """(N,) whether rays (N, 3) hit anything; unit directions (N, 3), or (1, 3) for one that they share."""
         occluded: NDArray[np.bool_] = self._run(origins, directions, "OCCLUDED") >= 0
         return occluded
 
-    def _run(self, origins: NDArray[np.floating], directions: NDArray[np.floating], query: str, **settings: int) -> Any:
+    def _run(
+        self, origins: NDArray[np.floating[Any]], directions: NDArray[np.floating[Any]], query: str, **settings: int
+    ) -> Any:
         middle = self.middle.astype(origins.dtype)
         start = np.ascontiguousarray((origins - middle) * origins.dtype.type(1 / self.size), np.float32)
         return self._scene.run(start, np.ascontiguousarray(directions, np.float32), query=query, **settings)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mpsnet_core.errors import InputError
-from mpsnet_core.io.files import existing_file, read_json, write_json
+from mpsnet_core.errors import FormatError, GeometryError, SettingsError
+from mpsnet_core.io.files import existing_file, located, read_json, write_json
 
 RIG_FORMAT = "mpsnet-rig"
 RIG_VERSION = 1
@@ -20,7 +20,7 @@ MIN_SINGULAR_VALUE = 0.02
 
 LIGHT_NAMES = ("first", "second", "third")
 
-# Lengths and shares in rig files; their squares and inverses are numbers still.
+# Lengths and shares in rig files: their squares and inverses stay finite.
 MOST = 1e12
 LEAST_MIXING = 1e-6
 
@@ -33,11 +33,11 @@ def _matrix(value: ArrayLike, what: str) -> NDArray[np.float64]:
     try:
         matrix = np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{what} must be three rows of three numbers") from None
+        raise GeometryError(f"{what} must be three rows of three numbers") from None
     if matrix.shape != (3, 3):
-        raise InputError(f"{what} must be three rows of three numbers, not an array of shape {matrix.shape}")
+        raise GeometryError(f"{what} must be three rows of three numbers, not an array of shape {matrix.shape}")
     if not (np.abs(matrix) <= MOST).all():
-        raise InputError(f"{what} holds a value that is not finite or beyond {MOST:g}; every entry must be a number")
+        raise GeometryError(f"{what} holds a value that is not finite or beyond {MOST:g}; every entry must be a number")
     return matrix
 
 
@@ -47,21 +47,33 @@ def _three(value: ArrayLike, what: str) -> NDArray[np.float64]:
     except (TypeError, ValueError, OverflowError):
         three = np.empty(0)
     if three.shape != (3,) or not (np.abs(three) <= MOST).all():
-        raise InputError(f"{what} must be three finite numbers")
+        raise GeometryError(f"{what} must be three finite numbers")
     return three
 
 
 @dataclass(frozen=True)
 class NearLights:
-    """Lights so near that their directions and brightness differ from point to point of the object.
+    """Point lights so near that direction and irradiance vary over the object.
 
-    positions: (3, 3) float64, where each light stands, a light a row, in camera space with the camera in the origin
-        (the scene has negative z), in the unit of the camera's pose and the mesh.
-    target: (3,) float64, the point that the lights are turned to, and where the rig's directions and mixing hold.
-    lobe: how a light's brightness falls off its axis towards the target, as a power of the cosine: 0 for a bare bulb, 1
-        for a disc or a bare LED chip, more for LEDs with a lens (Quéau et al. 2018, equation 2.5).
+    Parameters
+    ----------
+    positions : (3, 3) float64 array
+        A light per row, in camera space (the scene has negative z), in the unit of the camera's pose and the mesh.
+    target : (3,) float64 array
+        The point that the lights face, and where the rig's directions and mixing hold.
+    lobe : float, optional
+        Angular falloff around the axis to the target, as a power of the cosine: 0 for an isotropic bulb, 1 for a disc
+        or a bare LED chip, more for LEDs with a lens.
 
-    Raises InputError where a number is not finite, a light stands in the target or the lobe is below 0.
+    Raises
+    ------
+    GeometryError
+        If a number is not finite, a light stands in the target or the lobe is below 0.
+
+    Notes
+    -----
+    The falloff is equation 2.5 of Quéau et al., "LED-based Photometric Stereo: Modeling, Calibration and Numerical
+    Solution", Journal of Mathematical Imaging and Vision 60, 2018.
     """
 
     positions: NDArray[np.float64]
@@ -72,17 +84,17 @@ class NearLights:
         positions, target = _matrix(self.positions, "light positions"), _three(self.target, "the lights' target")
         for name, place in zip(LIGHT_NAMES, positions, strict=True):
             if np.linalg.norm(place - target) < 1e-9:
-                raise InputError(f"the {name} light stands in the target; move one of them")
+                raise GeometryError(f"the {name} light stands in the target; move one of them")
         if isinstance(self.lobe, bool) or not isinstance(self.lobe, int | float) or not 0 <= self.lobe <= MAX_LOBE:
-            raise InputError(f"the lights' lobe is a number from 0 (all round) to {MAX_LOBE}, not {self.lobe!r}")
+            raise GeometryError(f"the lights' lobe is a number from 0 (all round) to {MAX_LOBE}, not {self.lobe!r}")
         positions.flags.writeable = target.flags.writeable = False
         object.__setattr__(self, "positions", positions)
         object.__setattr__(self, "target", target)
 
-    def light_at(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
-        """(..., 3, 3) for points (..., 3) in camera space: a row a light, its unit direction times its brightness.
+    def light_at(self, points: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+        """(..., 3, 3) for points (..., 3) in camera space: per row a light's unit direction times its brightness.
 
-        The brightness falls with the square of the distance and with the lobe, and is 1 at the target.
+        The brightness follows the inverse square law and the lobe, and is 1 at the target.
         """
         towards = self.positions - np.asarray(points, np.float64)[..., None, :]
         distance = np.linalg.norm(towards, axis=-1)
@@ -98,16 +110,29 @@ class NearLights:
 
 @dataclass(frozen=True)
 class LightRig:
-    """Three lights in camera space and the mixing of their colours. They are distant, or near: :func:`near_rig`.
+    """Three lights in camera space, distant or near (:func:`near_rig`), and the mixing of their colours.
 
-    directions: (3, 3) float64, a unit vector a row, from the surface to the light; normalised here. Rows in rig
-        order: the lights of camera channels R, G, B. Those of near lights hold at the target.
-    mixing: (3, 3) float64, the mixing matrix M: rows are the camera's channels, columns the lights in rig order;
-        identity for a rig without crosstalk. That of near lights holds at the target.
-    near: where the lights stand, if they are near.
+    Parameters
+    ----------
+    directions : (3, 3) float64 array
+        Per row a vector from the surface to a light, normalised here; in rig order: the lights of camera channels R,
+        G, B. Those of near lights hold at the target.
+    mixing : (3, 3) float64 array, optional
+        The mixing matrix: rows are the camera's channels, columns the lights in rig order. The identity, no crosstalk,
+        by default. That of near lights holds at the target.
+    near : NearLights, optional
+        Where the lights stand, if they are near.
 
-    Raises InputError where a direction is zero or behind the object, where the three lie (nearly) in one plane, or
-    where the mixing matrix cannot be inverted.
+    Raises
+    ------
+    GeometryError
+        If a direction is zero or behind the object, the three are (nearly) coplanar, or the mixing matrix is singular.
+
+    Examples
+    --------
+    >>> rig = LightRig(np.array([[0, 1, 1], [1, -1, 1], [-1, -1, 1]]))
+    >>> rig.tilts.tolist()
+    [90.0, 315.0, 225.0]
     """
 
     directions: NDArray[np.float64]
@@ -119,24 +144,24 @@ class LightRig:
         length = np.linalg.norm(directions, axis=1)
         for name, size, vector in zip(LIGHT_NAMES, length, directions, strict=True):
             if size < 1e-9:
-                raise InputError(f"the {name} light's direction is the zero vector; give where the light stands")
+                raise GeometryError(f"the {name} light's direction is the zero vector; give where the light stands")
             if vector[2] <= 0:
-                raise InputError(
+                raise GeometryError(
                     f"the {name} light is behind the object (z = {vector[2]:.3g}); directions point from the surface "
                     "to the light, with z towards the camera"
                 )
         directions /= length[:, None]
         if np.linalg.svd(directions, compute_uv=False)[-1] < MIN_SINGULAR_VALUE:
-            raise InputError(
-                "the three light directions lie (nearly) in one plane, so no normal can be told from them; move one "
+            raise GeometryError(
+                "the three light directions lie (nearly) in one plane, so they do not determine a normal; move one "
                 "light out of the plane of the other two"
             )
         mixing = _matrix(self.mixing, "the mixing matrix")
         singular = np.linalg.svd(mixing, compute_uv=False)
         if not LEAST_MIXING <= singular[0] <= 1 / LEAST_MIXING:
-            raise InputError(f"the mixing matrix is of the size {singular[0]:.3g}; scale its entries to about 1")
+            raise GeometryError(f"the mixing matrix is of the size {singular[0]:.3g}; scale its entries to about 1")
         if singular[-1] <= MIN_SINGULAR_VALUE * singular[0]:
-            raise InputError(
+            raise GeometryError(
                 "the mixing matrix cannot be inverted: two lights look the same to the camera; measure it again or "
                 "leave it out"
             )
@@ -144,15 +169,15 @@ class LightRig:
         if self.near is not None:
             axes = self.near.positions - self.near.target
             if np.linalg.norm(axes / np.linalg.norm(axes, axis=1, keepdims=True) - directions, axis=1).max() > 1e-6:
-                raise InputError("the rig's directions are not those from its target to its lights; leave them out")
+                raise GeometryError("the rig's directions are not those from its target to its lights; leave them out")
         mixing.flags.writeable = False
         object.__setattr__(self, "directions", directions)
         object.__setattr__(self, "mixing", mixing)
 
-    def unmixed(self, image: NDArray[np.floating]) -> NDArray[np.float32]:
-        """(..., 3) what each light alone gives: the image multiplied by the inverse of the mixing matrix.
+    def unmixed(self, image: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
+        """(..., 3) each light's contribution alone: the image times the inverse of the mixing matrix.
 
-        Undoes ``c = M s`` of the image formation for a surface of one grey; exact for a rig without crosstalk.
+        Inverts ``c = M s`` of the image formation for a surface of one grey; exact for a rig without crosstalk.
         """
         if np.array_equal(self.mixing, np.eye(3)):
             return image.astype(np.float32, copy=False)
@@ -170,13 +195,17 @@ class LightRig:
 
 
 def slant_and_tilt(option: str, given: str) -> tuple[float, float]:
-    """Slant and tilt in degrees, as an option has them: "45,135". Raises InputError where it has not."""
+    """Slant and tilt in degrees from an option's text, "45,135". Raises SettingsError where they are not that.
+
+    >>> slant_and_tilt("--light", "45,135")
+    (45.0, 135.0)
+    """
     try:
         slant, tilt = map(float, given.split(","))
     except ValueError:
         slant = tilt = float("nan")
     if not (0 <= slant <= 90 and abs(tilt) <= 360):
-        raise InputError(f"{option} {given} is not known; give slant (0 to 90) and tilt in degrees, as 45,135")
+        raise SettingsError(f"{option} {given} is not known; give slant (0 to 90) and tilt in degrees, as 45,135")
     return slant, tilt
 
 
@@ -195,15 +224,36 @@ def angles_of(directions: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.fl
 def published_rig(slant: float = 30.0, first_tilt: float = 90.0) -> LightRig:
     """The rig of the MPS-Net paper: slant 30°, tilts 120° apart.
 
-    The paper gives no absolute tilt; we put the first (red) light straight above the camera.
+    Parameters
+    ----------
+    slant : float, optional
+        Angle from +z in degrees.
+    first_tilt : float, optional
+        Angle of the first (red) light from +x towards +y in degrees. The paper has no absolute tilt; 90 is straight
+        above the camera.
+
+    Examples
+    --------
+    >>> published_rig().tilts.round(6).tolist()
+    [90.0, 210.0, 330.0]
     """
     return LightRig(direction_from_angles([slant] * 3, first_tilt + np.array([0.0, 120.0, 240.0])))
 
 
 def near_rig(positions: ArrayLike, target: ArrayLike, mixing: ArrayLike | None = None, lobe: float = 0.0) -> LightRig:
-    """A rig of lights that stand near the object, see :class:`NearLights`.
+    """A rig of lights that stand near the object.
 
-    mixing: (3, 3), as it is at the target; identity unless given.
+    Parameters
+    ----------
+    positions, target, lobe
+        As of :class:`NearLights`.
+    mixing : (3, 3) array_like, optional
+        The mixing matrix at the target; the identity by default.
+
+    Raises
+    ------
+    GeometryError
+        As of :class:`NearLights` and :class:`LightRig`.
     """
     near = NearLights(_matrix(positions, "light positions"), _three(target, "the lights' target"), lobe)
     mixed = np.eye(3) if mixing is None else _matrix(mixing, "the mixing matrix")
@@ -213,90 +263,118 @@ def near_rig(positions: ArrayLike, target: ArrayLike, mixing: ArrayLike | None =
 def read_rig(path: str | os.PathLike[str]) -> LightRig:
     """Read a rig file: our JSON, or an ``.lp`` file with exactly three lights.
 
-    Raises InputError where the file is missing, malformed, or holds lights from which no normal can be told.
+    Raises
+    ------
+    FileError
+        If the file is missing.
+    FormatError
+        If it is malformed.
+    GeometryError
+        If its lights do not determine a normal.
     """
     path = Path(path)
-    try:
-        if path.suffix.lower() == ".lp":
-            return LightRig(_lp_directions(path))
-        data = read_json(path, RIG_FORMAT, RIG_VERSION, ("lights", "mixing", "target", "lobe"))
+    if path.suffix.lower() == ".lp":
+        directions = read_lp(path)[1]
+        with located(f"rig file {path}"):
+            return _lp_rig(directions, path.name)
+    data, near = read_rig_data(path)
+    with located(f"rig file {path}"):
+        named, mixing = list(zip(data["lights"], LIGHT_NAMES, strict=True)), data.get("mixing", np.eye(3))
+        if near:
+            positions = [_json_position(light, name) for light, name in named]
+            return near_rig(positions, data["target"], mixing, data.get("lobe", 0.0))
+        return LightRig(np.array([_json_direction(light, name) for light, name in named]), mixing)
+
+
+def read_rig_data(path: str | os.PathLike[str]) -> tuple[dict[str, Any], bool]:
+    """The JSON of a rig file with three "lights", and whether they are near: these have a "target".
+
+    Raises FileError where the file is missing, FormatError where it is malformed.
+    """
+    data = read_json(path, RIG_FORMAT, RIG_VERSION, ("lights", "mixing", "target", "lobe"))
+    with located(f"rig file {path}"):
         lights = data.get("lights")
         if not isinstance(lights, list) or len(lights) != 3:
-            raise InputError('"lights" must be a list of three lights')
-        mixing = data.get("mixing", np.eye(3))
-        if any(isinstance(light, dict) and "position" in light for light in lights):
-            return _json_near_rig(data, lights, mixing)
+            raise FormatError('"lights" must be a list of three lights')
+        near = any(isinstance(light, dict) and "position" in light for light in lights)
+        if near and "target" not in data:
+            raise FormatError('lights with a position need a "target" [x, y, z], the point that they face; add it')
         for key in ("target", "lobe"):
-            if key in data:
-                raise InputError(f'"{key}" is for lights with a "position" each; leave it out')
-        directions = [_json_direction(light, name) for light, name in zip(lights, LIGHT_NAMES, strict=True)]
-        return LightRig(np.array(directions), mixing)
-    except InputError as error:
-        message = str(error)
-        raise InputError(message if str(path) in message else f"rig file {path}: {message}") from None
+            if key in data and not near:
+                raise FormatError(f'"{key}" is for lights with a "position" each; leave it out')
+    return data, near
 
 
-def _json_near_rig(data: dict[str, Any], lights: list[Any], mixing: ArrayLike) -> LightRig:
-    positions = []
-    for light, name in zip(lights, LIGHT_NAMES, strict=True):
-        if not isinstance(light, dict) or set(light) != {"position"}:
-            raise InputError(f'the {name} light needs a "position" [x, y, z] and nothing else, as the others have one')
-        positions.append(_three(light["position"], f"the {name} light's position"))
-    if "target" not in data:
-        raise InputError('lights with a position need a "target" [x, y, z], the point that they are turned to; add it')
-    return near_rig(positions, data["target"], mixing, data.get("lobe", 0.0))
+def _json_position(light: Any, name: str) -> NDArray[np.float64]:
+    if not isinstance(light, dict) or set(light) != {"position"}:
+        raise FormatError(f'the {name} light needs a "position" [x, y, z] and nothing else, as the others have one')
+    return _three(light["position"], f"the {name} light's position")
 
 
 def _json_direction(light: Any, name: str) -> NDArray[np.float64]:
     light = light if isinstance(light, dict) else {}
     if ("direction" in light) == ("slant" in light and "tilt" in light):
-        raise InputError(f'the {name} light needs either "direction" [x, y, z] or "slant" and "tilt" in degrees')
+        raise FormatError(f'the {name} light needs either "direction" [x, y, z] or "slant" and "tilt" in degrees')
     try:
         if "direction" in light:
             direction = np.array(light["direction"], dtype=np.float64)
         else:
             direction = direction_from_angles(float(light["slant"]), float(light["tilt"]))
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"the {name} light holds something that is not a number") from None
+        raise FormatError(f"the {name} light holds something that is not a number") from None
     if direction.shape != (3,):
-        raise InputError(f"the {name} light's direction needs three numbers")
+        raise FormatError(f"the {name} light's direction needs three numbers")
     return direction
 
 
 def read_lp(path: str | os.PathLike[str]) -> tuple[list[str], NDArray[np.float64]]:
     """The ``.lp`` format of reflectance transformation imaging: a count, then "name x y z" a line.
 
-    Returns the names and the directions (N, 3). Raises InputError where the file is missing or malformed.
+    Returns the names and the directions (N, 3). Raises FileError where it is missing, FormatError where malformed.
     """
     text = existing_file(Path(path), "rig file").read_text(encoding="utf-8", errors="replace")
     lines = [line.split() for line in text.splitlines() if line.strip()]
-    try:
-        count = int(lines[0][0])
-        directions = np.array([[float(x), float(y), float(z)] for *_, x, y, z in lines[1:]])
-    except (IndexError, ValueError):
-        raise InputError('not an .lp file: the first line is the count, then a line "name x y z" a light') from None
-    if len(directions) != count:
-        raise InputError(f"the first line says {count} lights but {len(lines) - 1} lines follow; mend the count")
+    with located(f"rig file {path}"):
+        try:
+            count = int(lines[0][0])
+            directions = np.array([[float(x), float(y), float(z)] for *_, x, y, z in lines[1:]])
+        except (IndexError, ValueError):
+            raise FormatError(
+                'not an .lp file: the first line is the count, then a line "name x y z" a light'
+            ) from None
+        if len(directions) != count:
+            raise FormatError(f"the first line states {count} lights but {len(lines) - 1} lines follow; mend the count")
     return [" ".join(words[:-3]) for words in lines[1:]], directions
 
 
-def _lp_directions(path: Path) -> NDArray[np.float64]:
-    directions = read_lp(path)[1]
+def _lp_rig(directions: NDArray[np.float64], file_name: str) -> LightRig:
     if len(directions) != 3:
-        raise InputError(
+        raise FormatError(
             f"it holds {len(directions)} lights, a rig has three; keep the lines of the red, green and blue light, or "
-            f"choose them: mpsnet calibrate lights {path.name} --lights 1,2,3 -o rig.json"
+            f"choose them: mpsnet calibrate lights {file_name} --lights 1,2,3 -o rig.json"
         )
-    return directions
+    return LightRig(directions)
 
 
 def write_rig(path: str | os.PathLike[str], rig: LightRig) -> None:
-    """Write a JSON rig file, whole or not at all."""
-    data: dict[str, Any] = {"format": RIG_FORMAT, "version": RIG_VERSION}
-    if rig.near is not None:
-        data["lights"] = [{"position": position.tolist()} for position in rig.near.positions]
-        data |= {"target": rig.near.target.tolist(), "lobe": rig.near.lobe}
-    else:
-        angles = zip(rig.slants, rig.tilts, strict=True)
-        data["lights"] = [{"slant": float(slant), "tilt": float(tilt)} for slant, tilt in angles]
-    write_json(path, {**data, "mixing": rig.mixing.tolist()})
+    """Write a JSON rig file, whole or not at all.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    """
+    angles = zip(rig.slants, rig.tilts, strict=True)
+    distant = [{"slant": float(slant), "tilt": float(tilt)} for slant, tilt in angles]
+    write_rig_data(path, distant, rig.near, rig.mixing)
+
+
+def write_rig_data(
+    path: str | os.PathLike[str], distant: list[dict[str, Any]], near: NearLights | None, mixing: NDArray[np.float64]
+) -> None:
+    """Write a JSON rig file, whole or not at all, with the lights `near`, or `distant` if that is None."""
+    data: dict[str, Any] = {"format": RIG_FORMAT, "version": RIG_VERSION, "lights": distant}
+    if near is not None:
+        data["lights"] = [{"position": position.tolist()} for position in near.positions]
+        data |= {"target": near.target.tolist(), "lobe": near.lobe}
+    write_json(path, {**data, "mixing": np.asarray(mixing).tolist()})

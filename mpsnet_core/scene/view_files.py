@@ -4,15 +4,15 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
-from mpsnet_core.errors import InputError
-from mpsnet_core.io.files import existing_file, read_json, write_json
+from mpsnet_core.errors import FormatError
+from mpsnet_core.io.files import existing_file, located, read_json, write_json
 from mpsnet_core.scene.camera import Camera, camera_data, camera_from_data
 
 VIEWS_FORMAT, VIEWS_VERSION = "mpsnet-views", 1
 
 
 def write_views(path: str | os.PathLike[str], views: Iterable[tuple[str, str | os.PathLike[str], Camera]]) -> None:
-    """Write photos with their cameras, whole or not at all: a name, the photo's path and its camera each."""
+    """Write (name, path of the photo, camera) of each view, whole or not at all."""
     listed = [{"name": name, "photo": os.fspath(photo), "camera": camera_data(camera)} for name, photo, camera in views]
     write_json(path, {"format": VIEWS_FORMAT, "version": VIEWS_VERSION, "views": listed})
 
@@ -20,21 +20,19 @@ def write_views(path: str | os.PathLike[str], views: Iterable[tuple[str, str | o
 def read_views(path: str | os.PathLike[str]) -> list[tuple[str, Path, Camera]]:
     """What :func:`write_views` wrote, sorted by name; photos are found from the file's own folder.
 
-    Raises InputError where the file is missing or malformed, or a photo is missing.
+    Raises FileError where the file or a photo is missing, FormatError where the file is malformed.
     """
     file = Path(path)
     views = read_json(file, VIEWS_FORMAT, VIEWS_VERSION, ("views",)).get("views")
     if not isinstance(views, list) or not views:
-        raise InputError(f'{file} needs "views", a list of views; write it again')
+        raise FormatError(f'{file} needs "views", a list of views; write it again')
     found = []
     for number, view in enumerate(views, 1):
         if not isinstance(view, dict) or not isinstance(view.get("camera"), dict):
-            raise InputError(f'{file}: view {number} needs "name", "photo" and "camera"; write it again')
+            raise FormatError(f'{file}: view {number} needs "name", "photo" and "camera"; write it again')
         name, photo = view.get("name"), view.get("photo")
         if not isinstance(name, str) or not isinstance(photo, str) or not name or set(name) & set("/\\:"):
-            raise InputError(f'{file}: view {number} needs a "name" without slashes or colons and a path, "photo"')
-        try:
+            raise FormatError(f'{file}: view {number} needs a "name" without slashes or colons and a path, "photo"')
+        with located(f"{file}: view {name}"):
             found.append((name, existing_file(file.parent / photo, "photo"), camera_from_data(view["camera"])))
-        except InputError as error:
-            raise InputError(f"{file}: view {name}: {error}") from None
     return sorted(found, key=lambda view: view[0])

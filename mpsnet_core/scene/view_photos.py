@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, SettingsError
 from mpsnet_core.io.photo_folder import PhotoFolder
 from mpsnet_core.scene.camera import Camera, read_camera
 from mpsnet_core.scene.view_files import read_views
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-# So many photos that are missing are named.
+# How many missing photos a warning names.
 NAMED_PHOTOS = 3
 CAMERA_SUFFIX = ".camera.json"
 
@@ -25,8 +25,8 @@ CAMERA_SUFFIX = ".camera.json"
 class ViewPhoto:
     """A photo and the camera that took it.
 
-    name: what it is called in messages and files, like no other of its views. lens: what bends the camera's picture
-    into the photo, if anything. folder: where the photo lies in the folder of all photos.
+    name: unique among the views, for messages and files. lens: the photo's distortion, None where there is none.
+    folder: of the photo, relative to the folder of all photos.
     """
 
     name: str
@@ -39,17 +39,33 @@ class ViewPhoto:
 def posed_photos(cameras: str | os.PathLike[str], photos: str | os.PathLike[str] | None = None) -> list[ViewPhoto]:
     """Photos with their cameras, sorted by name.
 
-    cameras: what a photogrammetry program wrote (:func:`mpsnet_core.scene.photogrammetry.read_cameras`); a folder of
-        our own camera files, NAME.camera.json for the photo NAME.png; or a file of ours that names the photos as well
-        ("mpsnet-views", as the add-on writes it).
-    photos: their folder; None where `cameras` names the photos.
+    Parameters
+    ----------
+    cameras : path-like
+        Cameras of a photogrammetry program (:func:`mpsnet_core.read_cameras`); a folder of our own camera files,
+        NAME.camera.json for the photo NAME.png; or a file of ours that names the photos as well ("mpsnet-views", as
+        the add-on writes it).
+    photos : path-like, optional
+        Folder of the photos; needed unless `cameras` names them.
 
-    Raises InputError where a camera has no photo, or several photos fit it.
+    Returns
+    -------
+    list of ViewPhoto
+        Photogrammetry's cameras without a photo are left out, with a warning.
+
+    Raises
+    ------
+    FileError
+        If a file, or a photo of a camera of ours, is missing, or several photos fit a camera.
+    FormatError, GeometryError
+        If the cameras are malformed.
+    SettingsError
+        If `photos` is missing where it is needed.
     """
     cameras = Path(cameras)
     if photos is None:
         if cameras.suffix.lower() != ".json":
-            raise InputError(f"{cameras} does not name its photos; give the folder of the photos")
+            raise SettingsError(f"{cameras} does not name its photos; give the folder of the photos")
         found = [ViewPhoto(*view) for view in read_views(cameras)]
     else:
         folder = PhotoFolder(photos)
@@ -58,7 +74,7 @@ def posed_photos(cameras: str | os.PathLike[str], photos: str | os.PathLike[str]
     for what, names in (("called", [view.name for view in found]), ("in", [str(view.photo) for view in found])):
         twice = next((name for name in names if names.count(name) > 1), None)
         if twice:
-            raise InputError(f"{cameras} has two cameras for photos {what} {twice}; rename one of the photos")
+            raise FileError(f"{cameras} has two cameras for photos {what} {twice}; rename one of the photos")
     return found
 
 
@@ -66,7 +82,7 @@ def _own_photo(camera: Path, photos: PhotoFolder) -> ViewPhoto:
     name = camera.name.removesuffix(CAMERA_SUFFIX)
     photo = photos.find([name], f"the photo of camera {camera.name}")
     if photo is None:
-        raise InputError(f"camera {camera.name} has no photo {name} in {photos.path}; put it there")
+        raise FileError(f"camera {camera.name} has no photo {name} in {photos.path}; put it there")
     return ViewPhoto(name, photo, read_camera(camera))
 
 
@@ -84,7 +100,7 @@ def _photogrammetry_photos(cameras: Path, photos: PhotoFolder) -> list[ViewPhoto
         place = photo.relative_to(photos.path)
         views.append(ViewPhoto("_".join(place.with_suffix("").parts), photo, posed.camera, posed.lens, place.parent))
     if not views:
-        raise InputError(f"none of the {len(missing)} photos of {cameras}, such as {missing[0]}, is in {photos.path}")
+        raise FileError(f"none of the {len(missing)} photos of {cameras}, such as {missing[0]}, is in {photos.path}")
     if missing:
         named = ", ".join(missing[:NAMED_PHOTOS]) + (", ..." if len(missing) > NAMED_PHOTOS else "")
         log.warning("%d camera(s) have no photo in %s and are left out: %s", len(missing), photos.path, named)

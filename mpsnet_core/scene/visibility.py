@@ -1,6 +1,7 @@
 """Which points of a mesh a camera sees."""
 
 import logging
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,23 +12,22 @@ from mpsnet_core.scene.rays import RayScene
 
 log = logging.getLogger(__name__)
 
-# The depth image that settles easy cases is traced at no more than this many pixels on its longer side.
+# The longer side of the depth map that settles the easy cases.
 DEPTH_PIXELS = 1024
-# Where depth bends by more than this many pixel widths from one pixel to the next there is a silhouette or a crease.
+# Second differences of depth above this many pixel widths are silhouettes or creases.
 SHARPEST_BEND = 0.5
-# Where it bends by more than this, one thing stands before another.
+# Above this, one surface occludes another.
 BREAK = 3.0
 # A ray starts this share of the mesh's size off the surface, so that it does not hit where it starts.
 OFFSET = 1e-4
 
 
 class Visibility:
-    """Tells whether points on the scene's mesh can be seen from `camera`, by rays (embree) against it.
+    """Whether points on the scene's mesh are visible from `camera`, by shadow rays (embree).
 
-    A depth image, taken as a small plane in each pixel, settles points far from any silhouette; only the others cost a
-    ray.
+    A depth map, a small plane per pixel, settles points far from any silhouette; only the others cost a ray.
 
-    shape: (h, w) of the depth image. unbroken: (h, w) bool, where it shows a surface that goes on to all sides.
+    shape: (h, w) of the depth map. unbroken: (h, w) bool, where its surface continues to all sides.
     footprint: about the size of one of its pixels on the object.
     """
 
@@ -47,7 +47,7 @@ class Visibility:
         if seen.any() and depth[seen].max() < -self.offset:  # an orthographic camera's rays begin behind its plane
             log.warning(
                 "an orthographic camera looks away from the mesh: all that it sees of it lies behind it, and is baked "
-                "as if it stood before it; is the camera's pose told in the right axes (it looks along -z, y is up)?"
+                "as if it stood before it; is the camera's pose given in the right axes (it looks along -z, y is up)?"
             )
         self.footprint = float(np.median(pixel[seen])) if seen.any() else 1.0
         padded = np.pad(depth, 1, constant_values=np.inf)
@@ -57,11 +57,11 @@ class Visibility:
             self.smooth = np.isfinite(bend) & (bend <= SHARPEST_BEND * pixel)
             self.unbroken = np.isfinite(bend) & (bend <= BREAK * pixel)
             planes = [depth + SHARPEST_BEND * pixel + 2 * self.offset, (right - left) / 2, (below - above) / 2]
-        # The plane's depth in the pixel's middle, with what is forgiven, and its slope a pixel to the right and down.
+        # The plane's depth at the pixel's middle, with a tolerance, and its gradient per pixel to the right and down.
         self.planes = np.where(self.smooth[..., None], np.stack(planes, axis=-1), 0)
 
     def seen(
-        self, points: NDArray[np.floating], pixels: NDArray[np.floating], depth: NDArray[np.floating]
+        self, points: NDArray[np.floating[Any]], pixels: NDArray[np.floating[Any]], depth: NDArray[np.floating[Any]]
     ) -> NDArray[np.bool_]:
         """(N,) bool for points (N, 3) in world space at `pixels` (N, 2) of the camera's image and `depth` (N,).
 
@@ -74,12 +74,12 @@ class Visibility:
         index = row * width + column
         unsure = np.flatnonzero(~self.smooth.ravel()[index])
         middle, right, down = self.planes.reshape(-1, 3)[index].T
-        seen = depth <= middle + right * (x - column - 0.5) + down * (y - row - 0.5)
+        seen: NDArray[np.bool_] = depth <= middle + right * (x - column - 0.5) + down * (y - row - 0.5)
         if len(unsure):
             seen[unsure] = ~self._hidden(points[unsure])
         return seen
 
-    def _hidden(self, points: NDArray[np.floating]) -> NDArray[np.bool_]:
+    def _hidden(self, points: NDArray[np.floating[Any]]) -> NDArray[np.bool_]:
         towards = np.broadcast_to(self.camera.rotation[:, 2], points.shape)
         reach = np.full(len(points), np.inf)
         if self.camera.projection == "perspective":

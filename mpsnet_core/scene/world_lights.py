@@ -1,4 +1,4 @@
-"""WorldLights: three lights that stand in the world while the camera goes round, as each camera sees them."""
+"""WorldLights: three lights fixed in the world while the camera moves."""
 
 import os
 from dataclasses import dataclass, field
@@ -8,21 +8,29 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
-from mpsnet_core.io.files import read_json, write_json
+from mpsnet_core.errors import FormatError, GeometryError
+from mpsnet_core.io.files import located
 from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.rig import LIGHT_NAMES, RIG_FORMAT, RIG_VERSION, LightRig, NearLights, near_rig
+from mpsnet_core.scene.rig import LIGHT_NAMES, LightRig, NearLights, near_rig, read_rig_data, write_rig_data
 
 
 @dataclass(frozen=True)
 class WorldLights:
     """Three lights in the world that mesh and cameras share.
 
-    directions: (3, 3), a vector a row from the surface to the light, along the world's axes; in rig order.
-    mixing: (3, 3) as in :class:`LightRig`.
-    near: where the lights stand, if they are near, with positions and target in the world.
+    Parameters
+    ----------
+    directions : (3, 3) float64 array
+        Per row a vector from the surface to a light, in world space; in rig order.
+    mixing : (3, 3) float64 array, optional
+        As in :class:`LightRig`.
+    near : NearLights, optional
+        Where the lights stand, if they are near; positions and target in world space.
 
-    Raises InputError where a direction is no vector.
+    Raises
+    ------
+    GeometryError
+        If the directions are not three finite vectors, or one is zero.
     """
 
     directions: NDArray[np.float64]
@@ -35,11 +43,11 @@ class WorldLights:
         except (TypeError, ValueError, OverflowError):
             directions = np.empty(0)
         if directions.shape != (3, 3) or not np.isfinite(directions).all() or not directions.any(axis=1).all():
-            raise InputError("lights in the world are three directions of three finite numbers, none of them zero")
+            raise GeometryError("lights in the world are three directions of three finite numbers, none of them zero")
         object.__setattr__(self, "directions", directions)
 
     def seen_by(self, camera: Camera) -> LightRig:
-        """The lights in the camera's space. Raises InputError where one is behind the object as this camera sees it."""
+        """The lights in the camera's space. Raises GeometryError where one is behind the object for it."""
         if self.near is None:
             return LightRig(self.directions @ camera.rotation, self.mixing)
         places = np.vstack([self.near.positions, self.near.target]) - camera.world_from_camera[:3, 3]
@@ -59,45 +67,30 @@ def in_world(rig: LightRig, camera: Camera) -> WorldLights:
 def read_world_lights(path: str | os.PathLike[str]) -> WorldLights:
     """Read a rig file whose lights are "direction": [x, y, z] along the world's axes, or "position" in the world.
 
-    Raises InputError where the file is missing, malformed, or gives a light otherwise.
+    Raises FileError where the file is missing, FormatError where it is malformed or states a light otherwise.
     """
     if Path(path).suffix.lower() == ".lp":
-        raise InputError(
+        raise FormatError(
             f"{path}: an .lp file's lights stand before the camera; for lights in the world give a rig .json"
         )
-    data = read_json(path, RIG_FORMAT, RIG_VERSION, ("lights", "mixing", "target", "lobe"))
-    lights, mixing = data.get("lights"), data.get("mixing", np.eye(3))
-    try:
-        if not isinstance(lights, list) or len(lights) != 3:
-            raise InputError('"lights" must be a list of three lights')
-        key = "position" if any(isinstance(light, dict) and "position" in light for light in lights) else "direction"
-        given = np.array([_three(light, key, name) for light, name in zip(lights, LIGHT_NAMES, strict=True)])
-        if key == "direction":
-            for other in ("target", "lobe"):
-                if other in data:
-                    raise InputError(f'"{other}" is for lights with a "position" each; leave it out')
-            return WorldLights(given, mixing)
-        if "target" not in data:
-            raise InputError('lights with a position need a "target" [x, y, z], the point that they are turned to')
-        near = NearLights(given, data["target"], data.get("lobe", 0.0))
+    data, is_near = read_rig_data(path)
+    with located(f"rig file {path}"):
+        key, mixing = "position" if is_near else "direction", data.get("mixing", np.eye(3))
+        lights = np.array([_three(light, key, name) for light, name in zip(data["lights"], LIGHT_NAMES, strict=True)])
+        if not is_near:
+            return WorldLights(lights, mixing)
+        near = NearLights(lights, data["target"], data.get("lobe", 0.0))
         return WorldLights(near.positions - near.target, mixing, near)
-    except InputError as error:
-        raise InputError(f"rig file {path}: {error}") from None
 
 
 def write_world_lights(path: str | os.PathLike[str], lights: WorldLights) -> None:
     """Write a rig file with lights in the world, whole or not at all."""
-    data: dict[str, Any] = {"format": RIG_FORMAT, "version": RIG_VERSION, "mixing": np.asarray(lights.mixing).tolist()}
-    if lights.near is None:
-        data["lights"] = [{"direction": direction.tolist()} for direction in lights.directions]
-    else:
-        data["lights"] = [{"position": position.tolist()} for position in lights.near.positions]
-        data |= {"target": lights.near.target.tolist(), "lobe": lights.near.lobe}
-    write_json(path, data)
+    distant = [{"direction": direction.tolist()} for direction in lights.directions]
+    write_rig_data(path, distant, lights.near, lights.mixing)
 
 
 def _three(light: Any, key: str, name: str) -> list[float]:
     given = light.get(key) if isinstance(light, dict) and set(light) == {key} else None
     if not isinstance(given, list) or [type(x) in (int, float) for x in given] != [True] * 3:
-        raise InputError(f'the {name} light stands in the world, where it needs "{key}" [x, y, z], and nothing else')
+        raise FormatError(f'the {name} light stands in the world, where it needs "{key}" [x, y, z], and nothing else')
     return given

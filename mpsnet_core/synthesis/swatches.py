@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mpsnet_core.scene.normal_map import normalised
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise, voronoi
 

@@ -11,11 +11,12 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix, Vector
+from mesh_file import write_mesh
 
 from mpsnet_core.bake.bake import View, bake_normals
 from mpsnet_core.bake.texture import write_texture
 from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.mesh import Mesh, read_mesh, write_mesh
+from mpsnet_core.scene.mesh import Mesh, read_mesh
 from mpsnet_core.scene.normal_map import NormalMap
 
 SIDES = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1), (1, 1, 0.6), (-1, -1, 0.6)]

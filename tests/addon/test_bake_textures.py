@@ -10,7 +10,7 @@ import pytest
 
 from blender_addon.outputs import load_frames, load_image, remember
 from mpsnet_core import Camera, NormalMap, write_camera, write_normals
-from mpsnet_core.scene.normal_map import angular_error
+from mpsnet_core.arrays.unit_vectors import angular_error
 
 from .conftest import matte
 from .test_photo import pixels

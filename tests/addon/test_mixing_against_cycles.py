@@ -64,7 +64,7 @@ def test_a_grey_ball_tells_the_matrix_to_a_tenth_or_that_it_does_not(
     pixels = pixels / np.percentile(pixels, 99.5)
     pixels = srgb_to_linear(np.rint(linear_to_srgb(pixels) * 255) / 255).astype(np.float32)
     ball = find_balls(pixels, distant_camera(SIDE, SIDE), mirror=False)[0]
-    found = mixing_from_ball(Image(pixels, None, 1.0, ""), ball, LightRig(direction_from_angles(*np.transpose(TOLD))))
+    found = mixing_from_ball(Image(pixels, None, 1.0), ball, LightRig(direction_from_angles(*np.transpose(TOLD))))
     print(f"off by {np.abs(found.mixing - MIXING).max():.3f}, ± {found.uncertainty:.3f}\n{found.mixing}")
     assert found.determined or roughness < 0.9
     assert not found.determined or np.abs(found.mixing - MIXING).max() < 0.1

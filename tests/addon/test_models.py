@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from blender_addon.panels.models import MPS_MT_estimate_models, MPS_MT_material_models
-from mpsnet_core.scene.normal_map import angular_error, read_normals
+from mpsnet_core.arrays.unit_vectors import angular_error
+from mpsnet_core.scene.normal_map import read_normals
 
 
 @pytest.mark.parametrize(

@@ -183,7 +183,7 @@ def test_an_error_that_is_dismissed_is_gone(photographed):
 
 
 def test_notes_stay_with_the_step(estimated, scene):
-    assert "taken as linear (float file)" in scene.mps.records["estimate"].notes
+    assert "read as linear (float file)" in scene.mps.records["estimate"].notes
 
 
 def test_made_from_what_no_add_on_wrote_is_not_out_of_date(estimated, scene):

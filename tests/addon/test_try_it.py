@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from blender_addon.start.try_it import MPS_OT_try_it
+from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.io.images import read_data
-from mpsnet_core.scene.normal_map import angular_error
 
 
 @pytest.fixture(scope="module")

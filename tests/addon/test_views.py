@@ -8,8 +8,9 @@ import pytest
 from mathutils import Matrix, Vector
 
 from blender_addon.panels.views import MPS_PT_views
+from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.io.images import read_image
-from mpsnet_core.scene.normal_map import angular_error, decode
+from mpsnet_core.scene.normal_map import decode
 
 from .test_steps import Kind, stands
 

@@ -22,13 +22,13 @@ from pathlib import Path
 
 import numpy as np
 
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture, capture_from
 from mpsnet_core.estimate import Estimator
 from mpsnet_core.estimate.sequence.run import estimate_sequence
 from mpsnet_core.estimate.sequence.source import Frame, Masks, photo_frames
 from mpsnet_core.estimate.sequence.video import read_video_header, video_frames, video_outputs
 from mpsnet_core.io.images import write_image
-from mpsnet_core.scene.normal_map import normalised
 from mpsnet_core.scene.rig import LightRig, published_rig, write_rig
 
 SIDE, DIFFERENT = 512, 6

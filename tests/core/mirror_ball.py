@@ -128,7 +128,7 @@ def grey_photograph(
 
 def taken(pixels: np.ndarray) -> Image:
     """What the core takes for a photo whose channels end at 1."""
-    return Image(pixels, None, 1.0, "traced")
+    return Image(pixels, None, 1.0)
 
 
 def developed(values: np.ndarray, noise: float, levels: int | None, seed: int = 0) -> np.ndarray:

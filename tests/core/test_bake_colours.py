@@ -7,6 +7,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from conftest import Mpsnet
+from mesh_file import write_mesh
 from surface_shapes import camera_looking, sphere_mesh, sphere_view, texels_of
 from test_bake import SIX_SIDES, SIZE, plane
 from test_cli import events
@@ -15,7 +16,7 @@ from mpsnet_core.bake.bake import View, bake_normals
 from mpsnet_core.estimate.albedo import write_albedo
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.scene.camera import Camera, write_camera
-from mpsnet_core.scene.mesh import Mesh, write_mesh
+from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import NormalMap, write_normals
 
 

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mesh_file import write_mesh
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import left_by, listing, write_file
 
 from mpsnet_core.cli import main
 from mpsnet_core.io.images import image_description
 from mpsnet_core.scene.camera import write_camera
-from mpsnet_core.scene.mesh import write_mesh
 from mpsnet_core.scene.normal_map import NormalMap, write_normals
 
 NUMBERS = (7, 8, 10)

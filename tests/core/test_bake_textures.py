@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mesh_file import write_mesh
 from synthetic import degrees_between, listing, shaded_sphere, write_file
 from uv_squares import squares
 
 from mpsnet_core import Camera, NormalMap, read_normals, write_camera, write_normals
 from mpsnet_core.cli import main
 from mpsnet_core.io.images import write_image
-from mpsnet_core.scene.mesh import write_mesh
 from mpsnet_core.scene.rig import published_rig, write_rig
 
 TILTED = [0.6, 0.0, 0.8]

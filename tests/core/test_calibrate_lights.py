@@ -9,6 +9,7 @@ import pytest
 from mirror_ball import CROSSTALK, Scene, around, developed, lamps_around, photograph, taken
 from synthetic import degrees_between
 
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.calibrate.ball import (
     Circle,
     ball_from_circle,
@@ -24,7 +25,6 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.images import read_image, read_mask
 from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.normal_map import normalised
 from mpsnet_core.scene.rig import read_rig
 
 FAR = 1e6
@@ -293,7 +293,7 @@ def test_clipping_that_the_photo_tells_by_itself() -> None:
     image = photograph(scene, brightness=2.0)
     gains = np.array([1.9, 1.0, 1.4], np.float32)
     ball = find_balls(image, distant_camera(*scene.size))[0]
-    told = Image(image * gains, None, np.inf, "raw", clipped=image >= 1)
+    told = Image(image * gains, None, np.inf, clipped=image >= 1)
     found = find_lights([Sighting(ball, find_coloured_highlights(told, ball))])
     assert degrees_between(found.directions, FACING).max() < 0.7
     assert all(spot.clipped for spot in found.sightings[0].highlights)

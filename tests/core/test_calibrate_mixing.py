@@ -8,6 +8,7 @@ import pytest
 from mirror_ball import CROSSTALK, Scene, around, developed, grey_photograph, taken
 from synthetic import degrees_between
 
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.calibrate.ball import Ball, Circle, ball_from_circle, ball_from_mask, distant_camera
 from mpsnet_core.capture.calibrate.circles import find_balls
 from mpsnet_core.capture.calibrate.mixing import mixing_from_ball, mixing_from_ball_by_light, mixing_from_card
@@ -17,7 +18,6 @@ from mpsnet_core.estimate import estimate_normals
 from mpsnet_core.io.image import linear_to_srgb, srgb_to_linear
 from mpsnet_core.io.images import read_image, read_mask
 from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.normal_map import normalised
 from mpsnet_core.scene.rig import LightRig, near_rig
 
 ANGLES = [(30, 90), (35, 205), (25, 335)]

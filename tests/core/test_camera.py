@@ -1,10 +1,13 @@
 """Cameras: where points fall in the image, rays back into the world, and camera files."""
 
+import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from mpsnet_core.errors import FileError, FormatError, GeometryError, InputError
 from mpsnet_core.scene.camera import Camera, read_camera, write_camera
 
 # Looks along world -x from (5, 2, 1): camera x is world y, camera y is world z, camera z is world x.
@@ -60,3 +63,23 @@ def test_a_camera_file_gives_the_camera_back(tmp_path: Path) -> None:
     np.testing.assert_array_equal(back.focal, camera.focal)
     np.testing.assert_array_equal(back.centre, camera.centre)
     np.testing.assert_array_equal(back.world_from_camera, camera.world_from_camera)
+
+
+@pytest.mark.parametrize(
+    ("change", "kind"),
+    [
+        (lambda file: file.unlink(), FileError),
+        (lambda file: file.write_text("{"), FormatError),
+        (lambda file: file.write_text(file.read_text().replace('"focal"', '"fokal"')), FormatError),
+        (lambda file: file.write_text(json.dumps({**json.loads(file.read_text()), "width": -1})), GeometryError),
+    ],
+)
+def test_callers_tell_errors_apart_by_their_class(
+    tmp_path: Path, change: Callable[[Path], object], kind: type[InputError]
+) -> None:
+    file = tmp_path / "camera.json"
+    write_camera(file, Camera("perspective", 64, 48, (80, 90)))
+    change(file)
+    with pytest.raises(kind, match=r"camera\.json") as caught:
+        read_camera(file)
+    assert caught.type is kind

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from synthetic import Sphere, write_file
 
+from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.capture.capture import read_capture
 from mpsnet_core.estimate import estimate_normals
 from mpsnet_core.io import image
 from mpsnet_core.io.images import write_image
 from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.normal_map import angular_error
 from mpsnet_core.scene.rig import published_rig
 
 

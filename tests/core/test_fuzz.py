@@ -22,6 +22,7 @@ import trimesh
 from dng import mosaic, write_dng
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
+from mesh_file import write_mesh
 from mirror_ball import CROSSTALK, Scene, around, grey_photograph, lamps_around, photograph
 from networks import pass_through
 from odd_input import WORDS, odd_picture, odd_pixels, spoilt
@@ -41,7 +42,6 @@ from mpsnet_core.io.files import write_json
 from mpsnet_core.relief.height_files import read_height, write_height
 from mpsnet_core.relief.integration.integrate import integrate
 from mpsnet_core.scene.camera import Camera, write_camera
-from mpsnet_core.scene.mesh import write_mesh
 from mpsnet_core.scene.normal_map import NormalMap, write_normals
 from mpsnet_core.scene.photogrammetry import read_cameras
 from mpsnet_core.scene.rig import near_rig, write_rig

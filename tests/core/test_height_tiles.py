@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mesh_file import write_mesh
 from relief_shapes import cube_sphere, tangent_normals
 from test_on_uvs import AMPLITUDE, bumpy_sphere
 
@@ -14,7 +15,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.io.images import read_channel, write_image
 from mpsnet_core.relief.displacement.udim import Tiles
 from mpsnet_core.relief.height_files import read_height
-from mpsnet_core.scene.mesh import Mesh, write_mesh
+from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import encode
 
 SIZE = 64

@@ -5,13 +5,14 @@ import pytest
 from height_shapes import Surface, off, square_camera, torus, two_spheres
 
 from mpsnet_core.arrays.mask_regions import dilated
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.relief.height_map import HeightMap
 from mpsnet_core.relief.integration.bilateral import chosen_sides
 from mpsnet_core.relief.integration.gradients import Gradients
 from mpsnet_core.relief.integration.integrate import METHODS, Method, integrate
 from mpsnet_core.relief.occlusion import ambient_occlusion
 from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.normal_map import NormalMap, normalised
+from mpsnet_core.scene.normal_map import NormalMap
 
 
 def beside_steps(surface: Surface, least: float, reach: int) -> np.ndarray:

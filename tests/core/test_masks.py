@@ -286,7 +286,7 @@ def test_a_photo_without_an_object(light: np.ndarray) -> None:
 
 def test_alpha_or_auto_is_alpha_then_what_stands_out_then_the_whole_photo(caplog: pytest.LogCaptureFixture) -> None:
     image, mask = ball()
-    photo = Image(noisy(before(image, wall(), mask)), None, 1.0, "")
+    photo = Image(noisy(before(image, wall(), mask)), None, 1.0)
     alpha = np.zeros(mask.shape, np.float32)
     alpha[:50] = 1
     assert overlap(find_mask(photo, "alpha-or-auto"), mask) > 0.97

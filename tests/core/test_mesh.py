@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mesh_file import write_mesh
 from surface_shapes import sphere_mesh
 from synthetic import degrees_between
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.scene.mesh import Mesh, read_mesh, smooth_corner_normals, write_mesh
+from mpsnet_core.scene.mesh import Mesh, read_mesh, smooth_corner_normals
 
 # Two squares side by side, the right one bent up; each has UVs of its own.
 POINTS = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 1], [2, 1, 1]]

@@ -202,7 +202,7 @@ BOMB = """<?xml version="1.0"?>
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        (BOMB.encode(), "it has a document type"),
+        (BOMB.encode(), "cameras.xml: it has a document type"),
         (BOMB.encode("utf-16"), "it is not UTF-8 text"),
         (b"", "it is not valid XML"),
         (b"\x89PNG\r\n", "it is not UTF-8 text"),

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mesh_file import write_mesh
 from relief_shapes import cube_sphere, tangent_normals, torus, waves, waves_slope
 from surface_shapes import texels_of
 
@@ -15,7 +16,7 @@ from mpsnet_core.io.images import write_image
 from mpsnet_core.relief.displacement.displacement import Displacement, displacement
 from mpsnet_core.relief.displacement.graph_poisson import Solver, graph_of
 from mpsnet_core.relief.height_files import read_height, write_height
-from mpsnet_core.scene.mesh import Mesh, write_mesh
+from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import encode
 
 SIZE = 128

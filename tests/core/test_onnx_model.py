@@ -10,6 +10,7 @@ from networks import card, conv, pass_through, random_weights, write_model
 from onnx import helper
 from synthetic import Sphere, shaded_sphere
 
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.estimate import estimate_normals
@@ -17,7 +18,6 @@ from mpsnet_core.estimate.card import CARD_KEY, card_from_metadata
 from mpsnet_core.estimate.features import feature_maps
 from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.estimate.patches import PATCHES_A_BATCH
-from mpsnet_core.scene.normal_map import normalised
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from eight_views import turn, unit
+from mesh_file import write_mesh
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import degrees_between, write_file
 
@@ -14,7 +15,7 @@ from mpsnet_core.bake.texture import Texture
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.camera import write_camera
-from mpsnet_core.scene.mesh import Mesh, write_mesh
+from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import NormalMap, encode, write_normals
 
 FLAT = np.array([0, 0, 1.0])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mpsnet_core.scene.normal_map import angular_error, normalised
+from mpsnet_core.arrays.unit_vectors import angular_error, normalised
 from mpsnet_core.synthesis.noise import gradient_noise, voronoi
 from mpsnet_core.synthesis.recipe import Bump, Dirt, Paint, Pattern
 from mpsnet_core.synthesis.shading.pattern import bumped, dirt_weight, material_weights, paint_factors

@@ -231,7 +231,7 @@ class TestBadInput:
 
     def test_a_header_that_claims_any_size(self, tmp_path: Path) -> None:
         path = write_dng(tmp_path / "huge.dng", np.zeros((32, 32)), size=(60000, 60000))
-        self.refused(path, "huge.dng says it is 60000 x 60000", "400 megapixels")
+        self.refused(path, "huge.dng claims to be 60000 x 60000", "400 megapixels")
 
     def test_more_pixels_than_are_read(self, good: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr("mpsnet_core.io.raw.MAX_PIXELS", 48 * 60 - 1)

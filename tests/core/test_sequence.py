@@ -110,7 +110,7 @@ def test_no_more_than_a_few_frames_are_held_at_once(tmp_path: Path) -> None:
         with lock:
             alive += 1
             most = max(most, alive)
-        return Image(values, None, 1.0, "")
+        return Image(values, None, 1.0)
 
     def kept(frame: Frame) -> Capture:
         image = frame.read()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from shaded_shapes import Lambert, ball, camera, plane_points, recipe, rectangle, together
 
-from mpsnet_core.scene.normal_map import angular_error
+from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.scene.rig import direction_from_angles
 from mpsnet_core.synthesis.recipe import Bump, Dirt, Material, Paint, Pattern
 from mpsnet_core.synthesis.reflectance import load_reflectance

@@ -5,13 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from mesh_file import write_mesh
 from surface_shapes import sphere_mesh
 from uv_squares import squares
 
 from mpsnet_core.bake.texture_names import split_by, texture_files
 from mpsnet_core.bake.texture_sets import TextureSet, sheets
 from mpsnet_core.errors import InputError
-from mpsnet_core.scene.mesh import read_mesh, write_mesh
+from mpsnet_core.scene.mesh import read_mesh
 from mpsnet_core.scene.mesh_labels import Labels, labels_of_runs
 
 

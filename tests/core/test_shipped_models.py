@@ -9,11 +9,12 @@ import pytest
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rank_correlation import rank_correlation
+from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate import Estimator, estimate_normals
 from mpsnet_core.estimate.registry import AVERAGED_MODEL, DEFAULT_MODEL, MODELS_FOLDER, registered_models
 from mpsnet_core.learning.evaluation.scenes import HELD_OUT_BLOB, ideal_photograph, published_view
-from mpsnet_core.scene.normal_map import NormalMap, angular_error
+from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rig import LightRig, direction_from_angles
 from mpsnet_core.synthesis.job import SampleJob
 from mpsnet_core.synthesis.make import make_sample

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from eight_views import bumpy_normals, smoothly_wrong, unit
+from mesh_file import write_mesh
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import degrees_between
 
@@ -16,7 +17,6 @@ from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.images import write_image
 from mpsnet_core.scene.camera import write_camera
-from mpsnet_core.scene.mesh import write_mesh
 from mpsnet_core.scene.normal_map import NormalMap, encode, write_normals
 from mpsnet_core.scene.rays import RayScene
 

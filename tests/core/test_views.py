@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from eight_views import CORNERS, all_levelled, outcome, shot, sphere_texels, turn, wrong_views
+from mesh_file import write_mesh
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import degrees_between, listing, write_file
 
@@ -26,7 +27,6 @@ from mpsnet_core.estimate import estimate_normals
 from mpsnet_core.io.images import read_image
 from mpsnet_core.io.photo_folder import PhotoFolder
 from mpsnet_core.scene.camera import read_camera, write_camera
-from mpsnet_core.scene.mesh import write_mesh
 from mpsnet_core.scene.normal_map import NormalMap, decode, read_normals, write_normals
 from mpsnet_core.scene.photogrammetry import Lens, PosedPhoto, find_photo
 from mpsnet_core.scene.rig import LightRig, near_rig, published_rig, write_rig

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.arrays.robust_statistics import biweight, spread
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.normal_map import normalised
 
 ROUNDS = 30
 # Neighbouring points of an outline share their errors; about one in this many tells something of its own.

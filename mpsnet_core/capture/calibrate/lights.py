@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mpsnet_core.arrays.unit_vectors import angular_error, normalised
 from mpsnet_core.capture.calibrate.ball import Ball, fit_ball, mirrored
 from mpsnet_core.capture.calibrate.highlights import Highlight
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.files import written_whole
 from mpsnet_core.scene.camera import camera_of_lens
-from mpsnet_core.scene.normal_map import angular_error, normalised
 
 log = logging.getLogger(__name__)
 

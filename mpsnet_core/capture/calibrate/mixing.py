@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.arrays.robust_statistics import DEVIATIONS, biweight, spread
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.calibrate.ball import Ball, surface
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image import Image
-from mpsnet_core.scene.normal_map import normalised
 from mpsnet_core.scene.rig import LIGHT_NAMES, LightRig
 
 log = logging.getLogger(__name__)

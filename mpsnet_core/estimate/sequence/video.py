@@ -151,7 +151,7 @@ def _image(picture: Any, linear: bool, name: str) -> Image:
     steps = np.linspace(0, 1, 65536 if deep else 256)
     curve = (steps if linear else srgb_to_linear(steps)).astype(np.float32)
     cover = values[..., 3].astype(np.float32) / np.float32(len(steps) - 1) if alpha else None
-    return Image(curve[values[..., :3]], cover, 1.0, "a frame of a video")
+    return Image(curve[values[..., :3]], cover, 1.0)
 
 
 def _curve(path: Path, transfer: int, encoding: Encoding) -> str:

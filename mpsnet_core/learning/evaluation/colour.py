@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.defaults import SYNTHETIC_SIZE
 from mpsnet_core.learning.evaluation.diligent import check_protocols
 from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_measures
 from mpsnet_core.learning.evaluation.measure import Case, Result
 from mpsnet_core.learning.evaluation.scenes import HELD_OUT_BLOB, held_out_blob, ideal_photograph, published_view
-from mpsnet_core.scene.normal_map import angular_error
 from mpsnet_core.synthesis.recipe import Colour, Material, Pattern, Recipe
 from mpsnet_core.synthesis.reflectance import load_reflectance
 from mpsnet_core.synthesis.shading.pattern import material_weights

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import FileError, FormatError, GeometryError, InputError, SettingsError, check_choice
 from mpsnet_core.estimate.lambertian import usable_channels
@@ -20,7 +21,6 @@ from mpsnet_core.learning.evaluation.magnify import check_magnify
 from mpsnet_core.learning.evaluation.matfile import read_mat_array
 from mpsnet_core.learning.evaluation.measure import Case
 from mpsnet_core.learning.evaluation.published import PUBLISHED_LIGHTS, Lights, diligent_figures
-from mpsnet_core.scene.normal_map import normalised
 from mpsnet_core.scene.rig import LightRig
 
 OBJECTS = ("ball", "bear", "buddha", "cat", "cow", "goblet", "harvest", "pot1", "pot2", "reading")

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rank_correlation import rank_correlation
+from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.estimate import Estimator
@@ -15,7 +16,7 @@ from mpsnet_core.estimate.registry import AVERAGED_MODEL, registered_models
 from mpsnet_core.learning.evaluation.confidence import error_by_confidence
 from mpsnet_core.learning.evaluation.magnify import estimate_magnified, magnified_name
 from mpsnet_core.progress import Progress, part, silent
-from mpsnet_core.scene.normal_map import NormalMap, angular_error
+from mpsnet_core.scene.normal_map import NormalMap
 
 EVERY_MODEL = "all"
 

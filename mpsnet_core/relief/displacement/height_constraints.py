@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.bake.texture import Space
 from mpsnet_core.errors import InputError
 from mpsnet_core.progress import Progress
@@ -13,7 +14,7 @@ from mpsnet_core.relief.displacement.graph_poisson import Graph
 from mpsnet_core.relief.displacement.uv_islands import welded
 from mpsnet_core.relief.displacement.uv_layout import Layout
 from mpsnet_core.scene.mesh import smooth_corner_normals
-from mpsnet_core.scene.normal_map import OUTWARDS_SHARE, normalised
+from mpsnet_core.scene.normal_map import OUTWARDS_SHARE
 
 # Slopes steeper than this (cosine of the angle between the surface and the one it is displaced from; 80°) are taken to
 # be as steep as this: a normal at right angles to the mesh's would ask for an infinite height. Less steep than what

@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.block_means import block_means
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.relief.material.gradients import gradients_of
-from mpsnet_core.scene.normal_map import normalised
 
 # A smooth surface is as well fitted to this many block means a side as to every pixel.
 FITTED = 128

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.scene.normal_map import normalised
+from mpsnet_core.arrays.unit_vectors import normalised
 
 # The tangent of 79°: what is steeper is hardly seen, and one such pixel would weigh as much as many others. Slopes are
 # averaged as they are, so this limit is lower than that of heights before a camera (gradients.LEAST_FACING, 87°), whose

@@ -1,13 +1,13 @@
 """Cameras from photogrammetry: COLMAP, Metashape and AliceVision (Meshroom), with their lenses.
 
-:func:`read_cameras` reads what any of them wrote, :func:`find_photo` finds the photos, :func:`as_displayed` turns a
-camera as the photo's EXIF orientation turns the photo, and :func:`undistorted` takes the lens out of it.
+:func:`read_cameras` reads the files of any of them, :func:`find_photo` finds the photos, :func:`as_displayed` rotates a
+camera by the photo's EXIF orientation, and :func:`undistorted` removes the lens distortion.
 """
 
 import os
 from pathlib import Path
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FormatError
 from mpsnet_core.scene.photogrammetry.alicevision import read_alicevision
 from mpsnet_core.scene.photogrammetry.colmap import read_colmap
 from mpsnet_core.scene.photogrammetry.lens import Lens, photo_points, undistorted, undistorted_mask
@@ -37,23 +37,36 @@ _READERS = {
 
 
 def read_cameras(path: str | os.PathLike[str]) -> list[PosedPhoto]:
-    """The posed photos that a photogrammetry program found, sorted by the photos' names.
+    """The posed photos of a photogrammetry program, sorted by the photos' names.
 
-    path: a COLMAP model's folder (or a project's, with sparse/0 in it) or one of its files; a Metashape .xml; an
-        AliceVision .sfm or .json.
+    Parameters
+    ----------
+    path : path-like
+        A COLMAP model's folder (or a project's, with sparse/0 in it) or one of its files; a Metashape .xml; an
+        AliceVision (Meshroom) .sfm or .json.
 
-    World axes and scale are those of the meshes that the same program exports.
+    Returns
+    -------
+    list of PosedPhoto
+        World axes and scale are those of the meshes that the same program exports.
 
-    Raises InputError where the file is missing, broken, of none of these kinds, or has no posed photo in it.
+    Raises
+    ------
+    FileError
+        If the file is missing.
+    FormatError
+        If it is damaged, of none of these kinds, or without posed photos.
+    GeometryError
+        If a pose is not rigid, or a value cannot be a camera's.
     """
     path = Path(path)
     reader = read_colmap if path.is_dir() else _READERS.get(path.suffix.lower())
     if reader is None:
-        raise InputError(
+        raise FormatError(
             f"{path} is no file of cameras that is read here: name a COLMAP folder, a Metashape .xml "
             "(File > Export > Export Cameras) or Meshroom's cameras.sfm"
         )
     photos = sorted(reader(path), key=lambda posed: posed.photo)
     if not photos:
-        raise InputError(f"{path} holds no photo with a pose; align the photos and export the cameras again")
+        raise FormatError(f"{path} holds no photo with a pose; align the photos and export the cameras again")
     return photos

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
-from mpsnet_core.io.files import existing_file
+from mpsnet_core.errors import FormatError
+from mpsnet_core.io.files import existing_file, located
 from mpsnet_core.scene.photogrammetry.lens import Lens
-from mpsnet_core.scene.photogrammetry.posed_photo import FLIP_YZ, PosedPhoto, photogrammetry_camera, rotation, said_of
+from mpsnet_core.scene.photogrammetry.posed_photo import FLIP_YZ, PosedPhoto, photogrammetry_camera, rotation
 
 # A scene with its points is larger than its cameras by far, and needs some ten times this while it is read.
 MAX_FILE_BYTES = 1 << 28
@@ -35,23 +35,24 @@ def read_alicevision(path: str | os.PathLike[str]) -> list[PosedPhoto]:
     The world is that of the meshes that the same version writes: since file version 1.2.3 they have y and z the other
     way round than the poses have, and so the cameras are turned with them.
 
-    Raises InputError where the file is missing, broken, no scene, or larger than 256 MiB, or a photo was taken by
-    something else than a camera of type pinhole, radial1, radial3 or brown, or by one of several mounted together.
+    Raises FileError where the file is missing; FormatError where it is damaged, no scene, or larger than 256 MiB, or a
+    camera is not of type pinhole, radial1, radial3 or brown, or is one of a rig of several; GeometryError where a pose
+    is not rigid.
     """
     file = existing_file(path, "scene")
-    with said_of(file):
+    with located(file):
         if file.stat().st_size > MAX_FILE_BYTES:
-            raise InputError(
+            raise FormatError(
                 "it is larger than 256 MiB; take cameras.sfm of Meshroom's node StructureFromMotion, without points"
             )
         try:
             scene = json.loads(file.read_text(encoding="utf-8-sig"))
         except UnicodeDecodeError:
-            raise InputError("it is not text; save the scene as JSON (node ConvertSfMFormat)") from None
+            raise FormatError("it is not text; save the scene as JSON (node ConvertSfMFormat)") from None
         except (ValueError, RecursionError) as error:
-            raise InputError(f"it is not valid JSON ({error}); save the scene again") from None
+            raise FormatError(f"it is not valid JSON ({error}); save the scene again") from None
         if not isinstance(scene, dict) or "views" not in scene or "version" not in scene:
-            raise InputError('it is not an AliceVision scene, which has "version" and "views"; choose cameras.sfm')
+            raise FormatError('it is not an AliceVision scene, which has "version" and "views"; choose cameras.sfm')
         version = _version(scene["version"])
         intrinsics = {str(record.get("intrinsicId")): record for record in _records(scene, "intrinsics")}
         poses = {str(record.get("poseId")): record for record in _records(scene, "poses")}
@@ -61,26 +62,28 @@ def read_alicevision(path: str | os.PathLike[str]) -> list[PosedPhoto]:
             if pose is None:
                 continue
             name = view.get("path")
-            with said_of(f"photo {name!r}"):
+            with located(f"photo {name!r}"):
                 if not isinstance(name, str):
-                    raise InputError('its "path" is not text; save the scene again')
+                    raise FormatError('its "path" is not text; save the scene again')
                 if intrinsic is None:
-                    raise InputError(f"its intrinsic {view.get('intrinsicId')} is not in the scene; save both together")
+                    raise FormatError(
+                        f"its intrinsic {view.get('intrinsicId')} is not in the scene; save both together"
+                    )
                 if str(view.get("isPoseIndependant", "true")).lower() in ("false", "0"):
-                    raise InputError("it belongs to several cameras mounted together; reconstruct without their rig")
+                    raise FormatError("it belongs to several cameras mounted together; reconstruct without their rig")
                 photos.append(_posed(name, intrinsic, pose, version))
         return photos
 
 
 def _posed(name: str, intrinsic: dict[str, Any], pose: dict[str, Any], version: Version) -> PosedPhoto:
     transform = _part(_part(pose, "pose"), "transform")
-    # Column by column world to camera, which read row by row is camera to world.
+    # Stored column by column from world to camera, which row by row is camera to world.
     turn = rotation(_numbers(transform, "rotation", 9), "its pose")
     position = _numbers(transform, "center", 3)
     if version >= (1, 2, 3):
         turn, position = FLIP_YZ @ turn, FLIP_YZ @ position
     width, height = (_number(intrinsic, side) for side in ("width", "height"))
-    # AliceVision counts from the middle of the first pixel, we from its corner.
+    # AliceVision's origin is the middle of the first pixel, ours its corner.
     centre = _numbers(intrinsic, "principalPoint", 2) + 0.5
     if version >= (1, 2, 1):
         centre += np.array([width, height]) / 2
@@ -97,14 +100,14 @@ def _focal(intrinsic: dict[str, Any], width: float, version: Version) -> NDArray
         return _numbers(intrinsic, "pxFocalLength", 2)
     sensor, ratio = _number(intrinsic, "sensorWidth", 36.0), _number(intrinsic, "pixelRatio", 1.0)
     if sensor <= 0 or ratio <= 0:
-        raise InputError('its "sensorWidth" and "pixelRatio" must be above 0; save the scene again')
+        raise FormatError('its "sensorWidth" and "pixelRatio" must be above 0; save the scene again')
     focal = _number(intrinsic, "focalLength") / sensor * width
     if version < (1, 2, 5):
         return np.array([focal, focal / ratio])
     if version < (1, 2, 9):
         return np.array([focal, focal * ratio])
     if version < (1, 2, 11) and ratio != 1:
-        raise InputError(
+        raise FormatError(
             "file versions 1.2.9 and 1.2.10 are read with square pixels only; save it with a newer Meshroom"
         )
     return np.array([focal / ratio, focal])
@@ -116,7 +119,7 @@ def _lens(intrinsic: dict[str, Any]) -> Lens:
     straightened = str(intrinsic.get("undistortionType", "none")).lower()
     for name, read in ((kind, ("pinhole", *_OLD_TYPES)), (bend, _DISTORTIONS), (straightened, ("none",))):
         if name not in read:
-            raise InputError(
+            raise FormatError(
                 f"camera type {name!r} is not read here (pinhole, radial1, radial3 and brown are); choose one of these "
                 "in Meshroom's CameraInit node"
             )
@@ -128,23 +131,23 @@ def _version(value: Any) -> Version:
     try:
         major, minor, revision = (int(part) for part in value)
     except (OverflowError, TypeError, ValueError):
-        raise InputError(f'its "version" is {value!r}, not three whole numbers; save the scene again') from None
+        raise FormatError(f'its "version" is {value!r}, not three whole numbers; save the scene again') from None
     if major != 1:
-        raise InputError(f"it is of version {major}.{minor}.{revision}, and 1.x.x is read here; update this program")
+        raise FormatError(f"it is of version {major}.{minor}.{revision}, and 1.x.x is read here; update this program")
     return major, minor, revision
 
 
 def _records(scene: dict[str, Any], key: str) -> Iterator[dict[str, Any]]:
     records = scene.get(key) or []  # an empty list is written as empty text
     if not isinstance(records, list) or not all(isinstance(record, dict) for record in records):
-        raise InputError(f'its "{key}" is not a list of objects; save the scene again')
+        raise FormatError(f'its "{key}" is not a list of objects; save the scene again')
     yield from records
 
 
 def _part(record: dict[str, Any], key: str) -> dict[str, Any]:
     part = record.get(key)
     if not isinstance(part, dict):
-        raise InputError(f'it lacks "{key}", or that is no object; save the scene again')
+        raise FormatError(f'it lacks "{key}", or that is no object; save the scene again')
     return part
 
 
@@ -157,7 +160,7 @@ def _numbers(record: dict[str, Any], key: str, count: int) -> NDArray[np.float64
     value = record.get(key)
     values = value if isinstance(value, list) else [value]
     if len(values) != count:
-        raise InputError(f'its "{key}" must be {count} numbers, not {len(values)}; save the scene again')
+        raise FormatError(f'its "{key}" must be {count} numbers, not {len(values)}; save the scene again')
     return _finite(values, key)
 
 
@@ -169,5 +172,5 @@ def _finite(values: list[Any], key: str) -> NDArray[np.float64]:
     except (TypeError, ValueError, OverflowError):
         numbers = [math.nan]
     if not all(map(math.isfinite, numbers)):
-        raise InputError(f'its "{key}" is missing or not a finite number; save the scene again')
+        raise FormatError(f'its "{key}" is missing or not a finite number; save the scene again')
     return np.array(numbers)

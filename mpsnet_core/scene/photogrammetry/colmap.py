@@ -15,14 +15,14 @@ from typing import Any, BinaryIO, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
-from mpsnet_core.io.files import existing_file
+from mpsnet_core.errors import FileError, FormatError
+from mpsnet_core.io.files import existing_file, located
 from mpsnet_core.scene.photogrammetry.lens import Lens
-from mpsnet_core.scene.photogrammetry.posed_photo import PosedPhoto, photogrammetry_camera, rotation, said_of
+from mpsnet_core.scene.photogrammetry.posed_photo import PosedPhoto, photogrammetry_camera, rotation
 
 log = logging.getLogger(__name__)
 
-# What a camera model's parameters are, in the file's order. p1 and p2 are OpenCV's.
+# Parameters of the camera models, in the file's order. p1 and p2 are OpenCV's.
 _PARAMETERS = {
     "SIMPLE_PINHOLE": ("f", "cx", "cy"),
     "PINHOLE": ("fx", "fy", "cx", "cy"),
@@ -73,44 +73,47 @@ class _Intrinsics:
 def read_colmap(path: str | os.PathLike[str]) -> list[PosedPhoto]:
     """The posed photos of a COLMAP sparse model.
 
-    path: its folder, a project's folder (the model in sparse/0 is taken), or one of the files cameras.bin, images.bin,
-        cameras.txt and images.txt. Where a folder has both kinds the binary ones are taken, as COLMAP does.
+    path: its folder, a project's folder (for the model in sparse/0), or one of the files cameras.bin, images.bin,
+        cameras.txt and images.txt. Where a folder has both kinds the binary ones are read, as COLMAP does.
 
     World axes and scale are the model's, as in the meshes that COLMAP makes of it.
 
-    Raises InputError where files are missing, broken or larger than 1 GiB, or a camera is none of the models
-    SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and FULL_OPENCV.
+    Raises FileError where files are missing; FormatError where they are damaged or larger than 1 GiB, or a camera is
+    none of the models SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and FULL_OPENCV; GeometryError where a
+    value cannot be a camera's.
     """
     cameras, images = _model_files(Path(path))
     for file in (cameras, images):
         if existing_file(file, "COLMAP file").stat().st_size > MAX_FILE_BYTES:
-            raise InputError(f"{file} is larger than 1 GiB; save the model as binary, with the photos you need alone")
+            raise FormatError(f"{file} is larger than 1 GiB; save the model as binary, with the photos you need alone")
     if cameras.suffix == ".bin":
-        with cameras.open("rb") as source, said_of(cameras):
+        with cameras.open("rb") as source, located(cameras):
             intrinsics = _binary_cameras(_Binary(source))
-        with images.open("rb") as source, said_of(images):
+        with images.open("rb") as source, located(images):
             return _binary_images(_Binary(source), intrinsics)
-    with cameras.open(encoding="utf-8", errors="replace") as text, said_of(cameras):
+    with cameras.open(encoding="utf-8", errors="replace") as text, located(cameras):
         intrinsics = _text_cameras(text)
-    with images.open(encoding="utf-8", errors="replace") as text, said_of(images):
+    with images.open(encoding="utf-8", errors="replace") as text, located(images):
         return _text_images(text, intrinsics)
 
 
 def _model_files(path: Path) -> tuple[Path, Path]:
     if path.is_file():
         if path.name not in ("cameras.bin", "images.bin", "cameras.txt", "images.txt"):
-            raise InputError(f"{path} is not a file of a COLMAP model; name its folder, or cameras.bin, or cameras.txt")
+            raise FormatError(
+                f"{path} is not a file of a COLMAP model; name its folder, or cameras.bin, or cameras.txt"
+            )
         return path.with_name(f"cameras{path.suffix}"), path.with_name(f"images{path.suffix}")
     if not path.is_dir():
-        raise InputError(f"{path} does not exist; name the folder of a COLMAP model")
+        raise FileError(f"{path} does not exist; name the folder of a COLMAP model")
     for place in _PLACES:
         for suffix in (".bin", ".txt"):
             cameras = path / place / f"cameras{suffix}"
             if cameras.is_file():
                 if place == "sparse/0" and (path / "sparse" / "1").is_dir():
-                    log.info("%s holds several models; the first, 0, is taken", path / "sparse")
+                    log.info("%s holds several models; the first, 0, is read", path / "sparse")
                 return cameras, cameras.with_name(f"images{suffix}")
-    raise InputError(f"folder {path} holds no COLMAP model (cameras.bin or cameras.txt, also in sparse/0); choose it")
+    raise FileError(f"folder {path} holds no COLMAP model (cameras.bin or cameras.txt, also in sparse/0); choose it")
 
 
 def _intrinsics(model: str, width: int, height: int, values: tuple[float, ...]) -> _Intrinsics:
@@ -135,7 +138,7 @@ def _trimmed(*coefficients: float) -> tuple[float, ...]:
 
 def _known_model(model: str) -> str:
     if model not in _PARAMETERS:
-        raise InputError(
+        raise FormatError(
             f"camera model {model} is not read here ({', '.join(_PARAMETERS)} are); undistort the photos with "
             "COLMAP (image_undistorter) and use its model and photos"
         )
@@ -146,7 +149,7 @@ def _posed(name: str, inside: _Intrinsics, pose: NDArray[np.float64]) -> PosedPh
     """pose: quaternion w, x, y, z and translation, world to camera."""
     length = math.hypot(*pose[:4])
     if not np.isfinite(pose).all() or abs(length - 1) > 1e-2:
-        raise InputError("its quaternion is no rotation, or its translation not finite; export the model again")
+        raise FormatError("its quaternion is no rotation, or its translation not finite; export the model again")
     w, x, y, z = pose[:4] / length
     camera_from_world = rotation(
         [
@@ -167,15 +170,15 @@ def _text_cameras(source: TextIO) -> dict[int, _Intrinsics]:
         words = line.split()
         if not words or words[0].startswith("#"):
             continue
-        with said_of(f"line {number}"):
+        with located(f"line {number}"):
             try:
                 identity, model, width, height = int(words[0]), words[1], int(words[2]), int(words[3])
                 values = tuple(float(word) for word in words[4:])
             except (IndexError, ValueError):
-                raise InputError("not CAMERA_ID MODEL WIDTH HEIGHT PARAMS...; export the model again") from None
+                raise FormatError("not CAMERA_ID MODEL WIDTH HEIGHT PARAMS...; export the model again") from None
             wanted = len(_PARAMETERS[_known_model(model)])
             if len(values) != wanted:
-                raise InputError(f"{model} has {wanted} parameters, here are {len(values)}; export the model again")
+                raise FormatError(f"{model} has {wanted} parameters, here are {len(values)}; export the model again")
             cameras[identity] = _intrinsics(model, width, height, values)
     return cameras
 
@@ -188,26 +191,26 @@ def _text_images(source: TextIO, cameras: dict[int, _Intrinsics]) -> list[PosedP
         if not line.strip() or line.startswith("#"):
             continue
         words = line.split(maxsplit=9)
-        with said_of(f"line {number}"):
+        with located(f"line {number}"):
             try:
                 pose, camera, name = np.array([float(word) for word in words[1:8]]), int(words[8]), words[9].strip()
             except (IndexError, ValueError):
-                raise InputError("not IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME; export the model again") from None
+                raise FormatError("not IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME; export the model again") from None
             photos.append(_posed(name, _camera_of(camera, cameras), pose))
         number, line = next(lines, (0, ""))
-        with said_of(f"line {number}"):
+        with located(f"line {number}"):
             _check_points(line.split())
     return photos
 
 
 def _check_points(words: list[str]) -> None:
-    """Raises InputError where a line is not X, Y, POINT3D_ID of any number of points: it may be the next photo's."""
+    """Raises FormatError where a line is not X, Y, POINT3D_ID of any number of points: it may be the next photo's."""
     try:
         whole = len(words) % 3 == 0 and all(math.isfinite(float(word)) for word in words[-3:])
     except ValueError:
         whole = False
     if not whole:
-        raise InputError("not the points of the photo above (X Y POINT3D_ID ..., or empty); export the model again")
+        raise FormatError("not the points of the photo above (X Y POINT3D_ID ..., or empty); export the model again")
 
 
 def _lines(source: TextIO) -> Iterator[tuple[int, str]]:
@@ -215,19 +218,19 @@ def _lines(source: TextIO) -> Iterator[tuple[int, str]]:
     while line := source.readline(MAX_LINE):
         number += 1
         if len(line) == MAX_LINE:
-            raise InputError(f"line {number}: longer than {MAX_LINE >> 20} MiB; export the model again")
+            raise FormatError(f"line {number}: longer than {MAX_LINE >> 20} MiB; export the model again")
         yield number, line
 
 
 class _Binary:
-    """A little-endian file whose counts are held against what is left of it."""
+    """A little-endian file whose counts are checked against the bytes that are left."""
 
     def __init__(self, source: BinaryIO) -> None:
         self._source, self._left = source, os.fstat(source.fileno()).st_size
 
     def skip(self, size: int) -> None:
         if size > self._left:
-            raise InputError("it ends before all that it says is in it; copy or export it again")
+            raise FormatError("it is cut short; copy or export it again")
         self._left -= size
         self._source.seek(size, os.SEEK_CUR)
 
@@ -241,7 +244,7 @@ class _Binary:
         """How many records of at least `smallest` bytes follow."""
         (count,) = self.read("<Q")
         if count * smallest > self._left:
-            raise InputError(f"it says that it holds {count} more than fit into it; copy or export it again")
+            raise FormatError(f"it states {count} records, more than fit into it; copy or export it again")
         return int(count)
 
     def name(self) -> str:
@@ -249,14 +252,14 @@ class _Binary:
         start = self._source.tell()
         text, zero, _ = self._source.read(MAX_NAME).partition(b"\0")
         if not zero:
-            raise InputError("it holds a photo's name without an end; copy or export it again")
+            raise FormatError("it holds a photo's name without an end; copy or export it again")
         self._source.seek(start)
         self.skip(len(text) + 1)
         return text.decode("utf-8", errors="replace")
 
     def end(self) -> None:
         if self._left:
-            raise InputError("it holds more than it says; copy or export it again")
+            raise FormatError("it is longer than it states; copy or export it again")
 
 
 def _binary_cameras(source: _Binary) -> dict[int, _Intrinsics]:
@@ -275,7 +278,7 @@ def _binary_images(source: _Binary, cameras: dict[int, _Intrinsics]) -> list[Pos
         pose, camera = np.array(source.read("<I7d")[1:]), source.read("<I")[0]
         name = source.name()
         source.skip(24 * source.count(24))  # the points found in it
-        with said_of(f"photo {name!r}"):
+        with located(f"photo {name!r}"):
             photos.append(_posed(name, _camera_of(camera, cameras), pose))
     source.end()
     return photos
@@ -283,5 +286,5 @@ def _binary_images(source: _Binary, cameras: dict[int, _Intrinsics]) -> list[Pos
 
 def _camera_of(identity: int, cameras: dict[int, _Intrinsics]) -> _Intrinsics:
     if identity not in cameras:
-        raise InputError(f"its camera {identity} is not in the file of cameras; export both files again")
+        raise FormatError(f"its camera {identity} is not in the file of cameras; export both files again")
     return cameras[identity]

@@ -1,4 +1,4 @@
-"""Lens: how a real lens bends what a pinhole camera would see; photos and masks without that bend."""
+"""Lens distortion; undistorted photos and masks."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.camera import Camera
 
-# Rows at a time: each pixel of them takes some 200 bytes on the way. More are no faster.
+# Rows at a time: each of their pixels takes some 200 bytes of memory. More are no faster.
 ROWS = 32
 
 Matrix = tuple[tuple[float, float], tuple[float, float]]
 
-# Steps in which the distance from the axis is walked to find where a distortion turns back.
+# Samples of the distance from the axis to find where the distortion stops growing.
 _REACH_STEPS = 4096
 
 
@@ -24,18 +24,33 @@ _REACH_STEPS = 4096
 class Lens:
     """Brown's distortion model, as COLMAP, OpenCV, Metashape and AliceVision fit it to lenses.
 
+    Parameters
+    ----------
+    radial, divisor : tuple of float, optional
+        Any number of coefficients (k1, k2, k3, k4 and, in OpenCV's full model, k4, k5, k6).
+    tangential : (float, float), optional
+        OpenCV's (p2, p1), which are Metashape's (p1, p2).
+    affinity : 2 x 2 tuple of float, optional
+        Rows of the matrix A, for pixels that are not square or not at right angles; the identity by default.
+
+    Raises
+    ------
+    GeometryError
+        If a coefficient is not finite.
+
+    Notes
+    -----
     Where a pinhole camera sees a point p = (x, y), in focal lengths from the optical axis, x right and y down, this
-    lens shows it at A d with r² = |p|² and
+    lens shows it at A d with r² = |p|² and ::
 
         d = p (1 + radial[0] r² + radial[1] r⁴ + ...) / (1 + divisor[0] r² + ...) + tangential r² + 2 (tangential·p) p
 
-    radial, divisor: any number of coefficients (k1, k2, k3, k4 and, in OpenCV's full model, k4, k5, k6).
-    tangential: (OpenCV's p2, OpenCV's p1), which are Metashape's (p1, p2).
-    affinity: A, the rows of a 2 x 2 matrix: pixels that are not square or not at right angles.
-
-    Raises InputError where a coefficient is not finite.
-
     D. C. Brown, "Decentering Distortion of Lenses", Photogrammetric Engineering 32(3), 1966.
+
+    Examples
+    --------
+    >>> Lens(radial=(-0.2,)).distorted([0.5, 0.0]).tolist()
+    [0.475, 0.0]
     """
 
     radial: tuple[float, ...] = ()
@@ -45,15 +60,15 @@ class Lens:
 
     def __post_init__(self) -> None:
         if not np.isfinite([*self.radial, *self.divisor, *self.tangential, *chain(*self.affinity)]).all():
-            raise InputError("the lens has a coefficient that is not finite; calibrate it again")
+            raise GeometryError("the lens has a coefficient that is not finite; calibrate it again")
 
     @property
     def is_identity(self) -> bool:
-        """Whether the lens bends nothing."""
+        """Whether the lens has no distortion."""
         return not any((*self.radial, *self.divisor, *self.tangential)) and self.affinity == Lens.affinity
 
     def distorted(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Where the lens shows points (..., 2) of the image plane, in focal lengths from the axis, y down."""
+        """Distorted points (..., 2) of the image plane, in focal lengths from the axis, y down."""
         x, y = np.moveaxis(np.asarray(points, np.float64), -1, 0)
         square = x * x + y * y
         scale = _polynomial(self.radial, square) / _polynomial(self.divisor, square)
@@ -63,7 +78,7 @@ class Lens:
         return np.stack([xx * bent_x + xy * bent_y, yx * bent_x + yy * bent_y], axis=-1)
 
     def reach(self, limit: float) -> float:
-        """Distance from the axis, in focal lengths and at most `limit`, from which on the distortion turns back.
+        """Distance from the axis, in focal lengths and at most `limit`, up to which the distortion is monotonic.
 
         Beyond it a polynomial that was fitted inside the photo shows the photo's edge a second time, mirrored.
         """
@@ -75,21 +90,47 @@ class Lens:
 
 
 def photo_points(points: ArrayLike, camera: Camera, lens: Lens) -> NDArray[np.float64]:
-    """Pixels (..., 2) of the photo, taken through `lens`, of what stands at pixels (..., 2) of the pinhole camera."""
+    """Where the photo shows image points of the pinhole camera.
+
+    Parameters
+    ----------
+    points : (..., 2) array_like
+        Pixels of the undistorted image.
+    camera : Camera
+    lens : Lens
+
+    Returns
+    -------
+    (..., 2) float64 array
+        Pixels of the photo.
+    """
     plane = (np.asarray(points, np.float64) - camera.centre) / camera.focal
     return lens.distorted(plane) * camera.focal + camera.centre
 
 
-def undistorted(image: NDArray[np.floating], camera: Camera, lens: Lens) -> NDArray[np.float32]:
+def undistorted(image: NDArray[np.floating[Any]], camera: Camera, lens: Lens) -> NDArray[np.float32]:
     """A photo as the pinhole camera would have taken it, by bilinear interpolation.
 
-    image: (H, W) or (H, W, C) as the lens showed it, linear; the camera's size. Gives the same shape; what the photo
-    does not show is 0. The photo itself is given back where the lens bends nothing.
+    Parameters
+    ----------
+    image : (H, W) or (H, W, C) array
+        The photo, linear, of the camera's size.
+    camera : Camera
+    lens : Lens
 
-    A saturated pixel is blended with its neighbours and is no longer at the end of its channel: see
-    :func:`undistorted_mask`. Beside the two images, memory is asked for a few rows only.
+    Returns
+    -------
+    float32 array of the same shape
+        0 outside the photo; `image` itself if the lens has no distortion.
 
-    Raises InputError where photo and camera differ in size.
+    Raises
+    ------
+    GeometryError
+        If photo and camera differ in size.
+
+    Notes
+    -----
+    Saturated pixels are blended with their neighbours and can no longer be recognised: see :func:`undistorted_mask`.
     """
     image = np.asarray(image, np.float32)
     _check_size(image, camera)
@@ -103,12 +144,24 @@ def undistorted(image: NDArray[np.floating], camera: Camera, lens: Lens) -> NDAr
 
 
 def undistorted_mask(mask: NDArray[np.bool_], camera: Camera, lens: Lens) -> NDArray[np.bool_]:
-    """A photo's mask (H, W) as the pinhole camera would see it.
+    """A photo's mask as the pinhole camera would see it: the pixels that :func:`undistorted` blends from it alone.
 
-    Holds the pixels that :func:`undistorted` blends from pixels of the mask alone; so what the photo does not show is
-    not in it. Pixels that a saturated one had a share in are outside of `undistorted_mask(~saturated, camera, lens)`.
+    Parameters
+    ----------
+    mask : (H, W) bool array
+        Such as the unsaturated pixels, of the camera's size.
+    camera : Camera
+    lens : Lens
 
-    Raises InputError where mask and camera differ in size.
+    Returns
+    -------
+    (H, W) bool array
+        False outside the photo.
+
+    Raises
+    ------
+    GeometryError
+        If mask and camera differ in size.
     """
     mask = np.asarray(mask, bool)
     _check_size(mask, camera)
@@ -121,12 +174,12 @@ def undistorted_mask(mask: NDArray[np.bool_], camera: Camera, lens: Lens) -> NDA
 
 
 class _Source:
-    """Where in a photo of `shape` each pixel of some rows comes from: four neighbours, their shares, and whether."""
+    """Bilinear lookup in a photo of `shape`, for some rows: each pixel's four neighbours and their weights."""
 
     def __init__(self, points: NDArray[np.float64], inside: NDArray[np.bool_], shape: tuple[int, int]) -> None:
         height, width = shape
-        # A pixel's value is that of its middle; the half pixel outside the outermost middles takes the edge's value.
-        with np.errstate(invalid="ignore"):  # coefficients far off their photo; those pixels are outside
+        # Values are at pixel middles; the half pixel outside the outermost middles has the edge's value.
+        with np.errstate(invalid="ignore"):  # not finite far outside the photo
             x = np.nan_to_num(np.clip(points[..., 0] - 0.5, 0, width - 1))
             y = np.nan_to_num(np.clip(points[..., 1] - 0.5, 0, height - 1))
         left, top = x.astype(np.intp), y.astype(np.intp)
@@ -138,7 +191,8 @@ class _Source:
 
     def read(self, photo: NDArray[np.float32]) -> NDArray[np.float32]:
         pixels = photo.reshape(-1, photo.shape[2])
-        upper, upper_right, lower, lower_right = (pixels[corner] for corner in self.corners)
+        corners: list[NDArray[np.float32]] = [pixels[corner] for corner in self.corners]
+        upper, upper_right, lower, lower_right = corners
         across = self.across[..., None]
         upper += (upper_right - upper) * across
         lower += (lower_right - lower) * across
@@ -148,10 +202,12 @@ class _Source:
 
     def all(self, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
         pixels = mask.ravel()
-        upper, upper_right, lower, lower_right = (pixels[corner] for corner in self.corners)
+        corners: list[NDArray[np.bool_]] = [pixels[corner] for corner in self.corners]
+        upper, upper_right, lower, lower_right = corners
         upper &= upper_right | (self.across == 0)
         lower &= lower_right | (self.across == 0)
-        return upper & (lower | (self.down == 0)) & self.inside
+        upper &= lower | (self.down == 0)
+        return upper & self.inside
 
 
 def _sources(camera: Camera, lens: Lens) -> Iterator[tuple[slice, _Source]]:
@@ -161,11 +217,11 @@ def _sources(camera: Camera, lens: Lens) -> Iterator[tuple[slice, _Source]]:
     reach = lens.reach(float(np.linalg.norm(corners, axis=1).max()))
     for top in range(0, shape[0], ROWS):
         rows = slice(top, min(top + ROWS, shape[0]))
-        plane = np.stack(np.meshgrid(np.arange(shape[1]) + 0.5, np.arange(shape[0])[rows] + 0.5), axis=-1)
-        plane = (plane - camera.centre) / camera.focal
+        pixels = np.stack(np.meshgrid(np.arange(shape[1]) + 0.5, np.arange(shape[0])[rows] + 0.5), axis=-1)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # where a divisor is zero
-            points = lens.distorted(plane) * camera.focal + camera.centre
-        inside = ((points >= 0) & (points <= size)).all(axis=-1) & ((plane**2).sum(axis=-1) <= reach**2)
+            points = photo_points(pixels, camera, lens)
+        square = (((pixels - camera.centre) / camera.focal) ** 2).sum(axis=-1)
+        inside = ((points >= 0) & (points <= size)).all(axis=-1) & (square <= reach**2)
         yield rows, _Source(points, inside, shape)
 
 
@@ -180,7 +236,7 @@ def _polynomial(coefficients: tuple[float, ...], square: NDArray[np.float64]) ->
 def _check_size(image: NDArray[Any], camera: Camera) -> None:
     if image.ndim not in (2, 3) or image.shape[:2] != (camera.height, camera.width):
         found = " x ".join(map(str, image.shape[1::-1]))
-        raise InputError(
+        raise GeometryError(
             f"the photo is {found} but its camera {camera.width} x {camera.height}; give the photo as photogrammetry "
             "had it, neither scaled, cropped nor turned"
         )

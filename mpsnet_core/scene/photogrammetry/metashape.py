@@ -16,10 +16,10 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
-from mpsnet_core.io.files import existing_file
+from mpsnet_core.errors import FormatError
+from mpsnet_core.io.files import existing_file, located
 from mpsnet_core.scene.photogrammetry.lens import Lens
-from mpsnet_core.scene.photogrammetry.posed_photo import PosedPhoto, photogrammetry_camera, rotation, said_of
+from mpsnet_core.scene.photogrammetry.posed_photo import PosedPhoto, photogrammetry_camera, rotation
 
 log = logging.getLogger(__name__)
 
@@ -44,30 +44,31 @@ def read_metashape(path: str | os.PathLike[str]) -> list[PosedPhoto]:
     """The posed photos of a Metashape XML file; photos that are disabled or not aligned are left out.
 
     The world is that of the chunk's own meshes: the transform of the chunk, or of a camera's component, is applied. Its
-    scale moves the cameras, and leaves them the rigid poses that they are.
+    scale moves the cameras; their poses stay rigid.
 
-    Raises InputError where the file is missing, broken, larger than 64 MiB or holds a document type, where a chunk is
-    not the only one, or a photo was not taken by a frame camera.
+    Raises FileError where the file is missing; FormatError where it is damaged, larger than 64 MiB, has a document type
+    or several chunks, or a camera is not a frame camera; GeometryError where a pose is not rigid.
     """
     file = existing_file(path, "camera file")
     if file.stat().st_size > MAX_FILE_BYTES:
-        raise InputError(f"{file} is larger than 64 MiB and so no file of cameras; {EXPORT}")
-    with said_of(file):
+        raise FormatError(f"{file} is larger than 64 MiB and so no file of cameras; {EXPORT}")
+    with located(file):
         try:
             text = file.read_text(encoding="utf-8-sig")
-            # Entities would let a small file ask for any amount of memory; Metashape writes none.
-            if "<!DOCTYPE" in text or "<!ENTITY" in text:
-                raise InputError(f"it has a document type, which no file of Metashape has; {EXPORT}")
-            document = ElementTree.fromstring(text)
         except UnicodeDecodeError:
-            raise InputError(f"it is not UTF-8 text; {EXPORT}") from None
+            raise FormatError(f"it is not UTF-8 text; {EXPORT}") from None
+        # Entities would let a small file request any amount of memory; Metashape writes none.
+        if "<!DOCTYPE" in text or "<!ENTITY" in text:
+            raise FormatError(f"it has a document type, which no file of Metashape has; {EXPORT}")
+        try:
+            document = ElementTree.fromstring(text)
         except (ElementTree.ParseError, ValueError) as error:
-            raise InputError(f"it is not valid XML ({error}); {EXPORT}") from None
+            raise FormatError(f"it is not valid XML ({error}); {EXPORT}") from None
         chunks = document.findall("chunk")
         if document.tag != "document" or not chunks:
-            raise InputError(f"it is not a Metashape file of cameras (a document with a chunk); {EXPORT}")
+            raise FormatError(f"it is not a Metashape file of cameras (a document with a chunk); {EXPORT}")
         if len(chunks) > 1:
-            raise InputError(f"it holds {len(chunks)} chunks, each with a world of its own; export the cameras of one")
+            raise FormatError(f"it holds {len(chunks)} chunks, each with a world of its own; export the cameras of one")
         return _chunk_photos(chunks[0])
 
 
@@ -87,10 +88,10 @@ def _chunk_photos(chunk: Element) -> list[PosedPhoto]:
         if pose is None or camera.get("enabled", "1").lower() in ("0", "false"):
             continue
         name = camera.get("label", "")
-        with said_of(f"photo {name!r}"):
+        with located(f"photo {name!r}"):
             sensor = sensors.get(camera.get("sensor_id"))
             if sensor is None:
-                raise InputError(f"its sensor {camera.get('sensor_id')} is not in the file; {EXPORT}")
+                raise FormatError(f"its sensor {camera.get('sensor_id')} is not in the file; {EXPORT}")
             transform = components.get(camera.get("component_id"))
             world = _similarity(whole if transform is None else transform)
             photos.append(_posed(name, sensor, _numbers(pose.text, 16, "its transform").reshape(4, 4), world))
@@ -120,11 +121,11 @@ def _calibration(sensor: Element) -> tuple[int, int, dict[str, float]]:
     found = sensor.findall("calibration")
     adjusted = [calibration for calibration in found if calibration.get("class") == "adjusted"]
     if not found:
-        raise InputError(f"its sensor {sensor.get('label')!r} has no calibration; align the photos, then {EXPORT}")
+        raise FormatError(f"its sensor {sensor.get('label')!r} has no calibration; align the photos, then {EXPORT}")
     calibration = (adjusted or found)[-1]
     for kind in (sensor.get("type", "frame"), calibration.get("type", "frame")):
         if kind != "frame":
-            raise InputError(
+            raise FormatError(
                 f"its sensor is of type {kind!r}, and only 'frame' is read here; undistort the photos in Metashape "
                 "(File > Export > Convert Images) and align those"
             )
@@ -137,10 +138,10 @@ def _calibration(sensor: Element) -> tuple[int, int, dict[str, float]]:
     values = {child.tag: float(_numbers(child.text, 1, f"its sensor's {child.tag}")[0]) for child in parameters}
     if "f" not in values:
         old = "; it was written by PhotoScan 1.1 or older" if "fx" in values else ""
-        raise InputError(f"its sensor's calibration lacks the focal length f{old}; {EXPORT} with a newer version")
+        raise FormatError(f"its sensor's calibration lacks the focal length f{old}; {EXPORT} with a newer version")
     for name in ("p3", "p4"):
         if values.get(name):
-            raise InputError(f"its sensor has the distortion {name}, which is not read here; calibrate without p3, p4")
+            raise FormatError(f"its sensor has the distortion {name}, which is not read here; calibrate without p3, p4")
     return width, height, values
 
 
@@ -149,7 +150,7 @@ def _similarity(transform: Element | None) -> _Similarity:
     if transform is None:
         return _Similarity()
     if not len(transform):
-        raise InputError(f"the chunk's transform is of a version older than 1.2; {EXPORT} with a newer version")
+        raise FormatError(f"the chunk's transform is of a version older than 1.2; {EXPORT} with a newer version")
     given: dict[str, Any] = {}
     if (text := transform.findtext("rotation")) is not None:
         given["turn"] = rotation(_numbers(text, 9, "the chunk's rotation"), "the chunk")
@@ -158,7 +159,7 @@ def _similarity(transform: Element | None) -> _Similarity:
     if (text := transform.findtext("scale")) is not None:
         given["scale"] = float(_numbers(text, 1, "the chunk's scale")[0])
         if given["scale"] <= 0:
-            raise InputError(f"the chunk's scale is {given['scale']:g}, which must be above 0; {EXPORT}")
+            raise FormatError(f"the chunk's scale is {given['scale']:g}, which must be above 0; {EXPORT}")
     return _Similarity(**given)
 
 
@@ -169,5 +170,5 @@ def _numbers(text: str | None, count: int, what: str) -> NDArray[np.float64]:
         numbers = np.empty(0)
     if len(numbers) != count or not np.isfinite(numbers).all():
         kind = "a finite number" if count == 1 else f"{count} finite numbers"
-        raise InputError(f"{what} must be {kind}; {EXPORT}")
+        raise FormatError(f"{what} must be {kind}; {EXPORT}")
     return numbers

@@ -1,30 +1,27 @@
-"""PosedPhoto: what photogrammetry knows of a photo, in the house's own conventions; the photo's file."""
+"""PosedPhoto: a photo's camera and lens from photogrammetry, in our conventions; the photo's file."""
 
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path, PureWindowsPath
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.files import PHOTO_SUFFIXES
 from mpsnet_core.io.images import read_orientation
 from mpsnet_core.io.photo_folder import PhotoFolder
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.photogrammetry.lens import Lens
 
-# Photogrammetry looks along +z with y down, we along -z with y up.
+# Photogrammetry's cameras look along +z with y down, ours along -z with y up.
 FLIP_YZ = np.diag([1.0, -1.0, -1.0])
 
-# How far a rotation in a file may be from one: its matrix times its transpose from the identity. Files that round to
-# four digits pass, matrices with scale or shear do not.
+# Largest entry of R Rᵀ - I for a rotation R in a file. Rounding to four digits passes, scale and shear do not.
 ROTATION_TOLERANCE = 1e-3
 
-# What turns a photo as it is stored into what a viewer shows, on the image plane (x right, y down), for each EXIF
-# orientation that does not mirror it.
+# Rotation on the image plane (x right, y down) from the stored photo to the displayed one, for each EXIF orientation
+# without mirroring.
 _TURNS: dict[int, NDArray[np.int64]] = {
     1: np.array([[1, 0], [0, 1]]),
     3: np.array([[-1, 0], [0, -1]]),
@@ -35,11 +32,16 @@ _TURNS: dict[int, NDArray[np.int64]] = {
 
 @dataclass(frozen=True)
 class PosedPhoto:
-    """A photo, where it was taken from, and through what.
+    """A photo's camera and lens.
 
-    photo: its name or path as the file of cameras gives it.
-    camera: the pinhole camera, in the world of that file's own mesh.
-    lens: what bends that camera's picture into the photo.
+    Attributes
+    ----------
+    photo : str
+        Its name or path in the file of cameras.
+    camera : Camera
+        The pinhole camera, in the world of that file's own mesh.
+    lens : Lens
+        The distortion from that camera's image to the photo.
     """
 
     photo: str
@@ -47,37 +49,29 @@ class PosedPhoto:
     lens: Lens
 
 
-@contextmanager
-def said_of(where: object) -> Iterator[None]:
-    """What is wrong in here is wrong at `where`, a file or a place in it, and says so."""
-    try:
-        yield
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from None
-
-
 def rotation(values: ArrayLike, what: str) -> NDArray[np.float64]:
-    """The rotation nearest to `values`, nine numbers row by row; `what` is it the rotation of.
+    """The rotation nearest to `values`, nine numbers row by row; `what` names its owner in messages.
 
-    Raises InputError where that is not near, or a number is not finite.
+    Raises GeometryError where that is not near, or a number is not finite.
     """
     matrix = np.asarray(values, np.float64).reshape(3, 3)
-    # The first bound keeps the product finite; it says no to nan as well.
+    # The first bound keeps the product finite, and rejects NaN.
     if not (np.abs(matrix) < 2).all() or np.abs(matrix @ matrix.T - np.eye(3)).max() > ROTATION_TOLERANCE:
-        raise InputError(f"the rotation of {what} is not one; export the cameras again")
+        raise GeometryError(f"the rotation of {what} is not one; export the cameras again")
     left, _, right = np.linalg.svd(matrix)
     if np.linalg.det(left @ right) < 0:
-        raise InputError(f"the rotation of {what} is a mirroring; export the cameras again, without mirrored axes")
-    return left @ right
+        raise GeometryError(f"the rotation of {what} is a mirroring; export the cameras again, without mirrored axes")
+    nearest: NDArray[np.float64] = left @ right
+    return nearest
 
 
 def photogrammetry_camera(
     width: int, height: int, focal: ArrayLike, centre: ArrayLike, turn: ArrayLike, position: ArrayLike
 ) -> Camera:
-    """A pinhole camera out of a photogrammetry program's numbers.
+    """A pinhole camera from a photogrammetry program's numbers.
 
     focal, centre: (2,) pixels. turn: (3, 3) rotation from its camera space (x right, y down, z forward) to the world.
-    position: (3,) in the world. Raises InputError where a value cannot be a camera's.
+    position: (3,) in the world. Raises GeometryError where a value cannot be a camera's.
     """
     pose = np.eye(4)
     pose[:3, :3] = np.asarray(turn) @ FLIP_YZ
@@ -88,10 +82,21 @@ def photogrammetry_camera(
 def find_photo(posed: PosedPhoto, photos: PhotoFolder) -> Path | None:
     """The file of a photo: at its relative path, else by its name, else by its stem with any photo's suffix.
 
-    Where there is a raw file of that stem beside it, that is meant. Of a path that leads elsewhere as much is taken as
-    leads to a file inside the folder. None where no file fits.
+    Parameters
+    ----------
+    posed : PosedPhoto
+        Of a path elsewhere, the longest end that is a file inside the folder counts.
+    photos : PhotoFolder
 
-    Raises InputError where several do.
+    Returns
+    -------
+    Path or None
+        The raw file of that stem, if there is one beside the photo; None if no file matches.
+
+    Raises
+    ------
+    FileError
+        If several files match.
     """
     # Understands both kinds of slash; nothing in it may lead out of the folder.
     path = PureWindowsPath(posed.photo)
@@ -117,26 +122,44 @@ def _is_file(path: Path) -> bool:
 
 
 def as_displayed(posed: PosedPhoto, file: str | os.PathLike[str]) -> PosedPhoto:
-    """`posed` turned as :func:`mpsnet_core.io.images.read_image` turns the photo in `file` by its EXIF orientation.
+    """`posed` rotated as :func:`mpsnet_core.read_image` rotates the photo in `file` by its EXIF orientation.
 
-    Photogrammetry programs measure in photos as they are stored, whichever way up the camera was held.
+    Photogrammetry programs measure in photos as they are stored, not as they are displayed.
 
-    Raises InputError where the file cannot be read or says that it is mirrored, which no camera pose can undo.
+    Parameters
+    ----------
+    posed : PosedPhoto
+    file : path-like
+        The photo.
+
+    Raises
+    ------
+    FileError, FormatError
+        If the file cannot be read.
+    GeometryError
+        If it is stored mirrored, which no camera pose can undo.
     """
     orientation = read_orientation(file)
     if orientation not in _TURNS:
-        raise InputError(f"{file} is stored mirrored (EXIF orientation {orientation}); save it again as it is shown")
+        raise GeometryError(f"{file} is stored mirrored (EXIF orientation {orientation}); save it again as it is shown")
     return turned(posed, orientation)
 
 
 def turned(posed: PosedPhoto, orientation: int) -> PosedPhoto:
-    """A photo's camera and lens once the photo is turned by EXIF orientation 1, 3 (180°), 6 (90° right) or 8 (left)."""
+    """A photo's camera and lens after the photo is rotated by an EXIF orientation.
+
+    Parameters
+    ----------
+    posed : PosedPhoto
+    orientation : {1, 3, 6, 8}
+        None, by 180°, by 90° clockwise, by 90° counter-clockwise.
+    """
     if orientation == 1:
         return posed
     turn, camera, lens = _TURNS[orientation], posed.camera, posed.lens
     size = np.array([camera.width, camera.height])
     width, height = np.abs(turn @ size).tolist()
-    # The corner that becomes the top left one is where the turned picture's most negative x and y come from.
+    # The rotated image's smallest x and y become 0.
     centre = turn @ camera.centre - np.minimum(turn @ size, 0)
     roll = np.eye(4)
     roll[:2, :2] = [[turn[0, 0], -turn[0, 1]], [-turn[1, 0], turn[1, 1]]]  # the same turn with y up

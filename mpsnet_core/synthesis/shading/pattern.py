@@ -8,7 +8,7 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.scene.normal_map import normalised
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise, voronoi
 from mpsnet_core.synthesis.recipe import Bump, Dirt, Paint, Pattern
 from mpsnet_core.synthesis.shading.directions import frames

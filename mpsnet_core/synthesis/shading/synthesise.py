@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.normal_map import normalised
 from mpsnet_core.synthesis.recipe import Recipe
 from mpsnet_core.synthesis.reflectance import Reflectance
 from mpsnet_core.synthesis.sample import Sample

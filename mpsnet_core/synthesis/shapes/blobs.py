@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.scene.normal_map import normalised
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise
 from mpsnet_core.synthesis.shapes.draws import between, chance, count, direction, new_seed, picked, turned
 from mpsnet_core.synthesis.shapes.isosurface import isosurface

@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.scene.normal_map import normalised
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.synthesis.shapes.shape import Shape, smooth_shape
 from mpsnet_core.synthesis.shapes.solids import Solid, blended
 

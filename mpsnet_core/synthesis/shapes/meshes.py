@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.mesh_import import read_scene
-from mpsnet_core.scene.normal_map import normalised
 from mpsnet_core.synthesis.shapes.shape import Shape, fitted
 
 Array = NDArray[np.float64]

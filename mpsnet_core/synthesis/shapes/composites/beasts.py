@@ -5,7 +5,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.scene.normal_map import normalised
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.synthesis.shapes.composites.assembly import ARMS, BASE, BODY, FEATURES, HEAD, LEGS, Piece, softness
 from mpsnet_core.synthesis.shapes.composites.heads import head
 from mpsnet_core.synthesis.shapes.composites.things import canopy, thing

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.scene.normal_map import normalised
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.synthesis.shapes.composites.assembly import ARMS, BASE, BODY, DRESS, LEGS, LOAD, Piece, softness
 from mpsnet_core.synthesis.shapes.composites.heads import head
 from mpsnet_core.synthesis.shapes.composites.things import canopy, thing

@@ -4,7 +4,7 @@
 
 import numpy as np
 
-from mpsnet_core.scene.normal_map import normalised
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.synthesis.shapes.composites.assembly import ARMS, BASE, BODY, DRESS, FEATURES, HEAD, Piece, softness
 from mpsnet_core.synthesis.shapes.draws import between, chance, count, direction, picked, turned
 from mpsnet_core.synthesis.shapes.shape import axes_along, placed

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.scene.normal_map import normalised
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.synthesis.shapes.composites.assembly import BASE, BODY, FEATURES, Piece
 from mpsnet_core.synthesis.shapes.composites.things import ball, crate, fruit, sack
 from mpsnet_core.synthesis.shapes.draws import between, chance, count, picked

@@ -1,0 +1,48 @@
+"""Unit vectors and the angles between them."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+# Vectors shorter than this have no direction.
+SHORTEST = 1e-12
+
+
+def normalised(vectors: NDArray[Any]) -> NDArray[Any]:
+    """Vectors (..., 3) scaled to unit length, of the same floating type; zero vectors become +z, never NaN.
+
+    >>> normalised(np.array([[3.0, 0.0, 4.0], [0.0, 0.0, 0.0]])).tolist()
+    [[0.6, 0.0, 0.8], [0.0, 0.0, 1.0]]
+    """
+    length = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
+    unit: NDArray[Any] = vectors / np.maximum(length, vectors.dtype.type(SHORTEST))[..., None]
+    unit[length <= SHORTEST] = (0, 0, 1)
+    return unit
+
+
+def angular_error(estimate: ArrayLike, truth: ArrayLike) -> NDArray[np.float64]:
+    """Angle between unit vectors, by the half-angle formula of Kahan: arccos loses its digits near 0° and 180°.
+
+    Parameters
+    ----------
+    estimate, truth : (..., 3) array_like
+        Unit vectors, all in one frame; their shapes broadcast.
+
+    Returns
+    -------
+    (...) float64 array
+        Degrees, 0 to 180.
+
+    Notes
+    -----
+    W. Kahan, "How Futile are Mindless Assessments of Roundoff in Floating-Point Computation?" (2006), section 12.
+
+    Examples
+    --------
+    >>> angular_error([[0, 0, 1], [0, 0, 1]], [[0, 0, -1], [1, 0, 0]]).tolist()
+    [180.0, 90.0]
+    """
+    a, b = np.asarray(estimate, np.float64), np.asarray(truth, np.float64)
+    angle: NDArray[np.float64] = 2 * np.arctan2(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1))
+    return np.degrees(angle)
