@@ -34,7 +34,7 @@ def test_without_alpha_the_whole_photo_is_taken_and_that_is_said(
     photo_file: Path, sphere: Sphere, caplog: pytest.LogCaptureFixture
 ) -> None:
     assert read_capture(photo_file, sphere.rig).mask.all()
-    assert "the whole photo is taken as the object" in caplog.text
+    assert "the whole photo is assumed to be the object" in caplog.text
 
 
 @pytest.mark.parametrize("model", ["lambertian", "multiscale"])

@@ -1,4 +1,4 @@
-"""What a calibration found, drawn over the photo: outline, highlights, and the way to each light."""
+"""The result of a calibration drawn over the photo: outline, highlights, and the direction of each light."""
 
 from collections.abc import Sequence
 from typing import Literal
@@ -73,7 +73,7 @@ class _Canvas:
         self.left, self.top = max(int(circle.x - reach), 0), max(int(circle.y - reach), 0)
         right, bottom = min(int(circle.x + reach) + 1, width), min(int(circle.y + reach) + 1, height)
         part = np.clip(image[self.top : bottom, self.left : right], 0, None)
-        # A mirror ball is black but for its lights: the cube root of what is left shows both.
+        # A mirror ball is black but for its lights: the cube root shows both.
         white = max(float(np.percentile(part, 99.9)), 1e-9)
         shown = 0.5 * linear_to_srgb(part / white) + 0.5 * np.clip(np.cbrt(part / white), 0, 1)
         self.scale = PICTURE_SIDE / max(part.shape[:2])
