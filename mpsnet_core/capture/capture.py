@@ -177,24 +177,18 @@ def read_capture(
     rig : LightRig
         The lights, in camera space.
     mask : str or path, optional
-        A mask file, "alpha", "none" (the whole photo), "threshold:T", "auto" or "background:FILE", see
-        :func:`find_mask`. By default alpha where the photo has it, else the whole photo.
+        A mask file, or a word of :func:`find_mask`. By default alpha where the photo has it, else the whole photo.
     encoding, layer : str, optional
         As in :func:`read_image`; but where neither `encoding` nor the file states how its values are encoded, and its
         shading does (:mod:`mpsnet_core.capture.transfer_curve`), they are linear.
     camera : Camera or float, optional
         The camera, or the focal length of its lens in mm on a sensor 36 mm wide.
     depth : (H, W) array or float, optional
-        How far in front of the camera the surface is, infinity where unknown (see :func:`depth_of_mesh`), or one
-        distance for all. Under near lights by default that of the lights' target.
+        How far in front of the camera the surface is, infinity where unknown. By default that of the lights' target.
     correction : Correction, optional
         Dark frame and flat field, of the white photo too.
     white : str, path or sequence of them, optional
         A photo of the same pose under white light, or several to be added up: one for each light, turned white.
-
-    Returns
-    -------
-    Capture
 
     Raises
     ------
@@ -389,7 +383,7 @@ def note_doubts(capture: Capture, name: str = "") -> None:
     conclusive = np.ptp(means) <= 1e-3 * means.max() or (sizes**2 / pixels > 1.01 * means**2).all()
     if conclusive and (products >= np.cos(ALIKE) * np.outer(sizes, sizes)).all():
         log.warning(
-            "%sthe photo's three channels are all but the same: it looks like a photo under white light, which tells "
+            "%sthe photo's three channels are all but the same: it looks like a photo under white light, which has "
             "no normals; of three photos under one white light each, mpsnet superpose --channels makes one that does",
             which,
         )

@@ -59,9 +59,9 @@ def find_mask(
         The photo, read and corrected.
     choice : str or path, or None
         A mask file; "alpha"; "none", the whole photo; "threshold:T", see :func:`threshold_mask`; "auto", see
-        :func:`auto_mask`; "background:FILE", a photo of the same scene without the object, see
-        :func:`background_mask`; "alpha-or-auto": alpha where the photo has it, else as "auto", and the whole photo
-        where nothing stands out. None: alpha where the photo has it, else the whole photo.
+        :func:`auto_mask`; "background:FILE", the same scene without the object, see :func:`background_mask`;
+        "alpha-or-auto": alpha where the photo has it, else as "auto", and the whole photo where nothing stands out.
+        None: alpha where the photo has it, else the whole photo.
     encoding, layer, correction
         How the photo was read and corrected; the background's photo is too, but for the layer where it has only one.
     notes : {"all", "doubts", "none"}
@@ -97,17 +97,20 @@ def find_mask(
     if kind == "threshold":
         return threshold_mask(image.pixels, argument)
     if kind == "background":
-        if not argument:
-            raise SettingsError("a mask by background names a photo of the scene without the object: background:FILE")
-        background = read_image(argument, encoding=encoding, layer=layer_in(argument, layer))
-        if correction is not None:
-            background = corrected(background, correction)
+        background = _read_background(argument, encoding, layer, correction)
         return background_mask(image.pixels, background.pixels, notes)
     if not Path(words).exists():
         raise FileError(
             f"mask {words} does not exist, and is none of alpha, auto, none, threshold:T and background:FILE; check it"
         )
     return read_mask(words)
+
+
+def _read_background(file: str, encoding: Encoding, layer: str | None, correction: Correction | None) -> Image:
+    if not file:
+        raise SettingsError("a mask by background names a photo of the scene without the object: background:FILE")
+    background = read_image(file, encoding=encoding, layer=layer_in(file, layer))
+    return background if correction is None else corrected(background, correction)
 
 
 def _whole(image: Image) -> NDArray[np.bool_]:
@@ -162,7 +165,7 @@ def background_mask(
 ) -> NDArray[np.bool_]:
     """(H, W) where the photo differs from one of the same scene without the object.
 
-    pixels, background: (H, W, 3) linear, under the same lights. The exposure may differ: the ratio is taken from the
+    pixels, background: (H, W, 3) linear, under the same lights. The exposure may differ: the ratio is that at the
     picture's border. Otherwise as :func:`auto_mask`; a shadow that the object casts differs from the scene as well.
 
     Raises GeometryError where the sizes differ or nothing stands out.

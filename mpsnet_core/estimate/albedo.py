@@ -69,10 +69,6 @@ def albedo_from_white(capture: Capture, normals: NormalMap, light: ArrayLike | N
     GeometryError
         Where the light is behind the object.
 
-    Notes
-    -----
-    The method is in this module's docstring.
-
     Examples
     --------
     >>> import numpy as np
@@ -80,8 +76,8 @@ def albedo_from_white(capture: Capture, normals: NormalMap, light: ArrayLike | N
     >>> rig, mask = published_rig(), np.ones((2, 2), bool)
     >>> image = np.broadcast_to(rig.directions @ [0.0, 0.0, 1.0], (2, 2, 3))
     >>> capture = Capture(image, mask, rig, white=image * [1.0, 0.5, 0.25])
-    >>> albedo_from_white(capture, estimate_normals(capture, "lambertian"))[0, 0].round(3).tolist()
-    [0.9, 0.45, 0.225]
+    >>> np.allclose(albedo_from_white(capture, estimate_normals(capture, "lambertian")), [0.9, 0.45, 0.225])
+    True
     """
     if capture.white is None:
         raise SettingsError("the albedo is made from a white photo, and there is none; give one")

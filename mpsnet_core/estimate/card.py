@@ -78,11 +78,11 @@ class ModelCard:
             raise FormatError("its card's \"inputs\" must name each input's features")
         for name, features in self.inputs.items():
             if not features:
-                raise FormatError(f'its card\'s "inputs" gives no list of features for input {name!r}')
+                raise FormatError(f'its card\'s "inputs" has no list of features for input {name!r}')
             for feature in features:
                 if not isinstance(feature, str) or feature not in FEATURE_CHANNELS:
                     raise FormatError(
-                        f"its card asks for {feature!r}; this program makes {', '.join(FEATURE_CHANNELS)}"
+                        f"its card requests {feature!r}; this program makes {', '.join(FEATURE_CHANNELS)}"
                     )
             if (constants := CONSTANTS.intersection(features)) and constants != set(features):
                 raise FormatError(
@@ -106,7 +106,7 @@ def card_from_metadata(metadata: Mapping[str, str]) -> ModelCard:
     """The card in an ONNX file's metadata. Raises FormatError where there is none or it is malformed."""
     text = metadata.get(CARD_KEY)
     if text is None:
-        raise FormatError(f"it has no card (metadata {CARD_KEY!r}), so nothing says how its inputs are made")
+        raise FormatError(f"it has no card (metadata {CARD_KEY!r}), so it is unknown how its inputs are made")
     try:
         data: Any = json.loads(text)
     except (ValueError, RecursionError):

@@ -1,4 +1,4 @@
-"""Dense networks: on the box around the object, in tiles, and where the card says so on one scale after another."""
+"""Dense networks: on the box around the object, in tiles, and for pyramids on one scale after another."""
 
 from collections.abc import Iterator
 from typing import Any, Protocol

@@ -1,9 +1,9 @@
-"""Near lights and perspective, taken out of a photo: what it would be from afar, under distant lights.
+"""Near lights and perspective removed from a photo: what it would be from afar, under distant lights.
 
 The networks have learned one direction for each light and see the whole picture at once. In a photo from nearby every
 pixel has lights and a line of sight of its own. Where a matt surface is lit by all three lights, its normal times its
 albedo follows from the pixel (equation 2, with the lights as they are there); turned so that the line of sight becomes
-the z axis and lit anew by the rig's directions, it gives the pixel that a distant camera and distant lights would see.
+the z axis and lit anew by the rig's directions, it is the pixel that a distant camera would see under distant lights.
 The same 3 x 3 matrix is used for every pixel. Where a light does not reach, a little light comes in that was not there;
 shine is treated as if it were matt. Measured against alternatives that need the answer first, this was the best.
 """

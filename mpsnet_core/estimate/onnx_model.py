@@ -31,29 +31,12 @@ MAX_MODEL_BYTES = 2 << 30
 
 
 class OnnxModel:
-    """A network from an ONNX file, with its card.
+    """A network from an ONNX file, with its card; options as of :class:`mpsnet_core.estimate.Estimator`.
 
-    Parameters
-    ----------
-    path : str or path
-        The file.
-    provider : {"cpu", "cuda", "directml", "coreml"}
-        What runs it.
-    threads : int
-        CPU threads, 0 for all.
-    tile : int
-        The side of a tile in pixels for dense networks; memory grows with its square.
-    passes : int, optional
-        In place of the card's, for networks in the canonical frame.
+    passes: in place of the card's, for networks in the canonical frame.
 
-    Raises
-    ------
-    FileError
-        Where the file is missing.
-    FormatError
-        Where it is not an ONNX model of ours, or its inputs do not fit its card.
-    SettingsError
-        Where the provider is not present, or an option out of range.
+    Raises FileError where the file is missing, FormatError where it is not an ONNX model of ours or its inputs do not
+    fit its card, SettingsError where an option is out of range or the provider is not present.
     """
 
     def __init__(
@@ -110,7 +93,7 @@ class OnnxModel:
                 f"model file {self.path} failed on {shapes}: {reason}; export it with dynamic sizes"
             ) from None
         if not all(np.isfinite(outputs[name]).all() for name in ("normals", "confidence") if name in outputs):
-            raise FormatError(f"model file {self.path} gave values that are not finite; train or export it again")
+            raise FormatError(f"model file {self.path} returned values that are not finite; train or export it again")
         normals = self._shaped("normals", outputs, (count, 3, *size))
         if "confidence" not in outputs:
             return normals, np.ones((count, 1, *size), np.float32)

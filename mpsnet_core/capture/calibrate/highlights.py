@@ -6,7 +6,8 @@ from itertools import combinations, permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.mask_regions import labelled
+from mpsnet_core.arrays.mask_regions import dilated, labelled
+from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.capture.calibrate.ball import Ball, surface
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.image import Image
@@ -94,7 +95,7 @@ def find_coloured_highlights(photo: Image, ball: Ball) -> tuple[Highlight, Highl
     white is none of them. Which is whose follows from the order of the lights that makes the product of
     red in the red, green in the green and blue in the blue largest: neither the lights' brightness nor the channels'
     gains change that. Unmixed by the inverse of these colours each light stands alone, though highlights overlap.
-    Clipped pixels have lost their colour; they get that of the nearest pixel that has kept it.
+    Clipped pixels have lost their colour; they get that of the nearest pixel that has one.
 
     Raises GeometryError where the ball shows no highlights or they do not differ in colour.
     """
@@ -129,7 +130,7 @@ def find_coloured_highlights(photo: Image, ball: Ball) -> tuple[Highlight, Highl
     for light, name in enumerate(("red", "green", "blue")):
         others = weight.sum(axis=-1) - weight[..., light]
         spot = _highlight(window, weight[..., light], others, f"the {name} light")
-        if _touches(owner, light):
+        if (dilated(owner == light, 1) & (owner >= 0) & (owner != light)).any():
             spot = replace(spot, uncertainty=float(np.hypot(spot.uncertainty, HIDDEN_SHARE * spot.radius)))
         found.append(replace(spot, colour=_colour(colours[:, light])))
     for a, b in combinations(found, 2):
@@ -196,33 +197,9 @@ def _owners(
     lights: NDArray[np.float64], attributable: NDArray[np.bool_], clipped: NDArray[np.bool_]
 ) -> NDArray[np.int64]:
     """(H, W) the light that a clipped pixel belongs to, by the nearest attributable pixel; -1 elsewhere."""
-    front = np.where(attributable, lights.argmax(axis=-1), -1)
-    # Colour grows inwards from the clipped spots' rims, a pixel a round, sides before corners.
-    while (front[clipped] < 0).any():
-        before = front.copy()
-        for steps in (((0, 1), (1, 0), (0, -1), (-1, 0)), ((1, 1), (1, -1), (-1, 1), (-1, -1))):
-            for step in steps:
-                shifted = np.full_like(before, -1)
-                shifted[_to(step)] = before[_from(step)]
-                empty = clipped & (front < 0)
-                front[empty] = shifted[empty]
-        if np.array_equal(front, before):
-            break
-    return np.where(clipped, front, -1)
-
-
-def _touches(owner: NDArray[np.int64], light: int) -> bool:
-    """Whether a clipped pixel of the light lies beside one of another light."""
-    mine, others = owner == light, (owner >= 0) & (owner != light)
-    return any(bool((mine[_to(step)] & others[_from(step)]).any()) for step in ((0, 1), (1, 0), (0, -1), (-1, 0)))
-
-
-def _to(step: tuple[int, int]) -> tuple[slice, slice]:
-    return slice(max(step[0], 0), min(step[0], 0) or None), slice(max(step[1], 0), min(step[1], 0) or None)
-
-
-def _from(step: tuple[int, int]) -> tuple[slice, slice]:
-    return _to((-step[0], -step[1]))
+    nearest = np.where(attributable, lights.argmax(axis=-1), -1).astype(np.float32)[..., None]
+    nearest = extend_to_nearest(nearest, attributable, max(clipped.shape))
+    return np.where(clipped, nearest[..., 0].astype(np.int64), -1)
 
 
 def _highlight(window: _Window, weight: NDArray[np.float64], others: NDArray[np.float64], name: str) -> Highlight:
@@ -233,10 +210,10 @@ def _highlight(window: _Window, weight: NDArray[np.float64], others: NDArray[np.
     """
     labels, sizes = labelled(weight > CANDIDATE, diagonal=True)
     number, count = labels - 1, len(sizes) - 1
-    held = number >= 0
-    light = np.bincount(number[held], np.clip(weight - others, 0, None)[held], count)
+    bright = number >= 0
+    light = np.bincount(number[bright], np.clip(weight - others, 0, None)[bright], count)
     # One bright pixel alone is the sensor's own.
-    light = np.where(np.bincount(number[held], weight[held] > SPOT, count) > 1, light, 0)
+    light = np.where(np.bincount(number[bright], weight[bright] > SPOT, count) > 1, light, 0)
     if not light.any():
         raise GeometryError(f"no highlight of {name} was found on the ball; is it on, and is this the mirror ball?")
     order = np.argsort(-light)

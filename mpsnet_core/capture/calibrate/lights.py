@@ -17,7 +17,7 @@ from mpsnet_core.scene.normal_map import angular_error, normalised
 
 log = logging.getLogger(__name__)
 
-# A position is kept while it is known better than to this share of its distance.
+# A position counts while it is known better than to this share of its distance.
 UNSURE = 0.25
 # From this share of a highlight's light on, another spot may be a light as well.
 RIVAL = 0.5
@@ -147,9 +147,19 @@ def find_lights(sightings: Sequence[Sighting]) -> LightsFound:
             "several places give positions only where the camera's focal length is known; these are directions alone"
         )
         return _with_spread(found, rays)
-    meetings = [meeting_point(origins[:, k], rays[:, k], np.radians(blur[:, k])) for k in range(rays.shape[1])]
+    return _with_positions(found, origins, rays, np.radians(blur))
+
+
+def _with_positions(
+    found: LightsFound, origins: NDArray[np.float64], rays: NDArray[np.float64], spreads: NDArray[np.float64]
+) -> LightsFound:
+    """The lights where the rays (P, N, 3) of P places meet; directions alone where any of them is too far away.
+
+    spreads: (P, N) standard deviations of the rays' directions, in radians.
+    """
+    meetings = [meeting_point(origins[:, k], rays[:, k], spreads[:, k]) for k in range(rays.shape[1])]
     points, errors, gaps = (np.array(values) for values in zip(*meetings, strict=True))
-    away = points - target
+    away = points - found.target
     distance = np.linalg.norm(away, axis=1)
     ahead = np.einsum("pni,pni->n", points - origins, rays) > 0
     far = ~ahead | (errors > UNSURE * distance)
@@ -169,7 +179,7 @@ def find_lights(sightings: Sequence[Sighting]) -> LightsFound:
             gaps[k],
         )
     turn = np.degrees(errors / distance)
-    return LightsFound(tuple(sightings), normalised(away), turn, target, points, errors, gaps)
+    return LightsFound(found.sightings, normalised(away), turn, found.target, points, errors, gaps)
 
 
 def meeting_point(

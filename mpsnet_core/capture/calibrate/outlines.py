@@ -25,7 +25,7 @@ BESIDE = (0.1, 0.2, 0.4, 0.2, 0.1)
 ARC = 15
 # An edge is so many times steeper than the lines beside it: three standard deviations, were it noise.
 CLEAR = 3 / 0.6745
-# Lines to either side whose noise is taken together, and how far along them it is measured, as a share of the radius.
+# Lines to either side whose noise is averaged, and how far along them it is measured, as a share of the radius.
 NOISE_LINES, NOISE_REACH = 10, 0.06
 
 

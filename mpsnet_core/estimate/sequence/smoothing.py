@@ -1,8 +1,8 @@
-"""Noise taken out of normals over time, without lag: a mean over the frames before and behind that show the same.
+"""Noise removed from normals over time, without lag: a mean over the frames before and behind that show the same.
 
 A bilateral filter in time (Tomasi and Manduchi 1998): past and future weigh alike, and a neighbour counts at a pixel
-only where its photo shows the same there within the camera's noise, told by small patches as in non-local means (Buades
-et al. 2005). What moves keeps its edges, what stands still loses noise by the square root of the number of frames.
+only where its photo shows the same there within the camera's noise, over small patches as in non-local means (Buades et
+al. 2005). What moves keeps its edges, what stands still loses noise by the square root of the number of frames.
 """
 
 from collections import deque
@@ -16,7 +16,7 @@ from mpsnet_core.arrays.mask_regions import box_sums
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.scene.normal_map import NormalMap
 
-# Twice as many frames and one are held in memory; a second of film is far more than a thing stands still.
+# Twice as many frames and one stay in memory; a second of film is far more than a thing stands still.
 MAX_REACH = 12
 
 PATCH = 7  # pixels a side over which two photos are compared
@@ -60,32 +60,32 @@ def smoothed(shots: Iterable[Shot], reach: int, step: int = 1) -> Iterator[tuple
     if not 0 <= reach <= MAX_REACH:
         raise SettingsError(f"smoothing over {reach} frames each way cannot be; choose 0 to {MAX_REACH}")
     span = reach * step
-    held: deque[Shot] = deque()
+    recent: deque[Shot] = deque()
     waiting: deque[Shot] = deque()
     similarities: dict[tuple[int, int], NDArray[np.float32]] = {}
     for shot in shots:
         while waiting and waiting[0].number + span < shot.number:
-            yield from _answer(waiting.popleft(), held, similarities, span)
-        while held and held[0].number < shot.number - 2 * span:
-            gone = held.popleft().number
+            yield from _answer(waiting.popleft(), recent, similarities, span)
+        while recent and recent[0].number < shot.number - 2 * span:
+            gone = recent.popleft().number
             similarities = {pair: similarity for pair, similarity in similarities.items() if gone not in pair}
-        for earlier in held:
+        for earlier in recent:
             if shot.number - earlier.number <= span and (shot.wanted or earlier.wanted):
                 similarities[earlier.number, shot.number] = _similarity(earlier, shot)
-        held.append(shot)
+        recent.append(shot)
         waiting.append(shot)
         while waiting and waiting[0].number + span <= shot.number:
-            yield from _answer(waiting.popleft(), held, similarities, span)
+            yield from _answer(waiting.popleft(), recent, similarities, span)
     for shot in waiting:
-        yield from _answer(shot, held, similarities, span)
+        yield from _answer(shot, recent, similarities, span)
 
 
 def _answer(
-    shot: Shot, held: Iterable[Shot], similarities: dict[tuple[int, int], NDArray[np.float32]], span: int
+    shot: Shot, recent: Iterable[Shot], similarities: dict[tuple[int, int], NDArray[np.float32]], span: int
 ) -> Iterator[tuple[int, NormalMap]]:
     if not shot.wanted:
         return
-    near = [other for other in held if abs(other.number - shot.number) <= span]
+    near = [other for other in recent if abs(other.number - shot.number) <= span]
     if len(near) == 1:
         yield shot.number, shot.normals
         return
