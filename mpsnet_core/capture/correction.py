@@ -116,7 +116,9 @@ def corrected(image: Image, correction: Correction) -> Image:
         if frame is not None:
             check_same_size(f"the {name}", frame.shape, "the photo", image.pixels.shape, SAME_CAMERA)
     if correction.dark is not None:
-        _note_exposure(image, correction)
+        dark, photo = correction.exposure_time, image.exposure_time
+        if dark and photo and not 0.9 < dark / photo < 1.1:
+            log.info("the dark frame was exposed for %.3g s, the photo for %.3g s: use the same for both", dark, photo)
         if np.nanmean(image.pixels) <= correction.dark.mean():
             raise FormatError("the dark frame is as bright as the photo; take it with the three lights off")
     clipped = image.saturated
@@ -130,12 +132,6 @@ def corrected(image: Image, correction: Correction) -> Image:
         if correction.gain is not None:
             pixels[rows] *= correction.gain[rows]
     return replace(image, pixels=pixels, clip=np.inf, clipped=clipped)
-
-
-def _note_exposure(image: Image, correction: Correction) -> None:
-    dark, photo = correction.exposure_time, image.exposure_time
-    if dark and photo and not 0.9 < dark / photo < 1.1:
-        log.info("the dark frame was exposed for %.3g s, the photo for %.3g s: take both with the same", dark, photo)
 
 
 def _mean_frame(

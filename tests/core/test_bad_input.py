@@ -707,7 +707,7 @@ WHITE: list[Case] = [
     (
         "clipped elsewhere",
         lambda b: SPHERE.capture(white=SPHERE.image, white_clipped=np.zeros((4, 4, 3), bool)),
-        "what is clipped in the white photo is 4 x 4 but that is 16 x 16",
+        "what is clipped in the white photo is 4 x 4 but the white photo is 16 x 16",
     ),
     ("that is the photo", lambda b: b.estimate(white=b.photo()), "photo.exr: the white photo is the photo itself"),
     (
