@@ -14,8 +14,9 @@ from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.capture.correction import Correction, corrected
 from mpsnet_core.capture.masks import Notes, find_mask
+from mpsnet_core.capture.sizes import SAME_CAMERA, check_same_size
 from mpsnet_core.capture.transfer_curve import CLOSE, DECIDED, linear_rather
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FormatError, GeometryError, InputError, SettingsError
 from mpsnet_core.io.frames import expand_images
 from mpsnet_core.io.image import Image, saturated
 from mpsnet_core.io.images import Encoding, as_stored, layer_in, read_image
@@ -36,24 +37,48 @@ DEPTH_MARGIN = 32
 
 @dataclass(frozen=True)
 class Capture:
-    """One photo under three lights at once, and a second one under white light where it could be had.
+    """One photo under three lights at once, and a second one under white light where there is one.
 
-    image: (H, W, 3) float32, or float16 where it is given so, linear; channel i is camera channel R, G, B.
-    mask: (H, W) bool, the pixels of the object.
-    rig: the lights, in camera space.
-    camera: its projection and pose, where known.
-    clip: linear value at which a channel saturates; infinity for renders and where `clipped` tells it.
-    depth: (H, W) how far in front of the camera, along its axis, each pixel's surface is, in the unit of the camera's
-        pose; needed where the rig's lights are near.
-    clipped: (H, W, 3) bool, where a channel is at its end, or None where `clip` tells it.
-    white: (H, W, 3) float32, linear RGB of the same pose under white light; zero where it is not finite,
-        outside the mask. What is clipped in it keeps its value, the least that it can be.
-    white_clipped: (H, W, 3) bool, where a channel of `white` is at its end; None where none is.
+    Parameters
+    ----------
+    image : (H, W, 3) float32, or float16 where it comes so
+        Linear; channel i is camera channel R, G, B.
+    mask : (H, W) bool
+        The pixels of the object.
+    rig
+        The lights, in camera space.
+    camera
+        Its projection and pose, where known.
+    clip
+        Linear value at which a channel saturates; infinity for renders, and where `clipped` states it for each pixel.
+    depth : (H, W) float32
+        How far in front of the camera, along its axis, each pixel's surface is, in the unit of the camera's pose;
+        needed where the rig's lights are near.
+    clipped : (H, W, 3) bool
+        Where a channel is saturated; None where `clip` decides it.
+    white : (H, W, 3) float32
+        Linear RGB of the same pose under white light; zero where it is not finite, outside the mask. Clipped pixels
+        keep their value, a lower bound.
+    white_clipped : (H, W, 3) bool
+        Where a channel of `white` is saturated; None where none is.
 
-    Raises InputError where the shapes do not agree, the mask is empty, a value is not finite or the depth is lacking.
+    Raises
+    ------
+    GeometryError
+        Where shapes differ, the mask is empty, the photo is black inside it, or near lights lack camera or depth.
+    FormatError
+        Where an image has not three channels, or is not finite inside the mask.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from mpsnet_core import Capture, published_rig
+    >>> capture = Capture(np.full((2, 3, 3), 0.5), np.ones((2, 3), bool), published_rig(), clip=1.0)
+    >>> capture.image.dtype, bool(capture.saturated.any())
+    (dtype('float32'), False)
     """
 
-    image: NDArray[np.floating]
+    image: NDArray[np.floating[Any]]
     mask: NDArray[np.bool_]
     rig: LightRig
     camera: Camera | None = None
@@ -68,34 +93,29 @@ class Capture:
         if image.dtype != np.float16:
             image = image.astype(np.float32, copy=False)
         if image.ndim != 3 or image.shape[2] != 3:
-            raise InputError(f"a photo has three channels a pixel; this one has shape {image.shape}")
-        if mask.shape != image.shape[:2]:
-            raise InputError(f"the mask is {_size(mask)} but the photo is {_size(image)}; they must be the same size")
+            raise FormatError(f"a photo has three channels a pixel; this one has shape {image.shape}")
+        check_same_size("the mask", mask.shape, "the photo", image.shape[:2])
         if not mask.any():
-            raise InputError("the mask is empty: no pixel of the object is marked; choose another mask or threshold")
+            raise GeometryError("the mask is empty: no pixel of the object is marked; choose another mask or threshold")
         image = _finite_inside(image, mask, "photo")
         if not any((image[rows] > 0).any(where=mask[rows, :, None]) for rows in bands(len(mask))):
-            raise InputError("the photo is black inside the mask; were the lights on, and is it the right mask?")
-        if self.clipped is not None and self.clipped.shape != image.shape:
-            raise InputError(f"what is clipped is {_size(self.clipped)} but the photo is {_size(image)}")
-        if self.camera is not None and (self.camera.height, self.camera.width) != mask.shape:
-            raise InputError(
-                f"the camera is {self.camera.width} x {self.camera.height} but the photo is {_size(image)}; "
-                "they must be the same size"
-            )
+            raise GeometryError("the photo is black inside the mask; were the lights on, and is it the right mask?")
+        if self.clipped is not None:
+            check_same_size("what is clipped", self.clipped.shape, "the photo", image.shape)
+        if self.camera is not None:
+            check_same_size("the camera", (self.camera.height, self.camera.width), "the photo", mask.shape)
         if self.rig.near is not None and (self.camera is None or self.depth is None):
-            raise InputError(
+            raise GeometryError(
                 "the rig's lights stand near the object, so its distance counts: give the camera, and the object's "
                 "mesh or distance"
             )
         if self.depth is not None:
             depth = np.asarray(self.depth, np.float32)
-            if depth.shape != mask.shape:
-                raise InputError(
-                    f"the depth is {_size(depth)} but the photo is {_size(image)}; they must be the same size"
-                )
+            check_same_size("the depth", depth.shape, "the photo", mask.shape)
             if not (np.isfinite(depth) & (depth > 0)).all(where=mask):
-                raise InputError("the object's depth is not above 0 everywhere inside the mask; check camera and mesh")
+                raise GeometryError(
+                    "the object's depth is not above 0 everywhere inside the mask; check camera and mesh"
+                )
             object.__setattr__(self, "depth", depth)
         if self.white is not None:
             object.__setattr__(self, "white", _checked_white(self.white, self.white_clipped, mask))
@@ -104,7 +124,7 @@ class Capture:
 
     @property
     def saturated(self) -> NDArray[np.bool_]:
-        """(H, W, 3) where a channel is at its end, and so wrong."""
+        """(H, W, 3) where a channel is saturated, and so wrong."""
         return saturated(self.image, self.clip) if self.clipped is None else self.clipped
 
 
@@ -114,7 +134,7 @@ def _finite_inside(image: NDArray[Any], mask: NDArray[np.bool_], name: str) -> N
     for rows in bands(len(mask)):
         finite = np.isfinite(image[rows])
         if not finite.all(where=mask[rows, :, None]):
-            raise InputError(f"the {name} holds values that are not finite inside the mask; export it again")
+            raise FormatError(f"the {name} holds values that are not finite inside the mask; export it again")
         if not finite.all():
             result = image.copy() if result is image else result
             result[rows][~finite] = 0
@@ -122,26 +142,18 @@ def _finite_inside(image: NDArray[Any], mask: NDArray[np.bool_], name: str) -> N
 
 
 def _checked_white(
-    white: NDArray[np.floating], clipped: NDArray[np.bool_] | None, mask: NDArray[np.bool_]
+    white: NDArray[np.float32], clipped: NDArray[np.bool_] | None, mask: NDArray[np.bool_]
 ) -> NDArray[np.float32]:
     white = np.asarray(white, np.float32)
     if white.ndim != 3 or white.shape[2] != 3:
-        raise InputError(f"a white photo has three channels a pixel; this one has shape {white.shape}")
-    if white.shape[:2] != mask.shape:
-        raise InputError(
-            f"the white photo is {_size(white)} but the photo is {_size(mask)}; take both with the same camera, held "
-            "alike"
-        )
+        raise FormatError(f"a white photo has three channels a pixel; this one has shape {white.shape}")
+    check_same_size("the white photo", white.shape[:2], "the photo", mask.shape, SAME_CAMERA)
     white = _finite_inside(white, mask, "white photo")
     if not (white > 0).any(where=mask[..., None]):
-        raise InputError("the white photo is black inside the mask; was the light on, and is it of the same pose?")
-    if clipped is not None and clipped.shape != white.shape:
-        raise InputError(f"what is clipped in the white photo is {_size(clipped)} but that is {_size(white)}")
+        raise GeometryError("the white photo is black inside the mask; was the light on, and is it of the same pose?")
+    if clipped is not None:
+        check_same_size("what is clipped in the white photo", clipped.shape, "the white photo", white.shape)
     return white
-
-
-def _size(array: NDArray[np.generic]) -> str:
-    return f"{array.shape[1]} x {array.shape[0]}"
 
 
 def read_capture(
@@ -158,21 +170,30 @@ def read_capture(
 ) -> Capture:
     """Read a photo as a capture.
 
-    mask: a mask file, or "alpha", "none" (the whole photo), "threshold:T", "auto" or "background:FILE", as
-        :func:`mpsnet_core.capture.masks.find_mask` says. Unless given: alpha where the photo has it, else the whole
-        photo.
-    encoding, layer: as in :func:`mpsnet_core.io.images.read_image`; but where neither `encoding` nor the file says how
-        its values are meant, and its shading does (:mod:`mpsnet_core.capture.transfer_curve`), they are linear.
-    camera: or the focal length of its lens in millimetres, see :func:`mpsnet_core.scene.camera.camera_of_lens`.
-    depth: (H, W) how far in front of the camera the surface is, with infinity where that is not known (see
-        :func:`mpsnet_core.scene.mesh_depth.depth_of_mesh`), or one distance for all. Under near lights, unless given,
-        that of the lights' target.
-    correction: dark frame and flat field (:func:`mpsnet_core.capture.correction.read_correction`), of the white photo
-    too.
-    white: a photo of the same pose under white light, or several to be added up: one for each light, turned white.
+    Parameters
+    ----------
+    path : str or path
+        The photo.
+    rig : LightRig
+        The lights, in camera space.
+    mask : str or path, optional
+        A mask file, or a word of :func:`find_mask`. By default alpha where the photo has it, else the whole photo.
+    encoding, layer : str, optional
+        As in :func:`read_image`; but where neither `encoding` nor the file states how its values are encoded, and its
+        shading does (:mod:`mpsnet_core.capture.transfer_curve`), they are linear.
+    camera : Camera or float, optional
+        The camera, or the focal length of its lens in mm on a sensor 36 mm wide.
+    depth : (H, W) array or float, optional
+        How far in front of the camera the surface is, infinity where unknown. By default that of the lights' target.
+    correction : Correction, optional
+        Dark frame and flat field, of the white photo too.
+    white : str, path or sequence of them, optional
+        A photo of the same pose under white light, or several to be added up: one for each light, turned white.
 
-    Raises InputError where a file is missing or broken, or photo, mask, camera, depth and white photo do not fit each
-    other.
+    Raises
+    ------
+    InputError
+        Where a file is missing or broken, or photo, mask, camera, depth and white photo do not fit each other.
     """
     image = read_image(path, encoding=encoding, layer=layer, compact=correction is None)
 
@@ -182,7 +203,7 @@ def read_capture(
                 image, rig, mask=mask, encoding=encoding, layer=layer, camera=camera, depth=depth, correction=correction
             )
         except InputError as error:
-            raise InputError(f"{path}: {error}") from None
+            raise type(error)(f"{path}: {error}") from None
 
     capture = taken(image)
     if image.assumed and _linear_rather(path, image, capture, decide=correction is None):
@@ -190,15 +211,15 @@ def read_capture(
         capture = taken(as_stored(image))
     if white is not None:
         several = [white] if isinstance(white, str | os.PathLike) else white
-        capture = with_white(capture, several, encoding=encoding, layer=layer, correction=correction)
+        capture = _with_white(capture, several, encoding=encoding, layer=layer, correction=correction)
     note_doubts(capture)
     return capture
 
 
 def _linear_rather(path: str | os.PathLike[str], image: Image, capture: Capture, decide: bool) -> bool:
-    """Whether to take a file that says nothing of its values as linear, not as sRGB; tells where that is or may be so.
+    """Whether to read a file that does not state its encoding as linear, not as sRGB; warns where that is or may be so.
 
-    decide: whether it may be taken so; dark frames and flat fields have been read as sRGB.
+    decide: whether it may be read so; dark frames and flat fields have been read as sRGB.
     """
     rather = linear_rather(image.pixels, capture.mask, capture.rig)
     if rather > DECIDED and decide:
@@ -217,31 +238,27 @@ def _linear_rather(path: str | os.PathLike[str], image: Image, capture: Capture,
     return False
 
 
-def with_white(
+def _with_white(
     capture: Capture,
     photos: Sequence[str | os.PathLike[str]],
     *,
-    encoding: Encoding = "auto",
-    layer: str | None = None,
-    correction: Correction | None = None,
+    encoding: Encoding,
+    layer: str | None,
+    correction: Correction | None,
 ) -> Capture:
-    """The capture with the sum of `photos`, read as the photo was, as its white photo; folders and patterns count for
-    what is in them.
-
-    Raises InputError where one is missing, broken or does not fit the photo.
-    """
+    """The capture with the sum of `photos`, read as the photo was, as its white photo."""
     total, clipped = np.zeros(capture.image.shape, np.float32), np.zeros(capture.image.shape, bool)
     for file in expand_images(photos):
         image = read_image(file, encoding=encoding, layer=layer_in(file, layer))
         try:
             image = image if correction is None else corrected(image, correction)
-            # Checked one by one: the sum would not tell which of them does not fit.
+            # Checked one by one: the sum would not show which of them does not fit.
             total += _checked_white(image.pixels, None, capture.mask)
         except InputError as error:
-            raise InputError(f"{file}: {error}") from None
+            raise type(error)(f"{file}: {error}") from None
         clipped |= image.saturated
     if np.array_equal(total, capture.image):
-        raise InputError(f"{photos[0]}: the white photo is the photo itself; give the one under white light")
+        raise SettingsError(f"{photos[0]}: the white photo is the photo itself; give the one under white light")
     return replace(capture, white=total, white_clipped=clipped if clipped.any() else None)
 
 
@@ -257,9 +274,9 @@ def capture_from(
     correction: Correction | None = None,
     notes: Notes = "all",
 ) -> Capture:
-    """An image that has been read, a video's frame for instance, as a capture; all else as of :func:`read_capture`.
+    """An image that has been read, a video's frame for instance, as a capture; all else as in :func:`read_capture`.
 
-    notes: what to tell of a mask that is found, see :func:`mpsnet_core.capture.masks.find_mask`.
+    notes: what to log of a mask that is found, see :func:`find_mask`.
 
     Raises InputError where the mask cannot be read, or image, mask, camera and depth do not fit each other.
     """
@@ -282,8 +299,12 @@ def corrected_and_masked(
     correction: Correction | None = None,
     notes: Notes = "all",
 ) -> tuple[Image, NDArray[np.bool_]]:
-    """The image without what camera and lights add, and (H, W) its mask; all as of :func:`capture_from`."""
-    check_fall_off(rig, correction)
+    """The image without what camera and lights add, and (H, W) its mask; all as in :func:`capture_from`."""
+    if rig.near is not None and correction is not None and correction.gain is not None:
+        raise SettingsError(
+            "the rig's lights stand near the object, and their fall-off is in the flat field too; leave the flat field "
+            "out, or give the lights as directions"
+        )
     if correction is not None:
         image = corrected(image, correction)
     return image, find_mask(image, mask, encoding=encoding, layer=layer, correction=correction, notes=notes)
@@ -296,44 +317,31 @@ def capture_of(
     camera: Camera | None,
     depth: NDArray[np.float32] | float | None,
 ) -> Capture:
-    """What :func:`corrected_and_masked` gave as a capture. depth: as of :func:`read_capture`."""
-    return Capture(image.pixels, mask, rig, camera, image.clip, depth_within(mask, depth, rig), image.clipped)
+    """What :func:`corrected_and_masked` returned, as a capture. depth: as in :func:`read_capture`."""
+    return Capture(image.pixels, mask, rig, camera, image.clip, _depth_within(mask, depth, rig), image.clipped)
 
 
-def check_fall_off(rig: LightRig, correction: Correction | None) -> None:
-    """Raises InputError where near lights' fall-off would be taken out twice: by the rig, and by a flat field."""
-    if rig.near is not None and correction is not None and correction.gain is not None:
-        raise InputError(
-            "the rig's lights stand near the object, and their fall-off is in the flat field too; leave the flat field "
-            "out, or give the lights as directions"
-        )
-
-
-def depth_within(
+def _depth_within(
     mask: NDArray[np.bool_], depth: NDArray[np.float32] | float | None, rig: LightRig
 ) -> NDArray[np.float32] | None:
-    """(H, W) a depth for every pixel of the mask, from what is known of it; None where the rig's lights are distant.
-
-    mask: (H, W). depth: as :func:`read_capture` takes it. Raises InputError where it is known nowhere inside the mask.
-    """
+    """(H, W) a depth for every pixel of the mask, from what is known of it; None where the rig's lights are distant."""
     if rig.near is None:
         if depth is not None:
             log.info("the rig's lights are distant, so how far the object is does not count")
         return None
     if depth is None:
         depth = -float(rig.near.target[2])
-        log.info("the object is taken as flat, %.4g in front of the camera as the lights' target is", depth)
+        log.info("the object is assumed flat, %.4g in front of the camera as the lights' target is", depth)
     if not isinstance(depth, np.ndarray):
         if not (np.isfinite(depth) and depth > 0):
-            raise InputError(f"the object's distance is a number above 0, not {depth:g}")
+            raise SettingsError(f"the object's distance is a number above 0, not {depth:g}")
         _note_unit(depth, rig.near)
         return np.full(mask.shape, depth, np.float32)
-    if depth.shape != mask.shape:
-        raise InputError(f"the camera is {_size(depth)} but the photo is {_size(mask)}; they must be the same size")
+    check_same_size("the camera", depth.shape, "the photo", mask.shape)
     known = np.isfinite(depth)
     inside = np.count_nonzero(known & mask)
     if not inside:
-        raise InputError("the camera sees nothing of the mesh inside the mask; check that they belong to one photo")
+        raise GeometryError("the camera sees nothing of the mesh inside the mask; check that they belong to one photo")
     if inside < LEAST_KNOWN * mask.sum():
         log.info(
             "the mesh covers %.0f%% of the mask: do camera, mesh and mask belong to this photo?",
@@ -346,7 +354,7 @@ def depth_within(
 
 
 def _note_unit(distance: float, near: NearLights) -> None:
-    """Tell of an object that is far from what the lights are turned to: most likely in another unit."""
+    """Report an object that is far from what the lights are turned to: most likely in another unit."""
     expected = -float(near.target[2])
     if not expected / MOST_OFF < distance < expected * MOST_OFF:
         log.info(
@@ -357,7 +365,7 @@ def _note_unit(distance: float, near: NearLights) -> None:
 
 
 def note_doubts(capture: Capture, name: str = "") -> None:
-    """Tell of photos that normals can be estimated from, but hardly right ones. name: which, if there are several."""
+    """Report photos that normals can be estimated from, but hardly right ones. name: which, if there are several."""
     which = f"{name}: " if name else ""
     spoilt = 0
     total, products = np.zeros(3), np.zeros((3, 3))
@@ -371,11 +379,11 @@ def note_doubts(capture: Capture, name: str = "") -> None:
             products += inside.T.astype(np.float64) @ inside
     pixels = int(capture.mask.sum())
     means, sizes = total / pixels, np.sqrt(np.diag(products))
-    # Where all of it faces one way, the channels are alike under any light: only equal ones tell something there.
-    told = np.ptp(means) <= 1e-3 * means.max() or (sizes**2 / pixels > 1.01 * means**2).all()
-    if told and (products >= np.cos(ALIKE) * np.outer(sizes, sizes)).all():
+    # Where all of it faces one way, the channels are alike under any light: only equal ones are conclusive there.
+    conclusive = np.ptp(means) <= 1e-3 * means.max() or (sizes**2 / pixels > 1.01 * means**2).all()
+    if conclusive and (products >= np.cos(ALIKE) * np.outer(sizes, sizes)).all():
         log.warning(
-            "%sthe photo's three channels are all but the same: it looks like a photo under white light, which tells "
+            "%sthe photo's three channels are all but the same: it looks like a photo under white light, which has "
             "no normals; of three photos under one white light each, mpsnet superpose --channels makes one that does",
             which,
         )

@@ -9,14 +9,15 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.errors import InputError
+from mpsnet_core.capture.sizes import SAME_CAMERA, check_same_size
+from mpsnet_core.errors import FormatError, SettingsError
 from mpsnet_core.io.frames import expand_images
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.images import Encoding, layer_in, read_image
 
 log = logging.getLogger(__name__)
 
-# A flat field that is weaker than this share of its middle tells nothing: what is divided by it is mostly noise.
+# A flat field weaker than this share of its middle is useless: what is divided by it is mostly noise.
 LEAST_FLAT = 0.05
 # Sensors have dead and hot pixels; a flat field that is wrong at more than this share of its pixels is a wrong one.
 BAD_SHARE = 0.001
@@ -24,12 +25,18 @@ BAD_SHARE = 0.001
 
 @dataclass(frozen=True)
 class Correction:
-    """What is taken off a photo, and what it is then multiplied by.
+    """What is subtracted from a photo, and what it is then multiplied by.
 
-    dark: (H, W, 3) float32, linear, as a photo without the three lights shows it, or None.
-    gain: (H, W, 3) float32, one over the flat field; each channel's flat field has mean 1 in the middle. Or None.
-    unusable: (H, W, 3) bool, where dark frame or flat field are at an end and nothing is known; None where both are.
-    exposure_time: the dark frame's, in seconds, where its file says it.
+    Attributes
+    ----------
+    dark : (H, W, 3) float32, or None
+        Linear, as a photo without the three lights shows it.
+    gain : (H, W, 3) float32, or None
+        One over the flat field; each channel's flat field has mean 1 in the middle.
+    unusable : (H, W, 3) bool, or None
+        Where dark frame or flat field are saturated or too weak; None where there is neither.
+    exposure_time : float, or None
+        The dark frame's, in seconds, where its file states it.
     """
 
     dark: NDArray[np.float32] | None
@@ -46,32 +53,50 @@ def read_correction(
     layer: str | None = None,
     smooth: int = 0,
 ) -> Correction:
-    """Read dark frames and flat fields; each a file, or a folder or pattern of frames, of which the mean is taken.
+    """Read dark frames and flat fields; each a file, or a folder or pattern of frames, which are averaged.
 
-    dark: photos without the three lights, else as the photo: same exposure and sensitivity, lens covered or the room
-        as it was. flat: photos of an evenly white, matt card in the object's place, under the same lights and lens.
-    encoding: as in :func:`mpsnet_core.io.images.read_image`. layer: of the files that have several. smooth: the flat
-        field without detail finer than so many pixels, for a card whose grain shows; 0 as it is.
+    Parameters
+    ----------
+    dark : str or path, optional
+        Photos without the three lights, else as the photo: same exposure and sensitivity, lens covered or the room as
+        it was.
+    flat : str or path, optional
+        Photos of an evenly white, matt card in the object's place, under the same lights and lens.
+    encoding, layer : str, optional
+        As in :func:`read_image`; the layer of the files that have several.
+    smooth : int
+        Removes detail of the flat field finer than so many pixels, for a card whose grain shows; 0 removes none.
 
-    The dark frame is taken off the flat field too, and the flat field is what then remains, each channel divided by
-    its mean in the middle third of the picture: so unequal lights stay unequal, and the middle keeps its brightness.
+    Returns
+    -------
+    Correction
 
-    Raises InputError where a file is missing or broken, frames are of different sizes, or the flat field is
-    overexposed or nearly black.
+    Raises
+    ------
+    InputError
+        Where a file is missing or broken, frames are of different sizes, or the flat field is overexposed or nearly
+        black.
+
+    Notes
+    -----
+    The dark frame is subtracted from the flat field too, and what then remains is divided, channel by channel, by its
+    mean in the middle third of the picture: so unequal lights stay unequal, and the middle keeps its brightness.
     """
     if smooth < 0:
-        raise InputError(f"a flat field can be smoothed over 0 pixels or more, not {smooth}")
+        raise SettingsError(f"a flat field can be smoothed over 0 pixels or more, not {smooth}")
     level = gain = unusable = exposure_time = None
     if dark is not None:
         level, unusable, exposure_time = _mean_frame(dark, encoding, layer)
         if unusable.mean() > BAD_SHARE:
-            raise InputError(f"{dark} is no dark frame: it is overexposed; switch the three lights off, or expose less")
+            raise FormatError(
+                f"{dark} is no dark frame: it is overexposed; switch the three lights off, or expose less"
+            )
     if flat is not None:
         field, clipped, _ = _mean_frame(flat, encoding, layer)
         if clipped.mean() > BAD_SHARE:
-            raise InputError(f"{clipped.mean():.1%} of the flat field {flat} is overexposed; expose it shorter")
+            raise FormatError(f"{clipped.mean():.1%} of the flat field {flat} is overexposed; expose it shorter")
         if level is not None:
-            _same_size(f"the dark frame {dark}", level, f"the flat field {flat}", field)
+            check_same_size(f"the dark frame {dark}", level.shape, f"the flat field {flat}", field.shape, SAME_CAMERA)
             field -= level
         if smooth:
             field = _smoothed(field, smooth)
@@ -83,17 +108,19 @@ def read_correction(
 def corrected(image: Image, correction: Correction) -> Image:
     """The photo less the dark frame, divided by the flat field; below zero is zero.
 
-    What was clipped in the photo stays known, and what dark frame or flat field cannot tell counts as clipped.
+    What was clipped in the photo stays so, and what is unusable in dark frame or flat field counts as clipped.
 
-    Raises InputError where the sizes differ, or the photo is no brighter than the dark frame.
+    Raises GeometryError where the sizes differ, FormatError where the photo is no brighter than the dark frame.
     """
     for name, frame in (("dark frame", correction.dark), ("flat field", correction.gain)):
         if frame is not None:
-            _same_size(f"the {name}", frame, "the photo", image.pixels)
+            check_same_size(f"the {name}", frame.shape, "the photo", image.pixels.shape, SAME_CAMERA)
     if correction.dark is not None:
-        _note_exposure(image, correction)
+        dark, photo = correction.exposure_time, image.exposure_time
+        if dark and photo and not 0.9 < dark / photo < 1.1:
+            log.info("the dark frame was exposed for %.3g s, the photo for %.3g s: use the same for both", dark, photo)
         if np.nanmean(image.pixels) <= correction.dark.mean():
-            raise InputError("the dark frame is as bright as the photo; take it with the three lights off")
+            raise FormatError("the dark frame is as bright as the photo; take it with the three lights off")
     clipped = image.saturated
     if correction.unusable is not None:
         clipped = clipped | correction.unusable
@@ -107,26 +134,20 @@ def corrected(image: Image, correction: Correction) -> Image:
     return replace(image, pixels=pixels, clip=np.inf, clipped=clipped)
 
 
-def _note_exposure(image: Image, correction: Correction) -> None:
-    dark, photo = correction.exposure_time, image.exposure_time
-    if dark and photo and not 0.9 < dark / photo < 1.1:
-        log.info("the dark frame was exposed for %.3g s, the photo for %.3g s: take both with the same", dark, photo)
-
-
 def _mean_frame(
-    given: str | os.PathLike[str], encoding: Encoding, layer: str | None
+    path: str | os.PathLike[str], encoding: Encoding, layer: str | None
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_], float | None]:
-    """(H, W, 3) the mean of all frames, (H, W, 3) where any is at its end, and the first one's exposure time."""
-    first, *others = expand_images([given])
+    """(H, W, 3) the mean of all frames, (H, W, 3) where any is saturated, and the first one's exposure time."""
+    first, *others = expand_images([path])
     image = read_image(first, encoding=encoding, layer=layer_in(first, layer))
     total, clipped, exposure_time = image.pixels, image.saturated, image.exposure_time
     for other in others:
         image = read_image(other, encoding=encoding, layer=layer_in(other, layer))
-        _same_size(str(other), image.pixels, str(first), total)
+        check_same_size(str(other), image.pixels.shape, str(first), total.shape, SAME_CAMERA)
         total = total + image.pixels
         clipped = clipped | image.saturated
     if not np.isfinite(total).all():
-        raise InputError(f"{given} holds values that are not finite; export it again")
+        raise FormatError(f"{path} holds values that are not finite; export it again")
     return total / np.float32(1 + len(others)), clipped, exposure_time
 
 
@@ -136,11 +157,11 @@ def _gain(field: NDArray[np.float32], flat: str | os.PathLike[str]) -> tuple[NDA
     middle = field[height // 3 : height - height // 3, width // 3 : width - width // 3].mean(axis=(0, 1))
     if not (middle > 0).all():
         channel = ("red", "green", "blue")[int(np.argmin(middle))]
-        raise InputError(f"the flat field {flat} is black in the middle of its {channel} channel; were all lights on?")
+        raise FormatError(f"the flat field {flat} is black in the middle of its {channel} channel; were all lights on?")
     field = field / middle
     weak = field < LEAST_FLAT
     if weak.mean() > BAD_SHARE:
-        raise InputError(f"{weak.mean():.1%} of the flat field {flat} is nearly black; fill the picture with the card")
+        raise FormatError(f"{weak.mean():.1%} of the flat field {flat} is nearly black; fill the picture with the card")
     return np.divide(1, field, out=np.ones_like(field), where=~weak), weak
 
 
@@ -152,9 +173,3 @@ def _smoothed(field: NDArray[np.float32], pixels: int) -> NDArray[np.float32]:
     source = oiio.ImageBuf(np.ascontiguousarray(field))
     resized = oiio.ImageBufAlgo.resize(oiio.ImageBufAlgo.resize(source, "gaussian", roi=small), "cubic", roi=whole)
     return np.asarray(resized.get_pixels(oiio.FLOAT), np.float32)
-
-
-def _same_size(this: str, frame: NDArray[np.float32], that: str, other: NDArray[np.float32]) -> None:
-    if frame.shape != other.shape:
-        sizes = [f"{array.shape[1]} x {array.shape[0]}" for array in (frame, other)]
-        raise InputError(f"{this} is {sizes[0]} but {that} is {sizes[1]}; take both with the same camera, held alike")

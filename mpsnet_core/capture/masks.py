@@ -14,7 +14,8 @@ from mpsnet_core.arrays.mask_regions import dilated, eroded, filled, labelled, w
 from mpsnet_core.arrays.robust_statistics import DEVIATIONS
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.capture.correction import Correction, corrected
-from mpsnet_core.errors import InputError
+from mpsnet_core.capture.sizes import SAME_CAMERA, check_same_size
+from mpsnet_core.errors import FileError, GeometryError, SettingsError
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.images import Encoding, layer_in, read_image, read_mask
 
@@ -22,7 +23,7 @@ log = logging.getLogger(__name__)
 
 Notes = Literal["all", "doubts", "none"]
 
-# Object and background are told apart in a picture of at most this side; the outline is then drawn at full size,
+# Object and background are separated in a picture of at most this side; the outline is then drawn at full size,
 # within so many of that picture's pixels.
 WORKING_SIDE, OUTLINE = 1024, 2
 # The picture's border, by which the background is known, is as wide as this share of the shorter side; the object may
@@ -50,52 +51,66 @@ def find_mask(
     correction: Correction | None = None,
     notes: Notes = "all",
 ) -> NDArray[np.bool_]:
-    """The object's pixels in a photo, (H, W) bool.
+    """The object's pixels in a photo.
 
-    choice: a mask file; "alpha"; "none", the whole photo; "threshold:T", see :func:`threshold_mask`; "auto", see
-        :func:`auto_mask`; "background:FILE", a photo of the same scene without the object, see
-        :func:`background_mask`; "alpha-or-auto": alpha where the photo has it, else as "auto", and the whole photo
-        where nothing stands out. None: alpha where the photo has it, else the whole photo.
-    encoding, layer, correction: how the photo was read and corrected; the background's photo is too, but for the layer
-        where it has one alone.
+    Parameters
+    ----------
+    image : Image
+        The photo, read and corrected.
+    choice : str or path, or None
+        A mask file; "alpha"; "none", the whole photo; "threshold:T", see :func:`threshold_mask`; "auto", see
+        :func:`auto_mask`; "background:FILE", the same scene without the object, see :func:`background_mask`;
+        "alpha-or-auto": alpha where the photo has it, else as "auto", and the whole photo where nothing stands out.
+        None: alpha where the photo has it, else the whole photo.
+    encoding, layer, correction
+        How the photo was read and corrected; the background's photo is too, but for the layer where it has only one.
+    notes : {"all", "doubts", "none"}
+        What to log of a mask that is found: its size and doubts, doubts alone, or nothing.
 
-    notes: what to tell of a mask that is found: "all", its size and "doubts", or "none".
+    Returns
+    -------
+    (H, W) bool
 
-    Raises InputError where a file is missing or broken, or nothing
-    stands out from the background.
+    Raises
+    ------
+    InputError
+        Where a file is missing or broken, or nothing stands out from the background.
     """
     words = "" if choice is None else os.fspath(choice)
-    kind, _, given = words.partition(":")
+    kind, _, argument = words.partition(":")
     if words == "none" or (not words and image.alpha is None):
         if not words:
-            log.warning("no mask and no alpha: the whole photo is taken as the object")
+            log.warning("no mask and no alpha: the whole photo is assumed to be the object")
         return _whole(image)
     if words in ("", "alpha"):
         if image.alpha is None:
-            raise InputError("the photo has no alpha channel to take the mask from; give a mask file or a threshold")
+            raise SettingsError("the photo has no alpha channel to take the mask from; give a mask file or a threshold")
         return image.alpha > 0.5
     if words == "alpha-or-auto":
         try:
             return find_mask(image, "auto" if image.alpha is None else "alpha", notes=notes)
-        except InputError:
-            log.warning("no object stands out from the background: the whole photo is taken as the object")
+        except GeometryError:
+            log.warning("no object stands out from the background: the whole photo is assumed to be the object")
             return _whole(image)
     if words == "auto":
         return auto_mask(image.pixels, notes)
     if kind == "threshold":
-        return threshold_mask(image.pixels, given)
+        return threshold_mask(image.pixels, argument)
     if kind == "background":
-        if not given:
-            raise InputError("a mask by background names a photo of the scene without the object: background:FILE")
-        background = read_image(given, encoding=encoding, layer=layer_in(given, layer))
-        if correction is not None:
-            background = corrected(background, correction)
+        background = _read_background(argument, encoding, layer, correction)
         return background_mask(image.pixels, background.pixels, notes)
     if not Path(words).exists():
-        raise InputError(
+        raise FileError(
             f"mask {words} does not exist, and is none of alpha, auto, none, threshold:T and background:FILE; check it"
         )
     return read_mask(words)
+
+
+def _read_background(file: str, encoding: Encoding, layer: str | None, correction: Correction | None) -> Image:
+    if not file:
+        raise SettingsError("a mask by background names a photo of the scene without the object: background:FILE")
+    background = read_image(file, encoding=encoding, layer=layer_in(file, layer))
+    return background if correction is None else corrected(background, correction)
 
 
 def _whole(image: Image) -> NDArray[np.bool_]:
@@ -104,8 +119,7 @@ def _whole(image: Image) -> NDArray[np.bool_]:
 
 
 def mask_source(choice: str) -> str | None:
-    """The file, folder or pattern that a choice of mask names, None where it is a word: that a folder may be called so
-    too changes nothing."""
+    """The file, folder or pattern that a choice of mask names; None for a word, even if a folder is named so."""
     if choice in ("alpha", "auto", "alpha-or-auto", "none") or choice.startswith("threshold:"):
         return None
     return choice.removeprefix("background:")
@@ -118,8 +132,8 @@ def threshold_mask(pixels: NDArray[np.float32], threshold: str | float) -> NDArr
     except ValueError:
         level = -1.0
     if not 0 <= level < 1:
-        raise InputError(f"a mask threshold is a number from 0 up to 1, not {threshold!r}; 0.05 is a good start")
-    brightest = np.nan_to_num(pixels.max(axis=-1), posinf=0.0)
+        raise SettingsError(f"a mask threshold is a number from 0 up to 1, not {threshold!r}; 0.05 is a good start")
+    brightest: NDArray[np.float32] = np.nan_to_num(pixels.max(axis=-1), posinf=0.0)
     return brightest > level * np.percentile(brightest, 99.9)
 
 
@@ -127,11 +141,11 @@ def auto_mask(pixels: NDArray[np.float32], notes: Notes = "all") -> NDArray[np.b
     """(H, W) the object before a dark or plain background, which takes up most of the picture's border.
 
     pixels: (H, W, 3) linear. The background is a smooth surface (a quadratic in x and y for each channel) through the
-    border's values. What differs from it by more than border and noise do, and more than the threshold that parts all
-    differences best (Otsu 1979, on their logarithm), is the object. Gaps in it are closed, and holes that a shadow may
-    have made are filled: small ones where the background is dark too, or that do not look like it.
+    border's values. What differs from it by more than border and noise do, and more than Otsu's threshold (1979, on the
+    logarithm of all differences), is the object. Gaps in it are closed, and holes that a shadow may have made are
+    filled: small ones where the background is dark too, or that do not look like it.
 
-    Raises InputError where nothing stands out.
+    Raises GeometryError where nothing stands out.
     """
     factor = _factor(pixels)
     small = block_means(pixels, factor)
@@ -151,14 +165,12 @@ def background_mask(
 ) -> NDArray[np.bool_]:
     """(H, W) where the photo differs from one of the same scene without the object.
 
-    pixels, background: (H, W, 3) linear, under the same lights. The exposure may differ: the ratio is taken from the
+    pixels, background: (H, W, 3) linear, under the same lights. The exposure may differ: the ratio is that at the
     picture's border. Otherwise as :func:`auto_mask`; a shadow that the object casts differs from the scene as well.
 
-    Raises InputError where the sizes differ or nothing stands out.
+    Raises GeometryError where the sizes differ or nothing stands out.
     """
-    if background.shape != pixels.shape:
-        sizes = [f"{array.shape[1]} x {array.shape[0]}" for array in (background, pixels)]
-        raise InputError(f"the background is {sizes[0]} but the photo is {sizes[1]}; take both with the same camera")
+    check_same_size("the background", background.shape, "the photo", pixels.shape, SAME_CAMERA)
     factor = _factor(pixels)
     small, empty = block_means(pixels, factor), block_means(background, factor)
     white = _white(small)
@@ -187,11 +199,11 @@ def _standing_out(photo: NDArray[np.float32], behind: NDArray[np.float32], notes
     at_border = contrast[_border(contrast.shape)]
     # Twice what noise and a background of several things do, where the object is not.
     least = max(LEAST_CONTRAST, 2 * float(np.quantile(at_border, 1 - OBJECT_AT_BORDER)))
-    parting, clearness = _otsu(np.log(np.maximum(contrast, least / 4)))
-    threshold = max(float(np.exp(parting)), least)
+    threshold, clearness = _otsu(np.log(np.maximum(contrast, least / 4)))
+    threshold = max(float(np.exp(threshold)), least)
     mask = _mended(contrast > threshold, contrast, threshold, dark=float(np.median(behind)) < DARK)
     if not mask.any() or (clearness < CLEAR and mask.mean() < NOISE_SHARE):
-        raise InputError("no object stands out from the background; give a mask file, or a photo of the background")
+        raise GeometryError("no object stands out from the background; give a mask file, or a photo of the background")
     if notes == "all":
         share = 100 * mask.mean()
         log.info("the mask covers %.1f%% of the photo; it is clear by %.2f, where 1 is wholly", share, clearness)
@@ -211,7 +223,10 @@ def _mended(
     def by_shadow(labels: NDArray[np.int32], sizes: NDArray[np.int64]) -> NDArray[np.bool_]:
         unlike = np.bincount(labels.ravel(), contrast.ravel(), len(sizes)) / np.maximum(sizes, 1)
         area = sizes[0]
-        return (sizes <= SPECK * area) | ((sizes <= SHADOW * area) & (dark | (unlike > threshold / 2)))
+        filled: NDArray[np.bool_] = (sizes <= SPECK * area) | (
+            (sizes <= SHADOW * area) & (dark | (unlike > threshold / 2))
+        )
+        return filled
 
     mask = without_holes(mask, by_shadow)
     return without_specks(mask, PART * labelled(mask)[1][1:].max(initial=0))
@@ -233,7 +248,7 @@ def _note_doubts(mask: NDArray[np.bool_], clearness: float) -> None:
 
 
 def _otsu(values: NDArray[np.float32]) -> tuple[float, float]:
-    """The threshold that parts values best, and how well: variance between the two classes by all variance, 0 to 1."""
+    """The threshold that separates values best, and how well: variance between the classes by all variance, 0 to 1."""
     counts, edges = np.histogram(values, 256)
     share, middles = counts / counts.sum(), (edges[1:] + edges[:-1]) / 2
     weight, moment = np.cumsum(share)[:-1], np.cumsum(share * middles)
@@ -310,14 +325,17 @@ def _factor(pixels: NDArray[np.float32]) -> int:
 
 def _white(small: NDArray[np.float32]) -> NDArray[np.float32]:
     """(3,) what counts as white in each channel, so that a weak light's counts as much as a strong one's."""
-    return np.maximum(np.quantile(small, 0.999, axis=(0, 1)), 1e-9).astype(np.float32)
+    white: NDArray[np.float32] = np.maximum(np.quantile(small, 0.999, axis=(0, 1)), 1e-9).astype(np.float32)
+    return white
 
 
 def _on_screen(pixels: NDArray[np.float32], white: NDArray[np.float32]) -> NDArray[np.float32]:
     """Values about as the eye counts them, 0 to 1; the root also makes light's own noise as large everywhere."""
-    return np.sqrt(np.clip(np.nan_to_num(pixels / white), 0, 1))
+    shown: NDArray[np.float32] = np.sqrt(np.clip(np.nan_to_num(pixels / white), 0, 1))
+    return shown
 
 
 def _contrast(photo: NDArray[np.float32], behind: NDArray[np.float32]) -> NDArray[np.float32]:
     """(H, W) the largest difference of the three channels."""
-    return np.abs(photo - behind).max(axis=-1)
+    contrast: NDArray[np.float32] = np.abs(photo - behind).max(axis=-1)
+    return contrast

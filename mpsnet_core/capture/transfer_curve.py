@@ -7,28 +7,28 @@ from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.io.image import linear_to_srgb, srgb_to_linear
 from mpsnet_core.scene.rig import LightRig
 
-# Above DECIDED the values are taken as linear. 1,320 photos, photographed and synthesised, with paint, gloss, shadows,
+# Above DECIDED the values are assumed linear. 1,320 photos, photographed and synthesised, with paint, gloss, shadows,
 # noise and rigs that are known badly: as sRGB 1 of them was above it, as linear 223. Above CLOSE: 46 and 590.
 DECIDED = 0.3
 CLOSE = 0.1
 # Stored values that are used: above shadows, below what clips.
 DARKEST, BRIGHTEST = 0.12, 0.97
-# The object is looked at in blocks, so many along the side of a square of its area; each of some pixels along its side.
+# The object is divided into blocks, so many along the side of a square of its area; each of some pixels along its side.
 BLOCKS = 40
 BLOCK_PIXELS = 6
 LEAST_BLOCKS = 150
 LEAST_CELLS = 100
-# Normals that are turned further away tell nothing of their gradients.
+# Normals that are turned further away have no reliable gradients.
 LEAST_FACING = 0.15
 ROUNDS = 15
-# How little the lights' strengths are taken to differ, against what the pixels say.
+# How little the lights' strengths are assumed to differ, against what the pixels show.
 STRENGTH_PRIOR = 0.05
 
 
 def linear_rather(pixels: NDArray[np.float32], mask: NDArray[np.bool_], rig: LightRig) -> float:
     """How much rather a photo's file holds linear values than sRGB ones; above 0 linear ones are likelier.
 
-    pixels: (H, W, 3) linear by the sRGB curve, whether or not that was right. 0 where too few pixels tell.
+    pixels: (H, W, 3) linear by the sRGB curve, whether or not that was right. 0 where too few pixels are usable.
 
     The gradients of a surface have no curl, and those of the normals by equation 2 have some where values are bent by a
     wrong curve. Paint that is brighter or darker leaves these normals as they are. It is the logarithm of how many
@@ -48,7 +48,7 @@ def linear_rather(pixels: NDArray[np.float32], mask: NDArray[np.bool_], rig: Lig
 
 
 def _curl(pixels: NDArray[np.float32], usable: NDArray[np.bool_], block: int, rig: LightRig) -> float:
-    """The mean curl of the surface's gradients by equation 2, as a share of all their derivatives; 0 if too few tell.
+    """The mean curl of the surface's gradients by equation 2, as a share of all their derivatives; 0 if too few.
 
     pixels: (H, W, 3) of the lights alone, of which those count that are usable (H, W), in blocks of `block` pixels.
     """

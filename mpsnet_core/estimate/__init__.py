@@ -2,12 +2,12 @@
 
 import logging
 import os
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
-from mpsnet_core.estimate.registry import DEFAULT_MODEL, LAMBERTIAN, LAMBERTIAN_GREY_WORLD, find_network
+from mpsnet_core.estimate.registry import DEFAULT_MODEL, DEFAULT_TILE, LAMBERTIAN, LAMBERTIAN_GREY_WORLD, find_network
 from mpsnet_core.progress import Progress, silent
 
-if TYPE_CHECKING:  # Blender imports the shelf beside this file, and shall not wait for OpenImageIO
+if TYPE_CHECKING:  # Blender imports the registry beside this file, and shall not wait for OpenImageIO
     from mpsnet_core.capture.capture import Capture
     from mpsnet_core.scene.normal_map import NormalMap
 
@@ -19,17 +19,38 @@ __all__ = ["Estimator", "estimate_normals"]
 class Estimator:
     """A model made ready once, for any number of captures.
 
-    model: a name of `mpsnet models` or the path of an ONNX file.
-    passes: 1, or 3 to average the answers on the scene turned and mirrored; None for what the shelf says of stills,
-        else the network's card. The baselines take none.
-    options: provider ("cpu", "cuda", "directml", "coreml"), threads and tile for ONNX models, see
-        :class:`mpsnet_core.estimate.onnx_model.OnnxModel`; the baselines take none.
+    Parameters
+    ----------
+    model : str or path
+        A name of `mpsnet models` or the path of an ONNX file.
+    passes : {1, 3}, optional
+        3 averages the network's answers on the scene turned and mirrored. By default the registry's number for stills,
+        else that of the network's card.
+    provider : {"cpu", "cuda", "directml", "coreml"}
+        What runs the network.
+    threads : int
+        CPU threads of the network, 0 for all.
+    tile : int
+        Side in pixels of the tiles of dense networks; memory grows with its square.
 
-    Raises InputError where there is no such model or its file is not one of ours.
+    Raises
+    ------
+    InputError
+        Where there is no such model, its file is not one of ours, or an option is out of range.
+
+    Notes
+    -----
+    The baselines use none of the options.
     """
 
     def __init__(
-        self, model: str | os.PathLike[str] = DEFAULT_MODEL, *, passes: Literal[1, 3] | None = None, **options: Any
+        self,
+        model: str | os.PathLike[str] = DEFAULT_MODEL,
+        *,
+        passes: Literal[1, 3] | None = None,
+        provider: str = "cpu",
+        threads: int = 0,
+        tile: int = DEFAULT_TILE,
     ) -> None:
         self.name = os.fspath(model)
         self._network = None
@@ -37,9 +58,11 @@ class Estimator:
             from mpsnet_core.estimate.onnx_model import OnnxModel  # onnxruntime takes a while to load
 
             network = find_network(self.name)
-            self._network = OnnxModel(network.path, passes=passes or network.passes, **options)
-        elif options.get("provider", "cpu") != "cpu":
-            log.info("%s is no network and runs without provider %s", self.name, options["provider"])
+            self._network = OnnxModel(
+                network.path, provider=provider, threads=threads, tile=tile, passes=passes or network.passes
+            )
+        elif provider != "cpu":
+            log.info("%s is no network and runs without provider %s", self.name, provider)
 
     def __call__(self, capture: "Capture", progress: Progress = silent) -> "NormalMap":
         """Normals of `capture`, in camera space. Raises Cancelled where `progress` does."""
@@ -57,11 +80,46 @@ def estimate_normals(
     capture: "Capture",
     model: str | os.PathLike[str] = DEFAULT_MODEL,
     *,
+    passes: Literal[1, 3] | None = None,
+    provider: str = "cpu",
+    threads: int = 0,
+    tile: int = DEFAULT_TILE,
     progress: Progress = silent,
-    **options: Any,
 ) -> "NormalMap":
     """Estimate the surface normal of every pixel inside the capture's mask.
 
-    Model and options as in :class:`Estimator`, which is the one to keep when there are many captures.
+    Parameters
+    ----------
+    capture : Capture
+        The photo with its mask, lights and camera.
+    model, passes, provider, threads, tile
+        As of :class:`Estimator`, which is the one to keep when there are many captures.
+    progress : callable
+        Receives the share that is done, 0 to 1, and what is being done.
+
+    Returns
+    -------
+    NormalMap
+        In camera space: x right, y up, z towards the camera.
+
+    Raises
+    ------
+    InputError
+        As :class:`Estimator` does.
+    Cancelled
+        Where `progress` raises it.
+
+    Examples
+    --------
+    A matt plane that faces the camera, by equation 2:
+
+    >>> import numpy as np
+    >>> from mpsnet_core import Capture, estimate_normals, published_rig
+    >>> rig = published_rig()
+    >>> image = np.broadcast_to(rig.directions @ [0.0, 0.0, 1.0], (2, 2, 3))
+    >>> normals = estimate_normals(Capture(image, np.ones((2, 2), bool), rig), "lambertian")
+    >>> np.allclose(normals.vectors, [0.0, 0.0, 1.0], atol=1e-6)
+    True
     """
-    return Estimator(model, **options)(capture, progress)
+    estimator = Estimator(model, passes=passes, provider=provider, threads=threads, tile=tile)
+    return estimator(capture, progress)

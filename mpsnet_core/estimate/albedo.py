@@ -1,15 +1,15 @@
 """Albedo from a second photo, under white light: the surface's own colour, without the light and shadow on it.
 
 One shot under three coloured lights has three values a pixel, and its normals are made of them: what of it is colour
-and what is shape, no pixel tells. A photo of the same pose under white light does, once the normals are known: it is
+and what is shape, no pixel shows. A photo of the same pose under white light does, once the normals are known: it is
 the albedo times the shading, ``w = a Σ v_k max(n·l_k, 0)``, so dividing by the shading leaves the albedo.
 
-Which of the lights a shadow keeps off (``v_k``, 0 to 1) both photos tell together. The coloured one is ``c = a M s``,
+Which of the lights a shadow blocks (``v_k``, 0 to 1) follows from both photos. The coloured one is ``c = a M s``,
 channel by channel, with ``s_k = κ_k v_k max(n·l_k, 0)`` of each light k: in ``c / w`` the albedo cancels out, and with
 it all colour. Unmixed, and divided by ``κ_k n·l_k``, it is the smaller for one light than for the others the more of
-that light a shadow keeps off.
+that light a shadow blocks.
 
-What it takes for granted: that the surface is matt (highlights stay in the albedo, and are too bright in it); that the
+What it assumes: that the surface is matt (highlights stay in the albedo, and are too bright in it); that the
 three lights are equally bright when they are white; and that what light bounces between surfaces is little.
 """
 
@@ -20,42 +20,67 @@ from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.estimate.distant_lights import lights_by_rows
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.images import read_image, write_image
 from mpsnet_core.scene.normal_map import NormalMap
 
-# Where less light than this arrives (a cosine), a surface is taken to be as bright as if so much did: its albedo comes
-# out too dark there, and not as noise.
+# Where less light than this arrives (a cosine), the shading is assumed to be this: the albedo comes out too dark there,
+# and not as noise.
 LEAST_SHADING = 0.1
-# A light that arrives at less than this cosine tells nothing of its shadows, and adds little.
+# A light that arrives at less than this cosine shows nothing of its shadows, and adds little.
 GRAZING = 0.1
-# Shares of a light, as against the light that arrives best: below the first a shadow keeps it off, above the second it
+# Shares of a light, as against the light that arrives best: below the first a shadow blocks it, above the second it
 # arrives in full. Normals that are wrong by some degrees stay above, bounced light and noise in shadows below.
 SHADOW, FULL = 0.2, 0.6
 # So much brighter than what all three lights reach (its 95th percentile) nothing is that a shadow is found on.
 BRIGHTER = 1.25
-# Below this share of its channel's 99th percentile inside the mask a pixel of the white photo tells nothing of shadows.
+# Below this share of its channel's 99th percentile inside the mask a pixel of the white photo shows nothing of shadows.
 DARK = 0.02
 # The albedo is brought to this scale: its brightest channel's 99.5th percentile inside the mask.
 BRIGHTEST, BRIGHTEST_PERCENTILE = 0.9, 99.5
 
 
 def albedo_from_white(capture: Capture, normals: NormalMap, light: ArrayLike | None = None) -> NDArray[np.float32]:
-    """(H, W, 3) float32, linear: the albedo of a matt surface by the capture's white photo, zero outside the mask.
+    """The albedo of a matt surface by the capture's white photo.
 
-    It is relative, as no photo tells its own exposure: scaled so that the 99.5th percentile of its brightest channel
-    inside the mask is 0.9. Channels keep their proportions: where the light was not white, so is the albedo not.
+    Parameters
+    ----------
+    capture : Capture
+        With its white photo.
+    normals : NormalMap
+        Of the capture, in camera space.
+    light : (3,) array, optional
+        Direction from the surface to the one light of the white photo, in camera space. By default the rig's three
+        lights were turned white, and shadows that block one or two of them are allowed for.
 
-    normals: of the capture, in camera space. light: (3,) where the one light of the white photo was, from the surface
-    to it in camera space; unless given, the rig's three lights were turned white, and shadows that keep one or two of
-    them off are allowed for. What is shadowed from that one light, or from all three, comes out too dark.
+    Returns
+    -------
+    (H, W, 3) float32
+        Linear, zero outside the mask. Relative, as a photo's exposure is unknown: scaled so that the 99.5th percentile
+        of its brightest channel inside the mask is 0.9. Channels keep their proportions: under a coloured light the
+        albedo has its colour. Where that one light, or all three, are blocked, it comes out too dark.
 
-    Raises InputError where there is no white photo, or the light is behind the object.
+    Raises
+    ------
+    SettingsError
+        Where there is no white photo.
+    GeometryError
+        Where the light is behind the object.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from mpsnet_core import Capture, albedo_from_white, estimate_normals, published_rig
+    >>> rig, mask = published_rig(), np.ones((2, 2), bool)
+    >>> image = np.broadcast_to(rig.directions @ [0.0, 0.0, 1.0], (2, 2, 3))
+    >>> capture = Capture(image, mask, rig, white=image * [1.0, 0.5, 0.25])
+    >>> np.allclose(albedo_from_white(capture, estimate_normals(capture, "lambertian")), [0.9, 0.45, 0.225])
+    True
     """
     if capture.white is None:
-        raise InputError("the albedo is made from a white photo, and there is none; give one")
+        raise SettingsError("the albedo is made from a white photo, and there is none; give one")
     white = np.maximum(capture.white, 0)
     if light is None:
         shading = _by_rig(capture, white, normals.vectors)
@@ -69,8 +94,8 @@ def albedo_from_white(capture: Capture, normals: NormalMap, light: ArrayLike | N
     measure = capture.mask & (shading > LEAST_SHADING)
     if capture.white_clipped is not None:
         measure &= ~capture.white_clipped.any(axis=-1)
-    told = albedo[measure if measure.any() else capture.mask]
-    brightest = float(np.percentile(told, BRIGHTEST_PERCENTILE, axis=0).max())
+    measured = albedo[measure if measure.any() else capture.mask]
+    brightest = float(np.percentile(measured, BRIGHTEST_PERCENTILE, axis=0).max())
     albedo *= np.float32(BRIGHTEST / max(brightest, 1e-9))
     return albedo
 
@@ -82,10 +107,23 @@ def write_albedo(
     *,
     bits: int | None = None,
 ) -> None:
-    """Write an albedo (H, W, 3), linear: as sRGB in PNG or TIFF (16 bits unless told), where above 1 is 1, or linear in
-    EXR (float unless told). mask: (H, W), kept as alpha.
+    """Write an albedo as sRGB in PNG or TIFF, clipped at 1, or linear in EXR.
 
-    Raises InputError as :func:`mpsnet_core.io.images.write_image` does.
+    Parameters
+    ----------
+    path : str or path
+        The file; its suffix decides the format.
+    albedo : (H, W, 3) float32
+        Linear.
+    mask : (H, W) bool, optional
+        Written as alpha.
+    bits : int, optional
+        Bits per channel; by default 16, in EXR 32.
+
+    Raises
+    ------
+    InputError
+        As :func:`write_image` does.
     """
     linear = os.fspath(path).lower().endswith(".exr")
     values = albedo if linear else linear_to_srgb(albedo)
@@ -95,9 +133,22 @@ def write_albedo(
 
 
 def read_albedo(path: str | os.PathLike[str]) -> NDArray[np.float32]:
-    """(H, W, 3) float32, linear: an albedo that was written, or any such picture; NaN where it is transparent.
+    """Read an albedo, or any colour picture as one.
 
-    Raises InputError where the file is missing, broken or no colour picture.
+    Parameters
+    ----------
+    path : str or path
+        The file.
+
+    Returns
+    -------
+    (H, W, 3) float32
+        Linear; NaN where it is transparent.
+
+    Raises
+    ------
+    InputError
+        Where the file is missing, broken or no colour picture.
     """
     image = read_image(path)
     if image.alpha is None:
@@ -108,12 +159,12 @@ def read_albedo(path: str | os.PathLike[str]) -> NDArray[np.float32]:
 def _towards(light: ArrayLike) -> NDArray[np.float32]:
     direction = np.asarray(light, np.float32)
     if direction.shape != (3,) or not np.isfinite(direction).all() or direction[2] <= 0:
-        raise InputError(f"the white light is not in front of the object ({light!r}); give where it was, z above 0")
+        raise GeometryError(f"the white light is not in front of the object ({light!r}); give where it was, z above 0")
     return np.asarray(direction / np.linalg.norm(direction), np.float32)
 
 
 def _by_rig(capture: Capture, white: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(H, W) the shading by the rig's three lights, as far as no shadow keeps them off."""
+    """(H, W) the shading by the rig's three lights, as far as no shadow blocks them."""
     cosines = np.empty(normals.shape, np.float32)
     for rows, lights in lights_by_rows(capture):
         cosines[rows] = np.maximum(np.einsum("...ki,...i->...k", lights, normals[rows]), 0)
@@ -140,13 +191,12 @@ def _by_rig(capture: Capture, white: NDArray[np.float32], normals: NDArray[np.fl
 
 
 def _comparable(capture: Capture, white: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """(H, W, 3) where the photos tell how much of each light arrives: not clipped, nor too dark under white light."""
-    told = (
-        capture.mask[..., None] & ~capture.saturated & (white > DARK * np.percentile(white[capture.mask], 99, axis=0))
-    )
+    """(H, W, 3) where the photos show how much of each light arrives: not clipped, nor too dark under white light."""
+    bright: NDArray[np.bool_] = white > DARK * np.percentile(white[capture.mask], 99, axis=0)
+    valid = capture.mask[..., None] & ~capture.saturated & bright
     if capture.white_clipped is not None:
-        told &= ~capture.white_clipped
+        valid &= ~capture.white_clipped
     if not np.array_equal(capture.rig.mixing, np.eye(3)):
-        # Every light's share is drawn from all channels.
-        told = np.broadcast_to(told.all(axis=-1, keepdims=True), told.shape)
-    return told
+        # Unmixing computes each light from all channels.
+        valid = np.broadcast_to(valid.all(axis=-1, keepdims=True), valid.shape)
+    return valid

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FormatError
 from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS
 
 CARD_KEY = "mpsnet.card"
@@ -17,21 +17,36 @@ CARD_VERSION = 1
 
 @dataclass(frozen=True)
 class ModelCard:
-    """What an ONNX file says of itself.
+    """How to run an ONNX file's network.
 
-    name, network, licence: for people. network names the architecture.
-    kind: "dense" maps (N, C, H, W) to (N, 3, H, W); "pyramid" does so on one scale after the other, coarse to fine,
-        with its answer on the scale before as an input; "patch" maps (N, C, patch, patch) to (N, 3), one pixel a patch.
-    inputs: for each ONNX input the features that are stacked along its channels, see
+    Attributes
+    ----------
+    name, network, licence
+        For people; `network` names the architecture.
+    kind
+        "dense" maps (N, C, H, W) to (N, 3, H, W); "pyramid" does so on one scale after the other, coarse to fine, with
+        its answer on the scale before as an input; "patch" maps (N, C, patch, patch) to (N, 3), one pixel a patch.
+    inputs
+        For each ONNX input the features that are stacked along its channels, see
         :data:`mpsnet_core.estimate.features.FEATURE_CHANNELS`. Constants ("lights") are one pixel and stand alone:
         (N, 9, 1, 1), or beside each other.
-    halo: dense and pyramid; how many pixels around it an output pixel depends on at most (receptive field radius).
-    multiple: dense and pyramid; height and width must be a multiple of this (pooling).
-    patch: patch only; the side of a patch in pixels, odd.
-    frame: dense and pyramid; "camera", or "canonical" for a network that always sees the first light straight up in the
+    halo
+        Dense and pyramid; radius of the receptive field in pixels.
+    multiple
+        Dense and pyramid; height and width must be a multiple of this (pooling).
+    patch
+        Patch only; the side of a patch in pixels, odd.
+    frame
+        Dense and pyramid; "camera", or "canonical" for a network that always sees the first light straight up in the
         picture and the others counter-clockwise from it, see :mod:`mpsnet_core.estimate.light_frame`.
-    passes: canonical only; in how many frames the picture is seen, 1 to 6, see
+    passes
+        Canonical only; in how many frames the network sees the picture, 1 to 6, see
         :func:`mpsnet_core.estimate.light_frame.canonical_frames`. The answers are averaged.
+
+    Raises
+    ------
+    FormatError
+        Where a value is of the wrong type or out of range, or values contradict each other.
     """
 
     name: str
@@ -48,36 +63,38 @@ class ModelCard:
     def __post_init__(self) -> None:
         for key in ("name", "network", "licence"):
             if not isinstance(getattr(self, key), str) or not getattr(self, key):
-                raise InputError(f'its card needs a text for "{key}"')
+                raise FormatError(f'its card needs a text for "{key}"')
         if self.kind not in ("dense", "patch", "pyramid"):
-            raise InputError(f'its card\'s "kind" is {self.kind!r}; expected "dense", "patch" or "pyramid"')
+            raise FormatError(f'its card\'s "kind" is {self.kind!r}; expected "dense", "patch" or "pyramid"')
         if self.frame not in ("camera", "canonical"):
-            raise InputError(f'its card\'s "frame" is {self.frame!r}; expected "camera" or "canonical"')
+            raise FormatError(f'its card\'s "frame" is {self.frame!r}; expected "camera" or "canonical"')
         if self.frame == "canonical" and self.kind == "patch":
-            raise InputError('its card\'s "frame" is "canonical", which a network that sees patches cannot have')
+            raise FormatError('its card\'s "frame" is "canonical", which a network that sees patches cannot have')
         if type(self.passes) is not int or not 1 <= self.passes <= 6:
-            raise InputError(f'its card\'s "passes" is {self.passes!r}; expected a whole number from 1 to 6')
+            raise FormatError(f'its card\'s "passes" is {self.passes!r}; expected a whole number from 1 to 6')
         if self.passes > 1 and self.frame != "canonical":
-            raise InputError(f'its card\'s "passes" is {self.passes}, which needs the "frame" "canonical"')
+            raise FormatError(f'its card\'s "passes" is {self.passes}, which needs the "frame" "canonical"')
         if not isinstance(self.inputs, Mapping) or not self.inputs:
-            raise InputError("its card's \"inputs\" must name each input's features")
+            raise FormatError("its card's \"inputs\" must name each input's features")
         for name, features in self.inputs.items():
             if not features:
-                raise InputError(f'its card\'s "inputs" gives no list of features for input {name!r}')
+                raise FormatError(f'its card\'s "inputs" has no list of features for input {name!r}')
             for feature in features:
                 if not isinstance(feature, str) or feature not in FEATURE_CHANNELS:
-                    raise InputError(f"its card asks for {feature!r}; this program makes {', '.join(FEATURE_CHANNELS)}")
+                    raise FormatError(
+                        f"its card requests {feature!r}; this program makes {', '.join(FEATURE_CHANNELS)}"
+                    )
             if (constants := CONSTANTS.intersection(features)) and constants != set(features):
-                raise InputError(
+                raise FormatError(
                     f"its card stacks {', '.join(sorted(constants))}, which is one pixel, with maps in input {name!r}; "
                     "give it an input of its own"
                 )
         for key, least in (("halo", 0), ("multiple", 1), ("patch", 1)):
             value = getattr(self, key)
             if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= 4096:
-                raise InputError(f'its card\'s "{key}" is {value!r}; expected a whole number from {least} to 4096')
+                raise FormatError(f'its card\'s "{key}" is {value!r}; expected a whole number from {least} to 4096')
         if self.patch % 2 == 0:
-            raise InputError(f'its card\'s "patch" is {self.patch}; expected an odd number of pixels')
+            raise FormatError(f'its card\'s "patch" is {self.patch}; expected an odd number of pixels')
 
     def to_json(self) -> str:
         """The card as the text that stands under :data:`CARD_KEY` in the ONNX file's metadata."""
@@ -86,19 +103,19 @@ class ModelCard:
 
 
 def card_from_metadata(metadata: Mapping[str, str]) -> ModelCard:
-    """The card in an ONNX file's metadata. Raises InputError where there is none or it is malformed."""
+    """The card in an ONNX file's metadata. Raises FormatError where there is none or it is malformed."""
     text = metadata.get(CARD_KEY)
     if text is None:
-        raise InputError(f"it has no card (metadata {CARD_KEY!r}), so nothing says how its inputs are made")
+        raise FormatError(f"it has no card (metadata {CARD_KEY!r}), so it is unknown how its inputs are made")
     try:
         data: Any = json.loads(text)
     except (ValueError, RecursionError):
-        raise InputError(f"its card (metadata {CARD_KEY!r}) is not valid JSON") from None
+        raise FormatError(f"its card (metadata {CARD_KEY!r}) is not valid JSON") from None
     if not isinstance(data, dict) or data.pop("format", None) != CARD_FORMAT:
-        raise InputError(f"its card is not a {CARD_FORMAT} card")
+        raise FormatError(f"its card is not a {CARD_FORMAT} card")
     version = data.pop("version", None)
     if version != CARD_VERSION:
-        raise InputError(f"its card is version {version!r}, this program reads version {CARD_VERSION}; update it")
+        raise FormatError(f"its card is version {version!r}, this program reads version {CARD_VERSION}; update it")
     known = {key: data[key] for key in ModelCard.__dataclass_fields__ if key in data}
     if isinstance(known.get("inputs"), dict):
         known["inputs"] = {
@@ -106,12 +123,12 @@ def card_from_metadata(metadata: Mapping[str, str]) -> ModelCard:
         }
     missing = [key for key in ("name", "network", "licence", "kind", "inputs") if key not in known]
     if missing:
-        raise InputError(f'its card lacks "{missing[0]}"')
+        raise FormatError(f'its card lacks "{missing[0]}"')
     return ModelCard(**known)
 
 
 def record_from_metadata(metadata: Mapping[str, str]) -> dict[str, Any]:
-    """How the model came about, from an ONNX file's metadata; empty where it is not told or malformed."""
+    """How the model came about, from an ONNX file's metadata; empty where it is missing or malformed."""
     try:
         record = json.loads(metadata.get(TRAINING_KEY, "{}"))
     except (ValueError, RecursionError):

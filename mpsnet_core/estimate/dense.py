@@ -1,4 +1,4 @@
-"""Dense networks: on the box around the object, in tiles, and where the card says so on one scale after another."""
+"""Dense networks: on the box around the object, in tiles, and for pyramids on one scale after another."""
 
 from collections.abc import Iterator
 from typing import Any, Protocol
@@ -11,8 +11,8 @@ from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.card import ModelCard
 from mpsnet_core.estimate.features import (
     CONSTANTS,
-    FEATURE_CHANNELS,
     Seen,
+    channel_count,
     mean_light,
     white_means,
     white_valid,
@@ -43,7 +43,7 @@ def dense_answer(network: Network, card: ModelCard, capture: Capture, tile: int,
 
     A pyramid's first scale shows the whole object on at most 128 pixels a side. Each further scale has twice the
     resolution, and the network sees its own answer on the one before. A pixel of a coarse scale is the mean of those
-    inside the mask. Where the card asks for several passes they are averaged on every scale.
+    inside the mask. Where the card has several passes they are averaged on every scale.
 
     Photo, features and answers are made a tile at a time, so that beside the photo and this array little memory is
     needed however large they are.
@@ -58,13 +58,13 @@ def dense_answer(network: Network, card: ModelCard, capture: Capture, tile: int,
         result = answer[photo.box] if halving == 0 else np.zeros((*shape, 4), storage_type(shape))
         work = list(_tiles(shape, tile, card.multiple, card.halo))
         for number, (window, place) in enumerate(work):
-            if previous is not None:  # rows that no further tile sees are given back
+            if previous is not None:  # rows that no further tile sees are freed
                 previous.resize((_window_before(window, previous)[0].stop, *previous.shape[1:]), refcheck=False)
             progress(_done(halving, halvings, number / len(work)), f"tile {number + 1} of {len(work)}")
             if photo.holds_object(place, halving):
-                kept, seen = _within(place, window), photo.seen(window, halving, previous)
+                part, seen = _within(place, window), photo.seen(window, halving, previous)
                 for frame in frames:
-                    result[place] += _tile_answer(network, card, seen, frame)[kept] / np.float32(len(frames))
+                    result[place] += _tile_answer(network, card, seen, frame)[part] / np.float32(len(frames))
         previous = result
     return answer
 
@@ -120,15 +120,15 @@ class _Photo:
         rows = max(1, READ_AT_ONCE // (shape[1] << 2 * halving))
         for top in range(0, shape[0], rows):
             part = slice(top, min(top + rows, shape[0]))
-            there = self._own_pixels(
+            pixels_of_part = self._own_pixels(
                 slice(window[0].start + part.start, window[0].start + part.stop), window[1], halving
             )
-            inside = self.capture.mask[there]
-            pixels = self.capture.image[there].astype(np.float32, copy=False)
+            inside = self.capture.mask[pixels_of_part]
+            pixels = self.capture.image[pixels_of_part].astype(np.float32, copy=False)
             image[part], mask[part] = _means(pixels, inside, halving)
             if white is not None and self.capture.white is not None:
-                pixels = self.capture.white[there].astype(np.float32, copy=False)
-                white[part], _ = _means(pixels, white_valid(self.capture, *there), halving)
+                pixels = self.capture.white[pixels_of_part].astype(np.float32, copy=False)
+                white[part], _ = _means(pixels, white_valid(self.capture, *pixels_of_part), halving)
         if white is not None:
             white /= np.asarray(self._white_means, np.float32)
         return self.capture.rig.unmixed(image), white, mask
@@ -160,23 +160,23 @@ def _previous(answer: NDArray[Any], window: Window) -> Floats:
     """The map "previous" (h, w, 4) of a window at twice the resolution of `answer`; bilinear, from answers alone."""
     rows, columns = _window_before(window, answer)
     part = answer[rows, columns].astype(np.float32)
-    there = (part[..., :3] != 0).any(axis=-1, keepdims=True)
+    answered = (part[..., :3] != 0).any(axis=-1, keepdims=True)
     part[..., :3] = normalised(part[..., :3])
     part[..., 3:] = (1 - part[..., 3:]) * RIGHT_ANGLE
-    part = np.concatenate([part, np.ones_like(there, np.float32)], axis=-1) * there
+    part = np.concatenate([part, np.ones_like(answered, np.float32)], axis=-1) * answered
     part = _doubled(_doubled(part, 0), 1)
     down, right = (
-        slice(side.start - 2 * held.start, side.stop - 2 * held.start)
-        for side, held in zip(window, (rows, columns), strict=True)
+        slice(side.start - 2 * source.start, side.stop - 2 * source.start)
+        for side, source in zip(window, (rows, columns), strict=True)
     )
     part = part[down, right]
-    values = part[..., :4] / np.maximum(part[..., 4:], np.float32(1e-3))
+    values: Floats = part[..., :4] / np.maximum(part[..., 4:], np.float32(1e-3))
     values[..., :3] = normalised(values[..., :3])
     return values
 
 
 def _window_before(window: Window, answer: NDArray[Any]) -> Window:
-    """What of an answer a window at twice its resolution is made from."""
+    """The part of an answer that a window at twice its resolution needs."""
     rows, columns = (
         slice(max(side.start // 2 - 1, 0), min(-(-side.stop // 2) + 1, length))
         for side, length in zip(window, answer.shape, strict=False)
@@ -189,10 +189,10 @@ def _doubled(values: Floats, axis: int) -> Floats:
     shape = list(values.shape)
     shape[axis] *= 2
     twice = np.empty(shape, np.float32)
-    given, result = np.moveaxis(values, axis, 0), np.moveaxis(twice, axis, 0)
-    quarter = np.float32(0.25) * given
+    source, result = np.moveaxis(values, axis, 0), np.moveaxis(twice, axis, 0)
+    quarter = np.float32(0.25) * source
     before, after = result[0::2], result[1::2]
-    before[:] = after[:] = given - quarter
+    before[:] = after[:] = source - quarter
     before[0] += quarter[0]
     before[1:] += quarter[:-1]
     after[:-1] += quarter[1:]
@@ -219,7 +219,7 @@ def _inputs(card: ModelCard, seen: Seen, frame: LightFrame) -> dict[str, Floats]
     inputs = {}
     for name, features in card.inputs.items():
         size = (1, 1) if CONSTANTS.intersection(features) else turned.mask.shape
-        stacked = np.empty((1, sum(FEATURE_CHANNELS[feature] for feature in features), *size), np.float32)
+        stacked = np.empty((1, channel_count(features), *size), np.float32)
         first = 0
         for feature in features:
             values = window_map(feature, turned)
@@ -230,13 +230,13 @@ def _inputs(card: ModelCard, seen: Seen, frame: LightFrame) -> dict[str, Floats]
 
 
 def _in_frame(seen: Seen, frame: LightFrame, multiple: int) -> Seen:
-    """What is seen, filled up with nothing to the network's multiple, in a frame."""
+    """A window in a frame, padded with zeros to the network's multiple."""
     order = list(frame.order)
 
     def picture(values: NDArray[Any]) -> NDArray[Any]:
-        grown = np.zeros((*_padded(values.shape[:2], multiple), *values.shape[2:]), values.dtype)
-        grown[: values.shape[0], : values.shape[1]] = values
-        return frame.picture(grown)
+        padded = np.zeros((*_padded(values.shape[:2], multiple), *values.shape[2:]), values.dtype)
+        padded[: values.shape[0], : values.shape[1]] = values
+        return frame.picture(padded)
 
     # The camera's channels go with the lights that they see.
     white = None if seen.white is None else picture(seen.white)[..., order]

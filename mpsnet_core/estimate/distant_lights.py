@@ -1,16 +1,16 @@
-"""Near lights and perspective, taken out of a photo: what it would be from afar, under distant lights.
+"""Near lights and perspective removed from a photo: what it would be from afar, under distant lights.
 
 The networks have learned one direction for each light and see the whole picture at once. In a photo from nearby every
 pixel has lights and a line of sight of its own. Where a matt surface is lit by all three lights, its normal times its
 albedo follows from the pixel (equation 2, with the lights as they are there); turned so that the line of sight becomes
-the z axis and lit anew by the rig's directions, it gives the pixel that a distant camera and distant lights would see.
+the z axis and lit anew by the rig's directions, it is the pixel that a distant camera would see under distant lights.
 The same 3 x 3 matrix is used for every pixel. Where a light does not reach, a little light comes in that was not there;
 shine is treated as if it were matt. Measured against alternatives that need the answer first, this was the best.
 """
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TypeGuard
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +35,7 @@ def under_distant_lights(capture: Capture) -> Capture:
 def as_distant_lights(capture: Capture) -> Capture:
     """The capture under distant lights and with every line of sight turned into the z axis, never below zero.
 
-    Itself where lights and camera are distant. Normals that are estimated from it are brought back by
+    Itself where lights and camera are distant. Normals that are estimated from it are rotated back by
     :func:`turn_back`.
     """
     if capture.rig.near is None and not _is_perspective(capture.camera):
@@ -44,7 +44,7 @@ def as_distant_lights(capture: Capture) -> Capture:
 
 
 def turn_back(normals: NDArray[np.float32], camera: Camera | None) -> None:
-    """Bring normals (H, W, 3) that were estimated from afar into camera space, where they stand."""
+    """Rotate normals (H, W, 3) that were estimated from afar into camera space, in place."""
     if not _is_perspective(camera):
         return
     for rows in bands(len(normals), ROWS):
@@ -74,15 +74,15 @@ def lights_by_rows(capture: Capture) -> Iterator[tuple[slice, NDArray[np.float64
             yield rows, near.light_at(camera.points(np.where(capture.mask[rows], depth[rows], 1), rows.start))
 
 
-def pseudo_normals(light: NDArray[np.floating], lights: NDArray[np.float64]) -> NDArray[np.float64]:
+def pseudo_normals(light: NDArray[np.floating[Any]], lights: NDArray[np.float64]) -> NDArray[np.float64]:
     """Equation 2 where every pixel has lights of its own: normals times albedo, (..., 3).
 
-    light: (..., 3) what each light alone gives. lights: (..., 3, 3), a light a row, as long as it is bright.
+    light: (..., 3) each light alone (unmixed). lights: (..., 3, 3), a light a row, as long as it is bright.
     """
     first, second, third = (lights[..., number, :] for number in range(3))
     across = np.cross(second, third)
     volume = np.einsum("...i,...i->...", first, across)[..., None]
-    # In the plane of the three lights no normal can be told.
+    # Where the three lights lie in one plane no normal follows.
     volume = np.where(np.abs(volume) < 1e-9, 1e-9, volume)
     result: NDArray[np.float64] = (
         light[..., :1] * across + light[..., 1:2] * np.cross(third, first) + light[..., 2:] * np.cross(first, second)
@@ -101,7 +101,7 @@ def _turn_to_z(camera: Camera, rows: slice) -> NDArray[np.float64]:
     return np.cross(towards, [0.0, 0.0, 1.0])
 
 
-def _turned(vectors: NDArray[np.floating], axes: NDArray[np.float64]) -> NDArray[np.float64]:
+def _turned(vectors: NDArray[np.floating[Any]], axes: NDArray[np.float64]) -> NDArray[np.float64]:
     """Vectors turned about axes that are as long as the sine of the angle, which is below 90° (Rodrigues)."""
     cosine = np.sqrt(1 - np.einsum("...i,...i->...", axes, axes))[..., None]
     once = np.cross(axes, vectors)

@@ -1,4 +1,4 @@
-"""What networks see: maps made from a capture, each by its name on a model's card."""
+"""The inputs of networks: maps made from a capture, each by its name on a model's card."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -17,7 +17,7 @@ FEATURE_CHANNELS = {
     "initial_normals": 3,  # equation 2 on "photo"
     "initial_normals_grey_world": 3,  # equation 2 on "grey_world"
     "mask": 1,
-    "white": 3,  # the white photo, each channel divided by its own mean over the mask; zero where it tells nothing
+    "white": 3,  # the white photo, each channel divided by its own mean over the mask; zero where clipped
     "previous": 4,  # of pyramids: normals and expected error (radians) on the scale before; zero on the first
     "lights": 9,  # the three directions (x, y, z each); one pixel, for an input of its own
     "channel_means": 3,  # of "photo" over the mask; one pixel
@@ -30,10 +30,15 @@ CONSTANTS = frozenset({"lights", "channel_means", "given"})
 LEAST_MEAN = 1e-4
 
 
+def channel_count(features: Iterable[str]) -> int:
+    """The channels of an input that these features are stacked in."""
+    return sum(FEATURE_CHANNELS[feature] for feature in features)
+
+
 class Seen(NamedTuple):
     """A window of a photo on some scale, with what holds for the whole photo.
 
-    light: (H, W, 3) what each light alone gives. mask: (H, W). directions: (3, 3), a light a row. means: (3,) of the
+    light: (H, W, 3) each light alone (unmixed). mask: (H, W). directions: (3, 3), a light a row. means: (3,) of the
     light over the whole mask. white: (H, W, 3), the map "white", or None. previous: (H, W, 4) the map "previous", or
     None on the first scale.
     """
@@ -54,7 +59,7 @@ def feature_maps(capture: Capture, names: Iterable[str]) -> dict[str, NDArray[np
 
 
 def mean_light(capture: Capture) -> NDArray[np.float64]:
-    """(3,) what each light alone gives (unmixed), as its mean over the mask."""
+    """(3,) the mean over the mask of each light alone (unmixed)."""
     total = np.zeros(3)
     for rows in bands(len(capture.mask)):
         total += np.einsum("hwc,hw->c", capture.image[rows], capture.mask[rows], dtype=np.float64)
@@ -62,20 +67,20 @@ def mean_light(capture: Capture) -> NDArray[np.float64]:
 
 
 def white_valid(capture: Capture, rows: slice = slice(None), columns: slice = slice(None)) -> NDArray[np.bool_]:
-    """(H, W) where the white photo tells something: inside the mask, and no channel clipped."""
-    told = capture.mask[rows, columns]
-    return told if capture.white_clipped is None else told & ~capture.white_clipped[rows, columns].any(axis=-1)
+    """(H, W) where the white photo is valid: inside the mask, and no channel clipped."""
+    inside = capture.mask[rows, columns]
+    return inside if capture.white_clipped is None else inside & ~capture.white_clipped[rows, columns].any(axis=-1)
 
 
 def white_means(capture: Capture) -> NDArray[np.float64] | None:
-    """(3,) means of the white photo's channels where it tells something; None where there is none, or nothing told."""
+    """(3,) means of the white photo's channels where it is valid; None where there is none, or none of it is valid."""
     if capture.white is None:
         return None
     total, count = np.zeros(3), 0
     for rows in bands(len(capture.mask)):
-        told = white_valid(capture, rows)
-        total += capture.white[rows][told].sum(axis=0, dtype=np.float64)
-        count += int(told.sum())
+        valid = white_valid(capture, rows)
+        total += capture.white[rows][valid].sum(axis=0, dtype=np.float64)
+        count += int(valid.sum())
     return np.where(total > 0, total / count, 1.0) if count else None
 
 
@@ -84,7 +89,8 @@ def white_map(capture: Capture) -> NDArray[np.float32] | None:
     means = white_means(capture)
     if capture.white is None or means is None:
         return None
-    return np.where(white_valid(capture)[..., None], capture.white / means.astype(np.float32), np.float32(0))
+    scaled: NDArray[np.float32] = capture.white / means.astype(np.float32)
+    return np.where(white_valid(capture)[..., None], scaled, np.float32(0))
 
 
 def window_map(name: str, seen: Seen) -> NDArray[np.float32]:
@@ -94,7 +100,8 @@ def window_map(name: str, seen: Seen) -> NDArray[np.float32]:
         return directions.astype(np.float32).reshape(9, 1, 1)
     if name == "channel_means":
         floor = np.maximum(means, LEAST_MEAN * max(float(means.mean()), 1e-30))
-        return (floor / floor.mean()).astype(np.float32).reshape(3, 1, 1)
+        shares: NDArray[np.float64] = floor / floor.mean()
+        return shares.astype(np.float32).reshape(3, 1, 1)
     if name == "given":
         return np.array([seen.previous is not None, seen.white is not None], np.float32).reshape(2, 1, 1)
     if name in ("photo", "initial_normals"):

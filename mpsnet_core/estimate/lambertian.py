@@ -12,13 +12,8 @@ from mpsnet_core.scene.normal_map import NormalMap
 SHADOW_SHARE = 0.02
 
 
-def grey_world_image(image: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """(H, W, 3) each channel divided by its own mean inside the mask; a channel that is black there stays as it is."""
-    return divided(image, image[mask].mean(axis=0, dtype=np.float64))
-
-
 def divided(image: NDArray[np.float32], means: NDArray[np.float64] | float) -> NDArray[np.float32]:
-    """The image (..., 3) divided by its mean, or each channel by its own; what has none above zero stays as it is."""
+    """The image (..., 3) divided by its mean, or each channel by its own; by 1 where the mean is not above 0."""
     divisor: NDArray[np.float32] = np.where(np.greater(means, 0), means, 1).astype(np.float32)
     return image / divisor
 
@@ -27,7 +22,7 @@ def initial_normals(image: NDArray[np.float32], directions: NDArray[np.float64])
     """Equation 2: ``n = L⁻¹ c``, normalised.
 
     image: (..., 3) linear, one channel a light. directions: (3, 3), a unit vector a row. Returns (..., 3) unit
-    vectors in the directions' frame; a black pixel, which tells nothing, faces the camera (+z).
+    vectors in the directions' frame; a black pixel faces the camera (+z).
     """
     return normalised(image @ np.linalg.inv(directions).T.astype(np.float32))
 
@@ -36,10 +31,11 @@ def usable_channels(capture: Capture) -> NDArray[np.bool_]:
     """(H, W, 3) False where a light does not reach the pixel (shadow) or its channel is saturated."""
     saturated = capture.saturated
     if not np.array_equal(capture.rig.mixing, np.eye(3)):
-        # Every light's share is drawn from all channels, so one saturated channel spoils all three.
+        # Unmixing computes each light from all channels, so one saturated channel spoils all three.
         saturated = np.broadcast_to(saturated.any(axis=-1, keepdims=True), saturated.shape)
     light = capture.rig.unmixed(capture.image)
-    return (light > SHADOW_SHARE * np.percentile(light[capture.mask], 99, axis=0)) & ~saturated
+    lit: NDArray[np.bool_] = light > SHADOW_SHARE * np.percentile(light[capture.mask], 99, axis=0)
+    return lit & ~saturated
 
 
 def lambertian_normals(capture: Capture, grey_world: bool = False) -> NormalMap:
@@ -51,6 +47,6 @@ def lambertian_normals(capture: Capture, grey_world: bool = False) -> NormalMap:
     distant = under_distant_lights(capture)
     image = distant.rig.unmixed(distant.image)
     if grey_world:
-        image = grey_world_image(image, capture.mask)
+        image = divided(image, image[capture.mask].mean(axis=0, dtype=np.float64))
     confidence = usable_channels(capture).mean(axis=-1, dtype=np.float32)
     return NormalMap(initial_normals(image, capture.rig.directions), capture.mask, confidence)

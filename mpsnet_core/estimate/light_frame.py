@@ -16,7 +16,7 @@ LEAST_SINE = 0.05
 class LightFrame:
     """The scene, picture and lights, turned by quarters about the viewing axis and mirrored, its lights reordered.
 
-    Pixels move and none is resampled, so what is left of a turn stays: up to 45 degrees, which networks are told by the
+    Pixels move and none is resampled, so a remaining turn of up to 45 degrees stays, which networks learn from the
     lights' directions.
 
     order: which of the rig's lights are the frame's first, second and third.
@@ -39,7 +39,7 @@ class LightFrame:
         return directions[list(self.order)] @ self.rotation.T
 
     def picture(self, values: NDArray[Any]) -> NDArray[Any]:
-        """A picture (H, W, ...) as it is in the frame: a view, so that what is written there stands in `values`."""
+        """A picture (H, W, ...) as it is in the frame: a view, so that writing to it changes `values`."""
         turned = np.rot90(values, self.quarter_turns)
         return turned[:, ::-1] if self.mirrored else turned
 
@@ -54,8 +54,8 @@ def canonical_frames(directions: NDArray[np.float64], passes: int = 6) -> list[L
     picture and in its mirror image, which follow one another. Lights 120° apart leave at most 15° to the straight in
     the first two frames.
 
-    The sense is that of the triangle of the lights as the camera sees it, which is told even where a light stands on
-    the viewing axis. Frames that begin with such a light come last.
+    The sense is that of the triangle of the lights as the camera sees it, which is defined even where a light stands
+    on the viewing axis. Frames that begin with such a light come last.
     """
     found = []
     for mirrored in (False, True):

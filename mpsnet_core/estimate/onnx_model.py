@@ -4,18 +4,17 @@ import contextlib
 import os
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import onnxruntime
 from numpy.typing import NDArray
 
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.errors import InputError, check_choice
+from mpsnet_core.errors import FormatError, InputError, SettingsError, check_choice
 from mpsnet_core.estimate.card import ModelCard, card_from_metadata, record_from_metadata
 from mpsnet_core.estimate.dense import dense_answer
 from mpsnet_core.estimate.distant_lights import as_distant_lights, turn_back
-from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS
+from mpsnet_core.estimate.features import CONSTANTS, channel_count
 from mpsnet_core.estimate.patches import patch_answer
 from mpsnet_core.estimate.registry import DEFAULT_TILE
 from mpsnet_core.io.files import existing_file
@@ -32,14 +31,12 @@ MAX_MODEL_BYTES = 2 << 30
 
 
 class OnnxModel:
-    """A network from an ONNX file, with its card.
+    """A network from an ONNX file, with its card; options as of :class:`mpsnet_core.estimate.Estimator`.
 
-    path: the file. provider: "cpu", "cuda", "directml" or "coreml". threads: CPU threads, 0 for all.
-    tile: the side of a tile in pixels for dense networks; memory grows with its square.
     passes: in place of the card's, for networks in the canonical frame.
 
-    Raises InputError where the file is not an ONNX model of ours, where its inputs do not fit its card, or where the
-    provider is not present.
+    Raises FileError where the file is missing, FormatError where it is not an ONNX model of ours or its inputs do not
+    fit its card, SettingsError where an option is out of range or the provider is not present.
     """
 
     def __init__(
@@ -53,11 +50,11 @@ class OnnxModel:
     ) -> None:
         self.path = existing_file(path, "model file")
         if self.path.stat().st_size > MAX_MODEL_BYTES:
-            raise InputError(f"model file {self.path} is larger than 2 GiB; it is not one of ours")
+            raise FormatError(f"model file {self.path} is larger than 2 GiB; it is not one of ours")
         if tile < 64:
-            raise InputError(f"a tile of {tile} pixels is too small; use 64 or more")
+            raise SettingsError(f"a tile of {tile} pixels is too small; use 64 or more")
         if threads < 0:
-            raise InputError(f"{threads} threads cannot be; use 0 for all cores or a number above")
+            raise SettingsError(f"{threads} threads cannot be; use 0 for all cores or a number above")
         self.tile = tile
         self.session = _session(self.path, provider, threads)
         try:
@@ -67,12 +64,12 @@ class OnnxModel:
                 self.card = replace(self.card, passes=passes)
             _check_fit(self.session, self.card)
         except InputError as error:
-            raise InputError(f"model file {self.path} cannot be used: {error}") from None
+            raise type(error)(f"model file {self.path} cannot be used: {error}") from None
         self.record = record_from_metadata(metadata)
         self._outputs = [node.name for node in self.session.get_outputs()]
 
     def __call__(self, capture: Capture, progress: Progress = silent) -> NormalMap:
-        """Normals of `capture` in camera space; confidence 1 inside the mask unless the network gives one."""
+        """Normals of `capture` in camera space; confidence 1 inside the mask unless the network outputs one."""
         seen = as_distant_lights(capture)
         if self.card.kind != "patch":
             answer = dense_answer(self._run, self.card, seen, self.tile, progress)
@@ -86,32 +83,32 @@ class OnnxModel:
     def _run(
         self, inputs: dict[str, NDArray[np.float32]], count: int, *size: int
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """The network's normals (count, 3, *size) and confidence (count, 1, *size), which is 1 unless it gives one."""
+        """The network's normals (count, 3, *size) and confidence (count, 1, *size), 1 where it has none."""
         try:
             outputs = dict(zip(self._outputs, self.session.run(None, inputs), strict=True))
         except _RUNTIME_ERRORS as error:
             shapes = ", ".join(f"{name} {value.shape}" for name, value in inputs.items())
             reason = " ".join(str(error).split())[:200]
-            raise InputError(
+            raise FormatError(
                 f"model file {self.path} failed on {shapes}: {reason}; export it with dynamic sizes"
             ) from None
         if not all(np.isfinite(outputs[name]).all() for name in ("normals", "confidence") if name in outputs):
-            raise InputError(f"model file {self.path} gave values that are not finite; train or export it again")
+            raise FormatError(f"model file {self.path} returned values that are not finite; train or export it again")
         normals = self._shaped("normals", outputs, (count, 3, *size))
         if "confidence" not in outputs:
             return normals, np.ones((count, 1, *size), np.float32)
         return normals, self._shaped("confidence", outputs, (count, 1, *size))
 
     def _release_memory(self) -> None:
-        """Give back what onnxruntime set aside for large tiles, which it does only as it runs: on the least input."""
+        """Free the memory onnxruntime reserved for large tiles, which it does only as it runs: on the least input."""
         side = self.card.patch if self.card.kind == "patch" else self.card.multiple
         least = {}
         for name, features in self.card.inputs.items():
             size = 1 if CONSTANTS.intersection(features) else side
-            least[name] = np.zeros((1, sum(FEATURE_CHANNELS[feature] for feature in features), size, size), np.float32)
+            least[name] = np.zeros((1, channel_count(features), size, size), np.float32)
         shrinking = onnxruntime.RunOptions()
         shrinking.add_run_config_entry("memory.enable_memory_arena_shrinkage", "cpu:0")
-        with contextlib.suppress(*_RUNTIME_ERRORS):  # a network of another's may not take so little
+        with contextlib.suppress(*_RUNTIME_ERRORS):  # a network of another's may not run on so little
             self.session.run(None, least, shrinking)
 
     def _shaped(
@@ -120,7 +117,7 @@ class OnnxModel:
         """An output in the shape it must have; axes of length one do not matter."""
         shape = outputs[name].shape
         if [length for length in shape if length > 1] != [length for length in expected if length > 1]:
-            raise InputError(
+            raise FormatError(
                 f'model file {self.path} cannot be used: its output "{name}" is {shape}, expected {expected}'
             )
         return outputs[name].reshape(expected)
@@ -137,12 +134,12 @@ _RUNTIME_ERRORS: tuple[type[Exception], ...] = (
 )
 
 
-def _session(path: Path, provider: str, threads: int) -> Any:
+def _session(path: Path, provider: str, threads: int) -> onnxruntime.InferenceSession:
     check_choice("provider", provider, PROVIDERS)
     present = onnxruntime.get_available_providers()
     if PROVIDERS[provider] not in present:
         usable = ", ".join(name for name, full in PROVIDERS.items() if full in present)
-        raise InputError(
+        raise SettingsError(
             f"provider {provider!r} is not in this onnxruntime; choose {usable} or install one that has it"
         )
     options = onnxruntime.SessionOptions()
@@ -151,7 +148,7 @@ def _session(path: Path, provider: str, threads: int) -> Any:
     options.enable_mem_pattern = False  # plans for one size only, half as much memory again, and is no quicker
     # Threads that wait for work would hold cores that reading and writing other frames can use; no slower alone.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-    options.log_severity_level = 4  # what goes wrong is said in our own sentence
+    options.log_severity_level = 4  # errors are reported in our own sentence
     try:
         # On failure it would print on stdout, and try the CPU: in vain, where that is what failed.
         fallback = int(provider != "cpu")
@@ -160,25 +157,25 @@ def _session(path: Path, provider: str, threads: int) -> Any:
         )
     except _RUNTIME_ERRORS as error:
         reason = " ".join(str(error).split())[:200]
-        raise InputError(
+        raise FormatError(
             f"model file {path} is not an ONNX model that can be run ({reason}); export it again"
         ) from None
 
 
-def _metadata(session: Any) -> dict[str, str]:
+def _metadata(session: onnxruntime.InferenceSession) -> dict[str, str]:
     try:
         return dict(session.get_modelmeta().custom_metadata_map)
     except UnicodeDecodeError:
-        raise InputError("its metadata are not UTF-8 text; export it again") from None
+        raise FormatError("its metadata are not UTF-8 text; export it again") from None
 
 
-def _check_fit(session: Any, card: ModelCard) -> None:
+def _check_fit(session: onnxruntime.InferenceSession, card: ModelCard) -> None:
     nodes = {node.name: node for node in session.get_inputs()}
     if set(nodes) != set(card.inputs):
-        raise InputError(f"it has inputs {sorted(nodes)}, its card describes {sorted(card.inputs)}")
+        raise FormatError(f"it has inputs {sorted(nodes)}, its card describes {sorted(card.inputs)}")
     for name, node in nodes.items():
-        channels = sum(FEATURE_CHANNELS[feature] for feature in card.inputs[name])
-        side: Any = card.patch if card.kind == "patch" else "any"
+        channels = channel_count(card.inputs[name])
+        side: int | str = card.patch if card.kind == "patch" else "any"
         if CONSTANTS.intersection(card.inputs[name]):
             side = 1
         expected = ["any", channels, side, side]
@@ -187,7 +184,7 @@ def _check_fit(session: Any, card: ModelCard) -> None:
             want in (have, "any") or have == "any" for want, have in zip(expected, shape, strict=True)
         )
         if not fits or (shape[1] != channels) or node.type != "tensor(float)":
-            raise InputError(
+            raise FormatError(
                 f"input {name!r} is {node.type} {shape}; expected tensor(float) {expected} for "
                 f"{' + '.join(card.inputs[name])}"
             )
@@ -196,8 +193,8 @@ def _check_fit(session: Any, card: ModelCard) -> None:
         if not batch_fits or any(
             have != want for have, want in zip(shape[1:], expected[1:], strict=True) if want == "any"
         ):
-            raise InputError(
+            raise FormatError(
                 f"input {name!r} has the fixed size {shape}; expected {expected}: export with dynamic sizes"
             )
     if "normals" not in [node.name for node in session.get_outputs()]:
-        raise InputError('it has no output called "normals"')
+        raise FormatError('it has no output called "normals"')

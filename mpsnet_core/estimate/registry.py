@@ -1,11 +1,11 @@
-"""The model shelf: which models there are by name. Light to import; no model is loaded here."""
+"""The registered models by name. Light to import; no model is loaded here."""
 
 import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, SettingsError
 
 LAMBERTIAN = "lambertian"
 LAMBERTIAN_GREY_WORLD = "lambertian-grey-world"
@@ -18,11 +18,11 @@ MODELS_FOLDER = Path(__file__).parent / "models"
 
 
 @dataclass(frozen=True)
-class ShelfEntry:
-    """A model that can be asked for by name.
+class RegisteredModel:
+    """A model that comes with the package.
 
-    label: its name for people. file: None for what needs no network. passes: of a still, in place of those on the
-    file's card. comparison: whether it is there to compare with and for scripts, and is left out of menus.
+    label: its name for people. file: None for what needs no network. passes: for stills, in place of those on the
+    file's card. comparison: whether it is for comparisons and scripts, and left out of menus.
     """
 
     name: str
@@ -35,13 +35,13 @@ class ShelfEntry:
 
 def _network(
     name: str, label: str, title: str, passes: Literal[1, 3] | None = None, comparison: bool = False, file: str = ""
-) -> ShelfEntry:
-    return ShelfEntry(name, label, title, MODELS_FOLDER / f"{file or name}.onnx", passes, comparison)
+) -> RegisteredModel:
+    return RegisteredModel(name, label, title, MODELS_FOLDER / f"{file or name}.onnx", passes, comparison)
 
 
 # What is known of the networks without opening their files, which takes onnxruntime. .blend files keep a model's place
 # in this order: new ones go to the end.
-_SHELF = (
+_MODELS = (
     _network(
         DEFAULT_MODEL,
         "Multiscale",
@@ -76,8 +76,10 @@ _SHELF = (
         "Ju et al. 2018: three intensities from each pixel, then equation 2",
         comparison=True,
     ),
-    ShelfEntry(LAMBERTIAN, "Lambertian", "The baseline, at once: a matt surface of one grey (equation 2 of the paper)"),
-    ShelfEntry(
+    RegisteredModel(
+        LAMBERTIAN, "Lambertian", "The baseline, at once: a matt surface of one grey (equation 2 of the paper)"
+    ),
+    RegisteredModel(
         LAMBERTIAN_GREY_WORLD,
         "Lambertian Grey World",
         "The baseline for a matt surface of one colour: each channel is divided by its own mean first",
@@ -86,29 +88,32 @@ _SHELF = (
 )
 
 
-def registered_models() -> list[ShelfEntry]:
+def registered_models() -> list[RegisteredModel]:
     """All models that come with the package, the default first."""
-    return [entry for entry in _SHELF if entry.file is None or entry.file.is_file()]
+    return [entry for entry in _MODELS if entry.file is None or entry.file.is_file()]
 
 
 class NetworkFile(NamedTuple):
-    """Where a network is, and passes in place of its card's, see :class:`ShelfEntry`."""
+    """Where a network is, and passes in place of its card's, see :class:`RegisteredModel`."""
 
     path: Path
     passes: Literal[1, 3] | None = None
 
 
 def find_network(name: str | os.PathLike[str]) -> NetworkFile:
-    """The ONNX file of a network given by name or by path. Raises InputError where there is none."""
+    """The ONNX file of a network given by name or by path.
+
+    Raises SettingsError where there is none, FileError where its file is missing.
+    """
     name = os.fspath(name)
     for entry in registered_models():
         if entry.name == name:
             if entry.file is None:
-                raise InputError(f"{name} is no network and has no file; name a network")
+                raise SettingsError(f"{name} is no network and has no file; name a network")
             return NetworkFile(entry.file, entry.passes)
     if Path(name).suffix.lower() == ".onnx":
         if Path(name).is_file():
             return NetworkFile(Path(name))
-        raise InputError(f"model file {name} does not exist; check the path")
+        raise FileError(f"model file {name} does not exist; check the path")
     names = ", ".join(entry.name for entry in registered_models())
-    raise InputError(f"there is no model {name!r}; choose {names} or give an .onnx file")
+    raise SettingsError(f"there is no model {name!r}; choose {names} or give an .onnx file")

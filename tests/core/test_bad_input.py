@@ -707,7 +707,7 @@ WHITE: list[Case] = [
     (
         "clipped elsewhere",
         lambda b: SPHERE.capture(white=SPHERE.image, white_clipped=np.zeros((4, 4, 3), bool)),
-        "what is clipped in the white photo is 4 x 4 but that is 16 x 16",
+        "what is clipped in the white photo is 4 x 4 but the white photo is 16 x 16",
     ),
     ("that is the photo", lambda b: b.estimate(white=b.photo()), "photo.exr: the white photo is the photo itself"),
     (
@@ -819,12 +819,12 @@ MODELS: list[Case] = [
     (
         "card with an unknown feature",
         card_with(inputs={"x": ["depth"]}),
-        "m.onnx…asks for 'depth'; this program makes photo, grey_world",
+        "m.onnx…requests 'depth'; this program makes photo, grey_world",
     ),
     (
         "card with a feature that is a list",
         card_with(inputs={"x": [["photo"]]}),
-        "m.onnx…asks for ['photo']; this program makes",
+        "m.onnx…requests ['photo']; this program makes",
     ),
     (
         "card that stacks the lights with maps",
@@ -906,7 +906,7 @@ MODELS: list[Case] = [
                 ]
             )
         ),
-        "m.onnx gave values that are not finite",
+        "m.onnx returned values that are not finite",
     ),
     (
         "NaN confidence",
@@ -924,7 +924,7 @@ MODELS: list[Case] = [
                 outputs={"normals": DENSE, "confidence": ("n", 1, "h", "w")},
             )
         ),
-        "m.onnx gave values that are not finite",
+        "m.onnx returned values that are not finite",
     ),
     (
         "confidence of another shape",

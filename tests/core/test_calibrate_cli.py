@@ -101,7 +101,7 @@ def test_without_json_it_says_what_it_found(mpsnet: Mpsnet, photos: Path, tmp_pa
     done = mpsnet("calibrate", "lights", photos / "ball.exr", "--circle", CIRCLE, "-o", tmp_path / "rig.json")
     assert done.returncode == 0
     assert re.search(r"red: slant (29|30)\.\d\d°, tilt (89|90)\.\d\d°, ± \d\.\d\d°", done.stdout)
-    assert "tell its lens" in done.stderr
+    assert "give its lens" in done.stderr
 
 
 @pytest.mark.parametrize("where", [[], ["--mask", "mask.png"], ["--circle", CIRCLE]])

@@ -117,7 +117,7 @@ def test_what_a_lens_that_nobody_told_does_is_within_the_uncertainty() -> None:
         outline = rim[:, :2] / -rim[:, 2:] * (focal, -focal) + (width / 2, height / 2)
         ball = fit_ball(outline, distant_camera(width, height))
         seen = tuple(Highlight(x, y, 2.0, 0.05, False, 0.0, (1.0, 1.0, 1.0)) for x, y in spots)
-        found = find_lights([Sighting(ball, seen, lens_told=False)])
+        found = find_lights([Sighting(ball, seen, lens_known=False)])
         off.append(degrees_between(found.directions, lights))
         told.append(found.uncertainties)
         known.append(find_lights([Sighting(ball, seen)]).uncertainties)

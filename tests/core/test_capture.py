@@ -8,6 +8,7 @@ from synthetic import Sphere, write_file
 
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.capture.capture import read_capture
+from mpsnet_core.errors import FileError, GeometryError
 from mpsnet_core.estimate import estimate_normals
 from mpsnet_core.io import image
 from mpsnet_core.io.images import write_image
@@ -34,7 +35,7 @@ def test_without_alpha_the_whole_photo_is_taken_and_that_is_said(
     photo_file: Path, sphere: Sphere, caplog: pytest.LogCaptureFixture
 ) -> None:
     assert read_capture(photo_file, sphere.rig).mask.all()
-    assert "the whole photo is taken as the object" in caplog.text
+    assert "the whole photo is assumed to be the object" in caplog.text
 
 
 @pytest.mark.parametrize("model", ["lambertian", "multiscale"])
@@ -55,6 +56,14 @@ def test_a_large_photo_is_held_in_half_the_memory(
 def test_a_mask_file_is_used(tmp_path: Path, photo_file: Path, sphere: Sphere) -> None:
     mask = write_file(tmp_path / "mask.png", sphere.mask, "uint8")
     np.testing.assert_array_equal(read_capture(photo_file, sphere.rig, mask=mask).mask, sphere.mask)
+
+
+def test_an_error_keeps_its_kind_where_the_photo_is_named(tmp_path: Path, photo_file: Path, sphere: Sphere) -> None:
+    small = write_file(tmp_path / "mask.png", np.ones((8, 8)), "uint8")
+    with pytest.raises(GeometryError, match=rf"{photo_file.name}: the mask is 8 x 8 but the photo is"):
+        read_capture(photo_file, sphere.rig, mask=small)
+    with pytest.raises(FileError, match=rf"{photo_file.name}: mask .* does not exist"):
+        read_capture(photo_file, sphere.rig, mask=tmp_path / "missing.png")
 
 
 @pytest.mark.parametrize(("kind", "clip"), [("uint8", 1.0), ("float", np.inf)])

@@ -82,7 +82,7 @@ def test_without_json_notes_go_to_stderr(tmp_path: Path, mpsnet: Mpsnet, rig_fil
     assert done.returncode == 0
     assert done.stdout == f"{tmp_path / 'n.png'}: normals by multiscale\n"
     assert all(line.startswith("note: ") for line in done.stderr.splitlines())
-    assert "the whole photo is taken as the object" in done.stderr
+    assert "the whole photo is assumed to be the object" in done.stderr
 
 
 def test_a_folder_of_frames_becomes_a_folder_of_normals(

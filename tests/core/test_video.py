@@ -192,7 +192,7 @@ def test_half_size_colour_is_noted(tmp_path: Path, caplog: pytest.LogCaptureFixt
     assert "the video holds colour at half its size (yuv420p)" in caplog.text
     caplog.clear()
     read_video_header(clip(tmp_path / "b.mkv", noise(1)))
-    assert "half" not in caplog.text and "video taken as sRGB" in caplog.text
+    assert "half" not in caplog.text and "video read as sRGB" in caplog.text
 
 
 PLAYLIST = "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\na.mkv\n#EXT-X-ENDLIST\n"

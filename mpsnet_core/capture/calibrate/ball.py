@@ -7,21 +7,22 @@ from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.arrays.robust_statistics import biweight, spread
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.scene.camera import Camera
 
 ROUNDS = 30
-# Neighbouring points of an outline share their errors; about one in this many tells something of its own.
+# Neighbouring points of an outline share their errors; about one in this many is independent.
 POINTS_THAT_AGREE = 4
 # No outline is known better than this, in pixels, nor one that was given by hand better than that.
 LEAST_UNCERTAINTY = 0.03
 HAND_UNCERTAINTY = 0.5
 HAND_POINTS = 180
+NO_FIT = "no ball fits the outline that was found; give the circle by hand (x,y,r)"
 
 
 @dataclass(frozen=True)
 class Circle:
-    """A circle in a photo: middle and radius in pixels. Raises InputError where the radius is not above 0."""
+    """A circle in a photo: middle and radius in pixels. Raises SettingsError where the radius is not above 0."""
 
     x: float
     y: float
@@ -29,7 +30,7 @@ class Circle:
 
     def __post_init__(self) -> None:
         if not np.isfinite([self.x, self.y, self.radius]).all() or self.radius <= 0:
-            raise InputError("a circle is x,y,r: finite numbers of pixels, with a radius above 0")
+            raise SettingsError("a circle is x,y,r: finite numbers of pixels, with a radius above 0")
 
     def points(self, count: int = HAND_POINTS) -> NDArray[np.float64]:
         """(count, 2) points on it, evenly."""
@@ -41,14 +42,23 @@ class Circle:
 class Ball:
     """A ball before a camera.
 
-    centre: (3,) in camera space. radius: in the same unit. Before a perspective camera the unit is that in which the
-        radius was given, ball radii otherwise. Before an orthographic one it is the camera's world unit, and the depth
-        is unknown: z is 0.
-    camera: its pose is of no account here.
-    residual: how far the outline's points lie from the fit, in pixels (rms of those that were trusted).
-    seen: share of the outline that was found, 0 to 1.
-    covariance: (3, 3) of the errors of the outline's middle x, y and radius, in pixels squared.
-    by_hand: whether somebody drew the outline, of which residual and seen then tell nothing.
+    Attributes
+    ----------
+    centre : (3,) float64
+        In camera space. Before a perspective camera in the unit in which the radius was given, ball radii otherwise.
+        Before an orthographic one in the camera's world unit, and the depth is unknown: z is 0.
+    radius
+        In the same unit.
+    camera
+        Its pose is ignored here.
+    residual
+        How far the outline's points lie from the fit, in pixels (rms of the inliers).
+    seen
+        Share of the outline that was found, 0 to 1.
+    covariance : (3, 3) float64
+        Of the errors of the outline's middle x, y and radius, in pixels squared.
+    by_hand
+        Whether the user drew the outline; residual and seen then mean nothing.
     """
 
     centre: NDArray[np.float64]
@@ -74,9 +84,7 @@ class Ball:
         return projected(self.camera, axis * np.sqrt(1 - sine**2) + sine * around)
 
     def window(self, width: int, height: int) -> tuple[int, int, int, int]:
-        """Where its outline lies in a photo of that size: columns from left to right, rows from top to bottom, without
-        the last ones. Where it lies outside there are none.
-        """
+        """Where its outline lies in a photo of that size: left, right, top and bottom, as of half-open ranges."""
         outline = self.outline()
         (low_x, low_y), (high_x, high_y) = outline.min(axis=0), outline.max(axis=0)
         left, right = max(int(low_x), 0), min(int(high_x) + 1, width)
@@ -105,12 +113,12 @@ class Ball:
 
 def at_origin(camera: Camera) -> Camera:
     """The camera at the origin: rigs are in its own space, wherever it stands in the world."""
-    there = np.array_equal(camera.world_from_camera, np.eye(4))  # asked thousands of times for one photo
-    return camera if there else replace(camera, world_from_camera=np.eye(4))
+    is_there = np.array_equal(camera.world_from_camera, np.eye(4))  # called thousands of times for one photo
+    return camera if is_there else replace(camera, world_from_camera=np.eye(4))
 
 
 def distant_camera(width: int, height: int) -> Camera:
-    """The camera that a photo is taken by unless it is told: orthographic, with pixels for units."""
+    """The camera of a photo whose lens is unknown: orthographic, with pixels for units."""
     return Camera("orthographic", width, height, np.ones(2))
 
 
@@ -118,32 +126,32 @@ def projected(camera: Camera, points: ArrayLike) -> NDArray[np.float64]:
     """(N, 2) where camera-space points (N, 3) lie in the photo, in pixels."""
     x, y, z = np.asarray(points, np.float64).T
     deep = 1.0 if camera.projection == "orthographic" else -z
-    return np.stack([x / deep, -y / deep], axis=-1) * camera.focal + camera.centre
+    pixels: NDArray[np.float64] = np.stack([x / deep, -y / deep], axis=-1) * camera.focal + camera.centre
+    return pixels
 
 
 def fit_ball(points: ArrayLike, camera: Camera, radius: float = 1.0) -> Ball:
-    """The ball whose outline runs through `points` (N, 2) in pixels, however many of them are astray.
+    """The ball whose outline runs through `points` (N, 2) in pixels, despite outliers.
 
-    radius: the ball's own, in the unit that is wanted; an orthographic camera tells it by itself.
+    radius: the ball's own, in the wanted unit; an orthographic camera shows it by itself.
 
     Before a pinhole camera a ball's outline is no circle but the rays d that touch it lie on a cone: d·a = cos α about
-    its axis a, so that a / cos α follows from linear equations; the ball is at distance radius / sin α along a. Points
-    astray lose their weight by Tukey's biweight. Raises InputError where no ball fits.
+    its axis a, so that a / cos α follows from linear equations; the ball is at distance radius / sin α along a.
+    Outliers lose their weight by Tukey's biweight. Raises GeometryError where no ball fits.
     """
     points = np.asarray(points, np.float64)
     weight: NDArray[np.float64] = np.ones(len(points))
     for turn in range(ROUNDS):
         centre, size = _solved(points, weight, camera, radius)
         error = _outline_error(points, centre, size, camera)
-        trusted = weight > 0
-        lighter = biweight(error, max(spread(error, trusted), 1e-3))
+        lighter = biweight(error, max(spread(error, weight > 0), 1e-3))
         if np.abs(lighter - weight).max() < 1e-3 and turn > 3:
             break
         weight = lighter
-    trusted = weight > 0
-    residual = float(np.sqrt(np.mean(error[trusted] ** 2)))
+    inliers = weight > 0
+    residual = float(np.sqrt(np.mean(error[inliers] ** 2)))
     middle = projected(camera, centre[None])[0]
-    outward = points[trusted] - middle
+    outward = points[inliers] - middle
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
     jacobian = np.column_stack([outward, np.ones(len(outward))])
     variance = max(residual, LEAST_UNCERTAINTY) ** 2 * POINTS_THAT_AGREE
@@ -153,16 +161,16 @@ def fit_ball(points: ArrayLike, camera: Camera, radius: float = 1.0) -> Ball:
 
 
 def ball_from_circle(circle: Circle, camera: Camera, radius: float = 1.0) -> Ball:
-    """The ball whose outline somebody drew as a circle. Raises InputError where no ball fits."""
+    """The ball whose outline the user drew as a circle. Raises GeometryError where no ball fits."""
     ball = fit_ball(circle.points(), camera, radius)
     return replace(ball, covariance=HAND_UNCERTAINTY**2 * np.diag([0.5, 0.5, 0.5]), by_hand=True)
 
 
 def ball_from_mask(mask: NDArray[np.bool_], camera: Camera, radius: float = 1.0) -> Ball:
-    """The ball that a mask (H, W) shows; what it hangs on may be in it. Raises InputError where no ball fits."""
+    """The ball that a mask (H, W) shows, with or without its mount. Raises GeometryError where no ball fits."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if len(rows) < 8 or len(columns) < 8:
-        raise InputError("the mask shows no ball: it has fewer than 8 rows or columns; choose another mask")
+        raise GeometryError("the mask shows no ball: it has fewer than 8 rows or columns; choose another mask")
     width, height = mask.shape[1], mask.shape[0]
     left, right = mask[rows].argmax(axis=1), width - mask[rows, ::-1].argmax(axis=1)
     top, bottom = mask[:, columns].argmax(axis=0), height - mask[::-1, columns].argmax(axis=0)
@@ -180,10 +188,9 @@ def ball_from_mask(mask: NDArray[np.bool_], camera: Camera, radius: float = 1.0)
 
 
 def surface(ball: Ball, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """What of the ball is seen at points (N, 2) of the photo, each (N, 3) in camera space.
+    """The ball's surface at points (N, 2) of the photo: position, unit normal and unit direction back to the camera.
 
-    Returns where the surface is, its unit normal, and the unit direction back to the camera. Points outside the
-    outline are taken to its nearest ray's.
+    Each is (N, 3) in camera space. Points outside the outline use the nearest ray that touches it.
     """
     origins, away = at_origin(ball.camera).rays(np.atleast_2d(points))
     if ball.camera.projection == "orthographic":
@@ -209,7 +216,7 @@ def _solved(
     points: NDArray[np.float64], weight: NDArray[np.float64], camera: Camera, radius: float
 ) -> tuple[NDArray[np.float64], float]:
     if (weight > 0).sum() < 5:
-        raise InputError("no ball fits the outline that was found; give the circle by hand (x,y,r)")
+        raise GeometryError(NO_FIT)
     origins, away = at_origin(camera).rays(points)
     root = np.sqrt(weight)
     if camera.projection == "orthographic":
@@ -218,12 +225,12 @@ def _solved(
         answer = np.linalg.lstsq(rows * root[:, None], (x**2 + y**2) * root, rcond=None)[0]
         squared = answer[2] + answer[0] ** 2 + answer[1] ** 2
         if not squared > 0:
-            raise InputError("no ball fits the outline that was found; give the circle by hand (x,y,r)")
+            raise GeometryError(NO_FIT)
         return np.array([answer[0], answer[1], 0.0]), float(np.sqrt(squared))
     axis = np.linalg.lstsq(away * root[:, None], root, rcond=None)[0]
     length = float(np.linalg.norm(axis))
     if not length > 1:
-        raise InputError("no ball fits the outline that was found; give the circle by hand (x,y,r)")
+        raise GeometryError(NO_FIT)
     return axis / length * radius / np.sqrt(1 - 1 / length**2), radius
 
 
@@ -232,8 +239,11 @@ def _outline_error(
 ) -> NDArray[np.float64]:
     """(N,) how far outside the ball's outline points lie, in pixels."""
     origins, away = at_origin(camera).rays(points)
+    focal = float(camera.focal.mean())
     if camera.projection == "orthographic":
-        return (np.linalg.norm(origins[:, :2] - centre[:2], axis=1) - radius) * camera.focal.mean()
+        across: NDArray[np.float64] = np.linalg.norm(origins[:, :2] - centre[:2], axis=1) - radius
+        return across * focal
     distance = np.linalg.norm(centre)
     beside = np.linalg.norm(np.cross(away, centre / distance), axis=1)
-    return (np.arcsin(np.clip(beside, 0, 1)) - np.arcsin(radius / distance)) * camera.focal.mean()
+    angle: NDArray[np.float64] = np.arcsin(np.clip(beside, 0, 1)) - np.arcsin(radius / distance)
+    return angle * focal

@@ -9,7 +9,7 @@ from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.mask_regions import box_sums, dilated
 from mpsnet_core.capture.calibrate.ball import Ball, Circle, fit_ball
 from mpsnet_core.capture.calibrate.outlines import Pyramid, near_outline, sharp_outline
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.camera import Camera
 
 # Longer side of the picture that circles are looked for in.
@@ -18,17 +18,17 @@ LEAST_SIDE = 16
 # A ball's radius, as a share of the photo's shorter side.
 SMALLEST, LARGEST = 0.04, 0.75
 CANDIDATES = 12
-# Circles whose middles and radii are no further apart than so, as a share of the radius, are one: as edges vote for
-# them, and once they were moved to the same outline.
+# Circles whose middles and radii differ by less, as a share of the radius, are the same: as edges vote for them, and
+# after they were moved to the same outline.
 ALIKE, SAME = 0.1, 0.02
-# With less of its outline, or one that is rougher (as a share of the radius), a circle is not a ball that was found.
+# A circle that shows less of its outline, or a rougher one (as a share of the radius), is no ball.
 LEAST_SEEN = 0.2
 ROUGHEST = 0.01
-# Above this share of the brightest pixel one belongs to a mirrored light, if those are a small part of the photo.
+# A pixel above this share of the brightest belongs to a mirrored light, if such pixels are a small part of the photo.
 BRIGHT = 0.5
 MOST_BRIGHT = 0.03
 
-# With so much of its score, another circle in its place may be the ball instead.
+# Another circle in the ball's place with this share of its score may be the ball instead.
 RIVAL = 0.6
 
 log = logging.getLogger(__name__)
@@ -43,12 +43,12 @@ def find_balls(
     each holds some of the brightest pixels.
 
     Edges vote for the middles of circles along their gradients (after Yuen et al., "Comparative study of Hough
-    transform methods for circle finding", 1990); those that are voted for are moved to the outline that is nearest, and
-    the largest that are seen all around are taken. Another circle in a ball's place that is nearly as likely to be it
-    is told as a warning. Raises InputError where not as many are found.
+    transform methods for circle finding", 1990); the winners are moved to the nearest outline, and the largest with the
+    most of their outline visible are chosen. Warns of another circle in a ball's place that is nearly as likely to be
+    it. Raises GeometryError where fewer are found.
     """
     if min(image.shape[:2]) < LEAST_SIDE:
-        raise InputError(f"a photo of {image.shape[1]} x {image.shape[0]} pixels is too small to show a ball")
+        raise GeometryError(f"a photo of {image.shape[1]} x {image.shape[0]} pixels is too small to show a ball")
     step = max(1, int(np.ceil(max(image.shape[:2]) / SEARCHED_SIDE)))
     small = block_means(image, step)
     bright = _bright(small) if mirror else np.zeros(small.shape[:2], bool)
@@ -58,40 +58,40 @@ def find_balls(
         whole = Circle(circle.x * step, circle.y * step, circle.radius * step)
         try:
             ball = near_outline(photo, fit_ball(whole.points(), camera, radius))
-        except InputError:
+        except GeometryError:
             continue
         outline = ball.circle
         if all(_differ(outline, other, SAME) for other, _ in near):
             near.append((outline, ball))
-    found: list[tuple[float, Ball]] = []
+    scored: list[tuple[float, Ball]] = []
     for _, ball in near:
         try:
             ball = sharp_outline(photo, ball, mirror=mirror)
-        except InputError:
+        except GeometryError:
             continue
         if ball.seen >= LEAST_SEEN and ball.residual <= ROUGHEST * ball.circle.radius:
-            found.append((_score(ball), ball))
-    found.sort(key=lambda pair: -pair[0])
+            scored.append((_score(ball), ball))
+    scored.sort(key=lambda pair: -pair[0])
     chosen: list[tuple[float, Ball]] = []
-    for score, ball in found:
+    for score, ball in scored:
         if len(chosen) < count and all(_apart(ball.circle, other.circle) for _, other in chosen):
             chosen.append((score, ball))
     balls = [ball for _, ball in chosen]
     if len(balls) < count:
-        told = "no ball was" if not balls else f"only {len(balls)} of {count} balls were"
-        raise InputError(f"{told} found in the photo; give the circle by hand (x,y,r), or a mask of the ball")
+        number = "no ball was" if not balls else f"only {len(balls)} of {count} balls were"
+        raise GeometryError(f"{number} found in the photo; give the circle by hand (x,y,r), or a mask of the ball")
     for score, ball in chosen:
-        _note_rival(score, ball, found)
+        _note_rival(score, ball, scored)
     return sorted(balls, key=lambda ball: ball.circle.x)
 
 
-def _note_rival(score: float, ball: Ball, found: list[tuple[float, Ball]]) -> None:
-    """Tell of another circle in the ball's place that is nearly as likely to be it."""
-    for other_score, other in found:
+def _note_rival(score: float, ball: Ball, scored: list[tuple[float, Ball]]) -> None:
+    """Warn of another circle in the ball's place that is nearly as likely to be it."""
+    for other_score, other in scored:
         a, b = ball.circle, other.circle
         if other_score > RIVAL * score and _differ(a, b, ALIKE) and not _apart(a, b):
             log.warning(
-                "the ball may be the circle %.0f,%.0f,%.0f or %.0f,%.0f,%.0f; the first was taken: look at the "
+                "the ball may be the circle %.0f,%.0f,%.0f or %.0f,%.0f,%.0f; the first was chosen: look at the "
                 "overlay, and give the circle by hand (x,y,r) if it is not the ball's",
                 *(a.x, a.y, a.radius, b.x, b.y, b.radius),
             )

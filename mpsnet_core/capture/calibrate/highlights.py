@@ -6,9 +6,10 @@ from itertools import combinations, permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.mask_regions import labelled
+from mpsnet_core.arrays.mask_regions import dilated, labelled
+from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.capture.calibrate.ball import Ball, surface
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.image import Image
 
 # Of the ball's radius: nearer to its rim a mirror shows what lies behind it, squeezed, and the rim is blurred.
@@ -34,11 +35,21 @@ LEAST_MARGIN = 0.2
 class Highlight:
     """A light as a ball mirrors it.
 
-    x, y: its middle in the photo, in pixels. radius: of a disc of its area, in pixels. uncertainty: of its middle, in
-    pixels. clipped: whether it is brighter than the photo can tell.
-    rival: how much light the next likely spot holds, as a share of this one's: 0 where it stands alone, 1 where the
-        two cannot be told apart.
-    colour: (3,) red, green and blue, the largest 1.
+    Attributes
+    ----------
+    x, y
+        Its middle in the photo, in pixels.
+    radius
+        Of a disc of its area, in pixels.
+    uncertainty
+        Of its middle, in pixels.
+    clipped
+        Whether any of it is saturated.
+    rival
+        How much light the next likely spot holds, as a share of this one's: 0 where it stands alone, 1 where both are
+        as likely.
+    colour
+        Red, green and blue, the largest 1.
     """
 
     x: float
@@ -59,8 +70,7 @@ class Highlight:
 class _Window:
     """The part of a photo that holds the ball.
 
-    excess: (H, W, 3) above what the ball mirrors elsewhere. clipped: (H, W, 3) which of it is
-    at its end.
+    excess: (H, W, 3) above what the ball mirrors elsewhere. clipped: (H, W, 3) which of it is saturated.
     """
 
     left: int
@@ -71,7 +81,7 @@ class _Window:
 
 
 def find_highlight(photo: Image, ball: Ball) -> Highlight:
-    """The highlight of the one light that is on. Raises InputError where the ball shows none."""
+    """The highlight of the one light that is on. Raises GeometryError where the ball shows none."""
     window = _window(photo, ball)
     light = window.excess.max(axis=-1)
     return _highlight(window, light / _peak(light), np.zeros_like(light), "the light")
@@ -85,21 +95,21 @@ def find_coloured_highlights(photo: Image, ball: Ball) -> tuple[Highlight, Highl
     white is none of them. Which is whose follows from the order of the lights that makes the product of
     red in the red, green in the green and blue in the blue largest: neither the lights' brightness nor the channels'
     gains change that. Unmixed by the inverse of these colours each light stands alone, though highlights overlap.
-    Clipped pixels have lost their colour; they take that of the nearest pixel that has kept it.
+    Clipped pixels have lost their colour; they get that of the nearest pixel that has one.
 
-    Raises InputError where the ball shows no highlights or they do not differ in colour.
+    Raises GeometryError where the ball shows no highlights or they do not differ in colour.
     """
     window = _window(photo, ball)
     gains = np.array([_peak(window.excess[..., channel]) for channel in range(3)])
     share = (window.excess / gains).max(axis=-1)
     bright, clipped = share > SKIRT, window.clipped.any(axis=-1)
-    # One channel at its end still leaves two that tell whose a pixel is, if not of which colour; two do not.
-    telling = bright & (window.clipped.sum(axis=-1) < 2)
+    # One saturated channel leaves two that show which light a pixel belongs to, if not its colour; two do not.
+    attributable = bright & (window.clipped.sum(axis=-1) < 2)
     colours = _three_colours(window.excess[bright & ~clipped] / gains)
     if colours is None:
-        colours = _three_colours(window.excess[telling] / gains)
+        colours = _three_colours(window.excess[attributable] / gains)
     if colours is None:
-        raise InputError(
+        raise GeometryError(
             "the highlights do not differ in colour, so the lights cannot be told apart; expose so that they do not "
             "clip, or take one photo of each light alone"
         )
@@ -107,25 +117,25 @@ def find_coloured_highlights(photo: Image, ball: Ball) -> tuple[Highlight, Highl
     colours /= colours.max(axis=0)
     lights = np.clip(window.excess @ np.linalg.inv(colours).T, 0, None)
     weight = np.zeros(lights.shape)
-    owner = _owners(lights, telling, clipped)
+    owner = _owners(lights, attributable, clipped)
     for light in range(3):
         here = lights[..., light]
-        held = clipped & (owner == light)
-        # A clipped highlight is as bright as can be told where its strongest channel is at its end.
+        own = clipped & (owner == light)
+        # A clipped highlight counts as fully bright where its strongest channel is saturated.
         strongest = int(colours[:, light].argmax())
-        ends = window.excess[held & window.clipped[..., strongest], strongest]
+        ends = window.excess[own & window.clipped[..., strongest], strongest]
         top = float(ends.min()) if ends.size else _peak(here)
-        weight[..., light] = np.where(clipped, held, np.minimum(here / top, 1))
+        weight[..., light] = np.where(clipped, own, np.minimum(here / top, 1))
     found = []
     for light, name in enumerate(("red", "green", "blue")):
         others = weight.sum(axis=-1) - weight[..., light]
         spot = _highlight(window, weight[..., light], others, f"the {name} light")
-        if _touches(owner, light):
+        if (dilated(owner == light, 1) & (owner >= 0) & (owner != light)).any():
             spot = replace(spot, uncertainty=float(np.hypot(spot.uncertainty, HIDDEN_SHARE * spot.radius)))
         found.append(replace(spot, colour=_colour(colours[:, light])))
     for a, b in combinations(found, 2):
         if np.hypot(a.x - b.x, a.y - b.y) < 0.5 * min(a.radius, b.radius):
-            raise InputError(
+            raise GeometryError(
                 "two highlights lie at one place, so their lights cannot be told apart; photograph each light alone"
             )
     return found[0], found[1], found[2]
@@ -135,7 +145,7 @@ def _window(photo: Image, ball: Ball) -> _Window:
     height, width = photo.pixels.shape[:2]
     left, right, top, bottom = ball.window(width, height)
     if right - left < 5 or bottom - top < 5:
-        raise InputError("the ball lies outside the photo, or is smaller than five pixels; check the circle")
+        raise GeometryError("the ball lies outside the photo, or is smaller than five pixels; check the circle")
     x, y = np.meshgrid(np.arange(left, right) + 0.5, np.arange(top, bottom) + 0.5)
     _, normal, back = surface(ball, np.stack([x.ravel(), y.ravel()], axis=-1))
     inside = (np.einsum("ni,ni->n", normal, back) > np.sqrt(1 - USED_RADIUS**2)).reshape(x.shape)
@@ -143,7 +153,7 @@ def _window(photo: Image, ball: Ball) -> _Window:
     background = np.median(pixels[inside], axis=0)
     excess = np.where(inside[..., None], np.clip(pixels - background, 0, None), 0)
     if not excess.any():
-        raise InputError("the ball shows no highlight: all of it is equally bright; were the lights on?")
+        raise GeometryError("the ball shows no highlight: all of it is equally bright; were the lights on?")
     clipped = photo.saturated[top:bottom, left:right] & inside[..., None]
     return _Window(left, top, inside, excess, clipped)
 
@@ -157,21 +167,21 @@ def _peak(values: NDArray[np.float64]) -> float:
 def _three_colours(pixels: NDArray[np.float64]) -> NDArray[np.float64] | None:
     """(3, 3) the most different colours of pixels (N, 3), a column each, in the order red, green, blue.
 
-    None where they are too alike to tell which is whose.
+    None where they are too alike to assign.
     """
     if len(pixels) < 3:
         return None
     shares = pixels / pixels.sum(axis=1, keepdims=True)
-    left = shares.copy()
+    rest = shares.copy()
     columns = []
     for _ in range(3):
-        length = np.linalg.norm(left, axis=1)
+        length = np.linalg.norm(rest, axis=1)
         purest = shares[length.argmax()]
         near = np.linalg.norm(shares - purest, axis=1) < SAME_COLOUR
         columns.append(np.average(shares[near], axis=0, weights=pixels[near].sum(axis=1)))
-        # What is left lies across the colours that were taken.
+        # The rest is perpendicular to the colours found so far.
         base, _ = np.linalg.qr(np.stack(columns, axis=-1))
-        left = shares - shares @ base @ base.T
+        rest = shares - shares @ base @ base.T
     colours = np.stack(columns, axis=-1)
     logs = np.log(np.maximum(colours, 1e-6))
     orders = sorted(permutations(range(3)), key=lambda order: -sum(logs[k, order[k]] for k in range(3)))
@@ -179,40 +189,17 @@ def _three_colours(pixels: NDArray[np.float64]) -> NDArray[np.float64] | None:
     singular = np.linalg.svd(colours, compute_uv=False)
     if best - second < LEAST_MARGIN or singular[-1] < 0.05 * singular[0]:
         return None
-    return colours[:, orders[0]]
+    ordered: NDArray[np.float64] = colours[:, orders[0]]
+    return ordered
 
 
-def _owners(lights: NDArray[np.float64], telling: NDArray[np.bool_], clipped: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """(H, W) the light that a clipped pixel belongs to, by the nearest that tells its colour; -1 elsewhere."""
-    owner = np.full(clipped.shape, -1, np.int64)
-    front = np.where(telling, lights.argmax(axis=-1), -1)
-    # Colour grows inwards from the clipped spots' rims, a pixel a round, sides before corners.
-    while (front[clipped] < 0).any():
-        before = front.copy()
-        for steps in (((0, 1), (1, 0), (0, -1), (-1, 0)), ((1, 1), (1, -1), (-1, 1), (-1, -1))):
-            for step in steps:
-                shifted = np.full_like(before, -1)
-                shifted[_to(step)] = before[_from(step)]
-                empty = clipped & (front < 0)
-                front[empty] = shifted[empty]
-        if np.array_equal(front, before):
-            break
-    owner[clipped] = front[clipped]
-    return owner
-
-
-def _touches(owner: NDArray[np.int64], light: int) -> bool:
-    """Whether a clipped pixel of the light lies beside one of another light."""
-    mine, others = owner == light, (owner >= 0) & (owner != light)
-    return any(bool((mine[_to(step)] & others[_from(step)]).any()) for step in ((0, 1), (1, 0), (0, -1), (-1, 0)))
-
-
-def _to(step: tuple[int, int]) -> tuple[slice, slice]:
-    return slice(max(step[0], 0), min(step[0], 0) or None), slice(max(step[1], 0), min(step[1], 0) or None)
-
-
-def _from(step: tuple[int, int]) -> tuple[slice, slice]:
-    return _to((-step[0], -step[1]))
+def _owners(
+    lights: NDArray[np.float64], attributable: NDArray[np.bool_], clipped: NDArray[np.bool_]
+) -> NDArray[np.int64]:
+    """(H, W) the light that a clipped pixel belongs to, by the nearest attributable pixel; -1 elsewhere."""
+    nearest = np.where(attributable, lights.argmax(axis=-1), -1).astype(np.float32)[..., None]
+    nearest = extend_to_nearest(nearest, attributable, max(clipped.shape))
+    return np.where(clipped, nearest[..., 0].astype(np.int64), -1)
 
 
 def _highlight(window: _Window, weight: NDArray[np.float64], others: NDArray[np.float64], name: str) -> Highlight:
@@ -223,12 +210,12 @@ def _highlight(window: _Window, weight: NDArray[np.float64], others: NDArray[np.
     """
     labels, sizes = labelled(weight > CANDIDATE, diagonal=True)
     number, count = labels - 1, len(sizes) - 1
-    held = number >= 0
-    light = np.bincount(number[held], np.clip(weight - others, 0, None)[held], count)
+    bright = number >= 0
+    light = np.bincount(number[bright], np.clip(weight - others, 0, None)[bright], count)
     # One bright pixel alone is the sensor's own.
-    light = np.where(np.bincount(number[held], weight[held] > SPOT, count) > 1, light, 0)
+    light = np.where(np.bincount(number[bright], weight[bright] > SPOT, count) > 1, light, 0)
     if not light.any():
-        raise InputError(f"no highlight of {name} was found on the ball; is it on, and is this the mirror ball?")
+        raise GeometryError(f"no highlight of {name} was found on the ball; is it on, and is this the mirror ball?")
     order = np.argsort(-light)
     spot = number == order[0]
     amount = np.minimum(weight[spot], 1)

@@ -1,4 +1,4 @@
-"""Where the lights stand, by what mirror balls show of them: directions, and positions from two places."""
+"""Where the lights stand, by their highlights in mirror balls: directions, and positions from two places."""
 
 import logging
 import os
@@ -11,21 +11,21 @@ from numpy.typing import ArrayLike, NDArray
 from mpsnet_core.arrays.unit_vectors import angular_error, normalised
 from mpsnet_core.capture.calibrate.ball import Ball, fit_ball, mirrored
 from mpsnet_core.capture.calibrate.highlights import Highlight
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.files import written_whole
 from mpsnet_core.scene.camera import camera_of_lens
 
 log = logging.getLogger(__name__)
 
-# A position is kept while it is known better than to this share of its distance.
+# A position counts while it is known better than to this share of its distance.
 UNSURE = 0.25
 # From this share of a highlight's light on, another spot may be a light as well.
 RIVAL = 0.5
-# Rays that miss each other by so many times what their uncertainty explains are not one light's.
+# Rays that miss each other by so many times what their uncertainty explains are not of the same light.
 MISSED = 4.0
 ROUNDS = 4
-# In millimetres on a sensor 36 mm wide. Where no lens is told, what this one would have done to a direction is one
-# standard deviation: of lenses between 24 and 200 mm, evenly in their logarithm, two in three are longer.
+# In millimetres on a sensor 36 mm wide. Where the lens is unknown, what this one would have done to a direction is
+# one standard deviation: of lenses between 24 and 200 mm, evenly in their logarithm, two in three are longer.
 USUAL_LENS = 45.0
 
 
@@ -33,34 +33,35 @@ USUAL_LENS = 45.0
 class Sighting:
     """A mirror ball at one place, and the highlight of each light in it, in the lights' order.
 
-    lens_told: whether the ball's camera is known; else it is taken as far away though it may have stood near.
+    lens_known: whether the ball's camera is known; else it is assumed far away though it may have stood near.
     """
 
     ball: Ball
     highlights: tuple[Highlight, ...]
-    lens_told: bool = True
+    lens_known: bool = True
 
     def rays(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Where on the ball each light is mirrored and the unit direction to it from there; each (N, 3)."""
         return mirrored(self.ball, [spot.point for spot in self.highlights])
 
     def uncertainties(self) -> NDArray[np.float64]:
-        """(N,) degrees, of each direction: what the uncertainty of outline and highlight makes of it."""
-        _, sure = self.rays()
+        """(N,) degrees, of each direction: the propagated uncertainty of outline and highlight."""
+        _, directions = self.rays()
         points = np.array([spot.point for spot in self.highlights])
         step = 0.1
-        jacobian = [mirrored(self.ball.nudged(*nudge), points)[1] - sure for nudge in step * np.eye(3)]
+        jacobian = [mirrored(self.ball.nudged(*nudge), points)[1] - directions for nudge in step * np.eye(3)]
         by_ball = np.stack(jacobian, axis=-1) / step
         variance = np.einsum("nij,jk,nik->n", by_ball, self.ball.covariance, by_ball)
         blur = np.array([spot.uncertainty for spot in self.highlights])
         for shift in ((step, 0.0), (0.0, step)):
-            moved = (mirrored(self.ball, points + shift)[1] - sure) / step
+            moved = (mirrored(self.ball, points + shift)[1] - directions) / step
             variance += (moved**2).sum(axis=1) * blur**2
-        return np.degrees(np.sqrt(variance))
+        uncertainties: NDArray[np.float64] = np.degrees(np.sqrt(variance))
+        return uncertainties
 
     def by_lens(self) -> NDArray[np.float64]:
         """(N,) degrees, of each direction: by how much it would be another one before a camera with a usual lens."""
-        if self.lens_told:
+        if self.lens_known:
             return np.zeros(len(self.highlights))
         camera = camera_of_lens(USUAL_LENS, self.ball.camera.width, self.ball.camera.height)
         near = fit_ball(self.ball.outline(), camera)
@@ -71,13 +72,22 @@ class Sighting:
 class LightsFound:
     """Where N lights stand, in camera space.
 
-    directions: (N, 3) unit vectors from the target to the lights, or from wherever for lights that are far away.
-    uncertainties: (N,) degrees, one standard deviation, with what the camera's perspective does where its lens is not
-        told.
-    target: (3,) the middle of the ball, or of the balls' places.
-    positions: (N, 3) in the unit of the balls' radius, where the lights were seen from two places and are near enough.
-    position_uncertainties, gaps: (N,) in the same unit: one standard deviation; how far the rays to a light miss each
-        other (rms distance from where they meet best).
+    Attributes
+    ----------
+    sightings
+        The balls that they follow from.
+    directions : (N, 3) float64
+        Unit vectors from the target to the lights; of lights that are far away, from anywhere.
+    uncertainties : (N,) float64
+        Degrees, one standard deviation, including the effect of the camera's perspective where its lens is unknown.
+    target : (3,) float64
+        The middle of the ball, or of the balls' places.
+    positions : (N, 3) float64, or None
+        In the unit of the balls' radius, where the lights were seen from two places and are near enough.
+    position_uncertainties : (N,) float64, or None
+        One standard deviation, in the same unit.
+    gaps : (N,) float64, or None
+        How far the rays to a light miss each other, in the same unit: rms distance from where they meet best.
     """
 
     sightings: tuple[Sighting, ...]
@@ -92,25 +102,43 @@ class LightsFound:
 def find_lights(sightings: Sequence[Sighting]) -> LightsFound:
     """The lights that mirror balls show.
 
-    One sighting gives directions. More, before a perspective camera, give positions too: where the rays from the balls
-    meet best, by least squares weighted with how sure each ray is at that distance. Lights so far away that the rays
-    are nearly parallel keep their directions alone, and that is noted.
+    Parameters
+    ----------
+    sightings : sequence of Sighting
+        A ball at one place each, with the highlights of the same lights in the same order.
 
-    Raises InputError where there is no sighting, or they do not show the same number of lights.
+    Returns
+    -------
+    LightsFound
+
+    Raises
+    ------
+    GeometryError
+        Where there is no sighting, or they do not show the same number of lights.
+
+    Notes
+    -----
+    One sighting determines directions. More, before a perspective camera, determine positions too: where the rays from
+    the balls meet best, by least squares weighted with each ray's precision at that distance. Lights so far away that
+    the rays are nearly parallel keep their directions alone, and that is logged.
     """
     if not sightings:
-        raise InputError("there is no photo of a mirror ball; give at least one")
+        raise GeometryError("there is no photo of a mirror ball; give at least one")
     counts = {len(sighting.highlights) for sighting in sightings}
     if len(counts) != 1:
-        raise InputError("the ball's places do not show the same number of lights; give as many photos for each place")
-    places, aims = (np.stack(parts) for parts in zip(*(sighting.rays() for sighting in sightings), strict=True))
+        raise GeometryError(
+            "the ball's places do not show the same number of lights; give as many photos for each place"
+        )
+    origins, rays = (np.stack(parts) for parts in zip(*(sighting.rays() for sighting in sightings), strict=True))
     blur = np.stack([sighting.uncertainties() for sighting in sightings])
     target = np.mean([sighting.ball.centre for sighting in sightings], axis=0)
     _note_doubts(sightings)
-    trust = 1 / blur**2
-    mean = normalised(np.einsum("pni,pn->ni", aims, trust))
-    # What the lens does it does at all places.
-    unsure = np.hypot(1 / np.sqrt(trust.sum(axis=0)), np.mean([sighting.by_lens() for sighting in sightings], axis=0))
+    precision = 1 / blur**2
+    mean = normalised(np.einsum("pni,pn->ni", rays, precision))
+    # The lens has the same effect at all places.
+    unsure = np.hypot(
+        1 / np.sqrt(precision.sum(axis=0)), np.mean([sighting.by_lens() for sighting in sightings], axis=0)
+    )
     found = LightsFound(tuple(sightings), mean, unsure, target)
     if len(sightings) == 1:
         return found
@@ -118,12 +146,22 @@ def find_lights(sightings: Sequence[Sighting]) -> LightsFound:
         log.info(
             "several places give positions only where the camera's focal length is known; these are directions alone"
         )
-        return _with_spread(found, aims)
-    met = [meeting_point(places[:, k], aims[:, k], np.radians(blur[:, k])) for k in range(aims.shape[1])]
-    points, errors, gaps = (np.array(values) for values in zip(*met, strict=True))
-    away = points - target
+        return _with_spread(found, rays)
+    return _with_positions(found, origins, rays, np.radians(blur))
+
+
+def _with_positions(
+    found: LightsFound, origins: NDArray[np.float64], rays: NDArray[np.float64], spreads: NDArray[np.float64]
+) -> LightsFound:
+    """The lights where the rays (P, N, 3) of P places meet; directions alone where any of them is too far away.
+
+    spreads: (P, N) standard deviations of the rays' directions, in radians.
+    """
+    meetings = [meeting_point(origins[:, k], rays[:, k], spreads[:, k]) for k in range(rays.shape[1])]
+    points, errors, gaps = (np.array(values) for values in zip(*meetings, strict=True))
+    away = points - found.target
     distance = np.linalg.norm(away, axis=1)
-    ahead = np.einsum("pni,pni->n", points - places, aims) > 0
+    ahead = np.einsum("pni,pni->n", points - origins, rays) > 0
     far = ~ahead | (errors > UNSURE * distance)
     if far.any():
         names = ", ".join(str(k + 1) for k in np.flatnonzero(far))
@@ -132,7 +170,7 @@ def find_lights(sightings: Sequence[Sighting]) -> LightsFound:
             "these are directions alone",
             names,
         )
-        return _with_spread(found, aims)
+        return _with_spread(found, rays)
     for k in np.flatnonzero(gaps > MISSED * errors):
         log.warning(
             "light %d: the rays to it miss each other by %.3g, more than they should; did camera or light move between "
@@ -141,7 +179,7 @@ def find_lights(sightings: Sequence[Sighting]) -> LightsFound:
             gaps[k],
         )
     turn = np.degrees(errors / distance)
-    return LightsFound(tuple(sightings), normalised(away), turn, target, points, errors, gaps)
+    return LightsFound(found.sightings, normalised(away), turn, found.target, points, errors, gaps)
 
 
 def meeting_point(
@@ -157,7 +195,7 @@ def meeting_point(
     weight = 1 / spreads**2
     for _ in range(ROUNDS):
         normal = np.einsum("pij,p->ij", across, weight)
-        # Parallel rays meet nowhere: the least squares solution nearest to the origin stands in, and is not sure.
+        # Parallel rays meet nowhere: the least squares solution nearest to the origin stands in, with a large error.
         point = np.linalg.lstsq(normal, np.einsum("pij,pj,p->i", across, origins, weight), rcond=None)[0]
         reach = np.maximum(np.linalg.norm(point - origins, axis=1), 1e-9)
         weight = 1 / (spreads * reach) ** 2
@@ -178,9 +216,9 @@ def write_lp(path: str | os.PathLike[str], directions: ArrayLike, names: Sequenc
         unfinished.write_text("\n".join([str(len(lines)), *lines]) + "\n", encoding="utf-8")
 
 
-def _with_spread(found: LightsFound, aims: NDArray[np.float64]) -> LightsFound:
-    """Note where the places disagree about a distant light's direction: it is near, or something moved."""
-    apart = angular_error(aims, np.broadcast_to(found.directions, aims.shape)).max(axis=0)
+def _with_spread(found: LightsFound, rays: NDArray[np.float64]) -> LightsFound:
+    """Report where the places disagree about a distant light's direction: it is near, or something moved."""
+    apart = angular_error(rays, np.broadcast_to(found.directions, rays.shape)).max(axis=0)
     worst = int(apart.argmax())
     if apart[worst] > MISSED * found.uncertainties[worst]:
         log.info("light %d: its directions from the ball's places differ by up to %.2g°", worst + 1, 2 * apart[worst])
@@ -208,7 +246,7 @@ def _note_doubts(sightings: Sequence[Sighting]) -> None:
     by_lens = max(float(sighting.by_lens().max()) for sighting in sightings)
     if by_lens:
         log.info(
-            "the camera is taken as far away; tell its lens (--focal, --camera): one of %g mm would make these "
+            "the camera is assumed far away; give its lens (--focal, --camera): one of %g mm would make these "
             "directions wrong by up to %.1f°, which their uncertainty includes",
             USUAL_LENS,
             by_lens,

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from mpsnet_core.arrays.robust_statistics import DEVIATIONS, biweight, spread
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.calibrate.ball import Ball, surface
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.io.image import Image
 from mpsnet_core.scene.rig import LIGHT_NAMES, LightRig
 
@@ -25,24 +25,24 @@ LEAST_PIXELS = 200
 ROUNDS = 20
 # How far the outline is moved at most in a round, in pixels.
 MOST_NUDGE = 2.0
-# What else is put right: the outline's middle and radius in pixels, two turns of each light in radians, and by how much
+# What else is refined: the outline's middle and radius in pixels, two turns of each light in radians, and by how much
 # the exponent of the cosine differs from Lambert's 1. So well are the last seven known (2°, and a rough ball's 0.9).
 OTHERS = 10
 UNCERTAINTIES = [0.035] * 6 + [0.1]
 # How far each is moved to measure what that does.
 STEPS = [0.1] * 3 + [0.002] * 7
-# What the model leaves out (gloss, light thrown back) is alike over much of the ball: all of it tells of the lights as
-# much as so many pixels that err each by itself.
+# What the model leaves out (gloss, interreflection) is correlated over much of the ball: all of it determines the
+# lights as well as so many pixels with independent errors.
 INDEPENDENT = 300
-# What the model leaves out is not alike in all parts of the ball: what the matrix becomes without each of these sectors
-# of it shows how much it hangs on that.
+# What the model leaves out differs between parts of the ball: the matrix without each of these sectors shows how much
+# it depends on that.
 SECTORS = 6
-# Where an entry beside the diagonal is known no better than this, of the largest, it is not told. Of the matrices that
-# are, 97% are within 0.1: DiLiGenT's ball and glossy ones under lights that are known to 2°, in eight bits.
+# An off-diagonal entry that is known no better than this, of the largest, is undetermined. Of the matrices that are
+# determined, 97% are within 0.1: DiLiGenT's ball and glossy ones under lights that are known to 2°, in eight bits.
 UNDETERMINED = 0.06
-# Where more than this share of the photo's variance is left, it is of something else.
+# Where more than this share of the photo's variance is unexplained, it shows something else.
 FOREIGN = 0.5
-# Light that grazes tells little of its strength.
+# Grazing light determines its strength badly.
 LEAST_COSINE = 0.1
 # Worse than this share of the brightness the model does not describe the photo.
 POOR = 0.05
@@ -53,16 +53,28 @@ AMBIENT = 0.03
 class MixingFound:
     """A mixing matrix and how well it describes the photo.
 
-    mixing: (3, 3): rows are the camera's channels red, green, blue, columns the lights in rig order; its largest entry
-        is 1. It holds brightness too: of two lights the fainter has the smaller column.
-    residual: rms of what it leaves unexplained, as a share of the mean brightness.
-    ambient: (3,) light that comes from everywhere, in the matrix' unit; 0 for a card, which does not tell it.
-    pixels: how many were looked at, clipped ones aside. left_out: share of these that fitted badly: highlights, stains.
-    ball: with its outline put right by the shading, or None for a card.
-    determined: whether the photo tells the whole matrix; else it is diagonal, the lights' strengths alone.
-    uncertainty: of the entries beside the diagonal, the largest, by what may be off in ball and lights and by how much
+    Attributes
+    ----------
+    mixing : (3, 3) float64
+        Rows are the camera's channels red, green, blue, columns the lights in rig order; its largest entry is 1. It
+        holds brightness too: of two lights the fainter has the smaller column.
+    residual
+        Rms of what it leaves unexplained, as a share of the mean brightness.
+    ambient : (3,) float64
+        Light from everywhere, in the matrix' unit; 0 for a card, which does not determine it.
+    pixels
+        How many were used, clipped ones aside.
+    left_out
+        Share of these that are outliers: highlights, stains.
+    ball
+        With its outline refined by the shading, or None for a card.
+    determined
+        Whether the photo determines the whole matrix; else it is diagonal, the lights' strengths alone.
+    uncertainty
+        Of the off-diagonal entries, the largest standard deviation, by the errors of ball and lights and by how much
         the matrix differs where a part of the ball is left out.
-    unexplained: share of the photo's variance that the matrix leaves, whether or not pixels were left out.
+    unexplained
+        Share of the photo's variance that the matrix leaves, outliers included.
     """
 
     mixing: NDArray[np.float64]
@@ -79,16 +91,32 @@ class MixingFound:
 def mixing_from_ball(photo: Image, ball: Ball, rig: LightRig) -> MixingFound:
     """The mixing matrix from one photo of a matt grey ball under all three lights.
 
-    rig: where the lights are; its own mixing is of no account.
+    Parameters
+    ----------
+    photo : Image
+        Linear pixels (H, W, 3).
+    ball : Ball
+        Where the ball is in the photo.
+    rig : LightRig
+        Where the lights are; its own mixing is ignored.
 
+    Returns
+    -------
+    MixingFound
+
+    Raises
+    ------
+    GeometryError
+        Where too few pixels are usable, or the rig's lights do not explain the photo.
+
+    Notes
+    -----
     Each channel is ``c_i = Σ_k M_ik max(n·l_k, 0) + a_i``, linear in M and the ambient light a, none of which is below
-    zero: least squares over the ball's pixels, those that fit badly left out by Tukey's biweight. As the normals hang
-    on the outline, which may be off by a pixel, lights may be off by a degree or two, and no ball is quite matt, the
-    outline's middle and radius, the lights' directions and the cosine's exponent are put right in the same equations,
-    as far as their own uncertainty allows.
-    Where what is left of that could be crosstalk as well, the lights' strengths alone are told.
-
-    Raises InputError where too few pixels are usable, or the rig's lights do not explain the photo.
+    zero: least squares over the ball's pixels, outliers left out by Tukey's biweight. As the normals depend on the
+    outline, which may be off by a pixel, lights may be off by a degree or two, and no ball is quite matt, the same
+    equations refine the outline's middle and radius, the lights' directions and the cosine's exponent, as far as their
+    own uncertainty allows. Where their remaining error could be crosstalk as well, the result is the lights' strengths
+    alone.
     """
     points, colours = _ball_pixels(photo, ball)
     found = _fitted(points, colours, ball, rig, np.ones((3, 3), bool))
@@ -97,7 +125,7 @@ def mixing_from_ball(photo: Image, ball: Ball, rig: LightRig) -> MixingFound:
     )
     if found.uncertainty > UNDETERMINED:
         log.warning(
-            "how the lights' colours mix cannot be told from this photo (to ± %.2f): the rig gets their strengths "
+            "this photo does not show how the lights' colours mix (to ± %.2f): the rig gets their strengths "
             "alone; for the rest take three photos, one under each light alone, or lights that stand wider apart",
             found.uncertainty,
         )
@@ -162,15 +190,16 @@ def _fitted(
 def _by_sectors(
     points: NDArray[np.float64], colours: NDArray[np.float64], ball: Ball, rig: LightRig, found: MixingFound
 ) -> float:
-    """Of what was found by points (P, 2) and their colours (P, 3), the largest deviation of the entries beside the
-    diagonal, by the jackknife (Tukey 1958) over sectors of the ball.
+    """The largest standard deviation of the off-diagonal entries, by the jackknife (Tukey 1958) over its sectors.
+
+    points: (P, 2), with their colours (P, 3), that `found` follows from.
     """
     x, y = (points - (ball.circle.x, ball.circle.y)).T
     sector = np.floor((np.arctan2(y, x) / (2 * np.pi) + 0.5) * SECTORS) % SECTORS
     variance = np.zeros((3, 3))
     for left_out in range(SECTORS):
-        kept = sector != left_out
-        other = _fitted(points[kept], colours[kept], ball, rig, np.ones((3, 3), bool))
+        others = sector != left_out
+        other = _fitted(points[others], colours[others], ball, rig, np.ones((3, 3), bool))
         variance += (SECTORS - 1) / SECTORS * (other.mixing - found.mixing) ** 2
     return float(np.sqrt(variance[~np.eye(3, dtype=bool)].max()))
 
@@ -178,8 +207,8 @@ def _by_sectors(
 def mixing_from_ball_by_light(photos: Sequence[Image], ball: Ball, rig: LightRig) -> MixingFound:
     """The mixing matrix from three photos of a matt grey ball, each under one light alone, in rig order.
 
-    As :func:`mixing_from_ball`, but every photo gives its light's column by itself, so that nothing rests on telling
-    the lights' shadings apart. All photos have the same exposure. Raises InputError as there.
+    As :func:`mixing_from_ball`, but every photo determines its light's column by itself, so that the lights' shadings
+    need not be separated. All photos have the same exposure. Raises GeometryError as there.
     """
     columns = []
     for light, photo in enumerate(_three_photos(photos)):
@@ -187,7 +216,7 @@ def mixing_from_ball_by_light(photos: Sequence[Image], ball: Ball, rig: LightRig
         shading = _shading(ball, rig, points)[:, light]
         lit = shading > LEAST_COSINE
         if lit.sum() < LEAST_PIXELS:
-            raise InputError(f"the {LIGHT_NAMES[light]} light reaches too little of the ball; check rig and circle")
+            raise GeometryError(f"the {LIGHT_NAMES[light]} light reaches too little of the ball; check rig and circle")
         columns.append((colours[lit] / shading[lit, None], lit))
     return _from_columns([values for values, _ in columns], ball)
 
@@ -197,20 +226,20 @@ def mixing_from_card(
 ) -> MixingFound:
     """The mixing matrix from three photos of a matt grey card, each under one light alone, in rig order.
 
-    photos: of the same exposure. mask: (H, W), where the card is. normal: (3,) which way it faces,
-    in camera space. One photo under all lights would be three numbers for nine unknowns. The card stands where the
-    rig's directions hold: where the ball stood. Raises InputError where a light does not reach the card.
+    photos: of the same exposure. mask: (H, W), where the card is. normal: (3,) which way it faces, in camera space.
+    One photo under all lights would be three numbers for nine unknowns. The card stands where the rig's directions
+    hold: where the ball stood. Raises GeometryError where a light does not reach the card.
     """
     facing = normalised(np.asarray(normal, np.float64))
     cosines = rig.directions @ facing
     columns = []
     for light, photo in enumerate(_three_photos(photos)):
         if cosines[light] <= LEAST_COSINE:
-            raise InputError(f"the {LIGHT_NAMES[light]} light does not reach the card's face; check its normal")
+            raise GeometryError(f"the {LIGHT_NAMES[light]} light does not reach the card's face; check its normal")
         inside = photo.pixels[mask].astype(np.float64)
         usable = ~photo.saturated[mask].any(axis=1) & np.isfinite(inside).all(axis=1)
         if usable.sum() < LEAST_PIXELS:
-            raise InputError(
+            raise GeometryError(
                 f"the photo of the {LIGHT_NAMES[light]} light has fewer than {LEAST_PIXELS} usable pixels of the card; "
                 "expose shorter, or mark more of it"
             )
@@ -220,7 +249,7 @@ def mixing_from_card(
 
 def _three_photos(photos: Sequence[Image]) -> Sequence[Image]:
     if len(photos) != 3:
-        raise InputError(
+        raise SettingsError(
             f"{len(photos)} photo(s) where three are needed, one under each light alone in the rig's order; one photo "
             "under all of them will do for a grey ball"
         )
@@ -241,24 +270,24 @@ def _ball_pixels(photo: Image, ball: Ball) -> tuple[NDArray[np.float64], NDArray
         usable = inside & ~photo.saturated[y, x].any(axis=1) & np.isfinite(colours).all(axis=1)
         chosen = np.flatnonzero(usable)[:: max(1, int(usable.sum()) // MOST_PIXELS)]
     if not len(points) or len(chosen) < LEAST_PIXELS:
-        raise InputError(
+        raise GeometryError(
             f"the photo has fewer than {LEAST_PIXELS} usable pixels of the ball; is the circle right, and is it not "
             "overexposed?"
         )
     if not colours[chosen].any():
-        raise InputError("the ball is black in the photo; were the lights on, and is the circle right?")
+        raise GeometryError("the ball is black in the photo; were the lights on, and is the circle right?")
     return points[chosen], colours[chosen]
 
 
 def _shading(
     ball: Ball, rig: LightRig, points: NDArray[np.float64], other: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
-    """(P, 4) how much of each light a white matt surface sends back at points of the ball, and 1 for ambient light.
+    """(P, 4) how much of each light a white matt surface reflects at points of the ball, and 1 for ambient light.
 
     other: (7,) how many radians each light is turned, along and across, and what the cosine's exponent is above 1.
     """
     if rig.near is not None and ball.camera.projection == "orthographic":
-        raise InputError(
+        raise GeometryError(
             "the rig's lights have positions, which only a perspective camera sees; give the camera or its focal length"
         )
     place, normal, _ = surface(ball, points)
@@ -313,11 +342,11 @@ def _joint_step(
 
 
 def _from_columns(columns: Sequence[NDArray[np.float64]], ball: Ball | None) -> MixingFound:
-    """Each light's column is the median of what pixels (P, 3) say of it."""
+    """Each light's column is the median over its pixels (P, 3)."""
     middles = [np.median(values, axis=0) for values in columns]
     mixing = np.stack(middles, axis=-1)
     if not mixing.max() > 0:
-        raise InputError("the photos are black where the ball or card is; were the lights on?")
+        raise GeometryError("the photos are black where the ball or card is; were the lights on?")
     off = [
         np.median(np.abs(values - middle)) / max(float(middle.max()), 1e-12)
         for values, middle in zip(columns, middles, strict=True)
@@ -329,17 +358,17 @@ def _from_columns(columns: Sequence[NDArray[np.float64]], ball: Ball | None) -> 
 
 
 def _checked(found: MixingFound) -> MixingFound:
-    """Raises InputError for a matrix that no photo can be unmixed by; notes what looks wrong."""
+    """Raises GeometryError for a matrix that no photo can be unmixed by; reports what looks wrong."""
     mixing = found.mixing
     if not np.isfinite(mixing).all() or mixing.max() <= 0 or found.unexplained > FOREIGN:
-        raise InputError(
+        raise GeometryError(
             "no mixing matrix explains the photo; does the rig belong to this photo, is the circle right, and is the "
             "ball matt and grey, before dark surroundings?"
         )
     # Neither lights nor channels of other strengths change which of these products is the largest.
     orders = itertools.permutations(range(3))
     if max(orders, key=lambda order: float(mixing[range(3), order].prod())) != (0, 1, 2):
-        raise InputError(
+        raise GeometryError(
             "the lights stand where the rig has other ones; does the rig belong to this photo, with its lights in the "
             "order red, green, blue?"
         )

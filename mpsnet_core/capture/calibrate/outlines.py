@@ -1,4 +1,4 @@
-"""A ball's outline in a photo, to parts of a pixel, and how much of it is sure to be there, however noisy the photo."""
+"""A ball's outline in a photo, to parts of a pixel, and how much of it is visible, however noisy the photo."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -9,29 +9,28 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.capture.calibrate.ball import Ball, fit_ball
 
-# How far from a circle its outline is looked for, as shares of the radius, round after round, and at last.
+# How far from a circle its outline is searched, as shares of the radius, round after round, and at last.
 REACHES = (0.12, 0.04)
 CLOSE = 0.012
-# Radii, in pixels of the picture that is looked at: the photo is made so small for the rounds, and for the last look.
+# Radii, in pixels of the picture that is searched: the photo is scaled down so far for the rounds, and for the last.
 ROUGHLY, FINELY = 50, 150
 # A mirror's rim fades into what stands behind it, as all surfaces mirror fully at grazing angles: so many pixels of its
 # radius may be lost.
 FADING = 0.3
-# The outline is crossed by so many lines. Pixels from place to place on each, and the weights of lines beside each
-# other.
+# So many lines cross the outline. Pixels from place to place on each, and the weights of neighbouring lines.
 LINES = 180
 STEP = 0.5
 BESIDE = (0.1, 0.2, 0.4, 0.2, 0.1)
-# So many lines together, an arc of the outline, tell whether there is an edge at all.
+# So many lines together, an arc of the outline, decide whether there is an edge at all.
 ARC = 15
-# So many times what is usual along the lines beside it, an edge is one: three standard deviations, were it noise.
+# An edge is so many times steeper than the lines beside it: three standard deviations, were it noise.
 CLEAR = 3 / 0.6745
-# Lines to either side whose noise is taken together, and how far along them it is measured, as a share of the radius.
+# Lines to either side whose noise is averaged, and how far along them it is measured, as a share of the radius.
 NOISE_LINES, NOISE_REACH = 10, 0.06
 
 
 class Pyramid:
-    """A photo's brightness, and that of the photo made 2, 4, 8 ... times smaller, each made when it is asked for."""
+    """A photo's brightness, and that of the photo made 2, 4, 8 ... times smaller, each made on first use."""
 
     def __init__(self, image: NDArray[np.float32]) -> None:
         self._levels = [image.sum(axis=-1, keepdims=True)]
@@ -57,9 +56,9 @@ def near_outline(photo: Pyramid, ball: Ball) -> Ball:
 
 
 def sharp_outline(photo: Pyramid, ball: Ball, *, mirror: bool = True) -> Ball:
-    """The ball by the steepest places along the outline of one that is nearly it, and how much of it is seen.
+    """The ball by the steepest places along a rough one's outline, and how much of it is seen.
 
-    Raises InputError where no ball fits.
+    Raises GeometryError where no ball fits.
     """
     edges = _edges(photo, ball, CLOSE, FINELY)
     points, clear = edges.steepest()
@@ -110,12 +109,12 @@ class _Edges:
 
     def steepest(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """(N, 2) the steepest place on each line, to parts of a step, and (N,) whether it is an edge, not noise."""
-        liked = (
+        weighted = (
             self.steep
             * np.exp(-((self.offsets / self.reach) ** 2))
             * (np.abs(self.offsets) < self.reach + 2 * self.step)
         )
-        best = np.clip(liked.argmax(axis=1), 1, len(self.offsets) - 2)
+        best = np.clip(weighted.argmax(axis=1), 1, len(self.offsets) - 2)
         line = np.arange(len(best))
         before, here, after = (self.steep[line, best + k] for k in (-1, 0, 1))
         bend = np.minimum(before - 2 * here + after, -1e-12)
@@ -125,12 +124,12 @@ class _Edges:
 
 
 def _edges(photo: Pyramid, ball: Ball, share: float, wanted: float) -> _Edges:
-    """Along lines across the ball's outline, so far to either side: a share of its radius."""
+    """Along lines across the ball's outline, to either side a share of its radius."""
     radius = ball.circle.radius
     picture, smaller = photo.level(radius, wanted)
     step = STEP * smaller
     reach = max(share * radius, 2.0 * smaller)
-    # All pixels beside a line are looked at, not only those under it: their mean has less noise.
+    # All pixels beside a line count, not only those under it: their mean has less noise.
     beside = 2 * int(np.pi * radius / smaller / LINES) + 1
     outline = ball.outline(LINES * beside)
     along = np.roll(outline, -1, axis=0) - np.roll(outline, 1, axis=0)
@@ -177,4 +176,5 @@ def _sampled(picture: NDArray[np.float32], places: NDArray[np.float64]) -> NDArr
     fx, fy = x - column, y - row
     above = picture[row, column] * (1 - fx) + picture[row, column + 1] * fx
     below = picture[row + 1, column] * (1 - fx) + picture[row + 1, column + 1] * fx
-    return above * (1 - fy) + below * fy
+    values: NDArray[np.float64] = above * (1 - fy) + below * fy
+    return values

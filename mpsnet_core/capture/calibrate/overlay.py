@@ -1,4 +1,4 @@
-"""What a calibration found, drawn over the photo: outline, highlights, and the way to each light."""
+"""The result of a calibration drawn over the photo: outline, highlights, and the direction of each light."""
 
 from collections.abc import Sequence
 from typing import Literal
@@ -73,16 +73,16 @@ class _Canvas:
         self.left, self.top = max(int(circle.x - reach), 0), max(int(circle.y - reach), 0)
         right, bottom = min(int(circle.x + reach) + 1, width), min(int(circle.y + reach) + 1, height)
         part = np.clip(image[self.top : bottom, self.left : right], 0, None)
-        # A mirror ball is black but for its lights: the cube root of what is left shows both.
+        # A mirror ball is black but for its lights: the cube root shows both.
         white = max(float(np.percentile(part, 99.9)), 1e-9)
         shown = 0.5 * linear_to_srgb(part / white) + 0.5 * np.clip(np.cbrt(part / white), 0, 1)
         self.scale = PICTURE_SIDE / max(part.shape[:2])
         size = [max(1, round(side * self.scale)) for side in part.shape[:2]]
         source = oiio.ImageBuf(np.ascontiguousarray(shown, dtype=np.float32))
-        wanted = oiio.ROI(0, size[1], 0, size[0], 0, 1, 0, 3)
-        resized = oiio.ImageBufAlgo.resize(source, roi=wanted).get_pixels(oiio.FLOAT)
+        region = oiio.ROI(0, size[1], 0, size[0], 0, 1, 0, 3)
+        resized = oiio.ImageBufAlgo.resize(source, roi=region).get_pixels(oiio.FLOAT)
         self.pixels: NDArray[np.float32] = np.clip(np.asarray(resized, np.float32), 0, 1)
-        self.taken: list[tuple[float, float, float]] = []
+        self.label_boxes: list[tuple[float, float, float]] = []
         self.loop(ball.outline(), OUTLINE)
         self.cross((circle.x, circle.y), OUTLINE, 6)
 
@@ -135,17 +135,17 @@ class _Canvas:
         x += {"left": -10 - box.width, "middle": -box.width / 2 - 1, "right": 10}[side]
         x = float(np.clip(x, 4, max(breadth - box.width - 6, 4)))
         y = float(np.clip(y + TEXT / 3, TEXT, height - 8))
-        while side != "middle" and self._is_taken(x, x + box.width, y):
+        while side != "middle" and self._overlaps_label(x, x + box.width, y):
             y += 2
-        self.taken.append((x, x + box.width, y))
+        self.label_boxes.append((x, x + box.width, y))
         buffer = oiio.ImageBuf(np.ascontiguousarray(self.pixels))
         for right, down in ((-1, 0), (1, 0), (0, -1), (0, 1), (1, 1)):
             oiio.ImageBufAlgo.render_text(buffer, round(x) + right, round(y) + down, words, TEXT, "", INK)
         oiio.ImageBufAlgo.render_text(buffer, round(x), round(y), words, TEXT, "", colour)
         self.pixels[...] = np.asarray(buffer.get_pixels(oiio.FLOAT))
 
-    def _is_taken(self, left: float, right: float, y: float) -> bool:
-        return any(abs(y - other) < TEXT + 2 and left < end and start < right for start, end, other in self.taken)
+    def _overlaps_label(self, left: float, right: float, y: float) -> bool:
+        return any(abs(y - other) < TEXT + 2 and left < end and start < right for start, end, other in self.label_boxes)
 
     def _here(self, point: Point) -> NDArray[np.float64]:
         return (np.array(point, np.float64) - [self.left, self.top]) * self.scale

@@ -12,7 +12,8 @@ from mpsnet_core.capture.calibrate.circles import find_balls
 from mpsnet_core.capture.calibrate.highlights import Highlight, find_coloured_highlights, find_highlight
 from mpsnet_core.capture.calibrate.lights import Sighting
 from mpsnet_core.capture.correction import Correction, corrected
-from mpsnet_core.errors import InputError
+from mpsnet_core.capture.sizes import check_same_size, size
+from mpsnet_core.errors import GeometryError, InputError
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.images import Encoding, read_image, read_mask
 from mpsnet_core.progress import Progress, silent
@@ -21,14 +22,26 @@ from mpsnet_core.scene.camera import Camera, camera_of_lens
 
 @dataclass(frozen=True)
 class BallPhotos:
-    """Photos of a ball and how to look at them.
+    """Photos of a ball and how to read them.
 
-    files: photos of the ball that stand for one place of it: one under all lights, or one for each light alone.
-    circles: the ball's outlines, drawn by hand; mask: a file that shows the ball; else the ball is looked for.
-    balls: how many there are. radius: theirs, in the unit that positions are wanted in.
-    camera: a Camera, a focal length as :func:`camera_of_lens` takes it, or None for a camera far away.
-    mirror: whether the ball is a mirror; else it is matt.
-    encoding, layer: as in :func:`mpsnet_core.io.images.read_image`. correction: dark frame and flat field.
+    Attributes
+    ----------
+    files
+        Photos of the ball at one place: one under all lights, or one for each light alone.
+    circles
+        The ball's outlines, drawn by hand.
+    mask
+        A file that shows the ball. Without circles and mask the ball is searched.
+    balls, radius
+        How many there are, and their radius in the unit that positions are wanted in.
+    camera
+        A camera, the focal length of its lens in mm (:func:`camera_of_lens`), or None for a camera far away.
+    encoding, layer
+        As in :func:`read_image`.
+    mirror
+        Whether the ball is a mirror; else it is matt.
+    correction
+        Dark frame and flat field.
     """
 
     files: Sequence[Path]
@@ -49,17 +62,14 @@ class BallPhotos:
 
 
 def mean_photo(photos: BallPhotos, images: Iterable[Image] | None = None) -> NDArray[np.float32]:
-    """(H, W, 3) linear, the mean: what is dark in one photo is lit in another. Raises InputError where sizes differ.
+    """(H, W, 3) linear, the mean: what is dark in one photo is lit in another. Raises GeometryError where sizes differ.
 
-    images: the photos, where they are read already.
+    images: the photos, where they are already read.
     """
     total: NDArray[np.float32] = np.zeros((), np.float32)
     for file, image in zip(photos.files, images or map(photos.read, photos.files), strict=True):
-        if total.ndim and image.pixels.shape != total.shape:
-            raise InputError(
-                f"{file} is {image.pixels.shape[1]} x {image.pixels.shape[0]} but {photos.files[0]} is "
-                f"{total.shape[1]} x {total.shape[0]}; they must be the same size"
-            )
+        if total.ndim:
+            check_same_size(str(file), image.pixels.shape, str(photos.files[0]), total.shape)
         total = total + image.pixels
     return np.nan_to_num(total / np.float32(len(photos.files)), posinf=0.0, neginf=0.0)
 
@@ -71,26 +81,23 @@ def seen_balls(photos: BallPhotos, image: NDArray[np.float32]) -> list[Ball]:
     if photos.circles:
         for circle in photos.circles:
             if circle.radius > max(width, height):
-                raise InputError(f"a circle of {circle.radius:g} pixels is larger than the photo, {width} x {height}")
+                raise GeometryError(
+                    f"a circle of {circle.radius:g} pixels is larger than the photo, {size(image.shape)}"
+                )
             if not (0 <= circle.x <= width and 0 <= circle.y <= height):
-                told = f"the circle {circle.x:g},{circle.y:g},{circle.radius:g}"
-                raise InputError(
-                    f"{told} has its middle outside the photo, which is {width} x {height}; x and y count pixels from "
-                    "the top left corner"
+                raise GeometryError(
+                    f"the circle {circle.x:g},{circle.y:g},{circle.radius:g} has its middle outside the photo, which "
+                    f"is {size(image.shape)}; x and y count pixels from the top left corner"
                 )
         return [ball_from_circle(circle, camera, photos.radius) for circle in photos.circles]
     if photos.mask is not None:
         mask = read_mask(photos.mask)
-        if mask.shape != (height, width):
-            raise InputError(
-                f"the mask {photos.mask} is {mask.shape[1]} x {mask.shape[0]} but the photo is {width} x {height}; "
-                "they must be the same size"
-            )
+        check_same_size(f"the mask {photos.mask}", mask.shape, "the photo", image.shape[:2])
         return [ball_from_mask(mask, camera, photos.radius)]
     try:
         return find_balls(image, camera, count=photos.balls, radius=photos.radius, mirror=photos.mirror)
     except InputError as error:
-        raise InputError(f"{photos.files[0]}: {error}") from None
+        raise type(error)(f"{photos.files[0]}: {error}") from None
 
 
 def read_sightings(photos: BallPhotos, progress: Progress = silent) -> list[Sighting]:
@@ -111,9 +118,9 @@ def read_sightings(photos: BallPhotos, progress: Progress = silent) -> list[Sigh
                 else:
                     spots.append(find_highlight(image, ball))
             except InputError as error:
-                raise InputError(f"{file}: {error}") from None
-    told = photos.camera is not None
-    return [Sighting(ball, tuple(spots), told) for ball, spots in zip(balls, found, strict=True)]
+                raise type(error)(f"{file}: {error}") from None
+    lens_known = photos.camera is not None
+    return [Sighting(ball, tuple(spots), lens_known) for ball, spots in zip(balls, found, strict=True)]
 
 
 def _camera(photos: BallPhotos, width: int, height: int) -> Camera:
@@ -121,9 +128,5 @@ def _camera(photos: BallPhotos, width: int, height: int) -> Camera:
         return distant_camera(width, height)
     if not isinstance(photos.camera, Camera):
         return camera_of_lens(photos.camera, width, height)
-    if (photos.camera.width, photos.camera.height) != (width, height):
-        raise InputError(
-            f"the camera is {photos.camera.width} x {photos.camera.height} but the photo is {width} x {height}; "
-            "they must be the same size"
-        )
+    check_same_size("the camera", (photos.camera.height, photos.camera.width), "the photo", (height, width))
     return photos.camera

@@ -1,4 +1,4 @@
-"""What a calibration found, as plain data for programs and as lines for people."""
+"""The results of a calibration as plain data for programs and as lines for people."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -96,6 +96,6 @@ def mixing_lines(found: MixingFound) -> list[str]:
         for channel, row in zip(COLOURS, found.mixing, strict=True)
     ]
     if not found.determined:
-        lines.append("the lights' strengths alone: the photo does not tell how their colours mix")
+        lines.append("the lights' strengths alone: the photo does not show how their colours mix")
     left_out = f"{found.left_out:.1%} of {found.pixels} pixels left out"
     return [*lines, f"{found.residual:.2%} of the brightness unexplained, {left_out}"]

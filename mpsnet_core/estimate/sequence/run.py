@@ -1,10 +1,10 @@
-"""A sequence's run: frames are read, estimated, smoothed and written in order, and one that was cut short goes on."""
+"""A sequence's run: frames are read, estimated, smoothed and written in order; one that was cut short continues."""
 
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeVar
 
 from mpsnet_core.capture.capture import Capture, note_doubts
@@ -25,8 +25,17 @@ T = TypeVar("T")
 
 @dataclass
 class Outcome:
-    """What a run brought. made: normal maps written by it. there: those that were there already. pixels: of those that
-    were made, inside their masks."""
+    """The result of a run.
+
+    Attributes
+    ----------
+    made
+        How many normal maps it wrote.
+    there
+        How many existed before and were up to date.
+    pixels
+        Of those that were made, inside their masks.
+    """
 
     made: int = 0
     there: int = 0
@@ -45,68 +54,109 @@ def estimate_sequence(
     count: int = 0,
     progress: Progress = silent,
 ) -> Outcome:
-    """Write the normals of every frame to its output, in order; those that are there already are left as they are.
+    """Write the normals of every frame to its output, in order; those that are up to date are left as they are.
 
-    frames: by rising number, all with outputs in one folder, which is made where it is missing.
-    take: reads a frame as a capture; called in a thread of its own, for one frame after the other.
-    recipe: text that changes with every other setting that the normals depend on. Each output keeps a line that tells
-        recipe and `Frame.made_from`; one that is whole and says the same as what would be written counts as there.
-    smooth: how many frames before and behind count for a frame's normals, `step` by which their numbers rise at least;
-        see `smoothing`.
-    count: how many frames there are about, for `progress`; 0 where that is not known.
+    Parameters
+    ----------
+    frames : iterable of Frame
+        By rising number, all with outputs in one folder, which is made where it is missing.
+    take : callable
+        Reads a frame as a capture; called in a thread of its own, for one frame after the other.
+    estimator : callable
+        Returns the normals of a capture, :class:`mpsnet_core.estimate.Estimator` for instance.
+    recipe : str
+        Text that changes with every other setting that the normals depend on. Each output stores a line made of it and
+        `Frame.made_from`; an output that is whole and has the same line is up to date.
+    smooth : int
+        How many frames before and behind count for a frame's normals, see :func:`smoothed`.
+    step : int
+        By how much the numbers of successive frames rise at least.
+    convention : {"opengl", "directx"}
+        Green up or green down.
+    count : int
+        How many frames there are about, for `progress`; 0 where unknown.
+    progress : callable
+        Receives the share that is done, 0 to 1, and what is being done.
 
-    However it ends, what it wrote is whole, and the same call goes on from there. Memory does not grow with the number
-    of frames.
+    Returns
+    -------
+    Outcome
 
-    Raises InputError where a frame cannot be read, estimated or written; Cancelled where `progress` does.
+    Raises
+    ------
+    InputError
+        Where a frame cannot be read, estimated or written.
+    Cancelled
+        Where `progress` raises it.
+
+    Notes
+    -----
+    However it ends, what it wrote is whole, and the same call continues from there. Memory does not grow with the
+    number of frames.
     """
-    outcome = Outcome()
-    recipe = f"{recipe}\nsmooth {smooth}\n{convention}"
-    pending: dict[int, Frame] = {}
+    run = _Run(take, estimator, f"{recipe}\nsmooth {smooth}\n{convention}", convention, count, progress)
+    return run.through(frames, smooth, step)
 
-    def captured() -> Generator[tuple[_Step, Capture | None], None, None]:
-        for todo in _plan(_cleared(frames), recipe, smooth * step):
-            yield todo, take(todo.frame) if todo.needed else None
 
-    def estimated(captures: Iterable[tuple[_Step, Capture | None]]) -> Iterator[Shot]:
+@dataclass
+class _Run:
+    """What :func:`estimate_sequence` was called with, and how far it is."""
+
+    take: Callable[[Frame], Capture]
+    estimator: Callable[[Capture, Progress], NormalMap]
+    recipe: str
+    convention: Convention
+    count: int
+    progress: Progress
+    outcome: Outcome = field(default_factory=Outcome)
+    unwritten: dict[int, Frame] = field(default_factory=dict)
+
+    def through(self, frames: Iterable[Frame], smooth: int, step: int) -> Outcome:
+        outcome = self.outcome
+        steps = _plan(_cleared(frames), self.recipe, smooth * step)
+        try:
+            with closing(_ahead(self._captured(steps))) as captures, _Behind() as writer:
+                for number, normals in smoothed(self._estimated(captures), smooth, step):
+                    writer.run(self._write, self.unwritten.pop(number), normals)
+        except InputError as error:
+            if not outcome.made:
+                raise
+            made = f"{outcome.made} frame{'s were' if outcome.made > 1 else ' was'} made"
+            raise type(error)(f"{error}; {made}, and the same command goes on from there") from None
+        self.progress(1.0, "done")
+        return outcome
+
+    def _captured(self, steps: Iterable["_Step"]) -> Generator[tuple["_Step", Capture | None], None, None]:
+        for todo in steps:
+            yield todo, self.take(todo.frame) if todo.needed else None
+
+    def _estimated(self, captures: Iterable[tuple["_Step", Capture | None]]) -> Iterator[Shot]:
         noted = False
         for number, (todo, capture) in enumerate(captures):
-            total = max(count, number + 1)
-            tell = part(progress, number / total, (number + 1) / total)
-            tell(0.0, f"{todo.frame.name} of {total}" if count else todo.frame.name)
-            outcome.there += not todo.stale
+            total = max(self.count, number + 1)
+            share = part(self.progress, number / total, (number + 1) / total)
+            share(0.0, f"{todo.frame.name} of {total}" if self.count else todo.frame.name)
+            self.outcome.there += not todo.stale
             if capture is None:
                 continue
             if not noted:  # of the first frame: the others are much like it
                 note_doubts(capture)
                 noted = True
-            normals = estimator(capture, part(tell, 0.0, 0.9, todo.frame.name))
+            normals = self.estimator(capture, part(share, 0.0, 0.9, todo.frame.name))
             if todo.stale:
-                pending[todo.frame.number] = todo.frame
+                self.unwritten[todo.frame.number] = todo.frame
             yield Shot(todo.frame.number, capture.image, normals, todo.stale)
 
-    def write(frame: Frame, normals: NormalMap) -> None:
-        if not outcome.made:
+    def _write(self, frame: Frame, normals: NormalMap) -> None:
+        if not self.outcome.made:
             ensure_folder(frame.output.parent, "normals")
-        write_normals(frame.output, normals, convention=convention, description=_line(frame, recipe))
-        outcome.made += 1
-        outcome.pixels += int(normals.mask.sum())
-
-    try:
-        with closing(_ahead(captured())) as captures, _Behind() as writer:
-            for number, normals in smoothed(estimated(captures), smooth, step):
-                writer.run(write, pending.pop(number), normals)
-    except InputError as error:
-        if not outcome.made:
-            raise
-        made = f"{outcome.made} frame{'s were' if outcome.made > 1 else ' was'} made"
-        raise InputError(f"{error}; {made}, and the same command goes on from there") from None
-    progress(1.0, "done")
-    return outcome
+        write_normals(frame.output, normals, convention=self.convention, description=_line(frame, self.recipe))
+        self.outcome.made += 1
+        self.outcome.pixels += int(normals.mask.sum())
 
 
 def _line(frame: Frame, recipe: str) -> str:
-    return provenance_line("normals", f"{recipe}\n\n{frame.mask_identity}")
+    return provenance_line("normals", f"{recipe}\n\n{frame.made_from}")
 
 
 # --- what is to be done -----------------------------------------------------------------------------------------------
@@ -130,7 +180,7 @@ def _cleared(frames: Iterable[Frame]) -> Iterator[Frame]:
 
 
 def _plan(frames: Iterable[Frame], recipe: str, span: int) -> Iterator[_Step]:
-    """What is to be done with each frame, told `span` numbers late: a later output may need it."""
+    """What is to be done with each frame, `span` numbers late: a later output may need it."""
     waiting: deque[_Step] = deque()
     last_stale: int | None = None
     for frame in frames:
@@ -150,7 +200,7 @@ def _plan(frames: Iterable[Frame], recipe: str, span: int) -> Iterator[_Step]:
 
 
 def _ahead(items: Generator[T, None, None]) -> Generator[T, None, None]:
-    """The items, made in a thread up to AHEAD before they are asked for; what fails there is raised in its turn."""
+    """The items, made in a thread up to AHEAD before their turn; what fails there is raised in its turn."""
     end = object()
     reader = ThreadPoolExecutor(1, "mpsnet-read")
     pending: deque[Future[object]] = deque()
@@ -175,9 +225,9 @@ class _Behind:
         self._worker = ThreadPoolExecutor(1, "mpsnet-write")
         self._pending: deque[Future[None]] = deque()
 
-    def run(self, work: Callable[..., None], *given: object) -> None:
+    def run(self, work: Callable[..., None], *arguments: object) -> None:
         """Do `work` later; raises what earlier work raised."""
-        self._pending.append(self._worker.submit(work, *given))
+        self._pending.append(self._worker.submit(work, *arguments))
         while len(self._pending) > AHEAD:
             self._pending.popleft().result()
 

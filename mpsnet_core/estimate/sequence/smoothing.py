@@ -1,8 +1,8 @@
-"""Noise taken out of normals over time, without lag: a mean over the frames before and behind that show the same.
+"""Noise removed from normals over time, without lag: a mean over the frames before and behind that show the same.
 
 A bilateral filter in time (Tomasi and Manduchi 1998): past and future weigh alike, and a neighbour counts at a pixel
-only where its photo shows the same there within the camera's noise, told by small patches as in non-local means (Buades
-et al. 2005). What moves keeps its edges, what stands still loses noise by the square root of the number of frames.
+only where its photo shows the same there within the camera's noise, over small patches as in non-local means (Buades et
+al. 2005). What moves keeps its edges, what stands still loses noise by the square root of the number of frames.
 """
 
 from collections import deque
@@ -13,20 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import box_sums
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.scene.normal_map import NormalMap
 
-# Twice as many frames and one are held in memory; a second of film is far more than a thing stands still.
+# Twice as many frames and one stay in memory; a second of film is far more than a thing stands still.
 MAX_REACH = 12
 
 PATCH = 7  # pixels a side over which two photos are compared
 # The mean square of a patch's difference, in units of the noise's, is 1 where nothing moved, with a spread of
-# sqrt(2 / (3 * 49)) = 0.12: up to here it is taken as noise.
+# sqrt(2 / (3 * 49)) = 0.12: up to here it is assumed to be noise.
 SURE = 1.5
 # Noise grows with brightness: it is measured in so many classes of it, on about so many pixels in all.
 CLASSES = 8
 MEASURED = 32768
-# Noise is taken to be this share of the light at least, by which a normal turns a degree: compressed video shows less
+# Noise is assumed to be this share of the light at least, by which a normal turns a degree: compressed video shows less
 # between many pixels of two frames, which it copies, and more between others. In shadows, of so much of the mean light.
 LEAST_NOISE = 0.01
 SHADOW = 0.2
@@ -40,7 +40,7 @@ KERNEL_GAIN = 6.0
 
 @dataclass(frozen=True)
 class Shot:
-    """One frame's photo (H, W, 3), linear, and its normals. wanted: whether its smoothed normals are asked for."""
+    """One frame's photo (H, W, 3), linear, and its normals. wanted: whether its smoothed normals are needed."""
 
     number: int
     photo: NDArray[np.float32]
@@ -52,40 +52,40 @@ def smoothed(shots: Iterable[Shot], reach: int, step: int = 1) -> Iterator[tuple
     """Number and smoothed normals of every shot that is wanted, in order, at most `reach` shots late.
 
     shots: by rising number. reach: how many frames before and behind a frame count for it; at the ends, and where
-    frames are missing, there are fewer. 0 gives the normals as they are. step: how far apart the numbers of two frames
+    frames are missing, there are fewer. 0 leaves the normals as they are. step: how far apart the numbers of two frames
     are that follow each other, at least.
 
-    Raises InputError where `reach` is out of range or two photos within it are of different size.
+    Raises SettingsError where `reach` is out of range, GeometryError where two photos within it differ in size.
     """
     if not 0 <= reach <= MAX_REACH:
-        raise InputError(f"smoothing over {reach} frames each way cannot be; choose 0 to {MAX_REACH}")
+        raise SettingsError(f"smoothing over {reach} frames each way cannot be; choose 0 to {MAX_REACH}")
     span = reach * step
-    held: deque[Shot] = deque()
+    recent: deque[Shot] = deque()
     waiting: deque[Shot] = deque()
-    alike: dict[tuple[int, int], NDArray[np.float32]] = {}
+    similarities: dict[tuple[int, int], NDArray[np.float32]] = {}
     for shot in shots:
         while waiting and waiting[0].number + span < shot.number:
-            yield from _answer(waiting.popleft(), held, alike, span)
-        while held and held[0].number < shot.number - 2 * span:
-            gone = held.popleft().number
-            alike = {pair: likeness for pair, likeness in alike.items() if gone not in pair}
-        for earlier in held:
+            yield from _answer(waiting.popleft(), recent, similarities, span)
+        while recent and recent[0].number < shot.number - 2 * span:
+            gone = recent.popleft().number
+            similarities = {pair: similarity for pair, similarity in similarities.items() if gone not in pair}
+        for earlier in recent:
             if shot.number - earlier.number <= span and (shot.wanted or earlier.wanted):
-                alike[earlier.number, shot.number] = _likeness(earlier, shot)
-        held.append(shot)
+                similarities[earlier.number, shot.number] = _similarity(earlier, shot)
+        recent.append(shot)
         waiting.append(shot)
         while waiting and waiting[0].number + span <= shot.number:
-            yield from _answer(waiting.popleft(), held, alike, span)
+            yield from _answer(waiting.popleft(), recent, similarities, span)
     for shot in waiting:
-        yield from _answer(shot, held, alike, span)
+        yield from _answer(shot, recent, similarities, span)
 
 
 def _answer(
-    shot: Shot, held: Iterable[Shot], alike: dict[tuple[int, int], NDArray[np.float32]], span: int
+    shot: Shot, recent: Iterable[Shot], similarities: dict[tuple[int, int], NDArray[np.float32]], span: int
 ) -> Iterator[tuple[int, NormalMap]]:
     if not shot.wanted:
         return
-    near = [other for other in held if abs(other.number - shot.number) <= span]
+    near = [other for other in recent if abs(other.number - shot.number) <= span]
     if len(near) == 1:
         yield shot.number, shot.normals
         return
@@ -93,16 +93,16 @@ def _answer(
     for other in near:
         weight = other.normals.confidence + np.float32(LEAST_CONFIDENCE)
         if other is not shot:
-            weight = weight * alike[min(shot.number, other.number), max(shot.number, other.number)]
+            weight = weight * similarities[min(shot.number, other.number), max(shot.number, other.number)]
         total += weight[..., None] * other.normals.vectors  # which are zero outside their mask
     yield shot.number, NormalMap(total, shot.normals.mask, shot.normals.confidence)
 
 
-def _likeness(a: Shot, b: Shot) -> NDArray[np.float32]:
+def _similarity(a: Shot, b: Shot) -> NDArray[np.float32]:
     """(H, W) in 0 to 1: how surely two photos show the same around a pixel, noise aside; 0 outside either mask."""
     if a.photo.shape != b.photo.shape:
         sizes = " and ".join(f"{shot.photo.shape[1]} x {shot.photo.shape[0]}" for shot in (a, b))
-        raise InputError(f"frames {a.number} and {b.number} are {sizes}; smoothing needs frames of one size")
+        raise GeometryError(f"frames {a.number} and {b.number} are {sizes}; smoothing needs frames of one size")
     both = a.normals.mask & b.normals.mask
     squares = np.zeros(both.shape, np.float32)
     for channel in range(3):
@@ -119,8 +119,8 @@ def _noise(
 ) -> NDArray[np.float32]:
     """(H, W) the strength of a difference's noise by brightness.
 
-    What is left of the difference after Immerkær's kernel, which lets neither even change nor slopes through, is noise
-    but along moving edges, which the median leaves out.
+    What is left of the difference after Immerkær's kernel, which passes neither constants nor gradients, is noise
+    except along moving edges, which the median leaves out.
     """
     across = difference[:, :-2] - 2 * difference[:, 1:-1] + difference[:, 2:]
     rest = np.abs(across[:-2] - 2 * across[1:-1] + across[2:]) / (KERNEL_GAIN * MEDIAN_OF_NOISE)

@@ -6,12 +6,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError, check_choice
+from mpsnet_core.errors import FileError, FormatError, InputError, check_choice
 from mpsnet_core.estimate.sequence.source import Frame, Masks
 from mpsnet_core.io.files import VIDEO_SUFFIXES, existing_file
 from mpsnet_core.io.frames import RESULT, results_folder
@@ -19,10 +19,14 @@ from mpsnet_core.io.image import MAX_PIXELS, Image, srgb_to_linear
 from mpsnet_core.io.images import ENCODINGS, Encoding, checked_bits
 from mpsnet_core.io.provenance import identity
 
+if TYPE_CHECKING:
+    from av import VideoFrame
+    from av.container import InputContainer
+    from av.video.stream import VideoStream
+
 log = logging.getLogger(__name__)
 
-
-# What is let in: files that hold pictures themselves. FFmpeg's playlists name other files, and addresses.
+# Allowed are files that hold pictures themselves. FFmpeg's playlists name other files, and addresses.
 _OPEN = {"protocol_whitelist": "file", "format_whitelist": "avi,matroska,webm,mov,mp4,m4a,3gp,3g2,mj2,mpegts,mxf"}
 
 # Transfer characteristics by their numbers in ITU-T H.273.
@@ -31,17 +35,17 @@ _NOT_SRGB = {9: "logarithmic", 10: "logarithmic", 16: "PQ (HDR)", 17: "DCI", 18:
 # And matrices.
 _BT709 = 1
 _UNKNOWN_MATRIX = 2
-# Lower pictures whose matrix is not told are by BT.601, others by BT.709.
+# Lower pictures whose matrix is not stated are by BT.601, others by BT.709.
 _HD_HEIGHT = 720
 
-# The share of the frames a header promises that may be missing: what it says is rounded.
+# The share of the frames in a header that may be missing: its duration is rounded.
 _SHORT = 0.02
 
 
 @dataclass(frozen=True)
 class Video:
-    """What a video's header says. width, height: as stored, before it is turned upright. frame_rate: a second, on
-    average. count: how many frames there are about, 0 where that is not told."""
+    """A video's header. width, height: as stored, before it is turned upright. frame_rate: a second, on average.
+    count: how many frames there are about, 0 where unknown."""
 
     path: Path
     width: int
@@ -56,10 +60,10 @@ def is_video(path: str | os.PathLike[str]) -> bool:
 
 
 def read_video_header(path: str | os.PathLike[str], *, encoding: Encoding = "auto") -> Video:
-    """Look into a video, and note how its values are taken.
+    """Read a video's header, and report the curve that its values are assumed to follow.
 
-    Raises InputError where the file is missing, broken or too large, PyAV is not there, or its values follow a curve
-    that "auto" does not undo.
+    Raises FileError where the file is missing or PyAV is not installed, FormatError where the file is broken or too
+    large, or its values follow a curve that "auto" does not undo.
     """
     path = existing_file(path, "video")
     check_choice("encoding", encoding, ENCODINGS)
@@ -68,8 +72,10 @@ def read_video_header(path: str | os.PathLike[str], *, encoding: Encoding = "aut
         codec = stream.codec_context
         curve = _curve(path, codec.color_trc, encoding)
         rate = float(stream.average_rate or stream.guessed_rate or 0)
-        seconds = float(stream.duration * stream.time_base) if stream.duration else (container.duration or 0) / 1e6
-        log.info("video taken as %s%s", curve, " as told" if encoding != "auto" else "")
+        seconds = (container.duration or 0) / 1e6
+        if stream.duration and stream.time_base:
+            seconds = float(stream.duration * stream.time_base)
+        log.info("video read as %s%s", curve, ", as requested" if encoding != "auto" else "")
         if codec.pix_fmt and ("420" in codec.pix_fmt or "422" in codec.pix_fmt or codec.pix_fmt in ("nv12", "p010le")):
             log.info(
                 "the video holds colour at half its size (%s), and each light lives in a colour: its normals are as "
@@ -94,12 +100,12 @@ def video_frames(
 ) -> Iterator[Frame]:
     """Every frame that FFmpeg decodes, in the order they are shown, whatever their times say; numbers from 1.
 
-    Values are brought to full range by the matrix that the video tells, turned upright, and linear after `encoding`:
-    "auto" takes linear videos as linear and all others as sRGB, whose curve that of BT.709 is close to.
+    Values are converted to full-range RGB by the video's matrix, turned upright, and linearised by `encoding`: "auto"
+    assumes sRGB, which BT.709 is close to, unless the video states that it is linear.
 
     reach: as in `photo_frames`; the frames around one are the video's own, so that it matters for their masks alone.
 
-    A video that is cut short or damaged ends where it cannot be read on, and that is noted. Raises InputError where
+    A video that is cut short or damaged ends where it cannot be read on, with a warning. Raises FormatError where
     nothing can be read, or a frame is of another size than the first.
     """
     source = identity(video.path)
@@ -111,28 +117,28 @@ def video_frames(
         while True:
             try:
                 picture = next(decoded, None)
-            except InputError as error:
+            except FormatError as error:
                 picture, damage = None, f" ({error})"
             if picture is None:
                 break
             number += 1
             if (picture.width, picture.height) != (video.width, video.height):
-                raise InputError(
+                raise FormatError(
                     f"{video.path}: frame {number} is {picture.width} x {picture.height}, the first is {video.width} x "
                     f"{video.height}; cut the video where its size changes"
                 )
-            mask_identity = "\n".join([source, str(number), *masks.mask_identity(number, reach)])
+            made_from = "\n".join([source, str(number), *masks.mask_identity(number, reach)])
             name = f"{video.path.name}, frame {number}"
             read = partial(_image, picture, linear, name)
-            yield Frame(number, name, outputs(number), mask_identity, read, masks.of(number))
+            yield Frame(number, name, outputs(number), made_from, read, masks.of(number))
     if number == 0:
-        raise InputError(f"{video.path} holds no frame that can be read{damage}; copy or export it again")
+        raise FormatError(f"{video.path} holds no frame that can be read{damage}; copy or export it again")
     if damage or video.count - number > max(2, _SHORT * video.count):
         promised = f" of about {video.count}" if video.count else ""
         log.warning("%s ends after %d%s frames%s: is it cut short or damaged?", video.path, number, promised, damage)
 
 
-def _image(picture: Any, linear: bool, name: str) -> Image:
+def _image(picture: "VideoFrame", linear: bool, name: str) -> Image:
     """A decoded frame as linear pixels, upright."""
     import av
 
@@ -146,7 +152,7 @@ def _image(picture: Any, linear: bool, name: str) -> Image:
         values: NDArray[Any] = picture.to_ndarray(format=kind[deep, alpha], src_colorspace=matrix)
     except (av.FFmpegError, OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"{name}: its colours cannot be brought to RGB ({reason}); convert the video") from None
+        raise FormatError(f"{name}: its colours cannot be brought to RGB ({reason}); convert the video") from None
     values = np.rot90(values, round(picture.rotation / 90))
     steps = np.linspace(0, 1, 65536 if deep else 256)
     curve = (steps if linear else srgb_to_linear(steps)).astype(np.float32)
@@ -155,38 +161,38 @@ def _image(picture: Any, linear: bool, name: str) -> Image:
 
 
 def _curve(path: Path, transfer: int, encoding: Encoding) -> str:
-    """The curve that a video's values are taken to follow, "linear" or "sRGB"."""
+    """The curve that a video's values are assumed to follow, "linear" or "sRGB"."""
     if encoding != "auto":
         return "linear" if encoding == "linear" else "sRGB"
     if transfer in _NOT_SRGB:
-        raise InputError(
+        raise FormatError(
             f"{path} follows the {_NOT_SRGB[transfer]} curve, which this program does not undo; convert it to BT.709, "
             "or set the encoding to sRGB to take it as it is"
         )
     return "linear" if transfer == _LINEAR else "sRGB"
 
 
-def _opened(path: Path) -> Any:
+def _opened(path: Path) -> "InputContainer":
     """The video's container, to be closed after use."""
     try:
         import av
     except ImportError:
-        raise InputError(
+        raise FileError(
             f'{path} is a video, which takes PyAV to read; install it with pip install "mpsnet[video]", or give frames'
         ) from None
     try:
         container = av.open(f"file:{path}", options=dict(_OPEN))
     except (av.FFmpegError, OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"{path} cannot be read as a video ({reason}); is it a video file, and whole?") from None
+        raise FormatError(f"{path} cannot be read as a video ({reason}); is it a video file, and whole?") from None
     try:
         if not container.streams.video:
-            raise InputError(f"{path} holds no pictures, only sound or text; choose another")
+            raise FormatError(f"{path} holds no pictures, only sound or text; choose another")
         codec = container.streams.video[0].codec_context
         if codec is None:
-            raise InputError(f"{path} is by a codec that this FFmpeg does not have; convert it, to H.264 for instance")
+            raise FormatError(f"{path} is by a codec that this FFmpeg does not have; convert it, to H.264 for instance")
         if codec.width * codec.height > MAX_PIXELS or codec.width * codec.height == 0:
-            raise InputError(
+            raise FormatError(
                 f"{path} says it is {codec.width} x {codec.height}; this program reads up to {MAX_PIXELS // 10**6} "
                 "megapixels; scale it down"
             )
@@ -197,11 +203,11 @@ def _opened(path: Path) -> Any:
     return container
 
 
-def _decoded(container: Any, stream: Any) -> Iterator[Any]:
+def _decoded(container: "InputContainer", stream: "VideoStream") -> Iterator["VideoFrame"]:
     import av
 
     stream.thread_type = "AUTO"
     try:
         yield from container.decode(stream)
     except (av.FFmpegError, OSError, ValueError) as error:
-        raise InputError(getattr(error, "strerror", None) or str(error)) from None
+        raise FormatError(getattr(error, "strerror", None) or str(error)) from None
