@@ -21,7 +21,7 @@ from mpsnet_core.bake.texture import Space, Texture
 from mpsnet_core.bake.texture_sets import TextureSet, sheets
 from mpsnet_core.bake.view_accumulator import Projectors, ViewAccumulator, seen_triangles
 from mpsnet_core.defaults import MARGIN, TEXTURE_SIZE
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.joined_mesh import join_meshes
 from mpsnet_core.scene.mesh import Mesh
@@ -86,7 +86,7 @@ def bake_texture_sets(
     Raises InputError as it does; for what no view sees only where none sees any of the meshes.
     """
     if not len(views):
-        raise InputError("there is no view to bake; give at least one camera with its normal map")
+        raise GeometryError("there is no view to bake; give at least one camera with its normal map")
     progress(0.0, "laying out the UVs")
     whole = join_meshes(meshes)
     scene = RayScene(whole.world_vertices, whole.triangles)
@@ -112,9 +112,9 @@ def bake_texture_sets(
         step(1.0, "baked")
     if not any_covered:
         size = baking.size
-        raise InputError(f"no texel of a {size} x {size} texture lies on the mesh's UVs; choose a larger size")
+        raise GeometryError(f"no texel of a {size} x {size} texture lies on the mesh's UVs; choose a larger size")
     if not any_seen:
-        raise InputError("no view sees any of the mesh; check that the cameras and the mesh share one world")
+        raise GeometryError("no view sees any of the mesh; check that the cameras and the mesh share one world")
     for sheet in waiting:
         texture = bake.texture(sheet, part(progress, 1.0, 1.0))
         if texture is not None:

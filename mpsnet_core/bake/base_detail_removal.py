@@ -6,7 +6,7 @@ A map that was sculpted is not to be seen in a photo; one that was made of the s
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape
 from mpsnet_core.bake.detail_blending import resampled
 from mpsnet_core.bake.low_frequency_correction import correct_low_frequencies, rotated, rotation_between
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import SettingsError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import NormalMap, normalised
@@ -105,9 +105,11 @@ def remove_base_detail(
 
 
 def check_shown(shown: str) -> None:
-    """Raises InputError where `shown` is none of the words that :class:`BaseMap` knows."""
+    """Raises SettingsError where `shown` is none of the words that :class:`BaseMap` knows."""
     if shown not in SHOWN:
-        raise InputError(f"{shown!r} does not say whether the photos show the present map; choose {', '.join(SHOWN)}")
+        raise SettingsError(
+            f"{shown!r} does not say whether the photos show the present map; choose {', '.join(SHOWN)}"
+        )
 
 
 def note_shares(shares: Sequence[Sequence[float]]) -> None:
@@ -138,12 +140,13 @@ class _Seen:
     weights: NDArray[np.float32]
     directions: NDArray[np.float64]
 
-    def at(self, corners: NDArray[np.floating]) -> NDArray[np.floating]:
+    def at(self, corners: NDArray[np.floating[Any]]) -> NDArray[Any]:
         """(M, K) values that are given at the corners of triangles, (T, 3, K)."""
-        return (corners[self.triangle] * self.weights).sum(axis=1)
+        values: NDArray[Any] = (corners[self.triangle] * self.weights).sum(axis=1)
+        return values
 
 
-def _seen_by(camera: Camera, scene: RayScene, pixels: NDArray[np.floating]) -> _Seen:
+def _seen_by(camera: Camera, scene: RayScene, pixels: NDArray[np.floating[Any]]) -> _Seen:
     origins, directions, _ = scene.rays_of(camera, pixels)
     hits = scene.hits(origins, directions)
     hit = np.flatnonzero(hits.triangle >= 0)
@@ -225,7 +228,7 @@ def _as_fine_as_seen(
     return normalised(resampled(vectors, *(max(1, round(side / texels)) for side in vectors.shape[:2])))
 
 
-def _sampled(values: NDArray[np.float32], uv: NDArray[np.float32]) -> NDArray[np.float32]:
+def _sampled(values: NDArray[np.float32], uv: NDArray[Any]) -> NDArray[np.float32]:
     """(N, 3) of an image (H, W, 3) at UVs (N, 2), linear between pixels."""
     height, width = values.shape[:2]
     x = np.clip(uv[:, 0] * width - 0.5, 0, width - 1)

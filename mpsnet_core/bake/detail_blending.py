@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.bake.texture import Texture
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FormatError, SettingsError
 from mpsnet_core.io.images import read_data
 from mpsnet_core.scene.normal_map import OUTWARDS_SHARE, Convention, decode, normalised
 
@@ -39,10 +39,12 @@ def read_base_map(path: str | os.PathLike[str], *, convention: Convention = "ope
     # Black and white are the corners of all colours, furthest from grey, which is no direction at all.
     filled = there & (length > NEARLY_UNIT) & (length < np.sqrt(3) - NEARLY_UNIT)
     if unit.sum() < NORMALS_SHARE * max(filled.sum(), 1):
-        raise InputError(f"{path} is not a normal map: its colours are not unit vectors 0.5 + 0.5 n; choose another")
+        raise FormatError(f"{path} is not a normal map: its colours are not unit vectors 0.5 + 0.5 n; choose another")
     normals = unit & (colours[..., 2] >= 0.5)
     if normals.sum() < OUTWARDS_SHARE * unit.sum():
-        raise InputError(f"{path} is not in tangent space: many of its normals point inwards; bake it in tangent space")
+        raise FormatError(
+            f"{path} is not in tangent space: many of its normals point inwards; bake it in tangent space"
+        )
     vectors = np.empty_like(colours)
     for rows in bands(len(colours)):
         vectors[rows] = np.where(normals[rows, :, None], decode(colours[rows], convention), [0, 0, 1])
@@ -67,9 +69,9 @@ def blend_detail(texture: Texture, present: NDArray[np.float32]) -> Texture:
 
 
 def check_blending(space: str) -> None:
-    """Raises InputError where a texture in that space cannot be laid onto another."""
+    """Raises SettingsError where a texture in that space cannot be laid onto another."""
     if space != "tangent":
-        raise InputError("only a texture in tangent space can go on top of a present map; bake in tangent space")
+        raise SettingsError("only a texture in tangent space can go on top of a present map; bake in tangent space")
 
 
 def reoriented(detail: NDArray[np.float32], base: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -15,7 +15,7 @@ from mpsnet_core.bake.detail_blending import read_base_map
 from mpsnet_core.bake.map_list import ListedMap, read_map_list
 from mpsnet_core.bake.texture_names import TOKENS, check_one_texture, map_files
 from mpsnet_core.bake.texture_sets import TextureSet
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, SettingsError
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import Convention, check_convention
 
@@ -57,7 +57,7 @@ def maps_beneath(
                     beneath[number] = MapFile(file, one.convention)
     if not any(beneath):
         check = "the objects, materials and files in it" if is_list else f"the path, and {', '.join(TOKENS)} in it"
-        raise InputError(f"{given}: there is no present map for any of the textures; check {check}")
+        raise FileError(f"{given}: there is no present map for any of the textures; check {check}")
     for sheet, found, missing in zip(sheets, beneath, sought, strict=True):
         if found is None:
             named = f" {missing}" if missing else ""
@@ -72,7 +72,7 @@ def one_base_map(file: str, convention: Convention, shown: Shown) -> BaseMap:
     """
     check_one_texture(file)
     if Path(file).suffix.lower() == ".json":
-        raise InputError(f"{file} lists present maps for several textures; name the one image to go on top of")
+        raise SettingsError(f"{file} lists present maps for several textures; name the one image to go on top of")
     return BaseMap(read_base_map(file, convention=convention), shown)
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape, upsampled
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import NormalMap, normalised
@@ -51,7 +51,7 @@ class Levelling:
 
 
 def parse_scale(text: str) -> float:
-    """The levelling's scale that is meant by on, off or a number; 0 for none. Raises InputError where none is."""
+    """The levelling's scale that is meant by on, off or a number; 0 for none. Raises SettingsError where none is."""
     if text in ("on", "off"):
         return LEVEL_SCALE if text == "on" else 0.0
     try:
@@ -59,7 +59,9 @@ def parse_scale(text: str) -> float:
     except ValueError:
         scale = 0.0
     if not MIN_SCALE <= scale <= MAX_SCALE:
-        raise InputError(f"--level {text} is not known; give on, off, or a scale from {MIN_SCALE:g} to {MAX_SCALE:g}")
+        raise SettingsError(
+            f"--level {text} is not known; give on, off, or a scale from {MIN_SCALE:g} to {MAX_SCALE:g}"
+        )
     return scale
 
 
@@ -88,10 +90,10 @@ def levelling(
     That is (sum w (1 - n nᵀ)) r = sum w t: Wahba's problem (1965), linearised.
     """
     if not MIN_SCALE <= scale <= MAX_SCALE:
-        raise InputError(f"a levelling scale of {scale:g} cannot be used; choose {MIN_SCALE:g} to {MAX_SCALE:g}")
+        raise SettingsError(f"a levelling scale of {scale:g} cannot be used; choose {MIN_SCALE:g} to {MAX_SCALE:g}")
     height, width = normals.mask.shape
     if (camera.width, camera.height) != (width, height):
-        raise InputError(f"the camera is {camera.width} x {camera.height} but its normals are {width} x {height}")
+        raise GeometryError(f"the camera is {camera.width} x {camera.height} but its normals are {width} x {height}")
     scene = scene or RayScene(mesh.world_vertices, mesh.triangles)
     rows, columns = chosen_pixels(*reduced_shape(height, width, TRACED_PIXELS), height, width)
     known = normals.mask[np.ix_(rows, columns)]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import read_json, write_json
 
 if TYPE_CHECKING:  # this module is imported into Blender, where OpenImageIO is not
@@ -29,13 +29,13 @@ def read_map_list(path: str | os.PathLike[str]) -> list[ListedMap]:
     """Read a list; files that it names without a folder lie beside it.
 
     {"format": "mpsnet-present-maps", "version": 1, "maps": [{"file": "oak.png", "object": "Oak", "material": "Bark",
-    "convention": "directx"}]}, all but the file as needed. Raises InputError where it is malformed.
+    "convention": "directx"}]}, all but the file as needed. Raises FormatError where it is malformed.
     """
     maps = read_json(path, FORMAT, VERSION, ("maps",)).get("maps")
     found = []
     for one in maps if isinstance(maps, list) else [maps]:
         if not isinstance(one, dict) or not _KNOWN >= one.keys() >= {"file"} or not all(map(_is_text, one.values())):
-            raise InputError(
+            raise FormatError(
                 f'{path}: each of its "maps" has a "file" and may have "object", "material" and "convention", as texts'
             )
         found.append(ListedMap(**{**one, "file": Path(path).parent / one["file"]}))

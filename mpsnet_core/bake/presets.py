@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mpsnet_core.errors import InputError, check_choice
+from mpsnet_core.errors import SettingsError, check_choice
 
 if TYPE_CHECKING:  # this module is imported into Blender, where OpenImageIO is not
     from mpsnet_core.scene.normal_map import Convention
@@ -56,7 +56,7 @@ PRESETS = {
 
 
 def preset_named(name: str) -> Preset:
-    """The preset of that name. Raises InputError where there is none."""
+    """The preset of that name. Raises SettingsError where there is none."""
     check_choice("preset", name, PRESETS)
     return PRESETS[name]
 
@@ -64,7 +64,7 @@ def preset_named(name: str) -> Preset:
 def preset_output(preset: Preset, output: str, name: str, suffix: str | None = None) -> Path:
     """The file to write for an object of that name: `output`, or where that is a folder, the preset's name in it.
 
-    suffix: an ending to take in place of the preset's. Raises InputError where the output has another ending.
+    suffix: an ending to take in place of the preset's. Raises SettingsError where the output has another ending.
     """
     suffix = suffix or preset.suffix
     target = Path(output)
@@ -72,7 +72,7 @@ def preset_output(preset: Preset, output: str, name: str, suffix: str | None = N
         return target / f"{preset.stem(name)}{suffix}"
     if target.suffix.lower() != suffix:
         ends = f"ends in {target.suffix}" if target.suffix else f"has no ending (for a new folder write {target}/)"
-        raise InputError(
+        raise SettingsError(
             f"the preset for {preset.label} writes {suffix}, but {target} {ends}; change the ending, or leave the "
             "preset out"
         )

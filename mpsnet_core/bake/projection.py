@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.upsample import upsampled
 from mpsnet_core.bake.feather import feathered
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rays import RayScene
@@ -36,12 +36,12 @@ class View:
     def __post_init__(self) -> None:
         height, width = self.normals.mask.shape
         if self.colours is not None and self.colours.shape != (height, width, 3):
-            raise InputError(
+            raise GeometryError(
                 f"the colours are {self.colours.shape[1]} x {self.colours.shape[0]} but the normal map is {width} x "
                 f"{height}; they must be the same size"
             )
         if (self.camera.width, self.camera.height) != (width, height):
-            raise InputError(
+            raise GeometryError(
                 f"the camera is {self.camera.width} x {self.camera.height} but its normal map is {width} x {height}; "
                 "they must be the same size"
             )

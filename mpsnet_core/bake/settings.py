@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from mpsnet_core.bake.padding import PADDINGS, Padding
 from mpsnet_core.bake.texture import SPACES, Space
 from mpsnet_core.defaults import MARGIN, TEXTURE_SIZE
-from mpsnet_core.errors import InputError, check_choice
+from mpsnet_core.errors import SettingsError, check_choice
 
 MAX_SIZE = 16384
 MAX_STRENGTH = 2.0
@@ -39,22 +39,22 @@ class Baking:
         check_texture(self.size, self.space, self.margin)
         check_choice("padding", self.padding, PADDINGS)
         if self.samples not in SAMPLES:
-            raise InputError(f"{self.samples} x {self.samples} samples a texel cannot be baked; choose 1, 2 or 4")
+            raise SettingsError(f"{self.samples} x {self.samples} samples a texel cannot be baked; choose 1, 2 or 4")
         if not 0 <= self.feather <= 1:
-            raise InputError(f"a feather of {self.feather:g} times the mesh's size cannot be baked; choose 0 to 1")
+            raise SettingsError(f"a feather of {self.feather:g} times the mesh's size cannot be baked; choose 0 to 1")
         check_strength(self.strength)
 
 
 def check_texture(size: int, space: str, margin: int) -> None:
-    """Raises InputError where no texture has that size, space or margin."""
+    """Raises SettingsError where no texture has that size, space or margin."""
     if not 1 <= size <= MAX_SIZE:
-        raise InputError(f"a texture of {size} texels cannot be baked; choose a size from 1 to {MAX_SIZE}")
+        raise SettingsError(f"a texture of {size} texels cannot be baked; choose a size from 1 to {MAX_SIZE}")
     if not 0 <= margin <= MAX_SIZE:
-        raise InputError(f"islands cannot be grown by a margin of {margin} texels; choose 0 to {MAX_SIZE}")
+        raise SettingsError(f"islands cannot be grown by a margin of {margin} texels; choose 0 to {MAX_SIZE}")
     check_choice("space", space, SPACES)
 
 
 def check_strength(strength: float) -> None:
-    """Raises InputError where no detail of that strength can be baked."""
+    """Raises SettingsError where no detail of that strength can be baked."""
     if not 0 <= strength <= MAX_STRENGTH:
-        raise InputError(f"a strength of {strength:g} cannot be baked; choose 0 to {MAX_STRENGTH:g}")
+        raise SettingsError(f"a strength of {strength:g} cannot be baked; choose 0 to {MAX_STRENGTH:g}")

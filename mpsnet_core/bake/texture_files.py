@@ -14,7 +14,7 @@ from mpsnet_core.bake.presets import preset_named, preset_output
 from mpsnet_core.bake.texture import Texture, write_texture
 from mpsnet_core.bake.texture_names import split_by, texture_files, tile_patterns
 from mpsnet_core.bake.texture_sets import TextureSet, sheets
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.albedo import write_albedo
 from mpsnet_core.io.files import ensure_folder, writable_path
 from mpsnet_core.io.frames import check_apart
@@ -60,19 +60,21 @@ def texture_target(
     ending: the files' format, with or without a dot. sequence: the output is a folder of frames, which have names of
     their own.
 
-    Raises InputError where the preset is not known, what is asked for does not fit the output's ending, or a folder is
-    given for what several meshes share, which no preset has a name for.
+    Raises SettingsError where the preset is not known, the options do not fit the output's ending, or a folder is given
+    for what several meshes share, which no preset has a name for.
     """
     suffix = f".{ending.lstrip('.').lower()}" if ending else None
     if preset is None:
         if suffix and not sequence and Path(output).suffix.lower() != suffix:
-            raise InputError(f"--format {suffix[1:]} is not what {output} ends in; change one, or leave --format out")
+            raise SettingsError(
+                f"--format {suffix[1:]} is not what {output} ends in; change one, or leave --format out"
+            )
         return TextureTarget(output, convention or "opengl", bits, suffix or ".png")
     wanted = preset_named(preset)
     if not sequence:
         folder = output.endswith(("/", "\\"))
         if len(meshes) > 1 and (folder or Path(output).is_dir()):
-            raise InputError(
+            raise SettingsError(
                 f"a preset names a texture after its mesh, and {len(meshes)} share this one; give its file "
                 f"with --output, as {output.rstrip('/')}/{wanted.stem('name')}{wanted.suffix}"
             )
@@ -136,7 +138,7 @@ def planned(
     if "object" in by:
         meshes = [_named(mesh, Path(file).stem) for mesh, file in zip(meshes, mesh_files, strict=True)]
     if "material" in by and not any(mesh.materials for mesh in meshes):
-        raise InputError(f"{' and '.join(mesh_files)}: there are no materials; leave <MATERIAL> out of --output")
+        raise SettingsError(f"{' and '.join(mesh_files)}: there are no materials; leave <MATERIAL> out of --output")
     chosen = sheets(meshes, tiles="tile" in by, materials="material" in by, objects="object" in by)
     files = texture_files(target.output, chosen)
     beneath = maps_beneath(onto, onto_convention, chosen) if onto else [None] * len(chosen)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.connected_components import connected
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError, InputError
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.mesh_labels import Labels
 
@@ -61,7 +61,7 @@ def sheets(
 
     Materials of one name are one; objects of several meshes are several, whatever their names, which are then numbered.
 
-    Raises InputError where no UV lies where textures are, or UVs lie in more than `MAX_TILES` tiles.
+    Raises GeometryError where no UV lies where textures are, or UVs lie in more than `MAX_TILES` tiles.
     """
     if not (tiles or materials or objects):
         _note_outside(meshes, "0 to 1", 1, 1)
@@ -75,7 +75,7 @@ def sheets(
         try:
             found += _tiles(meshes, group)
         except InputError as error:
-            raise InputError(f"{group.named}: {error}" if group.named else str(error)) from None
+            raise type(error)(f"{group.named}: {error}" if group.named else str(error)) from None
     if tiles:
         _note_crossings(meshes)
         _note_outside(meshes, "the UDIM tiles", TILES_IN_A_ROW, ROWS_OF_TILES)
@@ -128,11 +128,11 @@ def _tiles(meshes: Sequence[Mesh], group: TextureSet) -> list[TextureSet]:
     reaches = [_reach(mesh, part) for mesh, part in zip(meshes, group.parts, strict=True)]
     tiles = {number for low, high in reaches for number in _tile_numbers(low, high)}
     if not tiles:
-        raise InputError(
+        raise GeometryError(
             "all UVs lie outside the UDIM tiles, the first of which, 1001, is 0 to 1; move the UV islands into them"
         )
     if len(tiles) > MAX_TILES:
-        raise InputError(
+        raise GeometryError(
             f"the UVs lie in {len(tiles)} UDIM tiles, more than the {MAX_TILES} that are baked at once; scale the UV "
             "islands so that each tile is a unit square"
         )
@@ -167,12 +167,12 @@ def _tile_numbers(low: NDArray[np.int64], high: NDArray[np.int64]) -> set[int]:
 
 
 def _note_outside(meshes: Sequence[Mesh], where: str, width: int, height: int) -> None:
-    """Tell of triangles outside of all textures. Raises InputError where all are."""
+    """Tell of triangles outside of all textures. Raises GeometryError where all are."""
     limit = np.array([width, height])
     count = sum(int(((m.uvs < -1e-4) | (m.uvs > limit + 1e-4)).any(axis=(1, 2)).sum()) for m in meshes)
     bounds = [(mesh.uvs.min(axis=(0, 1)), mesh.uvs.max(axis=(0, 1))) for mesh in meshes]
     if all((high <= 0).any() or (low >= limit).any() for low, high in bounds):
-        raise InputError(
+        raise GeometryError(
             f"all of the mesh's UVs lie outside the texture ({where}); move the UV islands into it, or bake UDIM tiles "
             "(<UDIM> in the file's name)"
         )

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.bake.projection import Projector, View
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError
 from mpsnet_core.progress import Progress
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import normalised
@@ -40,7 +40,9 @@ class Projectors:
             batch.append(Projector(self.views[number], self.scene, self.feather))
             values = batch[-1].samples.shape[2]
             if self.values not in (0, values):
-                raise InputError("some views have colours and others none; give colours for all of them, or for none")
+                raise GeometryError(
+                    "some views have colours and others none; give colours for all of them, or for none"
+                )
             self.values = values
             held += _held_bytes(batch[-1])
             if number + 1 == len(self.views) == len(batch):

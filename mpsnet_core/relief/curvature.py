@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.mask_regions import box_sums
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.defaults import CURVATURE_RADIUS
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.relief.sizes import check_size
 from mpsnet_core.scene.camera import Camera
@@ -23,7 +23,7 @@ _SAMPLED = 1_000_000
 def curvature(
     normals: NormalMap,
     camera: Camera,
-    depth: NDArray[np.floating] | None = None,
+    depth: NDArray[np.floating[Any]] | None = None,
     *,
     radius: int = CURVATURE_RADIUS,
     progress: Progress = silent,
@@ -44,7 +44,7 @@ def curvature(
     check_size("camera", (camera.height, camera.width), normals)
     perspective = camera.projection == "perspective"
     if perspective and (depth is None or np.shape(depth) != (height, width)):
-        raise InputError("the curvature under a perspective camera needs the depth of every pixel")
+        raise GeometryError("the curvature under a perspective camera needs the depth of every pixel")
     check_curvature(radius)
     sharp = np.zeros((height, width), np.float32)
     for rows in bands(height):
@@ -64,27 +64,27 @@ def curvature(
 
 
 def check_curvature(radius: int, limit: float | None = None) -> None:
-    """Raises InputError where curvature cannot be averaged over the radius, or not be shown up to the limit."""
+    """Raises SettingsError where curvature cannot be averaged over the radius, or not be shown up to the limit."""
     if radius < 0:
-        raise InputError(f"a radius of {radius} pixels is none; give 0 or more")
+        raise SettingsError(f"a radius of {radius} pixels is none; give 0 or more")
     if limit is not None and not 0 < limit < np.inf:
-        raise InputError(f"a curvature's range must be a number above 0, not {limit:g}")
+        raise SettingsError(f"a curvature's range must be a number above 0, not {limit:g}")
 
 
-def curvature_range(values: NDArray[np.floating], mask: NDArray[np.bool_]) -> float:
+def curvature_range(values: NDArray[np.floating[Any]], mask: NDArray[np.bool_]) -> float:
     """A range that suits a picture of these curvatures: 99 of 100 pixels of the mask lie within plus and minus it."""
     inside = np.abs(values[mask])
     limit = float(np.quantile(inside[:: -(-len(inside) // _SAMPLED)], PICTURE_QUANTILE))
     return limit if limit > 0 else 1.0
 
 
-def curvature_picture(values: NDArray[np.floating], limit: float) -> NDArray[np.float32]:
+def curvature_picture(values: NDArray[np.floating[Any]], limit: float) -> NDArray[np.float32]:
     """(H, W) 0 to 1 for artists: flat is 0.5, convex by `limit` (1 / unit) or more white, concave by as much black."""
     return np.clip(0.5 + 0.5 / limit * values, 0, 1).astype(np.float32)
 
 
 def _divergence(
-    normals: NormalMap, camera: Camera, depth: NDArray[np.floating] | None, rows: slice
+    normals: NormalMap, camera: Camera, depth: NDArray[np.floating[Any]] | None, rows: slice
 ) -> NDArray[np.float32]:
     """Of some rows.
 
@@ -112,4 +112,5 @@ def _gradient(values: NDArray[Any], mask: NDArray[np.bool_], axis: int) -> NDArr
     for side in (slice(1, None), slice(None, -1)):
         total[side] += steps
         count[side] += known
-    return (total / np.maximum(count, 1)[..., None]).swapaxes(0, axis)
+    mean: NDArray[Any] = total / np.maximum(count, 1)[..., None]
+    return mean.swapaxes(0, axis)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.push_pull import push_pull
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, FormatError, InputError
 from mpsnet_core.io.files import (
     MAX_JSON_BYTES,
     existing_file,
@@ -81,23 +81,23 @@ class HeightScale:
 def height_files(path: str | os.PathLike[str], bits: int | None = None) -> list[Path]:
     """The files that :func:`write_height` writes for `path`: the heights, their scale, their mask.
 
-    Raises InputError where they cannot be written there, or what stands in the place of the scale or of the mask is not
+    Raises FileError where they cannot be written there, or what stands in the place of the scale or of the mask is not
     of heights that were written there before.
     """
     path, scale, mask = height_names(writable_path(path))
     bits = checked_bits(path, bits)
     if bits not in HEIGHT_BITS or (path.suffix.lower() == ".exr" and bits == 16):
-        raise InputError(f"cannot write {path}: heights in {bits} bits show steps; take 16 bits in PNG or TIFF, or 32")
+        raise FileError(f"cannot write {path}: heights in {bits} bits show steps; take 16 bits in PNG or TIFF, or 32")
     kept_mask = None
     if scale.exists():
         try:
             kept_mask = read_json(scale, HEIGHT_FORMAT, HEIGHT_VERSION, HEIGHT_KEYS)["mask"]
         except InputError:
-            raise InputError(
+            raise FileError(
                 f"cannot write {path}: {scale}, where its scale belongs, is another file; choose another name"
             ) from None
     if kept_mask != mask.name and mask.exists():
-        raise InputError(f"cannot write {path}: {mask}, where its mask belongs, is another file; choose another name")
+        raise FileError(f"cannot write {path}: {mask}, where its mask belongs, is another file; choose another name")
     return [path, scale, mask]
 
 
@@ -182,19 +182,19 @@ def read_height(path: str | os.PathLike[str]) -> HeightMap:
         black, white = _number(data, "black"), _number(data, "white")
         kept = _kept_data(path)
         if kept is not None and (kept.get("black"), kept.get("white")) != (black, white):
-            raise InputError("its black and white are not those that the picture itself keeps; write both again")
+            raise FormatError("its black and white are not those that the picture itself keeps; write both again")
         camera = _camera(data, values.shape)
         mask = _read_mask_beside(scale_file, data.get("mask"), values.shape)
         return HeightMap((black + values.astype(np.float64) * (white - black)).astype(np.float32), mask, camera)
     except InputError as error:
-        raise InputError(f"height map {path} with {scale_file.name}: {error}") from None
+        raise type(error)(f"height map {path} with {scale_file.name}: {error}") from None
 
 
 def _camera(data: dict[str, Any], shape: tuple[int, ...]) -> Camera:
     if "camera" in data and data["camera"] is None:
         return Camera("orthographic", shape[1], shape[0], np.full(2, _number(data, "pixels_per_unit")))
     if not isinstance(data.get("camera"), dict):
-        raise InputError('it lacks "camera"; add it')
+        raise FormatError('it lacks "camera"; add it')
     return camera_from_data(data["camera"])
 
 
@@ -213,14 +213,14 @@ def _read_mask_beside(file: Path, name: Any, shape: tuple[int, ...]) -> NDArray[
         return np.ones(shape, bool)
     # The name comes from outside, and must not lead anywhere else.
     if not isinstance(name, str) or not name or Path(name).name != name:
-        raise InputError('its "mask" must be the name of a file beside it')
+        raise FormatError('its "mask" must be the name of a file beside it')
     return read_mask(file.with_name(name))
 
 
 def _number(data: dict[str, Any], key: str) -> float:
     value = data.get(key)
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < MOST:
-        raise InputError(f'its "{key}" must be a finite number')
+        raise FormatError(f'its "{key}" must be a finite number')
     return float(value)
 
 

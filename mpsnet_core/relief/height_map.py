@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.camera import Camera
 
 
@@ -29,16 +29,16 @@ class HeightMap:
     def __post_init__(self) -> None:
         values, mask = np.asarray(self.values, np.float32), np.asarray(self.mask, bool)
         if values.ndim != 2 or values.shape != mask.shape:
-            raise InputError(f"heights of shape {values.shape} do not fit a mask of shape {mask.shape}")
+            raise GeometryError(f"heights of shape {values.shape} do not fit a mask of shape {mask.shape}")
         if (self.camera.height, self.camera.width) != mask.shape:
-            raise InputError(
+            raise GeometryError(
                 f"the camera is {self.camera.width} x {self.camera.height} but its heights are "
                 f"{mask.shape[1]} x {mask.shape[0]}; they must be the same size"
             )
         if not mask.any():
-            raise InputError("the height map's mask is empty; there is nothing to work on")
+            raise GeometryError("the height map's mask is empty; there is nothing to work on")
         if not np.isfinite(values[mask]).all():
-            raise InputError("the height map holds values that are not finite inside its mask; integrate again")
+            raise GeometryError("the height map holds values that are not finite inside its mask; integrate again")
         object.__setattr__(self, "values", np.where(mask, values, np.float32(0)))
         object.__setattr__(self, "mask", mask)
 

@@ -64,7 +64,7 @@ def sectors() -> list[Sector]:
     ]
 
 
-def to_cells(values: NDArray[np.floating], outside: float = 0) -> NDArray[np.float32]:
+def to_cells(values: NDArray[np.floating[Any]], outside: float = 0) -> NDArray[np.float32]:
     """(4, 4, h, w) of a picture (H, W), which is filled up with `outside` to whole blocks."""
     height, width = values.shape
     blocks = np.full((-(-height // BLOCK) * BLOCK, -(-width // BLOCK) * BLOCK), outside, np.float32)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import SettingsError
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.relief.height_map import HeightMap
 from mpsnet_core.relief.horizons import AT_ONCE, BLOCK, Ground, from_cells, horizons, sectors, to_cells
@@ -70,9 +70,9 @@ def ambient_occlusion(
 
 
 def check_reach(reach: int | None) -> None:
-    """Raises InputError where ambient occlusion cannot look so few pixels far."""
+    """Raises SettingsError where ambient occlusion cannot look so few pixels far."""
     if reach is not None and reach < 1:
-        raise InputError(f"ambient occlusion over {reach} pixels is none; give 1 or more")
+        raise SettingsError(f"ambient occlusion over {reach} pixels is none; give 1 or more")
 
 
 def _extent(mask: NDArray[np.bool_]) -> int:

@@ -3,13 +3,13 @@
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.defaults import FACES
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, GeometryError, SettingsError
 from mpsnet_core.io.files import writable_path, written_whole
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.relief.adaptive_triangles import adaptive_triangles
@@ -23,7 +23,7 @@ MESH_SUFFIXES = (".ply", ".glb", ".obj")
 MAX_FACES = 10_000_000
 
 
-class NoFaceError(InputError):
+class NoFaceError(GeometryError):
     """No triangle is left of a surface."""
 
 
@@ -86,26 +86,26 @@ def surface_mesh(
 
 
 def check_surface_mesh(faces: int, open_from: float | None = None) -> None:
-    """Raises InputError where :func:`surface_mesh` would make none with these options."""
+    """Raises SettingsError where :func:`surface_mesh` would make none with these options."""
     if not 1 <= faces <= MAX_FACES:
-        raise InputError(f"a mesh of {faces} faces cannot be made; choose 1 to {MAX_FACES}")
+        raise SettingsError(f"a mesh of {faces} faces cannot be made; choose 1 to {MAX_FACES}")
     if open_from is not None and not 0 < open_from <= 90:
-        raise InputError(f"steps are left open from an angle between 0 and 90 degrees on, not {open_from:g}")
+        raise SettingsError(f"steps are left open from an angle between 0 and 90 degrees on, not {open_from:g}")
 
 
 def check_has_faces(mask: NDArray[np.bool_]) -> None:
-    """Raises InputError where no triangle of neighbouring pixels is within the mask, (H, W)."""
+    """Raises GeometryError where no triangle of neighbouring pixels is within the mask, (H, W)."""
     ones = mask.astype(np.int8)
     if not (ones[:-1, :-1] + ones[:-1, 1:] + ones[1:, :-1] + ones[1:, 1:] >= 3).any():
-        raise InputError("the surface is nowhere two pixels wide and high, so it has no face; leave the mesh out")
+        raise GeometryError("the surface is nowhere two pixels wide and high, so it has no face; leave the mesh out")
 
 
 def writable_mesh(path: str | os.PathLike[str]) -> Path:
-    """`path` as a Path, or InputError where no mesh can be written there."""
+    """`path` as a Path, or FileError where no mesh can be written there."""
     path = writable_path(path)
     if path.suffix.lower() not in MESH_SUFFIXES:
         kind = path.suffix or "no suffix"
-        raise InputError(f"cannot write {path}: {kind} is not a mesh format of ours; use {', '.join(MESH_SUFFIXES)}")
+        raise FileError(f"cannot write {path}: {kind} is not a mesh format of ours; use {', '.join(MESH_SUFFIXES)}")
     return path
 
 
@@ -120,7 +120,7 @@ def write_surface_mesh(path: str | os.PathLike[str], mesh: SurfaceMesh, *, up: U
     """
     path = writable_mesh(path)
     if up not in ("y", "z"):
-        raise InputError(f'the axis that points up is "y" or "z", not {up!r}')
+        raise SettingsError(f'the axis that points up is "y" or "z", not {up!r}')
     vertices, normals = mesh.vertices, mesh.normals
     if up == "z" and path.suffix.lower() != ".ply":
         vertices, normals = (values[:, [0, 2, 1]] * np.array([1, 1, -1]) for values in (vertices, normals))
@@ -131,7 +131,9 @@ def write_surface_mesh(path: str | os.PathLike[str], mesh: SurfaceMesh, *, up: U
             _write_with_trimesh(unfinished, path.stem, vertices, normals, mesh)
 
 
-def _write_obj(path: Path, vertices: NDArray[np.floating], normals: NDArray[np.floating], mesh: SurfaceMesh) -> None:
+def _write_obj(
+    path: Path, vertices: NDArray[np.floating[Any]], normals: NDArray[np.floating[Any]], mesh: SurfaceMesh
+) -> None:
     """By hand: trimesh writes 8 decimals, too few for small units, and names a material file that is not there."""
     corners = np.repeat(mesh.triangles + 1, 3, axis=1)
     blocks = (("v %.9g %.9g %.9g", vertices), ("vt %.7g %.7g", mesh.uvs), ("vn %.5g %.5g %.5g", normals))
@@ -141,11 +143,12 @@ def _write_obj(path: Path, vertices: NDArray[np.floating], normals: NDArray[np.f
 
 
 def _write_with_trimesh(
-    path: Path, name: str, vertices: NDArray[np.floating], normals: NDArray[np.floating], mesh: SurfaceMesh
+    path: Path, name: str, vertices: NDArray[np.floating[Any]], normals: NDArray[np.floating[Any]], mesh: SurfaceMesh
 ) -> None:
     """name: what the object in the file is called; PLY has no place for it."""
-    import trimesh  # takes a while to load
+    import trimesh as untyped  # takes a while to load
 
+    trimesh: Any = untyped
     material = trimesh.visual.material.PBRMaterial(name="Surface", metallicFactor=0.0, roughnessFactor=0.8)
     made = trimesh.Trimesh(
         vertices,

@@ -1,6 +1,7 @@
 """Displacement: heights on an object's own UVs, from the normals that were baked onto them."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ from mpsnet_core.arrays.push_pull import push_pull
 from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.bake.settings import check_texture
 from mpsnet_core.bake.texture import Space
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.relief.displacement.graph_poisson import Graph, Solver, graph_of
 from mpsnet_core.relief.displacement.height_constraints import chords
@@ -92,7 +93,7 @@ def displacement(
     laid = own if base is None else layout_of(base, size)
     covered = laid.triangle >= 0
     if not covered.any():
-        raise InputError(f"no texel of a {size} x {size} texture lies on the mesh's UVs; choose a larger texture")
+        raise GeometryError(f"no texel of a {size} x {size} texture lies on the mesh's UVs; choose a larger texture")
     if own is not laid:
         _check_base(own, laid)
     asked = chords(vectors, space, own, laid, part(progress, 0.02, 0.2))
@@ -134,26 +135,26 @@ def _checked_size(vectors: NDArray[np.float32], space: str, margin: int, scale: 
     check_square(*vectors.shape[:2])
     check_texture(size, space, margin)
     if size > MAX_SIZE:
-        raise InputError(f"heights on UVs have {MAX_SIZE} texels a side at most, not {size}; bake a smaller texture")
+        raise SettingsError(f"heights on UVs have {MAX_SIZE} texels a side at most, not {size}; bake a smaller texture")
     if not np.isfinite(vectors).all():
-        raise InputError("the texture holds values that are not finite; bake it again")
+        raise GeometryError("the texture holds values that are not finite; bake it again")
     if not 0 <= scale <= MAX_SCALE:
-        raise InputError(
+        raise SettingsError(
             f"a scale of {scale:g} times the mesh's size cannot be used; choose 0 (keep all) to {MAX_SCALE:g}"
         )
     if mean is not None and not np.isfinite(mean):
-        raise InputError(f"the mean height must be a number, not {mean}")
+        raise SettingsError(f"the mean height must be a number, not {mean}")
     return size
 
 
 def _check_base(own: Layout, base: Layout) -> None:
-    """Raises InputError where the base is not the mesh subdivided: not on the same UVs, or far away."""
+    """Raises GeometryError where the base is not the mesh subdivided: not on the same UVs, or far away."""
     on_own, on_base = own.triangle >= 0, base.triangle >= 0
     common = np.count_nonzero(on_own & on_base)
     least, most = ([end(mesh.world_vertices, axis=0) for mesh in (own.mesh, base.mesh)] for end in (np.min, np.max))
     apart = np.linalg.norm(np.subtract(*least) + np.subtract(*most)) / 2
     if common < COMMON * max(on_own.sum(), on_base.sum()) or apart > np.linalg.norm(most[0] - least[0]):
-        raise InputError(
+        raise GeometryError(
             "the base is another mesh, not the same one subdivided: its UVs or its place differ; give the mesh that is "
             "to be displaced, or leave the base out"
         )
@@ -182,8 +183,8 @@ def _gradient(
     graph: Graph,
     right: NDArray[np.float32],
     below: NDArray[np.float32],
-    texels: NDArray[np.integer],
-    offsets: NDArray[np.floating],
+    texels: NDArray[np.int32],
+    offsets: NDArray[np.floating[Any]],
 ) -> NDArray[np.float32]:
     """(...,) how much the heights change from texels (...,) over `offsets` (..., 2) right and down, by what is known of
     the changes (N,) to the neighbours around them."""
@@ -201,7 +202,8 @@ def _means(graph: Graph, areas: NDArray[np.float64], values: NDArray[np.float32]
     of_island = connected(count, *graph.islands[graph.ties].T.astype(np.int64))
     surface = of_island[graph.islands]
     sums = np.bincount(surface, values * areas, count) / np.maximum(np.bincount(surface, areas, count), 1e-300)
-    return sums[surface].astype(np.float32)
+    means: NDArray[np.float32] = sums[surface].astype(np.float32)
+    return means
 
 
 def _with_margin(

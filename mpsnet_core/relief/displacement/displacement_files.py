@@ -12,7 +12,7 @@ from mpsnet_core.bake.texture import Space
 from mpsnet_core.bake.texture_names import check_one_texture, split_by, texture_files
 from mpsnet_core.bake.texture_sets import sheets
 from mpsnet_core.defaults import MARGIN
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import SettingsError
 from mpsnet_core.io.files import written_together
 from mpsnet_core.io.frames import check_apart
 from mpsnet_core.operation import Result
@@ -105,11 +105,13 @@ def write_displacement(
 
 
 def _tiled(normals: str, height: str) -> bool:
-    """Whether texture and heights are of UDIM tiles. Raises InputError where one of them is."""
+    """Whether texture and heights are of UDIM tiles. Raises SettingsError where one of them is."""
     normals_tiled, height_tiled = ("tile" in split_by(name) for name in (normals, height))
     if normals_tiled != height_tiled:
         has, lacks = (normals, height) if normals_tiled else (height, normals)
-        raise InputError(f"{has} means a file for each UDIM tile, and {lacks} one for all; put <UDIM> into both names")
+        raise SettingsError(
+            f"{has} means a file for each UDIM tile, and {lacks} one for all; put <UDIM> into both names"
+        )
     if not normals_tiled:
         check_one_texture(normals)
         check_one_texture(height)

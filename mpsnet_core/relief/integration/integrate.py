@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import labelled
-from mpsnet_core.errors import InputError, check_choice
+from mpsnet_core.errors import GeometryError, SettingsError, check_choice
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.relief.height_map import HeightMap, pixel_camera
 from mpsnet_core.relief.integration.bilateral import bilateral
@@ -55,7 +55,7 @@ def integrate(
 def _check(normals: NormalMap, camera: Camera, method: str, distance: float | None) -> None:
     height, width = normals.mask.shape
     if (camera.height, camera.width) != (height, width):
-        raise InputError(
+        raise GeometryError(
             f"the camera is {camera.width} x {camera.height} but its normals are {width} x {height}; "
             "give the camera that the photo was taken with"
         )
@@ -63,9 +63,9 @@ def _check(normals: NormalMap, camera: Camera, method: str, distance: float | No
     if distance is None:
         return
     if not (np.isfinite(distance) and distance > 0):
-        raise InputError(f"the distance must be a number above 0, not {distance}")
+        raise SettingsError(f"the distance must be a number above 0, not {distance}")
     if camera.projection == "orthographic":
-        raise InputError("an orthographic camera sees no distance; leave it out, or give a perspective camera")
+        raise SettingsError("an orthographic camera sees no distance; leave it out, or give a perspective camera")
 
 
 def _in_unit(

@@ -1,5 +1,7 @@
 """What is no part of a material is taken out: the photo's tilt, the cloth's slow bend, lights that are uneven."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,7 +32,8 @@ def evened(albedo: NDArray[np.float32], bend: int) -> NDArray[np.float32]:
     """The albedo (H, W, 3) without its slow changes across the picture; each channel keeps its geometric mean."""
     logarithm = np.log(np.maximum(albedo, 1e-4))
     smooth = trend(logarithm, bend)
-    return np.exp(logarithm - smooth + smooth.mean(axis=(0, 1)))
+    even: NDArray[np.float32] = np.exp(logarithm - smooth + smooth.mean(axis=(0, 1)))
+    return even
 
 
 def trend(values: NDArray[np.float32], degree: int) -> NDArray[np.float32]:
@@ -67,7 +70,8 @@ def _window(side: int, factor: int) -> NDArray[np.float64]:
 
     There a weave is cut off within a period, and what is left of it would pass for a bend.
     """
-    return _sizes(side, factor) * (LEAST_WEIGHT + np.sin(np.pi * _middles(side, factor) / side) ** 2)
+    window: NDArray[np.float64] = LEAST_WEIGHT + np.sin(np.pi * _middles(side, factor) / side) ** 2
+    return _sizes(side, factor) * window
 
 
 def _sizes(side: int, factor: int) -> NDArray[np.int64]:
@@ -76,11 +80,14 @@ def _sizes(side: int, factor: int) -> NDArray[np.int64]:
 
 
 def _legendre(places: NDArray[np.float64], degree: int) -> NDArray[np.float64]:
-    return np.polynomial.legendre.legvander(2 * places - 1, degree)
+    legendre: Any = np.polynomial.legendre  # its functions have no types
+    values: NDArray[np.float64] = legendre.legvander(2 * places - 1, degree)
+    return values
 
 
 def _turn_to_z(unit: NDArray[np.float64]) -> NDArray[np.float64]:
     """(3, 3) the shortest rotation that brings a unit vector with z above 0 to +z (Rodrigues' formula)."""
     x, y, z = unit
     across = np.array([[0, 0, -x], [0, 0, -y], [x, y, 0]])
-    return np.eye(3) + across + across @ across / (1 + z)
+    turn: NDArray[np.float64] = np.eye(3) + across + across @ across / (1 + z)
+    return turn

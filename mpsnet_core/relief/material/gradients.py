@@ -19,7 +19,8 @@ def gradients_of(normals: NDArray[np.float32]) -> NDArray[np.float32]:
     facing = np.maximum(normals[..., 2:], 1 / STEEPEST)
     gradients = normals[..., :2] / facing * np.array([-1, 1], np.float32)
     steep = np.maximum(np.linalg.norm(gradients, axis=-1, keepdims=True) / STEEPEST, 1)
-    return (gradients / steep).astype(np.float32)
+    limited: NDArray[np.float32] = (gradients / steep).astype(np.float32)
+    return limited
 
 
 def normals_of(gradients: NDArray[np.float32]) -> NDArray[np.float32]:

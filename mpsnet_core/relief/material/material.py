@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.defaults import BEND, CURVATURE_RADIUS, OVERLAP
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.relief.curvature import curvature
 from mpsnet_core.relief.material.albedo import estimated_albedo
@@ -86,11 +86,11 @@ def flat_material(
     """
     check_material(size, overlap, bend)
     if not pixel_mm > 0:
-        raise InputError(f"a pixel measures some millimetres above 0, not {pixel_mm:g}")
+        raise SettingsError(f"a pixel measures some millimetres above 0, not {pixel_mm:g}")
     capture = filled_part(capture)
     if normals.mask.shape != capture.mask.shape:
         sizes = [f"{mask.shape[1]} x {mask.shape[0]}" for mask in (normals.mask, capture.mask)]
-        raise InputError(f"the normals are {sizes[0]} but the photo is {sizes[1]}; they must be the same size")
+        raise GeometryError(f"the normals are {sizes[0]} but the photo is {sizes[1]}; they must be the same size")
     features, tilt = _laid_flat(capture, normals, bend, grey, progress)
     progress(0.3, "looking for what repeats")
     tiling = find_tiling(_compared(features), overlap)
@@ -122,20 +122,20 @@ def flat_material(
 
 
 def check_material(size: int | None, overlap: float, bend: int) -> None:
-    """Raises InputError where a material of this size, overlap and bend cannot be made; asked before long work."""
+    """Raises SettingsError where a material of this size, overlap and bend cannot be made; asked before long work."""
     if size is not None and not LEAST_SIDE <= size <= LARGEST_SIDE:
-        raise InputError(f"a material's pictures are {LEAST_SIDE} to {LARGEST_SIDE} pixels a side, not {size}")
+        raise SettingsError(f"a material's pictures are {LEAST_SIDE} to {LARGEST_SIDE} pixels a side, not {size}")
     if not LEAST_OVERLAP <= overlap <= LARGEST_OVERLAP:
-        raise InputError(f"borders overlap by {LEAST_OVERLAP:g} to {LARGEST_OVERLAP:g} of the tile, not {overlap:g}")
+        raise SettingsError(f"borders overlap by {LEAST_OVERLAP:g} to {LARGEST_OVERLAP:g} of the tile, not {overlap:g}")
     if size is not None:
         _check_joined(round(overlap * size), overlap)
     if not 0 <= bend <= MOST_BEND:
-        raise InputError(f"a bend of {bend} half waves cannot be taken out; choose 0 to {MOST_BEND}")
+        raise SettingsError(f"a bend of {bend} half waves cannot be taken out; choose 0 to {MOST_BEND}")
 
 
 def _check_joined(pixels: int, overlap: float) -> None:
     if pixels < LEAST_JOINED:
-        raise InputError(
+        raise SettingsError(
             f"borders that overlap by {overlap:g} of the tile are joined over {pixels} pixels, and need "
             f"{LEAST_JOINED}; choose a larger overlap, size or photo"
         )
@@ -151,21 +151,21 @@ def filled_part(capture: Capture, crop: tuple[int, int, int, int] | None = None)
     rows, columns = capture.mask.shape
     left, top, width, height = crop or (0, 0, columns, rows)
     if min(width, height) < 1:
-        raise InputError(
+        raise SettingsError(
             f"the crop leaves nothing of the photo's {columns} x {rows} pixels: its width and height are {width} and "
             f"{height}; give 1 or more"
         )
     if min(left, top) < 0 or left + width > columns or top + height > rows:
-        raise InputError(
+        raise SettingsError(
             f"the crop of {width} x {height} pixels from {left} on across and from {top} on down is not within the "
             f"photo, which is {columns} x {rows}; give places that it has"
         )
     if min(width, height) < LEAST_SIDE:
-        raise InputError(f"{width} x {height} pixels are too few for a material; take {LEAST_SIDE} or more each way")
+        raise GeometryError(f"{width} x {height} pixels are too few for a material; take {LEAST_SIDE} or more each way")
     part = slice(top, top + height), slice(left, left + width)
     missing = 1 - float(capture.mask[part].mean())
     if missing:
-        raise InputError(f"a flat material fills the photo, but {missing:.1%} of it is transparent; crop it")
+        raise GeometryError(f"a flat material fills the photo, but {missing:.1%} of it is transparent; crop it")
     camera = capture.camera
     if camera is not None:
         camera = replace(camera, width=width, height=height, centre=camera.centre - (left, top))

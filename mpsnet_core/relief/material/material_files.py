@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, InputError
 from mpsnet_core.io.files import ensure_folder, read_json, write_json, written_together
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.images import write_image
@@ -50,7 +50,7 @@ PREVIEW_LIGHT = (-0.6, 0.6, 0.6)
 def material_files(folder: str | os.PathLike[str], name: str) -> dict[str, Path]:
     """The files that :func:`write_material` writes, by what they hold: the PICTURES, and "material".
 
-    Raises InputError where one of them is there already and is not of a material that was written there before.
+    Raises FileError where one of them is there already and is not of a material that was written there before.
     """
     pictures = {what: Path(folder) / f"{name}_{what}{suffix}" for what, suffix in PICTURES.items()}
     told, own = Path(folder) / f"{name}_material.json", set[str]()
@@ -58,11 +58,11 @@ def material_files(folder: str | os.PathLike[str], name: str) -> dict[str, Path]
         try:
             files = read_json(told, MATERIAL_FORMAT, MATERIAL_VERSION, MATERIAL_KEYS).get("files")
         except InputError:
-            raise InputError(f"the result would overwrite {told}, which is another file; {_MEND}") from None
+            raise FileError(f"the result would overwrite {told}, which is another file; {_MEND}") from None
         own = set(map(str, files.values())) if isinstance(files, dict) else own
     for picture in pictures.values():
         if picture.exists() and picture.name not in own:
-            raise InputError(f"the result would overwrite {picture}, which is not of this material; {_MEND}")
+            raise FileError(f"the result would overwrite {picture}, which is not of this material; {_MEND}")
     return {**pictures, "material": told}
 
 

@@ -95,7 +95,8 @@ def _box(table: NDArray[np.float64], aside: NDArray[np.int64], along: NDArray[np
     height, width = table.shape[0] - 1, table.shape[1] - 1
     top, bottom = np.maximum(-aside, 0), height - np.maximum(aside, 0)
     left, right = np.maximum(-along, 0), width - np.maximum(along, 0)
-    return table[bottom, right] - table[top, right] - table[bottom, left] + table[top, left]
+    sums: NDArray[np.float64] = table[bottom, right] - table[top, right] - table[bottom, left] + table[top, left]
+    return sums
 
 
 @dataclass(frozen=True)
@@ -206,4 +207,5 @@ def _across(
     """A step along `square`, mostly along the axis, as long as there is room beside the other step."""
     square = square / square[axis]
     room = (frame - np.abs(step)) / np.maximum(np.abs(square), 1e-9)
-    return square * np.floor(room.min())
+    step_across: NDArray[np.float64] = square * np.floor(room.min())
+    return step_across
