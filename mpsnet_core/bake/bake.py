@@ -170,7 +170,8 @@ class _Bake:
             del laid, patches, part_of_it
         if not texture.covered.any():
             return None
-        if texel_areas(_within(corners, size * samples)).sum() > 1.05 * texture.covered.sum() * samples**2:
+        inside = ((corners > -1) & (corners < size * samples)).all(axis=(1, 2))
+        if texel_areas(corners[inside]).sum() > 1.05 * texture.covered.sum() * samples**2:
             mend = (
                 ""
                 if len(surfaces) == 1
@@ -305,12 +306,6 @@ def _blank(size: int, space: Space, colours: bool) -> Texture:
         np.zeros((size, size), np.float32),
         np.zeros((size, size, 4), np.float32) if colours else None,
     )
-
-
-def _within(corners: NDArray[np.float64], size: int) -> NDArray[np.float64]:
-    """Of triangles by their texel coordinates (T, 3, 2), those that lie in the texture as a whole."""
-    inside: NDArray[np.float64] = corners[((corners > -1) & (corners < size)).all(axis=(1, 2))]
-    return inside
 
 
 def _usable_cores() -> int:

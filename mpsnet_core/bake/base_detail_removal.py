@@ -14,7 +14,13 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape
 from mpsnet_core.bake.detail_blending import resampled
-from mpsnet_core.bake.low_frequency_correction import correct_low_frequencies, rotated, rotation_between
+from mpsnet_core.bake.low_frequency_correction import (
+    MeshSeen,
+    correct_low_frequencies,
+    mesh_seen,
+    rotated,
+    rotation_between,
+)
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
@@ -127,34 +133,6 @@ def _share(view: NDArray[np.float32], relief: NDArray[np.float32]) -> float:
     return min(share, 1.0) if share >= LEAST_SHARE else 0.0
 
 
-@dataclass(frozen=True)
-class _Seen:
-    """Where a camera's rays through N pixels meet the mesh.
-
-    hit: (M,) which of the pixels do. triangle: (M,) what they meet. weights: (M, 3, 1) barycentric coordinates.
-    directions: (M, 3) of the rays, in camera space.
-    """
-
-    hit: NDArray[np.int64]
-    triangle: NDArray[np.int32]
-    weights: NDArray[np.float32]
-    directions: NDArray[np.float64]
-
-    def at(self, corners: NDArray[np.floating[Any]]) -> NDArray[Any]:
-        """(M, K) values that are given at the corners of triangles, (T, 3, K)."""
-        values: NDArray[Any] = (corners[self.triangle] * self.weights).sum(axis=1)
-        return values
-
-
-def _seen_by(camera: Camera, scene: RayScene, pixels: NDArray[np.floating[Any]]) -> _Seen:
-    origins, directions, _ = scene.rays_of(camera, pixels)
-    hits = scene.hits(origins, directions)
-    hit = np.flatnonzero(hits.triangle >= 0)
-    hits = hits.chosen(hit)
-    weights = np.stack([1 - hits.u - hits.v, hits.u, hits.v], axis=1)[..., None]
-    return _Seen(hit, hits.triangle, weights, directions[hit] @ camera.rotation)
-
-
 def _where_worn(mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, present: BaseMap) -> NDArray[np.bool_]:
     """(H, W) the mask within the rectangle in which the camera sees the triangles that wear the map, if any."""
     if present.triangles is None:
@@ -173,12 +151,12 @@ def _where_worn(mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, present: Ba
     return inside
 
 
-def _wears(seen: _Seen, mesh: Mesh, present: BaseMap) -> NDArray[np.bool_]:
+def _wears(seen: MeshSeen, present: BaseMap) -> NDArray[np.bool_]:
     """(M,) whether what is seen wears the map."""
     worn = np.ones(len(seen.triangle), bool) if present.triangles is None else present.triangles[seen.triangle]
     if present.corner is None:
         return worn
-    worn &= (np.floor(seen.at(mesh.uvs)) == present.corner).all(axis=1)
+    worn &= (np.floor(seen.at(seen.mesh.uvs)) == present.corner).all(axis=1)
     return worn
 
 
@@ -189,20 +167,17 @@ def _normals_worn(
     seen within the mask and wears the map."""
     own, worn = np.zeros((2, *mask.shape, 3), np.float32)
     visible = np.zeros_like(mask)
-    # Normals are carried by the inverse transpose; a row times a matrix transposes once more.
-    to_camera = (np.linalg.inv(mesh.world_from_object[:3, :3]) @ camera.rotation).astype(np.float32)
     for rows in bands(len(mask)):
         row, column = np.nonzero(mask[rows])
         row += rows.start
-        seen = _seen_by(camera, scene, np.stack([column, row], axis=1) + 0.5)
-        wears = _wears(seen, mesh, present)
+        seen = mesh_seen(mesh, camera, scene, np.stack([column, row], axis=1) + 0.5)
         normal, tangent = seen.at(mesh.corner_normals), seen.at(mesh.tangents[..., :3])
         bitangent = np.cross(normal, tangent) * mesh.tangents[seen.triangle, 0, 3:]
         x, y, z = _sampled(present.vectors, seen.at(mesh.uvs) - (present.corner or (0, 0))).T[..., None]
         place = row[seen.hit], column[seen.hit]
-        own[place] = normalised(normal @ to_camera)
-        worn[place] = normalised((x * tangent + y * bitangent + z * normal) @ to_camera)
-        visible[place] = wears & (np.einsum("ni,ni->n", own[place], seen.directions) < 0)
+        own[place] = seen.in_camera(normal)
+        worn[place] = seen.in_camera(x * tangent + y * bitangent + z * normal)
+        visible[place] = _wears(seen, present) & seen.from_front(own[place])
     return own, worn, visible
 
 
@@ -214,10 +189,10 @@ def _as_fine_as_seen(
     rows, columns = chosen_pixels(*reduced_shape(height, width, PROBED_PIXELS), height, width)
     row, column = np.nonzero(mask[np.ix_(rows, columns)])
     pixels = np.stack([columns[column], rows[row]], axis=1) + 0.5
-    first, second = (_seen_by(camera, scene, pixels + step) for step in ((0, 0), (1, 0)))
+    first, second = (mesh_seen(mesh, camera, scene, pixels + step) for step in ((0, 0), (1, 0)))
     _, of_first, of_second = np.intersect1d(first.hit, second.hit, assume_unique=True, return_indices=True)
     together = first.triangle[of_first] == second.triangle[of_second]
-    together &= _wears(first, mesh, present)[of_first]
+    together &= _wears(first, present)[of_first]
     vectors = present.vectors
     if not together.any():
         return vectors

@@ -42,7 +42,8 @@ class Baking:
             raise SettingsError(f"{self.samples} x {self.samples} samples a texel cannot be baked; choose 1, 2 or 4")
         if not 0 <= self.feather <= 1:
             raise SettingsError(f"a feather of {self.feather:g} times the mesh's size cannot be baked; choose 0 to 1")
-        check_strength(self.strength)
+        if not 0 <= self.strength <= MAX_STRENGTH:
+            raise SettingsError(f"a strength of {self.strength:g} cannot be baked; choose 0 to {MAX_STRENGTH:g}")
 
 
 def check_texture(size: int, space: str, margin: int) -> None:
@@ -52,9 +53,3 @@ def check_texture(size: int, space: str, margin: int) -> None:
     if not 0 <= margin <= MAX_SIZE:
         raise SettingsError(f"islands cannot be grown by a margin of {margin} texels; choose 0 to {MAX_SIZE}")
     check_choice("space", space, SPACES)
-
-
-def check_strength(strength: float) -> None:
-    """Raises SettingsError where no detail of that strength can be baked."""
-    if not 0 <= strength <= MAX_STRENGTH:
-        raise SettingsError(f"a strength of {strength:g} cannot be baked; choose 0 to {MAX_STRENGTH:g}")

@@ -6,12 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import labelled
-from mpsnet_core.errors import GeometryError, SettingsError, check_choice
+from mpsnet_core.errors import SettingsError, check_choice
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.relief.height_map import HeightMap, pixel_camera
 from mpsnet_core.relief.integration.bilateral import bilateral
 from mpsnet_core.relief.integration.fast import fast
 from mpsnet_core.relief.integration.gradients import gradients, pixels_per_unit
+from mpsnet_core.relief.sizes import check_size
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -53,12 +54,7 @@ def integrate(
 
 
 def _check(normals: NormalMap, camera: Camera, method: str, distance: float | None) -> None:
-    height, width = normals.mask.shape
-    if (camera.height, camera.width) != (height, width):
-        raise GeometryError(
-            f"the camera is {camera.width} x {camera.height} but its normals are {width} x {height}; "
-            "give the camera that the photo was taken with"
-        )
+    check_size("camera", (camera.height, camera.width), normals)
     check_choice("method", method, METHODS)
     if distance is None:
         return

@@ -36,11 +36,6 @@ class Tiling:
     down: NDArray[np.float64]
     alike: tuple[float | None, float | None]
 
-    @property
-    def turn(self) -> float:
-        """By how many degrees the tile lies turned in the photo, clockwise."""
-        return float(np.degrees(np.arctan2(self.right[1], self.right[0])))
-
 
 def find_tiling(features: NDArray[np.float32], overlap: float) -> Tiling:
     """The tiling of a material that the photo's features (H, W, C), of mean 0, show.
@@ -116,8 +111,8 @@ def _peaks(alike: _Alike) -> _Peaks:
     values = alike.values
     aside, along = np.arange(-alike.across, alike.across + 1)[:, None], np.arange(values.shape[1]) + alike.least
     peaks = np.zeros(values.shape, bool)
-    around = [_part(values, i, j) for i in (0, 1, 2) for j in (0, 1, 2)]
-    peaks[1:-1, 1:-1] = values[1:-1, 1:-1] == np.max(around, axis=0)
+    highest = np.lib.stride_tricks.sliding_window_view(values, (3, 3)).max(axis=(2, 3))
+    peaks[1:-1, 1:-1] = values[1:-1, 1:-1] == highest
     heights = np.where(peaks & (np.abs(aside) <= TURN * along), values, -1.0)
     best = heights.max()
     rows, columns = np.nonzero(heights >= max(NEARLY * best, ALIKE))
@@ -151,11 +146,6 @@ def _chosen(across: _Peaks, down: _Peaks, frame: NDArray[np.float64]) -> list[_F
     if len(fitting):
         found[axis] = peaks.steps[fitting[0]], float(peaks.alike[fitting[0]])
     return found
-
-
-def _part(values: NDArray[np.float64], top: int, left: int) -> NDArray[np.float64]:
-    """All but two rows and columns."""
-    return values[top : top + len(values) - 2, left : left + values.shape[1] - 2]
 
 
 def _peak(three: NDArray[np.float64]) -> float:
