@@ -53,15 +53,32 @@ def bake_normals(
 ) -> Texture:
     """Bake the views' normals onto the mesh's UVs, those from 0 to 1.
 
-    Every texel takes the mean of the views that see it, weighted by confidence and by how squarely they look at the
-    surface. Texels that none sees keep the mesh's own shading normal. Where the views have colours, so has the texture,
-    by the same weights; where no view tells them, and beyond the islands, they go on smoothly.
+    Parameters
+    ----------
+    mesh : Mesh
+        With UVs.
+    views : sequence of View
+        Read one after the other, and more than once where memory does not hold them all.
+    size, space, margin, padding, samples, feather, strength
+        As for :class:`mpsnet_core.bake.settings.Baking`.
+    progress : Progress
+        Receives the share done and a message.
 
-    views: asked for one after the other, and more than once where they are too large to be held all at once.
-    size, space, margin, padding, samples, feather, strength: of :class:`mpsnet_core.bake.settings.Baking`.
+    Returns
+    -------
+    Texture
+        Each texel is the mean over the views that see it, weighted by confidence and by the fourth power of the cosine
+        between surface and camera. Texels that no view sees keep the mesh's shading normal. Colours have the same
+        weights; where no view has one, and beyond the islands, they continue smoothly.
 
-    Raises InputError where there is no view, a number is out of range or no texel is seen; Cancelled where `progress`
-    does.
+    Raises
+    ------
+    SettingsError
+        Where a number is out of range.
+    GeometryError
+        Where there is no view, or no texel is seen.
+    Cancelled
+        Where `progress` raises it.
     """
     baking = Baking(size, space, margin, padding, samples, feather, strength)
     ((_, texture),) = bake_texture_sets([mesh], views, sheets([mesh]), baking, progress=progress)
@@ -76,26 +93,34 @@ def bake_texture_sets(
     *,
     progress: Progress = silent,
 ) -> Iterator[tuple[TextureSet, Texture]]:
-    """Bake the views' normals onto the UVs of several meshes, which hide one another, a texture for each sheet.
+    """Bake the views' normals onto the UVs of several meshes, which occlude one another, a texture for each set.
 
-    One texture is made at a time, when it is asked for. Sheets that hold no texel have none. What has been seen once is
-    not forgotten: views are held in memory from one texture to the next as far as they fit.
+    Parameters
+    ----------
+    meshes : sequence of Mesh
+        In one world.
+    views : sequence of View
+        As for :func:`bake_normals`.
+    chosen : sequence of TextureSet
+        Of :func:`mpsnet_core.bake.texture_sets.sheets`, of the same meshes.
+    baking : Baking
+        How the textures are baked.
+    progress : Progress
+        Receives the share done and a message.
 
-    chosen: of :func:`mpsnet_core.bake.texture_sets.sheets`, of the same meshes. views: as in :func:`bake_normals`.
+    Yields
+    ------
+    (TextureSet, Texture)
+        One texture at a time, computed when it is requested; none for sets without texels.
 
-    Raises InputError as it does; for what no view sees only where none sees any of the meshes.
+    Raises
+    ------
+    GeometryError
+        Where there is no view, no texel lies on the UVs, or no view sees any of the meshes.
     """
-    if not len(views):
-        raise GeometryError("there is no view to bake; give at least one camera with its normal map")
-    progress(0.0, "laying out the UVs")
-    whole = join_meshes(meshes)
-    scene = RayScene(whole.world_vertices, whole.triangles)
-    del whole
-    projectors = Projectors(views, scene, baking.feather)
-    seen = seen_triangles(meshes, projectors, scene, part(progress, 0.0, 0.1))
-    bake = _Bake(meshes, projectors, seen, scene.middle, baking)
+    bake = _prepared(meshes, views, baking, part(progress, 0.0, 0.1))
     # Before anything is known to be seen, textures that are not seen wait: it may be that none is.
-    any_seen, any_covered, waiting = any(one.any() for one in seen), False, list[TextureSet]()
+    any_seen, any_covered, waiting = any(triangles.any() for triangles in bake.seen), False, list[TextureSet]()
     for number, sheet in enumerate(chosen):
         step = part(progress, 0.1 + 0.9 * number / len(chosen), 0.1 + 0.9 * (number + 1) / len(chosen))
         texture = bake.texture(sheet, step)
@@ -119,6 +144,17 @@ def bake_texture_sets(
         texture = bake.texture(sheet, part(progress, 1.0, 1.0))
         if texture is not None:
             yield sheet, _finished(texture, baking)
+
+
+def _prepared(meshes: Sequence[Mesh], views: Sequence[View], baking: Baking, progress: Progress) -> "_Bake":
+    if not len(views):
+        raise GeometryError("there is no view to bake; give at least one camera with its normal map")
+    progress(0.0, "laying out the UVs")
+    whole = join_meshes(meshes)
+    scene = RayScene(whole.world_vertices, whole.triangles)
+    del whole
+    projectors = Projectors(views, scene, baking.feather)
+    return _Bake(meshes, projectors, seen_triangles(meshes, projectors, scene, progress), scene.middle, baking)
 
 
 def _finished(texture: Texture, baking: Baking) -> Texture:

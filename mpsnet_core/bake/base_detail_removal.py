@@ -44,11 +44,21 @@ PROBED_PIXELS = 128
 class BaseMap:
     """The normal map that an object wears, to add detail to.
 
-    vectors: (H, W, 3) float32 unit vectors in tangent space, row 0 at v = 1. shown: whether the photos show its relief
-    as well; "auto" finds out, and how much of it. triangles: (T,) which of the mesh's triangles wear it, None for all.
-    corner: the lower left corner of the only unit square of UV space where it lies, None where it lies from 0 to 1.
+    Parameters
+    ----------
+    vectors : (H, W, 3) float32 array
+        Unit vectors in tangent space, row 0 at v = 1.
+    shown : {"auto", "yes", "no"}
+        Whether the photos show its relief as well; "auto" estimates how much of it.
+    triangles : (T,) bool array, optional
+        Triangles of the mesh that wear it; all by default.
+    corner : (int, int), optional
+        Lower left corner of the only unit square of UV space where it lies; by default it lies from 0 to 1.
 
-    Raises InputError where `shown` is none of these words.
+    Raises
+    ------
+    SettingsError
+        Where `shown` is none of these words.
     """
 
     vectors: NDArray[np.float32]
@@ -81,12 +91,31 @@ def remove_base_details(
 def remove_base_detail(
     normals: NormalMap, camera: Camera, mesh: Mesh, scene: RayScene, present: BaseMap, share: float | None = None
 ) -> tuple[NormalMap, float]:
-    """A view's normals with the present map's relief taken out, and the share of the relief that was, 0 to 1.
+    """A view's normals without the relief of the map that the mesh wears.
 
-    Each normal is turned by that share of the rotation that brings the mesh's normal with the map to that without.
-    share: where it is known from before. Where the map's `shown` is "auto", it is the least-squares share of the map's
-    relief in the view's, both levelled (:mod:`mpsnet_core.bake.low_frequency_correction`): what is large may be wrong
-    in the view.
+    Parameters
+    ----------
+    normals : NormalMap
+        The view's, in camera space.
+    camera : Camera
+        What the view's pixels see.
+    mesh : Mesh
+        The mesh.
+    scene : RayScene
+        The mesh's, in the world.
+    present : BaseMap
+        The map that the mesh wears.
+    share : float, optional
+        Share of the relief, 0 to 1, that the view shows, where it is known. By default `present.shown` decides; "auto"
+        is the least-squares share of the map's relief in the view's, both levelled
+        (:mod:`mpsnet_core.bake.low_frequency_correction`), because low frequencies may be wrong in the view.
+
+    Returns
+    -------
+    normals : NormalMap
+        Each normal turned by that share of the rotation from the mesh's normal with the map to that without.
+    share : float
+        The share of the relief that was removed.
     """
     if share is None and present.shown != "auto":
         share = float(present.shown == "yes")

@@ -23,11 +23,26 @@ MARGIN = 16
 
 
 def read_base_map(path: str | os.PathLike[str], *, convention: Convention = "opengl") -> NDArray[np.float32]:
-    """Read a tangent-space normal map that an object wears: (H, W, 3) unit vectors, +z where the file has no normals.
+    """Read a tangent-space normal map that an object wears.
 
-    8 or 16 bits or float, of any size; row 0 at v = 1.
+    Parameters
+    ----------
+    path : str or PathLike
+        An image of 8 or 16 bits or float, of any size; row 0 at v = 1.
+    convention : {"opengl", "directx"}
+        Whether green points up or down.
 
-    Raises InputError where the file cannot be read, is no normal map or is one in object space.
+    Returns
+    -------
+    (H, W, 3) float32 array
+        Unit vectors; +z where the file has no normals.
+
+    Raises
+    ------
+    FileError
+        Where the file cannot be read.
+    FormatError
+        Where it is no normal map, or one in object space.
     """
     colours, alpha = read_data(path)
     length = np.empty(colours.shape[:2], np.float32)
@@ -52,11 +67,27 @@ def read_base_map(path: str | os.PathLike[str], *, convention: Convention = "ope
 
 
 def blend_detail(texture: Texture, present: NDArray[np.float32]) -> Texture:
-    """The texture's normals as detail on the present map's, (H, W, 3) unit vectors, resampled to the texture's size.
+    """The texture's normals as detail on those of the present map.
 
-    The texture's flat normals leave the present map as it is, and a flat present map the texture.
+    Parameters
+    ----------
+    texture : Texture
+        In tangent space. Where it is flat, the present map stays as it is.
+    present : (H, W, 3) float32 array
+        Unit vectors in tangent space; resampled to the texture's size. Where it is flat, the texture stays as it is.
 
-    Raises InputError where the texture is not in tangent space.
+    Returns
+    -------
+    Texture
+
+    Raises
+    ------
+    SettingsError
+        Where the texture is not in tangent space.
+
+    Notes
+    -----
+    Reoriented Normal Mapping (Barré-Brisebois and Hill, "Blending in Detail", 2012).
     """
     check_blending(texture.space)
     height, width = texture.vectors.shape[:2]

@@ -70,11 +70,36 @@ def parse_scale(text: str) -> float:
 def correct_low_frequencies(
     normals: NormalMap, camera: Camera, mesh: Mesh, scene: RayScene | None = None, *, scale: float = LEVEL_SCALE
 ) -> NormalMap:
-    """The normals with the low frequencies of the mesh's own; as they are where the mesh is not seen.
+    """The normals with the low frequencies of the mesh's own; where the mesh is not seen, they turn as nearby.
 
-    scene: the mesh's, where it has been made before. scale: see :func:`levelling`.
+    Parameters
+    ----------
+    normals : NormalMap
+        Estimated, in camera space.
+    camera : Camera
+        What the pixels see.
+    mesh : Mesh
+        The surface, in the camera's world.
+    scene : RayScene, optional
+        The mesh's, where it exists already.
+    scale : float
+        Standard deviation of the smoothing, as a share of the diagonal of the mesh's bounding box, 0.01 to 1. Relief
+        smaller than about twice this is kept as the photo shows it; larger forms are those of the mesh.
 
-    Raises InputError where the scale is out of range, or normals and camera differ in size.
+    Returns
+    -------
+    NormalMap
+
+    Raises
+    ------
+    SettingsError
+        Where the scale is out of range.
+    GeometryError
+        Where the sizes of normals and camera differ.
+
+    Notes ----- Around each place the rotation vector r is found that brings the estimates n onto the mesh's normals m
+    by least squares with Gaussian weights w: sum w |r x n - t|², t the rotation vector from n to m, which is
+    perpendicular to n. That is (sum w (1 - n nᵀ)) r = sum w t: Wahba's problem (1965), linearised.
     """
     return turned(normals, levelling(normals, camera, mesh, scene, scale=scale))
 
@@ -82,15 +107,7 @@ def correct_low_frequencies(
 def levelling(
     normals: NormalMap, camera: Camera, mesh: Mesh, scene: RayScene | None = None, *, scale: float = LEVEL_SCALE
 ) -> Levelling:
-    """The rotations that :func:`correct_low_frequencies` turns the normals by.
-
-    scale: of the smoothing, its standard deviation as a share of the mesh's size. Relief that is smaller than about
-    twice this stays as the photo shows it; of what is larger the mesh decides.
-
-    Around each place the rotation vector r is sought that brings the estimates n onto the mesh's normals m in the least
-    squares, w Gaussian weights: sum w |r x n - t|², t the rotation vector from n to m, which is at right angles to n.
-    That is (sum w (1 - n nᵀ)) r = sum w t: Wahba's problem (1965), linearised.
-    """
+    """The rotations that :func:`correct_low_frequencies` turns the normals by, with its parameters."""
     if not MIN_SCALE <= scale <= MAX_SCALE:
         raise SettingsError(f"a levelling scale of {scale:g} cannot be used; choose {MIN_SCALE:g} to {MAX_SCALE:g}")
     height, width = normals.mask.shape

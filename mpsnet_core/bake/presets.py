@@ -28,10 +28,27 @@ if TYPE_CHECKING:  # this module is imported into Blender, where OpenImageIO is 
 
 @dataclass(frozen=True)
 class Preset:
-    """What a program wants of a normal texture.
+    """What a program requires of a normal texture.
 
-    label: the program's name, for people. convention, bits (a channel): of the file. suffix: its ending. naming: the
-    file's name without its ending, with {} for the object's. lower: whether names are written in snake_case.
+    Attributes
+    ----------
+    label : str
+        Name of the program.
+    convention : {"opengl", "directx"}
+        Whether green points up or down.
+    bits : int
+        Bits a channel.
+    naming : str
+        Name of the file without its suffix, with {} for that of the object.
+    suffix : str
+        Of the file.
+    lower : bool
+        Whether names are in snake_case.
+
+    Examples
+    --------
+    >>> PRESETS["unreal"].stem("HeroHead"), PRESETS["godot"].stem("HeroHead")
+    ('T_HeroHead_N', 'hero_head_normal')
     """
 
     label: str

@@ -24,9 +24,19 @@ FACING_POWER = 4
 class View:
     """One photo's normals and the camera that took it.
 
-    colours: (H, W, 3) float32, linear, what is baked beside the normals: an albedo, say; NaN where it is not known.
+    Parameters
+    ----------
+    camera : Camera
+        In the world.
+    normals : NormalMap
+        In camera space, (H, W).
+    colours : (H, W, 3) float32 array, optional
+        Linear values to bake beside the normals, such as an albedo; NaN where they are not known.
 
-    Raises InputError where they differ in size.
+    Raises
+    ------
+    GeometryError
+        Where their sizes differ.
     """
 
     camera: Camera

@@ -17,14 +17,28 @@ SAMPLES = (1, 2, 4)
 class Baking:
     """How a texture is baked.
 
-    size: its side in texels. space: "tangent" is MikkTSpace, "object" the mesh's own axes. margin: texels that the
-    islands' borders are grown by at most, where the padding is "nearest"; :mod:`mpsnet_core.bake.padding` has the
-    others. samples: 1, 2 or 4; a texel is the mean of samples x samples points in it, those that lie on the surface.
-    feather: a share of the mesh's size; over this distance each view fades out towards its borders
-    (:mod:`mpsnet_core.bake.feather`), into the others or into the mesh's own normals. strength: what the slopes
-    against the mesh's own normals are multiplied by; 0 leaves nothing of the views.
+    Parameters
+    ----------
+    size : int
+        Side of the texture in texels, 1 to 16384.
+    space : {"tangent", "object"}
+        "tangent" is MikkTSpace, "object" the mesh's own axes.
+    margin : int
+        Texels that the islands' borders are grown by at most, where the padding is "nearest".
+    padding : {"nearest", "push-pull", "none"}
+        What the texture holds beyond the islands: see :mod:`mpsnet_core.bake.padding`.
+    samples : {1, 2, 4}
+        A texel is the mean of samples x samples points in it, of those that lie on the surface.
+    feather : float
+        Share of the mesh's size, 0 to 1, over which each view fades out towards its borders, into the others or into
+        the mesh's own normals: see :mod:`mpsnet_core.bake.feather`.
+    strength : float
+        Factor, 0 to 2, of the gradients against the mesh's own normals; 0 leaves nothing of the views.
 
-    Raises InputError where one of them is out of range.
+    Raises
+    ------
+    SettingsError
+        Where one of them is out of range.
     """
 
     size: int = TEXTURE_SIZE

@@ -31,9 +31,19 @@ NAMELESS = {"material": "no_material", "object": "object"}
 class TextureSet:
     """What shares one texture. No two are equal.
 
-    parts: for each mesh, (K,) the numbers of its triangles that do, or None for all of them.
-    tile: the UDIM tile's number, None for the unit square from 0 to 1. material, object: the names of what is baked
-    here where each has a sheet of its own, else None.
+    Attributes
+    ----------
+    parts : tuple of (K,) int64 arrays or None
+        For each mesh, the numbers of its triangles that do; None for all of them.
+    tile : int, optional
+        Number of the UDIM tile; None for the unit square from 0 to 1.
+    material, object : str, optional
+        Names of what is baked here, where each has a texture of its own.
+
+    Examples
+    --------
+    >>> TextureSet((None,), tile=1012).corner
+    (1, 1)
     """
 
     parts: tuple[NDArray[np.int64] | None, ...]

@@ -28,17 +28,36 @@ def curvature(
     radius: int = CURVATURE_RADIUS,
     progress: Progress = silent,
 ) -> NDArray[np.float32]:
-    """(H, W) the sum of the two principal curvatures (twice the mean curvature) in 1 / the camera's unit; 0 outside.
+    """The sum of the two principal curvatures, which is twice the mean curvature.
 
-    Above 0 where the surface is convex: 2 / R on a sphere of radius R, seen from outside, 1 / R on a cylinder, at every
-    slant. It is the divergence of the normals in space, each carried on along its pixel's ray, where it does not
-    change. Steps of the surface that the normals do not show are not seen.
+    Parameters
+    ----------
+    normals : NormalMap
+        In camera space, (H, W).
+    camera : Camera
+        What the pixels see.
+    depth : (H, W) array, optional
+        Along a perspective camera's axis, which needs it.
+    radius : int
+        Averages over squares that reach 1, 2, 4, ... up to `radius` pixels, each weighted by its reach, so that fine
+        grain does not drown broad shapes. 0: each pixel's own, from its neighbours.
+    progress : Progress
 
-    camera: what the pixels see. depth: (H, W) along a perspective camera's axis, which it needs.
-    radius: what is averaged: squares that reach 1, 2, 4, ... up to `radius` pixels, each counted as much as it reaches,
-        so that fine grain does not drown broad shapes. 0: each pixel's own, from its neighbours.
+    Returns
+    -------
+    (H, W) float32 array
+        In 1 / the camera's unit, above 0 where the surface is convex: 2 / R on a sphere of radius R, 1 / R on a
+        cylinder, at every slant. 0 outside the mask.
 
-    Raises InputError where the sizes do not agree, a depth is missing or the radius is below 0.
+    Raises
+    ------
+    GeometryError
+        Where the sizes differ or a depth is missing.
+    SettingsError
+        Where the radius is below 0.
+
+    Notes ----- The divergence of the normals in space, each constant along its pixel's ray. Depth discontinuities that
+    the normals do not show have no curvature.
     """
     height, width = normals.mask.shape
     check_size("camera", (camera.height, camera.width), normals)
@@ -72,14 +91,45 @@ def check_curvature(radius: int, limit: float | None = None) -> None:
 
 
 def curvature_range(values: NDArray[np.floating[Any]], mask: NDArray[np.bool_]) -> float:
-    """A range that suits a picture of these curvatures: 99 of 100 pixels of the mask lie within plus and minus it."""
+    """A range that suits a picture of these curvatures.
+
+    Parameters
+    ----------
+    values : (H, W) array
+        Curvatures.
+    mask : (H, W) bool array
+        Where they count.
+
+    Returns
+    -------
+    float
+        99 of 100 pixels of the mask lie within plus and minus this; 1 where all are 0.
+    """
     inside = np.abs(values[mask])
     limit = float(np.quantile(inside[:: -(-len(inside) // _SAMPLED)], PICTURE_QUANTILE))
     return limit if limit > 0 else 1.0
 
 
 def curvature_picture(values: NDArray[np.floating[Any]], limit: float) -> NDArray[np.float32]:
-    """(H, W) 0 to 1 for artists: flat is 0.5, convex by `limit` (1 / unit) or more white, concave by as much black."""
+    """Curvatures as grey values: 0.5 is flat, white is convex by `limit` or more, black concave by as much.
+
+    Parameters
+    ----------
+    values : (H, W) array
+        Curvatures in 1 / unit.
+    limit : float
+        Curvature that is white, above 0.
+
+    Returns
+    -------
+    (H, W) float32 array
+        0 to 1.
+
+    Examples
+    --------
+    >>> curvature_picture(np.array([[-2.0, 0.0, 1.0]]), 2.0)
+    array([[0.  , 0.5 , 0.75]], dtype=float32)
+    """
     return np.clip(0.5 + 0.5 / limit * values, 0, 1).astype(np.float32)
 
 

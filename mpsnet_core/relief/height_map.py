@@ -12,14 +12,28 @@ from mpsnet_core.scene.camera import Camera
 
 @dataclass(frozen=True)
 class HeightMap:
-    """Heights in camera space, the z axis, which points towards the camera.
+    """Heights in camera space along the z axis, which points towards the camera.
 
-    values: (H, W) float32 in the camera's unit; 0 outside the mask. Under an orthographic camera each connected piece
-    of the mask is known up to a constant; under a perspective one up to a factor, and z is below 0.
-    mask: (H, W) bool.
-    camera: where the pixels look; :func:`pixel_camera` where only pixels are known, so that the unit is a pixel.
+    Parameters
+    ----------
+    values : (H, W) array
+        Heights in the camera's unit; stored as float32, 0 outside the mask. Under an orthographic camera each connected
+        piece of the mask is known up to a constant; under a perspective one up to a factor, and heights are below 0.
+    mask : (H, W) bool array
+        Where the surface is.
+    camera : Camera
+        What the pixels see; :func:`pixel_camera` where only pixels are known, so that the unit is a pixel.
 
-    Raises InputError where the sizes do not agree, the mask is empty or a height inside it is not finite.
+    Raises
+    ------
+    GeometryError
+        Where the sizes differ, the mask is empty or a height inside it is not finite.
+
+    Examples
+    --------
+    >>> heights = HeightMap(np.ones((2, 3)), np.ones((2, 3), bool), pixel_camera(2, 3))
+    >>> heights.points()[0, 0]
+    array([-1. ,  0.5,  1. ])
     """
 
     values: NDArray[np.float32]

@@ -29,20 +29,36 @@ OFF, TURNED = np.float32(0.5), np.float32(0.05)
 def ambient_occlusion(
     heights: HeightMap, normals: NormalMap, *, reach: int | None = None, progress: Progress = silent
 ) -> NDArray[np.float32]:
-    """(H, W) 0 to 1: the share of a cosine-weighted hemisphere over each pixel's normal that the surface leaves open.
+    """The share of a cosine-weighted hemisphere over each pixel's normal that the surface leaves open.
 
-    1 on what is convex or flat and outside the mask. What lies behind the visible surface does not count.
+    Parameters
+    ----------
+    heights : HeightMap
+        The surface; what lies behind the visible surface does not count.
+    normals : NormalMap
+        In camera space, of the same size.
+    reach : int, optional
+        How far occluders count, in pixels; by default the whole object.
+    progress : Progress
+        Receives the share done and a message.
 
-    By horizons: in each of 16 directions over the picture the highest angle under which the surface is seen, and
-    between the horizons of two opposite ones the integral in closed form (Jimenez et al., Practical Real-Time
-    Strategies for Accurate Indirect Occlusion, SIGGRAPH 2016 courses, section 4). As there, each of 4 x 4 neighbours
-    looks in 16 directions of its own, and what they find is averaged over the surface that they share: of 16 the same
-    for all, every high edge would cast 16 straight shadows. Of what is far away only the highest pixel of each stretch
-    counts.
+    Returns
+    -------
+    (H, W) float32 array
+        0 to 1; 1 on what is convex or flat, and outside the mask.
 
-    reach: how far it looks, in pixels; as far as the object goes unless given.
+    Raises
+    ------
+    GeometryError
+        Where the sizes differ.
+    SettingsError
+        Where the reach is below 1.
 
-    Raises InputError where the sizes do not agree or the reach is below 1.
+    Notes ----- Horizon-based: in 16 directions over the picture the highest elevation of the surface, and between the
+    horizons of two opposite ones the integral in closed form (Jimenez et al., Practical Real-Time Strategies for
+    Accurate Indirect Occlusion, SIGGRAPH 2016 courses, section 4). As there, each of 4 x 4 neighbours has 16 directions
+    of its own, averaged over the surface that they share: of the same 16 for all, every high edge would cast 16
+    straight shadows. Of what is far away only the highest pixel of each stretch counts.
     """
     mask = heights.mask
     check_size("height map", mask.shape, normals)

@@ -26,16 +26,31 @@ def relit(
     occlusion: NDArray[np.floating[Any]] | None = None,
     albedo: NDArray[np.floating[Any]] | None = None,
 ) -> NDArray[np.float32]:
-    """(H, W, 4) sRGB values and the mask as alpha: a matt surface under a far white light, without cast shadows.
+    """A matt surface under a distant white light, without cast shadows.
 
-    Linear radiance is ``albedo * ((1 - a) * max(n . l, 0) + a * occlusion)`` with a = 0.15. A matt surface looks the
-    same from everywhere and the light is far, so a perspective camera makes no difference.
+    Parameters
+    ----------
+    normals : NormalMap
+        In camera space, (H, W).
+    direction : (3,) array_like
+        From the surface to the light in camera space, of any length.
+    occlusion : (H, W) array, optional
+        0 to 1, as :func:`mpsnet_core.relief.occlusion.ambient_occlusion` returns it; 1 by default.
+    albedo : (H, W, 3) array, optional
+        Linear; a light grey of 0.8 by default.
 
-    direction: (3,) from the surface to the light in camera space, of any length. occlusion: (H, W) 0 to 1, as
-    :func:`mpsnet_core.relief.occlusion.ambient_occlusion` gives it; 1 unless given. albedo: (H, W, 3), linear; a light
-    grey of 0.8 unless given.
+    Returns
+    -------
+    (H, W, 4) float32 array
+        sRGB values, and the mask as alpha.
 
-    Raises InputError where the sizes do not agree or the direction is none.
+    Raises
+    ------
+    GeometryError
+        Where the sizes differ, or the direction is 0 or not finite.
+
+    Notes ----- Linear radiance is ``albedo * ((1 - a) * max(n . l, 0) + a * occlusion)`` with a = 0.15. Lambertian
+    radiance is the same in all directions and the light is distant, so a perspective camera makes no difference.
     """
     light = np.asarray(direction, np.float64)
     if light.shape != (3,) or not np.isfinite(light).all() or not light.any():

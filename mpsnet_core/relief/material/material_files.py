@@ -69,14 +69,30 @@ def material_files(folder: str | os.PathLike[str], name: str) -> dict[str, Path]
 def write_material(
     folder: str | os.PathLike[str], name: str, material: Material, *, convention: Convention = "opengl"
 ) -> dict[str, Path]:
-    """Write the material into a folder, which is made; the files are those of :func:`material_files`.
+    """Write a material into a folder, which is created; all files appear, or none.
 
-    normal: 0.5 + 0.5 n, 16 bits. height: 16 bits from black, the lowest, to white, the highest. height_mm: float,
-    millimetres. curvature: grey where flat, lighter where it bulges, of the range that material.json tells. albedo:
-    sRGB. preview: 3 x 3 tiles under a low light. material: JSON, put in place first: the others are known as its own
-    by it. All appear, or none.
+    Parameters
+    ----------
+    folder : str or PathLike
+        Where the files go.
+    name : str
+        What their names begin with.
+    material : Material
+        The tile.
+    convention : {"opengl", "directx"}
+        Of the normals: green points up or down.
 
-    Raises InputError where the folder cannot be made or written, and as :func:`material_files` does.
+    Returns
+    -------
+    dict of str to Path
+        The files of :func:`material_files`. normal: 0.5 + 0.5 n, 16 bits. height: 16 bits from black, the lowest, to
+        white, the highest. height_mm: float, millimetres. curvature: grey where flat, lighter where convex, over the
+        range that the JSON file states. albedo: sRGB. preview: 3 x 3 tiles under a low light. material: JSON.
+
+    Raises
+    ------
+    FileError
+        Where the folder cannot be created or written, or another file would be overwritten.
     """
     files = material_files(ensure_folder(folder, "material"), name)
     mask = np.ones(material.height.shape, bool)
