@@ -160,7 +160,7 @@ def _prepared(meshes: Sequence[Mesh], views: Sequence[View], baking: Baking, pro
 def _finished(texture: Texture, baking: Baking) -> Texture:
     colours = texture.colours
     if colours is not None:
-        # No mesh tells the colour of what no view sees: it goes on smoothly, there and beyond the islands.
+        # What no view sees has no colour: it continues smoothly, there and beyond the islands.
         known = colours[..., 3] > 0
         colours = np.concatenate([push_pull(colours[..., :3], known), known[..., None]], axis=-1, dtype=np.float32)
         if baking.padding == "none":
@@ -187,7 +187,7 @@ class _Bake:
             if triangles is None or len(triangles):
                 surfaces.append(UnderTexels(mesh, triangles, sheet.corner, self.middle, size * samples))
                 seen.append(seen_of if triangles is None else seen_of[triangles])
-        # Where UVs overlap (mirrored halves, say), the triangle that a view sees wins: the last one laid down.
+        # Where UVs overlap (as mirrored halves do), the triangle that a view sees wins: the last one laid down.
         order = np.argsort(np.concatenate(seen), kind="stable")
         corners = np.concatenate([surface.corners for surface in surfaces])
         # A few rows at once. Views that memory does not hold are read again for each time: then as many as texels.
@@ -195,15 +195,15 @@ class _Bake:
         rows = list(bands(size, max(1, held // (size * samples**2))))
         texture = _blank(size, self.baking.space, colours=self.projectors.values > 4)
         for number, band in enumerate(rows):
-            told = part(progress, 0.9 * number / len(rows), 0.9 * (number + 1) / len(rows))
+            step = part(progress, 0.9 * number / len(rows), 0.9 * (number + 1) / len(rows))
             fine = slice(band.start * samples, band.stop * samples)
             laid = triangle_of_texel(corners[order], size * samples, fine)
             patches = _patches(surfaces, order, laid, self.projectors.values)
-            part_of_it = _averaged(self._points(patches, laid >= 0, fine.start, told), samples)
-            for name, values in vars(part_of_it).items():
+            averaged = _averaged(self._points(patches, laid >= 0, fine.start, step), samples)
+            for name, values in vars(averaged).items():
                 if isinstance(values, np.ndarray):
                     getattr(texture, name)[band] = values
-            del laid, patches, part_of_it
+            del laid, patches, averaged
         if not texture.covered.any():
             return None
         inside = ((corners > -1) & (corners < size * samples)).all(axis=(1, 2))
@@ -219,7 +219,7 @@ class _Bake:
     def _points(
         self, patches: "Sequence[_Patch]", covered: NDArray[np.bool_], first: int, progress: Progress
     ) -> Texture:
-        """What the views say at points in rows from `first` on, (R, C), as a texture of R rows and C columns."""
+        """The views' samples at points in rows from `first` on, (R, C), as a texture of R rows and C columns."""
         width = covered.shape[1]
         vectors = np.zeros((covered.size, 3), np.float32)
         vectors[:, 2] = 1

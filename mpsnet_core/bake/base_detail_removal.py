@@ -34,7 +34,7 @@ SHOWN: tuple[Shown, ...] = ("auto", "yes", "no")
 
 # A smaller share of the map than this is chance.
 LEAST_SHARE = 0.25
-# Radians: maps whose relief is fainter than this tell no share.
+# Radians: maps whose relief is fainter than this allow no estimate of the share.
 FAINT = 0.01
 # How fine the map is beside the photo is probed at this many pixels on the photo's longer side.
 PROBED_PIXELS = 128
@@ -148,7 +148,7 @@ def check_shown(shown: str) -> None:
 
 
 def note_shares(shares: Sequence[Sequence[float]]) -> None:
-    """Tell of views that show the present maps' relief. shares: for each view, what of each map was taken out of it."""
+    """Log how many views show the present maps' relief. shares: for each view, what of each map was taken out of it."""
     taken = [share for of_view in shares for share in of_view if share]
     if taken:
         share, views = sum(taken) / len(taken), f"{sum(map(any, shares))} of {len(shares)} view(s)"
@@ -168,7 +168,7 @@ def _where_worn(mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, present: Ba
         return mask
     points = mesh.world_vertices[np.unique(mesh.triangles[present.triangles])]
     x, y, w = camera.projection_rows() @ np.concatenate([points, np.ones((len(points), 1))], axis=1).T
-    if (w <= 0).any():  # some are behind the camera, and their pixels are not where these numbers say
+    if (w <= 0).any():  # some are behind the camera, and their projections are meaningless
         return mask
     height, width = mask.shape
     (left, right), (top, bottom) = (

@@ -14,7 +14,7 @@ from mpsnet_core.errors import FormatError, SettingsError
 from mpsnet_core.io.images import read_data
 from mpsnet_core.scene.normal_map import OUTWARDS_SHARE, Convention, decode, normalised
 
-# How far a colour's vector may be from unit length: 8 bits, JPEG and averages of steep slopes are.
+# How far a colour's vector may be from unit length: 8 bits, JPEG and averages of steep gradients are.
 NEARLY_UNIT = 0.1
 # Of the pixels that are no background, the share that must be normals.
 NORMALS_SHARE = 0.6
@@ -48,11 +48,11 @@ def read_base_map(path: str | os.PathLike[str], *, convention: Convention = "ope
     length = np.empty(colours.shape[:2], np.float32)
     for rows in bands(len(colours)):
         length[rows] = np.linalg.norm(np.nan_to_num(colours[rows]) * 2 - 1, axis=-1)
-    # Where alpha holds something else, such as gloss, normals are there all the same.
-    there = np.ones(length.shape, bool) if alpha is None else alpha > 0
-    unit = there & (np.abs(length - 1) < NEARLY_UNIT)
+    # Where alpha holds something else, such as gloss, these are normals all the same.
+    opaque = np.ones(length.shape, bool) if alpha is None else alpha > 0
+    unit = opaque & (np.abs(length - 1) < NEARLY_UNIT)
     # Black and white are the corners of all colours, furthest from grey, which is no direction at all.
-    filled = there & (length > NEARLY_UNIT) & (length < np.sqrt(3) - NEARLY_UNIT)
+    filled = opaque & (length > NEARLY_UNIT) & (length < np.sqrt(3) - NEARLY_UNIT)
     if unit.sum() < NORMALS_SHARE * max(filled.sum(), 1):
         raise FormatError(f"{path} is not a normal map: its colours are not unit vectors 0.5 + 0.5 n; choose another")
     normals = unit & (colours[..., 2] >= 0.5)

@@ -30,7 +30,7 @@ MIN_SCALE, MAX_SCALE = 0.01, 1.0
 TRACED_PIXELS = 1024
 # Cells to a standard deviation, and standard deviations that the smoothing reaches.
 CELLS, REACH = 2.0, 3.0
-# How firmly the rotation about the mean normal is held at 0, which only a curved surface tells.
+# How firmly the rotation about the mean normal is held at 0, which only a curved surface determines.
 HOLD = 0.1
 
 
@@ -208,14 +208,14 @@ def _smoothed_turns(
     count = int(np.prod(shape))
     grid = np.stack([np.bincount(number, layer, count).astype(np.float32) for layer in [*layers, np.ones(len(x))]])
     grid = _blurred(grid.reshape(-1, *shape)).reshape(len(grid), -1)
-    # Only cells that a point lies between are asked for.
+    # Only cells that a point lies between are needed.
     corner = np.floor(place).astype(np.int64)
     step = place - corner
     first = np.ravel_multi_index(tuple(corner.T), shape)
-    asked = np.zeros(count, bool)
+    needed = np.zeros(count, bool)
     for offset in np.ndindex(2, 2, 2):
-        asked[first + np.ravel_multi_index(offset, shape)] = True
-    cells = np.flatnonzero(asked)
+        needed[first + np.ravel_multi_index(offset, shape)] = True
+    cells = np.flatnonzero(needed)
     solved = np.zeros((count, 3), np.float32)
     solved[cells] = _rotation(grid[:, cells])
     turns = np.zeros_like(points)

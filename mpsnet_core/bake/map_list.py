@@ -33,12 +33,13 @@ def read_map_list(path: str | os.PathLike[str]) -> list[ListedMap]:
     """
     maps = read_json(path, FORMAT, VERSION, ("maps",)).get("maps")
     found = []
-    for one in maps if isinstance(maps, list) else [maps]:
-        if not isinstance(one, dict) or not _KNOWN >= one.keys() >= {"file"} or not all(map(_is_text, one.values())):
+    for entry in maps if isinstance(maps, list) else [maps]:
+        known = isinstance(entry, dict) and _KNOWN >= entry.keys() >= {"file"}
+        if not known or not all(isinstance(value, str) for value in entry.values()):
             raise FormatError(
                 f'{path}: each of its "maps" has a "file" and may have "object", "material" and "convention", as texts'
             )
-        found.append(ListedMap(**{**one, "file": Path(path).parent / one["file"]}))
+        found.append(ListedMap(**{**entry, "file": Path(path).parent / entry["file"]}))
     return found
 
 
@@ -49,7 +50,3 @@ def write_map_list(path: str | os.PathLike[str], maps: Iterable[ListedMap]) -> N
 
 
 _KNOWN = set(ListedMap.__dataclass_fields__)
-
-
-def _is_text(value: object) -> bool:
-    return isinstance(value, str)

@@ -149,7 +149,7 @@ class KeptView:
         return self.folder / f"{self.name}_view.json"
 
     def is_of(self, source: dict[str, Any]) -> bool:
-        """Whether both files are there, whole, and were made of the same as is told by `source`."""
+        """Whether both files are there, whole, and were made of the same `source`."""
         try:
             made_of = read_json(self.record, VIEW_FORMAT, VIEW_VERSION, ("of",)).get("of")
         except InputError:
@@ -214,9 +214,9 @@ def _shape(mesh: Mesh) -> str:
 
 
 class KeptViews(Sequence[View]):
-    """Views whose normals lie on disk: read, and levelled against the mesh, each time one is asked for.
+    """Views whose normals lie on disk: read, and levelled against the mesh, each time one is requested.
 
-    level: the levelling's scale as a share of the mesh's size, 0 for none. presents: the maps that the mesh wears, to
+    level: the levelling's scale as a share of the mesh's size, 0 for none. base_maps: the maps that the mesh wears, to
     be taken out of the views (:mod:`mpsnet_core.bake.base_detail_removal`). shares: how much of each map each view
     shows, once it was read.
     """
@@ -275,9 +275,9 @@ def estimate_views(
     *,
     progress: Progress,
 ) -> int:
-    """Estimate each view's normals onto the disk, but for those that lie there already; gives how many did.
+    """Estimate each view's normals onto the disk, but for those that lie there already; returns how many did.
 
-    sources: of :func:`sources_of`. agreed: is given every view.
+    sources: of :func:`sources_of`. agreed: receives every view.
 
     Raises InputError, which names the view, where its photo cannot be had.
     """

@@ -2,7 +2,7 @@
 
 All of them want tangent space by MikkTSpace. Where the table's choices come from:
 
-- Blender: its Normal Map node takes green as up unless told otherwise (Blender manual, Normal Map Node); 16 bits, as it
+- Blender: its Normal Map node assumes green up by default (Blender manual, Normal Map Node); 16 bits, as it
   keeps all that a file holds.
 - Unreal Engine: the prefix T_ is of Epic's "Recommended Asset Naming Conventions", _N what its own content and common
   style guides put behind; green is down (DirectX); normal maps may stay 16-bit until they are compressed (Editor API,

@@ -58,7 +58,7 @@ class View:
 
 
 class Projector:
-    """One view, ready to be asked what it sees at points of the surface.
+    """One view, prepared for samples at points of the surface.
 
     feather: how far from the view's borders it counts in full, as a share of the mesh's size; 0 to let it end sharply.
     """

@@ -1,4 +1,4 @@
-"""Sequences: a texture for each frame; what is there already, made of the same files and settings, is kept."""
+"""Sequences: a texture for each frame; those that exist already, of the same files and settings, are kept."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Baking: how a texture is baked, told once for all who bake one."""
+"""Baking: how a texture is baked."""
 
 from dataclasses import dataclass
 

@@ -82,7 +82,7 @@ class UnderTexels:
     def encoded(self, place: Place, vectors: NDArray[np.float32], space: Space, strength: float) -> NDArray[np.float32]:
         """(N, 3) unit normals in `space` from vectors (N, 3) in world space; the surface's own where those are zero.
 
-        strength: what the slopes against the surface's own normals are multiplied by.
+        strength: what the gradients against the surface's own normals are multiplied by.
         """
         normal, tangent = self.at(place, self.normal, self.tangent)
         baked = np.where(vectors.any(axis=1)[:, None], vectors @ self.object_from_world_normals.T, normal)

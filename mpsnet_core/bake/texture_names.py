@@ -31,11 +31,11 @@ def split_by(pattern: str | os.PathLike[str]) -> set[str]:
     Raises SettingsError for a token that is none of ours, or that stands in a folder's name.
     """
     path = Path(pattern)
-    told = f"{', '.join(list(TOKENS)[:-1])} or {list(TOKENS)[-1]}"
+    known = f"{', '.join(list(TOKENS)[:-1])} or {list(TOKENS)[-1]}"
     found = re.findall("<[^<>]*>", path.name)
     for token in found:
         if token not in TOKENS:
-            raise SettingsError(f"{pattern}: {token} stands for nothing; use {told}, in capital letters")
+            raise SettingsError(f"{pattern}: {token} stands for nothing; use {known}, in capital letters")
     for token in re.findall("<[^<>]*>", str(path.parent)):
         if token.upper() in TOKENS:
             raise SettingsError(f"{pattern}: {token} stands in a folder's name; put it into the file's name")

@@ -60,8 +60,8 @@ class TextureSet:
     @property
     def named(self) -> str:
         """In words, "" for what is the only one."""
-        told = {"object": self.object, "material": self.material, "tile": self.tile}
-        return ", ".join(f"{what} {name}" for what, name in told.items() if name is not None)
+        names = {"object": self.object, "material": self.material, "tile": self.tile}
+        return ", ".join(f"{what} {name}" for what, name in names.items() if name is not None)
 
 
 def sheets(
@@ -117,8 +117,8 @@ def _groups(
         yield obj, material, tuple(parts)
 
 
-def _labels(mesh: Mesh, labels: Labels | None, what: str, asked: bool) -> tuple[list[str], NDArray[np.int64]]:
-    if not asked or labels is None:
+def _labels(mesh: Mesh, labels: Labels | None, what: str, split: bool) -> tuple[list[str], NDArray[np.int64]]:
+    if not split or labels is None:
         return [NAMELESS[what]], np.zeros(len(mesh.triangles), np.int64)
     return [name or NAMELESS[what] for name in labels.names], labels.number.astype(np.int64)
 
@@ -160,7 +160,7 @@ def _tiles(meshes: Sequence[Mesh], group: TextureSet) -> list[TextureSet]:
 def _reach(mesh: Mesh, part: NDArray[np.int64] | None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """(K, 2) the unit squares, by their lower left corners, that the triangles reach from and to."""
     uvs = mesh.uvs if part is None else mesh.uvs[part]
-    # Beyond the tiles by no more than one: enough to tell, and numbers that fit.
+    # Beyond the tiles by no more than one: enough to decide, and numbers that fit.
     limits = (-1, (TILES_IN_A_ROW, ROWS_OF_TILES))
     low = np.clip(np.floor(uvs.min(axis=1).astype(np.float64) + ROUNDING), *limits).astype(np.int64)
     high = np.clip(np.ceil(uvs.max(axis=1).astype(np.float64) - ROUNDING) - 1, *limits).astype(np.int64)
@@ -177,7 +177,7 @@ def _tile_numbers(low: NDArray[np.int64], high: NDArray[np.int64]) -> set[int]:
 
 
 def _note_outside(meshes: Sequence[Mesh], where: str, width: int, height: int) -> None:
-    """Tell of triangles outside of all textures. Raises GeometryError where all are."""
+    """Log triangles outside of all textures. Raises GeometryError where all are."""
     limit = np.array([width, height])
     count = sum(int(((m.uvs < -1e-4) | (m.uvs > limit + 1e-4)).any(axis=(1, 2)).sum()) for m in meshes)
     bounds = [(mesh.uvs.min(axis=(0, 1)), mesh.uvs.max(axis=(0, 1))) for mesh in meshes]
@@ -195,7 +195,7 @@ def _note_outside(meshes: Sequence[Mesh], where: str, width: int, height: int) -
 
 
 def _note_crossings(meshes: Sequence[Mesh]) -> None:
-    """Tell of UV islands that lie in several tiles: textures end at a tile's border, and so does their margin."""
+    """Log UV islands that lie in several tiles: textures end at a tile's border, and so does their margin."""
     crossing = sum(_crossing_islands(mesh) for mesh in meshes)
     if crossing:
         islands = "1 UV island lies" if crossing == 1 else f"{crossing} UV islands lie"

@@ -1,4 +1,4 @@
-"""How a surface bends, told by its normals: edges that stick out are above 0, creases below it."""
+"""Curvature of a surface from its normals: convex edges are above 0, creases below."""
 
 from typing import Any
 

@@ -245,8 +245,8 @@ def read_height(path: str | os.PathLike[str]) -> HeightMap:
     values = read_channel(path)
     try:
         black, white = _number(data, "black"), _number(data, "white")
-        kept = _kept_data(path)
-        if kept is not None and (kept.get("black"), kept.get("white")) != (black, white):
+        described = _kept_data(path)
+        if described is not None and (described.get("black"), described.get("white")) != (black, white):
             raise FormatError("its black and white are not those that the picture itself keeps; write both again")
         camera = _camera(data, values.shape)
         mask = _read_mask_beside(scale_file, data.get("mask"), values.shape)

@@ -1,4 +1,4 @@
-"""Ambient occlusion: how much of the sky each pixel's surface sees, told by its heights."""
+"""Ambient occlusion from heights: how much of the sky each pixel's surface sees."""
 
 from dataclasses import dataclass
 from math import hypot
@@ -16,7 +16,7 @@ from mpsnet_core.relief.parallel_projection import mean_depth, parallel_heights
 from mpsnet_core.relief.sizes import check_size
 from mpsnet_core.scene.normal_map import NormalMap
 
-# What a normal that is turned away from the line of sight is taken to lean at most (cosine).
+# A normal that is turned away from the line of sight is assumed to lean at most this far (cosine).
 LEAST_FACING = np.float32(0.05)
 # How far on either side neighbours are averaged, and how much they count, the pixel itself 2: every place in a block
 # gets the same weight, 2 of 8, whichever pixel is in the middle.

@@ -1,4 +1,4 @@
-"""What a photo's normal map is made into: for each product where it goes, how it is made, and what is told of it."""
+"""What a photo's normal map is converted to: for each product its file, its computation and its description."""
 
 import re
 from abc import ABC, abstractmethod
@@ -33,7 +33,7 @@ from mpsnet_core.scene.rig import direction_from_angles, slant_and_tilt
 
 @dataclass(frozen=True)
 class Surface:
-    """What the products are made of, None where none of them needs it.
+    """What the products are computed from, None where none of them needs it.
 
     unit: what the camera's unit is called. heights: in that unit. occlusion: (H, W). albedo: (H, W, 3), linear.
     """
@@ -48,7 +48,7 @@ class Surface:
 
 @dataclass(frozen=True)
 class Made:
-    """Files that were written, and what is told of them: in words, and as plain data."""
+    """Files that were written, described in words and as plain data."""
 
     files: list[Path]
     words: str
@@ -57,7 +57,7 @@ class Made:
 
 @dataclass(frozen=True)
 class Product(ABC):
-    """Something made of a surface, written to `path`."""
+    """Something computed from a surface, written to `path`."""
 
     path: Path
 

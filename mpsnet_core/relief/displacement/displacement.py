@@ -217,7 +217,7 @@ def _trust(
 
     Where the mesh is folded, where the photo shows something else than lies there, and where its view ends, the normals
     are of no surface that stands out from the mesh: heights that follow them are torn, and their cliffs pull at all
-    around. Slopes that do agree are trusted however steep they are. steps: (N,) from texel to texel in the world.
+    around. Gradients that do agree are trusted however steep they are. steps: (N,) from texel to texel in the world.
     """
     apart = (heights[graph.neighbours[:2]] - heights - np.stack([right, below])) * (graph.weights[:2] > 0) / steps
     trust: NDArray[np.float32] = 1 / (1 + (apart**2).sum(axis=0) / np.float32(STRAY**2))
@@ -271,9 +271,9 @@ def _with_margin(
     layers[covered, 3:] = graph.cells[:, ::-1]
     layers = extend_to_nearest(layers, covered, margin)
     reached = layers[..., 3] >= 0
-    there = np.stack(np.meshgrid(*[np.arange(len(covered), dtype=np.float32)] * 2), axis=-1) - layers[..., 3:]
-    far = np.linalg.norm(there, axis=-1, keepdims=True)
-    there *= np.minimum(1, CARRIED / np.maximum(far, CARRIED))
-    values: NDArray[np.float32] = layers[..., 0] + np.einsum("...i,...i->...", layers[..., 1:3], there)
-    del layers, there, far
+    offset = np.stack(np.meshgrid(*[np.arange(len(covered), dtype=np.float32)] * 2), axis=-1) - layers[..., 3:]
+    distance = np.linalg.norm(offset, axis=-1, keepdims=True)
+    offset *= np.minimum(1, CARRIED / np.maximum(distance, CARRIED))
+    values: NDArray[np.float32] = layers[..., 0] + np.einsum("...i,...i->...", layers[..., 1:3], offset)
+    del layers, offset, distance
     return push_pull(values, reached)

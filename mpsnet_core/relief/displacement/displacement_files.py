@@ -131,10 +131,12 @@ def _checked_outputs(outputs: Sequence[Path], bits: int | None, taken: Sequence[
 def _warn_of_misfit(found: Displacement, span: float, mesh: Mesh, unit: str, baked: str) -> None:
     """Warn where the texture seems to be another mesh's, or `baked` otherwise. span: of the heights."""
     across = float(np.linalg.norm(np.ptp(mesh.world_vertices, axis=0)))
-    told = []
+    misfits = []
     if span > across:
-        told.append(f"the heights span {span:.3g} {unit}, and the whole mesh {across:.3g}")
+        misfits.append(f"the heights span {span:.3g} {unit}, and the whole mesh {across:.3g}")
     if found.contradicted > DOUBTFUL:
-        told.append(f"the normals contradict one another on {found.contradicted:.0%} of the surface, which stays flat")
-    if told:
-        log.warning("%s; check that the texture was baked onto this mesh, %s", "; ".join(told), baked)
+        misfits.append(
+            f"the normals contradict one another on {found.contradicted:.0%} of the surface, which stays flat"
+        )
+    if misfits:
+        log.warning("%s; check that the texture was baked onto this mesh, %s", "; ".join(misfits), baked)

@@ -1,4 +1,4 @@
-"""What baked normals ask of the heights on a mesh's UVs: how much they change from each texel to the next."""
+"""What baked normals require of the heights on a mesh's UVs: how much they change from each texel to the next."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -16,8 +16,8 @@ from mpsnet_core.relief.displacement.uv_layout import Layout
 from mpsnet_core.scene.mesh import smooth_corner_normals
 from mpsnet_core.scene.normal_map import OUTWARDS_SHARE, normalised
 
-# Slopes steeper than this (cosine of the angle between the surface and the one it is displaced from; 80°) are taken to
-# be as steep as this: a normal at right angles to the mesh's would ask for an infinite height. Less steep than what
+# Gradients steeper than this (cosine of the angle between the surface and the one it is displaced from; 80°) are
+# limited to it: a normal at right angles to the mesh's would require an infinite height. Less steep than what
 # heights before a camera may be (gradients.LEAST_FACING): here steep texels count as much as all others, and what bends
 # away further from its own mesh is no height over it.
 LEAST_FACING = 0.17
@@ -45,7 +45,7 @@ class Chords:
 
 
 def chords(vectors: NDArray[np.float32], space: Space, own: Layout, base: Layout, progress: Progress) -> Chords:
-    """What the normals `vectors` (S, S, 3), baked onto the mesh of `own`, ask of heights on the mesh of `base`.
+    """What the normals `vectors` (S, S, 3), baked onto the mesh of `own`, require of heights on the mesh of `base`.
 
     The displaced surface is s = p + h n, with n the base's smooth unit normals. Its chord s_j - s_i is at right angles
     to m, the mean of the normals wanted at its two ends (exactly so on a sphere, a cylinder and a plane):
@@ -81,8 +81,8 @@ def chords(vectors: NDArray[np.float32], space: Space, own: Layout, base: Layout
             flat[number, here] = (step / facing)[: len(inside)][inside]
             curved[number, here] = ((second - first) / facing)[: len(inside)][inside]
         if own is not base:
-            (there,) = own.at(rows, own_surface[0])
-            apart = _dot(there - point[: len(inside)], normal[: len(inside)])
+            (own_point,) = own.at(rows, own_surface[0])
+            apart = _dot(own_point - point[: len(inside)], normal[: len(inside)])
             outwards[here] = np.where(own.triangle[rows] >= 0, apart, 0)[inside]
     if facing_out < OUTWARDS_SHARE * numbers[-1]:
         raise GeometryError(

@@ -38,7 +38,7 @@ class Tiles:
         return replace(mesh, uvs=uvs, given_tangents=mesh.tangents)
 
     def joined(self, textures: Iterable[NDArray[np.float32]]) -> NDArray[np.float32]:
-        """(side S, side S, K) of the tiles' textures (S, S, K), asked for one by one; 0 where there is no tile.
+        """(side S, side S, K) of the tiles' textures (S, S, K), read one by one; 0 where there is no tile.
 
         Raises InputError where they are not of one size, not square, or too large together.
         """

@@ -19,7 +19,7 @@ from mpsnet_core.scene.normal_map import NormalMap
 Method = Literal["fast", "bilateral"]
 METHODS: tuple[Method, ...] = get_args(Method)
 
-# What the logarithm of depth is kept within, so that depth stays finite whatever the normals say.
+# What the logarithm of depth is kept within, so that depth stays finite whatever the normals are.
 MOST_LOG = 40.0
 
 

@@ -16,7 +16,7 @@ LEAST_WEIGHT = 0.03
 
 
 def flattened(normals: NDArray[np.float32], bend: int) -> tuple[NDArray[np.float32], float]:
-    """Slopes (H, W, 2) of the surface laid flat, and by how many degrees it was tilted.
+    """Gradients (H, W, 2) of the surface laid flat, and by how many degrees it was tilted.
 
     normals: (H, W, 3) unit vectors in camera space. The mean normal is turned to +z, then what is left of slow bend
     is taken off the gradients, :func:`trend` with up to `bend` half waves from one side of the picture to the other.

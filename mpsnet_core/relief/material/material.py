@@ -148,7 +148,7 @@ def _material(
 
 
 def check_material(size: int | None, overlap: float, bend: int) -> None:
-    """Raises SettingsError where a material of this size, overlap and bend cannot be made; asked before long work."""
+    """Raises SettingsError where a material of this size, overlap and bend cannot be made."""
     if size is not None and not LEAST_SIDE <= size <= LARGEST_SIDE:
         raise SettingsError(f"a material's pictures are {LEAST_SIDE} to {LARGEST_SIDE} pixels a side, not {size}")
     if not LEAST_OVERLAP <= overlap <= LARGEST_OVERLAP:

@@ -1,4 +1,4 @@
-"""A material as files: its pictures, a page of numbers that says what they measure, and a picture of it repeated."""
+"""A material as files: its pictures, a JSON file that states their scales, and a picture of it repeated."""
 
 import os
 from dataclasses import asdict
@@ -53,17 +53,17 @@ def material_files(folder: str | os.PathLike[str], name: str) -> dict[str, Path]
     Raises FileError where one of them is there already and is not of a material that was written there before.
     """
     pictures = {what: Path(folder) / f"{name}_{what}{suffix}" for what, suffix in PICTURES.items()}
-    told, own = Path(folder) / f"{name}_material.json", set[str]()
-    if told.exists():
+    record, own = Path(folder) / f"{name}_material.json", set[str]()
+    if record.exists():
         try:
-            files = read_json(told, MATERIAL_FORMAT, MATERIAL_VERSION, MATERIAL_KEYS).get("files")
+            files = read_json(record, MATERIAL_FORMAT, MATERIAL_VERSION, MATERIAL_KEYS).get("files")
         except InputError:
-            raise FileError(f"the result would overwrite {told}, which is another file; {_MEND}") from None
+            raise FileError(f"the result would overwrite {record}, which is another file; {_MEND}") from None
         own = set(map(str, files.values())) if isinstance(files, dict) else own
     for picture in pictures.values():
         if picture.exists() and picture.name not in own:
             raise FileError(f"the result would overwrite {picture}, which is not of this material; {_MEND}")
-    return {**pictures, "material": told}
+    return {**pictures, "material": record}
 
 
 def write_material(
@@ -98,9 +98,9 @@ def write_material(
     mask = np.ones(material.height.shape, bool)
     low, high = float(material.height.min()), float(material.height.max())
     bend = curvature_range(material.curvature, mask)
-    told = {**_description(material, low, high, bend), "convention": convention}
+    description = {**_description(material, low, high, bend), "convention": convention}
     with written_together():
-        write_json(files["material"], {**told, "files": {what: files[what].name for what in PICTURES}})
+        write_json(files["material"], {**description, "files": {what: files[what].name for what in PICTURES}})
         write_image(files["normal"], encode(material.normals, convention))
         write_image(files["height"], (material.height - low) / max(high - low, 1e-9))
         write_image(files["height_mm"], material.height)

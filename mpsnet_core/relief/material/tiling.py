@@ -81,8 +81,8 @@ def _alike(seen: NDArray[np.float32], most: float) -> _Alike:
     energy = np.zeros((height + 1, width + 1))
     energy[1:, 1:] = np.einsum("ijk,ijk->ij", seen, seen, dtype=np.float64).cumsum(axis=0).cumsum(axis=1)
     aside, along = np.arange(-across, across + 1)[:, None], np.arange(least, last + 1)
-    here, there = (_box(energy, sign * aside, sign * along) for sign in (1, -1))
-    return _Alike(2 * product / np.maximum(here + there, 1e-12), least, across)
+    own, shifted = (_box(energy, sign * aside, sign * along) for sign in (1, -1))
+    return _Alike(2 * product / np.maximum(own + shifted, 1e-12), least, across)
 
 
 def _box(table: NDArray[np.float64], aside: NDArray[np.int64], along: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -165,12 +165,12 @@ def _refined(features: NDArray[np.float32], step: NDArray[np.float64], factor: i
     if size.min() < 4 * reach:
         return step
     top, left = (sides - np.abs(whole) - size) // 2 + np.maximum(-whole, 0)
-    here = features[top : top + size[0], left : left + size[1]]
+    own = features[top : top + size[0], left : left + size[1]]
     apart = np.empty((2 * reach + 1, 2 * reach + 1))
     for i, j in np.ndindex(apart.shape):
         row, column = top + whole[0] + i - reach, left + whole[1] + j - reach
-        there = features[row : row + size[0], column : column + size[1]]
-        apart[i, j] = np.square(here - there).mean()
+        shifted = features[row : row + size[0], column : column + size[1]]
+        apart[i, j] = np.square(own - shifted).mean()
     i, j = (int(place) + 1 for place in np.unravel_index(np.argmin(apart[1:-1, 1:-1]), (2 * reach - 1, 2 * reach - 1)))
     exact = whole - reach + (i + _peak(-apart[i - 1 : i + 2, j]), j + _peak(-apart[i, j - 1 : j + 2]))
     return np.asarray(exact[::-1], np.float64)
