@@ -4,7 +4,7 @@ import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import read_json, write_json
@@ -31,7 +31,7 @@ def read_map_list(path: str | os.PathLike[str]) -> list[ListedMap]:
     {"format": "mpsnet-present-maps", "version": 1, "maps": [{"file": "oak.png", "object": "Oak", "material": "Bark",
     "convention": "directx"}]}, all but the file as needed. Raises FormatError where it is malformed.
     """
-    maps = read_json(path, FORMAT, VERSION, ("maps",)).get("maps")
+    maps: Any = read_json(path, FORMAT, VERSION, ("maps",)).get("maps")
     found = []
     for entry in maps if isinstance(maps, list) else [maps]:
         known = isinstance(entry, dict) and _KNOWN >= entry.keys() >= {"file"}

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.connected_components import connected
+from mpsnet_core.bake.uv_islands import islands_of
 from mpsnet_core.errors import GeometryError, InputError
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.mesh_labels import Labels
@@ -206,10 +206,8 @@ def _crossing_islands(mesh: Mesh) -> int:
     low, high = _reach(mesh, None)
     if (low == low[0]).all() and (high == low[0]).all():
         return 0
-    corners = np.concatenate([mesh.triangles.reshape(-1, 1), mesh.uvs.reshape(-1, 2)], axis=1)
-    point = np.unique(corners, axis=0, return_inverse=True)[1].reshape(-1, 3)
-    island = connected(int(point.max()) + 1, point[:, [0, 1]].ravel(), point[:, [1, 2]].ravel())[point[:, 0]]
-    least, most = (np.full((len(mesh.triangles) * 3, 2), start) for start in (1 << 30, -1))
+    island = islands_of(mesh).of_triangle
+    least, most = (np.full((int(island.max()) + 1, 2), start) for start in (1 << 30, -1))
     np.minimum.at(least, island, low)
     np.maximum.at(most, island, high)
     return int(((most > least).any(axis=1) & (most[:, 0] >= 0)).sum())

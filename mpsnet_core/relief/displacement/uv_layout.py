@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rasterize import NO_AREA, texel_areas, texel_coordinates, triangle_of_texel
-from mpsnet_core.relief.displacement.uv_islands import Islands, islands_of
+from mpsnet_core.bake.uv_islands import Islands, islands_of
 from mpsnet_core.scene.mesh import Mesh
 
 
