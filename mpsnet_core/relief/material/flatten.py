@@ -14,6 +14,8 @@ FITTED = 128
 # Of the picture's edge, where its middle counts 1.
 LEAST_WEIGHT = 0.03
 
+_legvander: Any = np.polynomial.legendre.legvander  # has no types
+
 
 def flattened(normals: NDArray[np.float32], bend: int) -> tuple[NDArray[np.float32], float]:
     """Gradients (H, W, 2) of the surface laid flat, and by how many degrees it was tilted.
@@ -46,14 +48,14 @@ def trend(values: NDArray[np.float32], degree: int) -> NDArray[np.float32]:
     factor = max(1, max(height, width) // FITTED)
     small = block_means(values, factor)
     powers = [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
-    rows, columns = (_legendre(_middles(side, factor) / side, degree) for side in (height, width))
+    rows, columns = (_legvander(2 * _middles(side, factor) / side - 1, degree) for side in (height, width))
     basis = np.stack([np.outer(rows[:, i], columns[:, j]).ravel() for i, j in powers], axis=1)
     weight = np.sqrt(np.outer(_window(height, factor), _window(width, factor))).reshape(-1, 1)
     fitted = np.linalg.lstsq(weight * basis, weight * small.reshape(-1, channels), rcond=None)[0]
     weights = np.zeros((degree + 1, degree + 1, channels))
     for (i, j), weight in zip(powers, fitted, strict=True):
         weights[i, j] = weight
-    rows, columns = (_legendre(_middles(side, 1) / side, degree) for side in (height, width))
+    rows, columns = (_legvander(2 * _middles(side, 1) / side - 1, degree) for side in (height, width))
     smooth = np.empty_like(values)
     for channel in range(channels):
         smooth[..., channel] = rows @ weights[..., channel] @ columns.T
@@ -77,12 +79,6 @@ def _window(side: int, factor: int) -> NDArray[np.float64]:
 def _sizes(side: int, factor: int) -> NDArray[np.int64]:
     """How many pixels of a side each block has; the last may be smaller."""
     return np.minimum(factor, side - np.arange(0, side, factor))
-
-
-def _legendre(places: NDArray[np.float64], degree: int) -> NDArray[np.float64]:
-    legendre: Any = np.polynomial.legendre  # its functions have no types
-    values: NDArray[np.float64] = legendre.legvander(2 * places - 1, degree)
-    return values
 
 
 def _turn_to_z(unit: NDArray[np.float64]) -> NDArray[np.float64]:
