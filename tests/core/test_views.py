@@ -236,7 +236,7 @@ def test_masks_may_come_from_a_folder(table: Table, naming: str) -> None:
     table.run("--mask", table / "masks")
     assert error_of(table) < 4.5
     (table / "masks" / naming.format(stem="side2")).unlink()
-    with pytest.raises(FileError, match=r"view side2: photo side2.exr has no mask side2 in .*masks; put it there"):
+    with pytest.raises(InputError, match=r"view side2: photo side2.exr has no mask side2 in .*masks; put it there"):
         table.run("--mask", table / "masks")
 
 
