@@ -22,7 +22,7 @@ from mpsnet_core.bake.texture import Space, Texture
 from mpsnet_core.bake.texture_sets import TextureSet, sheets
 from mpsnet_core.bake.view_accumulator import Projectors, ViewAccumulator, seen_triangles
 from mpsnet_core.defaults import MARGIN, TEXTURE_SIZE
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.joined_mesh import join_meshes
 from mpsnet_core.scene.mesh import Mesh
@@ -53,15 +53,32 @@ def bake_normals(
 ) -> Texture:
     """Bake the views' normals onto the mesh's UVs, those from 0 to 1.
 
-    Every texel takes the mean of the views that see it, weighted by confidence and by how squarely they look at the
-    surface. Texels that none sees keep the mesh's own shading normal. Where the views have colours, so has the texture,
-    by the same weights; where no view tells them, and beyond the islands, they go on smoothly.
+    Parameters
+    ----------
+    mesh : Mesh
+        With UVs.
+    views : sequence of View
+        Read one after the other, and more than once where memory does not hold them all.
+    size, space, margin, padding, samples, feather, strength
+        As for :class:`mpsnet_core.bake.settings.Baking`.
+    progress : Progress
+        Receives the share done and a message.
 
-    views: asked for one after the other, and more than once where they are too large to be held all at once.
-    size, space, margin, padding, samples, feather, strength: of :class:`mpsnet_core.bake.settings.Baking`.
+    Returns
+    -------
+    Texture
+        Each texel is the mean over the views that see it, weighted by confidence and by the fourth power of the cosine
+        between surface and camera. Texels that no view sees keep the mesh's shading normal. Colours have the same
+        weights; where no view has one, and beyond the islands, they continue smoothly.
 
-    Raises InputError where there is no view, a number is out of range or no texel is seen; Cancelled where `progress`
-    does.
+    Raises
+    ------
+    SettingsError
+        Where a number is out of range.
+    GeometryError
+        Where there is no view, or no texel is seen.
+    Cancelled
+        Where `progress` raises it.
     """
     baking = Baking(size, space, margin, padding, samples, feather, strength)
     ((_, texture),) = bake_texture_sets([mesh], views, sheets([mesh]), baking, progress=progress)
@@ -76,26 +93,34 @@ def bake_texture_sets(
     *,
     progress: Progress = silent,
 ) -> Iterator[tuple[TextureSet, Texture]]:
-    """Bake the views' normals onto the UVs of several meshes, which hide one another, a texture for each sheet.
+    """Bake the views' normals onto the UVs of several meshes, which occlude one another, a texture for each set.
 
-    One texture is made at a time, when it is asked for. Sheets that hold no texel have none. What has been seen once is
-    not forgotten: views are held in memory from one texture to the next as far as they fit.
+    Parameters
+    ----------
+    meshes : sequence of Mesh
+        In one world.
+    views : sequence of View
+        As for :func:`bake_normals`.
+    chosen : sequence of TextureSet
+        Of :func:`mpsnet_core.bake.texture_sets.sheets`, of the same meshes.
+    baking : Baking
+        How the textures are baked.
+    progress : Progress
+        Receives the share done and a message.
 
-    chosen: of :func:`mpsnet_core.bake.texture_sets.sheets`, of the same meshes. views: as in :func:`bake_normals`.
+    Yields
+    ------
+    (TextureSet, Texture)
+        One texture at a time, computed when it is requested; none for sets without texels.
 
-    Raises InputError as it does; for what no view sees only where none sees any of the meshes.
+    Raises
+    ------
+    GeometryError
+        Where there is no view, no texel lies on the UVs, or no view sees any of the meshes.
     """
-    if not len(views):
-        raise InputError("there is no view to bake; give at least one camera with its normal map")
-    progress(0.0, "laying out the UVs")
-    whole = join_meshes(meshes)
-    scene = RayScene(whole.world_vertices, whole.triangles)
-    del whole
-    projectors = Projectors(views, scene, baking.feather)
-    seen = seen_triangles(meshes, projectors, scene, part(progress, 0.0, 0.1))
-    bake = _Bake(meshes, projectors, seen, scene.middle, baking)
+    bake = _prepared(meshes, views, baking, part(progress, 0.0, 0.1))
     # Before anything is known to be seen, textures that are not seen wait: it may be that none is.
-    any_seen, any_covered, waiting = any(one.any() for one in seen), False, list[TextureSet]()
+    any_seen, any_covered, waiting = any(triangles.any() for triangles in bake.seen), False, list[TextureSet]()
     for number, sheet in enumerate(chosen):
         step = part(progress, 0.1 + 0.9 * number / len(chosen), 0.1 + 0.9 * (number + 1) / len(chosen))
         texture = bake.texture(sheet, step)
@@ -112,19 +137,30 @@ def bake_texture_sets(
         step(1.0, "baked")
     if not any_covered:
         size = baking.size
-        raise InputError(f"no texel of a {size} x {size} texture lies on the mesh's UVs; choose a larger size")
+        raise GeometryError(f"no texel of a {size} x {size} texture lies on the mesh's UVs; choose a larger size")
     if not any_seen:
-        raise InputError("no view sees any of the mesh; check that the cameras and the mesh share one world")
+        raise GeometryError("no view sees any of the mesh; check that the cameras and the mesh share one world")
     for sheet in waiting:
         texture = bake.texture(sheet, part(progress, 1.0, 1.0))
         if texture is not None:
             yield sheet, _finished(texture, baking)
 
 
+def _prepared(meshes: Sequence[Mesh], views: Sequence[View], baking: Baking, progress: Progress) -> "_Bake":
+    if not len(views):
+        raise GeometryError("there is no view to bake; give at least one camera with its normal map")
+    progress(0.0, "laying out the UVs")
+    whole = join_meshes(meshes)
+    scene = RayScene(whole.world_vertices, whole.triangles)
+    del whole
+    projectors = Projectors(views, scene, baking.feather)
+    return _Bake(meshes, projectors, seen_triangles(meshes, projectors, scene, progress), scene.middle, baking)
+
+
 def _finished(texture: Texture, baking: Baking) -> Texture:
     colours = texture.colours
     if colours is not None:
-        # No mesh tells the colour of what no view sees: it goes on smoothly, there and beyond the islands.
+        # What no view sees has no colour: it continues smoothly, there and beyond the islands.
         known = colours[..., 3] > 0
         colours = np.concatenate([push_pull(colours[..., :3], known), known[..., None]], axis=-1, dtype=np.float32)
         if baking.padding == "none":
@@ -151,7 +187,7 @@ class _Bake:
             if triangles is None or len(triangles):
                 surfaces.append(UnderTexels(mesh, triangles, sheet.corner, self.middle, size * samples))
                 seen.append(seen_of if triangles is None else seen_of[triangles])
-        # Where UVs overlap (mirrored halves, say), the triangle that a view sees wins: the last one laid down.
+        # Where UVs overlap (as mirrored halves do), the triangle that a view sees wins: the last one laid down.
         order = np.argsort(np.concatenate(seen), kind="stable")
         corners = np.concatenate([surface.corners for surface in surfaces])
         # A few rows at once. Views that memory does not hold are read again for each time: then as many as texels.
@@ -159,18 +195,19 @@ class _Bake:
         rows = list(bands(size, max(1, held // (size * samples**2))))
         texture = _blank(size, self.baking.space, colours=self.projectors.values > 4)
         for number, band in enumerate(rows):
-            told = part(progress, 0.9 * number / len(rows), 0.9 * (number + 1) / len(rows))
+            step = part(progress, 0.9 * number / len(rows), 0.9 * (number + 1) / len(rows))
             fine = slice(band.start * samples, band.stop * samples)
             laid = triangle_of_texel(corners[order], size * samples, fine)
             patches = _patches(surfaces, order, laid, self.projectors.values)
-            part_of_it = _averaged(self._points(patches, laid >= 0, fine.start, told), samples)
-            for name, values in vars(part_of_it).items():
+            averaged = _averaged(self._points(patches, laid >= 0, fine.start, step), samples)
+            for name, values in vars(averaged).items():
                 if isinstance(values, np.ndarray):
                     getattr(texture, name)[band] = values
-            del laid, patches, part_of_it
+            del laid, patches, averaged
         if not texture.covered.any():
             return None
-        if texel_areas(_within(corners, size * samples)).sum() > 1.05 * texture.covered.sum() * samples**2:
+        inside = ((corners > -1) & (corners < size * samples)).all(axis=(1, 2))
+        if texel_areas(corners[inside]).sum() > 1.05 * texture.covered.sum() * samples**2:
             mend = (
                 ""
                 if len(surfaces) == 1
@@ -182,7 +219,7 @@ class _Bake:
     def _points(
         self, patches: "Sequence[_Patch]", covered: NDArray[np.bool_], first: int, progress: Progress
     ) -> Texture:
-        """What the views say at points in rows from `first` on, (R, C), as a texture of R rows and C columns."""
+        """The views' samples at points in rows from `first` on, (R, C), as a texture of R rows and C columns."""
         width = covered.shape[1]
         vectors = np.zeros((covered.size, 3), np.float32)
         vectors[:, 2] = 1
@@ -305,12 +342,6 @@ def _blank(size: int, space: Space, colours: bool) -> Texture:
         np.zeros((size, size), np.float32),
         np.zeros((size, size, 4), np.float32) if colours else None,
     )
-
-
-def _within(corners: NDArray[np.float64], size: int) -> NDArray[np.float64]:
-    """Of triangles by their texel coordinates (T, 3, 2), those that lie in the texture as a whole."""
-    inside: NDArray[np.float64] = corners[((corners > -1) & (corners < size)).all(axis=(1, 2))]
-    return inside
 
 
 def _usable_cores() -> int:

@@ -6,7 +6,7 @@ A map that was sculpted is not to be seen in a photo; one that was made of the s
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,14 @@ from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape
 from mpsnet_core.bake.detail_blending import resampled
-from mpsnet_core.bake.low_frequency_correction import correct_low_frequencies, rotated, rotation_between
-from mpsnet_core.errors import InputError
+from mpsnet_core.bake.low_frequency_correction import (
+    MeshSeen,
+    correct_low_frequencies,
+    mesh_seen,
+    rotated,
+    rotation_between,
+)
+from mpsnet_core.errors import SettingsError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import NormalMap
@@ -29,7 +35,7 @@ SHOWN: tuple[Shown, ...] = ("auto", "yes", "no")
 
 # A smaller share of the map than this is chance.
 LEAST_SHARE = 0.25
-# Radians: maps whose relief is fainter than this tell no share.
+# Radians: maps whose relief is fainter than this allow no estimate of the share.
 FAINT = 0.01
 # How fine the map is beside the photo is probed at this many pixels on the photo's longer side.
 PROBED_PIXELS = 128
@@ -39,11 +45,21 @@ PROBED_PIXELS = 128
 class BaseMap:
     """The normal map that an object wears, to add detail to.
 
-    vectors: (H, W, 3) float32 unit vectors in tangent space, row 0 at v = 1. shown: whether the photos show its relief
-    as well; "auto" finds out, and how much of it. triangles: (T,) which of the mesh's triangles wear it, None for all.
-    corner: the lower left corner of the only unit square of UV space where it lies, None where it lies from 0 to 1.
+    Parameters
+    ----------
+    vectors : (H, W, 3) float32 array
+        Unit vectors in tangent space, row 0 at v = 1.
+    shown : {"auto", "yes", "no"}
+        Whether the photos show its relief as well; "auto" estimates how much of it.
+    triangles : (T,) bool array, optional
+        Triangles of the mesh that wear it; all by default.
+    corner : (int, int), optional
+        Lower left corner of the only unit square of UV space where it lies; by default it lies from 0 to 1.
 
-    Raises InputError where `shown` is none of these words.
+    Raises
+    ------
+    SettingsError
+        Where `shown` is none of these words.
     """
 
     vectors: NDArray[np.float32]
@@ -76,12 +92,31 @@ def remove_base_details(
 def remove_base_detail(
     normals: NormalMap, camera: Camera, mesh: Mesh, scene: RayScene, present: BaseMap, share: float | None = None
 ) -> tuple[NormalMap, float]:
-    """A view's normals with the present map's relief taken out, and the share of the relief that was, 0 to 1.
+    """A view's normals without the relief of the map that the mesh wears.
 
-    Each normal is turned by that share of the rotation that brings the mesh's normal with the map to that without.
-    share: where it is known from before. Where the map's `shown` is "auto", it is the least-squares share of the map's
-    relief in the view's, both levelled (:mod:`mpsnet_core.bake.low_frequency_correction`): what is large may be wrong
-    in the view.
+    Parameters
+    ----------
+    normals : NormalMap
+        The view's, in camera space.
+    camera : Camera
+        What the view's pixels see.
+    mesh : Mesh
+        The mesh.
+    scene : RayScene
+        The mesh's, in the world.
+    present : BaseMap
+        The map that the mesh wears.
+    share : float, optional
+        Share of the relief, 0 to 1, that the view shows, where it is known. By default `present.shown` decides; "auto"
+        is the least-squares share of the map's relief in the view's, both levelled
+        (:mod:`mpsnet_core.bake.low_frequency_correction`), because low frequencies may be wrong in the view.
+
+    Returns
+    -------
+    normals : NormalMap
+        Each normal turned by that share of the rotation from the mesh's normal with the map to that without.
+    share : float
+        The share of the relief that was removed.
     """
     if share is None and present.shown != "auto":
         share = float(present.shown == "yes")
@@ -106,13 +141,15 @@ def remove_base_detail(
 
 
 def check_shown(shown: str) -> None:
-    """Raises InputError where `shown` is none of the words that :class:`BaseMap` knows."""
+    """Raises SettingsError where `shown` is none of the words that :class:`BaseMap` knows."""
     if shown not in SHOWN:
-        raise InputError(f"{shown!r} does not say whether the photos show the present map; choose {', '.join(SHOWN)}")
+        raise SettingsError(
+            f"{shown!r} does not say whether the photos show the present map; choose {', '.join(SHOWN)}"
+        )
 
 
 def note_shares(shares: Sequence[Sequence[float]]) -> None:
-    """Tell of views that show the present maps' relief. shares: for each view, what of each map was taken out of it."""
+    """Log how many views show the present maps' relief. shares: for each view, what of each map was taken out of it."""
     taken = [share for of_view in shares for share in of_view if share]
     if taken:
         share, views = sum(taken) / len(taken), f"{sum(map(any, shares))} of {len(shares)} view(s)"
@@ -126,40 +163,13 @@ def _share(view: NDArray[np.float32], relief: NDArray[np.float32]) -> float:
     return min(share, 1.0) if share >= LEAST_SHARE else 0.0
 
 
-@dataclass(frozen=True)
-class _Seen:
-    """Where a camera's rays through N pixels meet the mesh.
-
-    hit: (M,) which of the pixels do. triangle: (M,) what they meet. weights: (M, 3, 1) barycentric coordinates.
-    directions: (M, 3) of the rays, in camera space.
-    """
-
-    hit: NDArray[np.int64]
-    triangle: NDArray[np.int32]
-    weights: NDArray[np.float32]
-    directions: NDArray[np.float64]
-
-    def at(self, corners: NDArray[np.floating]) -> NDArray[np.floating]:
-        """(M, K) values that are given at the corners of triangles, (T, 3, K)."""
-        return (corners[self.triangle] * self.weights).sum(axis=1)
-
-
-def _seen_by(camera: Camera, scene: RayScene, pixels: NDArray[np.floating]) -> _Seen:
-    origins, directions, _ = scene.rays_of(camera, pixels)
-    hits = scene.hits(origins, directions)
-    hit = np.flatnonzero(hits.triangle >= 0)
-    hits = hits.chosen(hit)
-    weights = np.stack([1 - hits.u - hits.v, hits.u, hits.v], axis=1)[..., None]
-    return _Seen(hit, hits.triangle, weights, directions[hit] @ camera.rotation)
-
-
 def _where_worn(mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, present: BaseMap) -> NDArray[np.bool_]:
     """(H, W) the mask within the rectangle in which the camera sees the triangles that wear the map, if any."""
     if present.triangles is None:
         return mask
     points = mesh.world_vertices[np.unique(mesh.triangles[present.triangles])]
     x, y, w = camera.projection_rows() @ np.concatenate([points, np.ones((len(points), 1))], axis=1).T
-    if (w <= 0).any():  # some are behind the camera, and their pixels are not where these numbers say
+    if (w <= 0).any():  # some are behind the camera, and their projections are meaningless
         return mask
     height, width = mask.shape
     (left, right), (top, bottom) = (
@@ -171,12 +181,12 @@ def _where_worn(mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, present: Ba
     return inside
 
 
-def _wears(seen: _Seen, mesh: Mesh, present: BaseMap) -> NDArray[np.bool_]:
+def _wears(seen: MeshSeen, present: BaseMap) -> NDArray[np.bool_]:
     """(M,) whether what is seen wears the map."""
     worn = np.ones(len(seen.triangle), bool) if present.triangles is None else present.triangles[seen.triangle]
     if present.corner is None:
         return worn
-    worn &= (np.floor(seen.at(mesh.uvs)) == present.corner).all(axis=1)
+    worn &= (np.floor(seen.at(seen.mesh.uvs)) == present.corner).all(axis=1)
     return worn
 
 
@@ -187,20 +197,17 @@ def _normals_worn(
     seen within the mask and wears the map."""
     own, worn = np.zeros((2, *mask.shape, 3), np.float32)
     visible = np.zeros_like(mask)
-    # Normals are carried by the inverse transpose; a row times a matrix transposes once more.
-    to_camera = (np.linalg.inv(mesh.world_from_object[:3, :3]) @ camera.rotation).astype(np.float32)
     for rows in bands(len(mask)):
         row, column = np.nonzero(mask[rows])
         row += rows.start
-        seen = _seen_by(camera, scene, np.stack([column, row], axis=1) + 0.5)
-        wears = _wears(seen, mesh, present)
+        seen = mesh_seen(mesh, camera, scene, np.stack([column, row], axis=1) + 0.5)
         normal, tangent = seen.at(mesh.corner_normals), seen.at(mesh.tangents[..., :3])
         bitangent = np.cross(normal, tangent) * mesh.tangents[seen.triangle, 0, 3:]
         x, y, z = _sampled(present.vectors, seen.at(mesh.uvs) - (present.corner or (0, 0))).T[..., None]
         place = row[seen.hit], column[seen.hit]
-        own[place] = normalised(normal @ to_camera)
-        worn[place] = normalised((x * tangent + y * bitangent + z * normal) @ to_camera)
-        visible[place] = wears & (np.einsum("ni,ni->n", own[place], seen.directions) < 0)
+        own[place] = seen.in_camera(normal)
+        worn[place] = seen.in_camera(x * tangent + y * bitangent + z * normal)
+        visible[place] = _wears(seen, present) & seen.from_front(own[place])
     return own, worn, visible
 
 
@@ -212,10 +219,10 @@ def _as_fine_as_seen(
     rows, columns = chosen_pixels(*reduced_shape(height, width, PROBED_PIXELS), height, width)
     row, column = np.nonzero(mask[np.ix_(rows, columns)])
     pixels = np.stack([columns[column], rows[row]], axis=1) + 0.5
-    first, second = (_seen_by(camera, scene, pixels + step) for step in ((0, 0), (1, 0)))
+    first, second = (mesh_seen(mesh, camera, scene, pixels + step) for step in ((0, 0), (1, 0)))
     _, of_first, of_second = np.intersect1d(first.hit, second.hit, assume_unique=True, return_indices=True)
     together = first.triangle[of_first] == second.triangle[of_second]
-    together &= _wears(first, mesh, present)[of_first]
+    together &= _wears(first, present)[of_first]
     vectors = present.vectors
     if not together.any():
         return vectors
@@ -226,7 +233,7 @@ def _as_fine_as_seen(
     return normalised(resampled(vectors, *(max(1, round(side / texels)) for side in vectors.shape[:2])))
 
 
-def _sampled(values: NDArray[np.float32], uv: NDArray[np.float32]) -> NDArray[np.float32]:
+def _sampled(values: NDArray[np.float32], uv: NDArray[Any]) -> NDArray[np.float32]:
     """(N, 3) of an image (H, W, 3) at UVs (N, 2), linear between pixels."""
     height, width = values.shape[:2]
     x = np.clip(uv[:, 0] * width - 0.5, 0, width - 1)

@@ -11,11 +11,11 @@ from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.bake.texture import Texture
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FormatError, SettingsError
 from mpsnet_core.io.images import read_data
 from mpsnet_core.scene.normal_map import OUTWARDS_SHARE, Convention, decode
 
-# How far a colour's vector may be from unit length: 8 bits, JPEG and averages of steep slopes are.
+# How far a colour's vector may be from unit length: 8 bits, JPEG and averages of steep gradients are.
 NEARLY_UNIT = 0.1
 # Of the pixels that are no background, the share that must be normals.
 NORMALS_SHARE = 0.6
@@ -24,26 +24,43 @@ MARGIN = 16
 
 
 def read_base_map(path: str | os.PathLike[str], *, convention: Convention = "opengl") -> NDArray[np.float32]:
-    """Read a tangent-space normal map that an object wears: (H, W, 3) unit vectors, +z where the file has no normals.
+    """Read a tangent-space normal map that an object wears.
 
-    8 or 16 bits or float, of any size; row 0 at v = 1.
+    Parameters
+    ----------
+    path : str or PathLike
+        An image of 8 or 16 bits or float, of any size; row 0 at v = 1.
+    convention : {"opengl", "directx"}
+        Whether green points up or down.
 
-    Raises InputError where the file cannot be read, is no normal map or is one in object space.
+    Returns
+    -------
+    (H, W, 3) float32 array
+        Unit vectors; +z where the file has no normals.
+
+    Raises
+    ------
+    FileError
+        Where the file cannot be read.
+    FormatError
+        Where it is no normal map, or one in object space.
     """
     colours, alpha = read_data(path)
     length = np.empty(colours.shape[:2], np.float32)
     for rows in bands(len(colours)):
         length[rows] = np.linalg.norm(np.nan_to_num(colours[rows]) * 2 - 1, axis=-1)
-    # Where alpha holds something else, such as gloss, normals are there all the same.
-    there = np.ones(length.shape, bool) if alpha is None else alpha > 0
-    unit = there & (np.abs(length - 1) < NEARLY_UNIT)
+    # Where alpha holds something else, such as gloss, these are normals all the same.
+    opaque = np.ones(length.shape, bool) if alpha is None else alpha > 0
+    unit = opaque & (np.abs(length - 1) < NEARLY_UNIT)
     # Black and white are the corners of all colours, furthest from grey, which is no direction at all.
-    filled = there & (length > NEARLY_UNIT) & (length < np.sqrt(3) - NEARLY_UNIT)
+    filled = opaque & (length > NEARLY_UNIT) & (length < np.sqrt(3) - NEARLY_UNIT)
     if unit.sum() < NORMALS_SHARE * max(filled.sum(), 1):
-        raise InputError(f"{path} is not a normal map: its colours are not unit vectors 0.5 + 0.5 n; choose another")
+        raise FormatError(f"{path} is not a normal map: its colours are not unit vectors 0.5 + 0.5 n; choose another")
     normals = unit & (colours[..., 2] >= 0.5)
     if normals.sum() < OUTWARDS_SHARE * unit.sum():
-        raise InputError(f"{path} is not in tangent space: many of its normals point inwards; bake it in tangent space")
+        raise FormatError(
+            f"{path} is not in tangent space: many of its normals point inwards; bake it in tangent space"
+        )
     vectors = np.empty_like(colours)
     for rows in bands(len(colours)):
         vectors[rows] = np.where(normals[rows, :, None], decode(colours[rows], convention), [0, 0, 1])
@@ -51,11 +68,27 @@ def read_base_map(path: str | os.PathLike[str], *, convention: Convention = "ope
 
 
 def blend_detail(texture: Texture, present: NDArray[np.float32]) -> Texture:
-    """The texture's normals as detail on the present map's, (H, W, 3) unit vectors, resampled to the texture's size.
+    """The texture's normals as detail on those of the present map.
 
-    The texture's flat normals leave the present map as it is, and a flat present map the texture.
+    Parameters
+    ----------
+    texture : Texture
+        In tangent space. Where it is flat, the present map stays as it is.
+    present : (H, W, 3) float32 array
+        Unit vectors in tangent space; resampled to the texture's size. Where it is flat, the texture stays as it is.
 
-    Raises InputError where the texture is not in tangent space.
+    Returns
+    -------
+    Texture
+
+    Raises
+    ------
+    SettingsError
+        Where the texture is not in tangent space.
+
+    Notes
+    -----
+    Reoriented Normal Mapping (Barré-Brisebois and Hill, "Blending in Detail", 2012).
     """
     check_blending(texture.space)
     height, width = texture.vectors.shape[:2]
@@ -68,9 +101,9 @@ def blend_detail(texture: Texture, present: NDArray[np.float32]) -> Texture:
 
 
 def check_blending(space: str) -> None:
-    """Raises InputError where a texture in that space cannot be laid onto another."""
+    """Raises SettingsError where a texture in that space cannot be laid onto another."""
     if space != "tangent":
-        raise InputError("only a texture in tangent space can go on top of a present map; bake in tangent space")
+        raise SettingsError("only a texture in tangent space can go on top of a present map; bake in tangent space")
 
 
 def reoriented(detail: NDArray[np.float32], base: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -15,7 +15,7 @@ from mpsnet_core.bake.detail_blending import read_base_map
 from mpsnet_core.bake.map_list import ListedMap, read_map_list
 from mpsnet_core.bake.texture_names import TOKENS, check_one_texture, map_files
 from mpsnet_core.bake.texture_sets import TextureSet
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, SettingsError
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import Convention, check_convention
 
@@ -46,18 +46,18 @@ def maps_beneath(
     is_list = Path(given).suffix.lower() == ".json"
     listed = read_map_list(given) if is_list else [ListedMap(Path(given), convention=convention)]
     sought: list[Path | None] = [None] * len(sheets)
-    for one in listed:
-        check_convention(one.convention)
-        for number, (sheet, file) in enumerate(zip(sheets, map_files(one.file, sheets), strict=True)):
-            meant = one.object in (None, sheet.object) and one.material in (None, sheet.material)
-            # Not every object or tile need have a map; of one that is named in full it is told where it is read.
+    for entry in listed:
+        check_convention(entry.convention)
+        for number, (sheet, file) in enumerate(zip(sheets, map_files(entry.file, sheets), strict=True)):
+            meant = entry.object in (None, sheet.object) and entry.material in (None, sheet.material)
+            # Not every object or tile need have a map; one that is named in full and missing fails where it is read.
             if meant and beneath[number] is None:
                 sought[number] = file
-                if file == one.file or file.is_file():
-                    beneath[number] = MapFile(file, one.convention)
+                if file == entry.file or file.is_file():
+                    beneath[number] = MapFile(file, entry.convention)
     if not any(beneath):
         check = "the objects, materials and files in it" if is_list else f"the path, and {', '.join(TOKENS)} in it"
-        raise InputError(f"{given}: there is no present map for any of the textures; check {check}")
+        raise FileError(f"{given}: there is no present map for any of the textures; check {check}")
     for sheet, found, missing in zip(sheets, beneath, sought, strict=True):
         if found is None:
             named = f" {missing}" if missing else ""
@@ -72,12 +72,12 @@ def one_base_map(file: str, convention: Convention, shown: Shown) -> BaseMap:
     """
     check_one_texture(file)
     if Path(file).suffix.lower() == ".json":
-        raise InputError(f"{file} lists present maps for several textures; name the one image to go on top of")
+        raise SettingsError(f"{file} lists present maps for several textures; name the one image to go on top of")
     return BaseMap(read_base_map(file, convention=convention), shown)
 
 
 class BaseMaps(Sequence[BaseMap]):
-    """The present maps of meshes, read when one is asked for; the last one stays in memory. All are read once at first.
+    """The present maps of meshes, read when one is requested; the last one stays in memory. All are read once at first.
 
     Sheets that share a map and a unit square of UV space share one :class:`BaseMap`, whose triangles are those of the
     meshes joined (:func:`mpsnet_core.scene.joined_mesh.join_meshes`).
@@ -92,14 +92,14 @@ class BaseMaps(Sequence[BaseMap]):
     ) -> None:
         self.shown = shown
         together: dict[tuple[MapFile, tuple[int, int] | None], list[TextureSet]] = {}
-        for sheet, one in zip(sheets, beneath, strict=True):
-            if one is not None:
-                together.setdefault((one, None if sheet.tile is None else sheet.corner), []).append(sheet)
+        for sheet, map_file in zip(sheets, beneath, strict=True):
+            if map_file is not None:
+                together.setdefault((map_file, None if sheet.tile is None else sheet.corner), []).append(sheet)
         self._maps = [(*key, _triangles(parts, meshes)) for key, parts in together.items()]
         self._number = {sheet: number for number, parts in enumerate(together.values()) for sheet in parts}
         self._last: tuple[MapFile, NDArray[np.float32]] | None = None
-        for one in dict.fromkeys(key for key, _ in together):
-            self._vectors(one)  # what is wrong with one is said before the work
+        for map_file in dict.fromkeys(key for key, _ in together):
+            self._vectors(map_file)  # a map that cannot be read fails before the work
 
     def __len__(self) -> int:
         return len(self._maps)
@@ -123,10 +123,10 @@ class BaseMaps(Sequence[BaseMap]):
         """Those whose relief the photos may show."""
         return () if self.shown == "no" else self
 
-    def _vectors(self, one: MapFile) -> NDArray[np.float32]:
-        if self._last is None or self._last[0] != one:
+    def _vectors(self, map_file: MapFile) -> NDArray[np.float32]:
+        if self._last is None or self._last[0] != map_file:
             self._last = None  # before the next is read: each may be large
-            self._last = one, read_base_map(one.file, convention=one.convention)
+            self._last = map_file, read_base_map(map_file.file, convention=map_file.convention)
         return self._last[1]
 
 

@@ -26,7 +26,8 @@ def feathered(visibility: Visibility, mask: NDArray[np.bool_], width: float) -> 
     inside = visibility.unbroken & mask[np.ix_(*chosen_pixels(height, across, *mask.shape))]
     pixels = int(np.clip(round(width / visibility.footprint), 1, WIDEST))
     near = border_distance(inside, pixels) / np.float32(pixels)
-    return np.maximum(near * near * (3 - 2 * near), np.float32(FAINTEST))
+    share: NDArray[np.float32] = np.maximum(near * near * (3 - 2 * near), np.float32(FAINTEST))
+    return share
 
 
 def border_distance(inside: NDArray[np.bool_], limit: int) -> NDArray[np.float32]:
@@ -40,4 +41,5 @@ def border_distance(inside: NDArray[np.bool_], limit: int) -> NDArray[np.float32
     nearest = np.full(inside.shape, limit**2)
     for step in range(-limit, limit + 1):
         np.minimum(nearest, vertical[:, limit + step : limit + step + width] + step**2, out=nearest)
-    return np.sqrt(nearest).astype(np.float32)
+    distance: NDArray[np.float32] = np.sqrt(nearest).astype(np.float32)
+    return distance

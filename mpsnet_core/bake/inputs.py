@@ -8,7 +8,7 @@ from pathlib import Path
 from mpsnet_core.bake.base_detail_removal import BaseMap, note_shares, remove_base_details
 from mpsnet_core.bake.low_frequency_correction import correct_low_frequencies
 from mpsnet_core.bake.projection import View
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, InputError
 from mpsnet_core.estimate.albedo import read_albedo
 from mpsnet_core.io.frames import is_several, matching_files, numbering
 from mpsnet_core.io.provenance import content, identity
@@ -101,7 +101,7 @@ class ViewReader:
                     view = replace(view, normals=normals)
                 views.append(view)
             except InputError as error:
-                raise InputError(f"view {one.camera}={one.normals}: {error}") from None
+                raise type(error)(f"view {one.camera}={one.normals}: {error}") from None
         if known is None:
             note_shares(shares)
         return views, shares
@@ -112,7 +112,7 @@ def frame_inputs(mesh: str, views: Sequence[tuple[str, str]]) -> dict[int, BakeI
 
     mesh: a file, or a folder or pattern of numbered ones. views: camera and normal map each, likewise.
 
-    Raises InputError where a pattern means no sequence, or no number is common to all.
+    Raises FileError where a pattern means no sequence, or no number is common to all.
     """
     meshes = _by_number(mesh, "mesh")
     pairs = [(_by_number(camera, "camera"), _by_number(normals, "normal map")) for camera, normals in views]
@@ -121,7 +121,7 @@ def frame_inputs(mesh: str, views: Sequence[tuple[str, str]]) -> dict[int, BakeI
     if isinstance(meshes, dict):
         numbers = [number for number in numbers if number in meshes]
     if not numbers:
-        raise InputError("no number is common to the frames of all views and meshes; check the patterns")
+        raise FileError("no number is common to the frames of all views and meshes; check the patterns")
     left_out = max(map(len, numbered)) - len(numbers)
     if left_out:
         log.warning("%d frame(s) are left out: not every view or mesh has their number", left_out)
@@ -141,7 +141,7 @@ def _by_number(given: str, what: str) -> Path | dict[int, Path]:
     files = matching_files(given, what)
     numbered = numbering(files)
     if numbered is None:
-        raise InputError(f"the {what}s of {given} are no sequence: their names must differ in one number alone")
+        raise FileError(f"the {what}s of {given} are no sequence: their names must differ in one number alone")
     return dict(zip(numbered.numbers, files, strict=True))
 
 

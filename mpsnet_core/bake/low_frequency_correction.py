@@ -9,14 +9,16 @@ on the object, the same in each view, and nothing reaches over from what only st
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.push_pull import push_pull
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape, upsampled
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import NormalMap
@@ -29,7 +31,7 @@ MIN_SCALE, MAX_SCALE = 0.01, 1.0
 TRACED_PIXELS = 1024
 # Cells to a standard deviation, and standard deviations that the smoothing reaches.
 CELLS, REACH = 2.0, 3.0
-# How firmly the rotation about the mean normal is held at 0, which only a curved surface tells.
+# How firmly the rotation about the mean normal is held at 0, which only a curved surface determines.
 HOLD = 0.1
 
 
@@ -38,7 +40,7 @@ class Levelling:
     """What turns a view's normals.
 
     turns: (h, w, 3) float32 rotation vectors (axis times angle in radians) in camera space, for an image of fewer
-    pixels, with the nearest ones where the mesh is not seen. known: (h, w) bool, where it is.
+    pixels, going on smoothly where the mesh is not seen. known: (h, w) bool, where it is.
     """
 
     turns: NDArray[np.float32]
@@ -52,7 +54,7 @@ class Levelling:
 
 
 def parse_scale(text: str) -> float:
-    """The levelling's scale that is meant by on, off or a number; 0 for none. Raises InputError where none is."""
+    """The levelling's scale that is meant by on, off or a number; 0 for none. Raises SettingsError where none is."""
     if text in ("on", "off"):
         return LEVEL_SCALE if text == "on" else 0.0
     try:
@@ -60,18 +62,45 @@ def parse_scale(text: str) -> float:
     except ValueError:
         scale = 0.0
     if not MIN_SCALE <= scale <= MAX_SCALE:
-        raise InputError(f"--level {text} is not known; give on, off, or a scale from {MIN_SCALE:g} to {MAX_SCALE:g}")
+        raise SettingsError(
+            f"--level {text} is not known; give on, off, or a scale from {MIN_SCALE:g} to {MAX_SCALE:g}"
+        )
     return scale
 
 
 def correct_low_frequencies(
     normals: NormalMap, camera: Camera, mesh: Mesh, scene: RayScene | None = None, *, scale: float = LEVEL_SCALE
 ) -> NormalMap:
-    """The normals with the low frequencies of the mesh's own; as they are where the mesh is not seen.
+    """The normals with the low frequencies of the mesh's own; where the mesh is not seen, they turn as nearby.
 
-    scene: the mesh's, where it has been made before. scale: see :func:`levelling`.
+    Parameters
+    ----------
+    normals : NormalMap
+        Estimated, in camera space.
+    camera : Camera
+        What the pixels see.
+    mesh : Mesh
+        The surface, in the camera's world.
+    scene : RayScene, optional
+        The mesh's, where it exists already.
+    scale : float
+        Standard deviation of the smoothing, as a share of the diagonal of the mesh's bounding box, 0.01 to 1. Relief
+        smaller than about twice this is kept as the photo shows it; larger forms are those of the mesh.
 
-    Raises InputError where the scale is out of range, or normals and camera differ in size.
+    Returns
+    -------
+    NormalMap
+
+    Raises
+    ------
+    SettingsError
+        Where the scale is out of range.
+    GeometryError
+        Where the sizes of normals and camera differ.
+
+    Notes ----- Around each place the rotation vector r is found that brings the estimates n onto the mesh's normals m
+    by least squares with Gaussian weights w: sum w |r x n - t|², t the rotation vector from n to m, which is
+    perpendicular to n. That is (sum w (1 - n nᵀ)) r = sum w t: Wahba's problem (1965), linearised.
     """
     return turned(normals, levelling(normals, camera, mesh, scene, scale=scale))
 
@@ -79,33 +108,28 @@ def correct_low_frequencies(
 def levelling(
     normals: NormalMap, camera: Camera, mesh: Mesh, scene: RayScene | None = None, *, scale: float = LEVEL_SCALE
 ) -> Levelling:
-    """The rotations that :func:`correct_low_frequencies` turns the normals by.
-
-    scale: of the smoothing, its standard deviation as a share of the mesh's size. Relief that is smaller than about
-    twice this stays as the photo shows it; of what is larger the mesh decides.
-
-    Around each place the rotation vector r is sought that brings the estimates n onto the mesh's normals m in the least
-    squares, w Gaussian weights: sum w |r x n - t|², t the rotation vector from n to m, which is at right angles to n.
-    That is (sum w (1 - n nᵀ)) r = sum w t: Wahba's problem (1965), linearised.
-    """
+    """The rotations that :func:`correct_low_frequencies` turns the normals by, with its parameters."""
     if not MIN_SCALE <= scale <= MAX_SCALE:
-        raise InputError(f"a levelling scale of {scale:g} cannot be used; choose {MIN_SCALE:g} to {MAX_SCALE:g}")
+        raise SettingsError(f"a levelling scale of {scale:g} cannot be used; choose {MIN_SCALE:g} to {MAX_SCALE:g}")
     height, width = normals.mask.shape
     if (camera.width, camera.height) != (width, height):
-        raise InputError(f"the camera is {camera.width} x {camera.height} but its normals are {width} x {height}")
+        raise GeometryError(f"the camera is {camera.width} x {camera.height} but its normals are {width} x {height}")
     scene = scene or RayScene(mesh.world_vertices, mesh.triangles)
     rows, columns = chosen_pixels(*reduced_shape(height, width, TRACED_PIXELS), height, width)
     known = normals.mask[np.ix_(rows, columns)]
     row, column = np.nonzero(known)
-    points, own = _mesh_seen(mesh, scene, camera, np.stack([columns[column] + 0.5, rows[row] + 0.5], axis=1))
-    hit = np.isfinite(points).all(axis=1)
-    known[row[~hit], column[~hit]] = False
-    row, column, points, own = row[hit], column[hit], points[hit], own[hit]
+    seen = mesh_seen(mesh, camera, scene, np.stack([columns[column], rows[row]], axis=1) + 0.5)
+    own = seen.in_camera(seen.at(mesh.corner_normals))
+    front = seen.from_front(own)
+    row, column = row[seen.hit[front]], column[seen.hit[front]]
+    known = np.zeros_like(known)
+    known[row, column] = True
     turns = np.zeros((*known.shape, 3), np.float32)
-    if len(points):
-        estimate = normals.vectors[rows[row], columns[column]]
-        turns[row, column] = _smoothed_turns(points, estimate, own, scale * scene.size)
-    return Levelling(_filled(turns, known), known)
+    if len(row):
+        points, estimate = seen.points[front].astype(np.float32), normals.vectors[rows[row], columns[column]]
+        turns[row, column] = _smoothed_turns(points, estimate, own[front], scale * scene.size)
+    # Rays slip between triangles here and there, and a mask may reach a little beyond the mesh.
+    return Levelling(push_pull(turns, known), known)
 
 
 def turned(normals: NormalMap, by: Levelling) -> NormalMap:
@@ -125,23 +149,50 @@ def rotated(vectors: NDArray[np.float32], turns: NDArray[np.float32]) -> NDArray
     return result
 
 
-def _mesh_seen(
-    mesh: Mesh, scene: RayScene, camera: Camera, pixels: NDArray[np.float64]
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """(N, 3) world points, relative to the scene's middle, and (N, 3) unit shading normals in camera space.
+@dataclass(frozen=True)
+class MeshSeen:
+    """Where a camera's rays through N pixels meet a mesh.
 
-    NaN where the mesh is not seen, or from behind.
+    mesh: the mesh. camera: what sees it. hit: (M,) which of the pixels do. triangle: (M,) what they meet. weights:
+    (M, 3, 1) barycentric coordinates. points: (M, 3) in the world, relative to the scene's middle. directions: (M, 3)
+    unit, of the rays in camera space.
     """
+
+    mesh: Mesh
+    camera: Camera
+    hit: NDArray[np.int64]
+    triangle: NDArray[np.int32]
+    weights: NDArray[np.float32]
+    points: NDArray[np.float64]
+    directions: NDArray[np.float64]
+
+    def at(self, corners: NDArray[np.floating[Any]]) -> NDArray[Any]:
+        """(M, K) values that are given at the corners of triangles, (T, 3, K)."""
+        values: NDArray[Any] = (corners[self.triangle] * self.weights).sum(axis=1)
+        return values
+
+    def in_camera(self, normals: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(M, 3) unit normals in camera space, of normals (M, 3) in object space."""
+        # Normals are carried by the inverse transpose; a row times a matrix transposes once more.
+        to_camera = np.linalg.inv(self.mesh.world_from_object[:3, :3]) @ self.camera.rotation
+        unit: NDArray[np.float32] = normalised(normals @ to_camera.astype(np.float32))
+        return unit
+
+    def from_front(self, normals: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """(M,) whether surfaces of these normals (M, 3), in camera space, face the camera."""
+        facing: NDArray[np.bool_] = np.einsum("ni,ni->n", normals, self.directions) < 0
+        return facing
+
+
+def mesh_seen(mesh: Mesh, camera: Camera, scene: RayScene, pixels: NDArray[np.floating[Any]]) -> MeshSeen:
+    """What a camera sees of the mesh, of which the scene is, through pixels (N, 2)."""
     origins, directions, _ = scene.rays_of(camera, pixels)
     hits = scene.hits(origins, directions)
-    weights = np.stack([1 - hits.u - hits.v, hits.u, hits.v], axis=1)
-    # Normals are carried by the inverse transpose; a row times a matrix transposes once more.
-    to_camera = (np.linalg.inv(mesh.world_from_object[:3, :3]) @ camera.rotation).astype(np.float32)
-    own = normalised(np.einsum("nci,nc->ni", mesh.corner_normals[hits.triangle], weights) @ to_camera)
-    hit = (hits.triangle >= 0) & (np.einsum("ni,ni->n", own, directions @ camera.rotation) < 0)
-    points = np.full_like(origins, np.nan)
-    points[hit] = origins[hit] - scene.middle + directions[hit] * hits.distance[hit, None]
-    return points.astype(np.float32), own
+    hit = np.flatnonzero(hits.triangle >= 0)
+    hits = hits.chosen(hit)
+    weights = np.stack([1 - hits.u - hits.v, hits.u, hits.v], axis=1)[..., None]
+    points = origins[hit] - scene.middle + directions[hit] * hits.distance[:, None]
+    return MeshSeen(mesh, camera, hit, hits.triangle, weights, points, directions[hit] @ camera.rotation)
 
 
 def _smoothed_turns(
@@ -158,14 +209,14 @@ def _smoothed_turns(
     count = int(np.prod(shape))
     grid = np.stack([np.bincount(number, layer, count).astype(np.float32) for layer in [*layers, np.ones(len(x))]])
     grid = _blurred(grid.reshape(-1, *shape)).reshape(len(grid), -1)
-    # Only cells that a point lies between are asked for.
+    # Only cells that a point lies between are needed.
     corner = np.floor(place).astype(np.int64)
     step = place - corner
     first = np.ravel_multi_index(tuple(corner.T), shape)
-    asked = np.zeros(count, bool)
+    needed = np.zeros(count, bool)
     for offset in np.ndindex(2, 2, 2):
-        asked[first + np.ravel_multi_index(offset, shape)] = True
-    cells = np.flatnonzero(asked)
+        needed[first + np.ravel_multi_index(offset, shape)] = True
+    cells = np.flatnonzero(needed)
     solved = np.zeros((count, 3), np.float32)
     solved[cells] = _rotation(grid[:, cells])
     turns = np.zeros_like(points)
@@ -208,20 +259,3 @@ def _blurred(grid: NDArray[np.float32]) -> NDArray[np.float32]:
         for start, weight in enumerate(weights):
             grid += weight * padded[(slice(None),) * axis + (slice(start, start + length),)]
     return grid
-
-
-def _filled(values: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """(h, w, K) with what is not known given the mean of what is around it, from ever smaller images; 0 if all is not.
-
-    Rays slip between triangles here and there, and a mask may reach a little beyond the mesh.
-    """
-    if known.all() or not known.any():
-        return values
-    height, width = known.shape
-    odd = [(0, height % 2), (0, width % 2)]
-    blocks = (-(-height // 2), 2, -(-width // 2), 2)
-    count = np.pad(known, odd).reshape(blocks).sum(axis=(1, 3))
-    total = np.pad(values * known[..., None], [*odd, (0, 0)]).reshape(*blocks, -1).sum(axis=(1, 3))
-    coarse = _filled(total / np.maximum(count, 1)[..., None].astype(np.float32), count > 0)
-    around = coarse.repeat(2, axis=0).repeat(2, axis=1)[:height, :width]
-    return np.where(known[..., None], values, around)

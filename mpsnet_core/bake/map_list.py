@@ -4,9 +4,9 @@ import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import read_json, write_json
 
 if TYPE_CHECKING:  # this module is imported into Blender, where OpenImageIO is not
@@ -29,16 +29,17 @@ def read_map_list(path: str | os.PathLike[str]) -> list[ListedMap]:
     """Read a list; files that it names without a folder lie beside it.
 
     {"format": "mpsnet-present-maps", "version": 1, "maps": [{"file": "oak.png", "object": "Oak", "material": "Bark",
-    "convention": "directx"}]}, all but the file as needed. Raises InputError where it is malformed.
+    "convention": "directx"}]}, all but the file as needed. Raises FormatError where it is malformed.
     """
-    maps = read_json(path, FORMAT, VERSION, ("maps",)).get("maps")
+    maps: Any = read_json(path, FORMAT, VERSION, ("maps",)).get("maps")
     found = []
-    for one in maps if isinstance(maps, list) else [maps]:
-        if not isinstance(one, dict) or not _KNOWN >= one.keys() >= {"file"} or not all(map(_is_text, one.values())):
-            raise InputError(
+    for entry in maps if isinstance(maps, list) else [maps]:
+        known = isinstance(entry, dict) and _KNOWN >= entry.keys() >= {"file"}
+        if not known or not all(isinstance(value, str) for value in entry.values()):
+            raise FormatError(
                 f'{path}: each of its "maps" has a "file" and may have "object", "material" and "convention", as texts'
             )
-        found.append(ListedMap(**{**one, "file": Path(path).parent / one["file"]}))
+        found.append(ListedMap(**{**entry, "file": Path(path).parent / entry["file"]}))
     return found
 
 
@@ -49,7 +50,3 @@ def write_map_list(path: str | os.PathLike[str], maps: Iterable[ListedMap]) -> N
 
 
 _KNOWN = set(ListedMap.__dataclass_fields__)
-
-
-def _is_text(value: object) -> bool:
-    return isinstance(value, str)

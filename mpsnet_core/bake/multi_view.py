@@ -20,7 +20,7 @@ from mpsnet_core.bake.projection import View
 from mpsnet_core.bake.view_agreement import Agreement
 from mpsnet_core.capture.capture import Capture, capture_of, corrected_and_masked, note_doubts
 from mpsnet_core.capture.correction import Correction
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, GeometryError, InputError
 from mpsnet_core.estimate import Estimator
 from mpsnet_core.io.files import read_json, write_json
 from mpsnet_core.io.images import Encoding, is_whole, read_image, write_image
@@ -65,7 +65,7 @@ class Photography:
         """What :func:`read_capture` shall take the view's mask from.
 
         In a folder of masks: what lies there as the photo does among the photos, else what is named as the view or the
-        photo. Raises InputError where that folder has none, or several fit.
+        photo. Raises FileError where that folder has none, or several fit.
         """
         if self.mask == "mesh":
             return "none"
@@ -77,14 +77,14 @@ class Photography:
             mask = self.masks.find(stems, f"the mask of photo {photo.name}", within)
             if mask:
                 return os.fspath(mask)
-        raise InputError(f"photo {photo.name} has no mask {photo.stem} in {top}; put it there")
+        raise FileError(f"photo {photo.name} has no mask {photo.stem} in {top}; put it there")
 
     def capture(self, view: ViewPhoto, scene: RayScene) -> Capture:
         """The view's photo, without its lens. Raises InputError, which names the view, where it cannot be had."""
         try:
             capture = self._capture(view, scene)
         except InputError as error:
-            raise InputError(f"view {view.name}: {error}") from None
+            raise type(error)(f"view {view.name}: {error}") from None
         note_doubts(capture, f"view {view.name}")
         return capture
 
@@ -109,7 +109,7 @@ class Photography:
             if mask.shape == (view.camera.height, view.camera.width):
                 mask = mask & mesh_mask(view.camera, scene)
             if not mask.any():
-                raise InputError("its camera does not see the mesh; do the cameras and the mesh share one world?")
+                raise GeometryError("its camera does not see the mesh; do the cameras and the mesh share one world?")
         depth = depth_of_mesh(view.camera, scene) if rig.near is not None else None
         return capture_of(image, mask, rig, view.camera, depth)
 
@@ -125,7 +125,8 @@ def mesh_mask(camera: Camera, scene: RayScene) -> NDArray[np.bool_]:
         np.minimum(((np.arange(n) + 0.5) * count / n).astype(np.int64), count - 1)
         for n, count in ((camera.height, small[0]), (camera.width, small[1]))
     )
-    return seen[np.ix_(row, column)]
+    mask: NDArray[np.bool_] = seen[np.ix_(row, column)]
+    return mask
 
 
 @dataclass(frozen=True)
@@ -148,7 +149,7 @@ class KeptView:
         return self.folder / f"{self.name}_view.json"
 
     def is_of(self, source: dict[str, Any]) -> bool:
-        """Whether both files are there, whole, and were made of the same as is told by `source`."""
+        """Whether both files are there, whole, and were made of the same `source`."""
         try:
             made_of = read_json(self.record, VIEW_FORMAT, VIEW_VERSION, ("of",)).get("of")
         except InputError:
@@ -183,10 +184,10 @@ def sources_of(
         try:
             mask = photography.mask_of(view)
             if photography.masks and whose.setdefault(mask, view.name) != view.name:
-                raise InputError(f"its mask would be that of view {whose[mask]}, {mask}; name one {view.name}")
+                raise FileError(f"its mask would be that of view {whose[mask]}, {mask}; name one {view.name}")
             sources.append(_source(view, photography, mask, shape, others))
         except InputError as error:
-            raise InputError(f"view {view.name}: {error}") from None
+            raise type(error)(f"view {view.name}: {error}") from None
     return sources
 
 
@@ -213,9 +214,9 @@ def _shape(mesh: Mesh) -> str:
 
 
 class KeptViews(Sequence[View]):
-    """Views whose normals lie on disk: read, and levelled against the mesh, each time one is asked for.
+    """Views whose normals lie on disk: read, and levelled against the mesh, each time one is requested.
 
-    level: the levelling's scale as a share of the mesh's size, 0 for none. presents: the maps that the mesh wears, to
+    level: the levelling's scale as a share of the mesh's size, 0 for none. base_maps: the maps that the mesh wears, to
     be taken out of the views (:mod:`mpsnet_core.bake.base_detail_removal`). shares: how much of each map each view
     shows, once it was read.
     """
@@ -274,9 +275,9 @@ def estimate_views(
     *,
     progress: Progress,
 ) -> int:
-    """Estimate each view's normals onto the disk, but for those that lie there already; gives how many did.
+    """Estimate each view's normals onto the disk, but for those that lie there already; returns how many did.
 
-    sources: of :func:`sources_of`. agreed: is given every view.
+    sources: of :func:`sources_of`. agreed: receives every view.
 
     Raises InputError, which names the view, where its photo cannot be had.
     """

@@ -1,6 +1,5 @@
 """Padding: what a texture holds beyond its UV islands, where filtering and mipmaps reach over their borders."""
 
-from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
@@ -25,12 +24,9 @@ def padded(
     padding: "nearest" continues the islands by `margin` texels with their nearest texel's vector; "push-pull" fills
     the whole texture, smoothly; "none" leaves it.
     """
-    filled: dict[Padding, Callable[[], NDArray[np.float32]]] = {
-        "nearest": lambda: extend_to_nearest(vectors, covered, margin, in_place=True),
-        "push-pull": lambda: _filled(vectors, covered),
-        "none": lambda: vectors,
-    }
-    return filled[padding]()
+    if padding == "nearest":
+        return extend_to_nearest(vectors, covered, margin, in_place=True)
+    return _filled(vectors, covered) if padding == "push-pull" else vectors
 
 
 def _filled(vectors: NDArray[np.float32], covered: NDArray[np.bool_]) -> NDArray[np.float32]:

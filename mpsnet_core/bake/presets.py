@@ -2,7 +2,7 @@
 
 All of them want tangent space by MikkTSpace. Where the table's choices come from:
 
-- Blender: its Normal Map node takes green as up unless told otherwise (Blender manual, Normal Map Node); 16 bits, as it
+- Blender: its Normal Map node assumes green up by default (Blender manual, Normal Map Node); 16 bits, as it
   keeps all that a file holds.
 - Unreal Engine: the prefix T_ is of Epic's "Recommended Asset Naming Conventions", _N what its own content and common
   style guides put behind; green is down (DirectX); normal maps may stay 16-bit until they are compressed (Editor API,
@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mpsnet_core.errors import InputError, check_choice
+from mpsnet_core.errors import SettingsError, check_choice
 
 if TYPE_CHECKING:  # this module is imported into Blender, where OpenImageIO is not
     from mpsnet_core.scene.normal_map import Convention
@@ -28,10 +28,27 @@ if TYPE_CHECKING:  # this module is imported into Blender, where OpenImageIO is 
 
 @dataclass(frozen=True)
 class Preset:
-    """What a program wants of a normal texture.
+    """What a program requires of a normal texture.
 
-    label: the program's name, for people. convention, bits (a channel): of the file. suffix: its ending. naming: the
-    file's name without its ending, with {} for the object's. lower: whether names are written in snake_case.
+    Attributes
+    ----------
+    label : str
+        Name of the program.
+    convention : {"opengl", "directx"}
+        Whether green points up or down.
+    bits : int
+        Bits a channel.
+    naming : str
+        Name of the file without its suffix, with {} for that of the object.
+    suffix : str
+        Of the file.
+    lower : bool
+        Whether names are in snake_case.
+
+    Examples
+    --------
+    >>> PRESETS["unreal"].stem("HeroHead"), PRESETS["godot"].stem("HeroHead")
+    ('T_HeroHead_N', 'hero_head_normal')
     """
 
     label: str
@@ -56,7 +73,7 @@ PRESETS = {
 
 
 def preset_named(name: str) -> Preset:
-    """The preset of that name. Raises InputError where there is none."""
+    """The preset of that name. Raises SettingsError where there is none."""
     check_choice("preset", name, PRESETS)
     return PRESETS[name]
 
@@ -64,7 +81,7 @@ def preset_named(name: str) -> Preset:
 def preset_output(preset: Preset, output: str, name: str, suffix: str | None = None) -> Path:
     """The file to write for an object of that name: `output`, or where that is a folder, the preset's name in it.
 
-    suffix: an ending to take in place of the preset's. Raises InputError where the output has another ending.
+    suffix: an ending to take in place of the preset's. Raises SettingsError where the output has another ending.
     """
     suffix = suffix or preset.suffix
     target = Path(output)
@@ -72,7 +89,7 @@ def preset_output(preset: Preset, output: str, name: str, suffix: str | None = N
         return target / f"{preset.stem(name)}{suffix}"
     if target.suffix.lower() != suffix:
         ends = f"ends in {target.suffix}" if target.suffix else f"has no ending (for a new folder write {target}/)"
-        raise InputError(
+        raise SettingsError(
             f"the preset for {preset.label} writes {suffix}, but {target} {ends}; change the ending, or leave the "
             "preset out"
         )

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.upsample import upsampled
 from mpsnet_core.bake.feather import feathered
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rays import RayScene
@@ -24,9 +24,19 @@ FACING_POWER = 4
 class View:
     """One photo's normals and the camera that took it.
 
-    colours: (H, W, 3) float32, linear, what is baked beside the normals: an albedo, say; NaN where it is not known.
+    Parameters
+    ----------
+    camera : Camera
+        In the world.
+    normals : NormalMap
+        In camera space, (H, W).
+    colours : (H, W, 3) float32 array, optional
+        Linear values to bake beside the normals, such as an albedo; NaN where they are not known.
 
-    Raises InputError where they differ in size.
+    Raises
+    ------
+    GeometryError
+        Where their sizes differ.
     """
 
     camera: Camera
@@ -36,19 +46,19 @@ class View:
     def __post_init__(self) -> None:
         height, width = self.normals.mask.shape
         if self.colours is not None and self.colours.shape != (height, width, 3):
-            raise InputError(
+            raise GeometryError(
                 f"the colours are {self.colours.shape[1]} x {self.colours.shape[0]} but the normal map is {width} x "
                 f"{height}; they must be the same size"
             )
         if (self.camera.width, self.camera.height) != (width, height):
-            raise InputError(
+            raise GeometryError(
                 f"the camera is {self.camera.width} x {self.camera.height} but its normal map is {width} x {height}; "
                 "they must be the same size"
             )
 
 
 class Projector:
-    """One view, ready to be asked what it sees at points of the surface.
+    """One view, prepared for samples at points of the surface.
 
     feather: how far from the view's borders it counts in full, as a share of the mesh's size; 0 to let it end sharply.
     """

@@ -1,6 +1,6 @@
-"""Sequences: a texture for each frame; what is there already, made of the same files and settings, is kept."""
+"""Sequences: a texture for each frame; those that exist already, of the same files and settings, are kept."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -56,7 +56,8 @@ def bake_sequence(
         ends = number / len(frames), (number + 1) / len(frames)
         step = part(progress, *ends, f"{output.name}, {len(frames)} in all")
         step(0.0, "")
-        line = _line(recipe, [inputs, first] if present is not None and present.shown == "auto" else [inputs])
+        sources = [inputs, first] if present is not None and present.shown == "auto" else [inputs]
+        line = provenance_line("texture", "\n".join([recipe, *(fact for source in sources for fact in source.facts())]))
         if is_up_to_date(output, line):
             continue
         mesh = mesh_of(inputs.meshes[0])
@@ -72,14 +73,9 @@ def bake_sequence(
             if not made:
                 raise
             done = f"{made} texture{'s were' if made > 1 else ' was'} made"
-            raise InputError(f"{error}; {done}, and the same command goes on from there") from None
+            raise type(error)(f"{error}; {done}, and the same command goes on from there") from None
         write_texture(output, texture, convention=target.convention, bits=target.bits, description=line)
         made += 1
         seen += texture.seen_fraction
     progress(1.0, "done")
     return Outcome(made, len(frames) - made, round(seen / made, 4) if made else None)
-
-
-def _line(recipe: str, made_of: Sequence[BakeInputs]) -> str:
-    """The line that a texture keeps: what made it of what."""
-    return provenance_line("texture", "\n".join([recipe, *(fact for inputs in made_of for fact in inputs.facts())]))

@@ -1,11 +1,11 @@
-"""Baking: how a texture is baked, told once for all who bake one."""
+"""Baking: how a texture is baked."""
 
 from dataclasses import dataclass
 
 from mpsnet_core.bake.padding import PADDINGS, Padding
 from mpsnet_core.bake.texture import SPACES, Space
 from mpsnet_core.defaults import MARGIN, TEXTURE_SIZE
-from mpsnet_core.errors import InputError, check_choice
+from mpsnet_core.errors import SettingsError, check_choice
 
 MAX_SIZE = 16384
 MAX_STRENGTH = 2.0
@@ -17,14 +17,28 @@ SAMPLES = (1, 2, 4)
 class Baking:
     """How a texture is baked.
 
-    size: its side in texels. space: "tangent" is MikkTSpace, "object" the mesh's own axes. margin: texels that the
-    islands' borders are grown by at most, where the padding is "nearest"; :mod:`mpsnet_core.bake.padding` has the
-    others. samples: 1, 2 or 4; a texel is the mean of samples x samples points in it, those that lie on the surface.
-    feather: a share of the mesh's size; over this distance each view fades out towards its borders
-    (:mod:`mpsnet_core.bake.feather`), into the others or into the mesh's own normals. strength: what the slopes
-    against the mesh's own normals are multiplied by; 0 leaves nothing of the views.
+    Parameters
+    ----------
+    size : int
+        Side of the texture in texels, 1 to 16384.
+    space : {"tangent", "object"}
+        "tangent" is MikkTSpace, "object" the mesh's own axes.
+    margin : int
+        Texels that the islands' borders are grown by at most, where the padding is "nearest".
+    padding : {"nearest", "push-pull", "none"}
+        What the texture holds beyond the islands: see :mod:`mpsnet_core.bake.padding`.
+    samples : {1, 2, 4}
+        A texel is the mean of samples x samples points in it, of those that lie on the surface.
+    feather : float
+        Share of the mesh's size, 0 to 1, over which each view fades out towards its borders, into the others or into
+        the mesh's own normals: see :mod:`mpsnet_core.bake.feather`.
+    strength : float
+        Factor, 0 to 2, of the gradients against the mesh's own normals; 0 leaves nothing of the views.
 
-    Raises InputError where one of them is out of range.
+    Raises
+    ------
+    SettingsError
+        Where one of them is out of range.
     """
 
     size: int = TEXTURE_SIZE
@@ -39,22 +53,17 @@ class Baking:
         check_texture(self.size, self.space, self.margin)
         check_choice("padding", self.padding, PADDINGS)
         if self.samples not in SAMPLES:
-            raise InputError(f"{self.samples} x {self.samples} samples a texel cannot be baked; choose 1, 2 or 4")
+            raise SettingsError(f"{self.samples} x {self.samples} samples a texel cannot be baked; choose 1, 2 or 4")
         if not 0 <= self.feather <= 1:
-            raise InputError(f"a feather of {self.feather:g} times the mesh's size cannot be baked; choose 0 to 1")
-        check_strength(self.strength)
+            raise SettingsError(f"a feather of {self.feather:g} times the mesh's size cannot be baked; choose 0 to 1")
+        if not 0 <= self.strength <= MAX_STRENGTH:
+            raise SettingsError(f"a strength of {self.strength:g} cannot be baked; choose 0 to {MAX_STRENGTH:g}")
 
 
 def check_texture(size: int, space: str, margin: int) -> None:
-    """Raises InputError where no texture has that size, space or margin."""
+    """Raises SettingsError where no texture has that size, space or margin."""
     if not 1 <= size <= MAX_SIZE:
-        raise InputError(f"a texture of {size} texels cannot be baked; choose a size from 1 to {MAX_SIZE}")
+        raise SettingsError(f"a texture of {size} texels cannot be baked; choose a size from 1 to {MAX_SIZE}")
     if not 0 <= margin <= MAX_SIZE:
-        raise InputError(f"islands cannot be grown by a margin of {margin} texels; choose 0 to {MAX_SIZE}")
+        raise SettingsError(f"islands cannot be grown by a margin of {margin} texels; choose 0 to {MAX_SIZE}")
     check_choice("space", space, SPACES)
-
-
-def check_strength(strength: float) -> None:
-    """Raises InputError where no detail of that strength can be baked."""
-    if not 0 <= strength <= MAX_STRENGTH:
-        raise InputError(f"a strength of {strength:g} cannot be baked; choose 0 to {MAX_STRENGTH:g}")

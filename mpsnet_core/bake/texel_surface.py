@@ -1,6 +1,6 @@
 """The surface under a texture's points: position, normal and tangent, linear over each triangle."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,7 +58,7 @@ class UnderTexels:
         self.object_from_world_normals = mesh.world_from_object[:3, :3].T.astype(np.float32)
         self.world_from_object_normals = np.linalg.inv(mesh.world_from_object[:3, :3]).T.astype(np.float32)
 
-    def linear(self, at_corners: NDArray[np.floating]) -> NDArray[np.float32]:
+    def linear(self, at_corners: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
         """(T, 3, K) corner values as (T, 3, K): the value at the first corner, its step along x, along y."""
         first = at_corners[:, 0]
         differences = np.stack([at_corners[:, 1] - first, at_corners[:, 2] - first], axis=1)
@@ -82,7 +82,7 @@ class UnderTexels:
     def encoded(self, place: Place, vectors: NDArray[np.float32], space: Space, strength: float) -> NDArray[np.float32]:
         """(N, 3) unit normals in `space` from vectors (N, 3) in world space; the surface's own where those are zero.
 
-        strength: what the slopes against the surface's own normals are multiplied by.
+        strength: what the gradients against the surface's own normals are multiplied by.
         """
         normal, tangent = self.at(place, self.normal, self.tangent)
         baked = np.where(vectors.any(axis=1)[:, None], vectors @ self.object_from_world_normals.T, normal)
@@ -108,4 +108,5 @@ def _to_tangent_space(
     bitangent = np.cross(normal, tangent) * sign[:, None]
     volume = np.einsum("ni,ni->n", tangent, np.cross(bitangent, normal))
     inverse = np.stack([np.cross(bitangent, normal), np.cross(normal, tangent), np.cross(tangent, bitangent)], axis=1)
-    return np.einsum("nij,nj->ni", inverse, vectors) * np.sign(volume)[:, None]
+    solved: NDArray[np.float32] = np.einsum("nij,nj->ni", inverse, vectors) * np.sign(volume)[:, None]
+    return solved

@@ -16,14 +16,25 @@ SPACES: tuple[Space, ...] = ("tangent", "object")
 
 @dataclass(frozen=True)
 class Texture:
-    """Normals for every texel.
+    """Baked normals for every texel.
 
-    vectors: (S, S, 3) float32 unit vectors in `space`, row 0 at v = 1; flat (+z) where there is no surface.
-    seen: (S, S) bool, texels that at least one view saw. covered: (S, S) bool, texels on the surface.
-    space: "tangent" (MikkTSpace) or "object".
-    views: (S, S) uint16, how many views saw each texel. spread: (S, S) float32, degrees that their normals lie apart:
-    the angle whose cosine is the weighted mean cosine between them and their mean; 0 where fewer than two saw it.
-    colours: (S, S, 4) float32, where the views have colours: linear, and 1 where some view tells them, else 0.
+    Attributes
+    ----------
+    vectors : (S, S, 3) float32 array
+        Unit vectors in `space`, row 0 at v = 1; +z where there is no surface.
+    seen : (S, S) bool array
+        Texels that at least one view sees.
+    covered : (S, S) bool array
+        Texels on the surface.
+    space : {"tangent", "object"}
+        "tangent" is MikkTSpace.
+    views : (S, S) uint16 array, optional
+        Number of views that see each texel.
+    spread : (S, S) float32 array, optional
+        Degrees between the views' normals: the angle whose cosine is the weighted mean cosine between them and their
+        mean; 0 where fewer than two see the texel.
+    colours : (S, S, 4) float32 array, optional
+        Where the views have colours: linear, and 1 where some view has one, else 0.
     """
 
     vectors: NDArray[np.float32]
@@ -48,9 +59,25 @@ def write_texture(
     bits: int | None = None,
     description: str | None = None,
 ) -> None:
-    """Write the texture as colours 0.5 + 0.5 n: PNG or TIFF (16 bits unless told) or EXR (float). Non-Color.
+    """Write the texture as colours 0.5 + 0.5 n, Non-Color.
 
-    description: a line of text to be kept in the file, see :func:`mpsnet_core.io.images.write_bands`.
+    Parameters
+    ----------
+    path : str or PathLike
+        PNG or TIFF (16 bits by default) or EXR (float).
+    texture : Texture
+        The normals.
+    convention : {"opengl", "directx"}
+        Whether green points up or down.
+    bits : int, optional
+        Bits a channel; by default those of the format.
+    description : str, optional
+        A line of text that the file keeps, see :func:`mpsnet_core.io.images.write_bands`.
+
+    Raises
+    ------
+    FileError
+        Where the file cannot be written.
     """
     height, width, _ = texture.vectors.shape
     write_bands(

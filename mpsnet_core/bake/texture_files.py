@@ -1,4 +1,4 @@
-"""Texture files: how they are written, which ones are made of which meshes, and what became of them."""
+"""Texture files: how they are written, which meshes each is of, and what became of them."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -14,7 +14,7 @@ from mpsnet_core.bake.presets import preset_named, preset_output
 from mpsnet_core.bake.texture import Texture, write_texture
 from mpsnet_core.bake.texture_names import split_by, texture_files, tile_patterns
 from mpsnet_core.bake.texture_sets import TextureSet, sheets
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.albedo import write_albedo
 from mpsnet_core.io.files import ensure_folder, writable_path
 from mpsnet_core.io.frames import check_apart
@@ -60,19 +60,21 @@ def texture_target(
     ending: the files' format, with or without a dot. sequence: the output is a folder of frames, which have names of
     their own.
 
-    Raises InputError where the preset is not known, what is asked for does not fit the output's ending, or a folder is
-    given for what several meshes share, which no preset has a name for.
+    Raises SettingsError where the preset is not known, the options do not fit the output's ending, or a folder is given
+    for what several meshes share, which no preset has a name for.
     """
     suffix = f".{ending.lstrip('.').lower()}" if ending else None
     if preset is None:
         if suffix and not sequence and Path(output).suffix.lower() != suffix:
-            raise InputError(f"--format {suffix[1:]} is not what {output} ends in; change one, or leave --format out")
+            raise SettingsError(
+                f"--format {suffix[1:]} is not what {output} ends in; change one, or leave --format out"
+            )
         return TextureTarget(output, convention or "opengl", bits, suffix or ".png")
     wanted = preset_named(preset)
     if not sequence:
         folder = output.endswith(("/", "\\"))
         if len(meshes) > 1 and (folder or Path(output).is_dir()):
-            raise InputError(
+            raise SettingsError(
                 f"a preset names a texture after its mesh, and {len(meshes)} share this one; give its file "
                 f"with --output, as {output.rstrip('/')}/{wanted.stem('name')}{wanted.suffix}"
             )
@@ -88,7 +90,7 @@ def texture_target(
 
 @dataclass(frozen=True)
 class Plan:
-    """Textures to be made of meshes: a sheet and a file for each.
+    """Textures to bake for meshes: a sheet and a file for each.
 
     patterns: the files with <UDIM> in place of the tile's number. base_maps: the maps that go beneath them.
     """
@@ -136,12 +138,12 @@ def planned(
     if "object" in by:
         meshes = [_named(mesh, Path(file).stem) for mesh, file in zip(meshes, mesh_files, strict=True)]
     if "material" in by and not any(mesh.materials for mesh in meshes):
-        raise InputError(f"{' and '.join(mesh_files)}: there are no materials; leave <MATERIAL> out of --output")
+        raise SettingsError(f"{' and '.join(mesh_files)}: there are no materials; leave <MATERIAL> out of --output")
     chosen = sheets(meshes, tiles="tile" in by, materials="material" in by, objects="object" in by)
     files = texture_files(target.output, chosen)
     beneath = maps_beneath(onto, onto_convention, chosen) if onto else [None] * len(chosen)
     coloured = map(albedo_file, files) if albedo else ()
-    check_apart([*taken, *(one.file for one in beneath if one)], map(writable_path, [*files, *coloured]))
+    check_apart([*taken, *(present.file for present in beneath if present)], map(writable_path, [*files, *coloured]))
     base_maps = BaseMaps(beneath, chosen, meshes, onto_shown)
     return Plan(target, meshes, chosen, files, tile_patterns(target.output, chosen), base_maps)
 
@@ -152,12 +154,12 @@ def albedo_file(texture: Path) -> Path:
 
 
 def _named(mesh: Mesh, name: str) -> Mesh:
-    """The mesh, as an object of that name where its file tells none."""
+    """The mesh, as an object of that name where its file has none."""
     return mesh if mesh.objects else replace(mesh, objects=Labels((name,), np.zeros(len(mesh.triangles), np.int32)))
 
 
 def write_textures(plan: Plan, baked: Iterable[tuple[TextureSet, Texture]]) -> Iterator[tuple[Made, Texture]]:
-    """Write textures one by one, as they are baked; gives each with what was made of it.
+    """Write textures one by one, as they are baked; yields each with its record.
 
     Raises InputError where one cannot be baked or written.
     """
@@ -178,35 +180,35 @@ def write_textures(plan: Plan, baked: Iterable[tuple[TextureSet, Texture]]) -> I
 
 
 def textures_result(made: Sequence[Made]) -> dict[str, Any]:
-    """What became of the textures as plain data: each one's file, what it is of, and the share of it that was seen.
+    """What became of the textures as plain data: each texture's file, what it is of, and the share of it that was seen.
 
     tiles, albedo_tiles: the file's name for all tiles, with <UDIM> in it.
     """
     outputs = []
-    for one in made:
-        shows = {what: getattr(one.sheet, what) for what in ("tile", "material", "object")}
+    for texture in made:
+        shows = {what: getattr(texture.sheet, what) for what in ("tile", "material", "object")}
         known = {what: value for what, value in shows.items() if value is not None}
-        if one.sheet.tile is not None:
-            known["tiles"] = str(one.pattern)
-        if one.albedo is not None:
-            known["albedo"] = str(one.albedo)
-            if one.sheet.tile is not None:
-                known["albedo_tiles"] = str(albedo_file(one.pattern))
-        outputs.append({"output": str(one.file), **known, "seen": round(one.seen / one.covered, 4)})
+        if texture.sheet.tile is not None:
+            known["tiles"] = str(texture.pattern)
+        if texture.albedo is not None:
+            known["albedo"] = str(texture.albedo)
+            if texture.sheet.tile is not None:
+                known["albedo_tiles"] = str(albedo_file(texture.pattern))
+        outputs.append({"output": str(texture.file), **known, "seen": round(texture.seen / texture.covered, 4)})
     return {"outputs": outputs, "seen": round(seen_share(made), 4)}
 
 
 def seen_share(made: Sequence[Made]) -> float:
     """The share of all the textures' surface that some view saw."""
-    return sum(one.seen for one in made) / sum(one.covered for one in made)
+    return sum(texture.seen for texture in made) / sum(texture.covered for texture in made)
 
 
 def format_textures(made: Sequence[Made], facts: str) -> str:
     """A line for each texture: where it is, what it is, how much of it was seen. facts: what is true of all."""
     lines = [
-        f"{one.file}: {facts}, {one.seen / one.covered:.1%} of its surface seen"
-        + (f"; albedo in {one.albedo.name}" if one.albedo is not None else "")
-        for one in made
+        f"{texture.file}: {facts}, {texture.seen / texture.covered:.1%} of its surface seen"
+        + (f"; albedo in {texture.albedo.name}" if texture.albedo is not None else "")
+        for texture in made
     ]
     if len(lines) > LISTED:
         lines = [lines[0], f"... {len(lines) - 2} more ...", lines[-1]]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import SettingsError
 
 # The tokens, and what of a sheet they stand for.
 TOKENS = {"<UDIM>": "tile", "<MATERIAL>": "material", "<OBJECT>": "object"}
@@ -28,17 +28,17 @@ class Parted(Protocol):
 def split_by(pattern: str | os.PathLike[str]) -> set[str]:
     """What the pattern's tokens part textures by: "tile", "material", "object".
 
-    Raises InputError for a token that is none of ours, or that stands in a folder's name.
+    Raises SettingsError for a token that is none of ours, or that stands in a folder's name.
     """
     path = Path(pattern)
-    told = f"{', '.join(list(TOKENS)[:-1])} or {list(TOKENS)[-1]}"
+    known = f"{', '.join(list(TOKENS)[:-1])} or {list(TOKENS)[-1]}"
     found = re.findall("<[^<>]*>", path.name)
     for token in found:
         if token not in TOKENS:
-            raise InputError(f"{pattern}: {token} stands for nothing; use {told}, in capital letters")
+            raise SettingsError(f"{pattern}: {token} stands for nothing; use {known}, in capital letters")
     for token in re.findall("<[^<>]*>", str(path.parent)):
         if token.upper() in TOKENS:
-            raise InputError(f"{pattern}: {token} stands in a folder's name; put it into the file's name")
+            raise SettingsError(f"{pattern}: {token} stands in a folder's name; put it into the file's name")
     return {TOKENS[token] for token in found}
 
 
@@ -47,31 +47,33 @@ def texture_files(pattern: str | os.PathLike[str], sheets: Sequence[Parted]) -> 
 
     Names that become the same that way, on some system at least, are numbered.
 
-    Raises InputError where the pattern has other tokens than the sheets are parted by, or two sheets get one file.
+    Raises SettingsError where the pattern has other tokens than the sheets are parted by, or two sheets get one file.
     """
     files = _named(pattern, sheets, [str(sheet.tile) for sheet in sheets])
     folded = [file.name.casefold() for file in files]
     for file, name in zip(files, folded, strict=True):
         if folded.count(name) > 1:
-            raise InputError(
+            raise SettingsError(
                 f"several textures would be called {file}; put {', '.join(TOKENS)} into the name as needed, apart"
             )
     return files
 
 
 def check_one_texture(file: str | os.PathLike[str]) -> None:
-    """Raises InputError where a token in the file's name makes it stand for several textures, where one is needed."""
+    """Raises SettingsError where a token in the file's name makes it stand for several textures: one is needed."""
     called = {"tile": "a tile's number", "material": "a material's name", "object": "an object's name"}
     name = "" if Path(file).is_file() else Path(file).name
     for token, what in TOKENS.items():
         if token in name:
-            raise InputError(f"{file} stands for several textures; name one of them, with {called[what]} for {token}")
+            raise SettingsError(
+                f"{file} stands for several textures; name one of them, with {called[what]} for {token}"
+            )
 
 
 def tile_patterns(pattern: str | os.PathLike[str], sheets: Sequence[Parted]) -> list[Path]:
     """The same with <UDIM> left as it is: the name that programs know all tiles of a texture by, for each sheet.
 
-    Raises InputError where the pattern has a token in a folder's name or one that is not known.
+    Raises SettingsError where the pattern has a token in a folder's name or one that is not known.
     """
     return _named(pattern, sheets, ["<UDIM>"] * len(sheets))
 
@@ -79,7 +81,7 @@ def tile_patterns(pattern: str | os.PathLike[str], sheets: Sequence[Parted]) -> 
 def map_files(pattern: str | os.PathLike[str], sheets: Sequence[Parted]) -> list[Path]:
     """The same for maps that are read, of which several sheets may share one.
 
-    Raises InputError where the pattern has other tokens than the sheets are parted by.
+    Raises SettingsError where the pattern has other tokens than the sheets are parted by.
     """
     return _named(pattern, sheets, [str(sheet.tile) for sheet in sheets])
 
@@ -87,7 +89,7 @@ def map_files(pattern: str | os.PathLike[str], sheets: Sequence[Parted]) -> list
 def _named(pattern: str | os.PathLike[str], sheets: Sequence[Parted], tiles: Sequence[str]) -> list[Path]:
     path = Path(pattern)
     if not path.name:
-        raise InputError(f"{path} names no file; give one")
+        raise SettingsError(f"{path} names no file; give one")
     parted = split_by(pattern)
     names = {what: _file_names([getattr(sheet, what) for sheet in sheets]) for what in ("material", "object")}
     files = []
@@ -96,7 +98,7 @@ def _named(pattern: str | os.PathLike[str], sheets: Sequence[Parted], tiles: Seq
         for token, what in TOKENS.items():
             value = getattr(sheet, what)
             if what in parted and value is None:
-                raise InputError(f"{pattern} has {token}, by which the textures are not parted; leave it out")
+                raise SettingsError(f"{pattern} has {token}, by which the textures are not parted; leave it out")
             name = name.replace(token, tile if what == "tile" else names[what].get(value, ""))
         files.append(path.with_name(name))
     return files

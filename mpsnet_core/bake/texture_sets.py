@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.connected_components import connected
-from mpsnet_core.errors import InputError
+from mpsnet_core.bake.uv_islands import islands_of
+from mpsnet_core.errors import GeometryError, InputError
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.mesh_labels import Labels
 
@@ -31,9 +31,19 @@ NAMELESS = {"material": "no_material", "object": "object"}
 class TextureSet:
     """What shares one texture. No two are equal.
 
-    parts: for each mesh, (K,) the numbers of its triangles that do, or None for all of them.
-    tile: the UDIM tile's number, None for the unit square from 0 to 1. material, object: the names of what is baked
-    here where each has a sheet of its own, else None.
+    Attributes
+    ----------
+    parts : tuple of (K,) int64 arrays or None
+        For each mesh, the numbers of its triangles that do; None for all of them.
+    tile : int, optional
+        Number of the UDIM tile; None for the unit square from 0 to 1.
+    material, object : str, optional
+        Names of what is baked here, where each has a texture of its own.
+
+    Examples
+    --------
+    >>> TextureSet((None,), tile=1012).corner
+    (1, 1)
     """
 
     parts: tuple[NDArray[np.int64] | None, ...]
@@ -50,8 +60,8 @@ class TextureSet:
     @property
     def named(self) -> str:
         """In words, "" for what is the only one."""
-        told = {"object": self.object, "material": self.material, "tile": self.tile}
-        return ", ".join(f"{what} {name}" for what, name in told.items() if name is not None)
+        names = {"object": self.object, "material": self.material, "tile": self.tile}
+        return ", ".join(f"{what} {name}" for what, name in names.items() if name is not None)
 
 
 def sheets(
@@ -61,7 +71,7 @@ def sheets(
 
     Materials of one name are one; objects of several meshes are several, whatever their names, which are then numbered.
 
-    Raises InputError where no UV lies where textures are, or UVs lie in more than `MAX_TILES` tiles.
+    Raises GeometryError where no UV lies where textures are, or UVs lie in more than `MAX_TILES` tiles.
     """
     if not (tiles or materials or objects):
         _note_outside(meshes, "0 to 1", 1, 1)
@@ -75,7 +85,7 @@ def sheets(
         try:
             found += _tiles(meshes, group)
         except InputError as error:
-            raise InputError(f"{group.named}: {error}" if group.named else str(error)) from None
+            raise type(error)(f"{group.named}: {error}" if group.named else str(error)) from None
     if tiles:
         _note_crossings(meshes)
         _note_outside(meshes, "the UDIM tiles", TILES_IN_A_ROW, ROWS_OF_TILES)
@@ -107,8 +117,8 @@ def _groups(
         yield obj, material, tuple(parts)
 
 
-def _labels(mesh: Mesh, labels: Labels | None, what: str, asked: bool) -> tuple[list[str], NDArray[np.int64]]:
-    if not asked or labels is None:
+def _labels(mesh: Mesh, labels: Labels | None, what: str, split: bool) -> tuple[list[str], NDArray[np.int64]]:
+    if not split or labels is None:
         return [NAMELESS[what]], np.zeros(len(mesh.triangles), np.int64)
     return [name or NAMELESS[what] for name in labels.names], labels.number.astype(np.int64)
 
@@ -128,11 +138,11 @@ def _tiles(meshes: Sequence[Mesh], group: TextureSet) -> list[TextureSet]:
     reaches = [_reach(mesh, part) for mesh, part in zip(meshes, group.parts, strict=True)]
     tiles = {number for low, high in reaches for number in _tile_numbers(low, high)}
     if not tiles:
-        raise InputError(
+        raise GeometryError(
             "all UVs lie outside the UDIM tiles, the first of which, 1001, is 0 to 1; move the UV islands into them"
         )
     if len(tiles) > MAX_TILES:
-        raise InputError(
+        raise GeometryError(
             f"the UVs lie in {len(tiles)} UDIM tiles, more than the {MAX_TILES} that are baked at once; scale the UV "
             "islands so that each tile is a unit square"
         )
@@ -150,7 +160,7 @@ def _tiles(meshes: Sequence[Mesh], group: TextureSet) -> list[TextureSet]:
 def _reach(mesh: Mesh, part: NDArray[np.int64] | None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """(K, 2) the unit squares, by their lower left corners, that the triangles reach from and to."""
     uvs = mesh.uvs if part is None else mesh.uvs[part]
-    # Beyond the tiles by no more than one: enough to tell, and numbers that fit.
+    # Beyond the tiles by no more than one: enough to decide, and numbers that fit.
     limits = (-1, (TILES_IN_A_ROW, ROWS_OF_TILES))
     low = np.clip(np.floor(uvs.min(axis=1).astype(np.float64) + ROUNDING), *limits).astype(np.int64)
     high = np.clip(np.ceil(uvs.max(axis=1).astype(np.float64) - ROUNDING) - 1, *limits).astype(np.int64)
@@ -167,12 +177,12 @@ def _tile_numbers(low: NDArray[np.int64], high: NDArray[np.int64]) -> set[int]:
 
 
 def _note_outside(meshes: Sequence[Mesh], where: str, width: int, height: int) -> None:
-    """Tell of triangles outside of all textures. Raises InputError where all are."""
+    """Log triangles outside of all textures. Raises GeometryError where all are."""
     limit = np.array([width, height])
     count = sum(int(((m.uvs < -1e-4) | (m.uvs > limit + 1e-4)).any(axis=(1, 2)).sum()) for m in meshes)
     bounds = [(mesh.uvs.min(axis=(0, 1)), mesh.uvs.max(axis=(0, 1))) for mesh in meshes]
     if all((high <= 0).any() or (low >= limit).any() for low, high in bounds):
-        raise InputError(
+        raise GeometryError(
             f"all of the mesh's UVs lie outside the texture ({where}); move the UV islands into it, or bake UDIM tiles "
             "(<UDIM> in the file's name)"
         )
@@ -185,7 +195,7 @@ def _note_outside(meshes: Sequence[Mesh], where: str, width: int, height: int) -
 
 
 def _note_crossings(meshes: Sequence[Mesh]) -> None:
-    """Tell of UV islands that lie in several tiles: textures end at a tile's border, and so does their margin."""
+    """Log UV islands that lie in several tiles: textures end at a tile's border, and so does their margin."""
     crossing = sum(_crossing_islands(mesh) for mesh in meshes)
     if crossing:
         islands = "1 UV island lies" if crossing == 1 else f"{crossing} UV islands lie"
@@ -196,10 +206,8 @@ def _crossing_islands(mesh: Mesh) -> int:
     low, high = _reach(mesh, None)
     if (low == low[0]).all() and (high == low[0]).all():
         return 0
-    corners = np.concatenate([mesh.triangles.reshape(-1, 1), mesh.uvs.reshape(-1, 2)], axis=1)
-    point = np.unique(corners, axis=0, return_inverse=True)[1].reshape(-1, 3)
-    island = connected(int(point.max()) + 1, point[:, [0, 1]].ravel(), point[:, [1, 2]].ravel())[point[:, 0]]
-    least, most = (np.full((len(mesh.triangles) * 3, 2), start) for start in (1 << 30, -1))
+    island = islands_of(mesh).of_triangle
+    least, most = (np.full((int(island.max()) + 1, 2), start) for start in (1 << 30, -1))
     np.minimum.at(least, island, low)
     np.maximum.at(most, island, high)
     return int(((most > least).any(axis=1) & (most[:, 0] >= 0)).sum())

@@ -1,4 +1,4 @@
-"""What the views say of points on the surface, summed up view by view; and the views, held as memory allows."""
+"""The views' samples at points of the surface, summed up view by view; and the views, in memory as far as it allows."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.bake.projection import Projector, View
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError
 from mpsnet_core.progress import Progress
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.rays import RayScene
 
-# Views beyond about this much memory are not held at once, but asked for again in each pass.
+# Views beyond about this much memory are not held at once, but read again in each pass.
 HELD_BYTES = 1 << 30
 
 
@@ -23,7 +23,7 @@ class Projectors:
     def __init__(self, views: Sequence[View], scene: RayScene, feather: float) -> None:
         self.views, self.scene, self.feather = views, scene, feather
         self.all: list[Projector] = []
-        # How many values a view says at a point, see `Projector.look`; known once views were asked for.
+        # Values of a view at a point, see `Projector.look`; known once views were read.
         self.values = 0
 
     def batches(self) -> Iterator[list[Projector]]:
@@ -40,7 +40,9 @@ class Projectors:
             batch.append(Projector(self.views[number], self.scene, self.feather))
             values = batch[-1].samples.shape[2]
             if self.values not in (0, values):
-                raise InputError("some views have colours and others none; give colours for all of them, or for none")
+                raise GeometryError(
+                    "some views have colours and others none; give colours for all of them, or for none"
+                )
             self.values = values
             held += _held_bytes(batch[-1])
             if number + 1 == len(self.views) == len(batch):
@@ -58,7 +60,7 @@ def _held_bytes(projector: Projector) -> int:
 
 @dataclass(frozen=True)
 class ViewAccumulator:
-    """What the views so far say of N texels.
+    """The sums of the views so far at N texels.
 
     sums: (N, 4) their weighted normals in world space, and those vectors' lengths; (N, 8) with their weighted colours
     and those weights. views: (N,) how many see the texel.
@@ -69,7 +71,7 @@ class ViewAccumulator:
 
     @classmethod
     def none(cls, count: int, values: int) -> "ViewAccumulator":
-        """values: how many a view says at a texel."""
+        """values: of a view at a texel."""
         return cls(np.zeros((count, values), np.float32), np.zeros(count, np.uint16))
 
     def of(self, chunk: slice) -> "ViewAccumulator":
@@ -77,7 +79,7 @@ class ViewAccumulator:
         return ViewAccumulator(self.sums[chunk], self.views[chunk])
 
     def add(self, seen: NDArray[np.int64], samples: NDArray[np.float32]) -> None:
-        """Add what one more view says, see :meth:`Projector.look`."""
+        """Add one more view's samples, see :meth:`Projector.look`."""
         samples[:, 3] = np.sqrt(np.einsum("ni,ni->n", samples[:, :3], samples[:, :3]))
         self.sums[seen] += samples
         self.views[seen] += 1

@@ -1,7 +1,7 @@
 """Agreement: how much of the surface each view sees, and how far it departs from the others, levelled and not.
 
-It is asked at points spread evenly over the surface, so that neither UVs nor the texture's size come into it, and while
-each view is at hand, so that none needs to be read again.
+It is measured at points spread evenly over the surface, so that neither UVs nor the texture's size matter, and while
+each view is in memory, so that none needs to be read again.
 """
 
 import logging
@@ -43,7 +43,7 @@ class ViewAgreement:
 
 @dataclass
 class Agreement:
-    """What the views say at points of the surface.
+    """The views' samples at points of the surface.
 
     points: (N, 3) relative to the scene's middle. normals: (N, 3) unit, in the world. feather: the bake's.
     """
@@ -55,14 +55,11 @@ class Agreement:
     _views: list[tuple[str, float]] = field(default_factory=list)
     _looks: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = field(default_factory=list)
 
-    def add(self, name: str, estimated: View, correct_low_frequencies: View, level: float) -> None:
+    def add(self, name: str, estimated: View, levelled: View, level: float) -> None:
         """One more view, as estimated and as levelled by `level` degrees in the mean."""
         self._views.append((name, level))
-        looks = [
-            self._look(view)
-            for view in ([estimated] if correct_low_frequencies is estimated else [estimated, correct_low_frequencies])
-        ]
-        self._looks.append((looks[0], looks[-1]))
+        look = self._look(estimated)
+        self._looks.append((look, look if levelled is estimated else self._look(levelled)))
 
     def _look(self, view: View) -> NDArray[np.float32]:
         look = np.zeros((len(self.points), 4), np.float32)
@@ -80,7 +77,7 @@ class Agreement:
 
 
 def agreement(mesh: Mesh, scene: RayScene, feather: float = 0.0, count: int = POINTS) -> Agreement:
-    """Nothing said yet, at `count` points that are spread over the mesh by area, the same ones every time.
+    """No view yet, at `count` points that are spread over the mesh by area, the same ones every time.
 
     feather: as :func:`mpsnet_core.bake.bake.bake_normals` takes it.
     """
@@ -113,12 +110,12 @@ def _departures(looks: Sequence[NDArray[np.float32]]) -> list[float]:
 
 
 def note_doubts(views: Sequence[ViewAgreement]) -> None:
-    """Tell of views that depart from the others, or from the mesh, by more than estimates do."""
+    """Warn of views that depart from the others, or from the mesh, by more than estimates do."""
     for view in views:
         if max(np.nan_to_num(view.before), view.level) > MOST_APART:
             log.warning(
                 "view %s is %.0f° apart from the others and was levelled by %.0f°: do rig, camera and mesh belong "
-                "together, and did the lights go with what was said?",
+                "together, and is --lights-in right?",
                 view.name,
                 np.nan_to_num(view.before),
                 view.level,

@@ -1,1 +1,1 @@
-"""Heights: what normals say of a surface's shape, and what artists make of it."""
+"""Heights, meshes, curvature and occlusion from normals."""

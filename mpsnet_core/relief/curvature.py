@@ -1,4 +1,4 @@
-"""How a surface bends, told by its normals: edges that stick out are above 0, creases below it."""
+"""Curvature of a surface from its normals: convex edges are above 0, creases below."""
 
 from typing import Any
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.mask_regions import box_sums
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.defaults import CURVATURE_RADIUS
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.relief.sizes import check_size
 from mpsnet_core.scene.camera import Camera
@@ -23,28 +23,47 @@ _SAMPLED = 1_000_000
 def curvature(
     normals: NormalMap,
     camera: Camera,
-    depth: NDArray[np.floating] | None = None,
+    depth: NDArray[np.floating[Any]] | None = None,
     *,
     radius: int = CURVATURE_RADIUS,
     progress: Progress = silent,
 ) -> NDArray[np.float32]:
-    """(H, W) the sum of the two principal curvatures (twice the mean curvature) in 1 / the camera's unit; 0 outside.
+    """The sum of the two principal curvatures, which is twice the mean curvature.
 
-    Above 0 where the surface is convex: 2 / R on a sphere of radius R, seen from outside, 1 / R on a cylinder, at every
-    slant. It is the divergence of the normals in space, each carried on along its pixel's ray, where it does not
-    change. Steps of the surface that the normals do not show are not seen.
+    Parameters
+    ----------
+    normals : NormalMap
+        In camera space, (H, W).
+    camera : Camera
+        What the pixels see.
+    depth : (H, W) array, optional
+        Along a perspective camera's axis, which needs it.
+    radius : int
+        Averages over squares that reach 1, 2, 4, ... up to `radius` pixels, each weighted by its reach, so that fine
+        grain does not drown broad shapes. 0: each pixel's own, from its neighbours.
+    progress : Progress
 
-    camera: what the pixels see. depth: (H, W) along a perspective camera's axis, which it needs.
-    radius: what is averaged: squares that reach 1, 2, 4, ... up to `radius` pixels, each counted as much as it reaches,
-        so that fine grain does not drown broad shapes. 0: each pixel's own, from its neighbours.
+    Returns
+    -------
+    (H, W) float32 array
+        In 1 / the camera's unit, above 0 where the surface is convex: 2 / R on a sphere of radius R, 1 / R on a
+        cylinder, at every slant. 0 outside the mask.
 
-    Raises InputError where the sizes do not agree, a depth is missing or the radius is below 0.
+    Raises
+    ------
+    GeometryError
+        Where the sizes differ or a depth is missing.
+    SettingsError
+        Where the radius is below 0.
+
+    Notes ----- The divergence of the normals in space, each constant along its pixel's ray. Depth discontinuities that
+    the normals do not show have no curvature.
     """
     height, width = normals.mask.shape
     check_size("camera", (camera.height, camera.width), normals)
     perspective = camera.projection == "perspective"
     if perspective and (depth is None or np.shape(depth) != (height, width)):
-        raise InputError("the curvature under a perspective camera needs the depth of every pixel")
+        raise GeometryError("the curvature under a perspective camera needs the depth of every pixel")
     check_curvature(radius)
     sharp = np.zeros((height, width), np.float32)
     for rows in bands(height):
@@ -64,27 +83,58 @@ def curvature(
 
 
 def check_curvature(radius: int, limit: float | None = None) -> None:
-    """Raises InputError where curvature cannot be averaged over the radius, or not be shown up to the limit."""
+    """Raises SettingsError where curvature cannot be averaged over the radius, or not be shown up to the limit."""
     if radius < 0:
-        raise InputError(f"a radius of {radius} pixels is none; give 0 or more")
+        raise SettingsError(f"a radius of {radius} pixels is none; give 0 or more")
     if limit is not None and not 0 < limit < np.inf:
-        raise InputError(f"a curvature's range must be a number above 0, not {limit:g}")
+        raise SettingsError(f"a curvature's range must be a number above 0, not {limit:g}")
 
 
-def curvature_range(values: NDArray[np.floating], mask: NDArray[np.bool_]) -> float:
-    """A range that suits a picture of these curvatures: 99 of 100 pixels of the mask lie within plus and minus it."""
+def curvature_range(values: NDArray[np.floating[Any]], mask: NDArray[np.bool_]) -> float:
+    """A range that suits a picture of these curvatures.
+
+    Parameters
+    ----------
+    values : (H, W) array
+        Curvatures.
+    mask : (H, W) bool array
+        Where they count.
+
+    Returns
+    -------
+    float
+        99 of 100 pixels of the mask lie within plus and minus this; 1 where all are 0.
+    """
     inside = np.abs(values[mask])
     limit = float(np.quantile(inside[:: -(-len(inside) // _SAMPLED)], PICTURE_QUANTILE))
     return limit if limit > 0 else 1.0
 
 
-def curvature_picture(values: NDArray[np.floating], limit: float) -> NDArray[np.float32]:
-    """(H, W) 0 to 1 for artists: flat is 0.5, convex by `limit` (1 / unit) or more white, concave by as much black."""
+def curvature_picture(values: NDArray[np.floating[Any]], limit: float) -> NDArray[np.float32]:
+    """Curvatures as grey values: 0.5 is flat, white is convex by `limit` or more, black concave by as much.
+
+    Parameters
+    ----------
+    values : (H, W) array
+        Curvatures in 1 / unit.
+    limit : float
+        Curvature that is white, above 0.
+
+    Returns
+    -------
+    (H, W) float32 array
+        0 to 1.
+
+    Examples
+    --------
+    >>> curvature_picture(np.array([[-2.0, 0.0, 1.0]]), 2.0)
+    array([[0.  , 0.5 , 0.75]], dtype=float32)
+    """
     return np.clip(0.5 + 0.5 / limit * values, 0, 1).astype(np.float32)
 
 
 def _divergence(
-    normals: NormalMap, camera: Camera, depth: NDArray[np.floating] | None, rows: slice
+    normals: NormalMap, camera: Camera, depth: NDArray[np.floating[Any]] | None, rows: slice
 ) -> NDArray[np.float32]:
     """Of some rows.
 
@@ -112,4 +162,5 @@ def _gradient(values: NDArray[Any], mask: NDArray[np.bool_], axis: int) -> NDArr
     for side in (slice(1, None), slice(None, -1)):
         total[side] += steps
         count[side] += known
-    return (total / np.maximum(count, 1)[..., None]).swapaxes(0, axis)
+    mean: NDArray[Any] = total / np.maximum(count, 1)[..., None]
+    return mean.swapaxes(0, axis)

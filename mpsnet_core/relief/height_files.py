@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.push_pull import push_pull
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, FormatError, InputError
 from mpsnet_core.io.files import (
     MAX_JSON_BYTES,
     existing_file,
@@ -44,8 +44,22 @@ MOST = 1e38
 class HeightScale:
     """What the values of a height file mean: ``height = black + value * (white - black)``.
 
-    black, white: the height that value 0 and value 1 stand for. In float files these are 0 and 1: the value is the
-    height. zero: the height that stays where it is when a surface is displaced. unit: in words, as "mm".
+    Attributes
+    ----------
+    black, white : float
+        Heights of the values 0 and 1. In float files these are 0 and 1: the value is the height.
+    zero : float
+        Height that stays where it is when a surface is displaced.
+    unit : str
+        Name of the unit, as "mm".
+
+    Examples
+    --------
+    >>> scale = HeightScale(-2.0, 6.0, 0.0, "mm")
+    >>> scale.strength, scale.midlevel
+    (8.0, 0.25)
+    >>> print(scale)
+    black is -2 mm, white 6 mm
     """
 
     black: float
@@ -81,23 +95,23 @@ class HeightScale:
 def height_files(path: str | os.PathLike[str], bits: int | None = None) -> list[Path]:
     """The files that :func:`write_height` writes for `path`: the heights, their scale, their mask.
 
-    Raises InputError where they cannot be written there, or what stands in the place of the scale or of the mask is not
+    Raises FileError where they cannot be written there, or what stands in the place of the scale or of the mask is not
     of heights that were written there before.
     """
     path, scale, mask = height_names(writable_path(path))
     bits = checked_bits(path, bits)
     if bits not in HEIGHT_BITS or (path.suffix.lower() == ".exr" and bits == 16):
-        raise InputError(f"cannot write {path}: heights in {bits} bits show steps; take 16 bits in PNG or TIFF, or 32")
+        raise FileError(f"cannot write {path}: heights in {bits} bits show steps; take 16 bits in PNG or TIFF, or 32")
     kept_mask = None
     if scale.exists():
         try:
             kept_mask = read_json(scale, HEIGHT_FORMAT, HEIGHT_VERSION, HEIGHT_KEYS)["mask"]
         except InputError:
-            raise InputError(
+            raise FileError(
                 f"cannot write {path}: {scale}, where its scale belongs, is another file; choose another name"
             ) from None
     if kept_mask != mask.name and mask.exists():
-        raise InputError(f"cannot write {path}: {mask}, where its mask belongs, is another file; choose another name")
+        raise FileError(f"cannot write {path}: {mask}, where its mask belongs, is another file; choose another name")
     return [path, scale, mask]
 
 
@@ -110,48 +124,84 @@ def write_height(
     on_uvs: bool = False,
     ends: tuple[float, float] | None = None,
 ) -> HeightScale:
-    """Write heights, their scale and their mask: all of them, or none, and what was there stays.
+    """Write heights, with their scale as ``NAME.json`` and their mask as ``NAME.mask.png`` beside them.
 
-    path: .exr, or .tif with `bits` 32: float32 heights in the unit itself. .png or .tif: 16 bits from black, the lowest
-    height, to white, the highest. The file itself keeps the scale too, as its description. unit: what the camera's
-    unit is called, for people. on_uvs: they are a texture, which no camera saw, and none is told. ends: the heights
-    that are black and white in 16 bits, where they are those of more than this file.
+    Heights continue smoothly beyond the mask. All files appear, or none. The picture keeps the scale as its
+    description, too.
 
-    Returns what the values mean. Raises InputError as :func:`height_files` does, and where the disk is full.
+    Parameters
+    ----------
+    path : str or PathLike
+        EXR for float heights; PNG or TIFF for 16 bits.
+    heights : HeightMap
+        The heights.
+    bits : {16, 32}, optional
+        Bits of the values; by default those of the format. 32 writes float heights into TIFF.
+    unit : str
+        Name of the heights' unit.
+    on_uvs : bool
+        Whether the heights are a texture on UVs, which no camera sees.
+    ends : (float, float), optional
+        Heights that 16 bits write as black and white; by default the lowest and the highest in the mask.
+
+    Returns
+    -------
+    HeightScale
+        What the values mean.
+
+    Raises
+    ------
+    FileError
+        Where a file cannot be written, or would overwrite another one.
     """
     path, scale_file, mask_file = height_files(path, bits)
     bits = checked_bits(path, bits)
     inside = heights.values[heights.mask]
-    lowest, highest = float(inside.min()), float(inside.max())
-    # Where heights are known up to a constant 0 is as good a place as any; those along a perspective camera's axis
-    # are all far below it.
-    zero = 0.0 if heights.camera.projection == "orthographic" else float(inside.mean(dtype=np.float64))
-    black, white = (0.0, 1.0) if bits == 32 else ends or (lowest, highest)
-    scale = HeightScale(black, white if white > black else black + 1, zero, unit)
-    data = {
-        "unit": unit,
-        "lowest": lowest,
-        "highest": highest,
-        "black": scale.black,
-        "white": scale.white,
-        "pixels_per_unit": _pixels_per_unit(heights, zero),
-        "displace": {"strength": scale.strength, "midlevel": scale.midlevel},
-        "mask": None if heights.mask.all() else mask_file.name,
-        "camera": None if on_uvs else camera_data(heights.camera),
-    }
+    span = float(inside.min()), float(inside.max())
+    scale = _scale(heights, (0.0, 1.0) if bits == 32 else ends or span, unit)
+    data = _scale_data(scale, heights, *span)
+    data["mask"] = None if heights.mask.all() else mask_file.name
+    data["camera"] = None if on_uvs else camera_data(heights.camera)
     values = push_pull(heights.values, heights.mask)
     if bits != 32:
         values = ((values - np.float32(scale.black)) / np.float32(scale.strength)).astype(np.float32)
-    whole = {"format": HEIGHT_FORMAT, "version": HEIGHT_VERSION, **data}
     with written_together():
-        write_json(scale_file, whole)  # before the mask, which is known as its own by it
+        write_json(scale_file, data)  # before the mask, which is known as its own by it
         if data["mask"] is not None:
             write_image(mask_file, heights.mask, bits=8)
         else:
             remove_file(mask_file)  # of the heights that were there before
         _remove_earlier(path)
-        write_image(path, values, bits=bits, description=json.dumps(whole))
+        write_image(path, values, bits=bits, description=json.dumps(data))
     return scale
+
+
+def _scale(heights: HeightMap, ends: tuple[float, float], unit: str) -> HeightScale:
+    """ends: the heights of black and of white."""
+    black, white = ends
+    zero = 0.0
+    # Where heights are known up to a constant 0 is as good a place as any; those along a perspective camera's axis
+    # are all far below it.
+    if heights.camera.projection == "perspective":
+        zero = float(heights.values[heights.mask].mean(dtype=np.float64))
+    return HeightScale(black, white if white > black else black + 1, zero, unit)
+
+
+def _scale_data(scale: HeightScale, heights: HeightMap, lowest: float, highest: float) -> dict[str, Any]:
+    """The scale as it is written. lowest, highest: of the heights in the mask."""
+    focal = float(heights.camera.focal.mean())
+    return {
+        "format": HEIGHT_FORMAT,
+        "version": HEIGHT_VERSION,
+        "unit": scale.unit,
+        "lowest": lowest,
+        "highest": highest,
+        "black": scale.black,
+        "white": scale.white,
+        # Of a perspective camera at the mean height.
+        "pixels_per_unit": focal if heights.camera.projection == "orthographic" else focal / -scale.zero,
+        "displace": {"strength": scale.strength, "midlevel": scale.midlevel},
+    }
 
 
 def _remove_earlier(path: Path) -> None:
@@ -167,12 +217,27 @@ def _remove_earlier(path: Path) -> None:
 
 
 def read_height(path: str | os.PathLike[str]) -> HeightMap:
-    """Read heights that :func:`write_height` wrote, with the scale, mask and camera that stand beside them.
+    """Read heights that :func:`write_height` wrote, with the scale, mask and camera beside them.
 
-    Of 16 bits they are right to half a step, ``(white - black) / 131070``. Heights on UVs come with an orthographic
-    camera whose pixels are as large as their texels.
+    Parameters
+    ----------
+    path : str or PathLike
+        The file of heights.
 
-    Raises InputError where a file is missing or broken, or they do not belong together.
+    Returns
+    -------
+    HeightMap
+        Heights of 16 bits are exact to half a step, ``(white - black) / 131070``. Heights on UVs have an orthographic
+        camera whose pixels are as large as their texels.
+
+    Raises
+    ------
+    FileError
+        Where a file is missing or cannot be read.
+    FormatError
+        Where a file is damaged, or scale and picture do not belong together.
+    GeometryError
+        Where the sizes of heights, mask and camera differ.
     """
     path = existing_file(path, "height map")
     scale_file = scale_sidecar(path)
@@ -180,21 +245,21 @@ def read_height(path: str | os.PathLike[str]) -> HeightMap:
     values = read_channel(path)
     try:
         black, white = _number(data, "black"), _number(data, "white")
-        kept = _kept_data(path)
-        if kept is not None and (kept.get("black"), kept.get("white")) != (black, white):
-            raise InputError("its black and white are not those that the picture itself keeps; write both again")
+        described = _kept_data(path)
+        if described is not None and (described.get("black"), described.get("white")) != (black, white):
+            raise FormatError("its black and white are not those that the picture itself keeps; write both again")
         camera = _camera(data, values.shape)
         mask = _read_mask_beside(scale_file, data.get("mask"), values.shape)
         return HeightMap((black + values.astype(np.float64) * (white - black)).astype(np.float32), mask, camera)
     except InputError as error:
-        raise InputError(f"height map {path} with {scale_file.name}: {error}") from None
+        raise type(error)(f"height map {path} with {scale_file.name}: {error}") from None
 
 
 def _camera(data: dict[str, Any], shape: tuple[int, ...]) -> Camera:
     if "camera" in data and data["camera"] is None:
         return Camera("orthographic", shape[1], shape[0], np.full(2, _number(data, "pixels_per_unit")))
     if not isinstance(data.get("camera"), dict):
-        raise InputError('it lacks "camera"; add it')
+        raise FormatError('it lacks "camera"; add it')
     return camera_from_data(data["camera"])
 
 
@@ -213,18 +278,12 @@ def _read_mask_beside(file: Path, name: Any, shape: tuple[int, ...]) -> NDArray[
         return np.ones(shape, bool)
     # The name comes from outside, and must not lead anywhere else.
     if not isinstance(name, str) or not name or Path(name).name != name:
-        raise InputError('its "mask" must be the name of a file beside it')
+        raise FormatError('its "mask" must be the name of a file beside it')
     return read_mask(file.with_name(name))
 
 
 def _number(data: dict[str, Any], key: str) -> float:
     value = data.get(key)
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < MOST:
-        raise InputError(f'its "{key}" must be a finite number')
+        raise FormatError(f'its "{key}" must be a finite number')
     return float(value)
-
-
-def _pixels_per_unit(heights: HeightMap, zero: float) -> float:
-    """Of an orthographic camera; of a perspective one at the mean height."""
-    focal = float(heights.camera.focal.mean())
-    return focal if heights.camera.projection == "orthographic" else focal / -zero

@@ -6,20 +6,34 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.camera import Camera
 
 
 @dataclass(frozen=True)
 class HeightMap:
-    """Heights in camera space, the z axis, which points towards the camera.
+    """Heights in camera space along the z axis, which points towards the camera.
 
-    values: (H, W) float32 in the camera's unit; 0 outside the mask. Under an orthographic camera each connected piece
-    of the mask is known up to a constant; under a perspective one up to a factor, and z is below 0.
-    mask: (H, W) bool.
-    camera: where the pixels look; :func:`pixel_camera` where only pixels are known, so that the unit is a pixel.
+    Parameters
+    ----------
+    values : (H, W) array
+        Heights in the camera's unit; stored as float32, 0 outside the mask. Under an orthographic camera each connected
+        piece of the mask is known up to a constant; under a perspective one up to a factor, and heights are below 0.
+    mask : (H, W) bool array
+        Where the surface is.
+    camera : Camera
+        What the pixels see; :func:`pixel_camera` where only pixels are known, so that the unit is a pixel.
 
-    Raises InputError where the sizes do not agree, the mask is empty or a height inside it is not finite.
+    Raises
+    ------
+    GeometryError
+        Where the sizes differ, the mask is empty or a height inside it is not finite.
+
+    Examples
+    --------
+    >>> heights = HeightMap(np.ones((2, 3)), np.ones((2, 3), bool), pixel_camera(2, 3))
+    >>> heights.points()[0, 0]
+    array([-1. ,  0.5,  1. ])
     """
 
     values: NDArray[np.float32]
@@ -29,16 +43,16 @@ class HeightMap:
     def __post_init__(self) -> None:
         values, mask = np.asarray(self.values, np.float32), np.asarray(self.mask, bool)
         if values.ndim != 2 or values.shape != mask.shape:
-            raise InputError(f"heights of shape {values.shape} do not fit a mask of shape {mask.shape}")
+            raise GeometryError(f"heights of shape {values.shape} do not fit a mask of shape {mask.shape}")
         if (self.camera.height, self.camera.width) != mask.shape:
-            raise InputError(
+            raise GeometryError(
                 f"the camera is {self.camera.width} x {self.camera.height} but its heights are "
                 f"{mask.shape[1]} x {mask.shape[0]}; they must be the same size"
             )
         if not mask.any():
-            raise InputError("the height map's mask is empty; there is nothing to work on")
+            raise GeometryError("the height map's mask is empty; there is nothing to work on")
         if not np.isfinite(values[mask]).all():
-            raise InputError("the height map holds values that are not finite inside its mask; integrate again")
+            raise GeometryError("the height map holds values that are not finite inside its mask; integrate again")
         object.__setattr__(self, "values", np.where(mask, values, np.float32(0)))
         object.__setattr__(self, "mask", mask)
 

@@ -1,6 +1,6 @@
 """What stands beside a height map: its scale as ``NAME.json`` and its mask as ``NAME.mask.png``, NAME with its ending.
 
-So ``height.png`` and ``height.exr`` in one folder each have their own. Needs no image library: Blender asks, too.
+So ``height.png`` and ``height.exr`` in one folder each have their own. Needs no image library, for Blender.
 """
 
 import os

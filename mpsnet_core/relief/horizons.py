@@ -64,7 +64,7 @@ def sectors() -> list[Sector]:
     ]
 
 
-def to_cells(values: NDArray[np.floating], outside: float = 0) -> NDArray[np.float32]:
+def to_cells(values: NDArray[np.floating[Any]], outside: float = 0) -> NDArray[np.float32]:
     """(4, 4, h, w) of a picture (H, W), which is filled up with `outside` to whole blocks."""
     height, width = values.shape
     blocks = np.full((-(-height // BLOCK) * BLOCK, -(-width // BLOCK) * BLOCK), outside, np.float32)
@@ -123,8 +123,8 @@ def horizons(ground: Ground, sector: Sector, reach: int) -> NDArray[np.float32]:
         along = (offsets * ways).sum(axis=-1)
         aside = east * offsets[..., 1] - north * offsets[..., 0] - leaning * along
         for cell in np.ndindex(BLOCK, BLOCK):
-            there, step = _at(cell, offsets[cell])
-            parts = ground.heights[cell], highest[there], across[cell], place[there] if stretch > 1 else None
+            ahead, step = _at(cell, offsets[cell])
+            parts = ground.heights[cell], highest[ahead], across[cell], place[ahead] if stretch > 1 else None
             _look(gradients[cell], parts, step, (along[cell], forth[cell]), aside[cell])
         # One pixel at a time until the stretches fit in.
         away += stretch * length if away >= STRETCHES * stretch * length else 1
@@ -154,11 +154,11 @@ def _doubled(
     """The same of stretches twice as long."""
     both, places = highest.copy(), place.copy()
     for cell in np.ndindex(BLOCK, BLOCK):
-        there, moved = _at(cell, stretch * step)
-        own, ahead = _overlap(highest.shape[2:], moved)
-        further = highest[there][ahead]
+        cell_ahead, moved = _at(cell, stretch * step)
+        own, others = _overlap(highest.shape[2:], moved)
+        further = highest[cell_ahead][others]
         higher = further > highest[cell][own]
-        np.copyto(places[cell][own], place[there][ahead] + np.float32(stretch), where=higher)
+        np.copyto(places[cell][own], place[cell_ahead][others] + np.float32(stretch), where=higher)
         np.copyto(both[cell][own], further, where=higher)
     return both, places
 

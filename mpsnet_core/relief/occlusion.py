@@ -1,4 +1,4 @@
-"""Ambient occlusion: how much of the sky each pixel's surface sees, told by its heights."""
+"""Ambient occlusion from heights: how much of the sky each pixel's surface sees."""
 
 from dataclasses import dataclass
 from math import hypot
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import SettingsError
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.relief.height_map import HeightMap
 from mpsnet_core.relief.horizons import AT_ONCE, BLOCK, Ground, from_cells, horizons, sectors, to_cells
@@ -16,7 +16,7 @@ from mpsnet_core.relief.parallel_projection import mean_depth, parallel_heights
 from mpsnet_core.relief.sizes import check_size
 from mpsnet_core.scene.normal_map import NormalMap
 
-# What a normal that is turned away from the line of sight is taken to lean at most (cosine).
+# A normal that is turned away from the line of sight is assumed to lean at most this far (cosine).
 LEAST_FACING = np.float32(0.05)
 # How far on either side neighbours are averaged, and how much they count, the pixel itself 2: every place in a block
 # gets the same weight, 2 of 8, whichever pixel is in the middle.
@@ -29,20 +29,36 @@ OFF, TURNED = np.float32(0.5), np.float32(0.05)
 def ambient_occlusion(
     heights: HeightMap, normals: NormalMap, *, reach: int | None = None, progress: Progress = silent
 ) -> NDArray[np.float32]:
-    """(H, W) 0 to 1: the share of a cosine-weighted hemisphere over each pixel's normal that the surface leaves open.
+    """The share of a cosine-weighted hemisphere over each pixel's normal that the surface leaves open.
 
-    1 on what is convex or flat and outside the mask. What lies behind the visible surface does not count.
+    Parameters
+    ----------
+    heights : HeightMap
+        The surface; what lies behind the visible surface does not count.
+    normals : NormalMap
+        In camera space, of the same size.
+    reach : int, optional
+        How far occluders count, in pixels; by default the whole object.
+    progress : Progress
+        Receives the share done and a message.
 
-    By horizons: in each of 16 directions over the picture the highest angle under which the surface is seen, and
-    between the horizons of two opposite ones the integral in closed form (Jimenez et al., Practical Real-Time
-    Strategies for Accurate Indirect Occlusion, SIGGRAPH 2016 courses, section 4). As there, each of 4 x 4 neighbours
-    looks in 16 directions of its own, and what they find is averaged over the surface that they share: of 16 the same
-    for all, every high edge would cast 16 straight shadows. Of what is far away only the highest pixel of each stretch
-    counts.
+    Returns
+    -------
+    (H, W) float32 array
+        0 to 1; 1 on what is convex or flat, and outside the mask.
 
-    reach: how far it looks, in pixels; as far as the object goes unless given.
+    Raises
+    ------
+    GeometryError
+        Where the sizes differ.
+    SettingsError
+        Where the reach is below 1.
 
-    Raises InputError where the sizes do not agree or the reach is below 1.
+    Notes ----- Horizon-based: in 16 directions over the picture the highest elevation of the surface, and between the
+    horizons of two opposite ones the integral in closed form (Jimenez et al., Practical Real-Time Strategies for
+    Accurate Indirect Occlusion, SIGGRAPH 2016 courses, section 4). As there, each of 4 x 4 neighbours has 16 directions
+    of its own, averaged over the surface that they share: of the same 16 for all, every high edge would cast 16
+    straight shadows. Of what is far away only the highest pixel of each stretch counts.
     """
     mask = heights.mask
     check_size("height map", mask.shape, normals)
@@ -70,9 +86,9 @@ def ambient_occlusion(
 
 
 def check_reach(reach: int | None) -> None:
-    """Raises InputError where ambient occlusion cannot look so few pixels far."""
+    """Raises SettingsError where ambient occlusion cannot look so few pixels far."""
     if reach is not None and reach < 1:
-        raise InputError(f"ambient occlusion over {reach} pixels is none; give 1 or more")
+        raise SettingsError(f"ambient occlusion over {reach} pixels is none; give 1 or more")
 
 
 def _extent(mask: NDArray[np.bool_]) -> int:

@@ -1,4 +1,4 @@
-"""What a photo's normal map is made into: for each product where it goes, how it is made, and what is told of it."""
+"""What a photo's normal map is converted to: for each product its file, its computation and its description."""
 
 import re
 from abc import ABC, abstractmethod
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, SettingsError
 from mpsnet_core.io.files import writable_path
 from mpsnet_core.io.images import checked_bits, write_image
 from mpsnet_core.progress import Progress
@@ -33,7 +33,7 @@ from mpsnet_core.scene.rig import direction_from_angles, slant_and_tilt
 
 @dataclass(frozen=True)
 class Surface:
-    """What the products are made of, None where none of them needs it.
+    """What the products are computed from, None where none of them needs it.
 
     unit: what the camera's unit is called. heights: in that unit. occlusion: (H, W). albedo: (H, W, 3), linear.
     """
@@ -48,7 +48,7 @@ class Surface:
 
 @dataclass(frozen=True)
 class Made:
-    """Files that were written, and what is told of them: in words, and as plain data."""
+    """Files that were written, described in words and as plain data."""
 
     files: list[Path]
     words: str
@@ -57,7 +57,7 @@ class Made:
 
 @dataclass(frozen=True)
 class Product(ABC):
-    """Something made of a surface, written to `path`."""
+    """Something computed from a surface, written to `path`."""
 
     path: Path
 
@@ -145,11 +145,11 @@ class RelitPicture(Product):
         slant_and_tilt("--light", self.light)
         count = 1 if self.turntable is None else len(turntable_tilts(self.turntable, 0))
         if self.path.suffix.lower() == ".exr":
-            raise InputError(f"cannot write {self.path}: a relit picture is for the screen; use .png or .tif")
+            raise FileError(f"cannot write {self.path}: a relit picture is for the screen; use .png or .tif")
         if "#" not in self.path.name:
             return _picture(self.path)
         if self.turntable is None:
-            raise InputError(
+            raise SettingsError(
                 f"{self.path} stands for frames, and there is one light; give --turntable, or a name without #"
             )
         head, run, tail = re.split("(#+)", self.path.name, maxsplit=1)
@@ -158,16 +158,18 @@ class RelitPicture(Product):
 
     def make(self, surface: Surface, progress: Progress) -> Made:
         slant, tilt = slant_and_tilt("--light", self.light)
-        shown = {"occlusion": surface.occlusion, "albedo": surface.albedo}
+        occlusion, albedo = surface.occlusion, surface.albedo
         files = self.files()
         tilts = [tilt] if self.turntable is None else turntable_tilts(self.turntable, tilt)
         if len(tilts) > 1 and len(files) == 1:
             progress(0.0, f"making {files[0].name}")
-            write_image(files[0], turntable_sheet(surface.normals, slant, tilts, **shown), bits=8, color_space="sRGB")
+            sheet = turntable_sheet(surface.normals, slant, tilts, occlusion=occlusion, albedo=albedo)
+            write_image(files[0], sheet, bits=8, color_space="sRGB")
         else:
             for number, (file, angle) in enumerate(zip(files, tilts, strict=True)):
                 progress(number / len(files), f"making {file.name}")
-                picture = relit(surface.normals, direction_from_angles(slant, angle), **shown)
+                direction = direction_from_angles(slant, angle)
+                picture = relit(surface.normals, direction, occlusion=occlusion, albedo=albedo)
                 write_image(file, picture, bits=8, color_space="sRGB")
         around = f"{len(tilts)} lights around from" if len(tilts) > 1 else "a white light at"
         return Made(files, f"{around} slant {slant:g}°, tilt {tilt:g}°", {"tilts": tilts})

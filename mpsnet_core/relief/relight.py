@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.relief.sizes import check_size
 from mpsnet_core.scene.normal_map import NormalMap
@@ -23,23 +23,38 @@ def relit(
     normals: NormalMap,
     direction: ArrayLike,
     *,
-    occlusion: NDArray[np.floating] | None = None,
-    albedo: NDArray[np.floating] | None = None,
+    occlusion: NDArray[np.floating[Any]] | None = None,
+    albedo: NDArray[np.floating[Any]] | None = None,
 ) -> NDArray[np.float32]:
-    """(H, W, 4) sRGB values and the mask as alpha: a matt surface under a far white light, without cast shadows.
+    """A matt surface under a distant white light, without cast shadows.
 
-    Linear radiance is ``albedo * ((1 - a) * max(n . l, 0) + a * occlusion)`` with a = 0.15. A matt surface looks the
-    same from everywhere and the light is far, so a perspective camera makes no difference.
+    Parameters
+    ----------
+    normals : NormalMap
+        In camera space, (H, W).
+    direction : (3,) array_like
+        From the surface to the light in camera space, of any length.
+    occlusion : (H, W) array, optional
+        0 to 1, as :func:`mpsnet_core.relief.occlusion.ambient_occlusion` returns it; 1 by default.
+    albedo : (H, W, 3) array, optional
+        Linear; a light grey of 0.8 by default.
 
-    direction: (3,) from the surface to the light in camera space, of any length. occlusion: (H, W) 0 to 1, as
-    :func:`mpsnet_core.relief.occlusion.ambient_occlusion` gives it; 1 unless given. albedo: (H, W, 3), linear; a light
-    grey of 0.8 unless given.
+    Returns
+    -------
+    (H, W, 4) float32 array
+        sRGB values, and the mask as alpha.
 
-    Raises InputError where the sizes do not agree or the direction is none.
+    Raises
+    ------
+    GeometryError
+        Where the sizes differ, or the direction is 0 or not finite.
+
+    Notes ----- Linear radiance is ``albedo * ((1 - a) * max(n . l, 0) + a * occlusion)`` with a = 0.15. Lambertian
+    radiance is the same in all directions and the light is distant, so a perspective camera makes no difference.
     """
     light = np.asarray(direction, np.float64)
     if light.shape != (3,) or not np.isfinite(light).all() or not light.any():
-        raise InputError("a light's direction is three finite numbers that are not all 0")
+        raise GeometryError("a light's direction is three finite numbers that are not all 0")
     for what, values in (("ambient occlusion", occlusion), ("albedo", albedo)):
         if values is not None:
             check_size(what, values.shape, normals)
@@ -55,18 +70,25 @@ def relit(
 
 
 def turntable_tilts(count: int, first: float) -> list[float]:
-    """`count` tilts in degrees, evenly around from `first` on. Raises InputError where there are none, or too many."""
+    """`count` tilts in degrees, evenly around from `first` on. Raises SettingsError where these are 0 or too many."""
     if not 1 <= count <= MAX_TILTS:
-        raise InputError(f"a turntable has 1 to {MAX_TILTS} lights, not {count}")
+        raise SettingsError(f"a turntable has 1 to {MAX_TILTS} lights, not {count}")
     return [(first + 360 * number / count) % 360 for number in range(count)]
 
 
-def turntable_sheet(normals: NormalMap, slant: float, tilts: Sequence[float], **shown: Any) -> NDArray[np.float32]:
-    """(H, W, 3) sRGB values: a small picture for each light, titled with its tilt; `shown` goes to :func:`relit`."""
+def turntable_sheet(
+    normals: NormalMap,
+    slant: float,
+    tilts: Sequence[float],
+    *,
+    occlusion: NDArray[np.floating[Any]] | None = None,
+    albedo: NDArray[np.floating[Any]] | None = None,
+) -> NDArray[np.float32]:
+    """(H, W, 3) sRGB values: a small picture for each light, titled with its tilt; the rest as for :func:`relit`."""
     columns = int(np.ceil(np.sqrt(len(tilts))))
     tiles = []
     for tilt in tilts:
-        picture = relit(normals, direction_from_angles(slant, tilt), **shown)
+        picture = relit(normals, direction_from_angles(slant, tilt), occlusion=occlusion, albedo=albedo)
         framed = np.where(picture[..., 3:] > 0, picture[..., :3], np.float32(BACKGROUND))
         tiles.append((f"tilt {tilt:.4g}°", framed))
     return sheet(tiles, columns)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.normal_map import NormalMap
 
 # Of a texture on UVs whose heights are looked for; takes about 11 GB.
@@ -10,14 +10,16 @@ MAX_SIZE = 8192
 
 
 def check_size(what: str, shape: Sequence[int], normals: NormalMap) -> None:
-    """Raises InputError where `what`, an array of `shape` (H, W, ...), is of another size than the normals."""
+    """Raises GeometryError where `what`, an array of `shape` (H, W, ...), is of another size than the normals."""
     height, width = normals.mask.shape
     if tuple(shape[:2]) != (height, width):
         sizes = f"{shape[1]} x {shape[0]} but the normal map is {width} x {height}"
-        raise InputError(f"the {what} is {sizes}; they must be the same size")
+        raise GeometryError(f"the {what} is {sizes}; they must be the same size")
 
 
 def check_square(height: int, width: int) -> None:
-    """Raises InputError where a texture of that size was not baked onto UVs: those lie in a square."""
+    """Raises GeometryError where a texture of that size was not baked onto UVs: those lie in a square."""
     if height != width:
-        raise InputError(f"a texture of {width} x {height} texels does not fit UVs; give a square one, as it was baked")
+        raise GeometryError(
+            f"a texture of {width} x {height} texels does not fit UVs; give a square one, as it was baked"
+        )

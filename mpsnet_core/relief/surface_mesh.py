@@ -3,19 +3,20 @@
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.defaults import FACES
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, GeometryError, SettingsError
 from mpsnet_core.io.files import writable_path, written_whole
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.relief.adaptive_triangles import adaptive_triangles
 from mpsnet_core.relief.height_map import HeightMap
 from mpsnet_core.relief.parallel_projection import parallel_heights, pixel_size
 from mpsnet_core.relief.sizes import check_size
+from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 
 Up = Literal["y", "z"]
@@ -23,16 +24,24 @@ MESH_SUFFIXES = (".ply", ".glb", ".obj")
 MAX_FACES = 10_000_000
 
 
-class NoFaceError(InputError):
+class NoFaceError(GeometryError):
     """No triangle is left of a surface."""
 
 
 @dataclass(frozen=True)
 class SurfaceMesh:
-    """A surface in the camera's world, as the photo shows it.
+    """A surface in the camera's world.
 
-    vertices: (V, 3). triangles: (T, 3) vertex numbers, counter-clockwise seen from the camera. normals: (V, 3) unit,
-    for smooth shading. uvs: (V, 2), (0, 0) the photo's lower left and (1, 1) its upper right corner.
+    Attributes
+    ----------
+    vertices : (V, 3) float64 array
+        Positions in the world, in the camera's unit.
+    triangles : (T, 3) int32 array
+        Vertex numbers, counter-clockwise seen from the camera.
+    normals : (V, 3) float32 array
+        Unit normals in the world, for smooth shading.
+    uvs : (V, 2) float32 array
+        Positions in the photo: (0, 0) is its lower left corner, (1, 1) its upper right one.
     """
 
     vertices: NDArray[np.float64]
@@ -51,76 +60,134 @@ def surface_mesh(
 ) -> SurfaceMesh:
     """The surface as at most `faces` triangles, small ones where it bends and large ones where it does not.
 
-    Each vertex is a pixel's own point and has its normal. normals: in camera space, of the same size as the heights.
-    open_from: in degrees; triangles that face away from the ray of sight by that or more are left out, so that a step
-    between a thing and what is behind it stays open. Closed unless given.
+    Parameters
+    ----------
+    heights : HeightMap
+        The surface; each vertex is the point of a pixel.
+    normals : NormalMap
+        In camera space, of the same size.
+    faces : int
+        Most triangles.
+    open_from : float, optional
+        Degrees between line of sight and normal from which on triangles are removed: depth discontinuities stay open.
+    progress : Progress
 
-    Raises InputError where the sizes do not agree or an option is out of range, NoFaceError where no triangle is left.
+    Returns
+    -------
+    SurfaceMesh
+
+    Raises
+    ------
+    SettingsError
+        Where an option is out of range.
+    GeometryError
+        Where the sizes differ, or no triangle is left (NoFaceError).
+
+    Examples
+    --------
+    >>> from mpsnet_core.relief.height_map import pixel_camera
+    >>> mask = np.ones((5, 5), bool)
+    >>> flat = HeightMap(np.zeros((5, 5)), mask, pixel_camera(5, 5))
+    >>> surface_mesh(flat, NormalMap(np.broadcast_to([0, 0, 1], (5, 5, 3)), mask)).triangles.shape
+    (2, 3)
     """
     check_size("height map", heights.mask.shape, normals)
     check_surface_mesh(faces, open_from)
     check_has_faces(heights.mask)
-    corners = adaptive_triangles(parallel_heights(heights), heights.mask, pixel_size(heights), faces, progress)
-    pixels, triangles = np.unique(corners, return_inverse=True)
-    triangles = triangles.reshape(-1, 3)
     camera = heights.camera
+    corners = adaptive_triangles(parallel_heights(heights), heights.mask, pixel_size(heights), faces, progress)
+    pixels, triangles = _numbered(corners)
     rows, columns = np.divmod(pixels, camera.width)
-    origins, rays = camera.rays(np.stack([columns, rows], axis=-1) + 0.5)
-    along = rays @ -camera.rotation[:, 2]
-    points = origins - rays * (heights.values[rows, columns] / along)[:, None]
+    points, rays = _points(heights, rows, columns)
     if open_from is not None:
-        one, other, third = points[triangles].swapaxes(0, 1)
-        across = np.cross(other - one, third - one)
-        facing = -np.einsum("ti,ti->t", across, rays[triangles[:, 0]])
-        triangles = triangles[facing > np.cos(np.radians(open_from)) * np.linalg.norm(across, axis=1)]
+        triangles = triangles[_angles(points[triangles], rays[triangles[:, 0]]) < open_from]
     if not len(triangles):
         raise NoFaceError("no face is left of the surface; allow more faces, or leave fewer steps open")
-    used, triangles = np.unique(triangles, return_inverse=True)
-    size = np.array([camera.width, camera.height])
+    used, triangles = _numbered(triangles)
     return SurfaceMesh(
         points[used],
-        triangles.reshape(-1, 3).astype(np.int32),
+        triangles,
         (normals.vectors[rows[used], columns[used]] @ camera.rotation.T).astype(np.float32),
-        ((np.stack([columns[used], size[1] - 1 - rows[used]], axis=-1) + 0.5) / size).astype(np.float32),
+        _uvs(camera, rows[used], columns[used]),
     )
 
 
+def _numbered(triangles: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """(V,) the numbers that triangles (T, 3) use, and the triangles by their places among these."""
+    used, triangles = np.unique(triangles, return_inverse=True)
+    return used, triangles.reshape(-1, 3).astype(np.int32)
+
+
+def _points(
+    heights: HeightMap, rows: NDArray[np.int32], columns: NDArray[np.int32]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(V, 3) the pixels' points in the world, and (V, 3) their unit rays."""
+    origins, rays = heights.camera.rays(np.stack([columns, rows], axis=-1) + 0.5)
+    along = rays @ -heights.camera.rotation[:, 2]
+    return origins - rays * (heights.values[rows, columns] / along)[:, None], rays
+
+
+def _uvs(camera: Camera, rows: NDArray[np.int32], columns: NDArray[np.int32]) -> NDArray[np.float32]:
+    centres = np.stack([columns, camera.height - 1 - rows], axis=-1) + 0.5
+    uvs: NDArray[np.float32] = (centres / [camera.width, camera.height]).astype(np.float32)
+    return uvs
+
+
+def _angles(corners: NDArray[np.float64], rays: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(T,) degrees between the normals of triangles (T, 3, 3) and the lines of sight, of unit rays (T, 3)."""
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.maximum(np.linalg.norm(normals, axis=1), np.finfo(float).tiny)
+    angles: NDArray[np.float64] = np.degrees(np.arccos(np.clip(-np.einsum("ti,ti->t", normals, rays) / lengths, -1, 1)))
+    return angles
+
+
 def check_surface_mesh(faces: int, open_from: float | None = None) -> None:
-    """Raises InputError where :func:`surface_mesh` would make none with these options."""
+    """Raises SettingsError where :func:`surface_mesh` would make none with these options."""
     if not 1 <= faces <= MAX_FACES:
-        raise InputError(f"a mesh of {faces} faces cannot be made; choose 1 to {MAX_FACES}")
+        raise SettingsError(f"a mesh of {faces} faces cannot be made; choose 1 to {MAX_FACES}")
     if open_from is not None and not 0 < open_from <= 90:
-        raise InputError(f"steps are left open from an angle between 0 and 90 degrees on, not {open_from:g}")
+        raise SettingsError(f"steps are left open from an angle between 0 and 90 degrees on, not {open_from:g}")
 
 
 def check_has_faces(mask: NDArray[np.bool_]) -> None:
-    """Raises InputError where no triangle of neighbouring pixels is within the mask, (H, W)."""
+    """Raises GeometryError where no triangle of neighbouring pixels is within the mask, (H, W)."""
     ones = mask.astype(np.int8)
     if not (ones[:-1, :-1] + ones[:-1, 1:] + ones[1:, :-1] + ones[1:, 1:] >= 3).any():
-        raise InputError("the surface is nowhere two pixels wide and high, so it has no face; leave the mesh out")
+        raise GeometryError("the surface is nowhere two pixels wide and high, so it has no face; leave the mesh out")
 
 
 def writable_mesh(path: str | os.PathLike[str]) -> Path:
-    """`path` as a Path, or InputError where no mesh can be written there."""
+    """`path` as a Path, or FileError where no mesh can be written there."""
     path = writable_path(path)
     if path.suffix.lower() not in MESH_SUFFIXES:
         kind = path.suffix or "no suffix"
-        raise InputError(f"cannot write {path}: {kind} is not a mesh format of ours; use {', '.join(MESH_SUFFIXES)}")
+        raise FileError(f"cannot write {path}: {kind} is not a mesh format of ours; use {', '.join(MESH_SUFFIXES)}")
     return path
 
 
 def write_surface_mesh(path: str | os.PathLike[str], mesh: SurfaceMesh, *, up: Up = "z") -> None:
     """Write a mesh with normals and UVs as PLY, GLB or OBJ, whole or not at all.
 
-    PLY keeps the world's axes. GLB and OBJ are y up by their conventions: where `up` says that z is up in the world, as
-    in Blender, (x, y, z) is written as (x, z, -y), which Blender's importers turn back. "y" writes all as it stands.
-    The object is called as the file is.
+    Parameters
+    ----------
+    path : str or PathLike
+        The file; the object is called as it is.
+    mesh : SurfaceMesh
+        The surface.
+    up : {"z", "y"}
+        Axis that points up in the world. GLB and OBJ are y up by convention: for "z", as in Blender, (x, y, z) is
+        written as (x, z, -y), which Blender's importers revert. PLY keeps the axes.
 
-    Raises InputError where the suffix is another, or the file cannot be written.
+    Raises
+    ------
+    FileError
+        Where the suffix is another, or the file cannot be written.
+    SettingsError
+        Where `up` is another axis.
     """
     path = writable_mesh(path)
     if up not in ("y", "z"):
-        raise InputError(f'the axis that points up is "y" or "z", not {up!r}')
+        raise SettingsError(f'the axis that points up is "y" or "z", not {up!r}')
     vertices, normals = mesh.vertices, mesh.normals
     if up == "z" and path.suffix.lower() != ".ply":
         vertices, normals = (values[:, [0, 2, 1]] * np.array([1, 1, -1]) for values in (vertices, normals))
@@ -131,7 +198,9 @@ def write_surface_mesh(path: str | os.PathLike[str], mesh: SurfaceMesh, *, up: U
             _write_with_trimesh(unfinished, path.stem, vertices, normals, mesh)
 
 
-def _write_obj(path: Path, vertices: NDArray[np.floating], normals: NDArray[np.floating], mesh: SurfaceMesh) -> None:
+def _write_obj(
+    path: Path, vertices: NDArray[np.floating[Any]], normals: NDArray[np.floating[Any]], mesh: SurfaceMesh
+) -> None:
     """By hand: trimesh writes 8 decimals, too few for small units, and names a material file that is not there."""
     corners = np.repeat(mesh.triangles + 1, 3, axis=1)
     blocks = (("v %.9g %.9g %.9g", vertices), ("vt %.7g %.7g", mesh.uvs), ("vn %.5g %.5g %.5g", normals))
@@ -141,11 +210,12 @@ def _write_obj(path: Path, vertices: NDArray[np.floating], normals: NDArray[np.f
 
 
 def _write_with_trimesh(
-    path: Path, name: str, vertices: NDArray[np.floating], normals: NDArray[np.floating], mesh: SurfaceMesh
+    path: Path, name: str, vertices: NDArray[np.floating[Any]], normals: NDArray[np.floating[Any]], mesh: SurfaceMesh
 ) -> None:
     """name: what the object in the file is called; PLY has no place for it."""
-    import trimesh  # takes a while to load
+    import trimesh as untyped  # takes a while to load
 
+    trimesh: Any = untyped
     material = trimesh.visual.material.PBRMaterial(name="Surface", metallicFactor=0.0, roughnessFactor=0.8)
     made = trimesh.Trimesh(
         vertices,

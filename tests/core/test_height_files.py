@@ -9,7 +9,7 @@ import pytest
 from reliefs import Relief, ball, orthographic, plane
 from synthetic import listing, write_file
 
-from mpsnet_core import Camera, InputError, write_camera
+from mpsnet_core import Camera, FileError, InputError, write_camera
 from mpsnet_core.io.images import write_image
 from mpsnet_core.relief.height_files import read_height, write_height
 from mpsnet_core.relief.height_map import HeightMap
@@ -177,7 +177,7 @@ def test_a_foreign_mask_is_kept_and_ones_own_is_written_again(tmp_path: Path) ->
     write_height(tmp_path / "own.png", BALL.heights)
     assert (tmp_path / "own.png.mask.png").exists()
     (tmp_path / "oak.png.mask.png").write_bytes(b"somebody's")
-    with pytest.raises(InputError, match=r"oak\.png\.mask\.png, where its mask belongs, is another file"):
+    with pytest.raises(FileError, match=r"oak\.png\.mask\.png, where its mask belongs, is another file"):
         write_height(tmp_path / "oak.png", BALL.heights)
     assert (tmp_path / "oak.png.mask.png").read_bytes() == b"somebody's"
     assert not (tmp_path / "oak.png").exists()

@@ -219,7 +219,7 @@ def test_progress_moves_on_and_work_can_be_cancelled(method: Method) -> None:
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        ({"camera": square_camera(8)}, "the camera is 8 x 8 but its normals are 9 x 6; give the camera"),
+        ({"camera": square_camera(8)}, "the camera is 8 x 8 but the normal map is 9 x 6; they must be"),
         ({"method": "slow"}, "method 'slow' is not known; choose fast or bilateral"),
         ({"distance": 0.0}, "the distance must be a number above 0, not 0.0"),
         ({"distance": -1.0}, "the distance must be a number above 0, not -1.0"),

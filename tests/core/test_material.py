@@ -173,7 +173,8 @@ def test_a_weaves_tile_has_its_normals_heights_and_size(degrees):
         periods = weave.axes @ step / weave.period
         assert np.abs(periods - np.round(periods)).max() < 0.02
     # Normals and heights say the same: normals from heights by central differences, which wrap.
-    pitch = material.pitch
+    rows, columns = material.height.shape
+    pitch = material.width_mm / columns, material.height_mm / rows
     gradients = [(np.roll(material.height, -1, a) - np.roll(material.height, 1, a)) / 2 for a in (1, 0)]
     from_height = normals_of(np.stack([gradients[0] / pitch[0], gradients[1] / pitch[1]], axis=-1).astype(np.float32))
     assert degrees_between(from_height, material.normals).mean() < 1
@@ -393,7 +394,7 @@ def test_results_do_not_overwrite_the_photo(photo, tmp_path, capfd):
 def test_a_material_of_another_photos_normals_is_refused():
     weave = Weave()
     small = NormalMap(np.zeros((70, 70, 3)), np.ones((70, 70), bool))
-    with pytest.raises(InputError, match="the normals are 70 x 70 but the photo is 330 x 260"):
+    with pytest.raises(InputError, match="the photo is 330 x 260 but the normal map is 70 x 70"):
         flat_material(weave.capture(), small, 0.2)
     with pytest.raises(InputError, match="a pixel measures some millimetres above 0, not 0"):
         flat_material(weave.capture(), weave.normal_map(), 0)

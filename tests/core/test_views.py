@@ -22,7 +22,7 @@ from mpsnet_core.bake.bake import View, bake_normals
 from mpsnet_core.bake.multi_view import Photography, sources_of
 from mpsnet_core.capture.capture import read_capture
 from mpsnet_core.cli import main
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, InputError
 from mpsnet_core.estimate import estimate_normals
 from mpsnet_core.io.images import read_image
 from mpsnet_core.io.photo_folder import PhotoFolder
@@ -261,7 +261,7 @@ def test_photos_of_the_same_name_have_masks_of_their_own(tmp_path: Path, naming:
         (tmp_path / "masks" / naming.format(side)).unlink()
     photography = Photography(lambda camera: published_rig(), str(tmp_path / "masks"))
     with pytest.raises(
-        InputError, match=r"view right_IMG_1: its mask would be that of view left_IMG_1, .*IMG_1.png; name one"
+        FileError, match=r"view right_IMG_1: its mask would be that of view left_IMG_1, .*IMG_1.png; name one"
     ):
         sources_of(views, photography, sphere_mesh(), [])
 

@@ -12,7 +12,7 @@ from mpsnet_core.bake.texture import Space
 from mpsnet_core.bake.texture_names import check_one_texture, split_by, texture_files
 from mpsnet_core.bake.texture_sets import sheets
 from mpsnet_core.defaults import MARGIN
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import SettingsError
 from mpsnet_core.io.files import written_together
 from mpsnet_core.io.frames import check_apart
 from mpsnet_core.operation import Result
@@ -105,11 +105,13 @@ def write_displacement(
 
 
 def _tiled(normals: str, height: str) -> bool:
-    """Whether texture and heights are of UDIM tiles. Raises InputError where one of them is."""
+    """Whether texture and heights are of UDIM tiles. Raises SettingsError where one of them is."""
     normals_tiled, height_tiled = ("tile" in split_by(name) for name in (normals, height))
     if normals_tiled != height_tiled:
         has, lacks = (normals, height) if normals_tiled else (height, normals)
-        raise InputError(f"{has} means a file for each UDIM tile, and {lacks} one for all; put <UDIM> into both names")
+        raise SettingsError(
+            f"{has} means a file for each UDIM tile, and {lacks} one for all; put <UDIM> into both names"
+        )
     if not normals_tiled:
         check_one_texture(normals)
         check_one_texture(height)
@@ -129,10 +131,12 @@ def _checked_outputs(outputs: Sequence[Path], bits: int | None, taken: Sequence[
 def _warn_of_misfit(found: Displacement, span: float, mesh: Mesh, unit: str, baked: str) -> None:
     """Warn where the texture seems to be another mesh's, or `baked` otherwise. span: of the heights."""
     across = float(np.linalg.norm(np.ptp(mesh.world_vertices, axis=0)))
-    told = []
+    misfits = []
     if span > across:
-        told.append(f"the heights span {span:.3g} {unit}, and the whole mesh {across:.3g}")
+        misfits.append(f"the heights span {span:.3g} {unit}, and the whole mesh {across:.3g}")
     if found.contradicted > DOUBTFUL:
-        told.append(f"the normals contradict one another on {found.contradicted:.0%} of the surface, which stays flat")
-    if told:
-        log.warning("%s; check that the texture was baked onto this mesh, %s", "; ".join(told), baked)
+        misfits.append(
+            f"the normals contradict one another on {found.contradicted:.0%} of the surface, which stays flat"
+        )
+    if misfits:
+        log.warning("%s; check that the texture was baked onto this mesh, %s", "; ".join(misfits), baked)

@@ -53,7 +53,7 @@ class Graph:
 
     def diagonal(self) -> Vector:
         """(N,) the diagonal of the normal equations' matrix."""
-        total = self.weights.sum(axis=0) + self.hold
+        total: Vector = self.weights.sum(axis=0) + self.hold
         for end in self.ties.T:
             np.add.at(total, end, self.tie_weights)
         return total
@@ -144,7 +144,7 @@ class Solver:
             residual = residual - length * image
             heights += length * direction
         else:
-            log.info("the heights are not quite what the normals ask for: %d steps were too few", MOST_STEPS)
+            log.info("the heights have not converged to the normals: %d iterations were too few", MOST_STEPS)
         return heights
 
     def _cycle(self, number: int, residual: Vector) -> Vector:
@@ -179,12 +179,18 @@ def _parents(graph: Graph) -> NDArray[np.int64]:
     if not (graph.neighbours == np.arange(len(cells))).all():
         width = int(cells[:, 1].max()) + 1
         place = cells[:, 0] * width + cells[:, 1]
-        return np.unique(place * (int(graph.islands.max()) + 1) + graph.islands, return_inverse=True)[1].reshape(-1)
+        return _numbered(place * (int(graph.islands.max()) + 1) + graph.islands)
     best = np.arange(len(cells))
     order = np.argsort(graph.tie_weights, kind="stable")
     for one, other in (graph.ties[order].T, graph.ties[order, ::-1].T):
         best[one] = other  # the last one stays, which is the strongest
-    return np.unique(connected(len(cells), np.arange(len(cells)), best), return_inverse=True)[1].reshape(-1)
+    return _numbered(connected(len(cells), np.arange(len(cells)), best))
+
+
+def _numbered(labels: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(N,) the labels' ranks, from 0 without gaps."""
+    ranks: NDArray[np.int64] = np.unique(labels, return_inverse=True)[1].reshape(-1)
+    return ranks
 
 
 def _coarser(graph: Graph, parent: NDArray[np.int64]) -> Graph:

@@ -1,6 +1,7 @@
-"""What baked normals ask of the heights on a mesh's UVs: how much they change from each texel to the next."""
+"""What baked normals require of the heights on a mesh's UVs: how much they change from each texel to the next."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,16 +9,16 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.bake.texture import Space
-from mpsnet_core.errors import InputError
+from mpsnet_core.bake.uv_islands import welded
+from mpsnet_core.errors import GeometryError
 from mpsnet_core.progress import Progress
 from mpsnet_core.relief.displacement.graph_poisson import Graph
-from mpsnet_core.relief.displacement.uv_islands import welded
 from mpsnet_core.relief.displacement.uv_layout import Layout
 from mpsnet_core.scene.mesh import smooth_corner_normals
 from mpsnet_core.scene.normal_map import OUTWARDS_SHARE
 
-# Slopes steeper than this (cosine of the angle between the surface and the one it is displaced from; 80°) are taken to
-# be as steep as this: a normal at right angles to the mesh's would ask for an infinite height. Less steep than what
+# Gradients steeper than this (cosine of the angle between the surface and the one it is displaced from; 80°) are
+# limited to it: a normal at right angles to the mesh's would require an infinite height. Less steep than what
 # heights before a camera may be (gradients.LEAST_FACING): here steep texels count as much as all others, and what bends
 # away further from its own mesh is no height over it.
 LEAST_FACING = 0.17
@@ -45,13 +46,13 @@ class Chords:
 
 
 def chords(vectors: NDArray[np.float32], space: Space, own: Layout, base: Layout, progress: Progress) -> Chords:
-    """What the normals `vectors` (S, S, 3), baked onto the mesh of `own`, ask of heights on the mesh of `base`.
+    """What the normals `vectors` (S, S, 3), baked onto the mesh of `own`, require of heights on the mesh of `base`.
 
     The displaced surface is s = p + h n, with n the base's smooth unit normals. Its chord s_j - s_i is at right angles
     to m, the mean of the normals wanted at its two ends (exactly so on a sphere, a cylinder and a plane):
     m (p_j - p_i) + h_j m n_j - h_i m n_i = 0.
 
-    Raises InputError where many of the normals point into the mesh, as those of another space do.
+    Raises GeometryError where many of the normals point into the mesh, as those of another space do.
     """
     size = len(base.triangle)
     numbers = np.cumsum(np.concatenate([[0], (base.triangle >= 0).sum(axis=1)]))
@@ -81,11 +82,11 @@ def chords(vectors: NDArray[np.float32], space: Space, own: Layout, base: Layout
             flat[number, here] = (step / facing)[: len(inside)][inside]
             curved[number, here] = ((second - first) / facing)[: len(inside)][inside]
         if own is not base:
-            (there,) = own.at(rows, own_surface[0])
-            apart = _dot(there - point[: len(inside)], normal[: len(inside)])
+            (own_point,) = own.at(rows, own_surface[0])
+            apart = _dot(own_point - point[: len(inside)], normal[: len(inside)])
             outwards[here] = np.where(own.triangle[rows] >= 0, apart, 0)[inside]
     if facing_out < OUTWARDS_SHARE * numbers[-1]:
-        raise InputError(
+        raise GeometryError(
             f"the texture does not fit the mesh in {space} space: many of its normals point inwards; give the space "
             "that it was baked in, and the mesh that it was baked onto"
         )
@@ -102,14 +103,14 @@ def _surface(layout: Layout, middle: NDArray[np.float64]) -> list[NDArray[np.flo
     return [points, normals if np.linalg.det(mesh.world_from_object[:3, :3]) > 0 else -normals]
 
 
-def _shading(layout: Layout) -> list[NDArray[np.floating]]:
+def _shading(layout: Layout) -> list[NDArray[np.floating[Any]]]:
     """(T, 3, 3) tangents and shading normals of the corners, and (T, 3, 1) the bitangents' signs."""
     mesh = layout.mesh
     return [mesh.tangents[..., :3], mesh.corner_normals, np.repeat(mesh.tangents[:, :1, 3:], 3, axis=1)]
 
 
 def _wanted(
-    vectors: NDArray[np.float32], space: Space, own: Layout, shading: list[NDArray[np.floating]], rows: slice
+    vectors: NDArray[np.float32], space: Space, own: Layout, shading: list[NDArray[np.floating[Any]]], rows: slice
 ) -> NDArray[np.float64]:
     """(h, S, 3) unit normals in the world for some rows of the texture."""
     wanted = vectors.astype(np.float64)
@@ -121,4 +122,5 @@ def _wanted(
 
 
 def _dot(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.einsum("...i,...i->...", one, other)
+    product: NDArray[np.float64] = np.einsum("...i,...i->...", one, other)
+    return product

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.bake.texture_sets import TextureSet
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.relief.sizes import MAX_SIZE, check_square
 from mpsnet_core.scene.mesh import Mesh
 
@@ -38,7 +38,7 @@ class Tiles:
         return replace(mesh, uvs=uvs, given_tangents=mesh.tangents)
 
     def joined(self, textures: Iterable[NDArray[np.float32]]) -> NDArray[np.float32]:
-        """(side S, side S, K) of the tiles' textures (S, S, K), asked for one by one; 0 where there is no tile.
+        """(side S, side S, K) of the tiles' textures (S, S, K), read one by one; 0 where there is no tile.
 
         Raises InputError where they are not of one size, not square, or too large together.
         """
@@ -47,7 +47,7 @@ class Tiles:
         height, width, *more = first.shape
         check_square(height, width)
         if self.side > 1 and height * self.side > MAX_SIZE:
-            raise InputError(
+            raise SettingsError(
                 f"{len(self.corners)} tiles of {height} texels a side are too many for heights on UVs; bake them with "
                 f"{MAX_SIZE // self.side} at most"
             )
@@ -55,7 +55,7 @@ class Tiles:
         for place, texture in zip(self._places(height), chain([first], ahead), strict=True):
             if texture.shape != first.shape:
                 sizes = " and ".join(f"{w} x {h}" for h, w, *_ in sorted((first.shape, texture.shape)))
-                raise InputError(f"the tiles' textures have several sizes, {sizes}; bake them all with one")
+                raise GeometryError(f"the tiles' textures have several sizes, {sizes}; bake them all with one")
             whole[place] = texture
         return whole
 

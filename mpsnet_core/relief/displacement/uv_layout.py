@@ -1,12 +1,13 @@
 """Where a mesh lies in a texture: what is under each texel, and which texels meet at the seams."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rasterize import NO_AREA, texel_areas, texel_coordinates, triangle_of_texel
-from mpsnet_core.relief.displacement.uv_islands import Islands, islands_of
+from mpsnet_core.bake.uv_islands import Islands, islands_of
 from mpsnet_core.scene.mesh import Mesh
 
 
@@ -24,7 +25,7 @@ class Layout:
     island: NDArray[np.int32]
     islands: Islands
 
-    def at(self, rows: slice, *layers: NDArray[np.floating]) -> list[NDArray[np.float64]]:
+    def at(self, rows: slice, *layers: NDArray[np.floating[Any]]) -> list[NDArray[np.float64]]:
         """(h, S, K) what corner values (T, 3, K) are at some rows of texels, linear over each triangle; 0 where there
         is none."""
         triangle = self.triangle[rows]
@@ -48,7 +49,8 @@ class Layout:
         """(T,) how large a texel on each triangle is in the world."""
         corners = self.mesh.world_vertices[self.mesh.triangles]
         across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        return np.linalg.norm(across, axis=1) / 2 / np.maximum(texel_areas(self.corners), NO_AREA)
+        areas: NDArray[np.float64] = np.linalg.norm(across, axis=1) / 2 / np.maximum(texel_areas(self.corners), NO_AREA)
+        return areas
 
     def meeting(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Places a texel or so apart along the seams: (M, 2) the texels nearest to them on either side, numbered row by

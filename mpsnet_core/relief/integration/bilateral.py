@@ -22,7 +22,7 @@ FIRST_OFF, SMALL_OFF, OFF = 8.0, 2.0, 0.5
 # Of the search for breaks around those of a smaller picture: a link below this share of its full weight is cut, the
 # true break is so many pixels from there at most, and so many steps fit these pixels in with what is around them.
 CUT, BESIDE, SEARCHING = np.float32(0.1), 2, 24
-# In it a link counts half where what its two pixels ask for differs by so many pixels, times `facing`.
+# In it a link counts half where the changes that its two pixels require differ by so many pixels, times `facing`.
 APART = np.float32(0.1)
 # The longest side of a picture that is begun without a smaller one.
 SMALL = 256
@@ -37,10 +37,10 @@ def bilateral(wanted: Gradients, progress: Progress = silent) -> NDArray[np.floa
     Integration", 2022.
 
     The surface is taken to go on from each pixel to at least one of its two neighbours in a row, and in a column. Each
-    pixel's equation is asked of either one, weighted by a sigmoid of which of the two changes is the smaller, and these
+    pixel's equation applies to either one, weighted by a sigmoid of which of the two changes is the smaller, and these
     weights and the depth are found in turns. The paper takes up to a hundred turns, with a solver from scratch in each.
     Here a picture of half the size is done first, so that wide parts are in their places, the smallest one begins at
-    what :func:`fast` gives, which knows where loops do not close, and each turn makes a few multigrid iterations from
+    what :func:`fast` returns, which knows where loops do not close, and each turn makes a few multigrid iterations from
     where the one before ended. A smaller picture knows where breaks are to its own pixel only; see :func:`_searched`.
     Other than in the paper, a pixel whose equation neither side fulfils counts less, and ever less from pass to pass on
     the smallest picture (Blake and Zisserman's "Visual Reconstruction", 1987, calls it graduated non-convexity): else
@@ -57,9 +57,9 @@ def bilateral(wanted: Gradients, progress: Progress = silent) -> NDArray[np.floa
         )
     for number, off in enumerate(offs):
         done, all_done = (STARTED + (1 - STARTED) * count / len(offs) for count in (number, number + 1))
-        told = part(progress, done, all_done, "finding depth's edges")
+        step = part(progress, done, all_done, "finding depth's edges")
         weights, pulls = chosen_sides(wanted, depth, off)
-        depth = solved(weights, pulls, depth, most=ITERATIONS, progress=told)
+        depth = solved(weights, pulls, depth, most=ITERATIONS, progress=step)
     return depth
 
 
@@ -91,15 +91,15 @@ def _searched(wanted: Gradients, depth: NDArray[np.float32]) -> NDArray[np.float
     After doubling, breaks run in steps of two pixels, and a pixel on the wrong side would stay there: it goes on as its
     neighbours on that side do, and its link to the right side is cut. With every doubling the steps would grow. So
     these pixels are laid between the surfaces on both sides, which stay, with most of the change where two neighbours
-    ask for different gradients or loops do not close; the passes that follow decide anew.
+    require different gradients or loops do not close; the passes that follow decide anew.
     """
     beside = dilated(_breaks(wanted, chosen_sides(wanted, depth)[0]), BESIDE - 1)
     weights, pulls = equations(wanted)
-    slope_right, slope_down = (
+    gradient_right, gradient_down = (
         np.divide(values, wanted.facing, out=np.zeros_like(values), where=wanted.mask)
         for values in (wanted.right, wanted.down)
     )
-    alike = _alike(slope_right.T, wanted.facing.T).T, _alike(slope_down, wanted.facing)
+    alike = _alike(gradient_right.T, wanted.facing.T).T, _alike(gradient_down, wanted.facing)
     for links in (weights, pulls):
         links.right[:] *= alike[0]
         links.down[:] *= alike[1]
@@ -122,7 +122,9 @@ def _breaks(wanted: Gradients, weights: Links) -> NDArray[np.bool_]:
 
 def _alike(gradient: NDArray[np.float32], facing: NDArray[np.float32]) -> NDArray[np.float32]:
     """(N - 1, M) 0 to 1: how well the pixels (N, M) at both ends of links along the first axis agree."""
-    return 1 / (1 + np.square((gradient[1:] - gradient[:-1]) * np.minimum(facing[1:], facing[:-1]) / APART))
+    apart = (gradient[1:] - gradient[:-1]) * np.minimum(facing[1:], facing[:-1])
+    alike: NDArray[np.float32] = 1 / (1 + np.square(apart / APART))
+    return alike
 
 
 def chosen_sides(wanted: Gradients, depth: NDArray[np.float32], off: float = OFF) -> tuple[Links, Links]:
@@ -136,7 +138,7 @@ def chosen_sides(wanted: Gradients, depth: NDArray[np.float32], off: float = OFF
     for rows in bands(height):
         weight, pull = _along(depth[rows].T, wanted.facing[rows].T, wanted.right[rows].T, wanted.mask[rows].T, off)
         weights.right[rows], pulls.right[rows] = weight.T, pull.T
-        # A link's two pixels ask what the change is on their other side: a row more, above and below.
+        # A link's two pixels compare it with the change on their other side: a row more, above and below.
         top = max(rows.start - 1, 0)
         near = slice(top, rows.stop + 2)
         weight, pull = _along(depth[near], wanted.facing[near], wanted.down[near], wanted.mask[near], off)

@@ -1,4 +1,4 @@
-"""The fast method: least squares over all pixels, which gives a surface without gaps."""
+"""The fast method: least squares over all pixels, a surface without gaps."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ LOOSE = np.float32(0.03)
 
 def fast(wanted: Gradients, progress: Progress = silent) -> NDArray[np.float32]:
     """(H, W) depth, in the unit of :class:`Gradients`, by Poisson's equation: one link's change is what the pixels at
-    both its ends ask for, each counting by the square of its `facing`.
+    both its ends require, each counting by the square of its `facing`.
 
     What does not fit together stays where it is, and is not smeared over the whole: links around loops that do not
     close count less (the curl, by which Agrawal, Raskar and Chellappa, "What is the range of surface reconstructions

@@ -1,4 +1,4 @@
-"""What normals say of depth: for every pixel, how much it changes towards the neighbours."""
+"""Depth gradients from normals: for every pixel, the change towards its neighbours."""
 
 from dataclasses import dataclass
 
@@ -9,9 +9,9 @@ from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 
-# A surface steeper than this (cosine of the angle to the line of sight; 87°) is taken to be as steep as this. Normals
-# that face away from the camera, which no camera sees, are taken likewise, and count next to nothing. Close to 90°, for
-# the rims of round things are as steep as that, and little harm is done: equations count by the square of this cosine.
+# A surface steeper than this (cosine of the angle to the line of sight; 87°) is assumed as steep as this. Normals
+# that face away from the camera, which no camera sees, are treated likewise, and count next to nothing. Close to 90°,
+# as the rims of round things are, and little harm is done: equations count by the square of this cosine.
 LEAST_FACING = 0.05
 
 
@@ -38,7 +38,7 @@ def pixels_per_unit(camera: Camera) -> float:
 
 
 def gradients(normals: NormalMap, camera: Camera) -> Gradients:
-    """The changes of depth that normals (in camera space) ask for.
+    """The changes of depth that normals (in camera space) require.
 
     A normal n is at right angles to both of the surface's tangents, the changes of its point p along columns and rows.
     Orthographic, with z up to a constant: n_z dz = -n_x dx. Perspective, with p = d (X, Y, -1) and u = log d:

@@ -6,19 +6,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import labelled
-from mpsnet_core.errors import InputError, check_choice
+from mpsnet_core.errors import SettingsError, check_choice
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.relief.height_map import HeightMap, pixel_camera
 from mpsnet_core.relief.integration.bilateral import bilateral
 from mpsnet_core.relief.integration.fast import fast
 from mpsnet_core.relief.integration.gradients import gradients, pixels_per_unit
+from mpsnet_core.relief.sizes import check_size
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 
 Method = Literal["fast", "bilateral"]
 METHODS: tuple[Method, ...] = get_args(Method)
 
-# What the logarithm of depth is kept within, so that depth stays finite whatever the normals say.
+# What the logarithm of depth is kept within, so that depth stays finite whatever the normals are.
 MOST_LOG = 40.0
 
 
@@ -32,14 +33,37 @@ def integrate(
 ) -> HeightMap:
     """The heights whose normals come closest to those given.
 
-    camera: :func:`pixel_camera` unless given. Under an orthographic camera each connected piece of the mask (over
-    pixels' sides) has mean height 0; under a perspective one its mean depth along the camera's axis is `distance`, 1
-    unless given. Heights are in the camera's unit.
-    method: "fast", least squares over all pixels: a surface without gaps, smeared where one thing stands before
-    another. "bilateral", which lets go of the links between pixels where such a gap is likely.
+    Parameters
+    ----------
+    normals : NormalMap
+        In camera space.
+    camera : Camera, optional
+        What the pixels see; :func:`pixel_camera` by default.
+    method : {"fast", "bilateral"}
+        "fast" is least squares over all pixels: a continuous surface, smeared at depth discontinuities. "bilateral"
+        preserves these: it cuts the links between pixels where one is likely.
+    distance : float, optional
+        Mean depth of each connected piece along a perspective camera's axis; 1 by default.
+    progress : Progress
+        Receives the share done and a message.
 
-    Raises InputError where the sizes of normals and camera differ, the method is not known, or the distance is not
-    above 0 or not a perspective camera's.
+    Returns
+    -------
+    HeightMap
+        In the camera's unit. Under an orthographic camera each 4-connected piece of the mask has mean height 0.
+
+    Raises
+    ------
+    GeometryError
+        Where the sizes of normals and camera differ.
+    SettingsError
+        Where the method is not known, or the distance is not above 0 or not a perspective camera's.
+
+    Examples
+    --------
+    >>> normals = NormalMap(np.broadcast_to([-0.6, 0, 0.8], (4, 4, 3)), np.ones((4, 4), bool))
+    >>> np.round(integrate(normals).values[0], 3)
+    array([-1.125, -0.375,  0.375,  1.125], dtype=float32)
     """
     height, width = normals.mask.shape
     camera = camera or pixel_camera(height, width)
@@ -53,19 +77,14 @@ def integrate(
 
 
 def _check(normals: NormalMap, camera: Camera, method: str, distance: float | None) -> None:
-    height, width = normals.mask.shape
-    if (camera.height, camera.width) != (height, width):
-        raise InputError(
-            f"the camera is {camera.width} x {camera.height} but its normals are {width} x {height}; "
-            "give the camera that the photo was taken with"
-        )
+    check_size("camera", (camera.height, camera.width), normals)
     check_choice("method", method, METHODS)
     if distance is None:
         return
     if not (np.isfinite(distance) and distance > 0):
-        raise InputError(f"the distance must be a number above 0, not {distance}")
+        raise SettingsError(f"the distance must be a number above 0, not {distance}")
     if camera.projection == "orthographic":
-        raise InputError("an orthographic camera sees no distance; leave it out, or give a perspective camera")
+        raise SettingsError("an orthographic camera sees no distance; leave it out, or give a perspective camera")
 
 
 def _in_unit(

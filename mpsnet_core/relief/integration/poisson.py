@@ -23,9 +23,9 @@ MOST, LEAST = 250, 60
 ENOUGH = 1e-3
 # After so many, again and again, what rounding has added up to is taken out.
 ROUNDED = 16
-# A correction of so many pixels that is left after all of them is told: along strips heights are off by up to a hundred
-# times as much.
-TOLD = 0.02
+# A correction of so many pixels that is left after all of them is logged: along strips heights are off by up to a
+# hundred times as much.
+REPORTED = 0.02
 
 
 def solved(
@@ -45,7 +45,7 @@ def solved(
     Conjugate gradients with a multigrid cycle as preconditioner (Tatebe, "The multigrid preconditioned conjugate
     gradient method", 1993). It ends when the correction that is left is nowhere above `tolerance`, or above what
     float32 can hold, or after `most` iterations; unless these are given there are many, as long as it is above ENOUGH
-    on the mean, and a note says so where much is left after them.
+    on the mean, and a note is logged where much is left after them.
     """
     grids = grids_of(weights)
     linked = np.count_nonzero(grids[0].step)
@@ -80,7 +80,7 @@ def solved(
         left += step * along
         before = now
     else:
-        if unasked and remaining > TOLD:
+        if unasked and remaining > REPORTED:
             log.info(
                 "the heights may be off by a few pixels where the surface hangs together by thin strips alone; "
                 "a mask without these strips, or a smaller picture, mends it"
@@ -106,7 +106,7 @@ def relaxed(
     weights: Links, pulls: Links, start: NDArray[np.float32], free: NDArray[np.bool_], times: int
 ) -> NDArray[np.float32]:
     """(H, W) what is nearer to :func:`solved` where `free` (H, W); elsewhere `start`. By so many Jacobi steps, each of
-    which tells a pixel of its neighbours alone: for strips of a few pixels.
+    which reaches a pixel's neighbours alone: for strips of a few pixels.
     """
     u = start.copy()
     steps = steps_of(weights)

@@ -1,5 +1,7 @@
 """What is no part of a material is taken out: the photo's tilt, the cloth's slow bend, lights that are uneven."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,9 +14,11 @@ FITTED = 128
 # Of the picture's edge, where its middle counts 1.
 LEAST_WEIGHT = 0.03
 
+_legvander: Any = np.polynomial.legendre.legvander  # has no types
+
 
 def flattened(normals: NDArray[np.float32], bend: int) -> tuple[NDArray[np.float32], float]:
-    """Slopes (H, W, 2) of the surface laid flat, and by how many degrees it was tilted.
+    """Gradients (H, W, 2) of the surface laid flat, and by how many degrees it was tilted.
 
     normals: (H, W, 3) unit vectors in camera space. The mean normal is turned to +z, then what is left of slow bend
     is taken off the gradients, :func:`trend` with up to `bend` half waves from one side of the picture to the other.
@@ -30,7 +34,8 @@ def evened(albedo: NDArray[np.float32], bend: int) -> NDArray[np.float32]:
     """The albedo (H, W, 3) without its slow changes across the picture; each channel keeps its geometric mean."""
     logarithm = np.log(np.maximum(albedo, 1e-4))
     smooth = trend(logarithm, bend)
-    return np.exp(logarithm - smooth + smooth.mean(axis=(0, 1)))
+    even: NDArray[np.float32] = np.exp(logarithm - smooth + smooth.mean(axis=(0, 1)))
+    return even
 
 
 def trend(values: NDArray[np.float32], degree: int) -> NDArray[np.float32]:
@@ -43,14 +48,14 @@ def trend(values: NDArray[np.float32], degree: int) -> NDArray[np.float32]:
     factor = max(1, max(height, width) // FITTED)
     small = block_means(values, factor)
     powers = [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
-    rows, columns = (_legendre(_middles(side, factor) / side, degree) for side in (height, width))
+    rows, columns = (_legvander(2 * _middles(side, factor) / side - 1, degree) for side in (height, width))
     basis = np.stack([np.outer(rows[:, i], columns[:, j]).ravel() for i, j in powers], axis=1)
     weight = np.sqrt(np.outer(_window(height, factor), _window(width, factor))).reshape(-1, 1)
     fitted = np.linalg.lstsq(weight * basis, weight * small.reshape(-1, channels), rcond=None)[0]
     weights = np.zeros((degree + 1, degree + 1, channels))
     for (i, j), weight in zip(powers, fitted, strict=True):
         weights[i, j] = weight
-    rows, columns = (_legendre(_middles(side, 1) / side, degree) for side in (height, width))
+    rows, columns = (_legvander(2 * _middles(side, 1) / side - 1, degree) for side in (height, width))
     smooth = np.empty_like(values)
     for channel in range(channels):
         smooth[..., channel] = rows @ weights[..., channel] @ columns.T
@@ -67,7 +72,8 @@ def _window(side: int, factor: int) -> NDArray[np.float64]:
 
     There a weave is cut off within a period, and what is left of it would pass for a bend.
     """
-    return _sizes(side, factor) * (LEAST_WEIGHT + np.sin(np.pi * _middles(side, factor) / side) ** 2)
+    window: NDArray[np.float64] = LEAST_WEIGHT + np.sin(np.pi * _middles(side, factor) / side) ** 2
+    return _sizes(side, factor) * window
 
 
 def _sizes(side: int, factor: int) -> NDArray[np.int64]:
@@ -75,12 +81,9 @@ def _sizes(side: int, factor: int) -> NDArray[np.int64]:
     return np.minimum(factor, side - np.arange(0, side, factor))
 
 
-def _legendre(places: NDArray[np.float64], degree: int) -> NDArray[np.float64]:
-    return np.polynomial.legendre.legvander(2 * places - 1, degree)
-
-
 def _turn_to_z(unit: NDArray[np.float64]) -> NDArray[np.float64]:
     """(3, 3) the shortest rotation that brings a unit vector with z above 0 to +z (Rodrigues' formula)."""
     x, y, z = unit
     across = np.array([[0, 0, -x], [0, 0, -y], [x, y, 0]])
-    return np.eye(3) + across + across @ across / (1 + z)
+    turn: NDArray[np.float64] = np.eye(3) + across + across @ across / (1 + z)
+    return turn

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.defaults import BEND, CURVATURE_RADIUS, OVERLAP
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.relief.curvature import curvature
 from mpsnet_core.relief.material.albedo import estimated_albedo
@@ -17,6 +17,7 @@ from mpsnet_core.relief.material.periodic_heights import periodic_height, withou
 from mpsnet_core.relief.material.resampling import sampled
 from mpsnet_core.relief.material.seam import LEAST_JOINED, Seam, measured_seam, wrapped
 from mpsnet_core.relief.material.tiling import Tiling, find_tiling
+from mpsnet_core.relief.sizes import check_size
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -30,14 +31,26 @@ BRIGHTEST = 0.95
 
 @dataclass(frozen=True)
 class Material:
-    """A tile of a flat material. Every picture goes on, beyond its last row and column, in its first.
+    """A tile of a flat material. Every picture continues beyond its last row and column in its first.
 
-    normals: (H, W, 3) float32 unit vectors: x right, y up, z out of the material. Their gradients have mean 0.
-    height: (H, W) float32 in millimetres, mean 0.
-    curvature: (H, W) float32 in 1 / mm, above 0 where the material bulges.
-    albedo: (H, W, 3) float32, linear, 0 to 1.
-    width_mm, height_mm: what the tile measures.
-    tiling: where it lay in the photo. seam: how visible its joins are. tilt: degrees by which the photo was tilted.
+    Attributes
+    ----------
+    normals : (H, W, 3) float32 array
+        Unit vectors: x right, y up, z out of the material. Their gradients have mean 0.
+    height : (H, W) float32 array
+        In millimetres, mean 0.
+    curvature : (H, W) float32 array
+        Sum of the principal curvatures in 1 / mm, above 0 where the material is convex.
+    albedo : (H, W, 3) float32 array
+        Linear, 0 to 1.
+    width_mm, height_mm : float
+        Size of the tile.
+    tiling : Tiling
+        Where the tile lay in the photo.
+    seam : Seam
+        How visible the tile's joins are.
+    tilt : float
+        Degrees by which the photo was tilted.
     """
 
     normals: NDArray[np.float32]
@@ -49,12 +62,6 @@ class Material:
     tiling: Tiling
     seam: Seam
     tilt: float
-
-    @property
-    def pitch(self) -> tuple[float, float]:
-        """A pixel's width and height in millimetres."""
-        rows, columns = self.height.shape
-        return self.width_mm / columns, self.height_mm / rows
 
 
 def flat_material(
@@ -70,27 +77,40 @@ def flat_material(
 ) -> Material:
     """The seamless tile of a flat material that fills the photo.
 
-    capture: the photo. normals: estimated from it, (H, W) as the photo, its mask the whole of it. pixel_mm: what a
-        pixel measures on the material.
-    size: pixels of a side of the square pictures; unless given they have the photo's pixels. overlap: the share of
-        the tile over which its borders are joined. bend: half waves, across the photo and then across the tile, up to
-        which bends of the material and uneven brightness are taken out; 0: its tilt alone. grey: an albedo without
-        colour.
+    Parameters
+    ----------
+    capture : Capture
+        The photo, (H, W) pixels.
+    normals : NormalMap
+        Estimated from the photo, in camera space, (H, W); its mask is not used.
+    pixel_mm : float
+        Size of a pixel on the material, in millimetres.
+    size : int, optional
+        Side of the square pictures in pixels; by default they have the photo's pixels.
+    overlap : float
+        Share of the tile over which its borders are joined.
+    bend : int
+        Half waves across photo and tile up to which bends and uneven brightness are removed; 0: the tilt alone.
+    grey : bool
+        Whether the albedo has no colour.
 
-    A tile of a weave is a whole number of its periods; of what does not repeat it is as large as the photo allows.
-    Both borders are joined along the line where they differ least, in all pictures alike (Efros and Freeman 2001),
-    in gradients, so that normals stay unit vectors. The height comes of the normals that are joined already, and so
-    repeats by itself.
+    Raises
+    ------
+    SettingsError
+        Where a size, share or bend is out of range.
+    GeometryError
+        Where the photo is too small or not filled, or the normals have another size.
 
-    Raises InputError where a size, share or bend is not one, or the photo is too small or not filled.
+    Notes
+    -----
+    Both borders are joined along the line where they differ least, in all pictures alike (Efros and Freeman, "Image
+    Quilting", 2001). Gradients are joined, so that normals stay unit vectors, and integrated afterwards.
     """
     check_material(size, overlap, bend)
     if not pixel_mm > 0:
-        raise InputError(f"a pixel measures some millimetres above 0, not {pixel_mm:g}")
+        raise SettingsError(f"a pixel measures some millimetres above 0, not {pixel_mm:g}")
     capture = filled_part(capture)
-    if normals.mask.shape != capture.mask.shape:
-        sizes = [f"{mask.shape[1]} x {mask.shape[0]}" for mask in (normals.mask, capture.mask)]
-        raise InputError(f"the normals are {sizes[0]} but the photo is {sizes[1]}; they must be the same size")
+    check_size("photo", capture.mask.shape, normals)
     features, tilt = _laid_flat(capture, normals, bend, grey, progress)
     progress(0.3, "looking for what repeats")
     tiling = find_tiling(_compared(features), overlap)
@@ -98,44 +118,50 @@ def flat_material(
     joined = round(overlap * tile[0]), round(overlap * tile[1])
     _check_joined(min(joined), overlap)
     progress(0.5, "joining the borders")
-    patch = sampled(features, tiling, tile, joined)
-    del features  # of a large photo, as large as all that is still to come
-    pictures, cut = wrapped(patch, joined)
-    del patch
+    features = sampled(features, tiling, tile, joined)  # the photo's were as large as all that is still to come
+    pictures, cut = wrapped(features, joined)
+    del features
     pictures = without_slow_waves(pictures, bend)
-    gradients = pictures[..., :2] - pictures[..., :2].mean(axis=(0, 1))
-    width_mm, height_mm = (float(np.linalg.norm(step)) * pixel_mm for step in (tiling.right, tiling.down))
-    pitch = width_mm / tile[1], height_mm / tile[0]
     progress(0.7, "integrating the height")
-    found = normals_of(gradients)
+    return _material(pictures, cut, tiling, tilt, pixel_mm)
+
+
+def _material(
+    pictures: NDArray[np.float32], cut: NDArray[np.bool_], tiling: Tiling, tilt: float, pixel_mm: float
+) -> Material:
+    """pictures: (h, w, 5) of the tile, gradients and the albedo's logarithm."""
+    gradients = pictures[..., :2] - pictures[..., :2].mean(axis=(0, 1))
+    normals = normals_of(gradients)
+    width_mm, height_mm = (float(np.linalg.norm(step)) * pixel_mm for step in (tiling.right, tiling.down))
+    pitch = width_mm / cut.shape[1], height_mm / cut.shape[0]
     return Material(
-        found,
+        normals,
         periodic_height(gradients, pitch),
-        _repeated_curvature(found, pitch),
+        _repeated_curvature(normals, pitch),
         _within_range(np.exp(pictures[..., 2:])),
         width_mm,
         height_mm,
         tiling,
-        measured_seam(found, cut),
+        measured_seam(normals, cut),
         tilt,
     )
 
 
 def check_material(size: int | None, overlap: float, bend: int) -> None:
-    """Raises InputError where a material of this size, overlap and bend cannot be made; asked before long work."""
+    """Raises SettingsError where a material of this size, overlap and bend cannot be made."""
     if size is not None and not LEAST_SIDE <= size <= LARGEST_SIDE:
-        raise InputError(f"a material's pictures are {LEAST_SIDE} to {LARGEST_SIDE} pixels a side, not {size}")
+        raise SettingsError(f"a material's pictures are {LEAST_SIDE} to {LARGEST_SIDE} pixels a side, not {size}")
     if not LEAST_OVERLAP <= overlap <= LARGEST_OVERLAP:
-        raise InputError(f"borders overlap by {LEAST_OVERLAP:g} to {LARGEST_OVERLAP:g} of the tile, not {overlap:g}")
+        raise SettingsError(f"borders overlap by {LEAST_OVERLAP:g} to {LARGEST_OVERLAP:g} of the tile, not {overlap:g}")
     if size is not None:
         _check_joined(round(overlap * size), overlap)
     if not 0 <= bend <= MOST_BEND:
-        raise InputError(f"a bend of {bend} half waves cannot be taken out; choose 0 to {MOST_BEND}")
+        raise SettingsError(f"a bend of {bend} half waves cannot be taken out; choose 0 to {MOST_BEND}")
 
 
 def _check_joined(pixels: int, overlap: float) -> None:
     if pixels < LEAST_JOINED:
-        raise InputError(
+        raise SettingsError(
             f"borders that overlap by {overlap:g} of the tile are joined over {pixels} pixels, and need "
             f"{LEAST_JOINED}; choose a larger overlap, size or photo"
         )
@@ -151,21 +177,21 @@ def filled_part(capture: Capture, crop: tuple[int, int, int, int] | None = None)
     rows, columns = capture.mask.shape
     left, top, width, height = crop or (0, 0, columns, rows)
     if min(width, height) < 1:
-        raise InputError(
+        raise SettingsError(
             f"the crop leaves nothing of the photo's {columns} x {rows} pixels: its width and height are {width} and "
             f"{height}; give 1 or more"
         )
     if min(left, top) < 0 or left + width > columns or top + height > rows:
-        raise InputError(
+        raise SettingsError(
             f"the crop of {width} x {height} pixels from {left} on across and from {top} on down is not within the "
             f"photo, which is {columns} x {rows}; give places that it has"
         )
     if min(width, height) < LEAST_SIDE:
-        raise InputError(f"{width} x {height} pixels are too few for a material; take {LEAST_SIDE} or more each way")
+        raise GeometryError(f"{width} x {height} pixels are too few for a material; take {LEAST_SIDE} or more each way")
     part = slice(top, top + height), slice(left, left + width)
     missing = 1 - float(capture.mask[part].mean())
     if missing:
-        raise InputError(f"a flat material fills the photo, but {missing:.1%} of it is transparent; crop it")
+        raise GeometryError(f"a flat material fills the photo, but {missing:.1%} of it is transparent; crop it")
     camera = capture.camera
     if camera is not None:
         camera = replace(camera, width=width, height=height, centre=camera.centre - (left, top))

@@ -1,4 +1,4 @@
-"""A material as files: its pictures, a page of numbers that says what they measure, and a picture of it repeated."""
+"""A material as files: its pictures, a JSON file that states their scales, and a picture of it repeated."""
 
 import os
 from dataclasses import asdict
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, InputError
 from mpsnet_core.io.files import ensure_folder, read_json, write_json, written_together
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.images import write_image
@@ -50,41 +50,57 @@ PREVIEW_LIGHT = (-0.6, 0.6, 0.6)
 def material_files(folder: str | os.PathLike[str], name: str) -> dict[str, Path]:
     """The files that :func:`write_material` writes, by what they hold: the PICTURES, and "material".
 
-    Raises InputError where one of them is there already and is not of a material that was written there before.
+    Raises FileError where one of them is there already and is not of a material that was written there before.
     """
     pictures = {what: Path(folder) / f"{name}_{what}{suffix}" for what, suffix in PICTURES.items()}
-    told, own = Path(folder) / f"{name}_material.json", set[str]()
-    if told.exists():
+    record, own = Path(folder) / f"{name}_material.json", set[str]()
+    if record.exists():
         try:
-            files = read_json(told, MATERIAL_FORMAT, MATERIAL_VERSION, MATERIAL_KEYS).get("files")
+            files = read_json(record, MATERIAL_FORMAT, MATERIAL_VERSION, MATERIAL_KEYS).get("files")
         except InputError:
-            raise InputError(f"the result would overwrite {told}, which is another file; {_MEND}") from None
+            raise FileError(f"the result would overwrite {record}, which is another file; {_MEND}") from None
         own = set(map(str, files.values())) if isinstance(files, dict) else own
     for picture in pictures.values():
         if picture.exists() and picture.name not in own:
-            raise InputError(f"the result would overwrite {picture}, which is not of this material; {_MEND}")
-    return {**pictures, "material": told}
+            raise FileError(f"the result would overwrite {picture}, which is not of this material; {_MEND}")
+    return {**pictures, "material": record}
 
 
 def write_material(
     folder: str | os.PathLike[str], name: str, material: Material, *, convention: Convention = "opengl"
 ) -> dict[str, Path]:
-    """Write the material into a folder, which is made; the files are those of :func:`material_files`.
+    """Write a material into a folder, which is created; all files appear, or none.
 
-    normal: 0.5 + 0.5 n, 16 bits. height: 16 bits from black, the lowest, to white, the highest. height_mm: float,
-    millimetres. curvature: grey where flat, lighter where it bulges, of the range that material.json tells. albedo:
-    sRGB. preview: 3 x 3 tiles under a low light. material: JSON, put in place first: the others are known as its own
-    by it. All appear, or none.
+    Parameters
+    ----------
+    folder : str or PathLike
+        Where the files go.
+    name : str
+        What their names begin with.
+    material : Material
+        The tile.
+    convention : {"opengl", "directx"}
+        Of the normals: green points up or down.
 
-    Raises InputError where the folder cannot be made or written, and as :func:`material_files` does.
+    Returns
+    -------
+    dict of str to Path
+        The files of :func:`material_files`. normal: 0.5 + 0.5 n, 16 bits. height: 16 bits from black, the lowest, to
+        white, the highest. height_mm: float, millimetres. curvature: grey where flat, lighter where convex, over the
+        range that the JSON file states. albedo: sRGB. preview: 3 x 3 tiles under a low light. material: JSON.
+
+    Raises
+    ------
+    FileError
+        Where the folder cannot be created or written, or another file would be overwritten.
     """
     files = material_files(ensure_folder(folder, "material"), name)
     mask = np.ones(material.height.shape, bool)
     low, high = float(material.height.min()), float(material.height.max())
     bend = curvature_range(material.curvature, mask)
-    told = {**_description(material, low, high, bend), "convention": convention}
+    description = {**_description(material, low, high, bend), "convention": convention}
     with written_together():
-        write_json(files["material"], {**told, "files": {what: files[what].name for what in PICTURES}})
+        write_json(files["material"], {**description, "files": {what: files[what].name for what in PICTURES}})
         write_image(files["normal"], encode(material.normals, convention))
         write_image(files["height"], (material.height - low) / max(high - low, 1e-9))
         write_image(files["height_mm"], material.height)

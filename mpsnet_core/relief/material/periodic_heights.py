@@ -34,11 +34,11 @@ def without_slow_waves(values: NDArray[np.float32], half_waves: int) -> NDArray[
     across, down = np.fft.rfftfreq(width, 1 / width), np.fft.fftfreq(height, 1 / height)[:, None]
     slow = np.hypot(across, down) <= half_waves / 2
     slow[0, 0] = False
-    kept = np.empty_like(values)
+    fast = np.empty_like(values)
     for channel in range(values.shape[2]):
         spectrum = np.fft.rfft2(values[..., channel])
-        kept[..., channel] = np.fft.irfft2(np.where(slow, 0, spectrum), (height, width))
-    return kept
+        fast[..., channel] = np.fft.irfft2(np.where(slow, 0, spectrum), (height, width))
+    return fast
 
 
 def _waves(height: int, width: int, pitch: tuple[float, float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -4,7 +4,7 @@ import math
 import re
 from dataclasses import dataclass
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import SettingsError
 
 MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 # A thousandth of a millimetre to a kilometre: beyond that a unit has been mistaken.
@@ -14,14 +14,14 @@ _LENGTH = re.compile(rf"\s*([0-9]*\.?[0-9]+(?:e[+-]?[0-9]+)?)\s*({'|'.join(MILLI
 
 
 def millimetres(text: str) -> float:
-    """The length in millimetres. Raises InputError where `text` is not a number above 0 and its unit."""
+    """The length in millimetres. Raises SettingsError where `text` is not a number above 0 and its unit."""
     found = _LENGTH.fullmatch(text)
     if found is None:
         units = ", ".join(MILLIMETRES)
-        raise InputError(f"{text!r} is not a length; give a number and its unit ({units}), for instance 120mm")
+        raise SettingsError(f"{text!r} is not a length; give a number and its unit ({units}), for instance 120mm")
     length = float(found[1]) * MILLIMETRES[found[2].lower()]
     if not SHORTEST <= length <= LONGEST:
-        raise InputError(f"{text} is not a length that can be photographed; give 0.001mm to 1000m")
+        raise SettingsError(f"{text} is not a length that can be photographed; give 0.001mm to 1000m")
     return length
 
 
@@ -42,26 +42,28 @@ class Ruler:
         return math.dist(self.ends[:2], self.ends[2:])
 
     def check_within(self, height: int, width: int) -> None:
-        """Raises InputError where a place is not within a photo of that size."""
+        """Raises SettingsError where a place is not within a photo of that size."""
         x1, y1, x2, y2 = self.ends
         if not (0 <= min(x1, x2) <= max(x1, x2) <= width and 0 <= min(y1, y2) <= max(y1, y2) <= height):
-            raise InputError(f"--ruler {self.text}: its places are not within the photo, which is {width} x {height}")
+            raise SettingsError(
+                f"--ruler {self.text}: its places are not within the photo, which is {width} x {height}"
+            )
 
 
 def parse_ruler(text: str) -> Ruler:
-    """The ruler that ``x1,y1,x2,y2=50mm`` means. Raises InputError where `text` is not that, or its places are one."""
+    """The ruler of ``x1,y1,x2,y2=50mm``. Raises SettingsError where `text` is not that, or its places are one."""
     places, _, length = text.partition("=")
     ends = _four_numbers(places, f"--ruler {text}", "x1,y1,x2,y2=50mm")
     if math.dist(ends[:2], ends[2:]) < 1:
-        raise InputError(f"--ruler {text}: its two places are the same; measure between two others")
+        raise SettingsError(f"--ruler {text}: its two places are the same; measure between two others")
     return Ruler(text, ends, millimetres(length))
 
 
 def parse_crop(text: str) -> tuple[int, int, int, int]:
-    """Left, top, width and height in pixels. Raises InputError where `text` is not that."""
+    """Left, top, width and height in pixels. Raises SettingsError where `text` is not that."""
     numbers = _four_numbers(text, f"--crop {text}", "x,y,width,height")
     if not all(number.is_integer() for number in numbers):
-        raise InputError(f"--crop {text} is not of whole pixels; give whole numbers")
+        raise SettingsError(f"--crop {text} is not of whole pixels; give whole numbers")
     left, top, width, height = map(int, numbers)
     return left, top, width, height
 
@@ -69,5 +71,5 @@ def parse_crop(text: str) -> tuple[int, int, int, int]:
 def _four_numbers(text: str, what: str, form: str) -> tuple[float, ...]:
     words = text.split(",")
     if len(words) != 4 or not all(re.fullmatch(r"\s*-?[0-9]+(\.[0-9]+)?\s*", word) for word in words):
-        raise InputError(f"{what} is not {form}; give pixels from the photo's upper left corner")
+        raise SettingsError(f"{what} is not {form}; give pixels from the photo's upper left corner")
     return tuple(map(float, words))

@@ -1,6 +1,7 @@
 """A picture made to meet itself: overlapping borders joined along the line where they differ least."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,7 +52,7 @@ def _wrapped_rows(
     return done, cut
 
 
-def minimum_cut(cost: NDArray[np.floating], *, closed: bool) -> NDArray[np.int64]:
+def minimum_cut(cost: NDArray[np.floating[Any]], *, closed: bool) -> NDArray[np.int64]:
     """(W,) the row in each column of the line across `cost` (H, W) that costs least (Efros and Freeman 2001).
 
     From one column to the next the line moves by a row at most. It keeps FEATHER rows from the upper and lower edge.
@@ -66,7 +67,7 @@ def minimum_cut(cost: NDArray[np.floating], *, closed: bool) -> NDArray[np.int64
     return line + FEATHER
 
 
-def _open_cut(cost: NDArray[np.floating], through: int | None) -> NDArray[np.int64]:
+def _open_cut(cost: NDArray[np.floating[Any]], through: int | None) -> NDArray[np.int64]:
     """The cheapest line by dynamic programming; one that starts in row `through` and ends beside it, where given."""
     height, width = cost.shape
     total = cost[:, 0].astype(np.float64)
@@ -100,10 +101,11 @@ def _coarse(apart: NDArray[np.float32], reach: int, closed: bool) -> NDArray[np.
     return padded[:, sides[0] : padded.shape[1] - sides[1]]
 
 
-def _eased(share: NDArray[np.floating]) -> NDArray[np.float32]:
+def _eased(share: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
     """0 up to 0 and 1 from 1 on, without a corner between."""
     share = np.clip(share, 0, 1)
-    return (share * share * (3 - 2 * share)).astype(np.float32)
+    eased: NDArray[np.float32] = (share * share * (3 - 2 * share)).astype(np.float32)
+    return eased
 
 
 @dataclass(frozen=True)

@@ -36,11 +36,6 @@ class Tiling:
     down: NDArray[np.float64]
     alike: tuple[float | None, float | None]
 
-    @property
-    def turn(self) -> float:
-        """By how many degrees the tile lies turned in the photo, clockwise."""
-        return float(np.degrees(np.arctan2(self.right[1], self.right[0])))
-
 
 def find_tiling(features: NDArray[np.float32], overlap: float) -> Tiling:
     """The tiling of a material that the photo's features (H, W, C), of mean 0, show.
@@ -86,8 +81,8 @@ def _alike(seen: NDArray[np.float32], most: float) -> _Alike:
     energy = np.zeros((height + 1, width + 1))
     energy[1:, 1:] = np.einsum("ijk,ijk->ij", seen, seen, dtype=np.float64).cumsum(axis=0).cumsum(axis=1)
     aside, along = np.arange(-across, across + 1)[:, None], np.arange(least, last + 1)
-    here, there = (_box(energy, sign * aside, sign * along) for sign in (1, -1))
-    return _Alike(2 * product / np.maximum(here + there, 1e-12), least, across)
+    own, shifted = (_box(energy, sign * aside, sign * along) for sign in (1, -1))
+    return _Alike(2 * product / np.maximum(own + shifted, 1e-12), least, across)
 
 
 def _box(table: NDArray[np.float64], aside: NDArray[np.int64], along: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -95,7 +90,8 @@ def _box(table: NDArray[np.float64], aside: NDArray[np.int64], along: NDArray[np
     height, width = table.shape[0] - 1, table.shape[1] - 1
     top, bottom = np.maximum(-aside, 0), height - np.maximum(aside, 0)
     left, right = np.maximum(-along, 0), width - np.maximum(along, 0)
-    return table[bottom, right] - table[top, right] - table[bottom, left] + table[top, left]
+    sums: NDArray[np.float64] = table[bottom, right] - table[top, right] - table[bottom, left] + table[top, left]
+    return sums
 
 
 @dataclass(frozen=True)
@@ -115,8 +111,8 @@ def _peaks(alike: _Alike) -> _Peaks:
     values = alike.values
     aside, along = np.arange(-alike.across, alike.across + 1)[:, None], np.arange(values.shape[1]) + alike.least
     peaks = np.zeros(values.shape, bool)
-    around = [_part(values, i, j) for i in (0, 1, 2) for j in (0, 1, 2)]
-    peaks[1:-1, 1:-1] = values[1:-1, 1:-1] == np.max(around, axis=0)
+    highest = np.lib.stride_tricks.sliding_window_view(values, (3, 3)).max(axis=(2, 3))
+    peaks[1:-1, 1:-1] = values[1:-1, 1:-1] == highest
     heights = np.where(peaks & (np.abs(aside) <= TURN * along), values, -1.0)
     best = heights.max()
     rows, columns = np.nonzero(heights >= max(NEARLY * best, ALIKE))
@@ -152,11 +148,6 @@ def _chosen(across: _Peaks, down: _Peaks, frame: NDArray[np.float64]) -> list[_F
     return found
 
 
-def _part(values: NDArray[np.float64], top: int, left: int) -> NDArray[np.float64]:
-    """All but two rows and columns."""
-    return values[top : top + len(values) - 2, left : left + values.shape[1] - 2]
-
-
 def _peak(three: NDArray[np.float64]) -> float:
     """Where between -1 and 1 the parabola through three values, the middle one the highest, has its peak."""
     curve = three[0] - 2 * three[1] + three[2]
@@ -174,12 +165,12 @@ def _refined(features: NDArray[np.float32], step: NDArray[np.float64], factor: i
     if size.min() < 4 * reach:
         return step
     top, left = (sides - np.abs(whole) - size) // 2 + np.maximum(-whole, 0)
-    here = features[top : top + size[0], left : left + size[1]]
+    own = features[top : top + size[0], left : left + size[1]]
     apart = np.empty((2 * reach + 1, 2 * reach + 1))
     for i, j in np.ndindex(apart.shape):
         row, column = top + whole[0] + i - reach, left + whole[1] + j - reach
-        there = features[row : row + size[0], column : column + size[1]]
-        apart[i, j] = np.square(here - there).mean()
+        shifted = features[row : row + size[0], column : column + size[1]]
+        apart[i, j] = np.square(own - shifted).mean()
     i, j = (int(place) + 1 for place in np.unravel_index(np.argmin(apart[1:-1, 1:-1]), (2 * reach - 1, 2 * reach - 1)))
     exact = whole - reach + (i + _peak(-apart[i - 1 : i + 2, j]), j + _peak(-apart[i, j - 1 : j + 2]))
     return np.asarray(exact[::-1], np.float64)
@@ -206,4 +197,5 @@ def _across(
     """A step along `square`, mostly along the axis, as long as there is room beside the other step."""
     square = square / square[axis]
     room = (frame - np.abs(step)) / np.maximum(np.abs(square), 1e-9)
-    return square * np.floor(room.min())
+    step_across: NDArray[np.float64] = square * np.floor(room.min())
+    return step_across
