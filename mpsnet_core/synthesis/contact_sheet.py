@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, InputError
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.images import image_layers, read_image, write_image
 from mpsnet_core.io.provenance import identity, provenance_line
@@ -68,7 +68,7 @@ def folder_samples(folder: str | os.PathLike[str]) -> list[Path]:
     """The EXR files of a folder, in order; they may be samples under any name. Raises InputError where it has none."""
     files = sorted(file for file in Path(folder).glob("*.exr") if not file.name.startswith("."))
     if not files:
-        raise InputError(f"folder {folder} holds no samples (.exr); make some with mpsnet synthesize, or in Blender")
+        raise FileError(f"folder {folder} holds no samples (.exr); make some with mpsnet synthesize, or in Blender")
     return files
 
 
@@ -138,7 +138,7 @@ def show(samples: Sequence[Path], photos: Sequence[Path], count: int = ROWS) -> 
     rows += [sheet(photo_row(photo), 5, TILE_HEIGHT) for photo in photos]
     pictures = [row for row in rows if row is not None]
     if not pictures:
-        raise InputError(f"{samples[0].parent} holds no whole sample; make some anew")
+        raise FileError(f"{samples[0].parent} holds no whole sample; make some anew")
     width = max(picture.shape[1] for picture in pictures)
     edges = [((0, 0), (0, width - picture.shape[1]), (0, 0)) for picture in pictures]
     return np.concatenate(

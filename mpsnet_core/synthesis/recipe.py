@@ -6,7 +6,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.scene.camera import Camera, camera_data, camera_from_data
 
 RECIPE_VERSION = 1
@@ -151,7 +151,7 @@ def recipe_from_data(data: dict[str, Any]) -> Recipe:
     """A recipe from :meth:`Recipe.data`, also after a way through JSON. Raises InputError where it is not one."""
     try:
         if data["version"] > RECIPE_VERSION:
-            raise InputError(f"the recipe is of version {data['version']}, this program reads up to {RECIPE_VERSION}")
+            raise FormatError(f"the recipe is of version {data['version']}, this program reads up to {RECIPE_VERSION}")
         return Recipe(
             seed=int(data["seed"]),
             number=int(data["number"]),
@@ -167,10 +167,12 @@ def recipe_from_data(data: dict[str, Any]) -> Recipe:
             bump=_noun(Bump, data["bump"]),
             bounces=int(data["bounces"]),
         )
+    except InputError:
+        raise
     except KeyError as error:
-        raise InputError(f"it holds no recipe that this program knows: it lacks {error}; make it anew") from None
+        raise FormatError(f"it holds no recipe that this program knows: it lacks {error}; make it anew") from None
     except (TypeError, ValueError, AttributeError, OverflowError):
-        raise InputError("it holds no recipe that this program knows; make it anew") from None
+        raise FormatError("it holds no recipe that this program knows; make it anew") from None
 
 
 def _noun(kind: type, data: dict[str, Any]) -> Any:

@@ -12,7 +12,7 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, FormatError, InputError
 from mpsnet_core.io.files import MAX_JSON_BYTES, existing_file, written_whole
 from mpsnet_core.io.image import libraries_silent
 from mpsnet_core.io.images import MAX_VALUE, complaint, image_attribute, image_input
@@ -118,7 +118,7 @@ def write_sample(path: str | os.PathLike[str], sample: Sample) -> None:
         done = target.open(str(unfinished), spec) and target.write_image(pixels)
         if not (target.close() and done):
             reason = complaint(target) or complaint(oiio)
-            raise InputError(f"cannot write {path} ({reason}); is the disk full?")
+            raise FileError(f"cannot write {path} ({reason}); is the disk full?")
 
 
 def read_sample(path: str | os.PathLike[str]) -> Sample:
@@ -174,16 +174,16 @@ def _opened(path: str | os.PathLike[str]) -> Iterator[tuple[Any, Path]]:
     source = image_input(path)
     if source is None:
         complaint(oiio)  # else it is said again of the next file
-        raise InputError(f"{path} is no sample, or cut short within its head; delete it and make it again")
+        raise FormatError(f"{path} is no sample, or cut short within its head; delete it and make it again")
     try:
         spec = source.spec()
         placed = (spec.x, spec.y, spec.full_width, spec.full_height) == (0, 0, spec.width, spec.height)
         if source.format_name() != "openexr" or sorted(spec.channelnames) != sorted(_CHANNELS) or not placed:
-            raise InputError(
+            raise FormatError(
                 f"{path} is no sample: it has not a sample's layers; give a file that mpsnet synthesize or Blender made"
             )
         if max(spec.width, spec.height) > MAX_SIDE or spec.depth > 1:
-            raise InputError(
+            raise FormatError(
                 f"sample {path} says it is {spec.width} x {spec.height}, more than {MAX_SIDE} pixels a side; make it "
                 "again, smaller"
             )
@@ -196,7 +196,7 @@ def _description(source: Any, path: Path) -> tuple[dict[str, Any], Recipe]:
     """The metadata and the recipe in it, known to be whole and to fit the picture."""
     text = image_attribute(source.spec(), METADATA, str)
     if text is None or len(text) > MAX_JSON_BYTES:
-        raise InputError(
+        raise FormatError(
             f"{path} is no sample: it has no description; give a file that mpsnet synthesize or Blender made"
         )
     try:
@@ -208,19 +208,21 @@ def _description(source: Any, path: Path) -> tuple[dict[str, Any], Recipe]:
     except (KeyError, TypeError, ValueError, OverflowError, RecursionError):
         known = False
     if not known:
-        raise InputError(f"sample {path} is damaged: its description cannot be read; delete it and make it again")
+        raise FormatError(f"sample {path} is damaged: its description cannot be read; delete it and make it again")
     if not 1 <= version <= SAMPLE_VERSION:
-        raise InputError(f"sample {path} is of version {version}, this program reads up to {SAMPLE_VERSION}; update it")
+        raise FormatError(
+            f"sample {path} is of version {version}, this program reads up to {SAMPLE_VERSION}; update it"
+        )
     try:
         recipe = recipe_from_data(data["recipe"])
         rig = LightRig(recipe.light_directions)
     except InputError as error:
-        raise InputError(f"sample {path}: {error}; delete it and make it again") from None
+        raise FormatError(f"sample {path}: {error}; delete it and make it again") from None
     spec, camera = source.spec(), recipe.camera
     turns = np.allclose(recipe.rotation @ recipe.rotation.T, np.eye(3), atol=1e-4)
     lit = np.allclose(rig.directions, recipe.light_directions, atol=1e-4) and (recipe.light_sizes >= 0).all()
     if not (turns and lit and (camera.width, camera.height) == (spec.width, spec.height)):
-        raise InputError(f"sample {path} is damaged: its recipe does not fit it; delete it and make it again")
+        raise FormatError(f"sample {path} is damaged: its recipe does not fit it; delete it and make it again")
     return data, recipe
 
 
@@ -230,14 +232,14 @@ def _pixels(source: Any, begin: int, end: int, path: Path) -> NDArray[np.float32
         values = source.read_scanlines(begin, end, 0, 0, len(_CHANNELS), oiio.FLOAT)
     reason = complaint(source)
     if values is None or reason:
-        raise InputError(
+        raise FormatError(
             f"sample {path} is damaged or cut short ({reason or 'no pixels'}); delete it and make it again"
         )
     return np.asarray(values, np.float32).reshape(end - begin, source.spec().width, len(_CHANNELS))
 
 
-def _damaged(path: Path, fault: str) -> InputError:
-    return InputError(f"sample {path} is damaged: it holds {fault}; delete it and make it again")
+def _damaged(path: Path, fault: str) -> FormatError:
+    return FormatError(f"sample {path} is damaged: it holds {fault}; delete it and make it again")
 
 
 def _outside_unit(values: NDArray[np.float32]) -> bool:

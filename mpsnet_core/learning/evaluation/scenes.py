@@ -1,6 +1,6 @@
 """What the synthetic tests share: shapes that no training job shows, seen by the published rig and photographed.
 
-Jobs draw their shapes from seeds below 2^62 (:func:`mpsnet_core.synthesis.shapes.draws.new_seed`), whatever their own
+Jobs draw their shapes from seeds below 2^62 (:func:`mpsnet_core.synthesis.draws.new_seed`), whatever their own
 seed is. The seed here is above, so that no training data holds these shapes.
 """
 

@@ -10,7 +10,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, FormatError, SettingsError
 from mpsnet_core.synthesis.recipe import Colour, Material
 from mpsnet_core.synthesis.reflectance.fits import MerlFit, read_fits
 from mpsnet_core.synthesis.reflectance.merl import MerlTable, read_merl
@@ -47,12 +47,12 @@ def load_reflectance(material: Material, merl: str = "") -> Reflectance:
     if material.kind == "principled":
         return PrincipledBsdf(material)
     if not merl:
-        raise InputError(f"the material {material.source!r} is measured; say where the measured materials are (merl)")
+        raise SettingsError(f"the material {material.source!r} is measured; name where measured materials are (merl)")
     if material.kind == "merl":
         return _tinted(_table(str(Path(merl) / material.source)), material.tint)
     fits = _fits(merl)
     if material.source not in fits:
-        raise InputError(f"{merl} has no material {material.source!r}; give the file that the samples began with")
+        raise FormatError(f"{merl} has no material {material.source!r}; give the file that the samples began with")
     return _tinted(fits[material.source], material.tint)
 
 
@@ -66,7 +66,7 @@ def material_names(merl: str) -> list[tuple[Literal["merl", "fit"], str]]:
         return [("fit", name) for name in sorted(_fits(merl))]
     names = sorted(entry.name for entry in path.iterdir() if entry.suffix == ".binary" and entry.is_file())
     if not names:
-        raise InputError(f"the folder {path} holds no .binary files; choose the one with MERL's materials")
+        raise FileError(f"the folder {path} holds no .binary files; choose the one with MERL's materials")
     return [("merl", name) for name in names]
 
 

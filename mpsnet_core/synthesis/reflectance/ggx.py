@@ -38,7 +38,8 @@ def ggx(
     slope = sine_squared + squared * (1 - sine_squared)
     masking = cos_light * np.sqrt(squared + (1 - squared) * cos_view * cos_view)
     masking += cos_view * np.sqrt(squared + (1 - squared) * cos_light * cos_light)
-    return squared / (np.float32(2 * np.pi) * slope * slope * masking)
+    reflected: NDArray[np.float32] = squared / (np.float32(2 * np.pi) * slope * slope * masking)
+    return reflected
 
 
 def fresnel_dielectric(cosine: NDArray[Any], ior: NDArray[Any] | float) -> NDArray[Any]:
@@ -58,7 +59,7 @@ def reflectance_of_ior(ior: float) -> float:
 
 def ior_of_reflectance(f0: float) -> float:
     """The index above 1 with the reflected share f0 at normal incidence (up to 0.99)."""
-    root = min(max(f0, 0.0), 0.99) ** 0.5
+    root: float = min(max(f0, 0.0), 0.99) ** 0.5
     return (1 + root) / (1 - root)
 
 
@@ -96,7 +97,8 @@ def _between(table: NDArray[np.float64], position: float) -> NDArray[np.float64]
     # The table at a position from 0 to 1 along its first axis.
     place = min(max(position, 0.0), 1.0) * (len(table) - 1)
     below = min(int(place), len(table) - 2)
-    return table[below] + (place - below) * (table[below + 1] - table[below])
+    value: NDArray[np.float64] = table[below] + (place - below) * (table[below + 1] - table[below])
+    return value
 
 
 @lru_cache(maxsize=1)

@@ -50,4 +50,5 @@ class AboveSurface(ABC):
 
 def dot(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
     """Dot products (N,) of vectors (N, 3)."""
-    return np.einsum("ij,ij->i", a, b)
+    products: NDArray[Any] = np.einsum("ij,ij->i", a, b)
+    return products

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.synthesis.reflectance.hemisphere import AboveSurface
 from mpsnet_core.synthesis.reflectance.rusinkiewicz import rusinkiewicz_angles
@@ -76,18 +76,18 @@ def read_merl(path: str | os.PathLike[str]) -> MerlTable:
     path = existing_file(path, "MERL file")
     size = path.stat().st_size
     if size != _FILE_BYTES:
-        raise InputError(f"{path} has {size} bytes, a MERL .binary file has {_FILE_BYTES}; fetch it again")
+        raise FormatError(f"{path} has {size} bytes, a MERL .binary file has {_FILE_BYTES}; fetch it again")
     with path.open("rb") as file:
         bins = tuple(int(count) for count in np.frombuffer(file.read(_HEADER_BYTES), "<i4"))
         if bins != BINS:
-            raise InputError(f"{path} is no MERL .binary file: it begins with {bins} instead of {BINS}; choose another")
+            raise FormatError(f"{path} is no MERL .binary file: it begins with {bins}, not {BINS}; choose another")
         values = np.empty((*BINS, 3), np.float32)
         for channel in range(3):
             plane = np.frombuffer(file.read((_FILE_BYTES - _HEADER_BYTES) // 3), "<f8").reshape(BINS)
             values[..., channel] = plane * SCALE[channel]
     measured: NDArray[np.bool_] = np.all(np.isfinite(values) & (values >= 0), axis=-1)
     if not measured.any():
-        raise InputError(f"{path} holds no measured sample, all are negative; fetch it again")
+        raise FormatError(f"{path} holds no measured sample, all are negative; fetch it again")
     return MerlTable(_filled(values, measured))
 
 

@@ -13,7 +13,7 @@ from dataclasses import fields
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import SettingsError
 from mpsnet_core.synthesis.recipe import Material
 from mpsnet_core.synthesis.reflectance.ggx import (
     albedo,
@@ -44,7 +44,7 @@ class PrincipledBsdf(AboveSurface):
         for field in fields(material):
             value = getattr(material, field.name)
             if not isinstance(value, str) and not np.isfinite(value).all():
-                raise InputError(f"the material's {field.name} is {value}; give finite numbers")
+                raise SettingsError(f"the material's {field.name} is {value}; give finite numbers")
         self._base = np.asarray(material.base_color, np.float32)
         roughness, coat_roughness = _share(material.roughness), _share(material.coat_roughness)
         self._alpha, self._coat_alpha = roughness**2, coat_roughness**2
@@ -87,7 +87,7 @@ class PrincipledBsdf(AboveSurface):
         rows = np.take(self._by_view, step, axis=0)
         rows += (position - step)[:, None] * (np.take(self._by_view, step + 1, axis=0) - rows)
         diffuse, specular, metal, missing, coat, sheen, spread, shear = rows.T
-        result = diffuse[:, None] * base
+        result: NDArray[np.float32] = diffuse[:, None] * base
 
         towards = lights + views
         length = np.maximum(np.sqrt(dot(towards, towards)), np.float32(1e-6))

@@ -1,6 +1,7 @@
 """How much of a distant light reaches points of the surface: cast and attached shadows, with penumbrae."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,7 +63,7 @@ def arrival(
     scene: RayScene,
     pixels: NDArray[np.int64],
     shape: tuple[int, int],
-    turns: NDArray[np.integer],
+    turns: NDArray[Any],
 ) -> Arrival:
     """What reaches the points, which pixels (N,) of an image of `shape` show.
 
@@ -99,7 +100,7 @@ def _cast_many(
     points: SurfacePoints,
     scene: RayScene,
     chosen: NDArray[np.int64],
-    turns: NDArray[np.integer],
+    turns: NDArray[Any],
     irradiance: NDArray[np.float32],
     lit: NDArray[np.float32],
 ) -> None:

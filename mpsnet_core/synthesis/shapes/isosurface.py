@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,13 +71,11 @@ def isosurface(solids: Sequence[Solid], cell: float) -> Shape:
     ahead, behind = _distances(solids, points, asked, steps).reshape(2, 3, -1)
     normals = normalised((ahead - behind).T)
 
-    triangles = _split(points.T, quads)
-    parts = _owners(solids, points, asked)[triangles[:, 0]]
-    return smooth_shape(np.ascontiguousarray(points.T), triangles, normals, parts)
+    return smooth_shape(np.ascontiguousarray(points.T), _split(points.T, quads), normals)
 
 
 def surface_nets(
-    values: NDArray[np.floating],
+    values: NDArray[Any],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int32]]:
     """Vertices (3, V) in grid units, the values' gradients there (3, V), and quads (Q, 4) of where values change sign.
 
@@ -132,7 +131,7 @@ def surface_nets(
     return places, slopes, np.concatenate(quads)
 
 
-def _chessboards(at: NDArray[np.floating]) -> NDArray[np.int64]:
+def _chessboards(at: NDArray[Any]) -> NDArray[np.int64]:
     """(N, 2) corner and cell to fill where a cell's face has inside only across; at: (8, cells) values at the corners.
 
     Of the two outside corners the nearer one. Only faces at a cell's low side: the others belong to its neighbours.
@@ -154,7 +153,8 @@ def _split(points: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.
     short = ((a - c) ** 2).sum(axis=1) <= ((b - d) ** 2).sum(axis=1)
     one = np.where(short[:, None], quads[:, [0, 1, 2]], quads[:, [0, 1, 3]])
     two = np.where(short[:, None], quads[:, [0, 2, 3]], quads[:, [1, 2, 3]])
-    return np.stack([one, two], axis=1).reshape(-1, 3).astype(np.int32)
+    triangles: NDArray[np.int32] = np.stack([one, two], axis=1).reshape(-1, 3).astype(np.int32)
+    return triangles
 
 
 def bounds(solids: Sequence[Solid]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -189,13 +189,3 @@ def _distances(
 
 def _merged(solid: Solid, before: NDArray[np.float64], distance: NDArray[np.float64]) -> NDArray[np.float64]:
     return -blended(-before, distance, solid.blend) if solid.carve else blended(before, distance, solid.blend)
-
-
-def _owners(solids: Sequence[Solid], points: NDArray[np.float64], asked: list[NDArray[np.int64]]) -> NDArray[np.int32]:
-    """(N,) the part of the solid that is nearest to each point."""
-    nearest, owner = np.full(points.shape[1], _FAR), np.zeros(points.shape[1], np.int32)
-    for solid, index in zip(solids, asked, strict=True):
-        distance = np.abs(solid.signed_distance(points.take(index, axis=1)))
-        closer = distance < nearest[index]
-        nearest[index[closer]], owner[index[closer]] = distance[closer], solid.part
-    return owner

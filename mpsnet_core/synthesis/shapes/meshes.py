@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, FormatError, GeometryError, InputError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.mesh_import import read_scene
 from mpsnet_core.scene.normal_map import normalised
@@ -30,13 +30,13 @@ def mesh_files(folder: str | os.PathLike[str]) -> list[str]:
     """Names of the mesh files in a folder, sorted. Raises InputError where there is no folder or no mesh in it."""
     path = Path(folder)
     if not path.is_dir():
-        raise InputError(f"the folder of meshes {path} does not exist; check the path")
+        raise FileError(f"the folder of meshes {path} does not exist; check the path")
     try:
         names = sorted(entry.name for entry in path.iterdir() if entry.suffix.lower() in FORMATS and entry.is_file())
     except OSError as error:
-        raise InputError(f"the folder of meshes {path} cannot be read ({error.strerror}); check it") from None
+        raise FileError(f"the folder of meshes {path} cannot be read ({error.strerror}); check it") from None
     if not names:
-        raise InputError(f"the folder {path} holds no meshes; put {', '.join(FORMATS)} files into it")
+        raise FileError(f"the folder {path} holds no meshes; put {', '.join(FORMATS)} files into it")
     return names
 
 
@@ -51,17 +51,17 @@ def load_mesh(path: str) -> Shape:
     """
     file = existing_file(path, "mesh file")
     if file.suffix.lower() not in FORMATS:
-        raise InputError(f"mesh file {file} is of no format that is read; use {', '.join(FORMATS)}")
+        raise FormatError(f"mesh file {file} is of no format that is read; use {', '.join(FORMATS)}")
     if file.stat().st_size > MAX_BYTES:
-        raise InputError(f"mesh file {file} is larger than {MAX_BYTES >> 20} MiB; reduce the mesh first")
+        raise FormatError(f"mesh file {file} is larger than {MAX_BYTES >> 20} MiB; reduce the mesh first")
     vertices, faces = _read(file)
     if len(faces) > MAX_FACES:
-        raise InputError(f"mesh file {file} has {len(faces)} faces, more than {MAX_FACES}; reduce the mesh first")
+        raise FormatError(f"mesh file {file} has {len(faces)} faces, more than {MAX_FACES}; reduce the mesh first")
     if not np.isfinite(vertices).all():
-        raise InputError(f"mesh file {file} holds a coordinate that is not finite; export it again")
+        raise FormatError(f"mesh file {file} holds a coordinate that is not finite; export it again")
     vertices, faces = merged(vertices, faces)
     if not len(faces):
-        raise InputError(f"mesh file {file} has no faces with an area; choose a mesh with a surface")
+        raise GeometryError(f"mesh file {file} has no faces with an area; choose a mesh with a surface")
     vertices, faces = closed(*thickened(vertices, wound(vertices, faces)))
     faces = outward(vertices, faces)
     vertices = vertices @ np.array([(1.0, 0, 0), (0, 0, 1), (0, -1, 0)])
@@ -84,15 +84,15 @@ def _read(path: Path) -> tuple[Array, Faces]:
                 if hasattr(part, "faces")
             ]
     except InputError as error:
-        raise InputError(f"mesh file {path}: {error}") from None
+        raise FormatError(f"mesh file {path}: {error}") from None
     parts = [(points, faces) for points, faces in parts if len(faces)]
     if not parts:
-        raise InputError(f"mesh file {path} has no faces; choose a mesh with a surface")
+        raise GeometryError(f"mesh file {path} has no faces; choose a mesh with a surface")
     starts = np.cumsum([0] + [len(points) for points, _ in parts[:-1]])
     vertices = np.concatenate([points for points, _ in parts])
     triangles = np.concatenate([faces + start for (_, faces), start in zip(parts, starts, strict=True)])
     if triangles.min() < 0 or triangles.max() >= len(vertices):
-        raise InputError(f"mesh file {path} has faces of vertices that it lacks; export it again")
+        raise FormatError(f"mesh file {path} has faces of vertices that it lacks; export it again")
     return vertices, triangles
 
 
