@@ -68,8 +68,8 @@ class CaptureModel:
     exact: chance that mixing and light directions are known exactly, as those of a rig in Blender are. rendered: chance
         that such a photo is a render: lights of one colour each, no noise, no blur, no JPEG, an exact mask.
     measured: chance that they were measured well; our estimates are below. What is left was measured badly, or the
-        mixing not at all: then it is taken for the identity, as the program does where a rig file tells nothing. A
-        network that expects unknown crosstalk more often than it occurs exaggerates every gradient.
+        mixing not at all: then the identity is assumed, as for a rig file without one. A network that expects unknown
+        crosstalk more often than it occurs exaggerates every gradient.
     mixing_error: standard deviation of a mixing's entries, as a share of its largest, and direction_error: degrees,
         standard deviation across two axes by which the known light directions are off; of rigs that were measured well.
         A highlight found one pixel off on a mirror ball of 100 pixels' radius is 1.1° off (twice its normal's error).
@@ -81,7 +81,7 @@ class CaptureModel:
     full_well: electrons at saturation, and read_noise: electrons, standard deviation in the dark; both log-uniform. The
         noise is EMVA Standard 1288's linear model (release 4.0, 2021): shot noise with the variance of the electrons'
         number, and read noise; as Gaussians, after Foi et al., "Practical Poissonian-Gaussian noise modeling and
-        fitting for single-image raw-data", IEEE TIP 17(10), 2008. Data sheets by that standard say some 33,000 and 7
+        fitting for single-image raw-data", IEEE TIP 17(10), 2008. Data sheets by that standard state some 33,000 and 7
         electrons for Sony's IMX174, 10,500 and 2.3 for its IMX264; telephones hold about 5,000, and every doubling of
         ISO halves what is used of the well.
     bits: of a channel's stored values; 0 for a float picture, which neither clips nor rounds. 8 and 16 are what PNG

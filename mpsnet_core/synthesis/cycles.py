@@ -42,10 +42,10 @@ def sample_from_cycles(
     world space, which is the camera's) and weights0, weights3 (the materials' weights, three a pass) or, where the
     recipe names no materials, the material index. Blender 4.5 writes all into one part, 5.0 and later a part a pass.
 
-    vertices (V, 3) and triangles (T, 3): what was rendered, in world space; depth and `lit` are told by rays against
+    vertices (V, 3) and triangles (T, 3): what was rendered, in world space; depth and `lit` come from rays against
     it. renderer: as in :class:`Sample`.
 
-    Raises InputError where the file is damaged, is no such render, or holds values that are not finite.
+    Raises FormatError where the file is damaged, is no such render, or holds values that are not finite.
     """
     path = existing_file(path, "render")
     planes = _planes(path)

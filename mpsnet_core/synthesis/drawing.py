@@ -20,7 +20,7 @@ from mpsnet_core.synthesis.reflectance import material_names
 from mpsnet_core.synthesis.shapes import draw_shape, mesh_files
 from mpsnet_core.synthesis.shapes.shape import turn_about
 
-# How often each kind of shape is drawn, relative to the others that a job asks for. Real meshes lead where there are
+# How often each kind of shape is drawn, relative to the others that a job requests. Real meshes lead where there are
 # some; the largest errors on photographs lie in hollows and in the wide shadows that one part throws on another.
 SHAPE_SHARES = {"blobs": 3, "drapery": 1.5, "reliefs": 1, "groups": 1.5, "meshes": 6, "scene": 2}
 
@@ -36,14 +36,14 @@ SLANT_SPREAD, TILT_SPREAD = 4.0, 8.0  # degrees, standard deviation of each ligh
 TILT_REACH = 30.0  # degrees, the most that a light's tilt leaves its place
 SHARP_LIGHT_SHARE = 0.4
 SHARP_LIGHT, SOFT_LIGHT = (0.0, 1.0), (1.0, 20.0)  # degrees, angular diameter
-# Of the samples have light over no, one, two and three bounces between surfaces, as far as the job asks for them.
+# Of the samples have light over no, one, two and three bounces between surfaces, as far as the job requests them.
 BOUNCE_SHARES = (0.2, 0.55, 0.15, 0.1)
 
 Z = (0.0, 0.0, 1.0)
 UPRIGHT_ELEVATION, UPRIGHT_ROLL = (-10.0, 55.0), 8.0  # degrees
 FRONT_TURN = 40.0  # degrees
 
-# What things are made of as a whole: plain matt ones, as plaster, clay and unglazed stone; softly glossy paint; dark
+# Materials of whole objects: plain matt ones, as plaster, clay and unglazed stone; softly glossy paint; dark
 # engraved metal; or any materials side by side.
 FINISH_SHARES = {"plain": 0.33, "satin": 0.12, "metal": 0.07, "mixed": 0.48}
 PLAIN_ROUGHNESS, PLAIN_SPECULAR, PLAIN_BRIGHTNESS = (0.7, 1.0), (0.0, 0.5), (0.12, 0.9)
@@ -79,7 +79,7 @@ SUBSURFACE_RADIUS = (0.1, 1.0)  # as Blender takes it: light spreads about a twe
 def draw_recipe(job: SampleJob, number: int) -> Recipe:
     """What sample `number` of `job` shows; the same wherever and in whatever order it is drawn.
 
-    Raises InputError where the job's folder of meshes or its measured materials cannot be read.
+    Raises FileError or FormatError where the job's folder of meshes or its measured materials cannot be read.
     """
     rng = generator(job.seed, 1, number)
     shape = _draw_shape(job, number // job.views)
@@ -110,7 +110,7 @@ def _draw_shape(job: SampleJob, number: int) -> dict[str, Any]:
     return draw_shape(rng, kind, mesh_files(job.meshes) if kind == "meshes" else ())
 
 
-# --- where things stand -----------------------------------------------------------------------------------------------
+# --- poses, camera and lights -----------------------------------------------------------------------------------------
 
 
 def _rotation(rng: np.random.Generator, pose: str) -> NDArray[np.float64]:
@@ -150,7 +150,7 @@ def _light_size(rng: np.random.Generator) -> float:
     return between(rng, *SHARP_LIGHT) if sharp else between_log(rng, *SOFT_LIGHT)
 
 
-# --- what things are made of ------------------------------------------------------------------------------------------
+# --- materials --------------------------------------------------------------------------------------------------------
 
 _names = lru_cache(maxsize=8)(material_names)
 
@@ -181,7 +181,7 @@ def _materials(
 
 
 def _uniform_material(rng: np.random.Generator, finish: str) -> Material:
-    """The one material of a thing that is plain, satin or of metal."""
+    """The one material of an object that is plain, satin or of metal."""
     if finish == "plain":
         return Material(
             base_color=_colour(rng, PLAIN_BRIGHTNESS),

@@ -49,7 +49,7 @@ class SampleJob:
     pixel. denoise: whether Cycles' light is denoised where it bounces between surfaces. supersampling: rays along a
     pixel's side.
 
-    Raises InputError where a value is out of its range or two of them do not go together.
+    Raises SettingsError where a value is out of its range or two of them do not go together.
     """
 
     renderer: Literal["synthesis", "cycles"]
@@ -92,7 +92,7 @@ class SampleJob:
         self._check_together()
 
     def _check_together(self) -> None:
-        """What one setting asks of another."""
+        """What one setting requires of another."""
         if ("meshes" in self.shapes) != bool(self.meshes):
             raise SettingsError(
                 "the job takes shapes from meshes but has no folder of them; name one"
@@ -134,7 +134,7 @@ def samples_there(folder: str | os.PathLike[str]) -> set[int]:
 
 
 def read_job(folder: str | os.PathLike[str]) -> SampleJob:
-    """The job of a folder. Raises InputError where there is none or it is malformed."""
+    """The job of a folder. Raises FileError where there is none, FormatError where it is malformed."""
     names = tuple(SampleJob.__dataclass_fields__)
     data = read_json(Path(folder) / JOB_FILE, JOB_FORMAT, JOB_VERSION, names)
     values: dict[str, Any] = {
@@ -157,7 +157,8 @@ def write_job(folder: str | os.PathLike[str], job: SampleJob) -> None:
 def place_job(folder: str | os.PathLike[str], job: SampleJob) -> None:
     """Make `folder` the job's: a new or empty one, or one that holds the same job, whose count it may extend.
 
-    Raises InputError where the folder holds another job (and tells what differs), samples of no job, or cannot be made.
+    Raises SettingsError where the folder holds another job, stating what differs, and FileError where it holds samples
+    of no job or cannot be made.
     """
     folder = ensure_folder(folder, "samples")
     with Claims(folder) as claims:

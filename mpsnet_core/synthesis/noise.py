@@ -1,10 +1,6 @@
-"""Noise: smooth random fields and random cells in space, from a seed.
+"""Noise: smooth random fields and random cells in space, from a seed."""
 
-Only integer arithmetic and the exactly rounded operations + - * / sqrt and floor make the values, so that they are the
-same to the last bit with every NumPy and on every processor.
-"""
-
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import lru_cache
 from itertools import product
 from typing import Any
@@ -24,7 +20,11 @@ def gradient_noise(points: NDArray[Any], seed: int) -> NDArray[np.float32]:
     Improved Perlin noise (Perlin 2002) with a continuous second derivative, with 256 unit gradients. The lattice is
     turned and shifted by the seed, so that no axis is favoured and fields of different seeds share no zeros.
     """
-    return _chunked(_gradient_noise, points, seed)
+    points = np.asarray(points)
+    values = np.empty(len(points), np.float32)
+    for chunk in _chunks(len(points)):
+        values[chunk] = _gradient_noise(points[chunk], seed)
+    return values
 
 
 def fractal_noise(points: NDArray[Any], seed: int, octaves: int = 4) -> NDArray[np.float32]:
@@ -59,16 +59,6 @@ def voronoi(points: NDArray[Any], seed: int) -> tuple[NDArray[np.int64], NDArray
 
 def _chunks(count: int) -> Iterator[slice]:
     return (slice(start, start + _CHUNK) for start in range(0, count, _CHUNK))
-
-
-def _chunked(
-    noise: Callable[[NDArray[Any], int], NDArray[np.float32]], points: NDArray[Any], seed: int
-) -> NDArray[np.float32]:
-    points = np.asarray(points)
-    values = np.empty(len(points), np.float32)
-    for chunk in _chunks(len(points)):
-        values[chunk] = noise(points[chunk], seed)
-    return values
 
 
 def _gradient_noise(points: NDArray[Any], seed: int) -> NDArray[np.float32]:
@@ -133,7 +123,7 @@ def _lattice(points: NDArray[Any], seed: int) -> tuple[list[NDArray[np.uint32]],
 
 @lru_cache(maxsize=256)
 def _frame(seed: int) -> tuple[list[list[float]], list[float]]:
-    rng = np.random.Generator(np.random.PCG64(_key_number(seed)))
+    rng = np.random.Generator(np.random.PCG64(int(_key(seed))))
     while True:  # a uniformly random unit quaternion, by rejection
         q = rng.random(4) * 2 - 1
         square = float(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
@@ -162,7 +152,7 @@ def _gradients() -> tuple[NDArray[np.float32], ...]:
 
 
 def _mixed(values: NDArray[np.uint32], key: np.uint32) -> NDArray[np.uint32]:
-    """Bits well stirred: the finaliser of MurmurHash3."""
+    """The finaliser of MurmurHash3."""
     values = values ^ key
     values ^= values >> np.uint32(16)
     values *= np.uint32(0x85EBCA6B)
@@ -172,11 +162,7 @@ def _mixed(values: NDArray[np.uint32], key: np.uint32) -> NDArray[np.uint32]:
     return values
 
 
-def _key_number(seed: int) -> int:
+def _key(seed: int) -> np.uint32:
     # Neighbouring seeds far apart; seeds of more than 32 bits folded.
     seed &= 0xFFFFFFFFFFFFFFFF
-    return ((seed ^ (seed >> 32)) * 0x9E3779B1 + 0x7F4A7C15) & 0xFFFFFFFF
-
-
-def _key(seed: int) -> np.uint32:
-    return np.uint32(_key_number(seed))
+    return np.uint32(((seed ^ (seed >> 32)) * 0x9E3779B1 + 0x7F4A7C15) & 0xFFFFFFFF)

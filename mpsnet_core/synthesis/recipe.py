@@ -16,7 +16,7 @@ Colour = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Material:
-    """What the surface is made of.
+    """A material of the surface.
 
     kind: "principled" (the numbers below, which mean what they mean in Blender's Principled BSDF), "merl" (a measured
         ``.binary`` file) or "fit" (one of a file of neural fits to MERL).
@@ -148,7 +148,7 @@ class Recipe:
 
 
 def recipe_from_data(data: dict[str, Any]) -> Recipe:
-    """A recipe from :meth:`Recipe.data`, also after a way through JSON. Raises InputError where it is not one."""
+    """A recipe from :meth:`Recipe.data`, also after a way through JSON. Raises FormatError where it is none."""
     try:
         if data["version"] > RECIPE_VERSION:
             raise FormatError(f"the recipe is of version {data['version']}, this program reads up to {RECIPE_VERSION}")

@@ -40,16 +40,27 @@ _NO_DATE = "1970:01:01 00:00:00"
 
 @dataclass(frozen=True)
 class Sample:
-    """One view, H x W pixels, row 0 on top.
+    """One view under each of three white lights, H x W pixels, row 0 on top.
 
-    lights: (3, H, W, 3) float32, linear RGB radiance under each white light alone; a white matt surface that faces a
-        light is 1. Premultiplied with alpha: the background is black.
-    normals: (H, W, 3) float32 true unit normals in camera space, bump included; zero outside alpha.
-    depth: (H, W) float32, distance in front of the camera along its axis; 0 outside alpha.
-    alpha: (H, W) float32, the share of the pixel that the object covers, 0 to 1.
-    material: (H, W) int, number of the material that weighs most; -1 outside alpha.
-    lit: (3, H, W) float32, the share of each light that reaches the pixel, 0 to 1: 0 in attached and cast shadow.
-    recipe: what the sample shows. renderer: what made it, for instance "synthesis" or "Cycles 4.5.15".
+    Attributes
+    ----------
+    lights : (3, H, W, 3) float32
+        Linear RGB radiance under each light alone; a white matt surface that faces a light is 1. Premultiplied with
+        alpha: the background is black.
+    normals : (H, W, 3) float32
+        True unit normals in camera space (x right, y up, z towards the camera), bump included; zero outside alpha.
+    depth : (H, W) float32
+        Distance in front of the camera along its axis, in radii of the object's bounding sphere; 0 outside alpha.
+    alpha : (H, W) float32
+        The share of the pixel that the object covers, 0 to 1.
+    material : (H, W) int32
+        Number of the material that weighs most; -1 outside alpha.
+    lit : (3, H, W) float32
+        The share of each light that reaches the pixel, 0 to 1: 0 in attached and cast shadow.
+    recipe : Recipe
+        What the sample shows.
+    renderer : str
+        What made it, for instance "synthesis" or "Cycles 4.5.15".
     """
 
     lights: NDArray[np.float32]
@@ -80,7 +91,7 @@ def write_sample(path: str | os.PathLike[str], sample: Sample) -> None:
     Layers light1, light2, light3 (R, G, B), normal (X, Y, Z), depth (Z), alpha (A), material and lit1 to lit3 (V); the
     recipe, with the rig and the camera, as JSON in the attribute "mpsnet:sample". The same sample gives the same bytes.
 
-    Raises InputError where a value is not finite or the file cannot be written.
+    Raises InputError where a value is not finite, FileError where the file cannot be written.
     """
     path = Path(path)
     if not all(np.isfinite(values).all() for values in (sample.lights, sample.normals, sample.depth, sample.lit)):
@@ -122,7 +133,25 @@ def write_sample(path: str | os.PathLike[str], sample: Sample) -> None:
 
 
 def read_sample(path: str | os.PathLike[str]) -> Sample:
-    """Read and check a sample. Raises InputError where the file is cut short, damaged or no sample."""
+    """Read and check a sample.
+
+    Parameters
+    ----------
+    path
+        A multi-layer EXR that ``mpsnet synthesize`` or Blender made.
+
+    Returns
+    -------
+    Sample
+        Its normals brought to unit length; light and `lit` as exact as half floats are.
+
+    Raises
+    ------
+    FileError
+        Where there is no such file.
+    FormatError
+        Where the file is cut short, damaged or no sample.
+    """
     with _opened(path) as (source, path):
         data, recipe = _description(source, path)
         values = _pixels(source, 0, source.spec().height, path)
@@ -157,8 +186,8 @@ def read_sample(path: str | os.PathLike[str]) -> Sample:
 def read_sample_data(path: str | os.PathLike[str]) -> dict[str, Any]:
     """A sample's metadata alone: "version", "renderer", "lit_fractions" and "recipe" (plain data).
 
-    Of the pixels only the last rows are read, which files that were cut short lack. Raises InputError where the file
-    is cut short or no sample.
+    Of the pixels only the last row is read, which files that were cut short lack. Raises FormatError where the file is
+    cut short or no sample.
     """
     with _opened(path) as (source, path):
         data, _ = _description(source, path)
@@ -173,7 +202,7 @@ def _opened(path: str | os.PathLike[str]) -> Iterator[tuple[Any, Path]]:
     path = existing_file(path, "sample")
     source = image_input(path)
     if source is None:
-        complaint(oiio)  # else it is said again of the next file
+        complaint(oiio)  # else the next file reports it again
         raise FormatError(f"{path} is no sample, or cut short within its head; delete it and make it again")
     try:
         spec = source.spec()
@@ -184,8 +213,8 @@ def _opened(path: str | os.PathLike[str]) -> Iterator[tuple[Any, Path]]:
             )
         if max(spec.width, spec.height) > MAX_SIDE or spec.depth > 1:
             raise FormatError(
-                f"sample {path} says it is {spec.width} x {spec.height}, more than {MAX_SIDE} pixels a side; make it "
-                "again, smaller"
+                f"sample {path} states a size of {spec.width} x {spec.height}, more than {MAX_SIDE} pixels a side; "
+                "make it again, smaller"
             )
         yield source, path
     finally:

@@ -1,7 +1,7 @@
 """Fits to MERL: a small network for each material of the database, all in one ``.npz`` file.
 
 Sztrajman, Rainer, Ritschel and Weyrich, "Neural BRDF Representation and Importance Sampling", Computer Graphics Forum
-2021. What these give are fits to MERL, not MERL.
+2021. These are fits to MERL, not MERL.
 """
 
 import os
@@ -25,9 +25,15 @@ _MAX_EXPONENT = 11.0
 class MerlFit(AboveSurface):
     """One material's fit, called as a :class:`~mpsnet_core.synthesis.reflectance.Reflectance`.
 
-    layers: weights and biases, one after the other, of three layers: half vector and difference vector (azimuth of the
-    half vector 0) to 21, to 21, to RGB; rectified between, and exp(x) - 1 at the end, at least 0. Reciprocal by
-    construction, like the table that it fits. paint multiplies the reflectance.
+    Parameters
+    ----------
+    *layers
+        Weights and biases of three layers in turn: half vector and difference vector (azimuth of the half vector 0) to
+        21, to 21, to RGB; rectified between, and exp(x) - 1 at the end, at least 0.
+
+    Notes
+    -----
+    Reciprocal by construction, like the table that it fits. Paint multiplies the reflectance.
     """
 
     def __init__(self, *layers: NDArray[np.float32]) -> None:
@@ -60,7 +66,8 @@ def read_fits(path: str | os.PathLike[str]) -> dict[str, MerlFit]:
     """Read a file of fits to MERL: material names, in the file's order, and their reflectance.
 
     The file is an ``.npz`` with "names" (M,) and, for each material, "fc1" (M, 6, 21), "b1" (M, 21), "fc2" (M, 21, 21),
-    "b2" (M, 21), "fc3" (M, 21, 3) and "b3" (M, 3). Raises InputError where it is missing, damaged or another file.
+    "b2" (M, 21), "fc3" (M, 21, 3) and "b3" (M, 3). Raises FileError where it is missing, FormatError where it is
+    damaged or another file.
     """
     path = existing_file(path, "file of fits to MERL")
     try:

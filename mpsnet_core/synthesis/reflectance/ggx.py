@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-# Below this alpha a highlight under a point light is narrower than float32 tells directions apart.
+# Below this alpha a highlight under a point light is narrower than float32 resolves directions.
 _MIN_ALPHA = 1e-4
 _MIN_COSINE = 1e-6
 
 # Nodes of the albedo tables, those of Cycles, which interpolates between them linearly as is done here.
 _ALBEDO_NODES = 32
 _FRESNEL_NODES = 16
-# Facets that a table's node is the mean of; 512 give it to about 0.1%.
+# Facets that a table's node is the mean of; 512 yield it to about 0.1%.
 _RAYS = 512
 
 
@@ -30,8 +30,8 @@ def ggx(
 ) -> NDArray[np.float32]:
     """Reflectance (N,) in 1/sr of mirror-like facets, without Fresnel: D G / (4 cos cos).
 
-    sine_squared: (N,) of the angle between normal and half vector; a sine, because its cosine is too near 1 to tell
-    narrow highlights apart. Reciprocal.
+    sine_squared: (N,) of the angle between normal and half vector; a sine, because its cosine is too near 1 to
+    resolve narrow highlights. Reciprocal.
     """
     squared = np.float32(max(alpha, _MIN_ALPHA) ** 2)
     cos_light, cos_view = np.maximum(cos_light, _MIN_COSINE), np.maximum(cos_view, _MIN_COSINE)

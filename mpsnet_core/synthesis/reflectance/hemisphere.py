@@ -1,4 +1,4 @@
-"""Where a reflectance is asked: pairs of directions above the surface, a block of them at a time."""
+"""Where a reflectance is evaluated: pairs of directions above the surface, a block of them at a time."""
 
 from abc import ABC, abstractmethod
 from typing import Any

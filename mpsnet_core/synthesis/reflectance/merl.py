@@ -24,9 +24,15 @@ _FILE_BYTES = _HEADER_BYTES + 3 * 8 * BINS[0] * BINS[1] * BINS[2]
 class MerlTable(AboveSurface):
     """A measured reflectance, called as a :class:`~mpsnet_core.synthesis.reflectance.Reflectance`.
 
-    values: (90, 90, 180, 3) float32 in 1/sr at the bins' centres, over half angle, difference angle and difference
-    azimuth. Looked up linearly between the centres in all three; reciprocal by construction, since the file holds half
-    of the azimuths and light and viewer swap in the other half. paint multiplies the reflectance.
+    Parameters
+    ----------
+    values : (90, 90, 180, 3) float32
+        In 1/sr at the bins' centres, over half angle, difference angle and difference azimuth.
+
+    Notes
+    -----
+    Interpolated linearly between the centres in all three; reciprocal by construction, since the file holds half of the
+    azimuths and light and viewer swap in the other half. Paint multiplies the reflectance.
     """
 
     def __init__(self, values: NDArray[np.float32]) -> None:
@@ -71,7 +77,7 @@ def read_merl(path: str | os.PathLike[str]) -> MerlTable:
     Negative samples mark directions that were not measured, most of them below the surface: each takes the value of
     the nearest smaller difference angle that was, so that lookups beside them stay sound.
 
-    Raises InputError where the file is missing, of another size or another kind, or holds no sample at all.
+    Raises FileError where the file is missing, FormatError where it is of another size or kind, or holds no sample.
     """
     path = existing_file(path, "MERL file")
     size = path.stat().st_size

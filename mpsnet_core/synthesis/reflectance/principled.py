@@ -2,7 +2,7 @@
 
 The layers are those of Cycles since Blender 4.0, from top to bottom: sheen, coat, then metal mixed with a dielectric
 (specular over diffuse). What a layer reflects is missing below it; that share goes by the view, so that only the lobes
-by themselves are reciprocal. Light that facets pass on to each other is kept (distribution "Multiscatter GGX").
+by themselves are reciprocal. Light that facets pass on to each other is included (distribution "Multiscatter GGX").
 
 Not the same as there: subsurface scattering is diffuse light that leaves where it enters; sheen is a fit to the tables
 that Cycles holds; the base colour times paint is held at 1. Neither transmission nor anisotropy nor tint.
@@ -36,8 +36,15 @@ _STEPS = 465
 class PrincipledBsdf(AboveSurface):
     """A principled material, called as a :class:`~mpsnet_core.synthesis.reflectance.Reflectance`.
 
-    Takes its numbers from the material, each held in Blender's own range; paint multiplies the base colour. Raises
-    InputError where a number is not finite.
+    Parameters
+    ----------
+    material : Material
+        Its numbers, each clamped to Blender's own range; paint multiplies the base colour.
+
+    Raises
+    ------
+    SettingsError
+        Where a number is not finite.
     """
 
     def __init__(self, material: Material) -> None:

@@ -1,6 +1,6 @@
 """Light reflected to the viewer: reflectance averaged over a light's disc, so that large lights broaden highlights.
 
-A few numbers, measured on each reflectance, tell where that average needs more than the light's middle.
+A few numbers, measured on each reflectance, decide where that average needs more than the light's middle.
 """
 
 from collections.abc import Iterator
@@ -15,7 +15,7 @@ from mpsnet_core.synthesis.reflectance.hemisphere import dot
 from mpsnet_core.synthesis.shading.directions import disc
 from mpsnet_core.synthesis.shading.lights import TURNS, Light
 
-# Lights up to this share of the width of a reflectance's highlight are taken as their middle ...
+# Lights up to this share of the width of a reflectance's highlight count as their middle ...
 POINT_LIKE = 0.35
 # ... and up to this one as three points, which average any quadratic function over a disc exactly.
 SMALL = 1.0

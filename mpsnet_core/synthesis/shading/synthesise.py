@@ -24,7 +24,7 @@ RENDERER = "synthesis"
 
 @dataclass(frozen=True)
 class _Colouring:
-    """What N points are made of.
+    """The materials of N points.
 
     weights: (N, K) share of each material. paint: (N, 3) factors of their colours, or None. dirt: (N,) how much of them
     a matt layer hides, or None.

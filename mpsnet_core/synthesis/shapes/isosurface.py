@@ -11,13 +11,13 @@ from mpsnet_core.scene.normal_map import normalised
 from mpsnet_core.synthesis.shapes.shape import Shape, smooth_shape
 from mpsnet_core.synthesis.shapes.solids import Solid, blended
 
-# The grid is worked on in blocks of this many points a side; solids far from a block are not asked.
+# The grid is worked on in blocks of this many points a side; solids far from a block are not evaluated.
 BLOCK = 4
 # How much faster than the true distance a solid's may change.
 STEEPEST = 1.4
 MAX_POINTS = 1 << 23
 _FAR = 1e3
-# Step of the central differences that give normals.
+# Step of the central differences that yield normals.
 _STEP = 2e-4
 _NOWHERE = np.zeros((1, 3))
 
@@ -54,21 +54,21 @@ def isosurface(solids: Sequence[Solid], cell: float) -> Shape:
     grid = (corners[:, active, None] * BLOCK + inner).reshape(3, -1)
     values = np.repeat(middle[:, None], BLOCK**3, axis=1)
     each = np.arange(BLOCK**3)
-    asked = [(np.flatnonzero(row[active])[:, None] * BLOCK**3 + each).ravel() for row in near]
-    values[active] = _distances(solids, low[:, None] + grid * cell, asked).reshape(-1, BLOCK**3)
+    nearby = [(np.flatnonzero(row[active])[:, None] * BLOCK**3 + each).ravel() for row in near]
+    values[active] = _distances(solids, low[:, None] + grid * cell, nearby).reshape(-1, BLOCK**3)
     shape = tuple(int(n) * BLOCK for n in counts)
     dense = values.reshape(*counts, BLOCK, BLOCK, BLOCK).transpose(0, 3, 1, 4, 2, 5).reshape(shape)
 
     places, slopes, quads = surface_nets(dense)
     points = low[:, None] + places * cell
     block = np.ravel_multi_index(tuple(((places + 0.5) // BLOCK).astype(np.int64)), tuple(counts))
-    asked = [np.flatnonzero(row[block]) for row in near]
+    nearby = [np.flatnonzero(row[block]) for row in near]
     slopes /= cell
     slopes /= np.maximum((slopes**2).sum(axis=0), 0.25)
     for _ in range(2):
-        points = points - np.clip(_distances(solids, points, asked)[0], -cell, cell) * slopes
+        points = points - np.clip(_distances(solids, points, nearby)[0], -cell, cell) * slopes
     steps = _STEP * np.concatenate([np.eye(3), -np.eye(3)])
-    ahead, behind = _distances(solids, points, asked, steps).reshape(2, 3, -1)
+    ahead, behind = _distances(solids, points, nearby, steps).reshape(2, 3, -1)
     normals = normalised((ahead - behind).T)
 
     return smooth_shape(np.ascontiguousarray(points.T), _split(points.T, quads), normals)
@@ -169,15 +169,15 @@ def bounds(solids: Sequence[Solid]) -> tuple[NDArray[np.float64], NDArray[np.flo
 def _distances(
     solids: Sequence[Solid],
     points: NDArray[np.float64],
-    asked: list[NDArray[np.int64]],
+    nearby: list[NDArray[np.int64]],
     offsets: NDArray[np.float64] = _NOWHERE,
 ) -> NDArray[np.float64]:
     """(K, N) distances at points (3, N) moved by each of K offsets (K, 3).
 
-    asked: for each solid the numbers of the points that it is near to.
+    nearby: for each solid the numbers of the points that it is near to.
     """
     total = np.full((len(offsets), points.shape[1]), _FAR)
-    for solid, index in zip(solids, asked, strict=True):
+    for solid, index in zip(solids, nearby, strict=True):
         if not len(index):
             continue
         local = solid.local(points.take(index, axis=1))

@@ -79,8 +79,8 @@ def _coin(rng: np.random.Generator) -> Motif:
         points = np.column_stack([u * 9, v * 5, np.zeros_like(u)])
         hair = _lens((turn * u + 0.16) / 0.36, (v - 0.25) / 0.36, 0.3)
         total += 0.12 * hair * gradient_noise(points, seed)
-        for angle, long, there in marks:
-            if there:
+        for angle, long, drawn in marks:
+            if drawn:
                 a, b = 0.78 - long, 0.78 + long
                 line = _stroke(
                     u,

@@ -14,8 +14,15 @@ from mpsnet_core.scene.normal_map import normalised
 class Shape:
     """A triangle mesh in its own space: centred at the origin, z up, bounding sphere of radius 1.
 
-    vertices: (V, 3) float64. triangles: (T, 3) int32, counter-clockwise seen from outside.
-    corner_normals: (T, 3, 3) float32 unit shading normals. parts: (T,) int32, the part each triangle belongs to.
+    Attributes
+    ----------
+    vertices : (V, 3) float64
+    triangles : (T, 3) int32
+        Counter-clockwise seen from outside.
+    corner_normals : (T, 3, 3) float32
+        Unit shading normals.
+    parts : (T,) int32
+        The part that each triangle belongs to.
     """
 
     vertices: NDArray[np.float64]
