@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.mask_regions import dilated
 from mpsnet_core.scene.rays import RayScene
 from mpsnet_core.synthesis.reflectance.hemisphere import dot
 from mpsnet_core.synthesis.shading.directions import disc, frames, tiled
@@ -85,7 +86,7 @@ def arrival(
     free = ~scene.occluded(start, rim[tiled(_TILE, shape).ravel()[pixels[facing]]])
     seen, hidden = np.zeros((2, *shape), bool)
     seen.ravel()[pixels[facing]], hidden.ravel()[pixels[facing]] = free, ~free
-    unsure = (_grown(seen) & _grown(hidden)).ravel()[pixels[facing]]
+    unsure = (dilated(seen, 1) & dilated(hidden, 1)).ravel()[pixels[facing]]
     unsure |= np.minimum(cosine[facing], above[facing]) < radius  # the horizon cuts the light
     sure = facing[~unsure]
     lit[sure] = free[~unsure]
@@ -125,13 +126,3 @@ def _cast_many(
         lit[chosen[reached]] += 1
     irradiance[chosen] /= PENUMBRA_RAYS
     lit[chosen] /= PENUMBRA_RAYS
-
-
-def _grown(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The mask grown by a pixel each way."""
-    for _ in range(2):
-        grown = mask.copy()
-        grown[1:] |= mask[:-1]
-        grown[:-1] |= mask[1:]
-        mask = grown.T
-    return mask

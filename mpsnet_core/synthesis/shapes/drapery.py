@@ -6,7 +6,6 @@ from numpy.typing import NDArray
 from mpsnet_core.scene.normal_map import normalised
 from mpsnet_core.synthesis.draws import between, chance, count, new_seed, picked
 from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise
-from mpsnet_core.synthesis.shapes.isosurface import bounds
 from mpsnet_core.synthesis.shapes.shape import Shape, turn_about
 from mpsnet_core.synthesis.shapes.solids import Solid, blended, box, cylinder, ellipsoid, lengths, limb
 from mpsnet_core.synthesis.shapes.surfaces import catmull_rom, sheet
@@ -32,7 +31,7 @@ def build_drapery(character: str, rng: np.random.Generator) -> Shape:
     if character == "draped":
         solids, size = _hidden(rng)
         start = _flat(_LEVELS[0][0], size)
-        top = float(bounds(solids)[1][2])
+        top = max(float(solid.centre[2] + solid.half[2]) for solid in solids)
         start = start @ _turned(rng) + (between(rng, -0.2, 0.2), between(rng, -0.2, 0.2), top + 0.1)
         cloth = _simulated(start, size, solids, {}, new_seed(rng))
     else:

@@ -11,15 +11,11 @@ from mpsnet_core.scene.normal_map import normalised
 from mpsnet_core.synthesis.shapes.shape import Shape, smooth_shape
 from mpsnet_core.synthesis.shapes.solids import Solid, blended
 
-# The grid is worked on in blocks of this many points a side; solids far from a block are not evaluated.
-BLOCK = 4
-# How much faster than the true distance a solid's may change.
-STEEPEST = 1.4
-MAX_POINTS = 1 << 23
+# Points evaluated at once: their temporaries stay in the processor's cache.
+_CHUNK = 1 << 13
 _FAR = 1e3
 # Step of the central differences that yield normals.
 _STEP = 2e-4
-_NOWHERE = np.zeros((1, 3))
 
 
 def isosurface(solids: Sequence[Solid], cell: float) -> Shape:
@@ -28,50 +24,42 @@ def isosurface(solids: Sequence[Solid], cell: float) -> Shape:
     Naive surface nets (Gibson 1998, "Constrained elastic surface nets"): a vertex in every cell that the surface
     crosses, a quad for every edge of the grid that it crosses. The vertices are then moved onto the surface itself, and
     have its exact normals, so that the grid does not show. Every edge has two triangles: where inside and outside meet
-    as on a chessboard, the gap is filled first. Only blocks near the surface are evaluated.
+    as on a chessboard, the gap is filled first.
     """
-    low, high = bounds(solids)
+    whole = [solid for solid in solids if not solid.carve]
+    extents = [np.abs(solid.axes.T) @ solid.half for solid in whole]
     # Blending swells a joint by at most a sixth of its width for each solid in it.
     margin = 3 * cell + max(solid.blend for solid in solids) / 3
-    low, high = low - margin, high + margin
-    while np.prod(np.ceil((high - low) / cell) + BLOCK) > MAX_POINTS:
-        cell *= 1.1
-    counts = np.maximum(1, np.ceil((high - low) / (cell * BLOCK))).astype(np.int64)
-    corners = np.stack(np.meshgrid(*(np.arange(n) for n in counts), indexing="ij")).reshape(3, -1)
-    centres = low[:, None] + (corners * BLOCK + (BLOCK - 1) / 2) * cell
-    apart = np.stack([solid.signed_distance(centres) for solid in solids])
-    middle = np.full(apart.shape[1], _FAR)
-    for solid, distance in zip(solids, apart, strict=True):
-        middle = _merged(solid, middle, distance)
-    # A cell's corners lie within a cell's diagonal of the surface, and their block's middle within its own.
-    reach = STEEPEST * np.sqrt(3) * cell * ((BLOCK - 1) / 2 + 1)
-    active = np.flatnonzero(np.abs(middle) < reach + max(solid.blend for solid in solids) / 6)
-    # A solid is felt as far as it, or one that comes after it, flows.
-    widths = np.maximum.accumulate([solid.blend for solid in reversed(solids)])[::-1]
-    near = apart < reach + widths[:, None]
+    low = np.min([s.centre - e for s, e in zip(whole, extents, strict=True)], axis=0) - margin
+    high = np.max([s.centre + e for s, e in zip(whole, extents, strict=True)], axis=0) + margin
+    grid = np.stack(np.meshgrid(*(np.arange(n) for n in np.ceil((high - low) / cell) + 1), indexing="ij"))
+    values = _distances(solids, low[:, None] + grid.reshape(3, -1) * cell).reshape(grid.shape[1:])
 
-    inner = np.stack(np.meshgrid(*3 * [np.arange(BLOCK)], indexing="ij")).reshape(3, 1, -1)
-    grid = (corners[:, active, None] * BLOCK + inner).reshape(3, -1)
-    values = np.repeat(middle[:, None], BLOCK**3, axis=1)
-    each = np.arange(BLOCK**3)
-    nearby = [(np.flatnonzero(row[active])[:, None] * BLOCK**3 + each).ravel() for row in near]
-    values[active] = _distances(solids, low[:, None] + grid * cell, nearby).reshape(-1, BLOCK**3)
-    shape = tuple(int(n) * BLOCK for n in counts)
-    dense = values.reshape(*counts, BLOCK, BLOCK, BLOCK).transpose(0, 3, 1, 4, 2, 5).reshape(shape)
-
-    places, slopes, quads = surface_nets(dense)
+    places, slopes, quads = surface_nets(values)
     points = low[:, None] + places * cell
-    block = np.ravel_multi_index(tuple(((places + 0.5) // BLOCK).astype(np.int64)), tuple(counts))
-    nearby = [np.flatnonzero(row[block]) for row in near]
     slopes /= cell
     slopes /= np.maximum((slopes**2).sum(axis=0), 0.25)
     for _ in range(2):
-        points = points - np.clip(_distances(solids, points, nearby)[0], -cell, cell) * slopes
-    steps = _STEP * np.concatenate([np.eye(3), -np.eye(3)])
-    ahead, behind = _distances(solids, points, nearby, steps).reshape(2, 3, -1)
-    normals = normalised((ahead - behind).T)
-
+        points = points - np.clip(_distances(solids, points), -cell, cell) * slopes
+    steps = _STEP * np.eye(3)[..., None]
+    normals = normalised(
+        np.stack([_distances(solids, points + step) - _distances(solids, points - step) for step in steps], axis=1)
+    )
     return smooth_shape(np.ascontiguousarray(points.T), _split(points.T, quads), normals)
+
+
+def _distances(solids: Sequence[Solid], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N,) distances of points (3, N) from the solids' common surface, below 0 inside."""
+    total = np.full(points.shape[1], _FAR)
+    for start in range(0, len(total), _CHUNK):
+        chunk = slice(start, start + _CHUNK)
+        for solid in solids:
+            distance = solid.signed_distance(points[:, chunk])
+            if solid.carve:
+                total[chunk] = -blended(-total[chunk], distance, solid.blend)
+            else:
+                total[chunk] = blended(total[chunk], distance, solid.blend)
+    return total
 
 
 def surface_nets(
@@ -155,37 +143,3 @@ def _split(points: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.
     two = np.where(short[:, None], quads[:, [0, 2, 3]], quads[:, [1, 2, 3]])
     triangles: NDArray[np.int32] = np.stack([one, two], axis=1).reshape(-1, 3).astype(np.int32)
     return triangles
-
-
-def bounds(solids: Sequence[Solid]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Lowest and highest corner (3,) of a box around solids."""
-    whole = [solid for solid in solids if not solid.carve]
-    extents = [np.abs(solid.axes.T) @ solid.half for solid in whole]
-    low = np.min([s.centre - e for s, e in zip(whole, extents, strict=True)], axis=0)
-    high = np.max([s.centre + e for s, e in zip(whole, extents, strict=True)], axis=0)
-    return low, high
-
-
-def _distances(
-    solids: Sequence[Solid],
-    points: NDArray[np.float64],
-    nearby: list[NDArray[np.int64]],
-    offsets: NDArray[np.float64] = _NOWHERE,
-) -> NDArray[np.float64]:
-    """(K, N) distances at points (3, N) moved by each of K offsets (K, 3).
-
-    nearby: for each solid the numbers of the points that it is near to.
-    """
-    total = np.full((len(offsets), points.shape[1]), _FAR)
-    for solid, index in zip(solids, nearby, strict=True):
-        if not len(index):
-            continue
-        local = solid.local(points.take(index, axis=1))
-        for row, offset in zip(total, offsets, strict=True):
-            distance = solid.distance(local + (solid.axes @ offset)[:, None])
-            row[index] = _merged(solid, row.take(index), distance)
-    return total
-
-
-def _merged(solid: Solid, before: NDArray[np.float64], distance: NDArray[np.float64]) -> NDArray[np.float64]:
-    return -blended(-before, distance, solid.blend) if solid.carve else blended(before, distance, solid.blend)
