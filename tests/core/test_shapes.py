@@ -205,7 +205,7 @@ def test_any_signs_give_a_closed_surface() -> None:
     for axis in range(3):
         for end in (0, -1):
             np.moveaxis(values, axis, 0)[end] = 1
-    places, _, quads = surface_nets(values)
+    places, quads = surface_nets(values)
     assert_closed(np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]))
     assert np.isfinite(places).all()
 

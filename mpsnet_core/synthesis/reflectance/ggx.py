@@ -7,7 +7,6 @@ Masking-Shadowing Function in Microfacet-Based BRDFs", JCGT 2014; light scattere
 "Revisiting Physically Based Shading at Imageworks", SIGGRAPH course 2017.
 """
 
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -106,29 +105,25 @@ def _tables() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.floa
     # (roughness, view) and (roughness,) albedos of mirror facets; (ior, roughness, view) Fresnel shares, where the
     # index goes by the fourth root of its f0.
     nodes = np.linspace(0, 1, _ALBEDO_NODES).clip(1e-4)
-    rays = _reflected(nodes[:, None, None], nodes[:, None])
-    single = rays.weight.mean(axis=-1)
+    _, weight = _reflected(nodes[:, None, None], nodes[:, None])
+    single = weight.mean(axis=-1)
     fine = (np.arange(310) + 0.5) / 310
     average = np.array([2 * (np.interp(fine, nodes, row) * fine).mean() for row in single])
 
     nodes = np.linspace(0, 1, _FRESNEL_NODES).clip(1e-4)
-    rays = _reflected(nodes[:, None, None], nodes[:, None])
+    cosine, weight = _reflected(nodes[:, None, None], nodes[:, None])
     share = np.empty((_FRESNEL_NODES, _FRESNEL_NODES, _FRESNEL_NODES))
     for k, node in enumerate(nodes.clip(max=0.99)):
         f0 = node**4
-        fresnel = (fresnel_dielectric(rays.cosine, ior_of_reflectance(f0)) - f0) / (1 - f0)
-        share[k] = (fresnel.clip(0, 1) * (rays.weight > 0)).mean(axis=-1)
+        fresnel = (fresnel_dielectric(cosine, ior_of_reflectance(f0)) - f0) / (1 - f0)
+        share[k] = (fresnel.clip(0, 1) * (weight > 0)).mean(axis=-1)
     return single, average, share
 
 
-@dataclass(frozen=True)
-class _Rays:
-    # Facets seen from a view, equally often: the cosine on the facet, and the share of its light that gets away.
-    cosine: NDArray[np.float64]
-    weight: NDArray[np.float64]
-
-
-def _reflected(roughness: NDArray[np.float64], cosine: NDArray[np.float64]) -> _Rays:
+def _reflected(
+    roughness: NDArray[np.float64], cosine: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    # Of facets seen from a view, equally often: the cosine on the facet, and the share of its light that gets away.
     # Heitz, "Sampling the GGX Distribution of Visible Normals", JCGT 2018, on a golden-section lattice over half of the
     # disk: the other half mirrors it. The view lies in the plane y = 0.
     alpha = np.maximum(roughness**2, _MIN_ALPHA)
@@ -148,4 +143,4 @@ def _reflected(roughness: NDArray[np.float64], cosine: NDArray[np.float64]) -> _
     above = np.maximum(leaving, 1e-6)
     stretch = np.sqrt(1 + alpha**2 * (1 / cosine**2 - 1)), np.sqrt(1 + alpha**2 * (1 / above**2 - 1))
     weight = (1 + stretch[0]) / (stretch[0] + stretch[1])
-    return _Rays(on_facet.clip(0, 1), np.where(leaving > 0, weight, 0))
+    return on_facet.clip(0, 1), np.where(leaving > 0, weight, 0)

@@ -35,17 +35,20 @@ def isosurface(solids: Sequence[Solid], cell: float) -> Shape:
     grid = np.stack(np.meshgrid(*(np.arange(n) for n in np.ceil((high - low) / cell) + 1), indexing="ij"))
     values = _distances(solids, low[:, None] + grid.reshape(3, -1) * cell).reshape(grid.shape[1:])
 
-    places, slopes, quads = surface_nets(values)
+    places, quads = surface_nets(values)
     points = low[:, None] + places * cell
-    slopes /= cell
-    slopes /= np.maximum((slopes**2).sum(axis=0), 0.25)
     for _ in range(2):
-        points = points - np.clip(_distances(solids, points), -cell, cell) * slopes
+        points = points - np.clip(_distances(solids, points), -cell, cell) * _normals(solids, points)
+    normals = _normals(solids, points)
+    return smooth_shape(np.ascontiguousarray(points.T), _split(points.T, quads), normals.T)
+
+
+def _normals(solids: Sequence[Solid], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(3, N) unit gradients of the distance at points (3, N), by central differences."""
     steps = _STEP * np.eye(3)[..., None]
-    normals = normalised(
-        np.stack([_distances(solids, points + step) - _distances(solids, points - step) for step in steps], axis=1)
-    )
-    return smooth_shape(np.ascontiguousarray(points.T), _split(points.T, quads), normals)
+    rises = [_distances(solids, points + step) - _distances(solids, points - step) for step in steps]
+    normals: NDArray[np.float64] = normalised(np.stack(rises, axis=1)).T
+    return normals
 
 
 def _distances(solids: Sequence[Solid], points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -62,61 +65,42 @@ def _distances(solids: Sequence[Solid], points: NDArray[np.float64]) -> NDArray[
     return total
 
 
-def surface_nets(
-    values: NDArray[Any],
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int32]]:
-    """Vertices (3, V) in grid units, the values' gradients there (3, V), and quads (Q, 4) of where values change sign.
+def surface_nets(values: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Vertices (3, V) in grid units, and quads (Q, 4), counter-clockwise from outside, of where values change sign.
 
-    values: (X, Y, Z), below 0 inside, above 0 all around the border; changed where chessboard faces are filled. The
-    quads are counter-clockwise from outside.
+    values: (X, Y, Z), below 0 inside, above 0 all around the border; changed where chessboard faces are filled.
     """
     sizes = np.array(values.shape)
     corners = list(product((0, 1), repeat=3))
     strides = np.array([sizes[1] * sizes[2], sizes[2], 1])
-    steps = np.array(corners) @ strides
     while True:
         inside = values < 0
         total = np.zeros(sizes - 1, np.uint8)
         for corner in corners:
             total += inside[tuple(slice(c, c + n - 1) for c, n in zip(corner, sizes, strict=True))]
         cells = np.flatnonzero((total > 0) & (total < 8))
-        low = np.stack(np.unravel_index(cells, total.shape))
-        points = (strides @ low)[None] + steps[:, None]
-        at = values.reshape(-1)[points]
-        boards = _chessboards(at)
+        points = strides @ np.stack(np.unravel_index(cells, total.shape)) + (np.array(corners) @ strides)[:, None]
+        boards = _chessboards(values.reshape(-1)[points])
         if not len(boards):
             break
         values.reshape(-1)[points[boards[:, 0], boards[:, 1]]] = -1e-6
+
+    # A vertex is the mean of where the surface crosses its cell's edges.
     number = np.full(total.size, -1, np.int32)
     number[cells] = np.arange(len(cells))
-
-    summed, crossings = np.zeros((3, len(cells))), np.zeros(len(cells))
-    slopes = np.zeros((3, len(cells)))
-    for axis, a in ((axis, a) for axis in range(3) for a in range(8) if not corners[a][axis]):
-        b = a + (4, 2, 1)[axis]
-        rise = at[b] - at[a]
-        slopes[axis] += rise / 4
-        crossed = (at[a] < 0) != (at[b] < 0)
-        for other in range(3):
-            if other != axis and corners[a][other]:
-                summed[other] += crossed
-        summed[axis] -= np.where(crossed, at[a] / np.where(crossed, rise, 1), 0)
-        crossings += crossed
-    places = low + summed / crossings
-
-    # Cells are numbered in a grid one smaller than that of the points.
-    steps = np.array([(sizes[1] - 1) * (sizes[2] - 1), sizes[2] - 1, 1])
-    quads = []
+    steps = np.array([(sizes[1] - 1) * (sizes[2] - 1), sizes[2] - 1, 1])  # from cell to cell
+    summed, crossings, quads = np.zeros((3, len(cells))), np.zeros(len(cells)), []
     for axis in range(3):
-        first = inside[tuple(slice(None, -1) if k == axis else slice(None) for k in range(3))]
-        last = inside[tuple(slice(1, None) if k == axis else slice(None) for k in range(3))]
-        edges = np.flatnonzero(first != last)
-        leaving = first.reshape(-1)[edges]
-        point = steps @ np.stack(np.unravel_index(edges, first.shape))
+        first, last = (np.moveaxis(np.moveaxis(values, axis, 0)[part], 0, axis) for part in (np.s_[:-1], np.s_[1:]))
+        edges = np.nonzero((first < 0) != (last < 0))
+        crossing = np.stack(edges).astype(np.float64)
+        crossing[axis] += first[edges] / (first[edges] - last[edges])
         second, third = steps[(axis + 1) % 3], steps[(axis + 2) % 3]
-        around = number[point[:, None] - np.array([0, second, second + third, third])]
-        quads.append(np.where(leaving[:, None], around, around[:, ::-1]))
-    return places, slopes, np.concatenate(quads)
+        around = number[(steps @ np.stack(edges))[:, None] - np.array([0, second, second + third, third])]
+        crossings += np.bincount(around.ravel(), minlength=len(cells))
+        summed += [np.bincount(around.ravel(), np.repeat(along, 4), len(cells)) for along in crossing]
+        quads.append(np.where((first[edges] < 0)[:, None], around, around[:, ::-1]))
+    return summed / crossings, np.concatenate(quads)
 
 
 def _chessboards(at: NDArray[Any]) -> NDArray[np.int64]:
