@@ -10,6 +10,7 @@ light, and from nearby where four tiles meet, beside the photo's own pixels laid
 from pathlib import Path
 
 import numpy as np
+from swatches import Swatch, leather, photographed, woven
 
 from mpsnet_core import Capture, NormalMap, angular_error, estimate_normals, published_rig, write_image, write_rig
 from mpsnet_core.estimate.registry import DEFAULT_MODEL
@@ -19,7 +20,6 @@ from mpsnet_core.relief.material.seam import measured_seam
 from mpsnet_core.relief.relight import relit
 from mpsnet_core.scene.normal_map import encode
 from mpsnet_core.scene.pictures import photo_picture, sheet
-from mpsnet_core.synthesis.swatches import Swatch, leather, photographed, woven
 
 OUTPUT = Path(__file__).resolve().parent / "output"
 PIXEL_MM = 0.1

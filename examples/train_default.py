@@ -13,7 +13,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-SHAPES = "blobs,drapery,reliefs,composites,groups,meshes"
+SHAPES = "blobs,drapery,reliefs,groups,meshes"
 ANNEALED = 0.2  # share of the time
 
 

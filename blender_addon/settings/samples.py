@@ -33,10 +33,10 @@ class SamplesSettings:
             ("BLOBS", "Blobs", "Closed lumps: smooth, folded, ridged, wrinkled or faceted"),
             ("DRAPERY", "Drapery", "Hanging and falling cloth"),
             ("RELIEFS", "Reliefs", "Slabs with a relief"),
-            ("COMPOSITES", "Composites", "Objects of many parts that throw shadows on each other"),
-            ("GROUPS", "Groups", "Several objects beside each other on a ground"),
+            # 8 was a kind that .blend files may still hold.
+            ("GROUPS", "Groups", "Several objects beside each other on a ground", "NONE", 16),
         ],
-        default={"BLOBS", "DRAPERY", "RELIEFS", "COMPOSITES", "GROUPS"},
+        default={"BLOBS", "DRAPERY", "RELIEFS", "GROUPS"},
         options={"ENUM_FLAG", *GIVEN},
     )
     meshes: StringProperty(

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.synthesis.draws import between, between_log
 
 Range = tuple[float, float]
 Rows = tuple[tuple[float, ...], ...]
@@ -67,8 +68,8 @@ class CaptureModel:
     exact: chance that mixing and light directions are known exactly, as those of a rig in Blender are. rendered: chance
         that such a photo is a render: lights of one colour each, no noise, no blur, no JPEG, an exact mask.
     measured: chance that they were measured well; our estimates are below. What is left was measured badly, or the
-        mixing not at all: then it is taken for the identity, as the program does where a rig file tells nothing. A
-        network that expects unknown crosstalk more often than it occurs exaggerates every gradient.
+        mixing not at all: then the identity is assumed, as for a rig file without one. A network that expects unknown
+        crosstalk more often than it occurs exaggerates every gradient.
     mixing_error: standard deviation of a mixing's entries, as a share of its largest, and direction_error: degrees,
         standard deviation across two axes by which the known light directions are off; of rigs that were measured well.
         A highlight found one pixel off on a mirror ball of 100 pixels' radius is 1.1° off (twice its normal's error).
@@ -80,7 +81,7 @@ class CaptureModel:
     full_well: electrons at saturation, and read_noise: electrons, standard deviation in the dark; both log-uniform. The
         noise is EMVA Standard 1288's linear model (release 4.0, 2021): shot noise with the variance of the electrons'
         number, and read noise; as Gaussians, after Foi et al., "Practical Poissonian-Gaussian noise modeling and
-        fitting for single-image raw-data", IEEE TIP 17(10), 2008. Data sheets by that standard say some 33,000 and 7
+        fitting for single-image raw-data", IEEE TIP 17(10), 2008. Data sheets by that standard state some 33,000 and 7
         electrons for Sony's IMX174, 10,500 and 2.3 for its IMX264; telephones hold about 5,000, and every doubling of
         ISO halves what is used of the well.
     bits: of a channel's stored values; 0 for a float picture, which neither clips nor rounds. 8 and 16 are what PNG
@@ -153,14 +154,14 @@ class CaptureModel:
         mixing, colours = _overlap(rng, self.crosstalk), _overlap(rng, self.colour_overlap)
         mixing = mixing if self.mixing is None else np.array(self.mixing)
         colours = colours / colours.sum(axis=1, keepdims=True) if self.colours is None else np.array(self.colours)
-        strengths = [_log_uniform(rng, self.light_strengths) for _ in range(3)]
-        gains = [_log_uniform(rng, self.channel_gains) for _ in range(3)]
+        strengths = [between_log(rng, *self.light_strengths) for _ in range(3)]
+        gains = [between_log(rng, *self.channel_gains) for _ in range(3)]
         kind, rendered, unknown = rng.random(3) < (self.exact, self.rendered, self.unknown)
         rendered &= kind
         well = rng.random() < self.measured / max(1 - self.exact, 1e-9)
         mixing = np.diag(strengths) if rendered else np.diag(gains) @ mixing @ np.diag(strengths)
-        spread = _uniform(rng, self.mixing_error if well else self.bad_mixing_error)
-        direction_error = np.radians(_uniform(rng, self.direction_error if well else self.bad_direction_error))
+        spread = between(rng, *(self.mixing_error if well else self.bad_mixing_error))
+        direction_error = np.radians(between(rng, *(self.direction_error if well else self.bad_direction_error)))
         known = mixing + spread * mixing.max() * rng.normal(size=(3, 3))
         if kind:
             known, direction_error = mixing, 0.0
@@ -170,22 +171,22 @@ class CaptureModel:
         bits = self.bits[_whole(rng, (0, len(self.bits) - 1))]
         srgb = rng.random() < self.srgb
         quality = _whole(rng, self.jpeg_quality)
-        white_strengths = [_log_uniform(rng, self.white_strengths) for _ in range(3)]
-        white_gains = [_log_uniform(rng, self.channel_gains) for _ in range(3)]
+        white_strengths = [between_log(rng, *self.white_strengths) for _ in range(3)]
+        white_gains = [between_log(rng, *self.channel_gains) for _ in range(3)]
         draw = CaptureDraw(
             mixing=mixing,
             colours=colours,
             known_mixing=known,
             direction_errors=direction_error * rng.normal(size=(3, 3)),
-            exposure=_log_uniform(rng, self.exposure),
-            highlights=_log_uniform(rng, self.highlights),
-            full_well=_log_uniform(rng, self.full_well),
-            read_noise=_log_uniform(rng, self.read_noise),
+            exposure=between_log(rng, *self.exposure),
+            highlights=between_log(rng, *self.highlights),
+            full_well=between_log(rng, *self.full_well),
+            read_noise=between_log(rng, *self.read_noise),
             bits=8 if jpeg else bits,
             srgb=jpeg or srgb,
             jpeg_quality=quality if jpeg else 0,
             halved_chroma=rng.random() < self.halved_chroma,
-            blur=_uniform(rng, self.blur),
+            blur=between(rng, *self.blur),
             mosaic=rng.random() < self.mosaic,
             mask_error=_whole(rng, self.mask_error),
             noise_seed=int(rng.integers(1 << 62)),
@@ -212,30 +213,23 @@ def blur_weights(sigma: float) -> NDArray[np.float32]:
     frequency = 2 * np.pi * np.arange(8 * reach + 1) / (16 * reach)
     half = np.fft.irfft(np.exp(sigma**2 * (np.cos(frequency) - 1)))[: reach + 1]
     weights = np.concatenate([half[:0:-1], half])
-    return (weights / weights.sum()).astype(np.float32)
+    normalised_weights: NDArray[np.float32] = (weights / weights.sum()).astype(np.float32)
+    return normalised_weights
 
 
 def turned(directions: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray[np.float64]:
     """Unit vectors (N, 3) turned by the angles that the errors (N, 3) have across them."""
     across = errors - (errors * directions).sum(axis=1, keepdims=True) * directions
     angle = np.linalg.norm(across, axis=1, keepdims=True)
-    return np.cos(angle) * directions + np.sin(angle) * normalised(across)
+    result: NDArray[np.float64] = np.cos(angle) * directions + np.sin(angle) * normalised(across)
+    return result
 
 
 def _overlap(rng: np.random.Generator, limits: Range) -> NDArray[np.float64]:
     """(3, 3) ones on the diagonal, and up to a level drawn from `limits` elsewhere."""
-    return np.eye(3) + _uniform(rng, limits) * rng.random((3, 3)) * (1 - np.eye(3))
-
-
-def _uniform(rng: np.random.Generator, limits: Range) -> float:
-    return limits[0] + (limits[1] - limits[0]) * rng.random()
+    return np.eye(3) + between(rng, *limits) * rng.random((3, 3)) * (1 - np.eye(3))
 
 
 def _whole(rng: np.random.Generator, limits: tuple[int, int]) -> int:
     # Not by rng.integers, which takes no random number where there is but one to choose.
     return limits[0] + int((limits[1] - limits[0] + 1) * rng.random())
-
-
-def _log_uniform(rng: np.random.Generator, limits: Range) -> float:
-    share = rng.random()
-    return limits[0] if limits[0] == limits[1] else float(limits[0] * (limits[1] / limits[0]) ** share)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, InputError
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.images import image_layers, read_image, write_image
 from mpsnet_core.io.provenance import identity, provenance_line
@@ -21,10 +21,10 @@ ROWS = 8
 TILE_HEIGHT = 176
 
 Colour = tuple[float, float, float]
-# For none to three lights, told apart also in grey.
+# For none to three lights, distinct in grey too.
 LIT_COLOURS: tuple[Colour, ...] = ((0.30, 0.20, 0.58), (0.72, 0.22, 0.33), (0.95, 0.62, 0.25), (0.99, 0.95, 0.78))
 LIT_WORDS = ("no light", "one light", "two lights", "three lights")
-# Okabe and Ito's colours, which colour-blind people tell apart too.
+# Okabe and Ito's colours, distinct for colour-blind people too.
 MATERIAL_COLOURS: tuple[Colour, ...] = (
     (0.90, 0.62, 0.00),
     (0.34, 0.71, 0.91),
@@ -65,10 +65,10 @@ class FolderSummary:
 
 
 def folder_samples(folder: str | os.PathLike[str]) -> list[Path]:
-    """The EXR files of a folder, in order; they may be samples under any name. Raises InputError where it has none."""
+    """The EXR files of a folder, in order; they may be samples under any name. Raises FileError where it has none."""
     files = sorted(file for file in Path(folder).glob("*.exr") if not file.name.startswith("."))
     if not files:
-        raise InputError(f"folder {folder} holds no samples (.exr); make some with mpsnet synthesize, or in Blender")
+        raise FileError(f"folder {folder} holds no samples (.exr); make some with mpsnet synthesize, or in Blender")
     return files
 
 
@@ -108,7 +108,7 @@ def spread(files: Sequence[Path], count: int) -> list[Path]:
 def contact_sheet(files: Sequence[Path], count: int = ROWS) -> NDArray[np.float32] | None:
     """(H, W, 3) display values: up to `count` of the files, evenly spread, a row each; None where none is a sample.
 
-    A file that is no whole sample gives its place to the next one that is.
+    The next whole sample takes the place of a file that is none.
     """
     tiles: list[tuple[str, NDArray[np.float32]]] = []
     shown: set[Path] = set()
@@ -138,7 +138,7 @@ def show(samples: Sequence[Path], photos: Sequence[Path], count: int = ROWS) -> 
     rows += [sheet(photo_row(photo), 5, TILE_HEIGHT) for photo in photos]
     pictures = [row for row in rows if row is not None]
     if not pictures:
-        raise InputError(f"{samples[0].parent} holds no whole sample; make some anew")
+        raise FileError(f"{samples[0].parent} holds no whole sample; make some anew")
     width = max(picture.shape[1] for picture in pictures)
     edges = [((0, 0), (0, width - picture.shape[1]), (0, 0)) for picture in pictures]
     return np.concatenate(

@@ -3,13 +3,14 @@
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.image import libraries_silent
 from mpsnet_core.io.images import complaint, image_input
@@ -31,8 +32,8 @@ _ELSEWHERE = ((np.stack(np.meshgrid(np.arange(4), np.arange(4)), axis=-1) + 0.5)
 def sample_from_cycles(
     path: str | os.PathLike[str],
     recipe: Recipe,
-    vertices: NDArray[np.floating],
-    triangles: NDArray[np.integer],
+    vertices: NDArray[Any],
+    triangles: NDArray[Any],
     renderer: str,
 ) -> Sample:
     """The sample in the multi-layer EXR that Blender 4.5 or later wrote for a recipe.
@@ -41,10 +42,10 @@ def sample_from_cycles(
     world space, which is the camera's) and weights0, weights3 (the materials' weights, three a pass) or, where the
     recipe names no materials, the material index. Blender 4.5 writes all into one part, 5.0 and later a part a pass.
 
-    vertices (V, 3) and triangles (T, 3): what was rendered, in world space; depth and `lit` are told by rays against
+    vertices (V, 3) and triangles (T, 3): what was rendered, in world space; depth and `lit` come from rays against
     it. renderer: as in :class:`Sample`.
 
-    Raises InputError where the file is damaged, is no such render, or holds values that are not finite.
+    Raises FormatError where the file is damaged, is no such render, or holds values that are not finite.
     """
     path = existing_file(path, "render")
     planes = _planes(path)
@@ -56,7 +57,7 @@ def sample_from_cycles(
             if all(f"{name}.{channel}" in planes for channel in channels):
                 values = np.stack([planes[f"{name}.{channel}"] for channel in channels], axis=-1)
                 return _checked(values, f"{name} pass", camera, path)
-        raise InputError(f"{path} has no {name} pass; it is no render of a sample, make the sample again")
+        raise FormatError(f"{path} has no {name} pass; it is no render of a sample, make the sample again")
 
     alpha = np.clip(layer("Combined", "A")[..., 0], 0, 1)
     covered = alpha > 0
@@ -87,7 +88,7 @@ def _planes(path: Path) -> dict[str, NDArray[np.float32]]:
     source = image_input(path)
     if source is None:
         reason = complaint(oiio)
-        raise InputError(f"{path} is no render, or cut short ({reason}); make the sample again")
+        raise FormatError(f"{path} is no render, or cut short ({reason}); make the sample again")
     planes: dict[str, NDArray[np.float32]] = {}
     try:
         part = 0
@@ -97,7 +98,7 @@ def _planes(path: Path) -> dict[str, NDArray[np.float32]]:
                 values = source.read_image(part, 0, 0, len(names), oiio.FLOAT)
             reason = complaint(source)
             if values is None or reason:
-                raise InputError(f"{path} is damaged or cut short ({reason or 'no pixels'}); make the sample again")
+                raise FormatError(f"{path} is damaged or cut short ({reason or 'no pixels'}); make the sample again")
             planes |= {name.partition(".")[2]: values[..., number] for number, name in enumerate(names)}
             part += 1
     finally:
@@ -108,19 +109,19 @@ def _planes(path: Path) -> dict[str, NDArray[np.float32]]:
 def _checked(values: NDArray[np.float32], what: str, camera: Camera, path: Path) -> NDArray[np.float32]:
     height, width = values.shape[:2]
     if (width, height) != (camera.width, camera.height):
-        raise InputError(
+        raise FormatError(
             f"{path} is {width} x {height}, its recipe {camera.width} x {camera.height}; make the sample again"
         )
     if not np.isfinite(values).all():
-        raise InputError(f"{path} holds values that are not finite in its {what}; make the sample again")
+        raise FormatError(f"{path} holds values that are not finite in its {what}; make the sample again")
     return values
 
 
 def _traced(
     recipe: Recipe,
     scene: RayScene,
-    vertices: NDArray[np.floating],
-    triangles: NDArray[np.integer],
+    vertices: NDArray[Any],
+    triangles: NDArray[Any],
     normals: NDArray[np.float32],
     covered: NDArray[np.bool_],
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

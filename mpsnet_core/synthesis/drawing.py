@@ -5,7 +5,6 @@ perspective, soft shadows and painted, dirty, metallic surfaces are what its err
 """
 
 import math
-from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any, Literal
 
@@ -14,14 +13,16 @@ from numpy.typing import NDArray
 
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import direction_from_angles
+from mpsnet_core.synthesis.draws import between, between_log, direction, generator, new_seed, picked, rotation
 from mpsnet_core.synthesis.job import SampleJob
 from mpsnet_core.synthesis.recipe import Bump, Colour, Dirt, Material, Paint, Pattern, Recipe
 from mpsnet_core.synthesis.reflectance import material_names
 from mpsnet_core.synthesis.shapes import draw_shape, mesh_files
+from mpsnet_core.synthesis.shapes.shape import turn_about
 
-# How often each kind of shape is drawn, relative to the others that a job asks for. Real meshes lead where there are
+# How often each kind of shape is drawn, relative to the others that a job requests. Real meshes lead where there are
 # some; the largest errors on photographs lie in hollows and in the wide shadows that one part throws on another.
-SHAPE_SHARES = {"blobs": 3, "drapery": 1.5, "reliefs": 1, "composites": 3, "groups": 1.5, "meshes": 6, "scene": 2}
+SHAPE_SHARES = {"blobs": 3, "drapery": 1.5, "reliefs": 1, "groups": 1.5, "meshes": 6, "scene": 2}
 
 SENSOR_WIDTH = 36.0  # mm
 ORTHOGRAPHIC_SHARE = 0.3
@@ -35,13 +36,14 @@ SLANT_SPREAD, TILT_SPREAD = 4.0, 8.0  # degrees, standard deviation of each ligh
 TILT_REACH = 30.0  # degrees, the most that a light's tilt leaves its place
 SHARP_LIGHT_SHARE = 0.4
 SHARP_LIGHT, SOFT_LIGHT = (0.0, 1.0), (1.0, 20.0)  # degrees, angular diameter
-# Of the samples have light over no, one, two and three bounces between surfaces, as far as the job asks for them.
+# Of the samples have light over no, one, two and three bounces between surfaces, as far as the job requests them.
 BOUNCE_SHARES = (0.2, 0.55, 0.15, 0.1)
 
+Z = (0.0, 0.0, 1.0)
 UPRIGHT_ELEVATION, UPRIGHT_ROLL = (-10.0, 55.0), 8.0  # degrees
 FRONT_TURN = 40.0  # degrees
 
-# What things are made of as a whole: plain matt ones, as plaster, clay and unglazed stone; softly glossy paint; dark
+# Materials of whole objects: plain matt ones, as plaster, clay and unglazed stone; softly glossy paint; dark
 # engraved metal; or any materials side by side.
 FINISH_SHARES = {"plain": 0.33, "satin": 0.12, "metal": 0.07, "mixed": 0.48}
 PLAIN_ROUGHNESS, PLAIN_SPECULAR, PLAIN_BRIGHTNESS = (0.7, 1.0), (0.0, 0.5), (0.12, 0.9)
@@ -67,7 +69,7 @@ GREY_SHARE = 0.35  # of the colours
 # Of the coloured ones are those of skin, wood, clay, leather and brass: orange, seldom strong.
 NATURAL_SHARE, NATURAL_HUE, NATURAL_SPREAD, NATURAL_SATURATION = 0.5, 0.08, 0.04, (0.1, 0.6)
 BRIGHTNESS = (0.04, 0.9)
-ROUGHNESS = ((0.5, (0.6, 1.0)), (0.35, (0.25, 0.6)), (0.15, (0.06, 0.25)))  # share, range
+ROUGHNESS = {(0.6, 1.0): 0.5, (0.25, 0.6): 0.35, (0.06, 0.25): 0.15}  # range, share
 METAL_SHARE, METAL_BRIGHTNESS = 0.15, (0.05, 0.9)
 SPECULAR, IOR = (0.2, 0.8), (1.3, 1.7)
 SHEEN_SHARE, COAT_SHARE, SUBSURFACE_SHARE = 0.1, 0.15, 0.1
@@ -77,12 +79,12 @@ SUBSURFACE_RADIUS = (0.1, 1.0)  # as Blender takes it: light spreads about a twe
 def draw_recipe(job: SampleJob, number: int) -> Recipe:
     """What sample `number` of `job` shows; the same wherever and in whatever order it is drawn.
 
-    Raises InputError where the job's folder of meshes or its measured materials cannot be read.
+    Raises FileError or FormatError where the job's folder of meshes or its measured materials cannot be read.
     """
-    rng = _generator(job.seed, 1, number)
+    rng = generator(job.seed, 1, number)
     shape = _draw_shape(job, number // job.views)
-    finish = list(FINISH_SHARES)[_pick(rng, list(FINISH_SHARES.values()))]
-    count = 1 + _pick(rng, MATERIAL_COUNT_SHARES) if finish == "mixed" else 1
+    finish = picked(rng, list(FINISH_SHARES), list(FINISH_SHARES.values()))
+    count = picked(rng, range(1, 7), MATERIAL_COUNT_SHARES) if finish == "mixed" else 1
     return Recipe(
         seed=job.seed,
         number=number,
@@ -96,92 +98,37 @@ def draw_recipe(job: SampleJob, number: int) -> Recipe:
         paint=_paint(rng, PAINT_SHARE if finish in ("mixed", "metal") else 0.0),
         dirt=_dirt(rng, DIRT_SHARE if finish in ("mixed", "metal") else 0.0),
         bump=_bump(rng, ENGRAVED_SHARE if finish == "metal" else BUMP_SHARE),
-        bounces=min(job.bounces, _pick(rng, BOUNCE_SHARES)),
+        bounces=min(job.bounces, picked(rng, range(4), BOUNCE_SHARES)),
     )
 
 
 def _draw_shape(job: SampleJob, number: int) -> dict[str, Any]:
-    rng = _generator(job.seed, 0, number)
-    kind = job.shapes[_pick(rng, [SHAPE_SHARES[name] for name in job.shapes])]
+    rng = generator(job.seed, 0, number)
+    kind = picked(rng, job.shapes, [SHAPE_SHARES[name] for name in job.shapes])
     if kind == "scene":
         return {"kind": "scene", "pose": "upright"}
     return draw_shape(rng, kind, mesh_files(job.meshes) if kind == "meshes" else ())
 
 
-def _generator(*key: int) -> np.random.Generator:
-    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(key)))
-
-
-def _pick(rng: np.random.Generator, shares: Sequence[float]) -> int:
-    edges = np.cumsum(shares)
-    return int(np.searchsorted(edges, rng.random() * edges[-1], side="right"))
-
-
-def _between(rng: np.random.Generator, limits: tuple[float, float]) -> float:
-    return limits[0] + (limits[1] - limits[0]) * rng.random()
-
-
-def _between_log(rng: np.random.Generator, limits: tuple[float, float]) -> float:
-    return float(limits[0] * (limits[1] / limits[0]) ** rng.random())
-
-
-def _seed(rng: np.random.Generator) -> int:
-    return int(rng.integers(1 << 31))
-
-
-# --- where things stand -----------------------------------------------------------------------------------------------
-
-
-Quaternion = tuple[float, float, float, float]  # w, x, y, z; products of floats are the same on every machine
-
-
-def _turn(axis: Sequence[float], degrees: float) -> Quaternion:
-    """Rotation about a unit axis."""
-    half = math.radians(degrees) / 2
-    x, y, z = (math.sin(half) * coordinate for coordinate in axis)
-    return math.cos(half), x, y, z
-
-
-def _after(second: Quaternion, first: Quaternion) -> Quaternion:
-    """The rotation `first`, and then `second`."""
-    (a, b, c, d), (e, f, g, h) = second, first
-    return (
-        a * e - b * f - c * g - d * h,
-        a * f + b * e + c * h - d * g,
-        a * g - b * h + c * e + d * f,
-        a * h + b * g - c * f + d * e,
-    )
-
-
-def _matrix(rotation: Quaternion) -> NDArray[np.float64]:
-    w, x, y, z = rotation
-    length = math.sqrt(w * w + x * x + y * y + z * z)  # sum() rounds otherwise from Python 3.12 on
-    w, x, y, z = w / length, x / length, y / length, z / length
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+# --- poses, camera and lights -----------------------------------------------------------------------------------------
 
 
 def _rotation(rng: np.random.Generator, pose: str) -> NDArray[np.float64]:
-    x, z = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
-    spin = _turn(z, 360 * rng.random())
+    if pose not in ("upright", "front"):
+        return rotation(rng)
+    spin = turn_about(Z, between(rng, 0, 360)).T
     if pose == "upright":  # the object's z upwards in the picture, seen from a little below to well above
-        roll = _turn(z, UPRIGHT_ROLL * (2 * rng.random() - 1))
-        return _matrix(_after(roll, _after(_turn(x, _between(rng, UPRIGHT_ELEVATION) - 90), spin)))
-    if pose == "front":  # the object's z towards the camera
-        tilt = 2 * math.pi * rng.random()
-        lean = _turn((math.cos(tilt), math.sin(tilt), 0.0), FRONT_TURN * math.sqrt(rng.random()))
-        return _matrix(_after(lean, spin))
-    return _matrix(tuple(rng.normal(size=4).tolist()))  # normalised, uniform among all rotations
+        roll = turn_about(Z, between(rng, -UPRIGHT_ROLL, UPRIGHT_ROLL)).T
+        return roll @ turn_about((1, 0, 0), between(rng, *UPRIGHT_ELEVATION) - 90).T @ spin
+    # "front": the object's z towards the camera
+    tilt = between(rng, 0, 2 * math.pi)
+    lean: NDArray[np.float64] = turn_about((math.cos(tilt), math.sin(tilt), 0), FRONT_TURN * math.sqrt(rng.random())).T
+    return lean @ spin
 
 
 def _camera(rng: np.random.Generator, size: int) -> Camera:
     orthographic = rng.random() < ORTHOGRAPHIC_SHARE
-    length, margin = _between_log(rng, FOCAL_LENGTH), _between_log(rng, MARGIN)
+    length, margin = between_log(rng, *FOCAL_LENGTH), between_log(rng, *MARGIN)
     centre = size * (0.5 + SHIFT * (2 * rng.random(2) - 1))
     pose = np.eye(4)
     if orthographic:
@@ -192,7 +139,7 @@ def _camera(rng: np.random.Generator, size: int) -> Camera:
 
 
 def _light_directions(rng: np.random.Generator) -> NDArray[np.float64]:
-    slants = np.clip(_between(rng, SLANT) + SLANT_SPREAD * rng.normal(size=3), *SLANT)
+    slants = np.clip(between(rng, *SLANT) + SLANT_SPREAD * rng.normal(size=3), *SLANT)
     handed = 1 if rng.random() < 0.5 else -1
     strays = np.clip(TILT_SPREAD * rng.normal(size=3), -TILT_REACH, TILT_REACH)
     return direction_from_angles(slants, 360 * rng.random() + handed * np.array([0, 120, 240]) + strays)
@@ -200,10 +147,10 @@ def _light_directions(rng: np.random.Generator) -> NDArray[np.float64]:
 
 def _light_size(rng: np.random.Generator) -> float:
     sharp = rng.random() < SHARP_LIGHT_SHARE
-    return _between(rng, SHARP_LIGHT) if sharp else _between_log(rng, SOFT_LIGHT)
+    return between(rng, *SHARP_LIGHT) if sharp else between_log(rng, *SOFT_LIGHT)
 
 
-# --- what things are made of ------------------------------------------------------------------------------------------
+# --- materials --------------------------------------------------------------------------------------------------------
 
 _names = lru_cache(maxsize=8)(material_names)
 
@@ -234,23 +181,23 @@ def _materials(
 
 
 def _uniform_material(rng: np.random.Generator, finish: str) -> Material:
-    """The one material of a thing that is plain, satin or of metal."""
+    """The one material of an object that is plain, satin or of metal."""
     if finish == "plain":
         return Material(
             base_color=_colour(rng, PLAIN_BRIGHTNESS),
-            roughness=_between(rng, PLAIN_ROUGHNESS),
-            specular=_between(rng, PLAIN_SPECULAR) * (rng.random() >= LAMBERTIAN_SHARE),
+            roughness=between(rng, *PLAIN_ROUGHNESS),
+            specular=between(rng, *PLAIN_SPECULAR) * (rng.random() >= LAMBERTIAN_SHARE),
         )
     if finish == "satin":
         coated = rng.random() < 0.5
         return Material(
             base_color=_colour(rng, BRIGHTNESS),
-            roughness=_between(rng, SATIN_ROUGHNESS),
-            specular=_between(rng, SPECULAR),
-            coat=_between(rng, (0.2, 1.0)) * coated,
-            coat_roughness=_between(rng, (0.1, 0.4)),
+            roughness=between(rng, *SATIN_ROUGHNESS),
+            specular=between(rng, *SPECULAR),
+            coat=between(rng, 0.2, 1.0) * coated,
+            coat_roughness=between(rng, 0.1, 0.4),
         )
-    return Material(base_color=_colour(rng, DARK_METAL), roughness=_between(rng, METAL_ROUGHNESS), metallic=1.0)
+    return Material(base_color=_colour(rng, DARK_METAL), roughness=between(rng, *METAL_ROUGHNESS), metallic=1.0)
 
 
 def _principled(rng: np.random.Generator, tone: Colour | None) -> Material:
@@ -259,28 +206,28 @@ def _principled(rng: np.random.Generator, tone: Colour | None) -> Material:
     if tone is None:
         color = _colour(rng, brightness)
     else:
-        scale = _between_log(rng, brightness) / max(tone)
+        scale = between_log(rng, *brightness) / max(tone)
         color = (tone[0] * scale, tone[1] * scale, tone[2] * scale)
-    roughness = _between(rng, ROUGHNESS[_pick(rng, [share for share, _ in ROUGHNESS])][1])
+    roughness = between(rng, *picked(rng, list(ROUGHNESS), list(ROUGHNESS.values())))
     sheen, coat, subsurface = rng.random(3) < (SHEEN_SHARE, COAT_SHARE, SUBSURFACE_SHARE)
     return Material(
         base_color=color,
         roughness=roughness,
         metallic=float(metal),
-        specular=_between(rng, SPECULAR),
-        ior=_between(rng, IOR),
-        sheen=_between(rng, (0.2, 1.0)) * bool(sheen),
-        sheen_roughness=_between(rng, (0.2, 0.8)),
-        coat=_between(rng, (0.3, 1.0)) * bool(coat),
-        coat_roughness=_between(rng, (0.02, 0.3)),
-        subsurface=_between(rng, (0.2, 1.0)) * bool(subsurface),
-        subsurface_radius=_between_log(rng, SUBSURFACE_RADIUS),
+        specular=between(rng, *SPECULAR),
+        ior=between(rng, *IOR),
+        sheen=between(rng, 0.2, 1.0) * bool(sheen),
+        sheen_roughness=between(rng, 0.2, 0.8),
+        coat=between(rng, 0.3, 1.0) * bool(coat),
+        coat_roughness=between(rng, 0.02, 0.3),
+        subsurface=between(rng, 0.2, 1.0) * bool(subsurface),
+        subsurface_radius=between_log(rng, *SUBSURFACE_RADIUS),
     )
 
 
 def _colour(rng: np.random.Generator, brightness: tuple[float, float]) -> Colour:
     """A linear colour whose brightest channel is within `brightness`: grey, natural, or of any hue, pale to strong."""
-    value = _between_log(rng, brightness)
+    value = between_log(rng, *brightness)
     saturation, hue = 0.0 if rng.random() < GREY_SHARE else rng.random(), rng.random()
     if rng.random() < NATURAL_SHARE and saturation:
         low, high = NATURAL_SATURATION
@@ -291,41 +238,40 @@ def _colour(rng: np.random.Generator, brightness: tuple[float, float]) -> Colour
 
 
 def _pattern(rng: np.random.Generator, count: int) -> Pattern:
-    kind = list(PATTERN_SHARES)[_pick(rng, list(PATTERN_SHARES.values()))]
+    kind = picked(rng, list(PATTERN_SHARES), list(PATTERN_SHARES.values()))
     hard = rng.random() < HARD_EDGE_SHARE
-    direction = rng.normal(size=3)
-    direction /= np.linalg.norm(direction)
+    x, y, z = direction(rng).tolist()
     return Pattern(
         kind="parts" if count == 1 else kind,  # type: ignore[arg-type]
-        scale=_between_log(rng, PATTERN_SCALE),
-        softness=_between(rng, SOFTNESS) * (not hard),
-        warp=_between(rng, WARP),
-        direction=(float(direction[0]), float(direction[1]), float(direction[2])),
-        seed=_seed(rng),
+        scale=between_log(rng, *PATTERN_SCALE),
+        softness=between(rng, *SOFTNESS) * (not hard),
+        warp=between(rng, *WARP),
+        direction=(x, y, z),
+        seed=new_seed(rng),
     )
 
 
 def _paint(rng: np.random.Generator, share: float) -> Paint:
     painted, coloured = rng.random(2) < (share, 0.5)
     return Paint(
-        amount=_between(rng, PAINT_AMOUNT) * bool(painted),
+        amount=between(rng, *PAINT_AMOUNT) * bool(painted),
         hue=rng.random() * bool(coloured),
-        scale=_between_log(rng, PAINT_SCALE),
-        seed=_seed(rng),
+        scale=between_log(rng, *PAINT_SCALE),
+        seed=new_seed(rng),
     )
 
 
 def _dirt(rng: np.random.Generator, share: float) -> Dirt:
     dirty = rng.random() < share
     return Dirt(
-        amount=_between(rng, DIRT_AMOUNT) * dirty,
+        amount=between(rng, *DIRT_AMOUNT) * dirty,
         color=_colour(rng, (0.03, 0.4)),
-        scale=_between_log(rng, DIRT_SCALE),
-        seed=_seed(rng),
+        scale=between_log(rng, *DIRT_SCALE),
+        seed=new_seed(rng),
     )
 
 
 def _bump(rng: np.random.Generator, share: float) -> Bump:
     bumpy = rng.random() < share
-    slope, scale = _between_log(rng, BUMP_SLOPE), _between_log(rng, BUMP_SCALE)
-    return Bump(height=slope / scale * bumpy, scale=scale, seed=_seed(rng))
+    slope, scale = between_log(rng, *BUMP_SLOPE), between_log(rng, *BUMP_SCALE)
+    return Bump(height=slope / scale * bumpy, scale=scale, seed=new_seed(rng))

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from mpsnet_core.errors import InputError, check_choice
+from mpsnet_core.errors import FileError, FormatError, InputError, SettingsError, check_choice
 from mpsnet_core.io.claims import Claims
 from mpsnet_core.io.files import ensure_folder, read_json, write_json
 
@@ -17,7 +17,7 @@ JOB_FILE = "job.json"
 CONTACT_SHEET = "contact_sheet.png"
 RENDERERS = ("synthesis", "cycles")
 MERL_PARTS = ("all", "training", "validation")
-SHAPES = ("blobs", "drapery", "reliefs", "composites", "groups", "meshes", "scene")
+SHAPES = ("blobs", "drapery", "reliefs", "groups", "meshes", "scene")
 MAX_COUNT = 10_000_000
 MAX_BOUNCES = 3  # that the synthesis follows
 # Samples claim their own numbers; this one is for the folder's other files.
@@ -49,14 +49,14 @@ class SampleJob:
     pixel. denoise: whether Cycles' light is denoised where it bounces between surfaces. supersampling: rays along a
     pixel's side.
 
-    Raises InputError where a value is out of its range or two of them do not go together.
+    Raises SettingsError where a value is out of its range or two of them do not go together.
     """
 
     renderer: Literal["synthesis", "cycles"]
     count: int
     seed: int = 0
     size: int = 256
-    shapes: tuple[str, ...] = ("blobs", "drapery", "reliefs", "composites", "groups")
+    shapes: tuple[str, ...] = ("blobs", "drapery", "reliefs", "groups")
     meshes: str = ""
     objects: tuple[str, ...] = ()
     merl: str = ""
@@ -68,55 +68,51 @@ class SampleJob:
     supersampling: int = 1
 
     def __post_init__(self) -> None:
-        _one_of("the renderer", self.renderer, RENDERERS)
-        _one_of("the merl_part", self.merl_part, MERL_PARTS)
+        check_choice("the renderer", self.renderer, RENDERERS)
+        check_choice("the merl_part", self.merl_part, MERL_PARTS)
         for name, (low, high) in _RANGES.items():
             value = getattr(self, name)
             if type(value) is not int or not low <= value <= high:
-                raise InputError(f"the job's {name} must be a whole number from {low} to {high}, not {value!r}")
+                raise SettingsError(f"the job's {name} must be a whole number from {low} to {high}, not {value!r}")
         if type(self.denoise) is not bool:
-            raise InputError(f"the job's denoise must be true or false, not {self.denoise!r}")
+            raise SettingsError(f"the job's denoise must be true or false, not {self.denoise!r}")
         for name in ("meshes", "merl"):
             if not isinstance(getattr(self, name), str):
-                raise InputError(f"the job's {name} must be a path, not {getattr(self, name)!r}")
+                raise SettingsError(f"the job's {name} must be a path, not {getattr(self, name)!r}")
         for name in ("shapes", "objects"):
             value = getattr(self, name)
             if not isinstance(value, tuple) or not all(isinstance(entry, str) and entry for entry in value):
-                raise InputError(f"the job's {name} must be a list of names, not {value!r}")
+                raise SettingsError(f"the job's {name} must be a list of names, not {value!r}")
             if len(set(value)) < len(value):
-                raise InputError(f"the job's {name} name one twice ({', '.join(value)}); name each once")
+                raise SettingsError(f"the job's {name} name one twice ({', '.join(value)}); name each once")
         if not self.shapes:
-            raise InputError(f"the job has no shapes; choose some of {', '.join(SHAPES)}")
+            raise SettingsError(f"the job has no shapes; choose some of {', '.join(SHAPES)}")
         for shape in self.shapes:
-            _one_of("shape", shape, SHAPES)
+            check_choice("shape", shape, SHAPES)
         self._check_together()
 
     def _check_together(self) -> None:
-        """What one setting asks of another."""
+        """What one setting requires of another."""
         if ("meshes" in self.shapes) != bool(self.meshes):
-            raise InputError(
+            raise SettingsError(
                 "the job takes shapes from meshes but has no folder of them; name one"
                 if "meshes" in self.shapes
                 else f"the job has a folder of meshes, {self.meshes}, but no shapes from it; add meshes to its shapes"
             )
         if ("scene" in self.shapes) != bool(self.objects):
-            raise InputError(
+            raise SettingsError(
                 "the job takes shapes from a scene but names no objects; name some"
                 if "scene" in self.shapes
                 else "the job names objects of a scene but takes no shapes from it; add scene to its shapes"
             )
         if self.renderer == "synthesis" and "scene" in self.shapes:
-            raise InputError("a scene's objects are rendered by Blender alone; take other shapes for synthesis")
+            raise SettingsError("a scene's objects are rendered by Blender alone; take other shapes for synthesis")
         if self.renderer == "synthesis" and self.bounces > MAX_BOUNCES:
-            raise InputError(
+            raise SettingsError(
                 f"synthesis follows light over {MAX_BOUNCES} bounces, not {self.bounces}; choose 0 to {MAX_BOUNCES}"
             )
         if self.renderer == "cycles" and self.merl:
-            raise InputError("measured materials (merl) are for synthesis alone; leave them out for Blender")
-
-
-def _one_of(what: str, value: object, known: tuple[str, ...]) -> None:
-    check_choice(what, value, known)
+            raise SettingsError("measured materials (merl) are for synthesis alone; leave them out for Blender")
 
 
 def sample_path(folder: str | os.PathLike[str], number: int) -> Path:
@@ -138,7 +134,7 @@ def samples_there(folder: str | os.PathLike[str]) -> set[int]:
 
 
 def read_job(folder: str | os.PathLike[str]) -> SampleJob:
-    """The job of a folder. Raises InputError where there is none or it is malformed."""
+    """The job of a folder. Raises FileError where there is none, FormatError where it is malformed."""
     names = tuple(SampleJob.__dataclass_fields__)
     data = read_json(Path(folder) / JOB_FILE, JOB_FORMAT, JOB_VERSION, names)
     values: dict[str, Any] = {
@@ -146,11 +142,11 @@ def read_job(folder: str | os.PathLike[str]) -> SampleJob:
     }
     missing = [name for name in ("renderer", "count") if name not in values]
     if missing:
-        raise InputError(f'{Path(folder) / JOB_FILE} lacks "{missing[0]}"; add it')
+        raise FormatError(f'{Path(folder) / JOB_FILE} lacks "{missing[0]}"; add it')
     try:
         return SampleJob(**values)
     except InputError as error:
-        raise InputError(f"{Path(folder) / JOB_FILE}: {error}") from None
+        raise FormatError(f"{Path(folder) / JOB_FILE}: {error}") from None
 
 
 def write_job(folder: str | os.PathLike[str], job: SampleJob) -> None:
@@ -161,7 +157,8 @@ def write_job(folder: str | os.PathLike[str], job: SampleJob) -> None:
 def place_job(folder: str | os.PathLike[str], job: SampleJob) -> None:
     """Make `folder` the job's: a new or empty one, or one that holds the same job, whose count it may extend.
 
-    Raises InputError where the folder holds another job (and tells what differs), samples of no job, or cannot be made.
+    Raises SettingsError where the folder holds another job, stating what differs, and FileError where it holds samples
+    of no job or cannot be made.
     """
     folder = ensure_folder(folder, "samples")
     with Claims(folder) as claims:
@@ -171,20 +168,20 @@ def place_job(folder: str | os.PathLike[str], job: SampleJob) -> None:
                 if ours:
                     return _place(folder, job)
             if time.monotonic() > deadline:
-                raise InputError(f"{folder} is being written by another run; try again once that is done")
+                raise FileError(f"{folder} is being written by another run; try again once that is done")
             time.sleep(0.05)
 
 
 def _place(folder: Path, job: SampleJob) -> None:
     if not (folder / JOB_FILE).exists():
         if samples_there(folder):
-            raise InputError(f"{folder} holds samples but no {JOB_FILE}; choose another folder")
+            raise FileError(f"{folder} holds samples but no {JOB_FILE}; choose another folder")
         return write_job(folder, job)
     found = read_job(folder)
     for name in SampleJob.__dataclass_fields__:
         theirs, ours = getattr(found, name), getattr(job, name)
         if name != "count" and theirs != ours:
-            raise InputError(
+            raise SettingsError(
                 f"{folder} holds another job: its {name} is {_format(theirs)}, not {_format(ours)}; "
                 "choose another folder or the same settings"
             )

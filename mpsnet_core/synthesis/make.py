@@ -4,7 +4,7 @@ import json
 from functools import lru_cache
 from pathlib import Path
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import SettingsError
 from mpsnet_core.synthesis.drawing import draw_recipe
 from mpsnet_core.synthesis.job import SampleJob
 from mpsnet_core.synthesis.reflectance import load_reflectance
@@ -20,7 +20,7 @@ def make_sample(job: SampleJob, number: int, path: Path) -> None:
     cannot be written.
     """
     if job.renderer != "synthesis":
-        raise InputError(f"the job in {path.parent} is for Blender; go on with it by mpsnet make")
+        raise SettingsError(f"the job in {path.parent} is for Blender; go on with it by mpsnet make")
     recipe = draw_recipe(job, number)
     shape = _shape(json.dumps(recipe.shape, sort_keys=True), job.meshes)
     reflectances = [load_reflectance(material, job.merl) for material in recipe.materials]

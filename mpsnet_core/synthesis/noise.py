@@ -1,12 +1,9 @@
-"""Noise: smooth random fields and random cells in space, from a seed.
+"""Noise: smooth random fields and random cells in space, from a seed."""
 
-Only integer arithmetic and the exactly rounded operations + - * / sqrt and floor make the values, so that they are the
-same to the last bit with every NumPy and on every processor.
-"""
-
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import lru_cache
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,32 +14,36 @@ _AXES = (np.uint32(0x9E3779B1), np.uint32(0x85EBCA77), np.uint32(0xC2B2AE3D))
 _SCALE = np.float32(1.6)
 
 
-def gradient_noise(points: NDArray[np.floating], seed: int) -> NDArray[np.float32]:
+def gradient_noise(points: NDArray[Any], seed: int) -> NDArray[np.float32]:
     """Smooth noise with features of about a unit of length: (N, 3) points to (N,) values, about -1 to 1, mean 0.
 
     Improved Perlin noise (Perlin 2002) with a continuous second derivative, with 256 unit gradients. The lattice is
     turned and shifted by the seed, so that no axis is favoured and fields of different seeds share no zeros.
     """
-    return _chunked(_gradient_noise, points, seed)
+    points = np.asarray(points)
+    values = np.empty(len(points), np.float32)
+    for chunk in _chunks(len(points)):
+        values[chunk] = _gradient_noise(points[chunk], seed)
+    return values
 
 
-def fractal_noise(points: NDArray[np.floating], seed: int, octaves: int = 4) -> NDArray[np.float32]:
+def fractal_noise(points: NDArray[Any], seed: int, octaves: int = 4) -> NDArray[np.float32]:
     """Sum of `octaves` gradient noises, each twice as fine and half as strong: (N, 3) points to (N,) values.
 
     As strong as one gradient noise whatever the number of octaves: the values lie in about -1 to 1.
     """
     points = np.asarray(points)
-    total, power = np.zeros(len(points), np.float32), 0.0
+    total: NDArray[np.float32] = np.zeros(len(points), np.float32)
+    power = 0.0
     for octave in range(octaves):
         amplitude = 0.5**octave
         total += np.float32(amplitude) * gradient_noise(points * 2.0**octave, seed + 0x1F3D5B79 * octave)
         power += amplitude**2
-    return total / np.sqrt(np.float32(power))
+    total /= np.sqrt(np.float32(power))
+    return total
 
 
-def voronoi(
-    points: NDArray[np.floating], seed: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32]]:
+def voronoi(points: NDArray[Any], seed: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32]]:
     """Cells about a unit wide around random centres (Worley 1996), for (N, 3) points.
 
     Returns (N,) a number of each point's cell, 0 to 2³² - 1, spread evenly; (N,) the number of the neighbour whose
@@ -60,17 +61,7 @@ def _chunks(count: int) -> Iterator[slice]:
     return (slice(start, start + _CHUNK) for start in range(0, count, _CHUNK))
 
 
-def _chunked(
-    noise: Callable[[NDArray[np.floating], int], NDArray[np.float32]], points: NDArray[np.floating], seed: int
-) -> NDArray[np.float32]:
-    points = np.asarray(points)
-    values = np.empty(len(points), np.float32)
-    for chunk in _chunks(len(points)):
-        values[chunk] = noise(points[chunk], seed)
-    return values
-
-
-def _gradient_noise(points: NDArray[np.floating], seed: int) -> NDArray[np.float32]:
+def _gradient_noise(points: NDArray[Any], seed: int) -> NDArray[np.float32]:
     cells, fractions = _lattice(points, seed)
     key = _key(seed)
     # Along each axis: the two neighbours' hashes, the offsets from them and the weight of the farther one.
@@ -87,9 +78,7 @@ def _gradient_noise(points: NDArray[np.floating], seed: int) -> NDArray[np.float
     return corners[0] * _SCALE
 
 
-def _voronoi(
-    points: NDArray[np.floating], seed: int
-) -> tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.float32]]:
+def _voronoi(points: NDArray[Any], seed: int) -> tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.float32]]:
     cells, fractions = _lattice(points, seed)
     key = _key(seed)
     count = len(points)
@@ -119,7 +108,7 @@ def _voronoi(
     return numbers[nearest, every], numbers[closest, every], border[closest, every]
 
 
-def _lattice(points: NDArray[np.floating], seed: int) -> tuple[list[NDArray[np.uint32]], list[NDArray[np.float32]]]:
+def _lattice(points: NDArray[Any], seed: int) -> tuple[list[NDArray[np.uint32]], list[NDArray[np.float32]]]:
     """Lattice cells (modulo 2³²) and the places in them, per axis, after the seed's turn and shift."""
     turn, shift = _frame(seed)
     x, y, z = (points[:, axis].astype(np.float64) for axis in range(3))
@@ -134,7 +123,7 @@ def _lattice(points: NDArray[np.floating], seed: int) -> tuple[list[NDArray[np.u
 
 @lru_cache(maxsize=256)
 def _frame(seed: int) -> tuple[list[list[float]], list[float]]:
-    rng = np.random.Generator(np.random.PCG64(_key_number(seed)))
+    rng = np.random.Generator(np.random.PCG64(int(_key(seed))))
     while True:  # a uniformly random unit quaternion, by rejection
         q = rng.random(4) * 2 - 1
         square = float(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
@@ -163,7 +152,7 @@ def _gradients() -> tuple[NDArray[np.float32], ...]:
 
 
 def _mixed(values: NDArray[np.uint32], key: np.uint32) -> NDArray[np.uint32]:
-    """Bits well stirred: the finaliser of MurmurHash3."""
+    """The finaliser of MurmurHash3."""
     values = values ^ key
     values ^= values >> np.uint32(16)
     values *= np.uint32(0x85EBCA6B)
@@ -173,11 +162,7 @@ def _mixed(values: NDArray[np.uint32], key: np.uint32) -> NDArray[np.uint32]:
     return values
 
 
-def _key_number(seed: int) -> int:
+def _key(seed: int) -> np.uint32:
     # Neighbouring seeds far apart; seeds of more than 32 bits folded.
     seed &= 0xFFFFFFFFFFFFFFFF
-    return ((seed ^ (seed >> 32)) * 0x9E3779B1 + 0x7F4A7C15) & 0xFFFFFFFF
-
-
-def _key(seed: int) -> np.uint32:
-    return np.uint32(_key_number(seed))
+    return np.uint32(((seed ^ (seed >> 32)) * 0x9E3779B1 + 0x7F4A7C15) & 0xFFFFFFFF)

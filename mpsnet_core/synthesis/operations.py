@@ -71,7 +71,7 @@ class Synthesize(RunsWorkers):
     shapes: str | None = option(
         None,
         metavar="KIND,...",
-        help="of blobs, drapery, reliefs, composites, groups, meshes; meshes where --meshes is given, else all others",
+        help="of blobs, drapery, reliefs, groups, meshes; meshes where --meshes is given, else all others",
     )
     meshes: str = option("", metavar="FOLDER", help="mesh files to take shapes from")
     merl: str = option("", metavar="PATH", help="measured materials: a folder of MERL .binary files, or .npz of fits")

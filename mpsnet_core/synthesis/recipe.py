@@ -6,7 +6,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.scene.camera import Camera, camera_data, camera_from_data
 
 RECIPE_VERSION = 1
@@ -16,7 +16,7 @@ Colour = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Material:
-    """What the surface is made of.
+    """A material of the surface.
 
     kind: "principled" (the numbers below, which mean what they mean in Blender's Principled BSDF), "merl" (a measured
         ``.binary`` file) or "fit" (one of a file of neural fits to MERL).
@@ -148,10 +148,10 @@ class Recipe:
 
 
 def recipe_from_data(data: dict[str, Any]) -> Recipe:
-    """A recipe from :meth:`Recipe.data`, also after a way through JSON. Raises InputError where it is not one."""
+    """A recipe from :meth:`Recipe.data`, also after a way through JSON. Raises FormatError where it is none."""
     try:
         if data["version"] > RECIPE_VERSION:
-            raise InputError(f"the recipe is of version {data['version']}, this program reads up to {RECIPE_VERSION}")
+            raise FormatError(f"the recipe is of version {data['version']}, this program reads up to {RECIPE_VERSION}")
         return Recipe(
             seed=int(data["seed"]),
             number=int(data["number"]),
@@ -167,10 +167,12 @@ def recipe_from_data(data: dict[str, Any]) -> Recipe:
             bump=_noun(Bump, data["bump"]),
             bounces=int(data["bounces"]),
         )
+    except InputError:
+        raise
     except KeyError as error:
-        raise InputError(f"it holds no recipe that this program knows: it lacks {error}; make it anew") from None
+        raise FormatError(f"it holds no recipe that this program knows: it lacks {error}; make it anew") from None
     except (TypeError, ValueError, AttributeError, OverflowError):
-        raise InputError("it holds no recipe that this program knows; make it anew") from None
+        raise FormatError("it holds no recipe that this program knows; make it anew") from None
 
 
 def _noun(kind: type, data: dict[str, Any]) -> Any:

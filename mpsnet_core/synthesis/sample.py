@@ -13,7 +13,7 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, FormatError, InputError
 from mpsnet_core.io.files import MAX_JSON_BYTES, existing_file, written_whole
 from mpsnet_core.io.image import libraries_silent
 from mpsnet_core.io.images import MAX_VALUE, complaint, image_attribute, image_input
@@ -40,16 +40,27 @@ _NO_DATE = "1970:01:01 00:00:00"
 
 @dataclass(frozen=True)
 class Sample:
-    """One view, H x W pixels, row 0 on top.
+    """One view under each of three white lights, H x W pixels, row 0 on top.
 
-    lights: (3, H, W, 3) float32, linear RGB radiance under each white light alone; a white matt surface that faces a
-        light is 1. Premultiplied with alpha: the background is black.
-    normals: (H, W, 3) float32 true unit normals in camera space, bump included; zero outside alpha.
-    depth: (H, W) float32, distance in front of the camera along its axis; 0 outside alpha.
-    alpha: (H, W) float32, the share of the pixel that the object covers, 0 to 1.
-    material: (H, W) int, number of the material that weighs most; -1 outside alpha.
-    lit: (3, H, W) float32, the share of each light that reaches the pixel, 0 to 1: 0 in attached and cast shadow.
-    recipe: what the sample shows. renderer: what made it, for instance "synthesis" or "Cycles 4.5.15".
+    Attributes
+    ----------
+    lights : (3, H, W, 3) float32
+        Linear RGB radiance under each light alone; a white matt surface that faces a light is 1. Premultiplied with
+        alpha: the background is black.
+    normals : (H, W, 3) float32
+        True unit normals in camera space (x right, y up, z towards the camera), bump included; zero outside alpha.
+    depth : (H, W) float32
+        Distance in front of the camera along its axis, in radii of the object's bounding sphere; 0 outside alpha.
+    alpha : (H, W) float32
+        The share of the pixel that the object covers, 0 to 1.
+    material : (H, W) int32
+        Number of the material that weighs most; -1 outside alpha.
+    lit : (3, H, W) float32
+        The share of each light that reaches the pixel, 0 to 1: 0 in attached and cast shadow.
+    recipe : Recipe
+        What the sample shows.
+    renderer : str
+        What made it, for instance "synthesis" or "Cycles 4.5.15".
     """
 
     lights: NDArray[np.float32]
@@ -80,7 +91,7 @@ def write_sample(path: str | os.PathLike[str], sample: Sample) -> None:
     Layers light1, light2, light3 (R, G, B), normal (X, Y, Z), depth (Z), alpha (A), material and lit1 to lit3 (V); the
     recipe, with the rig and the camera, as JSON in the attribute "mpsnet:sample". The same sample gives the same bytes.
 
-    Raises InputError where a value is not finite or the file cannot be written.
+    Raises InputError where a value is not finite, FileError where the file cannot be written.
     """
     path = Path(path)
     if not all(np.isfinite(values).all() for values in (sample.lights, sample.normals, sample.depth, sample.lit)):
@@ -118,11 +129,29 @@ def write_sample(path: str | os.PathLike[str], sample: Sample) -> None:
         done = target.open(str(unfinished), spec) and target.write_image(pixels)
         if not (target.close() and done):
             reason = complaint(target) or complaint(oiio)
-            raise InputError(f"cannot write {path} ({reason}); is the disk full?")
+            raise FileError(f"cannot write {path} ({reason}); is the disk full?")
 
 
 def read_sample(path: str | os.PathLike[str]) -> Sample:
-    """Read and check a sample. Raises InputError where the file is cut short, damaged or no sample."""
+    """Read and check a sample.
+
+    Parameters
+    ----------
+    path
+        A multi-layer EXR that ``mpsnet synthesize`` or Blender made.
+
+    Returns
+    -------
+    Sample
+        Its normals brought to unit length; light and `lit` as exact as half floats are.
+
+    Raises
+    ------
+    FileError
+        Where there is no such file.
+    FormatError
+        Where the file is cut short, damaged or no sample.
+    """
     with _opened(path) as (source, path):
         data, recipe = _description(source, path)
         values = _pixels(source, 0, source.spec().height, path)
@@ -157,8 +186,8 @@ def read_sample(path: str | os.PathLike[str]) -> Sample:
 def read_sample_data(path: str | os.PathLike[str]) -> dict[str, Any]:
     """A sample's metadata alone: "version", "renderer", "lit_fractions" and "recipe" (plain data).
 
-    Of the pixels only the last rows are read, which files that were cut short lack. Raises InputError where the file
-    is cut short or no sample.
+    Of the pixels only the last row is read, which files that were cut short lack. Raises FormatError where the file is
+    cut short or no sample.
     """
     with _opened(path) as (source, path):
         data, _ = _description(source, path)
@@ -173,19 +202,19 @@ def _opened(path: str | os.PathLike[str]) -> Iterator[tuple[Any, Path]]:
     path = existing_file(path, "sample")
     source = image_input(path)
     if source is None:
-        complaint(oiio)  # else it is said again of the next file
-        raise InputError(f"{path} is no sample, or cut short within its head; delete it and make it again")
+        complaint(oiio)  # else the next file reports it again
+        raise FormatError(f"{path} is no sample, or cut short within its head; delete it and make it again")
     try:
         spec = source.spec()
         placed = (spec.x, spec.y, spec.full_width, spec.full_height) == (0, 0, spec.width, spec.height)
         if source.format_name() != "openexr" or sorted(spec.channelnames) != sorted(_CHANNELS) or not placed:
-            raise InputError(
+            raise FormatError(
                 f"{path} is no sample: it has not a sample's layers; give a file that mpsnet synthesize or Blender made"
             )
         if max(spec.width, spec.height) > MAX_SIDE or spec.depth > 1:
-            raise InputError(
-                f"sample {path} says it is {spec.width} x {spec.height}, more than {MAX_SIDE} pixels a side; make it "
-                "again, smaller"
+            raise FormatError(
+                f"sample {path} states a size of {spec.width} x {spec.height}, more than {MAX_SIDE} pixels a side; "
+                "make it again, smaller"
             )
         yield source, path
     finally:
@@ -196,7 +225,7 @@ def _description(source: Any, path: Path) -> tuple[dict[str, Any], Recipe]:
     """The metadata and the recipe in it, known to be whole and to fit the picture."""
     text = image_attribute(source.spec(), METADATA, str)
     if text is None or len(text) > MAX_JSON_BYTES:
-        raise InputError(
+        raise FormatError(
             f"{path} is no sample: it has no description; give a file that mpsnet synthesize or Blender made"
         )
     try:
@@ -208,19 +237,21 @@ def _description(source: Any, path: Path) -> tuple[dict[str, Any], Recipe]:
     except (KeyError, TypeError, ValueError, OverflowError, RecursionError):
         known = False
     if not known:
-        raise InputError(f"sample {path} is damaged: its description cannot be read; delete it and make it again")
+        raise FormatError(f"sample {path} is damaged: its description cannot be read; delete it and make it again")
     if not 1 <= version <= SAMPLE_VERSION:
-        raise InputError(f"sample {path} is of version {version}, this program reads up to {SAMPLE_VERSION}; update it")
+        raise FormatError(
+            f"sample {path} is of version {version}, this program reads up to {SAMPLE_VERSION}; update it"
+        )
     try:
         recipe = recipe_from_data(data["recipe"])
         rig = LightRig(recipe.light_directions)
     except InputError as error:
-        raise InputError(f"sample {path}: {error}; delete it and make it again") from None
+        raise FormatError(f"sample {path}: {error}; delete it and make it again") from None
     spec, camera = source.spec(), recipe.camera
     turns = np.allclose(recipe.rotation @ recipe.rotation.T, np.eye(3), atol=1e-4)
     lit = np.allclose(rig.directions, recipe.light_directions, atol=1e-4) and (recipe.light_sizes >= 0).all()
     if not (turns and lit and (camera.width, camera.height) == (spec.width, spec.height)):
-        raise InputError(f"sample {path} is damaged: its recipe does not fit it; delete it and make it again")
+        raise FormatError(f"sample {path} is damaged: its recipe does not fit it; delete it and make it again")
     return data, recipe
 
 
@@ -230,14 +261,14 @@ def _pixels(source: Any, begin: int, end: int, path: Path) -> NDArray[np.float32
         values = source.read_scanlines(begin, end, 0, 0, len(_CHANNELS), oiio.FLOAT)
     reason = complaint(source)
     if values is None or reason:
-        raise InputError(
+        raise FormatError(
             f"sample {path} is damaged or cut short ({reason or 'no pixels'}); delete it and make it again"
         )
     return np.asarray(values, np.float32).reshape(end - begin, source.spec().width, len(_CHANNELS))
 
 
-def _damaged(path: Path, fault: str) -> InputError:
-    return InputError(f"sample {path} is damaged: it holds {fault}; delete it and make it again")
+def _damaged(path: Path, fault: str) -> FormatError:
+    return FormatError(f"sample {path} is damaged: it holds {fault}; delete it and make it again")
 
 
 def _outside_unit(values: NDArray[np.float32]) -> bool:

@@ -26,13 +26,13 @@ from mpsnet_core.learning.evaluation.materials import Materials
 from mpsnet_core.learning.evaluation.measure import measure
 from mpsnet_core.learning.evaluation.rendered import Rendered
 from mpsnet_core.learning.evaluation.scenes import HELD_OUT_BLOB, HELD_OUT_SEED, published_view
+from mpsnet_core.synthesis.draws import generator, new_seed
 from mpsnet_core.synthesis.job import sample_path
 from mpsnet_core.synthesis.recipe import Material
 from mpsnet_core.synthesis.reflectance import load_reflectance
 from mpsnet_core.synthesis.sample import write_sample
 from mpsnet_core.synthesis.shading.synthesise import synthesise
 from mpsnet_core.synthesis.shapes import build_shape
-from mpsnet_core.synthesis.shapes.draws import generator, new_seed
 
 SIZE = 64
 

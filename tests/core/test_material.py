@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from flat_weave import Weave
+from swatches import leather, photographed, woven
 from synthetic import CROSSTALK, degrees_between
 
 from mpsnet_core import (
@@ -29,7 +30,6 @@ from mpsnet_core.relief.material.material import filled_part, flat_material
 from mpsnet_core.relief.material.periodic_heights import periodic_height
 from mpsnet_core.relief.material.resampling import resampled
 from mpsnet_core.scene.normal_map import decode
-from mpsnet_core.synthesis.swatches import leather, photographed, woven
 
 # --- laid flat --------------------------------------------------------------------------------------------------------
 

@@ -176,5 +176,5 @@ def test_other_files_are_refused(folder: Path, tmp_path: Path) -> None:
             np.full((size - 12) // 8, -1.0, "<f8").tofile(file)
         with pytest.raises(InputError, match=message):
             read_merl(other)
-    with pytest.raises(InputError, match="say where the measured materials are"):
+    with pytest.raises(InputError, match="name where measured materials are"):
         load_reflectance(Material("merl", "gloss.binary"), "")

@@ -1,7 +1,5 @@
 """Noise: its statistics, its smoothness, no trace of its lattice, and cells against their own geometry."""
 
-import zlib
-
 import numpy as np
 import pytest
 
@@ -15,14 +13,6 @@ def points(count: int, extent: float = 40.0, seed: int = 1) -> np.ndarray:
 def directions(count: int) -> np.ndarray:
     vectors = np.random.Generator(np.random.PCG64(2)).normal(size=(count, 3))
     return vectors / np.linalg.norm(vectors, axis=1)[:, None]
-
-
-def test_values_are_the_same_everywhere() -> None:
-    # To the last bit, whatever the processor and the version of NumPy.
-    places = points(3000)
-    values = (gradient_noise(places, 5), fractal_noise(places, -1, 3), *voronoi(places, 5))
-    sums = [1397068915, 3496781414, 3692687633, 1565866994, 1437163638]
-    assert [zlib.crc32(value.tobytes()) for value in values] == sums
 
 
 @pytest.mark.parametrize("octaves", [1, 2, 5])

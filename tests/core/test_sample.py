@@ -93,6 +93,12 @@ def test_a_file_of_another_python_is_read_the_same() -> None:
     assert back.recipe.data() == sample.recipe.data()
 
 
+def test_samples_of_shapes_that_are_no_longer_drawn_are_read(tmp_path: Path, sample: Sample) -> None:
+    shape = {"kind": "composites", "seed": 1, "pose": "upright", "character": "biped"}
+    write_sample(tmp_path / "old.exr", replace(sample, recipe=replace(sample.recipe, shape=shape)))
+    assert read_sample(tmp_path / "old.exr").recipe.shape == shape
+
+
 def test_layers_are_named_as_other_programs_expect_them(file: Path, sample: Sample) -> None:
     source = oiio.ImageInput.open(str(file))
     spec, values = source.spec(), source.read_image(oiio.FLOAT)

@@ -239,7 +239,8 @@ def test_a_run_goes_on_with_other_samples_and_says_so(
     run(of, ball, checkpoint, stop_after=3)
     run(of, ball, checkpoint, resume=checkpoint, stop_after=4)
     assert not caplog.messages
-    assert run(of, samples, checkpoint, resume=checkpoint).step == 6
+    other = replace(of, samples=("their command",))
+    assert run(other, samples, checkpoint, resume=checkpoint).step == 6
     assert caplog.messages == [f"checkpoint {checkpoint} was trained on other samples before"]
 
 

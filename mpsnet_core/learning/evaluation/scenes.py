@@ -1,6 +1,6 @@
 """Scenes of the synthetic tests: shapes that no training job shows, under the published rig, photographed.
 
-Jobs draw their shapes from seeds below 2^62 (:func:`mpsnet_core.synthesis.shapes.draws.new_seed`), whatever their own
+Jobs draw their shapes from seeds below 2^62 (:func:`mpsnet_core.synthesis.draws.new_seed`), whatever their own
 seed is. The seed here is above, so that no training data holds these shapes.
 """
 

@@ -11,7 +11,7 @@ import platform
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -357,7 +357,8 @@ class _Run:
 
     def resume(self, path: Path) -> None:
         found = read_checkpoint(path)
-        if found.recipe != self.recipe:
+        # The commands that its samples were made with change nothing in the training.
+        if replace(found.recipe, samples=self.recipe.samples) != self.recipe:
             raise SettingsError(f"checkpoint {path} is of another recipe; resume with the one it began with")
         if found.samples != self.fingerprint:  # as where more were made: what was learned holds, the order begins anew
             log.warning("checkpoint %s was trained on other samples before", path)

@@ -10,7 +10,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, FormatError, SettingsError
 from mpsnet_core.synthesis.recipe import Colour, Material
 from mpsnet_core.synthesis.reflectance.fits import MerlFit, read_fits
 from mpsnet_core.synthesis.reflectance.merl import MerlTable, read_merl
@@ -23,11 +23,20 @@ _TABLES = 16
 
 
 class Reflectance(Protocol):
-    """A BRDF. Called with unit vectors from the surface: its normals, to the lights, to the viewer; (N, 3) each.
+    """A BRDF: a function of N points' directions.
 
-    paint: (N, 3) factors of the base colour (principled) or of the reflectance (measured), none where None.
-    Returns the BRDF without the cosine, (N, 3) float32 in 1/sr for linear R, G and B; at least 0 and finite, 0 where
-    the light or the viewer is not above the surface.
+    Parameters
+    ----------
+    normals, lights, views : (N, 3)
+        Unit vectors from the surface: its normals, to the lights, to the viewer.
+    paint : (N, 3), optional
+        Factors of the base colour (principled) or of the reflectance (measured).
+
+    Returns
+    -------
+    (N, 3) float32
+        The BRDF without the cosine, in 1/sr for linear R, G and B; at least 0 and finite, 0 where the light or the
+        viewer is not above the surface.
     """
 
     def __call__(
@@ -40,33 +49,67 @@ class Reflectance(Protocol):
 
 
 def load_reflectance(material: Material, merl: str = "") -> Reflectance:
-    """The reflectance of a material. merl: the folder of ``.binary`` files or the ``.npz`` of fits that it comes from.
+    """Load the reflectance of a material; files are read once and kept for later calls.
 
-    Files are read once and kept for later calls. Raises InputError where a file or a material is missing or damaged.
+    Parameters
+    ----------
+    material
+        Principled, or measured.
+    merl
+        The folder of ``.binary`` files or the ``.npz`` of fits that a measured material comes from.
+
+    Returns
+    -------
+    Reflectance
+        With the material's tint.
+
+    Raises
+    ------
+    SettingsError
+        Where the material is measured and `merl` is empty, or its numbers are not finite.
+    FileError, FormatError
+        Where a file is missing or damaged, or lacks the material.
+
+    Examples
+    --------
+    >>> up = np.array([[0.0, 0.0, 1.0]])
+    >>> matt = load_reflectance(Material(base_color=(0.5, 0.5, 0.5), specular=0.0))
+    >>> (np.pi * matt(up, up, up)).round(3).tolist()
+    [[0.5, 0.5, 0.5]]
     """
     if material.kind == "principled":
         return PrincipledBsdf(material)
     if not merl:
-        raise InputError(f"the material {material.source!r} is measured; say where the measured materials are (merl)")
+        raise SettingsError(f"the material {material.source!r} is measured; name where measured materials are (merl)")
     if material.kind == "merl":
         return _tinted(_table(str(Path(merl) / material.source)), material.tint)
     fits = _fits(merl)
     if material.source not in fits:
-        raise InputError(f"{merl} has no material {material.source!r}; give the file that the samples began with")
+        raise FormatError(f"{merl} has no material {material.source!r}; give the file that the samples began with")
     return _tinted(fits[material.source], material.tint)
 
 
 def material_names(merl: str) -> list[tuple[Literal["merl", "fit"], str]]:
-    """Kind and source of every measured material in a folder of ``.binary`` files or an ``.npz`` of fits, sorted.
+    """List the measured materials of a folder of ``.binary`` files or an ``.npz`` of fits.
 
-    Raises InputError where there is no such folder or file, or it holds none.
+    Returns
+    -------
+    list of tuple
+        :class:`Material`'s kind and source of each, sorted.
+
+    Raises
+    ------
+    FileError
+        Where there is no such folder or file, or the folder holds none.
+    FormatError
+        Where the file is no file of fits.
     """
     path = Path(merl)
     if not path.is_dir():
         return [("fit", name) for name in sorted(_fits(merl))]
     names = sorted(entry.name for entry in path.iterdir() if entry.suffix == ".binary" and entry.is_file())
     if not names:
-        raise InputError(f"the folder {path} holds no .binary files; choose the one with MERL's materials")
+        raise FileError(f"the folder {path} holds no .binary files; choose the one with MERL's materials")
     return [("merl", name) for name in names]
 
 

@@ -1,7 +1,7 @@
 """Fits to MERL: a small network for each material of the database, all in one ``.npz`` file.
 
 Sztrajman, Rainer, Ritschel and Weyrich, "Neural BRDF Representation and Importance Sampling", Computer Graphics Forum
-2021. What these give are fits to MERL, not MERL.
+2021. These are fits to MERL, not MERL.
 """
 
 import os
@@ -9,7 +9,7 @@ import os
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.npz import read_arrays
 from mpsnet_core.synthesis.reflectance.hemisphere import AboveSurface
@@ -25,9 +25,15 @@ _MAX_EXPONENT = 11.0
 class MerlFit(AboveSurface):
     """One material's fit, called as a :class:`~mpsnet_core.synthesis.reflectance.Reflectance`.
 
-    layers: weights and biases, one after the other, of three layers: half vector and difference vector (azimuth of the
-    half vector 0) to 21, to 21, to RGB; rectified between, and exp(x) - 1 at the end, at least 0. Reciprocal by
-    construction, like the table that it fits. paint multiplies the reflectance.
+    Parameters
+    ----------
+    *layers
+        Weights and biases of three layers in turn: half vector and difference vector (azimuth of the half vector 0) to
+        21, to 21, to RGB; rectified between, and exp(x) - 1 at the end, at least 0.
+
+    Notes
+    -----
+    Reciprocal by construction, like the table that it fits. Paint multiplies the reflectance.
     """
 
     def __init__(self, *layers: NDArray[np.float32]) -> None:
@@ -52,7 +58,7 @@ class MerlFit(AboveSurface):
         fc1, b1, fc2, b2, fc3, b3 = self._layers
         hidden = np.maximum(inputs @ fc1 + b1, 0)
         hidden = np.maximum(hidden @ fc2 + b2, 0)
-        result = np.maximum(np.expm1(np.minimum(hidden @ fc3 + b3, np.float32(_MAX_EXPONENT))), 0)
+        result: NDArray[np.float32] = np.maximum(np.expm1(np.minimum(hidden @ fc3 + b3, np.float32(_MAX_EXPONENT))), 0)
         return result if paint is None else result * paint
 
 
@@ -60,23 +66,24 @@ def read_fits(path: str | os.PathLike[str]) -> dict[str, MerlFit]:
     """Read a file of fits to MERL: material names, in the file's order, and their reflectance.
 
     The file is an ``.npz`` with "names" (M,) and, for each material, "fc1" (M, 6, 21), "b1" (M, 21), "fc2" (M, 21, 21),
-    "b2" (M, 21), "fc3" (M, 21, 3) and "b3" (M, 3). Raises InputError where it is missing, damaged or another file.
+    "b2" (M, 21), "fc3" (M, 21, 3) and "b3" (M, 3). Raises FileError where it is missing, FormatError where it is
+    damaged or another file.
     """
     path = existing_file(path, "file of fits to MERL")
     try:
         arrays = read_arrays(path, _MAX_BYTES)
         names, layers = arrays["names"], [arrays[key] for key in _LAYERS]
     except InputError as error:
-        raise InputError(f"{path} is no file of fits to MERL: {error}") from None
+        raise FormatError(f"{path} is no file of fits to MERL: {error}") from None
     except KeyError as error:
-        raise InputError(f"{path} is no file of fits to MERL: it lacks {error}; choose an .npz of them") from None
+        raise FormatError(f"{path} is no file of fits to MERL: it lacks {error}; choose an .npz of them") from None
     if names.ndim != 1 or names.dtype.kind != "U" or len(set(names.tolist())) != len(names) or not len(names):
-        raise InputError(f'{path} is no file of fits to MERL: its "names" are not a list of distinct names')
+        raise FormatError(f'{path} is no file of fits to MERL: its "names" are not a list of distinct names')
     for (key, shape), layer in zip(_LAYERS.items(), layers, strict=True):
         if layer.shape != (len(names), *shape):
             expected = " by ".join(map(str, (len(names), *shape)))
-            raise InputError(f'{path} is no file of fits to MERL: its "{key}" is {layer.shape}, expected {expected}')
+            raise FormatError(f'{path} is no file of fits to MERL: its "{key}" is {layer.shape}, expected {expected}')
         if layer.dtype.kind != "f" or not np.isfinite(layer).all():
-            raise InputError(f'{path} is damaged: its "{key}" holds values that are not finite numbers; fetch it again')
+            raise FormatError(f'{path} is damaged: its "{key}" holds values that are not finite; fetch it again')
     layers = [layer.astype(np.float32) for layer in layers]
     return {str(name): MerlFit(*(layer[m] for layer in layers)) for m, name in enumerate(names)}

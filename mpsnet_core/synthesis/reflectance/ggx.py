@@ -7,21 +7,20 @@ Masking-Shadowing Function in Microfacet-Based BRDFs", JCGT 2014; light scattere
 "Revisiting Physically Based Shading at Imageworks", SIGGRAPH course 2017.
 """
 
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-# Below this alpha a highlight under a point light is narrower than float32 tells directions apart.
+# Below this alpha a highlight under a point light is narrower than float32 resolves directions.
 _MIN_ALPHA = 1e-4
 _MIN_COSINE = 1e-6
 
 # Nodes of the albedo tables, those of Cycles, which interpolates between them linearly as is done here.
 _ALBEDO_NODES = 32
 _FRESNEL_NODES = 16
-# Facets that a table's node is the mean of; 512 give it to about 0.1%.
+# Facets that a table's node is the mean of; 512 yield it to about 0.1%.
 _RAYS = 512
 
 
@@ -30,15 +29,16 @@ def ggx(
 ) -> NDArray[np.float32]:
     """Reflectance (N,) in 1/sr of mirror-like facets, without Fresnel: D G / (4 cos cos).
 
-    sine_squared: (N,) of the angle between normal and half vector; a sine, because its cosine is too near 1 to tell
-    narrow highlights apart. Reciprocal.
+    sine_squared: (N,) of the angle between normal and half vector; a sine, because its cosine is too near 1 to
+    resolve narrow highlights. Reciprocal.
     """
     squared = np.float32(max(alpha, _MIN_ALPHA) ** 2)
     cos_light, cos_view = np.maximum(cos_light, _MIN_COSINE), np.maximum(cos_view, _MIN_COSINE)
     slope = sine_squared + squared * (1 - sine_squared)
     masking = cos_light * np.sqrt(squared + (1 - squared) * cos_view * cos_view)
     masking += cos_view * np.sqrt(squared + (1 - squared) * cos_light * cos_light)
-    return squared / (np.float32(2 * np.pi) * slope * slope * masking)
+    reflected: NDArray[np.float32] = squared / (np.float32(2 * np.pi) * slope * slope * masking)
+    return reflected
 
 
 def fresnel_dielectric(cosine: NDArray[Any], ior: NDArray[Any] | float) -> NDArray[Any]:
@@ -58,7 +58,7 @@ def reflectance_of_ior(ior: float) -> float:
 
 def ior_of_reflectance(f0: float) -> float:
     """The index above 1 with the reflected share f0 at normal incidence (up to 0.99)."""
-    root = min(max(f0, 0.0), 0.99) ** 0.5
+    root: float = min(max(f0, 0.0), 0.99) ** 0.5
     return (1 + root) / (1 - root)
 
 
@@ -96,7 +96,8 @@ def _between(table: NDArray[np.float64], position: float) -> NDArray[np.float64]
     # The table at a position from 0 to 1 along its first axis.
     place = min(max(position, 0.0), 1.0) * (len(table) - 1)
     below = min(int(place), len(table) - 2)
-    return table[below] + (place - below) * (table[below + 1] - table[below])
+    value: NDArray[np.float64] = table[below] + (place - below) * (table[below + 1] - table[below])
+    return value
 
 
 @lru_cache(maxsize=1)
@@ -104,29 +105,25 @@ def _tables() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.floa
     # (roughness, view) and (roughness,) albedos of mirror facets; (ior, roughness, view) Fresnel shares, where the
     # index goes by the fourth root of its f0.
     nodes = np.linspace(0, 1, _ALBEDO_NODES).clip(1e-4)
-    rays = _reflected(nodes[:, None, None], nodes[:, None])
-    single = rays.weight.mean(axis=-1)
+    _, weight = _reflected(nodes[:, None, None], nodes[:, None])
+    single = weight.mean(axis=-1)
     fine = (np.arange(310) + 0.5) / 310
     average = np.array([2 * (np.interp(fine, nodes, row) * fine).mean() for row in single])
 
     nodes = np.linspace(0, 1, _FRESNEL_NODES).clip(1e-4)
-    rays = _reflected(nodes[:, None, None], nodes[:, None])
+    cosine, weight = _reflected(nodes[:, None, None], nodes[:, None])
     share = np.empty((_FRESNEL_NODES, _FRESNEL_NODES, _FRESNEL_NODES))
     for k, node in enumerate(nodes.clip(max=0.99)):
         f0 = node**4
-        fresnel = (fresnel_dielectric(rays.cosine, ior_of_reflectance(f0)) - f0) / (1 - f0)
-        share[k] = (fresnel.clip(0, 1) * (rays.weight > 0)).mean(axis=-1)
+        fresnel = (fresnel_dielectric(cosine, ior_of_reflectance(f0)) - f0) / (1 - f0)
+        share[k] = (fresnel.clip(0, 1) * (weight > 0)).mean(axis=-1)
     return single, average, share
 
 
-@dataclass(frozen=True)
-class _Rays:
-    # Facets seen from a view, equally often: the cosine on the facet, and the share of its light that gets away.
-    cosine: NDArray[np.float64]
-    weight: NDArray[np.float64]
-
-
-def _reflected(roughness: NDArray[np.float64], cosine: NDArray[np.float64]) -> _Rays:
+def _reflected(
+    roughness: NDArray[np.float64], cosine: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    # Of facets seen from a view, equally often: the cosine on the facet, and the share of its light that gets away.
     # Heitz, "Sampling the GGX Distribution of Visible Normals", JCGT 2018, on a golden-section lattice over half of the
     # disk: the other half mirrors it. The view lies in the plane y = 0.
     alpha = np.maximum(roughness**2, _MIN_ALPHA)
@@ -146,4 +143,4 @@ def _reflected(roughness: NDArray[np.float64], cosine: NDArray[np.float64]) -> _
     above = np.maximum(leaving, 1e-6)
     stretch = np.sqrt(1 + alpha**2 * (1 / cosine**2 - 1)), np.sqrt(1 + alpha**2 * (1 / above**2 - 1))
     weight = (1 + stretch[0]) / (stretch[0] + stretch[1])
-    return _Rays(on_facet.clip(0, 1), np.where(leaving > 0, weight, 0))
+    return on_facet.clip(0, 1), np.where(leaving > 0, weight, 0)

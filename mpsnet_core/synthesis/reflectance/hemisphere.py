@@ -1,4 +1,4 @@
-"""Where a reflectance is asked: pairs of directions above the surface, a block of them at a time."""
+"""Where a reflectance is evaluated: pairs of directions above the surface, a block of them at a time."""
 
 from abc import ABC, abstractmethod
 from typing import Any
@@ -50,4 +50,5 @@ class AboveSurface(ABC):
 
 def dot(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
     """Dot products (N,) of vectors (N, 3)."""
-    return np.einsum("ij,ij->i", a, b)
+    products: NDArray[Any] = np.einsum("ij,ij->i", a, b)
+    return products

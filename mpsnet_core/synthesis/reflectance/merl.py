@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.synthesis.reflectance.hemisphere import AboveSurface
 from mpsnet_core.synthesis.reflectance.rusinkiewicz import rusinkiewicz_angles
@@ -24,9 +24,15 @@ _FILE_BYTES = _HEADER_BYTES + 3 * 8 * BINS[0] * BINS[1] * BINS[2]
 class MerlTable(AboveSurface):
     """A measured reflectance, called as a :class:`~mpsnet_core.synthesis.reflectance.Reflectance`.
 
-    values: (90, 90, 180, 3) float32 in 1/sr at the bins' centres, over half angle, difference angle and difference
-    azimuth. Looked up linearly between the centres in all three; reciprocal by construction, since the file holds half
-    of the azimuths and light and viewer swap in the other half. paint multiplies the reflectance.
+    Parameters
+    ----------
+    values : (90, 90, 180, 3) float32
+        In 1/sr at the bins' centres, over half angle, difference angle and difference azimuth.
+
+    Notes
+    -----
+    Interpolated linearly between the centres in all three; reciprocal by construction, since the file holds half of the
+    azimuths and light and viewer swap in the other half. Paint multiplies the reflectance.
     """
 
     def __init__(self, values: NDArray[np.float32]) -> None:
@@ -71,23 +77,23 @@ def read_merl(path: str | os.PathLike[str]) -> MerlTable:
     Negative samples mark directions that were not measured, most of them below the surface: each takes the value of
     the nearest smaller difference angle that was, so that lookups beside them stay sound.
 
-    Raises InputError where the file is missing, of another size or another kind, or holds no sample at all.
+    Raises FileError where the file is missing, FormatError where it is of another size or kind, or holds no sample.
     """
     path = existing_file(path, "MERL file")
     size = path.stat().st_size
     if size != _FILE_BYTES:
-        raise InputError(f"{path} has {size} bytes, a MERL .binary file has {_FILE_BYTES}; fetch it again")
+        raise FormatError(f"{path} has {size} bytes, a MERL .binary file has {_FILE_BYTES}; fetch it again")
     with path.open("rb") as file:
         bins = tuple(int(count) for count in np.frombuffer(file.read(_HEADER_BYTES), "<i4"))
         if bins != BINS:
-            raise InputError(f"{path} is no MERL .binary file: it begins with {bins} instead of {BINS}; choose another")
+            raise FormatError(f"{path} is no MERL .binary file: it begins with {bins}, not {BINS}; choose another")
         values = np.empty((*BINS, 3), np.float32)
         for channel in range(3):
             plane = np.frombuffer(file.read((_FILE_BYTES - _HEADER_BYTES) // 3), "<f8").reshape(BINS)
             values[..., channel] = plane * SCALE[channel]
     measured: NDArray[np.bool_] = np.all(np.isfinite(values) & (values >= 0), axis=-1)
     if not measured.any():
-        raise InputError(f"{path} holds no measured sample, all are negative; fetch it again")
+        raise FormatError(f"{path} holds no measured sample, all are negative; fetch it again")
     return MerlTable(_filled(values, measured))
 
 

@@ -2,7 +2,7 @@
 
 The layers are those of Cycles since Blender 4.0, from top to bottom: sheen, coat, then metal mixed with a dielectric
 (specular over diffuse). What a layer reflects is missing below it; that share goes by the view, so that only the lobes
-by themselves are reciprocal. Light that facets pass on to each other is kept (distribution "Multiscatter GGX").
+by themselves are reciprocal. Light that facets pass on to each other is included (distribution "Multiscatter GGX").
 
 Not the same as there: subsurface scattering is diffuse light that leaves where it enters; sheen is a fit to the tables
 that Cycles holds; the base colour times paint is held at 1. Neither transmission nor anisotropy nor tint.
@@ -13,7 +13,7 @@ from dataclasses import fields
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import SettingsError
 from mpsnet_core.synthesis.recipe import Material
 from mpsnet_core.synthesis.reflectance.ggx import (
     albedo,
@@ -36,15 +36,22 @@ _STEPS = 465
 class PrincipledBsdf(AboveSurface):
     """A principled material, called as a :class:`~mpsnet_core.synthesis.reflectance.Reflectance`.
 
-    Takes its numbers from the material, each held in Blender's own range; paint multiplies the base colour. Raises
-    InputError where a number is not finite.
+    Parameters
+    ----------
+    material : Material
+        Its numbers, each clamped to Blender's own range; paint multiplies the base colour.
+
+    Raises
+    ------
+    SettingsError
+        Where a number is not finite.
     """
 
     def __init__(self, material: Material) -> None:
         for field in fields(material):
             value = getattr(material, field.name)
             if not isinstance(value, str) and not np.isfinite(value).all():
-                raise InputError(f"the material's {field.name} is {value}; give finite numbers")
+                raise SettingsError(f"the material's {field.name} is {value}; give finite numbers")
         self._base = np.asarray(material.base_color, np.float32)
         roughness, coat_roughness = _share(material.roughness), _share(material.coat_roughness)
         self._alpha, self._coat_alpha = roughness**2, coat_roughness**2
@@ -87,7 +94,7 @@ class PrincipledBsdf(AboveSurface):
         rows = np.take(self._by_view, step, axis=0)
         rows += (position - step)[:, None] * (np.take(self._by_view, step + 1, axis=0) - rows)
         diffuse, specular, metal, missing, coat, sheen, spread, shear = rows.T
-        result = diffuse[:, None] * base
+        result: NDArray[np.float32] = diffuse[:, None] * base
 
         towards = lights + views
         length = np.maximum(np.sqrt(dot(towards, towards)), np.float32(1e-6))

@@ -1,4 +1,4 @@
-"""Half and difference angles, in which isotropic reflectance is measured and kept.
+"""Half and difference angles, in which isotropic reflectance is measured and stored.
 
 Rusinkiewicz, "A New Change of Variables for Efficient BRDF Representation", Rendering Workshop 1998.
 """

@@ -34,8 +34,8 @@ def indirect(
 ) -> NDArray[np.float32]:
     """(N, lights, 3) radiance that a white matt surface at the points would have from light off other surfaces.
 
-    pixels: (N,) which pixels of an image of `shape` show the points. stride: light is gathered at every so manieth
-    pixel. footprint: size of a pixel on the surface. albedo: tells the (M, 3) diffuse colour of points that rays meet.
+    pixels: (N,) which pixels of an image of `shape` show the points. stride: light is gathered at every `stride`-th
+    pixel. footprint: size of a pixel on the surface. albedo: returns the (M, 3) diffuse colour of points that rays hit.
     bounces: how many surfaces light may meet on its way to the points.
     """
     row, column = np.divmod(pixels, shape[1])
@@ -64,8 +64,8 @@ def _gathered(
         owner, here = np.arange(len(points)), points
         colour = np.ones((len(points), 3), np.float32)
         for bounce in range(bounces):
-            # A ray's number tells how steep it is, and steep rays leave a hollow for good. Over a tile each number is
-            # followed by each equally often, or else some ways through a hollow would count for others.
+            # A ray's number determines how steep it is, and steep rays leave a hollow for good. Over a tile each
+            # number is followed by each equally often, or else some ways through a hollow would count for others.
             chosen = (2 * bounce + 1) * tile[owner] + bounce
             number = ray + bounce * (bounce + 1) // 2 * tile[owner]
             place = places[chosen % _TILE**2, number % RAYS]

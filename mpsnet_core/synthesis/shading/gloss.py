@@ -1,10 +1,11 @@
 """Light reflected to the viewer: reflectance averaged over a light's disc, so that large lights broaden highlights.
 
-A few numbers, measured on each reflectance, tell where that average needs more than the light's middle.
+A few numbers, measured on each reflectance, decide where that average needs more than the light's middle.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from mpsnet_core.synthesis.reflectance.hemisphere import dot
 from mpsnet_core.synthesis.shading.directions import disc
 from mpsnet_core.synthesis.shading.lights import TURNS, Light
 
-# Lights up to this share of the width of a reflectance's highlight are taken as their middle ...
+# Lights up to this share of the width of a reflectance's highlight count as their middle ...
 POINT_LIKE = 0.35
 # ... and up to this one as three points, which average any quadratic function over a disc exactly.
 SMALL = 1.0
@@ -62,7 +63,7 @@ def reflected(
     normals: NDArray[np.float32],
     views: NDArray[np.float32],
     paint: NDArray[np.float32] | None,
-    turns: NDArray[np.integer],
+    turns: NDArray[Any],
 ) -> NDArray[np.float32]:
     """(N, 3) radiance of points in a light that nothing hides, for each unit of irradiance; 1 for a white matt surface.
 
@@ -72,7 +73,7 @@ def reflected(
     middle = light.direction.astype(np.float32)
     cosine = normals @ middle
     radius = light.radius
-    result = np.pi * reflectance(normals, _above(normals, middle, cosine), views, paint)
+    result: NDArray[np.float32] = np.pi * reflectance(normals, _above(normals, middle, cosine), views, paint)
     if radius <= POINT_LIKE * width:
         return result
     mirrored = (2 * dot(normals, views))[:, None] * normals - views
@@ -117,13 +118,13 @@ Places = Iterator[tuple[NDArray[np.float32], NDArray[np.float32]]]
 """Point after point of a disc: where (N, 2), its rim the unit circle, and with which weight (N,) or () for all."""
 
 
-def _three(turns: NDArray[np.integer]) -> Places:
+def _three(turns: NDArray[Any]) -> Places:
     angles = 2 * np.pi * (np.arange(TURNS) / TURNS + np.arange(3)[:, None]) / 3
     for places in (np.stack([np.cos(angles), np.sin(angles)], axis=-1) / np.sqrt(2)).astype(np.float32):
         yield places[turns], np.array(1 / 3, np.float32)
 
 
-def _many(mirror: NDArray[np.float32], spread: np.float32, turns: NDArray[np.integer]) -> Places:
+def _many(mirror: NDArray[np.float32], spread: np.float32, turns: NDArray[Any]) -> Places:
     """Points spread over the disc, and points about the mirror direction, with the balance heuristic (Veach 1997).
 
     mirror: (N, 2) where the mirror direction meets the disc's plane. spread: width of the lobe about it.
@@ -132,7 +133,8 @@ def _many(mirror: NDArray[np.float32], spread: np.float32, turns: NDArray[np.int
     def weights(places: NDArray[np.float32]) -> NDArray[np.float32]:
         square = ((places - mirror) ** 2).sum(axis=1)
         density = spread**2 / (square + spread**2) ** 2 / within
-        return ((places**2).sum(axis=1) <= 1) / (DISC_POINTS + LOBE_POINTS * density)
+        heuristic: NDArray[np.float32] = ((places**2).sum(axis=1) <= 1) / (DISC_POINTS + LOBE_POINTS * density)
+        return heuristic
 
     farthest = np.hypot(*mirror.T) + 1
     within = farthest**2 / (farthest**2 + spread**2)  # the share of the lobe that reaches to the disc's farthest point

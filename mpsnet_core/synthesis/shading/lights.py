@@ -1,10 +1,12 @@
 """How much of a distant light reaches points of the surface: cast and attached shadows, with penumbrae."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.mask_regions import dilated
 from mpsnet_core.scene.rays import RayScene
 from mpsnet_core.synthesis.reflectance.hemisphere import dot
 from mpsnet_core.synthesis.shading.directions import disc, frames, tiled
@@ -62,7 +64,7 @@ def arrival(
     scene: RayScene,
     pixels: NDArray[np.int64],
     shape: tuple[int, int],
-    turns: NDArray[np.integer],
+    turns: NDArray[Any],
 ) -> Arrival:
     """What reaches the points, which pixels (N,) of an image of `shape` show.
 
@@ -84,7 +86,7 @@ def arrival(
     free = ~scene.occluded(start, rim[tiled(_TILE, shape).ravel()[pixels[facing]]])
     seen, hidden = np.zeros((2, *shape), bool)
     seen.ravel()[pixels[facing]], hidden.ravel()[pixels[facing]] = free, ~free
-    unsure = (_grown(seen) & _grown(hidden)).ravel()[pixels[facing]]
+    unsure = (dilated(seen, 1) & dilated(hidden, 1)).ravel()[pixels[facing]]
     unsure |= np.minimum(cosine[facing], above[facing]) < radius  # the horizon cuts the light
     sure = facing[~unsure]
     lit[sure] = free[~unsure]
@@ -99,7 +101,7 @@ def _cast_many(
     points: SurfacePoints,
     scene: RayScene,
     chosen: NDArray[np.int64],
-    turns: NDArray[np.integer],
+    turns: NDArray[Any],
     irradiance: NDArray[np.float32],
     lit: NDArray[np.float32],
 ) -> None:
@@ -124,13 +126,3 @@ def _cast_many(
         lit[chosen[reached]] += 1
     irradiance[chosen] /= PENUMBRA_RAYS
     lit[chosen] /= PENUMBRA_RAYS
-
-
-def _grown(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The mask grown by a pixel each way."""
-    for _ in range(2):
-        grown = mask.copy()
-        grown[1:] |= mask[:-1]
-        grown[:-1] |= mask[1:]
-        mask = grown.T
-    return mask

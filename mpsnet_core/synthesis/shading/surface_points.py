@@ -124,7 +124,8 @@ class Surface:
 
 def _blend(weights: tuple[NDArray[np.float32], ...], values: list[NDArray[np.float32]]) -> NDArray[np.float32]:
     a, b, c = (weight * value for weight, value in zip(weights, values, strict=True))
-    return a + b + c
+    blend: NDArray[np.float32] = a + b + c
+    return blend
 
 
 def _facing(normals: NDArray[np.float32], view: NDArray[np.float32]) -> NDArray[np.float32]:

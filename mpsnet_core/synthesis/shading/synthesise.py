@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ RENDERER = "synthesis"
 
 @dataclass(frozen=True)
 class _Colouring:
-    """What N points are made of.
+    """The materials of N points.
 
     weights: (N, K) share of each material. paint: (N, 3) factors of their colours, or None. dirt: (N,) how much of them
     a matt layer hides, or None.
@@ -35,7 +36,7 @@ class _Colouring:
 
     def albedo(self, recipe: Recipe, lobes: Sequence[Lobe]) -> NDArray[np.float32]:
         """(N, 3) share of the light that the points reflect, as if they were matt."""
-        colour = self.weights @ np.array([one.albedo for one in lobes])
+        colour: NDArray[np.float32] = self.weights @ np.array([lobe.albedo for lobe in lobes])
         if self.paint is not None:
             colour = colour * self.paint
         if self.dirt is not None:
@@ -132,7 +133,7 @@ def _direct(
     points: SurfacePoints,
     colouring: _Colouring,
     irradiance: NDArray[np.float32],
-    turns: NDArray[np.integer],
+    turns: NDArray[Any],
 ) -> NDArray[np.float32]:
     """(N, 3) radiance that the points send to the viewer, straight from the light."""
     radiance = np.zeros((len(points), 3), np.float32)

@@ -1,13 +1,14 @@
 """Blobs: closed bodies without parts: smooth, hollowed, folded, ridged, finely wrinkled or faceted."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.synthesis.draws import between, chance, count, direction, new_seed, picked, rotation
 from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise
-from mpsnet_core.synthesis.shapes.draws import between, chance, count, direction, new_seed, picked, turned
 from mpsnet_core.synthesis.shapes.isosurface import isosurface
 from mpsnet_core.synthesis.shapes.shape import Shape, faceted_shape, joined, placed, smooth_shape
 from mpsnet_core.synthesis.shapes.solids import ellipsoid, limb
@@ -47,7 +48,7 @@ def _body(rng: np.random.Generator, cells: int) -> Shape:
             place = direction(rng) * between(rng, 0.2, 0.9)
             if chance(rng, 0.6):
                 radii = np.array([between(rng, 0.2, 0.65) for _ in range(3)])
-                solids.append(ellipsoid(place, radii, turned(rng), blend=soft))
+                solids.append(ellipsoid(place, radii, rotation(rng), blend=soft))
             else:
                 end = direction(rng) * between(rng, 0.5, 1.1)
                 solids.append(limb(place, end, between(rng, 0.15, 0.4), between(rng, 0.1, 0.35), blend=soft))
@@ -59,7 +60,8 @@ def _body(rng: np.random.Generator, cells: int) -> Shape:
 
     def form(points: Array) -> Array:
         out = 1 + swell * fractal_noise(points * scale, seed, 2)
-        return (points * out[:, None] + push * _vectors(points * 1.1, seed + 1)) * stretch
+        moved: Array = (points * out[:, None] + push * _vectors(points * 1.1, seed + 1)) * stretch
+        return moved
 
     return bent(_ball(cells), form)
 
@@ -67,10 +69,10 @@ def _body(rng: np.random.Generator, cells: int) -> Shape:
 def _hollowed(rng: np.random.Generator, cells: int) -> Shape:
     """A few lumps with deep bowls, holes and gaps, which one light reaches and bounces fill; they open towards +z."""
     soft = between(rng, 0.05, 0.4)
-    solids = [ellipsoid((0, 0, 0), [between(rng, 0.6, 1.0) for _ in range(3)], turned(rng), blend=soft)]
+    solids = [ellipsoid((0, 0, 0), [between(rng, 0.6, 1.0) for _ in range(3)], rotation(rng), blend=soft)]
     for _ in range(count(rng, 0, 4)):
         radii = [between(rng, 0.25, 0.6) for _ in range(3)]
-        solids.append(ellipsoid(direction(rng) * between(rng, 0.3, 0.9), radii, turned(rng), blend=soft))
+        solids.append(ellipsoid(direction(rng) * between(rng, 0.3, 0.9), radii, rotation(rng), blend=soft))
     for _ in range(count(rng, 1, 4)):
         towards = normalised(direction(rng) * 0.9 + np.array([0.0, 0.0, 1.0]))
         aside = between(rng, 0.0, 0.5) * direction(rng) * [1, 1, 0]
@@ -78,7 +80,7 @@ def _hollowed(rng: np.random.Generator, cells: int) -> Shape:
         if chance(rng, 0.5):
             radii = [radius * between(rng, 0.6, 1.6) for _ in range(3)]
             mouth = aside + towards * between(rng, 0.4, 0.8)
-            solids.append(ellipsoid(mouth, radii, turned(rng), blend=edge, carve=True))
+            solids.append(ellipsoid(mouth, radii, rotation(rng), blend=edge, carve=True))
         else:
             deep = aside + towards * between(rng, -0.2, 0.4)
             solids.append(limb(deep, aside + towards * 1.4, radius * 0.6, radius, blend=edge, carve=True))
@@ -97,7 +99,8 @@ def _folds(rng: np.random.Generator) -> Callable[[Array], Array]:
         bulge = np.sqrt(gradient_noise(places, seed + 3) ** 2 + sharp)
         fine = 0.35 * np.sqrt(gradient_noise(places * 2.1, seed + 4) ** 2 + sharp)
         out = 0.7 + depth * (bulge + fine)
-        return points * out[:, None] + push * _vectors(points * 0.9, seed + 5)
+        moved: Array = points * out[:, None] + push * _vectors(points * 0.9, seed + 5)
+        return moved
 
     return form
 
@@ -111,12 +114,13 @@ def _ridges(rng: np.random.Generator) -> Callable[[Array], Array]:
         places = (points + warp * _vectors(points * 1.3, seed)) * scale
         crest = 0.5 - np.sqrt(gradient_noise(places, seed + 3) ** 2 + sharp)
         finer = 0.5 - np.sqrt(gradient_noise(places * 2.2, seed + 4) ** 2 + sharp)
-        return amount * (2 * crest + 1.2 * crest * finer - 0.6)
+        raised: Array = amount * (2 * crest + 1.2 * crest * finer - 0.6)
+        return raised
 
     return height
 
 
-def _wrinkles(rng: np.random.Generator) -> Callable[[Array], NDArray[np.floating]]:
+def _wrinkles(rng: np.random.Generator) -> Callable[[Array], NDArray[Any]]:
     """Fine relief: creases, grain, or rows like those of a thumb or a brain."""
     kind = picked(rng, ("creases", "grain", "rows"))
     seed = new_seed(rng)
@@ -139,7 +143,7 @@ def _faceted(rng: np.random.Generator) -> Shape:
         stretch = np.array([between(rng, 0.6, 1.1) for _ in range(3)])
         out = 1 + swell * fractal_noise(vertices * scale, seed, 2)
         moved = (vertices * out[:, None] + 0.3 * _vectors(vertices, seed + 1)) * stretch
-        return faceted_shape(moved, triangles, 0)
+        return faceted_shape(moved, triangles)
     if kind == "gem":
         vertices, triangles = sphere(6)
         faces = normalised(rng.normal(size=(count(rng, 9, 40), 3)) * [between(rng, 0.6, 1.4) for _ in range(3)])
@@ -147,8 +151,9 @@ def _faceted(rng: np.random.Generator) -> Shape:
         # The planes' convex body, plus six far planes so that it is bounded.
         faces = np.concatenate([faces, np.eye(3), -np.eye(3)])
         away = np.concatenate([away, np.full(6, 1.3)])
-        return faceted_shape(vertices / (vertices @ faces.T / away).max(axis=1)[:, None], triangles, 0)
-    return joined([_crystal(rng) for _ in range(count(rng, 7, 16))])
+        return faceted_shape(vertices / (vertices @ faces.T / away).max(axis=1)[:, None], triangles)
+    crystals = joined([_crystal(rng) for _ in range(count(rng, 7, 16))])
+    return faceted_shape(crystals.vertices, crystals.triangles)
 
 
 def _crystal(rng: np.random.Generator) -> Shape:
@@ -159,8 +164,7 @@ def _crystal(rng: np.random.Generator) -> Shape:
     cut = between(rng, 0.05, 0.9) * wide
     up = np.array([0.0, 0.0, 1.0])
     rings = [outline - 0.1 * up, outline + long * up, 0.02 * outline + (long + cut) * up]
-    prism = placed(stacked(np.stack(rings)), turned(rng))
-    return faceted_shape(prism.vertices, prism.triangles, 0)
+    return placed(stacked(np.stack(rings)), rotation(rng))
 
 
 def _vectors(points: Array, seed: int) -> Array:

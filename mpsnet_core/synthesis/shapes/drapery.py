@@ -4,12 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.synthesis.draws import between, chance, count, new_seed, picked
 from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise
-from mpsnet_core.synthesis.shapes.draws import between, chance, count, new_seed, picked
-from mpsnet_core.synthesis.shapes.isosurface import bounds
-from mpsnet_core.synthesis.shapes.shape import Shape
-from mpsnet_core.synthesis.shapes.solids import Solid, blended, box, cylinder, ellipsoid, limb
-from mpsnet_core.synthesis.shapes.surfaces import sheet
+from mpsnet_core.synthesis.shapes.shape import Shape, turn_about
+from mpsnet_core.synthesis.shapes.solids import Solid, blended, box, cylinder, ellipsoid, lengths, limb
+from mpsnet_core.synthesis.shapes.surfaces import catmull_rom, sheet
 
 Array = NDArray[np.float64]
 
@@ -32,8 +31,8 @@ def build_drapery(character: str, rng: np.random.Generator) -> Shape:
     if character == "draped":
         solids, size = _hidden(rng)
         start = _flat(_LEVELS[0][0], size)
-        top = float(bounds(solids)[1][2])
-        start = start @ turned_about_z(rng) + (between(rng, -0.2, 0.2), between(rng, -0.2, 0.2), top + 0.1)
+        top = max(float(solid.centre[2] + solid.half[2]) for solid in solids)
+        start = start @ _turned(rng) + (between(rng, -0.2, 0.2), between(rng, -0.2, 0.2), top + 0.1)
         cloth = _simulated(start, size, solids, {}, new_seed(rng))
     else:
         size = between(rng, 1.8, 2.6)
@@ -42,10 +41,9 @@ def build_drapery(character: str, rng: np.random.Generator) -> Shape:
     return _finished(cloth, rng)
 
 
-def turned_about_z(rng: np.random.Generator) -> Array:
-    """Axes turned at will about z."""
-    angle = between(rng, 0, 2 * np.pi)
-    return np.array([[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+def _turned(rng: np.random.Generator) -> Array:
+    """Axes turned about z by a random angle."""
+    return turn_about((0, 0, 1), between(rng, 0, 360))
 
 
 def _hidden(rng: np.random.Generator) -> tuple[list[Solid], float]:
@@ -60,7 +58,7 @@ def _hidden(rng: np.random.Generator) -> tuple[list[Solid], float]:
             solids.append(ellipsoid((x, y, r), r))
         elif kind == "box":
             half = np.array([between(rng, 0.25, 0.6), between(rng, 0.25, 0.6), high / 2])
-            solids.append(box((x, y, high / 2), half, 0.03, turned_about_z(rng)))
+            solids.append(box((x, y, high / 2), half, 0.03, _turned(rng)))
         elif kind == "cylinder":
             solids.append(cylinder((x, y, high / 2), between(rng, 0.15, 0.5), high / 2, 0.03))
         else:
@@ -102,9 +100,9 @@ def _simulated(start: Array, size: float, solids: list[Solid], pins: dict[tuple[
     for nodes, steps in _LEVELS:
         grid = _resampled(grid, nodes)
         rest = size / (nodes - 1)
-        # A little unrest lets it buckle; rounded, so that all processors start from the same numbers.
+        # A little unrest lets it buckle.
         unrest = [gradient_noise(grid.reshape(-1, 3) * 3, seed + k).reshape(nodes, nodes) for k in range(3)]
-        cloth: Array = (np.moveaxis(grid, 2, 0) + 0.1 * rest * np.stack(unrest)).round(9)
+        cloth: Array = np.moveaxis(grid, 2, 0) + 0.1 * rest * np.stack(unrest)
         scale = (nodes - 1) // (_LEVELS[0][0] - 1)
         held = [(row * scale, column * scale, at[:, None, None]) for (row, column), at in pins.items()]
         rows, columns = np.indices((nodes, nodes))
@@ -113,12 +111,12 @@ def _simulated(start: Array, size: float, solids: list[Solid], pins: dict[tuple[
         for _ in range(steps):
             before, cloth = cloth, _fallen(cloth, before)
             for _ in range(_REPEATS):
-                _keep_lengths(cloth, rest)
+                _keeplengths(cloth, rest)
                 for row, column, at in held:
                     cloth[:, row, column] = at[:, 0, 0]
             for (_, _, at), reach in zip(held, reaches, strict=True):
                 apart = cloth - at
-                cloth -= apart * (1 - np.minimum(1, reach / np.maximum(_lengths(apart), 1e-9)))
+                cloth -= apart * (1 - np.minimum(1, reach / np.maximum(lengths(apart), 1e-9)))
             if solids:
                 _push_out(cloth.reshape(3, -1), before.reshape(3, -1), solids)
         grid = np.moveaxis(cloth, 0, 2)
@@ -131,7 +129,7 @@ def _fallen(cloth: Array, before: Array) -> Array:
     return moved
 
 
-def _keep_lengths(cloth: Array, rest: float) -> None:
+def _keeplengths(cloth: Array, rest: float) -> None:
     # Every other pair at a time, so that no node is moved twice at once.
     for grid in (cloth, cloth.transpose(0, 2, 1)):
         for odd in (0, 1):
@@ -145,30 +143,26 @@ def _keep_lengths(cloth: Array, rest: float) -> None:
 
 def _pull(a: Array, b: Array, rest: float, share: float) -> None:
     apart = b - a
-    apart *= share * (1 - rest / np.maximum(_lengths(apart), 1e-9))
+    apart *= share * (1 - rest / np.maximum(lengths(apart), 1e-9))
     a += apart
     b -= apart
-
-
-def _lengths(vectors: Array) -> Array:
-    x, y, z = vectors
-    return np.sqrt(x * x + y * y + z * z)
 
 
 def _push_out(points: Array, before: Array, solids: list[Solid]) -> None:
     """Points (3, N) that entered a solid or the ground put back on it; touching, they hardly slide."""
 
     def distance(places: Array) -> Array:
-        total = places[2] + 0.0
+        total: Array = places[2]
         for solid in solids:
             total = blended(total, solid.signed_distance(places), 0.05)
-        return total - 0.03
+        apart: Array = total - 0.03
+        return apart
 
     inside = np.flatnonzero(distance(points) < 0)
     places = points[:, inside]
     depth = distance(places)
     slope = np.stack([distance(places + step[:, None]) - depth for step in 1e-3 * np.eye(3)])
-    points[:, inside] -= depth * slope / np.maximum(_lengths(slope), 1e-9)
+    points[:, inside] -= depth * slope / np.maximum(lengths(slope), 1e-9)
     before[:, inside] += 0.7 * (points[:, inside] - before[:, inside])
 
 
@@ -177,17 +171,8 @@ def _resampled(grid: Array, nodes: int) -> Array:
     if len(grid) == nodes:
         return grid
     for axis in (0, 1):
-        grid = np.moveaxis(_cubic(np.moveaxis(grid, axis, 0), nodes), 0, axis)
+        grid = np.moveaxis(catmull_rom(np.moveaxis(grid, axis, 0), nodes), 0, axis)
     return np.ascontiguousarray(grid)
-
-
-def _cubic(rows: Array, nodes: int) -> Array:
-    place = np.linspace(0, len(rows) - 1, nodes)
-    start = np.minimum(place.astype(np.int64), len(rows) - 2)
-    t = (place - start)[:, None, None]
-    padded = np.concatenate([2 * rows[:1] - rows[1:2], rows, 2 * rows[-1:] - rows[-2:-1]])
-    a, b, c, d = (padded[start + k] for k in range(4))
-    return 0.5 * (2 * b + (c - a) * t + (2 * a - 5 * b + 4 * c - d) * t**2 + (3 * b - a - 3 * c + d) * t**3)
 
 
 def _finished(cloth: Array, rng: np.random.Generator) -> Shape:
@@ -204,7 +189,8 @@ def _finished(cloth: Array, rng: np.random.Generator) -> Shape:
 
 
 def _grid_normals(grid: Array) -> Array:
-    return normalised(np.cross(np.gradient(grid, axis=1), -np.gradient(grid, axis=0)))
+    normals: Array = normalised(np.cross(np.gradient(grid, axis=1), -np.gradient(grid, axis=0)))
+    return normals
 
 
 def _pleated(rng: np.random.Generator) -> Shape:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,15 +11,11 @@ from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.synthesis.shapes.shape import Shape, smooth_shape
 from mpsnet_core.synthesis.shapes.solids import Solid, blended
 
-# The grid is worked on in blocks of this many points a side; solids far from a block are not asked.
-BLOCK = 4
-# How much faster than the true distance a solid's may change.
-STEEPEST = 1.4
-MAX_POINTS = 1 << 23
+# Points evaluated at once: their temporaries stay in the processor's cache.
+_CHUNK = 1 << 13
 _FAR = 1e3
-# Step of the central differences that give normals.
+# Step of the central differences that yield normals.
 _STEP = 2e-4
-_NOWHERE = np.zeros((1, 3))
 
 
 def isosurface(solids: Sequence[Solid], cell: float) -> Shape:
@@ -27,112 +24,86 @@ def isosurface(solids: Sequence[Solid], cell: float) -> Shape:
     Naive surface nets (Gibson 1998, "Constrained elastic surface nets"): a vertex in every cell that the surface
     crosses, a quad for every edge of the grid that it crosses. The vertices are then moved onto the surface itself, and
     have its exact normals, so that the grid does not show. Every edge has two triangles: where inside and outside meet
-    as on a chessboard, the gap is filled first. Only blocks near the surface are evaluated.
+    as on a chessboard, the gap is filled first.
     """
-    low, high = bounds(solids)
+    whole = [solid for solid in solids if not solid.carve]
+    extents = [np.abs(solid.axes.T) @ solid.half for solid in whole]
     # Blending swells a joint by at most a sixth of its width for each solid in it.
     margin = 3 * cell + max(solid.blend for solid in solids) / 3
-    low, high = low - margin, high + margin
-    while np.prod(np.ceil((high - low) / cell) + BLOCK) > MAX_POINTS:
-        cell *= 1.1
-    counts = np.maximum(1, np.ceil((high - low) / (cell * BLOCK))).astype(np.int64)
-    corners = np.stack(np.meshgrid(*(np.arange(n) for n in counts), indexing="ij")).reshape(3, -1)
-    centres = low[:, None] + (corners * BLOCK + (BLOCK - 1) / 2) * cell
-    apart = np.stack([solid.signed_distance(centres) for solid in solids])
-    middle = np.full(apart.shape[1], _FAR)
-    for solid, distance in zip(solids, apart, strict=True):
-        middle = _merged(solid, middle, distance)
-    # A cell's corners lie within a cell's diagonal of the surface, and their block's middle within its own.
-    reach = STEEPEST * np.sqrt(3) * cell * ((BLOCK - 1) / 2 + 1)
-    active = np.flatnonzero(np.abs(middle) < reach + max(solid.blend for solid in solids) / 6)
-    # A solid is felt as far as it, or one that comes after it, flows.
-    widths = np.maximum.accumulate([solid.blend for solid in reversed(solids)])[::-1]
-    near = apart < reach + widths[:, None]
+    low = np.min([s.centre - e for s, e in zip(whole, extents, strict=True)], axis=0) - margin
+    high = np.max([s.centre + e for s, e in zip(whole, extents, strict=True)], axis=0) + margin
+    grid = np.stack(np.meshgrid(*(np.arange(n) for n in np.ceil((high - low) / cell) + 1), indexing="ij"))
+    values = _distances(solids, low[:, None] + grid.reshape(3, -1) * cell).reshape(grid.shape[1:])
 
-    inner = np.stack(np.meshgrid(*3 * [np.arange(BLOCK)], indexing="ij")).reshape(3, 1, -1)
-    grid = (corners[:, active, None] * BLOCK + inner).reshape(3, -1)
-    values = np.repeat(middle[:, None], BLOCK**3, axis=1)
-    each = np.arange(BLOCK**3)
-    asked = [(np.flatnonzero(row[active])[:, None] * BLOCK**3 + each).ravel() for row in near]
-    values[active] = _distances(solids, low[:, None] + grid * cell, asked).reshape(-1, BLOCK**3)
-    shape = tuple(int(n) * BLOCK for n in counts)
-    dense = values.reshape(*counts, BLOCK, BLOCK, BLOCK).transpose(0, 3, 1, 4, 2, 5).reshape(shape)
-
-    places, slopes, quads = surface_nets(dense)
+    places, quads = surface_nets(values)
     points = low[:, None] + places * cell
-    block = np.ravel_multi_index(tuple(((places + 0.5) // BLOCK).astype(np.int64)), tuple(counts))
-    asked = [np.flatnonzero(row[block]) for row in near]
-    slopes /= cell
-    slopes /= np.maximum((slopes**2).sum(axis=0), 0.25)
     for _ in range(2):
-        points = points - np.clip(_distances(solids, points, asked)[0], -cell, cell) * slopes
-    steps = _STEP * np.concatenate([np.eye(3), -np.eye(3)])
-    ahead, behind = _distances(solids, points, asked, steps).reshape(2, 3, -1)
-    normals = normalised((ahead - behind).T)
-
-    triangles = _split(points.T, quads)
-    parts = _owners(solids, points, asked)[triangles[:, 0]]
-    return smooth_shape(np.ascontiguousarray(points.T), triangles, normals, parts)
+        points = points - np.clip(_distances(solids, points), -cell, cell) * _normals(solids, points)
+    normals = _normals(solids, points)
+    return smooth_shape(np.ascontiguousarray(points.T), _split(points.T, quads), normals.T)
 
 
-def surface_nets(
-    values: NDArray[np.floating],
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int32]]:
-    """Vertices (3, V) in grid units, the values' gradients there (3, V), and quads (Q, 4) of where values change sign.
+def _normals(solids: Sequence[Solid], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(3, N) unit gradients of the distance at points (3, N), by central differences."""
+    steps = _STEP * np.eye(3)[..., None]
+    rises = [_distances(solids, points + step) - _distances(solids, points - step) for step in steps]
+    normals: NDArray[np.float64] = normalised(np.stack(rises, axis=1)).T
+    return normals
 
-    values: (X, Y, Z), below 0 inside, above 0 all around the border; changed where chessboard faces are filled. The
-    quads are counter-clockwise from outside.
+
+def _distances(solids: Sequence[Solid], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N,) distances of points (3, N) from the solids' common surface, below 0 inside."""
+    total = np.full(points.shape[1], _FAR)
+    for start in range(0, len(total), _CHUNK):
+        chunk = slice(start, start + _CHUNK)
+        for solid in solids:
+            distance = solid.signed_distance(points[:, chunk])
+            if solid.carve:
+                total[chunk] = -blended(-total[chunk], distance, solid.blend)
+            else:
+                total[chunk] = blended(total[chunk], distance, solid.blend)
+    return total
+
+
+def surface_nets(values: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Vertices (3, V) in grid units, and quads (Q, 4), counter-clockwise from outside, of where values change sign.
+
+    values: (X, Y, Z), below 0 inside, above 0 all around the border; changed where chessboard faces are filled.
     """
     sizes = np.array(values.shape)
     corners = list(product((0, 1), repeat=3))
     strides = np.array([sizes[1] * sizes[2], sizes[2], 1])
-    steps = np.array(corners) @ strides
     while True:
         inside = values < 0
         total = np.zeros(sizes - 1, np.uint8)
         for corner in corners:
             total += inside[tuple(slice(c, c + n - 1) for c, n in zip(corner, sizes, strict=True))]
         cells = np.flatnonzero((total > 0) & (total < 8))
-        low = np.stack(np.unravel_index(cells, total.shape))
-        points = (strides @ low)[None] + steps[:, None]
-        at = values.reshape(-1)[points]
-        boards = _chessboards(at)
+        points = strides @ np.stack(np.unravel_index(cells, total.shape)) + (np.array(corners) @ strides)[:, None]
+        boards = _chessboards(values.reshape(-1)[points])
         if not len(boards):
             break
         values.reshape(-1)[points[boards[:, 0], boards[:, 1]]] = -1e-6
+
+    # A vertex is the mean of where the surface crosses its cell's edges.
     number = np.full(total.size, -1, np.int32)
     number[cells] = np.arange(len(cells))
-
-    summed, crossings = np.zeros((3, len(cells))), np.zeros(len(cells))
-    slopes = np.zeros((3, len(cells)))
-    for axis, a in ((axis, a) for axis in range(3) for a in range(8) if not corners[a][axis]):
-        b = a + (4, 2, 1)[axis]
-        rise = at[b] - at[a]
-        slopes[axis] += rise / 4
-        crossed = (at[a] < 0) != (at[b] < 0)
-        for other in range(3):
-            if other != axis and corners[a][other]:
-                summed[other] += crossed
-        summed[axis] -= np.where(crossed, at[a] / np.where(crossed, rise, 1), 0)
-        crossings += crossed
-    places = low + summed / crossings
-
-    # Cells are numbered in a grid one smaller than that of the points.
-    steps = np.array([(sizes[1] - 1) * (sizes[2] - 1), sizes[2] - 1, 1])
-    quads = []
+    steps = np.array([(sizes[1] - 1) * (sizes[2] - 1), sizes[2] - 1, 1])  # from cell to cell
+    summed, crossings, quads = np.zeros((3, len(cells))), np.zeros(len(cells)), []
     for axis in range(3):
-        first = inside[tuple(slice(None, -1) if k == axis else slice(None) for k in range(3))]
-        last = inside[tuple(slice(1, None) if k == axis else slice(None) for k in range(3))]
-        edges = np.flatnonzero(first != last)
-        leaving = first.reshape(-1)[edges]
-        point = steps @ np.stack(np.unravel_index(edges, first.shape))
+        first, last = (np.moveaxis(np.moveaxis(values, axis, 0)[part], 0, axis) for part in (np.s_[:-1], np.s_[1:]))
+        edges = np.nonzero((first < 0) != (last < 0))
+        crossing = np.stack(edges).astype(np.float64)
+        crossing[axis] += first[edges] / (first[edges] - last[edges])
         second, third = steps[(axis + 1) % 3], steps[(axis + 2) % 3]
-        around = number[point[:, None] - np.array([0, second, second + third, third])]
-        quads.append(np.where(leaving[:, None], around, around[:, ::-1]))
-    return places, slopes, np.concatenate(quads)
+        around = number[(steps @ np.stack(edges))[:, None] - np.array([0, second, second + third, third])]
+        crossings += np.bincount(around.ravel(), minlength=len(cells))
+        summed += [np.bincount(around.ravel(), np.repeat(along, 4), len(cells)) for along in crossing]
+        quads.append(np.where((first[edges] < 0)[:, None], around, around[:, ::-1]))
+    return summed / crossings, np.concatenate(quads)
 
 
-def _chessboards(at: NDArray[np.floating]) -> NDArray[np.int64]:
+def _chessboards(at: NDArray[Any]) -> NDArray[np.int64]:
     """(N, 2) corner and cell to fill where a cell's face has inside only across; at: (8, cells) values at the corners.
 
     Of the two outside corners the nearer one. Only faces at a cell's low side: the others belong to its neighbours.
@@ -154,48 +125,5 @@ def _split(points: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.
     short = ((a - c) ** 2).sum(axis=1) <= ((b - d) ** 2).sum(axis=1)
     one = np.where(short[:, None], quads[:, [0, 1, 2]], quads[:, [0, 1, 3]])
     two = np.where(short[:, None], quads[:, [0, 2, 3]], quads[:, [1, 2, 3]])
-    return np.stack([one, two], axis=1).reshape(-1, 3).astype(np.int32)
-
-
-def bounds(solids: Sequence[Solid]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Lowest and highest corner (3,) of a box around solids."""
-    whole = [solid for solid in solids if not solid.carve]
-    extents = [np.abs(solid.axes.T) @ solid.half for solid in whole]
-    low = np.min([s.centre - e for s, e in zip(whole, extents, strict=True)], axis=0)
-    high = np.max([s.centre + e for s, e in zip(whole, extents, strict=True)], axis=0)
-    return low, high
-
-
-def _distances(
-    solids: Sequence[Solid],
-    points: NDArray[np.float64],
-    asked: list[NDArray[np.int64]],
-    offsets: NDArray[np.float64] = _NOWHERE,
-) -> NDArray[np.float64]:
-    """(K, N) distances at points (3, N) moved by each of K offsets (K, 3).
-
-    asked: for each solid the numbers of the points that it is near to.
-    """
-    total = np.full((len(offsets), points.shape[1]), _FAR)
-    for solid, index in zip(solids, asked, strict=True):
-        if not len(index):
-            continue
-        local = solid.local(points.take(index, axis=1))
-        for row, offset in zip(total, offsets, strict=True):
-            distance = solid.distance(local + (solid.axes @ offset)[:, None])
-            row[index] = _merged(solid, row.take(index), distance)
-    return total
-
-
-def _merged(solid: Solid, before: NDArray[np.float64], distance: NDArray[np.float64]) -> NDArray[np.float64]:
-    return -blended(-before, distance, solid.blend) if solid.carve else blended(before, distance, solid.blend)
-
-
-def _owners(solids: Sequence[Solid], points: NDArray[np.float64], asked: list[NDArray[np.int64]]) -> NDArray[np.int32]:
-    """(N,) the part of the solid that is nearest to each point."""
-    nearest, owner = np.full(points.shape[1], _FAR), np.zeros(points.shape[1], np.int32)
-    for solid, index in zip(solids, asked, strict=True):
-        distance = np.abs(solid.signed_distance(points.take(index, axis=1)))
-        closer = distance < nearest[index]
-        nearest[index[closer]], owner[index[closer]] = distance[closer], solid.part
-    return owner
+    triangles: NDArray[np.int32] = np.stack([one, two], axis=1).reshape(-1, 3).astype(np.int32)
+    return triangles

@@ -6,10 +6,11 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, FormatError, GeometryError, InputError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.mesh_import import read_scene
 from mpsnet_core.synthesis.shapes.shape import Shape, fitted
@@ -22,21 +23,37 @@ MAX_BYTES = 256 << 20
 MAX_FACES = 2_000_000
 # Faces that meet at less than this look smooth, as Blender's shading by angle does.
 CREASE = 40.0
-# Corners of one place: closer than this share of the mesh's size.
-_SAME = 1e-6
+# Of a mesh of size 1: corners that agree to so many digits are one vertex, and smaller faces have no area.
+_DIGITS, _NO_AREA = 6, 5e-15
 
 
 def mesh_files(folder: str | os.PathLike[str]) -> list[str]:
-    """Names of the mesh files in a folder, sorted. Raises InputError where there is no folder or no mesh in it."""
+    """List the mesh files in a folder.
+
+    Parameters
+    ----------
+    folder
+        A folder with files of FORMATS, by their suffixes; others are left out.
+
+    Returns
+    -------
+    list of str
+        Their names, sorted.
+
+    Raises
+    ------
+    FileError
+        Where there is no such folder, or no mesh in it.
+    """
     path = Path(folder)
     if not path.is_dir():
-        raise InputError(f"the folder of meshes {path} does not exist; check the path")
+        raise FileError(f"the folder of meshes {path} does not exist; check the path")
     try:
         names = sorted(entry.name for entry in path.iterdir() if entry.suffix.lower() in FORMATS and entry.is_file())
     except OSError as error:
-        raise InputError(f"the folder of meshes {path} cannot be read ({error.strerror}); check it") from None
+        raise FileError(f"the folder of meshes {path} cannot be read ({error.strerror}); check it") from None
     if not names:
-        raise InputError(f"the folder {path} holds no meshes; put {', '.join(FORMATS)} files into it")
+        raise FileError(f"the folder {path} holds no meshes; put {', '.join(FORMATS)} files into it")
     return names
 
 
@@ -47,28 +64,29 @@ def load_mesh(path: str) -> Shape:
     Broken meshes are repaired: corners at one place become one vertex, faces without area or twice the same go,
     neighbours are wound alike and outwards, holes are filled. Normals are smooth up to an angle between faces.
 
-    Raises InputError where the file is missing, too large, broken beyond that, or without faces.
+    Raises FileError where the file is missing, FormatError where it is too large or damaged, GeometryError where it has
+    no faces.
     """
     file = existing_file(path, "mesh file")
     if file.suffix.lower() not in FORMATS:
-        raise InputError(f"mesh file {file} is of no format that is read; use {', '.join(FORMATS)}")
+        raise FormatError(f"mesh file {file} is of no format that is read; use {', '.join(FORMATS)}")
     if file.stat().st_size > MAX_BYTES:
-        raise InputError(f"mesh file {file} is larger than {MAX_BYTES >> 20} MiB; reduce the mesh first")
+        raise FormatError(f"mesh file {file} is larger than {MAX_BYTES >> 20} MiB; reduce the mesh first")
     vertices, faces = _read(file)
     if len(faces) > MAX_FACES:
-        raise InputError(f"mesh file {file} has {len(faces)} faces, more than {MAX_FACES}; reduce the mesh first")
+        raise FormatError(f"mesh file {file} has {len(faces)} faces, more than {MAX_FACES}; reduce the mesh first")
     if not np.isfinite(vertices).all():
-        raise InputError(f"mesh file {file} holds a coordinate that is not finite; export it again")
+        raise FormatError(f"mesh file {file} holds a coordinate that is not finite; export it again")
     vertices, faces = merged(vertices, faces)
     if not len(faces):
-        raise InputError(f"mesh file {file} has no faces with an area; choose a mesh with a surface")
+        raise GeometryError(f"mesh file {file} has no faces with an area; choose a mesh with a surface")
     vertices, faces = closed(*thickened(vertices, wound(vertices, faces)))
     faces = outward(vertices, faces)
     vertices = vertices @ np.array([(1.0, 0, 0), (0, 0, 1), (0, -1, 0)])
     triangles = faces.astype(np.int32)
     shape = fitted(Shape(vertices, triangles, creased_normals(vertices, triangles), np.zeros(len(triangles), np.int32)))
     for array in (shape.vertices, shape.triangles, shape.corner_normals, shape.parts):
-        array.flags.writeable = False  # it is kept for the next time
+        array.flags.writeable = False  # cached
     return shape
 
 
@@ -84,38 +102,27 @@ def _read(path: Path) -> tuple[Array, Faces]:
                 if hasattr(part, "faces")
             ]
     except InputError as error:
-        raise InputError(f"mesh file {path}: {error}") from None
+        raise FormatError(f"mesh file {path}: {error}") from None
     parts = [(points, faces) for points, faces in parts if len(faces)]
     if not parts:
-        raise InputError(f"mesh file {path} has no faces; choose a mesh with a surface")
+        raise GeometryError(f"mesh file {path} has no faces; choose a mesh with a surface")
     starts = np.cumsum([0] + [len(points) for points, _ in parts[:-1]])
     vertices = np.concatenate([points for points, _ in parts])
     triangles = np.concatenate([faces + start for (_, faces), start in zip(parts, starts, strict=True)])
     if triangles.min() < 0 or triangles.max() >= len(vertices):
-        raise InputError(f"mesh file {path} has faces of vertices that it lacks; export it again")
+        raise FormatError(f"mesh file {path} has faces of vertices that it lacks; export it again")
     return vertices, triangles
 
 
 def merged(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
     """One vertex a place; without faces that have no area or that are there twice."""
-    used = np.unique(faces)
-    low = vertices[used].min(axis=0)
-    size = float((vertices[used].max(axis=0) - low).max()) or 1.0
-    _, first, place = np.unique(
-        np.round((vertices[used] - low) / (size * _SAME)).astype(np.int64),
-        axis=0,
-        return_index=True,
-        return_inverse=True,
-    )
-    number = np.zeros(len(vertices), np.int64)
-    number[used] = place.reshape(-1)
-    vertices, faces = vertices[used][first], number[faces]
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    _, once = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
-    kept = np.zeros(len(faces), bool)
-    kept[once] = True
-    return vertices, faces[kept & (area > 1e-14 * size**2)]
+    used = vertices[np.unique(faces)]
+    size = float((used.max(axis=0) - used.min(axis=0)).max()) or 1.0
+    mesh = trimesh.Trimesh((vertices - used.min(axis=0)) / size, faces, process=False)
+    mesh.merge_vertices(digits_vertex=_DIGITS)
+    mesh.update_faces(mesh.unique_faces() & (mesh.area_faces > _NO_AREA))
+    mesh.remove_unreferenced_vertices()
+    return np.array(mesh.vertices) * size, np.array(mesh.faces)
 
 
 def wound(vertices: Array, faces: Faces) -> Faces:
@@ -125,7 +132,7 @@ def wound(vertices: Array, faces: Faces) -> Faces:
     key = np.sort(edges, axis=1) @ np.array([len(vertices), 1])
     order = np.argsort(key, kind="stable")
     new = np.flatnonzero(np.diff(key[order], prepend=-1))
-    shared = new[np.diff(new, append=len(order)) == 2]  # an edge of three faces tells nothing
+    shared = new[np.diff(new, append=len(order)) == 2]  # an edge of three faces decides nothing
     one, two = order[shared], order[shared + 1]
     agree = (edges[one, 0] != edges[two, 0]).tolist()
     # Union-find with parity: whether a face is turned against the root of its patch.

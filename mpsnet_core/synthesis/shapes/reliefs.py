@@ -1,17 +1,16 @@
-"""Reliefs: plates with raised letters, figures, ornaments and coins' heads, or with figures that stand half out."""
+"""Reliefs: plates with raised letters, figures, ornaments, hills and coins' heads."""
 
 from collections.abc import Callable
-from functools import partial
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.synthesis.draws import between, chance, count, new_seed, picked
 from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise
-from mpsnet_core.synthesis.shapes.composites import build_composite, draw_character
-from mpsnet_core.synthesis.shapes.draws import between, chance, count, new_seed, picked
-from mpsnet_core.synthesis.shapes.shape import Shape, fitted, joined, placed, turn_about
-from mpsnet_core.synthesis.shapes.surfaces import bent, sheet, smooth_curve
+from mpsnet_core.synthesis.shapes.shape import Shape
+from mpsnet_core.synthesis.shapes.solids import blended
+from mpsnet_core.synthesis.shapes.surfaces import catmull_rom, sheet
 
 Array = NDArray[np.float64]
 # A motif: height, 0 to about 1, at points x, y (N,) of a field about 2 wide.
@@ -20,10 +19,8 @@ Motif = Callable[[Array, Array], Array]
 _NODES = 160
 
 
-def build_relief(character: str, rng: np.random.Generator, cells: int) -> Shape:
-    """A relief of the character that faces +z, about 2 wide; "high" has its figure on a grid of `cells` cells."""
-    if character == "high":
-        return _high(rng, cells)
+def build_relief(character: str, rng: np.random.Generator) -> Shape:
+    """A relief of the character that faces +z, about 2 wide."""
     x, y = np.meshgrid(np.linspace(-1, 1, _NODES), np.linspace(1, -1, _NODES))
     disc = character == "coin" or chance(rng, 0.25)
     if disc:  # the square drawn into a disc, smoothly
@@ -45,33 +42,6 @@ def build_relief(character: str, rng: np.random.Generator, cells: int) -> Shape:
     if not disc:
         front[..., 1] *= between(rng, 0.7, 1.0)
     return sheet(front, front * (1, 1, 0))
-
-
-def _high(rng: np.random.Generator, cells: int) -> Shape:
-    """Composites, pressed flat and sunk into an uneven plate, their backs first."""
-    plate = np.linspace(-1, 1, 120)
-    x, y = np.meshgrid(plate * between(rng, 0.8, 1.2), -plate)
-    flat = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
-    seed, rough = new_seed(rng), between(rng, 0.005, 0.05)
-    height = rough * fractal_noise(flat * between(rng, 1, 6), seed, 3) + between(rng, 0, 0.2) * (flat**2).sum(axis=1)
-    front = np.stack([x, y, height.reshape(x.shape)], axis=-1)
-    back = front * (1, 1, 0) - (0, 0, 0.2)
-    pieces = [sheet(front, back, 7)]
-    figures = count(rng, 1, 3)
-    for k in range(figures):
-        figure = fitted(build_composite(draw_character(rng), rng, cells))
-        # The front, at -y, comes to +z, and z up to y.
-        figure = placed(figure, turn_about((0, 0, 1), between(rng, -50, 50)) @ [(1, 0, 0), (0, 0, -1), (0, 1, 0)])
-        pressed = (1.0, 1.0, between(rng, 0.4, 0.8))
-        figure = bent(figure, partial(np.multiply, pressed))
-        size = between(rng, 0.85, 1.1) if figures == 1 else between(rng, 0.5, 0.8)
-        place = (
-            1.3 * (k + 0.5) / figures - 0.65 if figures > 1 else 0.0,
-            between(rng, -0.1, 0.1),
-            between(rng, 0.05, 0.2),
-        )
-        pieces.append(placed(figure, None, size, place))
-    return joined(pieces)
 
 
 def _softened(height: Array) -> Array:
@@ -109,8 +79,8 @@ def _coin(rng: np.random.Generator) -> Motif:
         points = np.column_stack([u * 9, v * 5, np.zeros_like(u)])
         hair = _lens((turn * u + 0.16) / 0.36, (v - 0.25) / 0.36, 0.3)
         total += 0.12 * hair * gradient_noise(points, seed)
-        for angle, long, there in marks:
-            if there:
+        for angle, long, drawn in marks:
+            if drawn:
                 a, b = 0.78 - long, 0.78 + long
                 line = _stroke(
                     u,
@@ -141,7 +111,8 @@ def _letters(rng: np.random.Generator) -> Motif:
             for _ in range(count(rng, 1, 3)):
                 path = np.array([knots[int(rng.integers(len(knots)))] for _ in range(count(rng, 2, 4))], np.float64)
                 path = corner + path * cell * 0.7
-                strokes.append(smooth_curve(path, 6) if chance(rng, 0.5) and len(path) > 2 else path)
+                rounded = chance(rng, 0.5) and len(path) > 2
+                strokes.append(catmull_rom(path, 6 * (len(path) - 1) + 1) if rounded else path)
     width = thick * float(cell.min())
 
     def height(u: Array, v: Array) -> Array:
@@ -286,8 +257,7 @@ def _stroke(u: Array, v: Array, path: Array, width: float) -> Array:
 
 
 def _soft_max(a: Array, b: Array, width: float) -> Array:
-    overlap = np.maximum(1 - np.abs(a - b) / width, 0)
-    return np.maximum(a, b) + overlap**3 * (width / 6)
+    return -blended(-a, -b, width)
 
 
 _MOTIFS: dict[str, Callable[[np.random.Generator], Motif]] = {
@@ -297,4 +267,4 @@ _MOTIFS: dict[str, Callable[[np.random.Generator], Motif]] = {
     "figures": _figures,
     "landscape": _landscape,
 }
-CHARACTERS = (*_MOTIFS, "high")
+CHARACTERS = tuple(_MOTIFS)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,8 +14,15 @@ from mpsnet_core.arrays.unit_vectors import normalised
 class Shape:
     """A triangle mesh in its own space: centred at the origin, z up, bounding sphere of radius 1.
 
-    vertices: (V, 3) float64. triangles: (T, 3) int32, counter-clockwise seen from outside.
-    corner_normals: (T, 3, 3) float32 unit shading normals. parts: (T,) int32, the part each triangle belongs to.
+    Attributes
+    ----------
+    vertices : (V, 3) float64
+    triangles : (T, 3) int32
+        Counter-clockwise seen from outside.
+    corner_normals : (T, 3, 3) float32
+        Unit shading normals.
+    parts : (T,) int32
+        The part that each triangle belongs to.
     """
 
     vertices: NDArray[np.float64]
@@ -26,23 +34,20 @@ class Shape:
 def smooth_shape(
     vertices: NDArray[np.float64],
     triangles: NDArray[np.int32],
-    normals: NDArray[np.floating] | None = None,
-    parts: NDArray[np.int32] | int = 0,
+    normals: NDArray[Any] | None = None,
 ) -> Shape:
-    """A shape with one normal (V, 3) a vertex; without `normals` those of its triangles, weighted by their areas."""
+    """A shape of one part with a normal (V, 3) a vertex: those of its triangles, weighted by area, unless given."""
     if normals is None:
         faces = _cross_products(vertices, triangles)
         summed = [np.bincount(triangles.ravel(), np.repeat(faces[:, axis], 3), len(vertices)) for axis in range(3)]
         normals = normalised(np.stack(summed, axis=1))
-    corners = normals.astype(np.float32)[triangles]
-    return Shape(vertices, triangles, corners, np.broadcast_to(np.int32(parts), len(triangles)).copy())
+    return Shape(vertices, triangles, normals.astype(np.float32)[triangles], np.zeros(len(triangles), np.int32))
 
 
-def faceted_shape(vertices: NDArray[np.float64], triangles: NDArray[np.int32], parts: NDArray[np.int32] | int) -> Shape:
-    """A shape whose triangles look flat."""
+def faceted_shape(vertices: NDArray[np.float64], triangles: NDArray[np.int32]) -> Shape:
+    """A shape whose triangles look flat; all of one part."""
     faces = normalised(_cross_products(vertices, triangles)).astype(np.float32)
-    corners = np.repeat(faces[:, None], 3, axis=1)
-    return Shape(vertices, triangles, corners, np.broadcast_to(np.int32(parts), len(triangles)).copy())
+    return Shape(vertices, triangles, np.repeat(faces[:, None], 3, axis=1), np.zeros(len(triangles), np.int32))
 
 
 def vertex_normals(shape: Shape) -> NDArray[np.float64]:
@@ -53,13 +58,13 @@ def vertex_normals(shape: Shape) -> NDArray[np.float64]:
 
 
 def joined(shapes: Sequence[Shape]) -> Shape:
-    """Shapes beside or through each other as one; parts keep their numbers."""
+    """Shapes beside or through each other as one, each of them a part of its own."""
     starts = np.cumsum([0] + [len(shape.vertices) for shape in shapes[:-1]])
     return Shape(
         np.concatenate([shape.vertices for shape in shapes]),
         np.concatenate([shape.triangles + np.int32(s) for shape, s in zip(shapes, starts, strict=True)]),
         np.concatenate([shape.corner_normals for shape in shapes]),
-        np.concatenate([shape.parts for shape in shapes]),
+        np.repeat(np.arange(len(shapes), dtype=np.int32), [len(shape.triangles) for shape in shapes]),
     )
 
 
@@ -69,7 +74,6 @@ def placed(shape: Shape, axes: ArrayLike | None = None, scale: float = 1.0, offs
     return replace(
         shape,
         vertices=shape.vertices @ turn * scale + np.asarray(offset, np.float64),
-        # In float64, of which float32 keeps what is the same on every machine.
         corner_normals=(shape.corner_normals.reshape(-1, 3) @ turn).astype(np.float32).reshape(-1, 3, 3),
     )
 
@@ -80,11 +84,7 @@ def standing(shape: Shape) -> Shape:
 
 
 def fitted(shape: Shape) -> Shape:
-    """The shape moved and scaled to a bounding sphere of radius 1 about the middle of its bounding box.
-
-    The smallest sphere would be a little tighter, but which vertices it touches can hang on the last bit of a sum, and
-    so differ from one machine to the next.
-    """
+    """The shape moved and scaled to a bounding sphere of radius 1 about the middle of its bounding box."""
     vertices = shape.vertices - (shape.vertices.min(axis=0) + shape.vertices.max(axis=0)) / 2
     vertices /= np.sqrt((vertices**2).sum(axis=1).max())
     return replace(shape, vertices=vertices)
@@ -99,14 +99,7 @@ def turn_about(axis: ArrayLike, degrees: float) -> NDArray[np.float64]:
     return turn.T
 
 
-def axes_along(z_axis: ArrayLike, hint: ArrayLike = (0.3, -1.0, 0.2)) -> NDArray[np.float64]:
-    """Rows x, y, z of a right-handed frame whose z is `z_axis` and whose y is as near to `hint` as can be."""
-    z = np.asarray(z_axis, np.float64) / np.linalg.norm(z_axis)
-    x: NDArray[np.float64] = np.cross(np.asarray(hint, np.float64), z)
-    x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(z, x), z])
-
-
 def _cross_products(vertices: NDArray[np.float64], triangles: NDArray[np.int32]) -> NDArray[np.float64]:
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
-    return np.cross(b - a, c - a)
+    crossed: NDArray[np.float64] = np.cross(b - a, c - a)
+    return crossed

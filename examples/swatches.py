@@ -1,4 +1,4 @@
-"""Swatches: cloth and leather that lie flat, and their photo, made up from a seed."""
+"""Swatches for material.py: cloth and leather that lie flat, and their photo, generated from a seed."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Draws: the few ways in which shapes take random numbers."""
+"""Draws: the few ways in which recipes, shapes and captures take random numbers."""
 
 from collections.abc import Sequence
 from typing import TypeVar
@@ -6,14 +6,12 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.synthesis.shapes.shape import axes_along
-
 Choice = TypeVar("Choice")
 
 
-def generator(seed: int) -> np.random.Generator:
-    """The stream of random numbers that belongs to a seed."""
-    return np.random.Generator(np.random.PCG64(seed))
+def generator(*key: int) -> np.random.Generator:
+    """The stream of random numbers that belongs to a seed, or to several numbers together."""
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(key)))
 
 
 def new_seed(rng: np.random.Generator) -> int:
@@ -22,8 +20,14 @@ def new_seed(rng: np.random.Generator) -> int:
 
 
 def between(rng: np.random.Generator, low: float, high: float) -> float:
-    """A number from `low` to `high`, all alike likely."""
+    """A number from `low` to `high`, uniformly distributed."""
     return low + (high - low) * float(rng.random())
+
+
+def between_log(rng: np.random.Generator, low: float, high: float) -> float:
+    """A number from `low` to `high`, whose logarithm is uniformly distributed."""
+    share = float(rng.random())
+    return low if low == high else float(low * (high / low) ** share)
 
 
 def chance(rng: np.random.Generator, probability: float) -> bool:
@@ -37,18 +41,21 @@ def count(rng: np.random.Generator, low: int, high: int) -> int:
 
 
 def picked(rng: np.random.Generator, choices: Sequence[Choice], weights: Sequence[float] | None = None) -> Choice:
-    """One of the choices, all alike likely or as their weights say."""
+    """One of the choices, all equally likely or in proportion to their weights."""
     shares = np.cumsum(np.ones(len(choices)) if weights is None else weights)
     return choices[min(len(choices) - 1, int(np.searchsorted(shares, rng.random() * shares[-1], side="right")))]
 
 
 def direction(rng: np.random.Generator) -> NDArray[np.float64]:
-    """A unit vector, all alike likely."""
+    """A unit vector, uniformly distributed."""
     vector = rng.normal(size=3)
     unit: NDArray[np.float64] = vector / np.linalg.norm(vector)
     return unit
 
 
-def turned(rng: np.random.Generator) -> NDArray[np.float64]:
-    """Axes of a random rotation, all alike likely."""
-    return axes_along(direction(rng), direction(rng))
+def rotation(rng: np.random.Generator) -> NDArray[np.float64]:
+    """(3, 3) rows are the axes of a random rotation, uniformly distributed."""
+    z, hint = direction(rng), direction(rng)
+    x: NDArray[np.float64] = np.cross(hint, z)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z])
