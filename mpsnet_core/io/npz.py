@@ -28,12 +28,22 @@ _UNREADABLE = (
 )
 
 
+# A file may unpack to so many times its size, and so many bytes beside that: zeros pack to a thousandth.
+_RATIO, _FREE = 64, 64 << 20
+
+
+def most_bytes(path: Path, most: int) -> int:
+    """How many bytes a file may unpack to that may be as large as `most`: not many times as many as it has."""
+    return min(most, _FREE + _RATIO * path.stat().st_size)
+
+
 def read_arrays(path: Path, most: int) -> dict[str, NDArray[Any]]:
     """All arrays of an ``.npz`` file by their names. most: bytes that it may unpack to.
 
     Raises InputError, which does not name the file, where it is damaged, larger, or holds anything but arrays.
     """
     try:
+        most = most_bytes(path, most)
         with zipfile.ZipFile(path) as archive:
             size = sum(entry.file_size for entry in archive.infolist())
         if size <= most:
