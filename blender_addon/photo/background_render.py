@@ -44,6 +44,7 @@ from ..child_process.linked_data import (
     name_bake_folders,
     refuse_lost_links,
 )
+from ..child_process.simulation_caches import simulations_write_into
 from ..child_process.trust import blocked_scripts_note, take_run_permission
 from ..operators import operator_report
 from ..preferences import PACKAGE
@@ -177,7 +178,8 @@ def render_job(folder: Path) -> int:
         told = json.loads((folder / JOB_FILE).read_text(encoding="utf-8"))
         job = RenderJob(**{**told, "bakes": [BakeFolder(**one) for one in told["bakes"]]})
         _answer(answers, progress=0.0, message="opening a copy of the file")
-        scene = _opened(job)
+        with simulations_write_into(folder, animated=job.what == "frames"):
+            scene = _opened(job)
         window = bpy.context.window_manager.windows[0]
         with bpy.context.temp_override(window=window), _telling(answers) as tell:
             rendered = render(job.what, scene, Path(job.output), tell)

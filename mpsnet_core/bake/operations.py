@@ -1,7 +1,6 @@
 """The operations bake and views: normal maps, or posed photos, to textures on a mesh's UVs."""
 
 import contextlib
-import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -490,10 +489,10 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
 
     def _folder(self, stack: contextlib.ExitStack) -> Path:
         """Where the views' normals go: to be kept, or for as long as the stack is open."""
-        from mpsnet_core.io.files import ensure_folder, remove_abandoned
+        from mpsnet_core.io.files import ensure_folder, remove_abandoned, temporary_folder
 
         if not self.keep:
-            return Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="mpsnet-views-")))
+            return stack.enter_context(temporary_folder())
         folder = ensure_folder(self.keep, "normals of the views")
         remove_abandoned(folder)
         return folder

@@ -4,6 +4,7 @@ import argparse
 import io
 import json
 import logging
+import mmap
 import os
 import sys
 import warnings
@@ -37,6 +38,9 @@ from mpsnet_core.operation import Operation
 from mpsnet_core.relief.operations import Integrate, MakeMaterial
 from mpsnet_core.scene.operations import WriteCameras
 from mpsnet_core.synthesis.operations import MakeSamples, ShowSamples, Synthesize, Work
+
+# What libraries, and the smallest photo, take.
+LEAST_MEMORY = 256 << 20
 
 # In the order of the help.
 OPERATIONS: tuple[type[Operation], ...] = (
@@ -106,6 +110,7 @@ def _run(arguments: Sequence[str], notes: Notes) -> None:
         _parser().print_help()
         return
     options = _parser().parse_args(arguments)
+    _reserve_memory()
     reporter = Reporter(options.progress)
     try:
         result = options.verb(options, reporter)
@@ -118,6 +123,18 @@ def _run(arguments: Sequence[str], notes: Notes) -> None:
         print(f"note: {line}", file=sys.stderr)
     if result.get("text"):
         print(printable(result["text"]), flush=True)
+
+
+def _reserve_memory() -> None:
+    """Raises MemoryError where there is too little to load the libraries, which would crash; OpenBLAS, which would wait
+    for ever for the memory that its first product needs, has it from now on."""
+    try:
+        mmap.mmap(-1, LEAST_MEMORY).close()
+    except OSError:
+        raise MemoryError from None
+    import numpy as np
+
+    np.eye(2) @ np.eye(2)
 
 
 def _open_closed_streams() -> None:

@@ -3,7 +3,7 @@
 A file that is being written is called ``.NAME.PID-PLACE-RANDOM.unfinished.SUFFIX``. PLACE is a hash of the host's name
 and, on Linux, of the PID namespace: only there does PID show whether the writer is still running. The next process that
 writes into the folder from the same place removes what a killed writer left; from elsewhere, say in a folder that
-several hosts share, nobody touches it.
+several hosts share, nobody touches it. Temporary folders have such names, too.
 """
 
 import contextlib
@@ -110,6 +110,20 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     with written_together():
         assert _block.changes is not None
         _block.changes.append((path, unfinished))
+
+
+@contextmanager
+def temporary_folder() -> Iterator[Path]:
+    """A folder for temporary files, which goes with the block; of a process that was killed, with the next one's."""
+    place = Path(tempfile.gettempdir())
+    _clear_once(place)
+    folder = unfinished_path(place / "mpsnet")
+    with _writing(folder):
+        folder.mkdir(0o700)
+    try:
+        yield folder
+    finally:
+        _remove(folder)
 
 
 def remove_file(path: str | os.PathLike[str]) -> None:
@@ -266,9 +280,9 @@ def ensure_folder(path: str | os.PathLike[str], what: str) -> Path:
 
 
 def remove_unfinished(folder: str | os.PathLike[str], pid: int) -> None:
-    """Remove the unfinished files of the killed process `pid` from `folder`."""
-    for file in Path(folder).glob(f".*.{pid}-{_place()}-*.unfinished*"):
-        file.unlink(missing_ok=True)
+    """Remove what process `pid`, ended by force, left unfinished in `folder`."""
+    for left in Path(folder).glob(f".*.{pid}-{_place()}-*.unfinished*"):
+        _remove(left)
 
 
 def remove_abandoned(folder: str | os.PathLike[str]) -> None:
@@ -276,8 +290,16 @@ def remove_abandoned(folder: str | os.PathLike[str]) -> None:
     for file in Path(folder).glob(".*.unfinished*"):
         found = re.search(rf"\.(\d+)-{_place()}-[0-9a-f]+\.unfinished", file.name)
         if found and not _running(int(found[1])):
-            with contextlib.suppress(OSError):  # another process was faster, or we have no permission
-                file.unlink()
+            _remove(file)
+
+
+def _remove(left: Path) -> None:
+    """Remove a file, or a folder with all that it holds, unless another process was faster, or may and we may not."""
+    if left.is_dir() and not left.is_symlink():
+        shutil.rmtree(left, ignore_errors=True)
+    else:
+        with contextlib.suppress(OSError):
+            left.unlink()
 
 
 @cache

@@ -2,7 +2,6 @@
 
 import logging
 import os
-import tempfile
 from collections.abc import Callable
 from contextlib import closing, suppress
 from dataclasses import dataclass, replace
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.errors import FileError, FormatError, SettingsError, check_choice
-from mpsnet_core.io.files import RAW_SUFFIXES, existing_file, is_utf8, written_whole
+from mpsnet_core.io.files import RAW_SUFFIXES, existing_file, is_utf8, temporary_folder, written_whole
 from mpsnet_core.io.image import MAX_PIXELS, Image, libraries_silent, linear_to_srgb, srgb_to_linear, storage_type
 from mpsnet_core.io.raw import read_raw
 
@@ -293,8 +292,8 @@ def write_bands(
 def png_bytes(pixels: NDArray[Any]) -> bytes:
     """A picture (H, W, 3) of sRGB values as a PNG file of 8 bits. Raises FileError where the disk is full."""
     height, width, channels = pixels.shape
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "picture.png"
+    with temporary_folder() as folder:
+        file = folder / "picture.png"
         _write(file, file, (height, width, channels), lambda rows: pixels[rows], 8, "sRGB", None)
         return file.read_bytes()
 

@@ -1,11 +1,22 @@
 """Mesh files of other programs, by trimesh."""
 
+import json
+import logging
+import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from mpsnet_core.errors import FormatError, InputError
+from mpsnet_core.io.npz import most_bytes
+
+# Of glTF: how many numbers an item has, and how many bytes a number.
+_NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+_BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
+MAX_BYTES = 4 << 30
+# Where they stand: of a mesh that stands in many places each time.
+MAX_VERTICES = 1 << 26
 
 
 @contextmanager
@@ -18,14 +29,48 @@ def read_scene(path: Path) -> Iterator[Any]:
     """
     import trimesh  # takes a while to load
 
+    logging.getLogger("trimesh").addHandler(logging.NullHandler())  # else what it logs stands beside our sentence
+
+    class Alone(trimesh.resolvers.ZipResolver):
+        """In place of one that finds what the file names beside it."""
+
+        def get(self, name: str) -> bytes:
+            raise InputError(f"it names the file {name[:99]!r}, and is read alone; export it with all in one file")
+
     try:
         with path.open("rb") as file:  # by a path trimesh would open the files beside it
+            if path.suffix.lower() == ".glb":
+                _check_size(file, most_bytes(path, MAX_BYTES))
             # process=False: merging vertices would lose UV seams and sharp edges.
             scene = trimesh.load_scene(
-                file, file_type=path.suffix.lower().lstrip("."), process=False, maintain_order=True
+                file,
+                file_type=path.suffix.lower().lstrip("."),
+                resolver=Alone({}),
+                process=False,
+                maintain_order=True,
             )
+        vertices = sum(len(scene.geometry[name].vertices) * len(at) for name, at in scene.graph.geometry_nodes.items())
+        if vertices > MAX_VERTICES:
+            raise InputError(f"it has {vertices} vertices, more than {MAX_VERTICES}; reduce it first")
         yield scene
     except InputError:
         raise
     except Exception as error:  # noqa: BLE001  # trimesh raises anything for damaged files
         raise FormatError(f"it cannot be read ({type(error).__name__}: {error}); export it again") from None
+
+
+def _check_size(file: IO[bytes], most: int) -> None:
+    """Raises FormatError where a GLB file claims more than `most` bytes: trimesh believes what it says of its arrays,
+    and copies one as often as something names it."""
+    length, _ = struct.unpack("<II", file.read(20)[12:])
+    header = json.loads(file.read(length))
+    file.seek(0)
+    arrays = [
+        _NUMBERS[one["type"]] * _BYTES[one["componentType"]] * abs(one["count"]) for one in header.get("accessors", ())
+    ]
+    primitives = [one for mesh in header.get("meshes", ()) for one in mesh["primitives"]]
+    named = [number for one in primitives for number in (*one["attributes"].values(), one.get("indices"))]
+    needed = sum(arrays) + sum(abs(view["byteLength"]) for view in header.get("bufferViews", ()))
+    needed += sum(arrays[number] for number in named if number is not None)
+    if needed > most:
+        raise FormatError(f"it unpacks to {needed / (1 << 20):.0f} MiB, and may to {most >> 20}; reduce it first")

@@ -28,12 +28,22 @@ _UNREADABLE = (
 )
 
 
+# A file may unpack to so many times its size, and so many bytes beside that: zeros pack to a thousandth.
+_RATIO, _FREE = 64, 64 << 20
+
+
+def most_bytes(path: Path, most: int) -> int:
+    """How many bytes a file may unpack to that may be as large as `most`: not many times as many as it has."""
+    return min(most, _FREE + _RATIO * path.stat().st_size)
+
+
 def read_arrays(path: Path, most: int) -> dict[str, NDArray[Any]]:
     """All arrays of an ``.npz`` file by their names. most: limit of the unpacked size in bytes.
 
     Raises FormatError, without the file's name, where it is damaged, larger, or has arrays of objects.
     """
     try:
+        most = most_bytes(path, most)
         with zipfile.ZipFile(path) as archive:
             size = sum(entry.file_size for entry in archive.infolist())
         if size <= most:

@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import shutil
 import sys
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import bpy
 import pytest
 
 from blender_addon.child_process.core_process import CoreProcess
+from blender_addon.child_process.simulation_caches import simulations_write_into
 from blender_addon.heights.assign_displacement import move_by_modifier, subdivide
 from blender_addon.outputs import may_open
 from blender_addon.panels.bake import MPS_PT_bake
@@ -20,6 +22,9 @@ from blender_addon.panels.step import Kind
 from blender_addon.panels.text import lines, shortened
 from blender_addon.photo.background_render import rendering_blender, written_job
 from blender_addon.provenance import made_when
+from blender_addon.training.samples.worker import _Worker
+from blender_addon.training.training_data import SCENE_FILE
+from mpsnet_core.synthesis.job import SampleJob
 
 # A shader, compiled, that is a camera and says so on stdout.
 SHADER = """OpenShadingLanguage 1.00
@@ -251,3 +256,66 @@ def test_a_scenes_own_outputs_and_freestyle_modules_are_not_in_the_render(sphere
     truth = tmp_path / "truth.exr"
     CoreProcess(written_job(bpy.context, "normals", truth, job), [truth], rendering_blender(job)).result()
     assert truth.is_file() and not list(ran.iterdir())
+
+
+@pytest.fixture
+def theirs(sphere, scene, tmp_path):
+    """A folder that nobody may change, as the place of a fluid's, a cloth's and particles' caches in the open file."""
+    rigged(scene)
+    theirs = tmp_path / "theirs"
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "hostile.blend"))
+    for kind, size in (("DOMAIN", 4), ("FLOW", 1)):
+        bpy.ops.mesh.primitive_cube_add(size=size)
+        fluid = bpy.context.object.modifiers.new("Fluid", "FLUID")
+        fluid.fluid_type = kind
+        if kind == "DOMAIN":
+            fluid.domain_settings.resolution_max, fluid.domain_settings.cache_directory = 8, str(theirs)
+    bpy.ops.mesh.primitive_plane_add()
+    cloth = bpy.context.object.modifiers.new("Cloth", "CLOTH").point_cache
+    bpy.context.object.modifiers.new("Particles", "PARTICLE_SYSTEM")
+    for name, cache in (("cloth", cloth), ("../particles", bpy.context.object.particle_systems[0].point_cache)):
+        cache.use_disk_cache = True
+        cache.filepath = str(theirs / "points")
+        cache.use_external = True
+        cache.name = name
+    bpy.ops.wm.save_mainfile()
+    yield theirs
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)  # nothing simulates any longer
+
+
+@pytest.mark.parametrize("what", ["photo", "sample"])
+def test_no_simulation_writes_or_clears_where_the_file_says(theirs, tmp_path, what):
+    folder, output = tmp_path / "job", tmp_path / "output"
+    for made in (folder, output):
+        made.mkdir()
+    if what == "sample":
+        bpy.ops.wm.save_as_mainfile(filepath=str(output / SCENE_FILE), copy=True)
+        job = SampleJob("cycles", 1, seed=1, size=16, samples=4, shapes=("scene",), objects=("Sphere",), views=1)
+        bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    else:
+        output = output / "photo.exr"
+        arguments = written_job(bpy.context, "photo", output, folder)
+    shutil.rmtree(theirs, ignore_errors=True)  # what this Blender has written there
+    for name in ("data", "points"):
+        (theirs / name).mkdir(parents=True)
+        (theirs / name / "mine.txt").write_text("mine")
+    if what == "sample":
+        _Worker().make(job, 0, output / "sample_000000.exr")
+    else:
+        CoreProcess(arguments, [output], rendering_blender(folder)).result()
+    assert sorted(path.name for path in theirs.rglob("*")) == ["data", "mine.txt", "mine.txt", "points"]
+
+
+def test_what_a_fluid_has_on_disk_is_in_the_render(theirs, tmp_path):
+    (theirs / "data").mkdir(parents=True, exist_ok=True)
+    kept = theirs / "data" / "fluid_data_0001.vdb"
+    kept.write_bytes(b"kept")
+    for name in ("fluid_data_0009.vdb", "letter.txt"):
+        (theirs / "data" / name).touch()
+    os.mkfifo(theirs / "data" / "smoke_0001.vdb")
+    with simulations_write_into(tmp_path / "caches"):
+        bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "hostile.blend"))
+    domain = bpy.data.objects["Cube"].modifiers["Fluid"].domain_settings
+    copied = Path(domain.cache_directory) / "data"
+    assert (copied / kept.name).read_bytes() == b"kept" and kept.read_bytes() == b"kept"
+    assert not any((copied / name).exists() for name in ("fluid_data_0009.vdb", "letter.txt", "smoke_0001.vdb"))

@@ -334,6 +334,30 @@ def with_pixel(value: float) -> np.ndarray:
     return image
 
 
+def glb_of(b: Bench, **said: Any) -> Path:
+    """A GLB of one point that lies in a buffer, as far as not said otherwise."""
+    point = {"bufferView": 0, "componentType": 5126, "count": 1, "type": "VEC3"}
+    mesh = {"primitives": [{"attributes": {"POSITION": 0}}]}
+    good = {"asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}], "meshes": [mesh]}
+    good |= {"accessors": [point], "bufferViews": [{"buffer": 0, "byteLength": 12}], "buffers": [{"byteLength": 12}]}
+    text = json.dumps(good | said).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", 12, b"BIN\0") + bytes(12)
+    return b.bytes("mesh.glb", struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+
+
+def glb_beside_a_pipe(b: Bench) -> Path:
+    if hasattr(os, "mkfifo"):
+        os.mkfifo(b / "pipe")
+    return glb_of(b, buffers=[{"uri": "pipe", "byteLength": 12}])
+
+
+def bomb(b: Bench) -> Path:
+    """An .npz of a few kilobytes for each megabyte of zeros."""
+    np.savez_compressed(b / "mesh.npz", vertices=np.zeros((3 << 22, 3)))
+    return b / "mesh.npz"
+
+
 def short_glb(b: Bench) -> Path:
     """A GLB whose first buffer view is said to be longer than the file."""
     box = trimesh.Scene([trimesh.creation.box()]).export(file_type="glb")
@@ -1011,6 +1035,17 @@ MESHES: list[Case] = [
     ("an OBJ of words", lambda b: read_mesh(b.text("mesh.obj", "hello\n")), "mesh.obj"),
     ("a broken PLY", lambda b: read_mesh(b.text("mesh.ply", "ply\nformat ascii 1.0\nelement vertex 3\n")), "mesh.ply"),
     ("a GLB with less than it says", lambda b: read_mesh(short_glb(b)), "mesh.glb…cannot be read…export it again"),
+    (
+        "a GLB of more numbers than it holds",
+        lambda b: read_mesh(glb_of(b, accessors=[{"componentType": 5126, "count": 10**9, "type": "VEC3"}])),
+        "mesh.glb: it unpacks to…MiB, and may to 64; reduce it first",
+    ),
+    (
+        "a GLB whose numbers are in another file",
+        lambda b: read_mesh(glb_beside_a_pipe(b)),
+        "mesh.glb: it names the file 'pipe', and is read alone",
+    ),
+    ("an .npz that unpacks to far more", lambda b: read_mesh(bomb(b)), "mesh.npz: it unpacks to 288 MiB, and may to 8"),
     ("a broken GLB", lambda b: read_mesh(b.bytes("mesh.glb", b"glTF\x02\x00\x00\x00")), "mesh.glb"),
     (
         "no UVs",
@@ -1656,8 +1691,8 @@ if find_spec("torch"):
         ),
         (
             "recipe beyond reason",
-            lambda b: b.train("--recipe", b.text("a.toml", "#" * 70000)),
-            "a.toml is larger than 64 KiB",
+            lambda b: b.train("--recipe", b.text("a.toml", f"a{'.a' * 5000} = 1")),
+            "a.toml is larger than 8 KiB",
         ),
         (
             "misspelled key",

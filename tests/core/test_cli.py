@@ -226,6 +226,19 @@ def test_what_nobody_foresaw_is_one_sentence_and_a_log(tmp_path: Path, rig_file:
     assert os.name == "nt" or log.stat().st_mode & 0o777 == 0o600
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="others do not hold to the limit")
+@pytest.mark.parametrize("megabytes", [100, 150, 200])
+def test_too_little_memory_is_one_sentence(tmp_path: Path, rig_file: Path, photo_file: Path, megabytes: int) -> None:
+    """With 150 OpenBLAS would wait for more for ever, and with 100 some library cannot be loaded."""
+    limit = f"import resource; resource.setrlimit(resource.RLIMIT_AS, ({megabytes << 20},) * 2)\n"
+    command = "import sys; from mpsnet_core.cli import main; sys.exit(main(sys.argv[1:]))"
+    estimate = ("estimate", photo_file, "--rig", rig_file, "--model", "lambertian", "-o", tmp_path / "n.png")
+    words = [sys.executable, "-c", limit + command, *map(str, estimate)]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "mpsnet: there is not enough memory; take a smaller size, or smaller photos\n"
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 @pytest.mark.parametrize("how", ["SIGINT", "SIGTERM"])
 def test_a_run_that_is_stopped_while_libraries_load_is_cancelled(

@@ -5,7 +5,10 @@ import io
 import json
 import os
 import re
+import signal
+import subprocess
 import sys
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -188,6 +191,24 @@ def test_kept_normals_are_not_estimated_again(table: Table) -> None:
         half.write_bytes(half.read_bytes()[: half.stat().st_size // 2])
     assert "2 kept from before" in table.run(*keep)
     assert "kept from before" not in table.run(*keep, "--model", "lambertian-grey-world")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+def test_the_next_run_removes_the_normals_of_one_that_was_killed(table: Table) -> None:
+    temporary = table / "tmp"
+    temporary.mkdir()
+    arguments = ["--cameras", table / "cameras", "--rig", table / "rig.json", "--photos", table / "photos"]
+    arguments += ["--mesh", table / "mesh.npz", "--model", "lambertian", "-o", table / "texture.png"]
+    command = [sys.executable, "-m", "mpsnet_core", "views", *map(str, arguments)]
+    environment = {**os.environ, "TMPDIR": str(temporary)}
+    child = subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL)
+    while not any(temporary.rglob("*_normals.png")):
+        assert child.poll() is None
+        time.sleep(0.001)
+    child.kill()
+    assert child.wait(60) == -signal.SIGKILL and listing(temporary)
+    assert subprocess.run(command, env=environment, capture_output=True, timeout=120).returncode == 0
+    assert listing(temporary) == []
 
 
 def test_normals_kept_of_another_mesh_are_estimated_again(table: Table) -> None:

@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 from mpsnet_core.errors import InputError
+from mpsnet_core.io.files import temporary_folder
 from mpsnet_core.synthesis.drawing import draw_recipe
 from mpsnet_core.synthesis.farm.work import serve
 from mpsnet_core.synthesis.job import SampleJob
@@ -11,6 +12,7 @@ from mpsnet_core.synthesis.recipe import Recipe
 from mpsnet_core.synthesis.sample import write_sample
 from mpsnet_core.synthesis.shapes import Shape, build_shape
 
+from ...child_process.simulation_caches import simulations_write_into
 from ..training_data import SCENE_FILE
 from .objects import SceneObjects, open_objects
 from .render import render_sample
@@ -41,5 +43,6 @@ class _Worker:
         if recipe.shape["kind"] != "scene":
             return build_shape(recipe.shape, job.meshes)
         if self.objects is None:
-            self.objects = open_objects(folder / SCENE_FILE, job.objects)
+            with temporary_folder() as caches, simulations_write_into(caches):
+                self.objects = open_objects(folder / SCENE_FILE, job.objects)
         return self.objects

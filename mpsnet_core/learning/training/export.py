@@ -3,11 +3,9 @@
 import json
 import os
 import platform
-import tempfile
 import time
 import warnings
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,7 +17,7 @@ from torch import Tensor, nn
 from mpsnet_core.errors import InputError, SettingsError
 from mpsnet_core.estimate.card import CARD_KEY, TRAINING_KEY, ModelCard
 from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS
-from mpsnet_core.io.files import writable_path, written_whole
+from mpsnet_core.io.files import temporary_folder, writable_path, written_whole
 from mpsnet_core.learning.training.loop import Trained
 from mpsnet_core.learning.training.networks import Network
 
@@ -103,9 +101,9 @@ def _onnx_of(network: Network) -> onnx.ModelProto:
     size = {} if network.kind == "patch" else {2: "height", 3: "width"}
     axes = {name: {0: "batch", **({} if given[0] in CONSTANTS else size)} for name, given in network.inputs.items()}
     axes |= {name: {0: "batch", **size} for name in outputs}
-    with warnings.catch_warnings(), tempfile.TemporaryDirectory() as folder:
+    with warnings.catch_warnings(), temporary_folder() as folder:
         warnings.simplefilter("ignore")  # the exporter's, about itself
-        file = Path(folder) / "model.onnx"
+        file = folder / "model.onnx"
         torch.onnx.export(
             answer,
             inputs,

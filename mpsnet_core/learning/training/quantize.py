@@ -10,7 +10,6 @@ import io
 import json
 import logging
 import os
-import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import replace
@@ -29,7 +28,7 @@ from mpsnet_core.errors import FormatError, SettingsError
 from mpsnet_core.estimate.card import CARD_KEY, TRAINING_KEY, ModelCard, record_from_metadata
 from mpsnet_core.estimate.features import CONSTANTS
 from mpsnet_core.estimate.onnx_model import OnnxModel
-from mpsnet_core.io.files import writable_path, written_whole
+from mpsnet_core.io.files import temporary_folder, writable_path, written_whole
 from mpsnet_core.learning.training.export import RIGHT_ANGLE
 from mpsnet_core.learning.training.inputs import with_previous
 from mpsnet_core.learning.training.networks import Prediction
@@ -149,8 +148,8 @@ def _quantised(graph: onnx.ModelProto, nodes: list[str], photographs: _Photograp
     prepared = onnx.ModelProto()
     prepared.CopyFrom(graph)
     onnx.helper.set_model_props(prepared, PREPARED)
-    with tempfile.TemporaryDirectory() as folder, _quiet_root(), redirect_stdout(io.StringIO()):
-        file = Path(folder) / "int8.onnx"
+    with temporary_folder() as folder, _quiet_root(), redirect_stdout(io.StringIO()):
+        file = folder / "int8.onnx"
         quantize_static(
             prepared,
             file,

@@ -12,7 +12,8 @@ from mpsnet_core.io.files import existing_file
 from mpsnet_core.synthesis.job import SHAPES
 
 RECIPES = Path(__file__).parent / "recipes"
-MAX_RECIPE_BYTES = 1 << 16
+# A name of many dots takes memory by the square of them.
+MAX_RECIPE_BYTES = 1 << 13
 OPTIMISERS = ("adamw", "muon")
 
 # Smallest and largest value of each number of a recipe.
@@ -113,7 +114,7 @@ def read_recipe(name: str | os.PathLike[str]) -> TrainingRecipe:
         raise SettingsError(f"there is no recipe {name!r}; choose {', '.join(recipe_names())} or give a .toml file")
     path = existing_file(path, "recipe")
     if path.stat().st_size > MAX_RECIPE_BYTES:
-        raise FormatError(f"recipe {path} is larger than 64 KiB; it is not one of ours")
+        raise FormatError(f"recipe {path} is larger than 8 KiB; it is not one of ours")
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as error:  # ValueError also for numbers of 5,000 digits
