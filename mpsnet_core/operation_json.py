@@ -51,11 +51,8 @@ def _value(command: str, setting: Setting, value: Any) -> Any:
         raise SettingsError(f"{setting.name} of {command} must be a list of values, not {value!r}; give one or more")
     kinds = (int, float) if setting.kind is float else (setting.kind,)
     for one in values:
-        if type(one) not in kinds or not (_is_argument(one) if kinds == (str,) else -LARGEST < one < LARGEST):
+        # No text is empty, or has what no path has, as on the command line.
+        sound = type(one) in kinds and (one and "\0" not in one if kinds == (str,) else -LARGEST < one < LARGEST)
+        if not sound:
             raise SettingsError(f"{setting.name} of {command} must be {_WORDS[setting.kind]}, not {one!r}")
     return tuple(values) if setting.several else value
-
-
-def _is_argument(text: str) -> bool:
-    """Whether the text could be given on the command line, too."""
-    return text != "" and "\0" not in text

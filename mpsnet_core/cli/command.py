@@ -21,7 +21,7 @@ from mpsnet_core.cli.operations import add_operation
 from mpsnet_core.cli.reporter import Notes, Reporter, refuse
 from mpsnet_core.errors import InputError, printable
 from mpsnet_core.estimate.operations import Estimate, ListModels
-from mpsnet_core.io.child_process import requests
+from mpsnet_core.io.child_process import only_request
 from mpsnet_core.learning.evaluation.operations import (
     EvaluateColour,
     EvaluateDiligent,
@@ -160,10 +160,13 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_job(verbs: Verbs, common: argparse.ArgumentParser) -> None:
-    """The command for programs, which the help does not list: it runs the operation that stdin holds as JSON."""
+    """The command for programs, which the help does not list: it runs the operation that stdin holds as JSON.
+
+    It is cancelled where stdin ends before it is done.
+    """
 
     def verb(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
-        request = next(requests(), {})
+        request = only_request()
         sys.argv.append(json.dumps(request))  # the log of a fault holds the command line
         return from_json(request, OPERATIONS).run(reporter.progress).facts()
 

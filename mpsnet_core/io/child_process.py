@@ -40,10 +40,7 @@ _KINDS: dict[str, type | tuple[type, ...]] = {"ready": bool, "progress": (int, f
 class ChildEnded(Exception):
     """A child process ended and answers no more. The message holds how, and its last words.
 
-    Parameters
-    ----------
-    code
-        Its exit code, negative for a signal, None where it was ended because it did not answer.
+    code: its exit code, negative for a signal, None where it was ended because it did not answer.
     """
 
     def __init__(self, how: str, code: int | None = None) -> None:
@@ -54,14 +51,7 @@ class ChildEnded(Exception):
 class ChildProcess:
     """A child process in a group of its own; one thread at a time sends and receives.
 
-    Attributes `progress` (0 to 1) and `message` say how far it is.
-
-    Parameters
-    ----------
-    command
-        Raises InputError where it cannot be run.
-    environment
-        All of its environment variables, see :func:`child_environment`.
+    Attributes `progress` (0 to 1) and `message` say how far it is. Raises InputError where the command cannot be run.
     """
 
     # A process that is started while another's pipes are made inherits them on Windows, and keeps them open.
@@ -87,10 +77,10 @@ class ChildProcess:
                 )
         except OSError as error:
             raise InputError(f"cannot run {command[0]} ({error.strerror}); check the path") from None
-        work = [self._read_messages, self._read_stderr, *([] if sys.platform == "win32" else [self._end_group])]
-        self._threads = [threading.Thread(target=one, daemon=True) for one in work]
-        for thread in self._threads:
-            thread.start()
+        self._stderr_reader = threading.Thread(target=self._read_stderr, daemon=True)
+        self._stderr_reader.start()
+        for work in (self._read_messages, self._end_group):
+            threading.Thread(target=work, daemon=True).start()
 
     @property
     def pid(self) -> int:
@@ -148,11 +138,7 @@ class ChildProcess:
     def kill(self) -> None:
         """End it and what it started at once, from any thread."""
         if self.running():
-            with contextlib.suppress(ProcessLookupError, PermissionError):  # it ended just now
-                if sys.platform == "win32":
-                    self._process.kill()
-                else:
-                    os.killpg(self.pid, signal.SIGKILL)
+            self._kill_group()
         self.wait()
         self._close_stdin()
 
@@ -164,8 +150,14 @@ class ChildProcess:
     def _end_group(self) -> None:
         """Once the process has ended, end what it started and left: that holds its pipes, whose end is waited for."""
         self.wait()
-        with contextlib.suppress(ProcessLookupError, PermissionError):  # it left nothing
-            os.killpg(self.pid, signal.SIGKILL)
+        self._kill_group()
+
+    def _kill_group(self) -> None:
+        with contextlib.suppress(ProcessLookupError, PermissionError):  # it has ended, and left nothing
+            if sys.platform == "win32":
+                self._process.kill()
+            else:
+                os.killpg(self.pid, signal.SIGKILL)
 
     def _close_stdin(self) -> None:
         assert self._process.stdin
@@ -173,7 +165,7 @@ class ChildProcess:
             self._process.stdin.close()
 
     def _last_words(self) -> str:
-        self._threads[1].join(2)  # what the process started may hold its stderr on Windows
+        self._stderr_reader.join(2)  # what the process started may hold its stderr on Windows
         words = " ".join(" ".join(self._words).split()[-60:])
         return f"; its last words: {words[-300:]}" if words else ""
 
@@ -184,7 +176,7 @@ class ChildProcess:
                 message = _parsed(line)
                 kind = next((kind for kind in _KINDS if kind in message), "")
                 if not kind or not isinstance(message[kind], _KINDS[kind]):
-                    self._keep_words(line)
+                    self._words.append(line.strip()[-LONGEST_WORDS:])
                 elif kind == "progress":
                     self.progress, self.message = message["progress"], str(message.get("message", ""))
                 else:
@@ -194,17 +186,11 @@ class ChildProcess:
     def _read_stderr(self) -> None:
         assert self._process.stderr
         with self._process.stderr as pipe:
-            for line in _lines(pipe):
-                self._keep_words(line)
-
-    def _keep_words(self, line: str) -> None:
-        if line.strip():
-            self._words.append(line.strip()[-LONGEST_WORDS:])
+            self._words.extend(line.strip()[-LONGEST_WORDS:] for line in _lines(pipe) if line.strip())
 
 
 def child_environment(*homes: Path, isolated: bool = False) -> dict[str, str]:
-    """This process's environment, by which a child finds this package, and those in the folders `homes`, where this
-    process did: within Blender they are not on Python's own path.
+    """This process's environment, by which a child finds this package, and those in the folders `homes`.
 
     isolated: neither the current folder nor the person's own packages and PYTHONPATH have a say in what is imported.
     """
@@ -249,6 +235,25 @@ def requests() -> Iterator[dict[str, Any]]:
         if not request:
             raise InputError(f"{line.strip()!r} is not a request; give a JSON object a line")
         yield request
+
+
+def only_request() -> dict[str, Any]:
+    """The request of a process that gets one; empty where there is none. Raises InputError where it is malformed.
+
+    Where stdin ends afterwards, the parent is gone, and this process stops as by SIGTERM. On Windows it goes on: while
+    a thread waits for stdin there, libraries that look at it cannot be loaded.
+    """
+    request = next(requests(), {})
+    if sys.platform != "win32":
+        threading.Thread(target=_stop_without_parent, daemon=True).start()
+    return request
+
+
+def _stop_without_parent() -> None:
+    with contextlib.suppress(OSError):
+        while os.read(0, LONGEST_LINE):  # not by sys.stdin, whose lock the end of the process would wait for
+            pass
+    os.kill(os.getpid(), signal.SIGTERM)
 
 
 def _lines(pipe: IO[str]) -> Iterator[str]:

@@ -103,7 +103,7 @@ def test_what_is_there_is_not_made_again_and_a_larger_count_extends_it(tmp_path:
     assert run(tmp_path, 6) == Harvest(made=5, there=1)
     assert set(begun(tmp_path)) == {1, 2, 3, 4, 5}
     assert whole(tmp_path) == set(range(6))
-    assert run(tmp_path, 3) == Harvest(there=3)
+    assert run(tmp_path, 3, sample_seconds=60) == Harvest(there=3)
 
 
 def test_neighbours_of_one_shape_go_to_one_worker(tmp_path: Path) -> None:
