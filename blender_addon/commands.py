@@ -48,13 +48,16 @@ def main(argv: Sequence[str]) -> int:
     """Run one verb on the open file; give the exit code: 0, 2 with one sentence on stderr for bad input, 1 with one for
     a fault of the program outside its operators, 130 cancelled.
 
-    Progress of longer work is told on stderr now and then.
+    Progress of longer work is reported on stderr now and then.
     """
     try:
         options = vars(_parser().parse_args(argv))
         verb = options.pop("verb")
         if verb == "work":
-            return _work(options["folder"])
+            from .training.samples.worker import work
+
+            work(options["folder"])
+            return 0
         if verb == "render":
             return render_job(Path(options["folder"]))
         with _window():
@@ -104,26 +107,18 @@ def _window() -> AbstractContextManager[Any]:
     return bpy.context.temp_override(window=windows[0])
 
 
-def _work(folder: str) -> int:
-    """Render what is asked for on stdin, in a Blender that a farm of them has started."""
-    from .training.samples.worker import work
-
-    work(folder)
-    return 0
-
-
 @contextmanager
 def _progress_logged() -> Iterator[None]:
-    told, handler = logging.getLogger(__package__), logging.StreamHandler(sys.stderr)
+    logger, handler = logging.getLogger(__package__), logging.StreamHandler(sys.stderr)
     handler.setFormatter(logging.Formatter(f"{COMMAND}: %(message)s"))
-    level = told.level
-    told.addHandler(handler)
-    told.setLevel(logging.INFO)
+    level = logger.level
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
     try:
         yield
     finally:
-        told.setLevel(level)
-        told.removeHandler(handler)
+        logger.setLevel(level)
+        logger.removeHandler(handler)
 
 
 def _written(verb: str) -> str:
@@ -152,7 +147,7 @@ def _written(verb: str) -> str:
 
 
 def _obstacle(verb: str) -> str:
-    """Why a verb cannot run yet: the poll's message, which only a call that fails tells."""
+    """Why a verb cannot run yet: the poll's message, which only a call that fails has."""
     try:
         getattr(bpy.ops.mps, verb)()
     except RuntimeError as error:
@@ -190,13 +185,10 @@ def _parser() -> argparse.ArgumentParser:
         for setting in kind.properties:
             if setting.identifier != "rna_type" and not setting.is_hidden:
                 _add_flag(sub, setting)
-    work = verbs.add_parser("work")  # without help and so not listed: the farm's own
-    work.add_argument("folder")
-    work.set_defaults(verb="work")
-    render = verbs.add_parser("render")  # likewise: what a live window starts, see render_beside.py
-    render.add_argument("folder")
-    render.add_argument("--progress", choices=["json"])
-    render.set_defaults(verb="render")
+    for verb in ("work", "render"):  # without help and so not listed: what the farm and a live window start
+        started = verbs.add_parser(verb)
+        started.add_argument("folder")
+        started.set_defaults(verb=verb)
     return parser
 
 

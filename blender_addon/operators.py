@@ -17,14 +17,14 @@ from mpsnet_core.errors import Cancelled, InputError, in_one_line
 from mpsnet_core.io.crash_log import unforeseen
 from mpsnet_core.progress import Progress
 
-from .child_process.core_process import CORE, CoreCrashed, CoreProcess, Program, run
+from .child_process.core_process import CORE, CoreCrashed, CoreProcess, Program, Work, run
 from .provenance import Provenance, refuse_to_overwrite, store_provenance
 from .settings.record import store_record
 from .time_left import Pace, in_words
 
 TICK_SECONDS = 0.1
 SLICE_SECONDS = 0.03
-TELL_SECONDS = 10.0
+LOG_SECONDS = 10.0
 CANCELLED = "cancelled"
 
 # Work of which each step is short enough for a live window to wait for; to close it gives it up. It yields whether the
@@ -80,7 +80,7 @@ class ReportingOperator(bpy.types.Operator):
         store_provenance(image, verb_of(self.bl_idname), self._made_from)
 
     def begin(self, context: Any) -> None:
-        """Called before anything else; what an earlier run left to say goes."""
+        """Called before anything else; the record of an earlier run goes."""
         self._scene_uid, self._rig_place = context.scene.session_uid, context.scene.mps.chosen_rig
         self._store_record()
 
@@ -122,6 +122,11 @@ def same(datablocks: Any, session_uid: int) -> Any:
 def verb_of(idname: str) -> str:
     """ "estimate" for "mps.estimate" as well as for "MPS_OT_estimate", which is how Blender writes it itself."""
     return idname.removeprefix("MPS_OT_").removeprefix("mps.")
+
+
+def as_typed(number: float) -> float:
+    """The number that was typed: Blender keeps 0.1 as 0.10000000149."""
+    return float(f"{number:g}")
 
 
 def operator_report(error: RuntimeError) -> str:
@@ -194,7 +199,7 @@ class RunsCore(ReportingOperator):
     def poll(cls, context: Any) -> bool:
         return idle(cls, context) and super().poll(context)
 
-    _notes: Sequence[str] = ()  # what `prepare` has to say beside the core's notes
+    _notes: Sequence[str] = ()  # of `prepare`, beside the core's notes
     _slices: list[Slices]
 
     def begin(self, context: Any) -> None:
@@ -206,11 +211,14 @@ class RunsCore(ReportingOperator):
         self._slices.append(slices)
 
     def program(self, folder: Path) -> Program:
-        """What runs beside a live window, with what `prepare` gave. folder: that of `prepare`."""
+        """What does the work that `prepare` returned, beside a live window. folder: that of `prepare`."""
         return CORE
 
-    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
-        """Write what the core reads into `folder`; give its arguments and the files it will write."""
+    def prepare(self, context: Any, folder: Path) -> tuple[Work, Sequence[Path]]:
+        """Write what the core reads into `folder`; return its operation and the files that this will write.
+
+        Raises InputError, as the operation itself does where its options cannot be.
+        """
         raise NotImplementedError
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
@@ -218,26 +226,26 @@ class RunsCore(ReportingOperator):
         raise NotImplementedError
 
     def look(self) -> None:
-        """Take what the core has written so far into Blender; asked ten times a second beside a live window."""
+        """Take what the core has written so far into Blender; called ten times a second beside a live window."""
 
     def act(self, context: Any) -> None:
         manager = context.window_manager
         with TemporaryDirectory(prefix="mpsnet-") as folder:
             try:
-                arguments, outputs = self._prepared(context, Path(folder))
+                work, outputs = self._prepared(context, Path(folder))
                 for _ in chain.from_iterable(self._slices):
                     pass
             finally:
                 _give_up(self._slices)
-            with at_the_pointer(manager) as told:
-                result = run(arguments, outputs, told)
+            with at_the_pointer(manager) as progress:
+                result = run(work, outputs, progress)
         self._finished(context, result)
 
-    def _prepared(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
-        arguments, outputs = self.prepare(context, folder)
+    def _prepared(self, context: Any, folder: Path) -> tuple[Work, Sequence[Path]]:
+        work, outputs = self.prepare(context, folder)
         refuse_to_overwrite(verb_of(self.bl_idname), outputs)
         self._made_from = self.provenance(context)
-        return arguments, outputs
+        return work, outputs
 
     def _finished(self, context: Any, result: dict[str, Any]) -> None:
         notes = [*self._notes, *result.get("notes", [])]
@@ -255,14 +263,14 @@ class RunsCore(ReportingOperator):
     def _start(self, context: Any) -> None:
         folder, begun = TemporaryDirectory(prefix="mpsnet-"), time.monotonic()
         try:
-            arguments, outputs = self._prepared(context, Path(folder.name))
+            work, outputs = self._prepared(context, Path(folder.name))
         except BaseException:
             _give_up(self._slices)
             folder.cleanup()
             raise
         program, manager = self.program(Path(folder.name)), context.window_manager
         timer = manager.event_timer_add(TICK_SECONDS, window=context.window)
-        self._job = _Job(folder, self._slices, lambda: CoreProcess(arguments, outputs, program), timer)
+        self._job = _Job(folder, self._slices, lambda: CoreProcess(work, outputs, program), timer)
         _jobs.append(self._job)
         manager.mps.running, manager.mps.cancel = self.bl_idname, False  # MPS_OT_..., as Blender writes it
         if time.monotonic() - begun < SLICE_SECONDS:
@@ -308,17 +316,17 @@ class RunsCore(ReportingOperator):
 
 
 @dataclass
-class _Teller:
-    """Tells a script's progress: at the mouse pointer, and now and then as a line in the log."""
+class _PointerProgress:
+    """Shows a script's progress: at the mouse pointer, and now and then as a line in the log."""
 
     manager: Any
-    told: float = field(default_factory=time.monotonic)
+    logged: float = field(default_factory=time.monotonic)
 
     def __call__(self, done: float, message: str) -> None:
         self.manager.progress_update(int(100 * done))
-        if time.monotonic() - self.told >= TELL_SECONDS:
+        if time.monotonic() - self.logged >= LOG_SECONDS:
             log.info("%.0f%%: %s", 100 * done, message)
-            self.told = time.monotonic()
+            self.logged = time.monotonic()
 
 
 @contextmanager
@@ -326,7 +334,7 @@ def at_the_pointer(manager: Any) -> Iterator[Progress]:
     """Progress for a script's work: at the mouse pointer, and in the log."""
     manager.progress_begin(0, 100)
     try:
-        yield _Teller(manager)
+        yield _PointerProgress(manager)
     finally:
         manager.progress_end()
 

@@ -9,11 +9,13 @@ import bpy
 from bpy.props import StringProperty
 from mathutils import Matrix
 
+from mpsnet_core.bake.operations import Bake
 from mpsnet_core.bake.presets import PRESETS
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.camera import write_camera
 
-from ..operators import RunsCore, same
+from ..child_process.core_process import Work
+from ..operators import RunsCore, as_typed, same
 from ..outputs import (
     FORMATS,
     ending_wins,
@@ -47,7 +49,7 @@ from .texture_sets import (
     with_tokens,
 )
 
-BITS = {".png": "16", ".tif": "16", ".tiff": "16", ".exr": "32"}
+BITS = {".png": 16, ".tif": 16, ".tiff": 16, ".exr": 32}
 
 
 class BakesOnto(RunsCore):
@@ -59,7 +61,7 @@ class BakesOnto(RunsCore):
         options={"SKIP_SAVE"},
     )
 
-    def _prepared(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+    def _prepared(self, context: Any, folder: Path) -> tuple[Work, Sequence[Path]]:
         settings = context.scene.mps.bake
         before = settings.target
         try:
@@ -99,34 +101,36 @@ class BakesOnto(RunsCore):
         refuse_shared(targets, settings.split)
         return targets
 
-    def detail(self, settings: Any, targets: Sequence[Any], folder: Path) -> list[str]:
-        """The core's arguments for the photo's detail and the normal maps that it goes on top of."""
-        arguments = ["--strength", f"{settings.strength:g}"]
+    def detail(self, settings: Any, targets: Sequence[Any], folder: Path) -> dict[str, Any]:
+        """The core's options for the photo's detail and the normal maps that it goes on top of."""
+        options = {"strength": as_typed(settings.strength)}
         self._bases = bases_to_keep(targets, self._bake_target, self._output)
         if not settings.onto:
-            return arguments
-        arguments += ["--onto-shown", settings.onto_shown.lower()]
+            return options
+        options["onto_shown"] = settings.onto_shown.lower()
         if settings.onto_file:
             file, convention = bpy.path.abspath(settings.onto_file), settings.onto_convention
-            return [*arguments, "--onto", file, "--onto-convention", convention.lower()]
+            return {**options, "onto": file, "onto_convention": convention.lower()}
         maps = maps_to_go_on(targets, self._bake_target, self._output)
         if list(maps) == [(None, None)]:
             one = maps[None, None]
-            return [*arguments, "--onto", str(one.file), "--onto-convention", one.convention.lower()]
+            return {**options, "onto": str(one.file), "onto_convention": one.convention.lower()}
         write_maps(folder / "maps.json", maps)
-        return [*arguments, "--onto", str(folder / "maps.json")]
+        return {**options, "onto": str(folder / "maps.json")}
 
-    def write_meshes(self, context: Any, folder: Path, targets: Sequence[Any], turn: Matrix | None = None) -> list[str]:
-        """Write the objects' mesh files and remember what they are; the core's arguments for them."""
+    def write_meshes(
+        self, context: Any, folder: Path, targets: Sequence[Any], turn: Matrix | None = None
+    ) -> tuple[str, ...]:
+        """Write the objects' mesh files and remember what they are; returns their paths."""
         context.view_layer.update()
-        uv_map, arguments, self._bake_target = context.scene.mps.bake.uv_map, [], []
+        uv_map, paths, self._bake_target = context.scene.mps.bake.uv_map, [], []
         for number, target in enumerate(targets):
             path = folder / f"mesh_{number}.npz"
             begun = begin_mesh(path, target, context.evaluated_depsgraph_get(), uv_map, turn)
             self.later(begun.slices)
             self._bake_target.append(_bake_target(target, begun))
-            arguments += ["--mesh", str(path)]
-        return arguments
+            paths.append(str(path))
+        return tuple(paths)
 
     def texture_file(self, context: Any, targets: Sequence[Any]) -> Path:
         """Where the texture goes, with tokens in its name where there are several; a folder gets the preset's name."""
@@ -176,11 +180,21 @@ def targets_place(settings: Any) -> Provenance:
     return {"Target's place": rounded(settings.target.matrix_world, 4)}
 
 
-def sampling(settings: Any) -> list[str]:
-    """The core's arguments for size, samples and padding."""
-    arguments = ["--size", str(settings.size), "--samples", settings.samples]
-    arguments += ["--padding", settings.padding.lower().replace("_", "-")]
-    return [*arguments, "--margin", str(settings.margin)] if settings.padding == "NEAREST" else arguments
+def sampling(settings: Any) -> dict[str, Any]:
+    """The core's options for size, samples, padding, space and convention."""
+    return {
+        "size": settings.size,
+        "samples": int(settings.samples),
+        "padding": settings.padding.lower().replace("_", "-"),
+        "margin": settings.margin if settings.padding == "NEAREST" else None,
+        "space": settings.space.lower(),
+        "convention": settings.convention.lower(),
+    }
+
+
+def level(settings: Any) -> str:
+    """The core's option for the size from which on the mesh counts in place of the photo."""
+    return f"{settings.level_scale:g}" if settings.level else "off"
 
 
 class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
@@ -201,7 +215,7 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         stamps = ", ".join(stamp(one.estimate.image) for one in every)
         return {"Normals": stamps, **chosen(BakeSettings, settings), **targets_place(settings)}
 
-    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+    def prepare(self, context: Any, folder: Path) -> tuple[Bake, Sequence[Path]]:
         scene = context.scene
         take_given(self, BakeSettings, scene.mps.bake)
         normals_image = scene.mps.estimate.image
@@ -216,25 +230,27 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
             suffix = f".{FORMATS[self.file_format]}"
             targets = [target]
             mesh, camera = self._write_place(context, folder, target, normals_image)
-            arguments = ["bake", "--format", suffix[1:], "--mesh", mesh]
+            meshes: tuple[str, ...] = (mesh,)
         else:
             targets = self.bake_targets(context)
             self._output = self.texture_file(context, targets)
             suffix = self._output.suffix.lower()
-            arguments = ["bake", *self.write_meshes(context, folder, targets)]
+            meshes = self.write_meshes(context, folder, targets)
             camera = str(folder / "camera.json")
             self._write_camera(scene, folder / "camera.json", normals_image)
-        arguments += ["--view", f"{camera}={normals}", "--output", str(self._output)]
-        views = [scene.mps]
-        if self.all_rigs:
-            views += self._other_rigs(scene)
-            arguments += self._other_views(scene, views[1:], folder)
-        arguments += self._albedos(views)
-        arguments += [*sampling(self), "--bits", bits(self, suffix)]
-        arguments += ["--space", self.space.lower(), "--convention", self.convention.lower()]
-        arguments += ["--level", f"{self.level_scale:g}" if self.level else "off"]
-        arguments += self.detail(self, targets, folder)
-        return arguments, [self._output / "frames" if self._frames else self._output]
+        others = self._other_rigs(scene) if self.all_rigs else []
+        operation = Bake(
+            mesh=meshes,
+            view=(f"{camera}={normals}", *self._other_views(scene, others, folder)),
+            albedo=self._albedos([scene.mps, *others]),
+            **sampling(self),
+            bits=bits(self, suffix),
+            level=level(self),
+            **self.detail(self, targets, folder),
+            format=suffix[1:] if self._frames else None,
+            output=str(self._output),
+        )
+        return operation, [self._output / "frames" if self._frames else self._output]
 
     def written_for(self) -> dict[Path, list[Any]]:
         if not self._frames:
@@ -286,8 +302,8 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         return others
 
     def _other_views(self, scene: Any, rigs: Sequence[Any], folder: Path) -> list[str]:
-        """The core's arguments for the normals and cameras of further rigs."""
-        arguments = []
+        """The normals and cameras of further rigs, as the core takes them."""
+        views = []
         for number, one in enumerate(rigs):
             image = one.estimate.image
             camera, taken_with = folder / f"camera_{number}.json", remembered(image, "camera")
@@ -297,16 +313,15 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
                 write_camera(camera, scene_camera(one.rig.camera, scene, picture_size(image)))
             else:
                 raise InputError(f'the camera of the normals "{image.name}" is gone; estimate them again')
-            arguments += ["--view", f"{camera}={image_file(image, 'normal map', 'estimate the normals again')}"]
-        return arguments
+            views.append(f"{camera}={image_file(image, 'normal map', 'estimate the normals again')}")
+        return views
 
-    def _albedos(self, rigs: Sequence[Any]) -> list[str]:
-        """The core's arguments for the albedos of the rigs' photos, where all of them have one."""
+    def _albedos(self, rigs: Sequence[Any]) -> tuple[str, ...]:
+        """The albedos of the rigs' photos, where all of them have one."""
         images = [one.estimate.albedo_image for one in rigs]
         if self._frames or None in images:
-            return []
-        files = [image_file(image, "albedo", "estimate the normals again") for image in images]
-        return [argument for file in files for argument in ("--albedo", str(file))]
+            return ()
+        return tuple(str(image_file(image, "albedo", "estimate the normals again")) for image in images)
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         scene = self.scene(f"its texture is in {self._output}")
@@ -345,9 +360,9 @@ def texture_name(settings: Any, name: str) -> str:
     return preset.stem(name)
 
 
-def bits(settings: Any, suffix: str) -> str:
+def bits(settings: Any, suffix: str) -> int:
     """Bits a channel for a file with that ending."""
-    return BITS[suffix] if settings.bits == "AUTO" else settings.bits
+    return BITS[suffix] if settings.bits == "AUTO" else int(settings.bits)
 
 
 def named_object(scene: Any, name: str) -> Any:

@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
+from mpsnet_core.bake.operations import BakeViews
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.rig import write_rig
 from mpsnet_core.scene.view_files import write_views
@@ -22,7 +23,7 @@ from ..settings.bake import BakeSettings
 from ..settings.declared import take_given
 from ..settings.estimate import EstimateSettings
 from ..settings.views import ViewsSettings
-from .bake import BakesOnto, bits, sampling, targets_place
+from .bake import BakesOnto, bits, level, sampling, targets_place
 from .texture_sets import without_tokens
 
 # What Blender's importers of OBJ and glTF do to a file whose y axis is up.
@@ -59,7 +60,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
             **({} if scene.estimate.rig_file else _lights(context.scene)),
         }
 
-    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+    def prepare(self, context: Any, folder: Path) -> tuple[BakeViews, Sequence[Path]]:
         scene = context.scene
         take_given(self, ViewsSettings, scene.mps.views)
         bake, estimate = scene.mps.bake, scene.mps.estimate
@@ -67,28 +68,33 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
         self._output = output = self.texture_file(context, targets)
         turn = _BLENDER_FROM_Y_UP if self.cameras and self.axes == "Y_UP" else Matrix.Identity(4)
         meshes = self.write_meshes(context, folder, targets, turn.inverted())
-        arguments = ["views", *meshes, *self._cameras(scene, folder)]
-        arguments += ["--rig", self._rig(scene, folder, turn.inverted()), "--lights-in", self.lights_in.lower()]
-        arguments += [*reading(estimate, unmasked="mesh"), *network(estimate)]
-        arguments += ["--level", f"{self.level_scale:g}" if self.level else "off"]
-        arguments += [*sampling(bake), "--bits", bits(bake, output.suffix.lower())]
-        arguments += ["--space", bake.space.lower(), "--convention", bake.convention.lower()]
-        arguments += self.detail(bake, targets, folder)
-        outputs = [output]
-        if self.keep:
-            arguments += ["--keep", str(requested_path(self.keep))]
-        self._report = ""
+        outputs, self._report = [output], ""
         if self.write_report:
             outputs.append(output.with_name(f"{without_tokens(output.stem) or 'textures'}_report.html"))
             self._report = str(outputs[1])
-            arguments += ["--report", self._report]
-        return [*arguments, "--output", str(output)], outputs
+        operation = BakeViews(
+            mesh=meshes,
+            **self._cameras(scene, folder),
+            rig=self._rig(scene, folder, turn.inverted()),
+            lights_in=self.lights_in.lower(),
+            **reading(estimate, unmasked="mesh"),
+            **network(estimate),
+            level=level(self),
+            **sampling(bake),
+            bits=bits(bake, output.suffix.lower()),
+            **self.detail(bake, targets, folder),
+            keep=str(requested_path(self.keep)) if self.keep else None,
+            report=self._report or None,
+            output=str(output),
+        )
+        return operation, outputs
 
-    def _cameras(self, scene: Any, folder: Path) -> list[str]:
+    def _cameras(self, scene: Any, folder: Path) -> dict[str, Any]:
+        """The core's options for the cameras and their photos."""
         if self.cameras:
             if not self.photos:
                 raise InputError("where are the photos of these cameras? Choose their folder")
-            return ["--cameras", bpy.path.abspath(self.cameras), "--photos", bpy.path.abspath(self.photos)]
+            return {"cameras": bpy.path.abspath(self.cameras), "photos": bpy.path.abspath(self.photos)}
         views = []
         for obj, image in _with_photos(scene):
             photo = image_file(image, f"background image of {obj.name}", "choose another")
@@ -100,7 +106,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
                 "cameras that a photogrammetry program wrote"
             )
         write_views(folder / "views.json", views)
-        return ["--cameras", str(folder / "views.json")]
+        return {"cameras": str(folder / "views.json")}
 
     def _rig(self, scene: Any, folder: Path, turn: Matrix) -> str:
         """The rig file that was measured, or the scene's lights. turn: from Blender's world to that of the cameras."""

@@ -1,32 +1,31 @@
 """The core as a child process: it cannot freeze Blender's window, cannot crash it, and is cancelled by ending it.
 
-So can be another Blender that answers as the core does, see render_beside.py.
+So can be another Blender that speaks the same protocol, see background_render.py.
 """
 
-import json
-import os
-import signal
-import subprocess
 import sys
 import threading
 import time
 import weakref
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import bpy
 import numpy
 
-import mpsnet_core
 from mpsnet_core.cli import EXIT_CANCELLED
 from mpsnet_core.errors import Cancelled, InputError
+from mpsnet_core.io.child_process import ChildEnded, ChildProcess, child_environment
 from mpsnet_core.io.files import remove_unfinished
+from mpsnet_core.operation import Operation
+from mpsnet_core.operation_json import to_json
 
 CANCEL_SECONDS = 0.8
-LAST_WORDS = 20
+
+# What a child does: an operation of the core, or the request of another program.
+Work = Operation | Mapping[str, Any]
 
 
 class CoreCrashed(Exception):
@@ -35,7 +34,7 @@ class CoreCrashed(Exception):
 
 @dataclass(frozen=True)
 class Program:
-    """What a child process runs: it is called as the core is, with ``--progress json``, and answers as that does.
+    """What a child process runs, which speaks the protocol of :mod:`mpsnet_core.io.child_process`.
 
     name: for people. environment: variables that it has in place of this process's.
     """
@@ -45,119 +44,70 @@ class Program:
     environment: Mapping[str, str] = field(default_factory=dict)
 
 
-CORE = Program((sys.executable, "-m", "mpsnet_core"), "the core")
-
-
-@dataclass
-class _Said:
-    """What the child has said so far; its readers fill it in and know nothing else, so that a run can be dropped."""
-
-    progress: float = 0.0
-    message: str = "starting"
-    answer: dict[str, Any] = field(default_factory=dict)
-    last_words: deque[str] = field(default_factory=lambda: deque(maxlen=LAST_WORDS))
+CORE = Program((sys.executable, "-m", "mpsnet_core", "job", "--progress", "json"), "the core")
 
 
 class CoreProcess:
     """One run of a program, from the moment it is made until it ends or nobody holds it any more.
 
-    arguments: verb and options as on the command line.
     outputs: files that the run writes; their folders are cleared of unfinished files after a kill.
-    program: what is run, ``python -m mpsnet_core`` unless given.
-
-    Attributes `progress` (0 to 1) and `message` say how far it is.
     """
 
-    def __init__(self, arguments: Sequence[str], outputs: Sequence[Path] = (), program: Program = CORE) -> None:
-        self._said, self._name = _Said(), program.name
-        self._folders = {output.parent for output in outputs}
-        flags = 0
-        if sys.platform == "win32":
-            # A group of its own, so that the child can be asked to end and not Blender with it.
-            flags = subprocess.CREATE_NEW_PROCESS_GROUP
-        self._child = subprocess.Popen(
-            [*program.command, *arguments, "--progress", "json"],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            encoding="utf-8",
-            errors="replace",
-            env={**_environment(), **program.environment},
-            creationflags=flags,
-        )
+    def __init__(self, work: Work, outputs: Sequence[Path] = (), program: Program = CORE) -> None:
+        request = to_json(work) if isinstance(work, Operation) else work
+        self._name, self._folders = program.name, {output.parent for output in outputs}
+        self._child = ChildProcess(program.command, {**_environment(), **program.environment})
         # Also runs when Blender quits in the middle of the work.
         weakref.finalize(self, _end, self._child, self._folders)
-        assert self._child.stdout and self._child.stderr
-        self._readers = [
-            threading.Thread(target=_read_answers, args=(self._child.stdout, self._said), daemon=True),
-            threading.Thread(target=_read_last_words, args=(self._child.stderr, self._said), daemon=True),
-        ]
-        for reader in self._readers:
-            reader.start()
+        # A pipe may hold less than the request until the child has started.
+        threading.Thread(target=self._child.send, args=(request,), daemon=True).start()
 
     @property
     def progress(self) -> float:
-        return self._said.progress
+        """How far it is, 0 to 1."""
+        return self._child.progress
 
     @property
     def message(self) -> str:
-        return self._said.message
+        """What it is doing."""
+        return self._child.message
 
     @property
     def pid(self) -> int:
         return self._child.pid
 
     def running(self) -> bool:
-        return self._child.poll() is None
+        return self._child.running()
 
     def result(self) -> dict[str, Any]:
-        """Wait for the end and give what the core answered.
+        """Wait for the end and return the result.
 
         Raises InputError with the core's sentence on bad input, Cancelled, or CoreCrashed with its last words.
         """
-        code = self._child.wait()
-        for reader in self._readers:
-            reader.join()
-        if code == 0 and "result" in self._said.answer:
-            return dict(self._said.answer["result"])
-        _clear(self.pid, self._folders)
-        if "error" in self._said.answer:
-            raise InputError(self._said.answer["error"])
-        if code == EXIT_CANCELLED:
-            raise Cancelled
-        words = self._said.last_words[-1] if self._said.last_words else "it said nothing"
-        raise CoreCrashed(f"{self._name} ended unexpectedly (exit code {code}); its last words: {words}")
+        try:
+            message = self._child.receive()
+            if self._child.wait() and "error" not in message:
+                self._child.receive()  # raises: it ended badly all the same
+        except ChildEnded as end:
+            _clear(self.pid, self._folders)
+            if end.code == EXIT_CANCELLED:
+                raise Cancelled from None
+            raise CoreCrashed(f"{self._name} ended unexpectedly ({end})") from None
+        if "error" in message:
+            _clear(self.pid, self._folders)
+            raise InputError(message["error"])
+        return dict(message["result"])
 
     def cancel(self) -> None:
         """End the child within a second; nothing half-written stays behind."""
         _end(self._child, self._folders)
 
 
-def _read_answers(stream: IO[str], said: _Said) -> None:
-    for line in stream:
-        try:
-            answer = json.loads(line)
-        except ValueError:
-            answer = None
-        if not isinstance(answer, dict):
-            said.last_words.append(line.strip())
-        elif "progress" in answer:
-            said.progress, said.message = answer["progress"], answer["message"]
-        else:
-            said.answer = answer
-
-
-def _read_last_words(stream: IO[str], said: _Said) -> None:
-    said.last_words.extend(line.strip() for line in stream if line.strip())
-
-
 def run(
-    arguments: Sequence[str],
-    outputs: Sequence[Path] = (),
-    on_progress: Callable[[float, str], None] | None = None,
+    work: Work, outputs: Sequence[Path] = (), on_progress: Callable[[float, str], None] | None = None
 ) -> dict[str, Any]:
-    """Run the core, wait for it, and give its result. Raises as :meth:`CoreProcess.result` does."""
-    process = CoreProcess(arguments, outputs)
+    """Run the core, wait for it, and return its result. Raises as :meth:`CoreProcess.result` does."""
+    process = CoreProcess(work, outputs)
     try:
         while process.running():
             if on_progress is not None:
@@ -174,30 +124,15 @@ def _environment() -> dict[str, str]:
 
     Beside pip's bpy they are, but for this project's own where they are run from its folder.
     """
-    files = [mpsnet_core.__file__, __file__ if bpy.app.module else numpy.__file__]
-    homes = [str(Path(file).parents[1]) for file in files if file]
-    environment = {key: value for key, value in os.environ.items() if key != "PYTHONHOME"}
-    environment["PYTHONPATH"] = os.pathsep.join(dict.fromkeys(homes))
-    environment["PYTHONIOENCODING"] = "utf-8"
-    # Neither the folder that Blender was started in nor the person's own packages have a say in what is imported.
-    environment["PYTHONSAFEPATH"] = environment["PYTHONNOUSERSITE"] = "1"
-    return environment
+    home = Path(__file__).parents[2] if bpy.app.module else Path(numpy.__file__).parents[1]
+    return child_environment(home, isolated=True)
 
 
-def _end(child: "subprocess.Popen[str]", folders: set[Path]) -> None:
+def _end(child: ChildProcess, folders: set[Path]) -> None:
     """End the child, by force if need be, and clear the folders of what it left; nothing where it has ended."""
-    if child.poll() is not None:
-        return
-    try:
-        if sys.platform == "win32":
-            child.send_signal(signal.CTRL_BREAK_EVENT)
-        else:
-            child.terminate()
-        child.wait(CANCEL_SECONDS)
-    except (subprocess.TimeoutExpired, OSError):
-        child.kill()
-        child.wait()
-    _clear(child.pid, folders)
+    if child.running():
+        child.cancel(CANCEL_SECONDS)
+        _clear(child.pid, folders)
 
 
 def _clear(pid: int, folders: set[Path]) -> None:

@@ -8,13 +8,15 @@ from typing import Any
 import bpy
 from bpy.props import StringProperty
 
+from mpsnet_core.capture.operations import FindMask
 from mpsnet_core.errors import InputError
+from mpsnet_core.estimate.operations import Estimate
 from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.rig import LightRig, read_rig, write_rig
 
 from ..bake.bake import named_object
 from ..bake.mesh_file import begin_mesh
-from ..operators import RunsCore, Slices
+from ..operators import RunsCore, Slices, as_typed
 from ..outputs import (
     FORMATS,
     ending_wins,
@@ -64,7 +66,7 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
             "Rig File": file_stamp(rig_file_for(context.scene.mps.photo.image, settings)),
         }
 
-    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+    def prepare(self, context: Any, folder: Path) -> tuple[Estimate, Sequence[Path]]:
         scene = context.scene
         named = self.properties.is_property_set("rig_file")
         take_given(self, EstimateSettings, scene.mps.estimate)
@@ -88,24 +90,23 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
             )
         if self.surface:
             scene.mps.estimate.surface = named_object(scene, self.surface)
-        arguments = ["estimate", str(photo), "--output", str(output)]
-        arguments += rig_and_camera_options(context, image, folder, self.later, rig_file)
-        arguments += [*reading(self), *network(self)]
+        options = rig_and_camera_options(context, image, folder, self.later, rig_file)
+        options |= {**reading(self), **network(self)}
         if self._moves:
-            arguments += ["--smooth", str(self.smooth), "--format", FORMATS[self.file_format]]
+            options |= {"smooth": self.smooth, "format": FORMATS[self.file_format]}
         elif not self.average_passes:
-            arguments += ["--passes", "1"]
+            options["passes"] = 1
         outputs = [output / "frames" if self._moves else output]
         if self.white and self._moves:
             notes.append(f"{Path(self.white).name} not used: a white photo goes with one still photo")
         elif self.white:
-            arguments += ["--white", bpy.path.abspath(self.white)]
-        asked = () if self._moves else ("confidence", "albedo")
-        for also in filter(partial(getattr, self), asked):
+            options["white"] = (bpy.path.abspath(self.white),)
+        wanted = () if self._moves else ("confidence", "albedo")
+        for also in filter(partial(getattr, self), wanted):
             outputs.append(output.with_name(f"{output.stem}_{also}{output.suffix}"))
-            arguments += [f"--{also}", str(outputs[-1])]
+            options[also] = str(outputs[-1])
         self._output, self._camera, self._lens = output, remembered(image, "camera"), self.lens
-        return arguments, outputs
+        return Estimate(image=(str(photo),), output=str(output), **options), outputs
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         result_is = f"its normals are in {self._output}"
@@ -144,14 +145,14 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
         shaping = chosen(EstimateSettings, context.scene.mps.estimate, only=only)
         return {"Photo": stamp(context.scene.mps.photo.image), **shaping}
 
-    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+    def prepare(self, context: Any, folder: Path) -> tuple[FindMask, Sequence[Path]]:
         scene = context.scene
         take_given(self, EstimateSettings, scene.mps.estimate)
         photo = image_file(scene.mps.photo.image, "photo", "render or open one first")
         mask = output_path("", result_name(scene, "mask"), "PNG")
         self._overlay = mask.with_name(f"{mask.stem}_shown.png")
-        arguments = ["mask", str(photo), "--output", str(mask), "--overlay", str(self._overlay)]
-        return [*arguments, *reading(self)], [mask, self._overlay]
+        operation = FindMask(image=str(photo), output=str(mask), overlay=str(self._overlay), **reading(self))
+        return operation, [mask, self._overlay]
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         result_is = f"its mask is in {result['output']}"
@@ -175,7 +176,7 @@ def rig_file_for(photo: Any, settings: Any) -> str:
 
 def rig_and_camera_options(
     context: Any, image: Any, folder: Path, later: Callable[[Slices], None], rig_file: str | None = None
-) -> list[str]:
+) -> dict[str, Any]:
     """The core's options for the rig and the camera that the photo was taken with, by the scene's settings.
 
     later: that of the operator, see :class:`.RunsCore`.
@@ -191,16 +192,16 @@ def rig_and_camera_options(
             write_rig(rig, light_rig(scene))
         else:
             rig.write_text(taken_with, encoding="utf-8")
-    return ["--rig", str(rig), *_viewpoint_options(context, image, read_rig(rig), folder, later)]
+    return {"rig": str(rig), **_viewpoint_options(context, image, read_rig(rig), folder, later)}
 
 
 def _viewpoint_options(
     context: Any, image: Any, rig: LightRig, folder: Path, later: Callable[[Slices], None]
-) -> list[str]:
+) -> dict[str, Any]:
     """The camera that took the photo, and for near lights how far the object is from it."""
     scene = context.scene
     settings = scene.mps.estimate
-    distance = ["--distance", f"{settings.distance:g}"] if settings.distance and rig.near is not None else []
+    distance = {"distance": as_typed(settings.distance)} if settings.distance and rig.near is not None else {}
     seen = seen_through(scene, image, settings.lens, folder)
     if rig.near is not None and not seen:
         raise InputError(
@@ -208,35 +209,35 @@ def _viewpoint_options(
             "whose camera is taken"
         )
     if rig.near is None or distance or settings.surface is None or settings.lens:
-        return [*seen, *distance]
+        return {**seen, **distance}
     context.view_layer.update()
     depsgraph = context.evaluated_depsgraph_get()
     later(begin_mesh(folder / "surface.npz", settings.surface, depsgraph, None).slices)
-    return [*seen, "--mesh", str(folder / "surface.npz")]
+    return {**seen, "mesh": str(folder / "surface.npz")}
 
 
-def seen_through(scene: Any, image: Any, lens: float, folder: Path) -> list[str]:
-    """The core's option for a picture's camera: its lens where that is told, else the camera that it keeps, else the
+def seen_through(scene: Any, image: Any, lens: float, folder: Path) -> dict[str, Any]:
+    """The core's option for a picture's camera: its lens where that is known, else the camera that it keeps, else the
     rig's; nothing where there is none.
 
     lens: focal length in mm on a sensor 36 mm wide, 0 for none.
     """
     camera, taken_with = folder / "camera.json", remembered(image, "camera")
     if lens:
-        return ["--focal", f"{lens:g}"]
+        return {"focal": as_typed(lens)}
     if taken_with is not None:
         camera.write_text(taken_with, encoding="utf-8")
     elif scene.mps.rig.lights:
         write_camera(camera, scene_camera(rig_camera(scene), scene, picture_size(image)))
     else:
-        return []
-    return ["--camera", str(camera)]
+        return {}
+    return {"camera": str(camera)}
 
 
-def network(settings: Any) -> list[str]:
+def network(settings: Any) -> dict[str, Any]:
     """The core's options for the settings' model and, by the preferences, for what networks run on."""
-    provider, threads = preference("provider").lower(), str(preference("threads"))
-    return ["--model", model_name(settings), "--provider", provider, "--threads", threads]
+    provider, threads = preference("provider").lower(), preference("threads")
+    return {"model": model_name(settings), "provider": provider, "threads": threads}
 
 
 def model_name(settings: Any) -> str:
@@ -248,23 +249,20 @@ def model_name(settings: Any) -> str:
     return bpy.path.abspath(settings.model_file)
 
 
-def reading(settings: Any, unmasked: str = "alpha-or-auto") -> list[str]:
+def reading(settings: Any, unmasked: str = "alpha-or-auto") -> dict[str, Any]:
     """The core's options for how a photo is read: encoding, dark frame, flat field and mask.
 
     unmasked: the mask unless one is chosen.
 
-    Raises InputError where a file is asked for and none is named.
+    Raises InputError where a file is chosen and none is named.
     """
-    return [*reading_options_without_mask(settings), "--mask", _mask(settings) or unmasked]
+    return {**reading_options_without_mask(settings), "mask": _mask(settings) or unmasked}
 
 
-def reading_options_without_mask(settings: Any) -> list[str]:
+def reading_options_without_mask(settings: Any) -> dict[str, Any]:
     """The same but for the mask."""
-    arguments = ["--encoding", settings.encoding.lower()]
-    for frame in ("dark", "flat"):
-        if getattr(settings, frame):
-            arguments += [f"--{frame}", bpy.path.abspath(getattr(settings, frame))]
-    return arguments
+    frames = {frame: bpy.path.abspath(path) for frame in ("dark", "flat") if (path := getattr(settings, frame))}
+    return {"encoding": settings.encoding.lower(), **frames}
 
 
 def _mask(settings: Any) -> str:

@@ -8,13 +8,14 @@ import bpy
 from mathutils import Matrix
 
 from mpsnet_core.errors import InputError
+from mpsnet_core.relief.operations import Integrate
 
 from ..bake.bake import BakesOnto
 from ..bake.mesh_file import DISPLACE, begin_mesh
 from ..bake.texture_owners import store_owners
 from ..bake.texture_sets import AssignedTexture, own_materials, with_tokens
 from ..nodes import TEXTURE_NODE, present_node
-from ..operators import same
+from ..operators import as_typed, same
 from ..outputs import ending_wins, fine_preview, image_file, load_image, load_tiles, output_path, remembered, tile_files
 from ..provenance import Provenance, chosen, stamp
 from ..settings.declared import take_given
@@ -52,7 +53,7 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
         texture = worn.pop() if len(worn) == 1 else scene.bake.image
         return {"Texture": stamp(texture), **chosen(DisplaceSettings, scene.displace)}
 
-    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+    def prepare(self, context: Any, folder: Path) -> tuple[Integrate, Sequence[Path]]:
         bake = context.scene.mps.bake
         take_given(self, DisplaceSettings, context.scene.mps.displace)
         target = self.baked_object(context)
@@ -75,15 +76,20 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
         self._uv_map = begun.uv_map
         self._space = remembered(image, "space") or bake.space
         convention = remembered(image, "convention") or bake.convention
-        arguments = ["integrate", str(texture), "--uvs", str(folder / "mesh.npz"), "--height", str(self._output)]
-        arguments += ["--space", self._space.lower(), "--convention", convention.lower()]
-        arguments += ["--scale", f"{self.scale:g}", "--margin", str(bake.margin)]
+        base = folder / "base.npz"
         if self.levels:
             with subdivided(target, self.subdivision, min(self.levels, MOST_BASE_LEVELS)):
                 depsgraph = context.evaluated_depsgraph_get()
-                self.later(begin_mesh(folder / "base.npz", target, depsgraph, self._uv_map, turn).slices)
-            arguments += ["--base", str(folder / "base.npz")]
-        return arguments, [self._output]
+                self.later(begin_mesh(base, target, depsgraph, self._uv_map, turn).slices)
+        options: dict[str, Any] = {
+            "uvs": str(folder / "mesh.npz"),
+            "base": str(base) if self.levels else None,
+            "space": self._space.lower(),
+            "convention": convention.lower(),
+            "scale": as_typed(self.scale),
+            "margin": bake.margin,
+        }
+        return Integrate(normals=str(texture), height=str(self._output), **options), [self._output]
 
     def written_for(self) -> dict[Path, list[Any]]:
         return {self._output: [same(bpy.data.objects, self._target)]}

@@ -11,10 +11,11 @@ from mathutils import Vector
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.relief.height_names import scale_sidecar
+from mpsnet_core.relief.operations import Integrate
 from mpsnet_core.scene.camera import read_camera
 
 from ..estimate.estimate import seen_through
-from ..operators import RunsCore
+from ..operators import RunsCore, as_typed
 from ..outputs import ending_wins, fine_preview, image_file, load_image, output_path, remembered
 from ..provenance import Provenance, chosen, stamp
 from ..rig.several_rigs import result_name, rig_at
@@ -40,7 +41,7 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
         scene = context.scene.mps
         return {"Normals": stamp(scene.estimate.image), **chosen(HeightsSettings, scene.heights)}
 
-    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+    def prepare(self, context: Any, folder: Path) -> tuple[Integrate, Sequence[Path]]:
         scene = context.scene
         take_given(self, HeightsSettings, scene.mps.heights)
         image = scene.mps.estimate.image
@@ -52,14 +53,12 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
         self._pictures = {
             what: self._output.with_name(f"{self._output.stem}_{what}.png") for what in PICTURES if getattr(self, what)
         }
-        arguments = ["integrate", str(normals), "--method", self.method.lower(), "--height", str(self._output)]
-        arguments += self._viewpoint_options(context, image, folder)
-        for what, picture in self._pictures.items():
-            arguments += [f"--{what}", str(picture)]
+        options = {"method": self.method.lower(), **self._viewpoint_options(context, image, folder)}
+        options |= {what: str(picture) for what, picture in self._pictures.items()}
         outputs = [self._output, *self._pictures.values()]
         self._mesh = self._output.with_suffix(".ply") if self.mesh else None
         if self._mesh is not None:
-            arguments += ["--mesh", str(self._mesh), "--faces", str(self.faces)]
+            options |= {"mesh": str(self._mesh), "faces": self.faces}
             outputs.append(self._mesh)
         # Heights have their scale beside them: where that is not, nothing here is of earlier heights.
         foreign = [file for file in outputs[1:] if file.exists()]
@@ -68,9 +67,9 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
                 f"{foreign[0]} is there already and was not made with {self._output.name}; move it, or give the "
                 "heights another name"
             )
-        return arguments, outputs
+        return Integrate(normals=str(normals), height=str(self._output), **options), outputs
 
-    def _viewpoint_options(self, context: Any, image: Any, folder: Path) -> list[str]:
+    def _viewpoint_options(self, context: Any, image: Any, folder: Path) -> dict[str, Any]:
         """The camera that took the photo, and how far the object is from it."""
         scene = context.scene
         lens = scene.mps.estimate.lens
@@ -78,12 +77,12 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
             lens = float(remembered(image, "lens") or lens)
         seen = seen_through(scene, image, lens, folder)
         if self.distance:
-            return [*seen, "--distance", f"{self.distance:.9g}"]
+            return {**seen, "distance": as_typed(self.distance)}
         target = scene.mps.bake.target or context.view_layer.objects.active
-        if seen[:1] == ["--camera"] and target is not None and target.type == "MESH":
+        if "camera" in seen and target is not None and target.type == "MESH":
             middle = target.matrix_world @ (sum(map(Vector, target.bound_box), Vector()) / 8)
-            depth = float(read_camera(seen[1]).depth_row() @ np.array([*middle, 1]))
-            seen += ["--distance", f"{depth:.9g}"] if depth > 0 else []
+            depth = float(read_camera(seen["camera"]).depth_row() @ np.array([*middle, 1]))
+            seen |= {"distance": depth} if depth > 0 else {}
         return seen
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:

@@ -9,13 +9,14 @@ import bpy
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.files import makeable_folder
+from mpsnet_core.relief.operations import MakeMaterial
 from mpsnet_core.scene.camera import read_camera
 
 from ..bake.mesh_file import FACES
 from ..estimate.estimate import MPS_OT_estimate, network, reading_options_without_mask, rig_and_camera_options
 from ..heights.assign_displacement import no_modifier, subdivide
 from ..nodes import own_node
-from ..operators import RunsCore
+from ..operators import RunsCore, as_typed
 from ..outputs import fine_preview, image_file, load_image, output_folder, picture_size, remembered, requested_path
 from ..provenance import Provenance, chosen, stamp
 from ..settings.declared import take_given
@@ -52,7 +53,7 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
             **chosen(EstimateSettings, scene.estimate, only=("encoding", "dark", "flat", "rig_file", "lens")),
         }
 
-    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+    def prepare(self, context: Any, folder: Path) -> tuple[MakeMaterial, Sequence[Path]]:
         scene = context.scene
         take_given(self, MaterialSettings, scene.mps.material)
         image = scene.mps.photo.image
@@ -62,17 +63,25 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         output = requested_path(self.output) if self.output else output_folder() / f"{photo.stem}_material"
         makeable_folder(output, "material")
         width, height = picture_size(image)
-        arguments = ["material", str(photo), *rig_and_camera_options(context, image, folder, self.later)]
-        arguments += [*reading_options_without_mask(scene.mps.estimate), *network(self)]
-        arguments += ["--width", f"{self._width(scene, image, folder):.9g}m", "--overlap", f"{self.overlap:g}"]
         across, down = width - self.crop_left - self.crop_right, height - self.crop_top - self.crop_bottom
         if min(across, down) < 1:
             raise InputError(f"the crop leaves nothing of the photo's {width} x {height} pixels; leave out less")
-        if (across, down) != (width, height):
-            arguments.append(f"--crop={self.crop_left},{self.crop_top},{across},{down}")
-        arguments += ["--bend", str(self.bend), *(["--size", str(self.size)] if self.size else [])]
+        cropped = (across, down) != (width, height)
         self._output = output
-        return [*arguments, *(["--grey"] if self.grey else []), "--output", str(output)], [output / "pictures"]
+        operation = MakeMaterial(
+            image=str(photo),
+            **rig_and_camera_options(context, image, folder, self.later),
+            **reading_options_without_mask(scene.mps.estimate),
+            **network(self),
+            width=f"{self._width(scene, image, folder):.9g}m",
+            overlap=as_typed(self.overlap),
+            crop=f"{self.crop_left},{self.crop_top},{across},{down}" if cropped else None,
+            bend=self.bend,
+            size=self.size or None,
+            grey=self.grey,
+            output=str(output),
+        )
+        return operation, [output / "pictures"]
 
     def _width(self, scene: Any, image: Any, folder: Path) -> float:
         """What the photo's width measures, in metres."""

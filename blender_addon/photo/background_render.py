@@ -6,13 +6,10 @@ out in turn and the scene that is rendered would all be seen, saved and undone i
 the file was when the button was pressed whatever happens to that, nothing has to be put back, and ending the process is
 all that cancelling takes. The price is a start of two or three seconds, and the scene is in memory twice.
 
-`written_job` and `rendering_blender` are for the Blender that asks, `render_job` for the one that renders. That answers
-as the core does, by JSON on stdout: ``{"progress": 0.4, "message": "..."}``, then ``{"result": {...}}`` or ``{"error":
-"..."}``.
+`written_job` and `rendering_blender` are for the Blender that requests it, `render_job` for the one that renders. Both
+speak the protocol of :mod:`mpsnet_core.io.child_process`; the request is a :class:`RenderJob`.
 """
 
-import json
-import os
 import re
 import shutil
 import signal
@@ -24,7 +21,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import bpy
 import numpy as np
@@ -32,6 +29,7 @@ from bpy.app.handlers import render_stats
 
 from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_CANCELLED, EXIT_UNFORESEEN
 from mpsnet_core.errors import Cancelled, InputError
+from mpsnet_core.io.child_process import Parent, ParentGone, only_request
 from mpsnet_core.io.crash_log import unforeseen
 
 from ..child_process.core_process import Program
@@ -50,8 +48,7 @@ from ..operators import operator_report
 from ..preferences import PACKAGE
 from .studio import RenderKind, RenderProgress, render
 
-JOB_FILE = "render.json"
-TELL_SECONDS = 0.5
+REPORT_SECONDS = 0.5
 
 _REMAINING = re.compile(r"Remaining: ?(?:(\d+):)?(\d+):(\d+\.\d+)")  # as Cycles writes hours, minutes and seconds
 # A render that takes longer than it should have never looks done.
@@ -78,11 +75,11 @@ class RenderJob:
     bakes: list[BakeFolder] = field(default_factory=list)
 
 
-# --- in the Blender that asks -----------------------------------------------------------------------------------------
+# --- in the Blender that requests it ----------------------------------------------------------------------------------
 
 
-def written_job(context: Any, what: RenderKind, output: Path, folder: Path) -> list[str]:
-    """Write a copy of the open file and the job into `folder`; give the arguments for :func:`rendering_blender`.
+def written_job(context: Any, what: RenderKind, output: Path, folder: Path) -> dict[str, Any]:
+    """Write a copy of the open file into `folder`; return the request for :func:`rendering_blender`.
 
     What simulations have on disk is copied too, not linked to: the other Blender may clear what is not baked.
 
@@ -106,8 +103,7 @@ def written_job(context: Any, what: RenderKind, output: Path, folder: Path) -> l
         missing_links(),
         bake_folders(besides=caches) if bpy.data.filepath else [],
     )
-    (folder / JOB_FILE).write_text(json.dumps(asdict(job)), encoding="utf-8")
-    return [str(folder)]
+    return asdict(job)
 
 
 def _no_files(folder: str, names: list[str]) -> list[str]:
@@ -153,58 +149,51 @@ def _paint(image: bpy.types.Image, file: str) -> None:
 
 
 def rendering_blender(folder: Path) -> Program:
-    """A Blender without a window that renders what is asked for; what it writes on its way goes to `folder`."""
+    """A Blender without a window that renders what is requested; what it writes on its way goes to `folder`."""
     command = [sys.executable, "-m", "blender_addon"]
     if not bpy.app.module:
         # Where the extension was enabled just now, the preferences may not be saved yet.
         command = [bpy.app.binary_path, "-b", "--addons", PACKAGE, "--command", "mpsnet"]
     places = {name: str(folder) for name in ("TMPDIR", "TEMP", "TMP")}
-    return Program((*command, "render"), "the rendering Blender", places)
+    return Program((*command, "render", str(folder)), "the rendering Blender", places)
 
 
 # --- in the one that renders ------------------------------------------------------------------------------------------
 
 
 def render_job(folder: Path) -> int:
-    """Render the job in `folder`, tell how far it is and the result on stdout, and give the exit code."""
+    """Render the job that stdin requests, report progress and the result, and return the exit code."""
     for name in ("SIGTERM", "SIGBREAK"):  # SIGBREAK is how Windows asks a process group to end
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), _cancel)
-    sys.stdout.flush()
-    answers = os.fdopen(os.dup(1), "w", encoding="ascii", newline="\n")
-    os.dup2(2, 1)  # Blender prints there
+    parent = Parent()
     tempfile.tempdir = str(folder)  # not as the preferences say: this folder goes, however this process ends
     try:
-        told = json.loads((folder / JOB_FILE).read_text(encoding="utf-8"))
-        job = RenderJob(**{**told, "bakes": [BakeFolder(**one) for one in told["bakes"]]})
-        _answer(answers, progress=0.0, message="opening a copy of the file")
+        request = only_request()
+        job = RenderJob(**{**request, "bakes": [BakeFolder(**one) for one in request["bakes"]]})
+        parent.send(progress=0.0, message="opening a copy of the file")
         with simulations_write_into(folder, animated=job.what == "frames"):
             scene = _opened(job)
         window = bpy.context.window_manager.windows[0]
-        with bpy.context.temp_override(window=window), _telling(answers) as tell:
-            rendered = render(job.what, scene, Path(job.output), tell)
+        with bpy.context.temp_override(window=window), _reporting(parent) as progress:
+            rendered = render(job.what, scene, Path(job.output), progress)
     except InputError as error:
-        _answer(answers, error=str(error))
+        parent.send(error=str(error))
         return EXIT_BAD_INPUT
     except OSError as error:
-        _answer(answers, error=f"{error.filename or job.output}: {error.strerror or error}; check the path")
+        parent.send(error=f"{error.filename or job.output}: {error.strerror or error}; check the path")
         return EXIT_BAD_INPUT
-    except Cancelled:
+    except (Cancelled, ParentGone):
         return EXIT_CANCELLED
     except Exception as error:  # noqa: BLE001
-        _answer(answers, error=unforeseen(error, folder.parent))  # the folder itself goes
+        parent.send(error=unforeseen(error, folder.parent))  # the folder itself goes
         return EXIT_UNFORESEEN
-    _answer(answers, result={"output": str(rendered.file), "notes": [*blocked_scripts_note(), *rendered.notes]})
+    parent.send(result={"output": str(rendered.file), "notes": [*blocked_scripts_note(), *rendered.notes]})
     return 0
 
 
 def _cancel(*_: Any) -> None:
     raise Cancelled
-
-
-def _answer(answers: IO[str], **said: Any) -> None:
-    answers.write(json.dumps(said) + "\n")
-    answers.flush()
 
 
 def _opened(job: RenderJob) -> Any:
@@ -232,34 +221,34 @@ def _open(job: RenderJob) -> None:
 
 
 @contextmanager
-def _telling(answers: IO[str]) -> Iterator[RenderProgress]:
-    """Tell how far the renders are twice a second; Cycles says little of it without a window."""
-    teller, ended = _Teller(answers), threading.Event()
-    hear = teller.hear
+def _reporting(parent: Parent) -> Iterator[RenderProgress]:
+    """Report how far the renders are twice a second; Cycles reports little of it without a window."""
+    progress, ended = _Progress(parent), threading.Event()
+    on_stats = progress.on_stats
 
-    def tell() -> None:
-        while not ended.wait(TELL_SECONDS):
-            teller.tell()
+    def report() -> None:
+        while not ended.wait(REPORT_SECONDS):
+            progress.report()
 
-    clock = threading.Thread(target=tell, daemon=True)
+    clock = threading.Thread(target=report, daemon=True)
     clock.start()
-    render_stats.append(hear)  # not before the file is open, which takes all handlers away
+    render_stats.append(on_stats)  # not before the file is open, which takes all handlers away
     try:
-        yield teller.begin
+        yield progress.begin
     finally:
         ended.set()
         clock.join()
-        render_stats.remove(hear)
+        render_stats.remove(on_stats)
 
 
-class _Teller:
+class _Progress:
     """How far the renders are: by their number, and within one by how long it should take.
 
     That is what Cycles guesses after the first sample of the first, and later what the one before took.
     """
 
-    def __init__(self, answers: IO[str]) -> None:
-        self._answers = answers
+    def __init__(self, parent: Parent) -> None:
+        self._parent = parent
         self._done, self._renders, self._words = 0, 1, "preparing the scene"
         self._begun, self._takes = time.monotonic(), 0.0
 
@@ -268,18 +257,18 @@ class _Teller:
         if done:
             self._takes = now - self._begun
         self._done, self._renders, self._words, self._begun = done, renders, words, now
-        self.tell()
+        self.report()
 
-    def hear(self, told: str, *_: Any) -> None:
+    def on_stats(self, stats: str, *_: Any) -> None:
         """Called by Blender, from a thread of Cycles."""
-        found = _REMAINING.search(told)
+        found = _REMAINING.search(stats)
         if found and (self._done == 0 or self._seconds() > self._takes):
             hours, minutes, seconds = (float(number or 0) for number in found.groups())
             self._takes = self._seconds() + 3600 * hours + 60 * minutes + seconds
 
-    def tell(self) -> None:
+    def report(self) -> None:
         within = min(self._seconds() / self._takes, _MOST) if self._takes else 0.0
-        _answer(self._answers, progress=(self._done + within) / self._renders, message=self._words)
+        self._parent.send(progress=(self._done + within) / self._renders, message=self._words)
 
     def _seconds(self) -> float:
         return time.monotonic() - self._begun

@@ -7,10 +7,11 @@ from typing import Any
 import bpy
 from bpy.props import StringProperty
 
+from mpsnet_core.capture.operations import Superpose
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.files import PHOTO_SUFFIXES, RAW_SUFFIXES, VIDEO_SUFFIXES
 
-from ..child_process.core_process import Program, run
+from ..child_process.core_process import Program, Work, run
 from ..child_process.linked_data import not_found
 from ..child_process.trust import blocked_scripts_note
 from ..operators import ReportingOperator, RunsCore, at_the_pointer, verb_of
@@ -38,9 +39,9 @@ class _Renders(RunsCore):
         """What is rendered with the operator's settings, and into which file or folder."""
         raise NotImplementedError
 
-    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+    def prepare(self, context: Any, folder: Path) -> tuple[Work, Sequence[Path]]:
         what, output = self.target(context.scene)
-        light_rig(context.scene)  # what is wrong with it is said at once
+        light_rig(context.scene)  # what is wrong with it is reported at once
         self._notes = not_found(context.scene)
         return written_job(context, what, output, folder), [output / "frames" if what == "frames" else output]
 
@@ -51,8 +52,8 @@ class _Renders(RunsCore):
         what, output = self.target(context.scene)
         refuse_to_overwrite(verb_of(self.bl_idname), [output])
         self._notes = not_found(context.scene)
-        with at_the_pointer(context.window_manager) as told:
-            rendered = render(what, context.scene, output, lambda done, of, words: told(done / of, words))
+        with at_the_pointer(context.window_manager) as progress:
+            rendered = render(what, context.scene, output, lambda done, of, words: progress(done / of, words))
         self._notes += [*blocked_scripts_note(), *rendered.notes]
         self._made_from = self.provenance(context)
         self._finished(context, {"output": str(rendered.file)})
@@ -143,7 +144,7 @@ class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
         files = {settings.bl_rna.properties[name].name: file_stamp(getattr(settings, name)) for name in _LIGHTS}
         return {**files, **chosen(SuperposeSettings, settings, only=("encoding",))}
 
-    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+    def prepare(self, context: Any, folder: Path) -> tuple[Superpose, Sequence[Path]]:
         scene = context.scene
         take_given(self, SuperposeSettings, scene.mps.superpose)
         photos = [getattr(self, name) for name in _LIGHTS]
@@ -151,8 +152,8 @@ class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
             if not photo:
                 raise InputError(f"no photo under the {name} light is named; choose one for each of the three lights")
         output = render_path(output_path(self.output, result_name(scene, "superposed"), "EXR"))
-        arguments = ["superpose", "--channels", *map(bpy.path.abspath, photos), "--encoding", self.encoding.lower()]
-        return [*arguments, "--output", str(output)], [output]
+        images = tuple(map(bpy.path.abspath, photos))
+        return Superpose(image=images, channels=True, encoding=self.encoding.lower(), output=str(output)), [output]
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         photo = Path(result["output"])
@@ -185,7 +186,7 @@ def _drawn(scene: Any) -> Provenance:
 def load_raw(path: Path) -> bpy.types.Image:
     """A camera raw file as an image to look at; what reads the photo goes on reading the raw file."""
     shown = Path(bpy.app.tempdir) / f"{path.stem}.exr"
-    run(["superpose", str(path), "--output", str(shown)], [shown])
+    run(Superpose(image=(str(path),), encoding="auto", channels=False, output=str(shown)), [shown])
     image = load_photo(shown, path.stem)
     remember(image, "source", str(path.absolute()))
     for what in ("rig", "camera"):

@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.capture.operations import Superpose
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.files import written_together, written_whole
 from mpsnet_core.scene.camera import write_camera
@@ -80,7 +81,8 @@ def render_photo(scene: Any, path: Path, told: RenderProgress = no_render_progre
         with written_together():  # the photo as well, though another process writes it: these are ready when it appears
             write_rig(sidecar(path, "rig"), rig)
             write_camera(sidecar(path, "camera"), scene_camera(camera, scene, (photo.width, photo.height)))
-            run(["superpose", *map(str, parts), "--output", str(path)], [path])
+            images = tuple(map(str, parts))
+            run(Superpose(image=images, encoding="auto", channels=False, output=str(path)), [path])
     return Rendered(path, notes)
 
 

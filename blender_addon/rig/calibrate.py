@@ -6,9 +6,10 @@ from typing import Any
 
 import bpy
 
+from mpsnet_core.capture.calibrate.operations import CalibrateLights, CalibrateMixing
 from mpsnet_core.errors import InputError
 
-from ..operators import RunsCore
+from ..operators import RunsCore, as_typed
 from ..outputs import fine_preview, load_image, output_folder, requested_path
 from ..settings.calibrate import CalibrateSettings
 from ..settings.declared import take_given
@@ -22,17 +23,20 @@ class _Calibrates(RunsCore, CalibrateSettings):
 
     bl_options = {"UNDO"}
 
-    def _arguments(self, what: str, photos: Sequence[str], rig: Path) -> tuple[list[str], list[Path]]:
-        self._rig, self._overlay = rig, rig.with_name(f"{rig.stem}_{what}.png")
-        arguments = ["calibrate", what, *photos, "--overlay", str(self._overlay), "--output", str(rig)]
-        arguments += ["--encoding", self.encoding.lower(), "--radius", f"{self.ball_radius:g}"]
-        if self.lens:
-            arguments += ["--focal", f"{self.lens:g}"]
+    def _options(self, what: str, balls: int) -> dict[str, Any]:
+        """The core's options for the ball and what is written."""
+        rig = self._rig = self._rig_path("mpsnet_rig")
+        self._overlay = rig.with_name(f"{rig.stem}_{what}.png")
         circles = [(self.circle_x, self.circle_y, self.circle_radius)]
-        circles += [(self.second_x, self.second_y, self.second_radius)] if len(photos) > 1 else []
-        for x, y, radius in circles if circles[0][2] > 0 else ():
-            arguments += ["--circle", f"{x:g},{y:g},{radius:g}"]
-        return arguments, [rig, self._overlay]
+        circles += [(self.second_x, self.second_y, self.second_radius)] if balls > 1 else []
+        return {
+            "encoding": self.encoding.lower(),
+            "radius": as_typed(self.ball_radius),
+            "focal": as_typed(self.lens) if self.lens else None,
+            "circle": tuple(f"{x:g},{y:g},{radius:g}" for x, y, radius in circles) if circles[0][2] > 0 else (),
+            "overlay": str(self._overlay),
+            "output": str(rig),
+        }
 
     def _rig_path(self, name: str) -> Path:
         """The rig file to write: the one that is named, else `name` in the output folder."""
@@ -63,12 +67,13 @@ class MPS_OT_calibrate_lights(_Calibrates, bpy.types.Operator):
     bl_idname = "mps.calibrate_lights"
     bl_label = "Find Lights"
 
-    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+    def prepare(self, context: Any, folder: Path) -> tuple[CalibrateLights, Sequence[Path]]:
         take_given(self, CalibrateSettings, context.scene.mps.calibrate)
         photos = [_photo(self.ball, "the mirror ball")]
         if self.second_ball:
             photos.append(_photo(self.second_ball, "the mirror ball at its second place"))
-        return self._arguments("lights", photos, self._rig_path("mpsnet_rig"))
+        operation = CalibrateLights(ball=tuple(photos), **self._options("lights", len(photos)))
+        return operation, [self._rig, self._overlay]
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         lights = [
@@ -84,15 +89,15 @@ class MPS_OT_calibrate_mixing(_Calibrates, bpy.types.Operator):
     bl_idname = "mps.calibrate_mixing"
     bl_label = "Find Mixing"
 
-    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+    def prepare(self, context: Any, folder: Path) -> tuple[CalibrateMixing, Sequence[Path]]:
         scene = context.scene
         take_given(self, CalibrateSettings, scene.mps.calibrate)
         lights = scene.mps.estimate.rig_file
         if not lights:
             raise InputError("where are the lights? Find them first, or name a rig file in the step Photo")
-        photos = [_photo(self.grey, "the grey ball")]
-        arguments, outputs = self._arguments("mixing", photos, self._rig_path("mpsnet_rig"))
-        return [*arguments, "--rig", bpy.path.abspath(lights)], outputs
+        photo = _photo(self.grey, "the grey ball")
+        operation = CalibrateMixing(photo=(photo,), rig=bpy.path.abspath(lights), **self._options("mixing", 1))
+        return operation, [self._rig, self._overlay]
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         rows = zip("RGB", result["mixing"], strict=True)

@@ -13,6 +13,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.io.files import written_whole
 from mpsnet_core.synthesis.farm.address import is_loopback
 from mpsnet_core.synthesis.job import CONTACT_SHEET, JOB_FILE, SHAPES, SampleJob, place_job, read_job, samples_there
+from mpsnet_core.synthesis.operations import MakeSamples
 
 from ..child_process.file_copy import save_copy
 from ..child_process.trust import python_drivers
@@ -48,7 +49,7 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
         options=GIVEN,
     )
 
-    def prepare(self, context: Any, folder: Path) -> tuple[list[str], Sequence[Path]]:
+    def prepare(self, context: Any, folder: Path) -> tuple[MakeSamples, Sequence[Path]]:
         scene = context.scene
         take_given(self, SamplesSettings, scene.mps.samples)
         if self.output:
@@ -56,36 +57,33 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
         target = samples_folder(scene)
         if not (self.output or lasting(target)):
             raise InputError("no folder is named for the samples; name one, or save this file and they go beside it")
-        job, cluster = self._sample_job(context, target), self._cluster_arguments()
+        job, cluster = self._sample_job(context, target), self._cluster()
         place_job(target, job)
         if job.objects:
             self._keep_scene(target / SCENE_FILE)
             self._notes = python_drivers()
         if job.denoise and not can_denoise():
             self.report({"WARNING"}, "this Blender has no OpenImageDenoise: light keeps its noise; take more samples")
-        arguments = ["make", str(target), "--processes", str(self.processes)]
-        arguments += cluster
-        if not bpy.app.module:
-            # Where the extension was enabled just now, the preferences may not be saved yet.
-            arguments += ["--blender", bpy.app.binary_path, "--addon", PACKAGE]
+        # Where the extension was enabled just now, the preferences may not be saved yet.
+        blender = {} if bpy.app.module else {"blender": bpy.app.binary_path, "addon": PACKAGE}
         self._sheet, self._seen = target / CONTACT_SHEET, -1
         if not self._sheet.exists():
             scene.mps.samples.image = None  # it shows another folder
-        return arguments, [self._sheet]
+        return MakeSamples(folder=str(target), processes=self.processes, **cluster, **blender), [self._sheet]
 
-    def _cluster_arguments(self) -> list[str]:
-        """What names the cluster to the core; its address comes from the caller or the preferences, from no file."""
+    def _cluster(self) -> dict[str, Any]:
+        """The core's options for the cluster; its address comes from the caller or the preferences, from no file."""
         own = bool(self.cluster)
         address = self.cluster if own else preference("cluster")
         if not address:
-            return []
+            return {}
         if not (is_loopback(address) or bpy.app.online_access):
             raise InputError(
                 f"Blender may not go online, and so not to the cluster at {address}; tick Allow Online Access in the "
                 "system preferences, or begin the command line with --online-mode"
             )
         trusted = self.cluster_trusted if own else preference("cluster_trusted")
-        return ["--cluster", address, *(["--cluster-trusted"] if trusted else [])]
+        return {"cluster": address, "cluster_trusted": trusted}
 
     def _sample_job(self, context: Any, target: Path) -> SampleJob:
         shapes: tuple[str, ...] = (self.source.lower(),)

@@ -1,4 +1,4 @@
-"""How the command line takes its arguments: with sentences of our own, and with defaults that say something."""
+"""How the command line parses its arguments: errors are one sentence, and the help shows defaults that matter."""
 
 import argparse
 from typing import Any, NoReturn
@@ -7,7 +7,7 @@ from mpsnet_core.errors import InputError
 
 
 class Help(argparse.ArgumentDefaultsHelpFormatter):
-    """Says an option's default, where it has one that says something."""
+    """Shows an option's default, where it is not empty."""
 
     def _get_help_string(self, action: argparse.Action) -> str | None:
         silent_default = action.default in (None, argparse.SUPPRESS, False, "")
@@ -27,5 +27,5 @@ class Parser(argparse.ArgumentParser):
         return super()._get_values(action, arg_strings)
 
 
-# What `add_subparsers` gives: the place where verbs are added.
+# What `add_subparsers` returns: the place where verbs are added.
 Verbs = argparse._SubParsersAction

@@ -1,4 +1,4 @@
-"""What the command line does: takes its arguments, runs a verb, and tells what came of it."""
+"""What the command line does: parses its arguments, runs an operation, and reports the result."""
 
 import argparse
 import io
@@ -10,20 +10,19 @@ import sys
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from mpsnet_core import __version__
 from mpsnet_core.bake.operations import Bake, BakeViews
 from mpsnet_core.capture.calibrate.operations import CalibrateLights, CalibrateMixing
 from mpsnet_core.capture.operations import FindMask, Superpose
-from mpsnet_core.cli import (
-    EXIT_BAD_INPUT,
-    EXIT_CANCELLED,
-)
-from mpsnet_core.cli.arguments import Parser
+from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_CANCELLED
+from mpsnet_core.cli.arguments import Parser, Verbs
 from mpsnet_core.cli.operations import add_operation
 from mpsnet_core.cli.reporter import Notes, Reporter, refuse
 from mpsnet_core.errors import InputError, printable
 from mpsnet_core.estimate.operations import Estimate, ListModels
+from mpsnet_core.io.child_process import only_request
 from mpsnet_core.learning.evaluation.operations import (
     EvaluateColour,
     EvaluateDiligent,
@@ -35,6 +34,7 @@ from mpsnet_core.learning.evaluation.operations import (
 )
 from mpsnet_core.learning.operations import Quantize, Train
 from mpsnet_core.operation import Operation
+from mpsnet_core.operation_json import from_json
 from mpsnet_core.relief.operations import Integrate, MakeMaterial
 from mpsnet_core.scene.operations import WriteCameras
 from mpsnet_core.synthesis.operations import MakeSamples, ShowSamples, Synthesize, Work
@@ -84,11 +84,11 @@ def run(arguments: Sequence[str]) -> int:
             stream.reconfigure(errors="backslashreplace")
     try:
         with warnings.catch_warnings():
-            if not sys.warnoptions:  # they are for those who write programs, and ask for them by -W
+            if not sys.warnoptions:  # they are for those who write programs, and request them by -W
                 warnings.simplefilter("ignore")
             _run(arguments, notes)
         return 0
-    except BrokenPipeError:  # whoever read our words has gone
+    except BrokenPipeError:  # nobody reads the output any more
         return EXIT_CANCELLED
     except (InputError, OSError, MemoryError) as error:
         sentence = str(error)
@@ -168,8 +168,23 @@ def _parser() -> argparse.ArgumentParser:
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     common = Parser(add_help=False)
     common.add_argument(
-        "--progress", choices=("auto", "bar", "json", "none"), default="auto", help="how to tell progress"
+        "--progress", choices=("auto", "bar", "json", "none"), default="auto", help="how to report progress"
     )
     for operation in OPERATIONS:
         add_operation(verbs, common, operation)
+    _add_job(verbs, common)
     return parser
+
+
+def _add_job(verbs: Verbs, common: argparse.ArgumentParser) -> None:
+    """The command for programs, which the help does not list: it runs the operation that stdin holds as JSON.
+
+    It is cancelled where stdin ends before it is done.
+    """
+
+    def verb(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
+        request = only_request()
+        sys.argv.append(json.dumps(request))  # the log of a fault holds the command line
+        return from_json(request, OPERATIONS).run(reporter.progress).facts()
+
+    verbs.add_parser("job", parents=[common]).set_defaults(verb=verb)

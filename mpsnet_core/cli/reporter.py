@@ -1,4 +1,4 @@
-"""What the command line tells on its way: progress, and notes."""
+"""What the command line reports on its way: progress, and notes."""
 
 import contextlib
 import itertools
@@ -13,7 +13,7 @@ from mpsnet_core.errors import in_one_line
 
 
 class Notes(logging.Handler):
-    """Keeps what the core notes on its way, to be told once the work is done."""
+    """Keeps what the core notes on its way, to be shown once the work is done."""
 
     def __init__(self) -> None:
         super().__init__(logging.INFO)
@@ -26,21 +26,21 @@ class Notes(logging.Handler):
 
 
 class Reporter:
-    """Tells progress and result: as a bar on stderr, as one JSON object a line on stdout, or not at all."""
+    """Reports progress: as a bar on stderr, as one JSON object a line on stdout, or not at all."""
 
     def __init__(self, style: str) -> None:
         if style == "auto":
             style = "bar" if sys.stderr.isatty() else "none"
-        self.style, self.told, self.when = style, -1.0, 0.0
+        self.style, self.shown, self.when = style, -1.0, 0.0
         self.bar: Any = None
 
     def progress(self, fraction: float, message: str) -> None:
         if self.style == "json":
             # A reader that draws a bar gains nothing from steps below half a percent, but for the words beside it.
             now = time.monotonic()
-            stepped = fraction >= 1 or fraction - self.told >= 0.005 or fraction < self.told
-            if stepped or (fraction > self.told and now - self.when >= 1):
-                self.told, self.when = fraction, now
+            stepped = fraction >= 1 or fraction - self.shown >= 0.005 or fraction < self.shown
+            if stepped or (fraction > self.shown and now - self.when >= 1):
+                self.shown, self.when = fraction, now
                 print(json.dumps({"progress": round(fraction, 4), "message": message}), flush=True)
         elif self.style == "bar":
             if self.bar is None:
@@ -57,7 +57,7 @@ class Reporter:
 
 
 def refuse(sentence: str, arguments: Sequence[str]) -> None:
-    """Say in one line on stderr why nothing came of it, and on stdout where JSON is asked for."""
+    """Print in one line on stderr why nothing came of it, and on stdout where JSON is requested."""
     sentence = in_one_line(sentence)
     # Known even where the arguments cannot be parsed.
     if "--progress=json" in arguments or ("--progress", "json") in itertools.pairwise(arguments):

@@ -33,7 +33,10 @@ _RANGES = {
     "bounces": (0, 32),
     "samples": (1, 65536),
     "supersampling": (1, 16),
+    "sample_seconds": (1, 10_000_000),
 }
+# What another run may state otherwise of the same samples.
+_NOT_OF_SAMPLES = ("count", "sample_seconds")
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,7 @@ class SampleJob:
     names, is kept for "validation"; "training" has the others. views: how many samples in a row show the same shape.
     bounces: the most that light makes between surfaces, 0 or more; for synthesis up to 3. samples: Cycles samples a
     pixel. denoise: whether Cycles' light is denoised where it bounces between surfaces. supersampling: rays along a
-    pixel's side.
+    pixel's side. sample_seconds: how long a worker may take for a sample before it is ended.
 
     Raises SettingsError where a value is out of its range or two of them do not go together.
     """
@@ -66,6 +69,7 @@ class SampleJob:
     samples: int = 48
     denoise: bool = True
     supersampling: int = 1
+    sample_seconds: int = 3600
 
     def __post_init__(self) -> None:
         check_choice("the renderer", self.renderer, RENDERERS)
@@ -180,7 +184,7 @@ def _place(folder: Path, job: SampleJob) -> None:
     found = read_job(folder)
     for name in SampleJob.__dataclass_fields__:
         theirs, ours = getattr(found, name), getattr(job, name)
-        if name != "count" and theirs != ours:
+        if name not in _NOT_OF_SAMPLES and theirs != ours:
             raise SettingsError(
                 f"{folder} holds another job: its {name} is {_format(theirs)}, not {_format(ours)}; "
                 "choose another folder or the same settings"

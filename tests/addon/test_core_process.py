@@ -16,6 +16,7 @@ import pytest
 from blender_addon import operators
 from blender_addon.child_process.core_process import CoreCrashed, CoreProcess, _environment, run
 from mpsnet_core.errors import Cancelled, InputError
+from mpsnet_core.estimate.operations import Estimate, ListModels
 from mpsnet_core.scene.rig import published_rig, write_rig
 
 # The child takes its last step, the renaming of what it wrote, only when the test is over.
@@ -41,7 +42,7 @@ def at_the_childs_start(monkeypatch, folder, code):
 
 @pytest.fixture
 def job(tmp_path, monkeypatch):
-    """Arguments and output of an estimate that stops in the middle of writing, and the folder it writes to."""
+    """An estimate that stops in the middle of writing, and its output."""
     folder = tmp_path / "job"
     folder.mkdir()
     buffer = oiio.ImageBuf(oiio.ImageSpec(8, 8, 3, oiio.FLOAT))
@@ -50,7 +51,8 @@ def job(tmp_path, monkeypatch):
     write_rig(folder / "rig.json", published_rig())
     at_the_childs_start(monkeypatch, tmp_path / "start", BLOCK)
     output = folder / "normals.png"
-    return ["estimate", str(folder / "photo.exr"), "--rig", str(folder / "rig.json"), "-o", str(output)], output
+    photo, rig = str(folder / "photo.exr"), str(folder / "rig.json")
+    return Estimate(image=(photo,), rig=rig, output=str(output)), output
 
 
 def wait_for_writing(process, folder):
@@ -66,19 +68,20 @@ def only_the_inputs(folder):
 
 def test_result_and_progress():
     seen = []
-    result = run(["models"], on_progress=lambda fraction, message: seen.append(fraction))
+    result = run(ListModels(), on_progress=lambda fraction, message: seen.append(fraction))
     assert "lambertian" in [model["name"] for model in result["models"]]
     assert seen and all(0 <= fraction <= 1 for fraction in seen)
 
 
 def test_bad_input_is_the_cores_own_sentence(tmp_path):
     with pytest.raises(InputError, match=r"nowhere\.json does not exist"):
-        run(["estimate", "photo.png", "--rig", str(tmp_path / "nowhere.json"), "-o", str(tmp_path / "out.png")])
+        rig, output = str(tmp_path / "nowhere.json"), str(tmp_path / "out.png")
+        run(Estimate(image=("photo.png",), rig=rig, output=output))
 
 
 def test_cancelling_leaves_nothing_half_written(job):
-    arguments, output = job
-    process = CoreProcess(arguments, [output])
+    operation, output = job
+    process = CoreProcess(operation, [output])
     wait_for_writing(process, output.parent)
     process.cancel()
     assert not process.running()
@@ -86,8 +89,8 @@ def test_cancelling_leaves_nothing_half_written(job):
 
 
 def test_a_dropped_run_ends_its_child_and_leaves_nothing(job):
-    arguments, output = job
-    process = CoreProcess(arguments, [output])
+    operation, output = job
+    process = CoreProcess(operation, [output])
     wait_for_writing(process, output.parent)
     child = process._child
     del process
@@ -99,20 +102,31 @@ def test_a_dropped_run_ends_its_child_and_leaves_nothing(job):
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_a_child_that_does_not_listen_is_killed_and_cleared_up_after(job, monkeypatch):
     monkeypatch.setattr("blender_addon.child_process.core_process.CANCEL_SECONDS", 0.05)
-    arguments, output = job
-    process = CoreProcess(arguments, [output])
+    operation, output = job
+    process = CoreProcess(operation, [output])
     wait_for_writing(process, output.parent)
     os.kill(process.pid, signal.SIGSTOP)  # a stopped process cannot answer the request to end
     process.cancel()
-    assert process._child.returncode == -signal.SIGKILL
+    assert process._child.wait() == -signal.SIGKILL
+    assert only_the_inputs(output.parent)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there it goes on")
+def test_a_child_whose_parent_is_gone_ends_and_leaves_nothing(job):
+    operation, output = job
+    process = CoreProcess(operation, [])  # clears no folder
+    wait_for_writing(process, output.parent)
+    process._child._close_stdin()  # as at the parent's end
+    with pytest.raises(Cancelled):
+        process.result()
     assert only_the_inputs(output.parent)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 @pytest.mark.parametrize(("number", "error"), [(signal.SIGTERM, Cancelled), (signal.SIGKILL, CoreCrashed)])
 def test_a_child_that_is_ended_by_others(job, number, error):
-    arguments, output = job
-    process = CoreProcess(arguments, [output])
+    operation, output = job
+    process = CoreProcess(operation, [output])
     wait_for_writing(process, output.parent)
     os.kill(process.pid, number)
     with pytest.raises(error):
@@ -124,27 +138,27 @@ def test_a_crash_is_reported_with_the_last_words(tmp_path, monkeypatch):
     # The child breaks before the core can catch anything.
     at_the_childs_start(monkeypatch, tmp_path, "import os, sys\nsys.stderr.write('out of memory\\n')\nos._exit(9)\n")
     with pytest.raises(CoreCrashed, match=r"exit code 9.*out of memory"):
-        run(["models"])
+        run(ListModels())
 
 
 def test_much_output_does_not_block_the_child(tmp_path, monkeypatch):
     flood = "import sys\nfor _ in range(20000):\n    sys.stderr.write('warning ' * 20 + '\\n')\n"
     at_the_childs_start(monkeypatch, tmp_path, flood)
-    assert run(["models"])["models"]
+    assert run(ListModels())["models"]
 
 
 def test_the_child_imports_nothing_from_the_current_folder(tmp_path, monkeypatch):
     (tmp_path / "json.py").write_text("raise SystemExit('the wrong json')\n")
     monkeypatch.chdir(tmp_path)
-    assert run(["models"])["models"]
+    assert run(ListModels())["models"]
 
 
 def test_taking_the_add_on_away_ends_what_it_runs(job, tmp_path):
-    arguments, output = job
+    operation, output = job
     folder = TemporaryDirectory(dir=tmp_path)
     manager = bpy.context.window_manager
     timer = manager.event_timer_add(0.1, window=manager.windows[0])
-    running = operators._Job(folder, [], lambda: CoreProcess(arguments, [output]), timer)
+    running = operators._Job(folder, [], lambda: CoreProcess(operation, [output]), timer)
     running.go_on()
     operators._jobs.append(running)
     manager.mps.running = "MPS_OT_estimate"

@@ -242,9 +242,8 @@ def test_what_the_other_blender_refuses_is_its_own_sentence(small, tmp_path):
 def test_what_nobody_foresaw_is_a_sentence_with_a_log_that_outlives_the_job(tmp_path):
     folder = tmp_path / "job"
     folder.mkdir()
-    (folder / "render.json").write_text('{"bakes": [], "colour": 1}')
     with pytest.raises(InputError, match=r"this is a fault of the program, not yours \(TypeError: ") as caught:
-        CoreProcess([str(folder)], [], rendering_blender(folder)).result()
+        CoreProcess({"bakes": [], "colour": 1}, [], rendering_blender(folder)).result()
     (log,) = tmp_path.glob("mpsnet-*.log")
     assert str(log) in str(caught.value) and "Traceback" in log.read_text()
 

@@ -16,12 +16,14 @@ from stand_in import COMMAND, KILL, begun, whole
 from synthetic import left_by, listing
 
 from mpsnet_core.errors import Cancelled, InputError
+from mpsnet_core.io.child_process import LAST_WORDS, LONGEST_WORDS
 from mpsnet_core.synthesis.farm.run import FAILURES_IN_A_ROW, Harvest, blender_command, duration, make_samples
-from mpsnet_core.synthesis.farm.work import LAST_WORDS, LONGEST_LINE, THIS_PYTHON, Worker, clear_unfinished
+from mpsnet_core.synthesis.farm.work import THIS_PYTHON, Worker, clear_unfinished
 from mpsnet_core.synthesis.job import SampleJob
 
 RUN = """
 import sys
+from mpsnet_core.io.child_process import LAST_WORDS, LONGEST_WORDS
 from mpsnet_core.synthesis.farm.run import make_samples
 from mpsnet_core.synthesis.job import SampleJob
 from stand_in import COMMAND
@@ -101,7 +103,7 @@ def test_what_is_there_is_not_made_again_and_a_larger_count_extends_it(tmp_path:
     assert run(tmp_path, 6) == Harvest(made=5, there=1)
     assert set(begun(tmp_path)) == {1, 2, 3, 4, 5}
     assert whole(tmp_path) == set(range(6))
-    assert run(tmp_path, 3) == Harvest(there=3)
+    assert run(tmp_path, 3, sample_seconds=60) == Harvest(there=3)
 
 
 def test_neighbours_of_one_shape_go_to_one_worker(tmp_path: Path) -> None:
@@ -173,7 +175,7 @@ def test_workers_that_cannot_start_are_one_sentence(tmp_path: Path, command: lis
 
 
 def answering(*lines: str) -> list[str]:
-    """The command of a worker that gives these answers, one to each number, whatever it is asked."""
+    """The command of a worker that sends these answers, one to each request, whatever that is."""
     return [
         THIS_PYTHON,
         "-c",
@@ -186,10 +188,10 @@ def answering(*lines: str) -> list[str]:
     [
         (answering('{"error": "seven is no number"}'), "^seven is no number$"),
         (answering('{"ready": true}'), "does not answer as a worker does .*; is it Blender with this extension"),
-        (answering('{"number": 7, "answer": "made"}'), "does not answer as a worker does"),
-        (answering('{"number": 0, "answer": {}}'), "does not answer as a worker does"),
-        (answering('{"number": 0, "answer": "failed", "error": 3}'), "does not answer as a worker does"),
-        ([THIS_PYTHON, "-c", """print('{"error": {}}')"""], "does not answer as a worker does"),
+        (answering('{"result": {"number": 7, "state": "made"}}'), "does not answer as a worker does"),
+        (answering('{"result": {"number": 0, "state": {}}}'), "does not answer as a worker does"),
+        (answering('{"result": {"number": 0, "state": "failed", "error": 3}}'), "does not answer as a worker does"),
+        ([THIS_PYTHON, "-c", """print('{"error": {}}')"""], r'exit code 0; its last words: {"error": {}}'),
         ([THIS_PYTHON, "-c", "print('[' * 60000)"], r"exit code 0; its last words: \[\["),
     ],
 )
@@ -199,15 +201,31 @@ def test_a_program_that_is_no_worker_of_ours_is_told(tmp_path: Path, command: li
 
 
 def test_a_sample_that_is_said_to_be_made_has_to_be_there(tmp_path: Path) -> None:
-    harvest = make_samples(tmp_path, job(1), answering('{"number": 0, "answer": "made"}'), processes=1)
+    harvest = make_samples(tmp_path, job(1), answering('{"result": {"number": 0, "state": "made"}}'), processes=1)
     assert harvest == Harvest(failed={0: "its worker says that it is made, but it is not in the folder"})
 
 
 def test_of_a_line_without_end_the_last_words_are_kept(tmp_path: Path) -> None:
-    worker = Worker([THIS_PYTHON, "-c", "for _ in range(30): print('x' * 1_000_000, end='')"], tmp_path)
+    worker = Worker([THIS_PYTHON, "-c", "for _ in range(30): print('x' * 1_000_000, end='')"], tmp_path, seconds=60)
     with pytest.raises(InputError, match="exit code 0; its last words: x"):
         worker.make(0)
-    assert sum(map(len, worker._words)) <= LAST_WORDS * LONGEST_LINE
+    assert worker._child and sum(map(len, worker._child._words)) <= LAST_WORDS * LONGEST_WORDS
+
+
+def test_a_worker_that_never_answers_is_ended_and_its_sample_given_up_after_two_tries(tmp_path: Path) -> None:
+    script = f"""
+import os, sys
+with open({str(tmp_path / "silent")!r}, "a") as file:
+    print(os.getpid(), file=file)
+print('{{"ready": true}}', flush=True)
+while sys.stdin.readline():
+    pass
+"""
+    harvest = make_samples(tmp_path, job(1, sample_seconds=1), [THIS_PYTHON, "-c", script], processes=1)
+    assert harvest == Harvest(failed={0: "the worker died of it twice (no answer in 1 s)"})
+    pids = [int(line) for line in (tmp_path / "silent").read_text().split()]
+    assert len(pids) == 2
+    until(lambda: not any(map(alive, pids)))
 
 
 @posix

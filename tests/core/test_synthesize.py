@@ -117,9 +117,11 @@ def test_a_job_for_blender_is_not_synthesised(tmp_path: Path) -> None:
 
 def test_work_is_not_listed_and_speaks_its_protocol(mpsnet: Mpsnet, made: Path) -> None:
     assert " work" not in mpsnet("--help").stdout
+    given = '{"number": 0}\n{"number": 1}\n"two"\n'
     done = subprocess.run(
-        [sys.executable, "-m", "mpsnet_core", "work", made], input="0\n1\n", capture_output=True, text=True, timeout=60
+        [sys.executable, "-m", "mpsnet_core", "work", made], input=given, capture_output=True, text=True, timeout=60
     )
     assert done.returncode == 0
     answers = [json.loads(line) for line in done.stdout.splitlines()]
-    assert answers == [{"ready": True}, {"number": 0, "answer": "there"}, {"number": 1, "answer": "there"}]
+    there = [{"result": {"number": number, "state": "there", "error": ""}} for number in (0, 1)]
+    assert answers == [{"ready": True}, *there, {"error": "'\"two\"' is not a request; give a JSON object a line"}]

@@ -19,7 +19,7 @@ from mpsnet_core import __version__
 from mpsnet_core.errors import InputError
 from mpsnet_core.synthesis.farm.address import check_address
 from mpsnet_core.synthesis.farm.work import Answer, Answers, Worker
-from mpsnet_core.synthesis.job import JOB_FILE
+from mpsnet_core.synthesis.job import JOB_FILE, read_job
 
 try:
     from distributed import CancelledError, Client, Future, KilledWorker, WorkerPlugin, get_worker
@@ -33,7 +33,7 @@ LISTEN_SECONDS = 0.2
 HELD_SECONDS = 0.5
 # The scheduler keeps each task that it is given in memory; it needs no more than keep every worker busy.
 TASKS_AHEAD = 2000
-# Whoever asked may be gone without a word: processes that nobody asks end.
+# The client may be gone without notice: processes that get no request end.
 IDLE_SECONDS = 60.0
 
 
@@ -138,7 +138,7 @@ def _security(address: str) -> Security:
 @contextlib.contextmanager
 def _client(address: str) -> Iterator[Client]:
     security = _security(address)
-    # Dask tells in its logs what is told here in a sentence.
+    # Dask logs what is reported here in a sentence.
     logs = [logging.getLogger(name) for name in ("distributed", "distributed.client", "distributed.comm")]
     levels = [log.level for log in logs]
     for log in logs:
@@ -218,7 +218,7 @@ class _Crew(WorkerPlugin):
             worker, timer = self.idle.pop()
             timer.cancel()
         except IndexError:
-            worker = Worker(self.command, self.folder)
+            worker = Worker(self.command, self.folder, seconds=read_job(self.folder).sample_seconds)
             self.all.add(worker)
         answer = worker.make(number)
         timer = threading.Timer(IDLE_SECONDS, self._retire, (worker,))
@@ -230,7 +230,7 @@ class _Crew(WorkerPlugin):
     def _retire(self, worker: Worker) -> None:
         for entry in list(self.idle):
             if entry[0] is worker:
-                with contextlib.suppress(ValueError):  # it was asked again just now
+                with contextlib.suppress(ValueError):  # it got a request just now
                     self.idle.remove(entry)
                     worker.close()
                     self.all.discard(worker)

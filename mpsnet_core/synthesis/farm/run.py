@@ -14,14 +14,23 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from mpsnet_core.errors import InputError
+from mpsnet_core.io.child_process import ChildEnded
 from mpsnet_core.io.claims import Claims
 from mpsnet_core.io.files import resolved, writable_path
 from mpsnet_core.io.images import is_whole
 from mpsnet_core.io.provenance import is_up_to_date
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.contact_sheet import contact_sheet, sheet_line, write_sheet
-from mpsnet_core.synthesis.farm.work import THIS_PYTHON, Answer, Answers, Worker, WorkerLost, clear_unfinished
-from mpsnet_core.synthesis.job import CONTACT_SHEET, FOLDER_CLAIM, SampleJob, place_job, sample_path, samples_there
+from mpsnet_core.synthesis.farm.work import THIS_PYTHON, Answer, Answers, Worker, clear_unfinished
+from mpsnet_core.synthesis.job import (
+    CONTACT_SHEET,
+    FOLDER_CLAIM,
+    SampleJob,
+    place_job,
+    read_job,
+    sample_path,
+    samples_there,
+)
 
 log = logging.getLogger(__name__)
 
@@ -94,14 +103,14 @@ def make_samples(
 
         answers = answers_from_cluster(cluster, command, folder, numbers, trusted=cluster_trusted)
     else:
-        answers = _answers_from_here(command, folder, numbers, processes or cores(), job.views)
+        answers = _answers_from_here(command, folder, numbers, processes or cores())
     try:
-        tally.tell()
+        tally.report()
         with closing(answers):
             for answer in answers:
                 if answer is not None:
                     tally.add(answer)
-                tally.tell()
+                tally.report()
                 sheet.grow(tally.harvest.made)
     finally:
         clear_unfinished(folder)
@@ -129,19 +138,19 @@ def cores() -> int:
 # --- this machine -----------------------------------------------------------------------------------------------------
 
 
-def _answers_from_here(
-    command: Sequence[str], folder: Path, numbers: Sequence[int], processes: int, views: int
-) -> Answers:
+def _answers_from_here(command: Sequence[str], folder: Path, numbers: Sequence[int], processes: int) -> Answers:
     processes = min(processes, len(numbers))
     if not processes:
         return
+    job = read_job(folder)
     # Neighbours that show the same shape go to one worker, who builds it once; but none shall be left with many of them
     # while the others have nothing to do.
     longest = max(1, len(numbers) // (4 * processes))
-    runs = itertools.groupby(numbers, lambda number: (number // views, number % views // longest))
+    runs = itertools.groupby(numbers, lambda number: (number // job.views, number % job.views // longest))
     waiting = deque(tuple(run) for _, run in runs)
     answers, stop = queue.SimpleQueue[Answer | Exception](), threading.Event()
-    workers = [Worker(command, folder, max(1, cores() // processes)) for _ in range(processes)]
+    threads_each = max(1, cores() // processes)
+    workers = [Worker(command, folder, threads_each, seconds=job.sample_seconds) for _ in range(processes)]
     threads = [
         threading.Thread(target=_drive, args=(worker, waiting, answers.put, stop), daemon=True) for worker in workers
     ]
@@ -169,7 +178,7 @@ def _answers_from_here(
 def _drive(
     worker: Worker,
     waiting: "deque[Sequence[int]]",
-    tell: Callable[[Answer | Exception], None],
+    put: Callable[[Answer | Exception], None],
     stop: threading.Event,
 ) -> None:
     """Have one worker make run after run, and at the end look again at what other processes held."""
@@ -189,20 +198,20 @@ def _drive(
                 if answer.state == "held":
                     held.append((time.monotonic() + HELD_SECONDS, number))
                 else:
-                    tell(answer)
-    except WorkerLost:  # ended while it worked
+                    put(answer)
+    except ChildEnded:  # by `end`, while it worked
         return
     except Exception as error:  # noqa: BLE001 - it is raised again where the answers are read
-        tell(error)
+        put(error)
     finally:
         worker.close()
 
 
-# --- what is told on the way ------------------------------------------------------------------------------------------
+# --- what is reported on the way --------------------------------------------------------------------------------------
 
 
 class _Tally:
-    """Counts answers, and tells how far the job is."""
+    """Counts answers, and reports how far the job is."""
 
     def __init__(self, count: int, there: int, progress: Progress) -> None:
         self.harvest = Harvest(there=there)
@@ -227,7 +236,7 @@ class _Tally:
         else:
             self.harvest.there += 1
 
-    def tell(self) -> None:
+    def report(self) -> None:
         done = self.harvest.made + self.harvest.there + len(self.harvest.failed)
         message = f"{done} of {self._count}"
         if self._before < done < self._count:

@@ -1,0 +1,269 @@
+"""Child processes that answer by JSON lines: from without (:class:`ChildProcess`) and from within (:class:`Parent`).
+
+A request is a JSON object on one line of the child's stdin. A message is one on its stdout, of one of these kinds::
+
+    {"ready": true}                             it takes requests
+    {"progress": 0.4, "message": "reading"}     how far it is
+    {"result": {...}}                           what came of a request
+    {"error": "a sentence"}                     why nothing can come of it
+
+Everything else that a child prints, and its stderr, is kept as its last words.
+"""
+
+import contextlib
+import json
+import os
+import queue
+import signal
+import subprocess
+import sys
+import threading
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import IO, Any
+
+from mpsnet_core.errors import InputError
+
+# A longer line, or one that never ends, is read piece by piece, and is neither a message nor a request.
+LONGEST_LINE = 1 << 22
+LAST_WORDS = 20
+LONGEST_WORDS = 2000
+CLOSE_SECONDS = 5.0
+
+_KINDS: dict[str, type | tuple[type, ...]] = {"ready": bool, "progress": (int, float), "result": dict, "error": str}
+
+
+# --- from without -----------------------------------------------------------------------------------------------------
+
+
+class ChildEnded(Exception):
+    """A child process ended and answers no more. The message holds how, and its last words.
+
+    code: its exit code, negative for a signal, None where it was ended because it did not answer.
+    """
+
+    def __init__(self, how: str, code: int | None = None) -> None:
+        super().__init__(how)
+        self.code = code
+
+
+class ChildProcess:
+    """A child process in a group of its own; one thread at a time sends and receives.
+
+    Attributes `progress` (0 to 1) and `message` say how far it is. Raises InputError where the command cannot be run.
+    """
+
+    # A process that is started while another's pipes are made inherits them on Windows, and keeps them open.
+    _starting = threading.Lock()
+
+    def __init__(self, command: Sequence[str], environment: Mapping[str, str]) -> None:
+        self.progress, self.message = 0.0, "starting"
+        self._messages = queue.SimpleQueue[dict[str, Any] | None]()
+        self._words = deque[str](maxlen=LAST_WORDS)
+        try:
+            with self._starting:
+                self._process = subprocess.Popen(
+                    list(command),
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.PIPE,
+                    encoding="utf-8",
+                    errors="replace",
+                    env=dict(environment),
+                    # What it starts ends with it; Ctrl-C is for its parent alone, and Windows' CTRL_BREAK for it.
+                    start_new_session=sys.platform != "win32",
+                    creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
+                )
+        except OSError as error:
+            raise InputError(f"cannot run {command[0]} ({error.strerror}); check the path") from None
+        self._stderr_reader = threading.Thread(target=self._read_stderr, daemon=True)
+        self._stderr_reader.start()
+        for work in (self._read_messages, self._end_group):
+            threading.Thread(target=work, daemon=True).start()
+
+    @property
+    def pid(self) -> int:
+        return self._process.pid
+
+    def running(self) -> bool:
+        return self._process.poll() is None
+
+    def wait(self, seconds: float | None = None) -> int:
+        """Wait for its end, and return its exit code. Raises subprocess.TimeoutExpired."""
+        return self._process.wait(seconds)
+
+    def send(self, request: Mapping[str, Any]) -> None:
+        """Send a request; where nobody reads it, :meth:`receive` raises."""
+        stdin = self._process.stdin
+        assert stdin
+        with contextlib.suppress(OSError, ValueError):  # broken, or closed meanwhile
+            stdin.write(json.dumps(request) + "\n")
+            stdin.flush()
+
+    def receive(self, seconds: float | None = None) -> dict[str, Any]:
+        """The next message that is not about progress.
+
+        Raises ChildEnded where the process has ended, or is ended now as no message came in so many seconds.
+        """
+        try:
+            message = self._messages.get(timeout=seconds)
+        except queue.Empty:
+            self.kill()
+            raise ChildEnded(f"no answer in {seconds:g} s{self._last_words()}") from None
+        if message is not None:
+            return message
+        self._messages.put(None)
+        self._end_within(CLOSE_SECONDS)  # it may have closed its stdout and live on
+        code = self.wait()
+        how = f"signal {-code}" if code < 0 else f"exit code {code}"
+        raise ChildEnded(f"{how}{self._last_words() or '; it said nothing'}", code)
+
+    def close(self) -> None:
+        """End an idle child: its stdin ends, and so should it."""
+        self._close_stdin()
+        self._end_within(CLOSE_SECONDS)
+
+    def cancel(self, seconds: float) -> None:
+        """Request the end by a signal, and enforce it after so many seconds."""
+        if not self.running():
+            return
+        with contextlib.suppress(OSError):
+            if sys.platform == "win32":
+                self._process.send_signal(signal.CTRL_BREAK_EVENT)
+            else:
+                self._process.terminate()
+        self._end_within(seconds)
+
+    def kill(self) -> None:
+        """End it and what it started at once, from any thread."""
+        if self.running():
+            self._kill_group()
+        self.wait()
+        self._close_stdin()
+
+    def _end_within(self, seconds: float) -> None:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self.wait(seconds)
+        self.kill()
+
+    def _end_group(self) -> None:
+        """Once the process has ended, end what it started and left: that holds its pipes, whose end is waited for."""
+        self.wait()
+        self._kill_group()
+
+    def _kill_group(self) -> None:
+        with contextlib.suppress(ProcessLookupError, PermissionError):  # it has ended, and left nothing
+            if sys.platform == "win32":
+                self._process.kill()
+            else:
+                os.killpg(self.pid, signal.SIGKILL)
+
+    def _close_stdin(self) -> None:
+        assert self._process.stdin
+        with contextlib.suppress(OSError):
+            self._process.stdin.close()
+
+    def _last_words(self) -> str:
+        self._stderr_reader.join(2)  # what the process started may hold its stderr on Windows
+        words = " ".join(" ".join(self._words).split()[-60:])
+        return f"; its last words: {words[-300:]}" if words else ""
+
+    def _read_messages(self) -> None:
+        assert self._process.stdout
+        with self._process.stdout as pipe:
+            for line in _lines(pipe):
+                message = _parsed(line)
+                kind = next((kind for kind in _KINDS if kind in message), "")
+                if not kind or not isinstance(message[kind], _KINDS[kind]):
+                    self._words.append(line.strip()[-LONGEST_WORDS:])
+                elif kind == "progress":
+                    self.progress, self.message = message["progress"], str(message.get("message", ""))
+                else:
+                    self._messages.put(message)
+        self._messages.put(None)
+
+    def _read_stderr(self) -> None:
+        assert self._process.stderr
+        with self._process.stderr as pipe:
+            self._words.extend(line.strip()[-LONGEST_WORDS:] for line in _lines(pipe) if line.strip())
+
+
+def child_environment(*homes: Path, isolated: bool = False) -> dict[str, str]:
+    """This process's environment, by which a child finds this package, and those in the folders `homes`.
+
+    isolated: neither the current folder nor the person's own packages and PYTHONPATH have a say in what is imported.
+    """
+    environment = dict(os.environ)
+    places = [str(home) for home in (Path(__file__).parents[2], *homes)]
+    if isolated:
+        environment.pop("PYTHONHOME", None)
+        environment["PYTHONSAFEPATH"] = environment["PYTHONNOUSERSITE"] = "1"
+    else:
+        places += filter(None, environment.get("PYTHONPATH", "").split(os.pathsep))
+    return {**environment, "PYTHONPATH": os.pathsep.join(dict.fromkeys(places)), "PYTHONIOENCODING": "utf-8"}
+
+
+# --- from within ------------------------------------------------------------------------------------------------------
+
+
+class ParentGone(Exception):
+    """Nobody reads the messages any more."""
+
+
+class Parent:
+    """Who started this process. From here on stdout is stderr for everybody else: the messages have it alone."""
+
+    def __init__(self) -> None:
+        sys.stdout.flush()
+        self._messages = os.fdopen(os.dup(1), "w", encoding="ascii", newline="\n")
+        os.dup2(2, 1)  # Blender prints there
+
+    def send(self, **message: Any) -> None:
+        """Send a message. Raises ParentGone."""
+        try:
+            self._messages.write(json.dumps(message) + "\n")
+            self._messages.flush()
+        except OSError:
+            raise ParentGone from None
+
+
+def requests() -> Iterator[dict[str, Any]]:
+    """The requests on stdin, until it ends. Raises InputError where a line is none."""
+    for line in _lines(sys.stdin) if sys.stdin else ():
+        request = _parsed(line)
+        if not request:
+            raise InputError(f"{line.strip()!r} is not a request; give a JSON object a line")
+        yield request
+
+
+def only_request() -> dict[str, Any]:
+    """The request of a process that gets one; empty where there is none. Raises InputError where it is malformed.
+
+    Where stdin ends afterwards, the parent is gone, and this process stops as by SIGTERM. On Windows it goes on: while
+    a thread waits for stdin there, libraries that look at it cannot be loaded.
+    """
+    request = next(requests(), {})
+    if sys.platform != "win32":
+        threading.Thread(target=_stop_without_parent, daemon=True).start()
+    return request
+
+
+def _stop_without_parent() -> None:
+    with contextlib.suppress(OSError):
+        while os.read(0, LONGEST_LINE):  # not by sys.stdin, whose lock the end of the process would wait for
+            pass
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+def _lines(pipe: IO[str]) -> Iterator[str]:
+    return iter(lambda: pipe.readline(LONGEST_LINE), "")
+
+
+def _parsed(line: str) -> dict[str, Any]:
+    """A line's JSON object; empty where it is none."""
+    try:
+        found = json.loads(line)
+    except (ValueError, RecursionError):
+        return {}
+    return found if isinstance(found, dict) else {}
