@@ -15,15 +15,13 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape, upsampled
+from mpsnet_core.defaults import LEVEL_SCALE, MAX_LEVEL_SCALE, MIN_LEVEL_SCALE
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import NormalMap, normalised
 from mpsnet_core.scene.rays import RayScene
 
-# Smoothing's standard deviation as a share of the mesh's size (its bounding box's diagonal).
-LEVEL_SCALE = 0.03
-MIN_SCALE, MAX_SCALE = 0.01, 1.0
 # The mesh is traced at no more than this many pixels on the image's longer side: what is wanted of it is smooth.
 TRACED_PIXELS = 1024
 # Cells to a standard deviation, and standard deviations that the smoothing reaches.
@@ -58,8 +56,10 @@ def parse_scale(text: str) -> float:
         scale = float(text)
     except ValueError:
         scale = 0.0
-    if not MIN_SCALE <= scale <= MAX_SCALE:
-        raise InputError(f"--level {text} is not known; give on, off, or a scale from {MIN_SCALE:g} to {MAX_SCALE:g}")
+    if not MIN_LEVEL_SCALE <= scale <= MAX_LEVEL_SCALE:
+        raise InputError(
+            f"--level {text} is not known; give on, off, or a scale from {MIN_LEVEL_SCALE:g} to {MAX_LEVEL_SCALE:g}"
+        )
     return scale
 
 
@@ -87,8 +87,10 @@ def levelling(
     squares, w Gaussian weights: sum w |r x n - t|², t the rotation vector from n to m, which is at right angles to n.
     That is (sum w (1 - n nᵀ)) r = sum w t: Wahba's problem (1965), linearised.
     """
-    if not MIN_SCALE <= scale <= MAX_SCALE:
-        raise InputError(f"a levelling scale of {scale:g} cannot be used; choose {MIN_SCALE:g} to {MAX_SCALE:g}")
+    if not MIN_LEVEL_SCALE <= scale <= MAX_LEVEL_SCALE:
+        raise InputError(
+            f"a levelling scale of {scale:g} cannot be used; choose {MIN_LEVEL_SCALE:g} to {MAX_LEVEL_SCALE:g}"
+        )
     height, width = normals.mask.shape
     if (camera.width, camera.height) != (width, height):
         raise InputError(f"the camera is {camera.width} x {camera.height} but its normals are {width} x {height}")

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.defaults import FACES
+from mpsnet_core.defaults import FACES, MAX_FACES
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.files import writable_path, written_whole
 from mpsnet_core.progress import Progress, silent
@@ -20,7 +20,6 @@ from mpsnet_core.scene.normal_map import NormalMap
 
 Up = Literal["y", "z"]
 MESH_SUFFIXES = (".ply", ".glb", ".obj")
-MAX_FACES = 10_000_000
 
 
 class NoFaceError(InputError):
