@@ -6,6 +6,7 @@ add-on's settings: see ``blender_addon/settings/declared.py``.
 """
 
 import dataclasses
+import math
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -208,9 +209,13 @@ def _check(setting: Setting, value: Any) -> None:
         check_choice(name, value, choices)
     # "not" takes care of NaN.
     if (low is not None and not value >= low) or (high is not None and not value <= high):
-        if high is None:
-            raise SettingsError(f"{name} {value:g} cannot be; choose {low:g} or more")
-        raise SettingsError(f"{name} {value:g} cannot be; choose {low if low is not None else '-inf':g} to {high:g}")
+        least = _number(-math.inf if low is None else low)
+        known = f"{least} or more" if high is None else f"{least} to {_number(high)}"
+        raise SettingsError(f"{name} {_number(value)} cannot be; choose {known}")
+
+
+def _number(value: float) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def provenance_values(operation: Operation) -> Iterator[tuple[Setting, Any]]:
