@@ -1,12 +1,14 @@
 """Operations: what the project does, each described once.
 
 An operation is a frozen dataclass that holds its inputs, outputs and settings, each a field made by :func:`option`.
-It is the Python API, and the command line is generated from it: see :mod:`mpsnet_core.cli.operations`.
+It is the Python API, and the command line is generated from it: see :mod:`mpsnet_core.cli.operations`. So are the
+add-on's settings: see ``blender_addon/settings/declared.py``.
 """
 
 import dataclasses
+import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from types import UnionType
 from typing import Any, ClassVar, Literal, TypeVar, Union, dataclass_transform, get_args, get_origin, get_type_hints
@@ -17,6 +19,8 @@ from mpsnet_core.progress import Progress, silent
 # What of an option makes another result: its value, what the file holds that it names, or which files it names, by
 # their names, sizes and times; or nothing of it does.
 Provenance = Literal["value", "content", "files", "none"]
+# What a file browser looks for to fill an option in; "" where it has none.
+PathKind = Literal["", "file", "folder"]
 
 _METADATA = "option"
 
@@ -28,7 +32,8 @@ class Option:
     Parameters
     ----------
     help
-        What it does, for people, without a full stop. The command line does not list an option without.
+        What it does, for people who meet it on the command line or in Blender: without flags, without a full stop. The
+        command line does not list an option without.
     short
         Its short flag on the command line, as ``-o``.
     positional
@@ -36,21 +41,27 @@ class Option:
     metavar
         What stands for its value in the help, its unit for instance.
     choices
-        The values that can be, where they are few. Checked here.
+        The values that can be, where they are few, and what each means in a line. Checked here.
     low, high
         Bounds of a number, both included. Checked here.
+    unset
+        What counts where it is None or nothing, for people: "16 bits, in OpenEXR 32".
+    path
+        Of text that a person chooses in Blender's file browser: a file or a folder.
     provenance
         What of it makes another result.
     """
 
     help: str
-    short: str = ""
-    positional: bool = False
-    metavar: str | None = None
-    choices: tuple[Any, ...] = ()
-    low: float | None = None
-    high: float | None = None
-    provenance: Provenance = "value"
+    short: str
+    positional: bool
+    metavar: str | None
+    choices: Mapping[Any, str]
+    low: float | None
+    high: float | None
+    unset: str
+    path: PathKind
+    provenance: Provenance
 
 
 def option(
@@ -60,13 +71,15 @@ def option(
     short: str = "",
     positional: bool = False,
     metavar: str | None = None,
-    choices: tuple[Any, ...] = (),
+    choices: Mapping[Any, str] | None = None,
     low: float | None = None,
     high: float | None = None,
+    unset: str = "",
+    path: PathKind = "",
     provenance: Provenance = "value",
 ) -> Any:
     """A field of an operation; one without a default has to be given. See :class:`Option`."""
-    described = Option(help, short, positional, metavar, choices, low, high, provenance)
+    described = Option(help, short, positional, metavar, choices or {}, low, high, unset, path, provenance)
     return field(default=default, kw_only=True, metadata={_METADATA: described})
 
 
@@ -151,8 +164,18 @@ class Operation:
         return (cls.__doc__ or "").split("\n")[0].rstrip(".")
 
 
+# Type hints take a while to evaluate, and Blender's settings are made from them at its start.
+_SETTINGS: dict[type[Operation], tuple[Setting, ...]] = {}
+
+
 def settings(kind: type[Operation]) -> tuple[Setting, ...]:
     """The options of an operation, those without a flag first, else in the order of its fields."""
+    if kind not in _SETTINGS:
+        _SETTINGS[kind] = _settings(kind)
+    return _SETTINGS[kind]
+
+
+def _settings(kind: type[Operation]) -> tuple[Setting, ...]:
     hints = get_type_hints(kind)
     found = [
         Setting(one.name, *_value_type(hints[one.name]), one.default, one.metadata[_METADATA])
@@ -186,9 +209,13 @@ def _check(setting: Setting, value: Any) -> None:
         check_choice(name, value, choices)
     # "not" takes care of NaN.
     if (low is not None and not value >= low) or (high is not None and not value <= high):
-        if high is None:
-            raise SettingsError(f"{name} {value:g} cannot be; choose {low:g} or more")
-        raise SettingsError(f"{name} {value:g} cannot be; choose {low if low is not None else '-inf':g} to {high:g}")
+        least = _number(-math.inf if low is None else low)
+        known = f"{least} or more" if high is None else f"{least} to {_number(high)}"
+        raise SettingsError(f"{name} {_number(value)} cannot be; choose {known}")
+
+
+def _number(value: float) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def provenance_values(operation: Operation) -> Iterator[tuple[Setting, Any]]:

@@ -3,17 +3,14 @@
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty, StringProperty
 
+from mpsnet_core.bake.operations import Bake
 from mpsnet_core.bake.presets import PRESETS
-from mpsnet_core.defaults import MARGIN, TEXTURE_SIZE
+from mpsnet_core.defaults import LEVEL_SCALE, MARGIN, MAX_LEVEL_SCALE, MIN_LEVEL_SCALE
 
-from .declared import FILE_FORMATS, GIVEN, PATH
+from .declared import FILE_FORMATS, GIVEN, from_option, items_of
 
-CONVENTIONS = (
-    ("OPENGL", "OpenGL", "Green is up: Blender, glTF, Unity, Godot"),
-    ("DIRECTX", "DirectX", "Green is down: Unreal Engine. In Blender the material turns it round"),
-)
 _FORMAT_OF = {".png": "PNG", ".tif": "TIFF", ".exr": "EXR"}
 # What each format can hold.
 _BITS = {"PNG": {"AUTO", "8", "16"}, "TIFF": {"AUTO", "8", "16", "32"}, "EXR": {"AUTO", "16", "32"}}
@@ -41,19 +38,14 @@ def _take_detail(settings: Any, context: Any) -> None:
 class BakeSettings:
     """The texture and how it is baked. What sets others stands before them: those that are given as well win."""
 
-    preset: EnumProperty(
-        name="Preset",
-        description="Convention, depth, format and automatic name as a program wants them; each may be changed",
+    preset: from_option(
+        Bake,
+        "preset",
         items=[
             ("CUSTOM", "Custom", "As set below; what another preset has set stays until it is changed"),
-            *(
-                (name.upper(), preset.label, f"{preset.stem('NAME')}{preset.suffix}, {preset.bits} bits a channel")
-                for name, preset in PRESETS.items()
-            ),
+            *items_of(Bake, "preset", {name: preset.label for name, preset in PRESETS.items()}),
         ],
-        default="CUSTOM",
         update=_take_preset,
-        options=GIVEN,
     )
     onto: BoolProperty(
         name="On Top",
@@ -95,31 +87,9 @@ class BakeSettings:
         default=False,
         options=GIVEN,
     )
-    size: IntProperty(
-        name="Size",
-        description="Width and height of the texture in pixels",
-        default=TEXTURE_SIZE,
-        min=16,
-        max=16384,
-        options=GIVEN,
-    )
-    space: EnumProperty(
-        name="Space",
-        description="What the texture's normals are relative to",
-        items=[
-            ("TANGENT", "Tangent", "To the surface: the object may move, bend and be reused. The usual choice"),
-            ("OBJECT", "Object", "To the object: for objects that do not bend"),
-        ],
-        default="TANGENT",
-        options=GIVEN,
-    )
-    convention: EnumProperty(
-        name="Convention",
-        description="Which way the texture's green channel points",
-        items=CONVENTIONS,
-        default="OPENGL",
-        options=GIVEN,
-    )
+    size: from_option(Bake, "size")
+    space: from_option(Bake, "space")
+    convention: from_option(Bake, "convention")
     animated: BoolProperty(
         name="Follow the Animation",
         description="For a sequence of normals: take the target and the camera anew in each frame of the timeline, "
@@ -134,36 +104,10 @@ class BakeSettings:
         default=False,
         options=GIVEN,
     )
-    samples: EnumProperty(
-        name="Samples",
-        description="Points of the surface that each pixel is the mean of: more take longer and lessen jagged edges",
-        items=[
-            ("1", "1", "One in the pixel's middle"),
-            ("2", "2 x 2", "Four a pixel: about four times as long"),
-            ("4", "4 x 4", "Sixteen a pixel: about sixteen times as long"),
-        ],
-        default="1",
-        options=GIVEN,
-    )
-    padding: EnumProperty(
-        name="Padding",
-        description="What lies beyond the borders of the UV islands, where a texture that is made smaller reaches",
-        items=[
-            ("NEAREST", "Nearest", "The islands are continued by the margin"),
-            ("PUSH_PULL", "Push-Pull", "The whole texture is filled, smoothly"),
-            ("NONE", "None", "Nothing: flat normals"),
-        ],
-        default="NEAREST",
-        options=GIVEN,
-    )
-    margin: IntProperty(
-        name="Margin",
-        description="Pixels by which the texture is continued beyond the borders of the UV islands",
-        default=MARGIN,
-        min=0,
-        max=1024,
-        options=GIVEN,
-    )
+    samples: from_option(Bake, "samples", labels={2: "2 x 2", 4: "4 x 4"})
+    padding: from_option(Bake, "padding")
+    # In the core it is None unless given, as it goes with one padding alone.
+    margin: from_option(Bake, "margin", default=MARGIN)
     file_format: EnumProperty(
         name="Format",
         description="File format of the texture; one that cannot hold the chosen depth takes its own",
@@ -172,25 +116,16 @@ class BakeSettings:
         update=_take_format,
         options=GIVEN,
     )
-    bits: EnumProperty(
+    bits: from_option(
+        Bake,
+        "bits",
         name="Depth",
-        description="Bits a channel of the texture",
         items=[
             ("AUTO", "Automatic", "16 bits, in OpenEXR 32"),
-            ("8", "8 Bits", "PNG and TIFF"),
-            ("16", "16 Bits", "All formats"),
-            ("32", "32 Bits", "TIFF and OpenEXR"),
+            *items_of(Bake, "bits", {8: "8 Bits", 16: "16 Bits", 32: "32 Bits"}),
         ],
-        default="AUTO",
-        options=GIVEN,
     )
-    output: StringProperty(
-        name="Texture File",
-        description="File to write; its ending decides the format. A folder: a name of its own in it. "
-        "Empty: in the output folder",
-        subtype="FILE_PATH",
-        options=PATH,
-    )
+    output: from_option(Bake, "output", name="Texture File", unset="in the output folder")
     level: BoolProperty(
         name="Detail Only",
         description="Take large shapes from the object and only detail from the photo, whatever else the estimate says",
@@ -200,45 +135,16 @@ class BakeSettings:
     level_scale: FloatProperty(
         name="Cut-Off",
         description="What is smaller than this fraction of the object's size is detail, and taken from the photo",
-        default=0.03,
-        min=0.01,
-        max=0.5,
+        default=LEVEL_SCALE,
+        min=MIN_LEVEL_SCALE,
+        max=MAX_LEVEL_SCALE,
         precision=3,
         options=GIVEN,
     )
-    strength: FloatProperty(
-        name="Strength",
-        description="Fraction of the photo's relief that is added to the object's own surface: 1 as it is, 0 none",
-        default=1.0,
-        min=0.0,
-        max=2.0,
-        options=GIVEN,
-    )
-    onto_file: StringProperty(
-        name="Present Map",
-        description="File of the normal map to go on top of; <OBJECT>, <MATERIAL> and <UDIM> in its name stand for "
-        "what each texture is of. Empty: those in the materials",
-        subtype="FILE_PATH",
-        options=PATH,
-    )
-    onto_convention: EnumProperty(
-        name="Its Convention",
-        description="Which way the green channel of that file points",
-        items=CONVENTIONS,
-        default="OPENGL",
-        options=GIVEN,
-    )
-    onto_shown: EnumProperty(
-        name="In the Photo",
-        description="Whether the photo shows the present map's relief as well, which is then not added again",
-        items=[
-            ("AUTO", "Find Out", "Compare the photo's normals with the map"),
-            ("YES", "Yes", "The map was made of the same object"),
-            ("NO", "No", "The map was sculpted or painted"),
-        ],
-        default="AUTO",
-        options=GIVEN,
-    )
+    strength: from_option(Bake, "strength")
+    onto_file: from_option(Bake, "onto", name="Present Map", unset="those in the materials")
+    onto_convention: from_option(Bake, "onto_convention", name="Its Convention")
+    onto_shown: from_option(Bake, "onto_shown", name="In the Photo", labels={"auto": "Find Out"})
 
 
 class MPS_PG_bake(BakeSettings, bpy.types.PropertyGroup):

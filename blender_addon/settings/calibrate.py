@@ -1,9 +1,11 @@
 """Settings of the calibration of real lights."""
 
 import bpy
-from bpy.props import EnumProperty, FloatProperty, PointerProperty, StringProperty
+from bpy.props import FloatProperty, PointerProperty, StringProperty
 
-from .declared import ENCODINGS, GIVEN, PATH
+from mpsnet_core.capture.calibrate.operations import CalibrateLights
+
+from .declared import GIVEN, PATH, from_option
 
 
 class CalibrateSettings:
@@ -22,29 +24,14 @@ class CalibrateSettings:
         subtype="FILE_PATH",
         options=PATH,
     )
-    ball_radius: FloatProperty(
-        name="Ball Radius",
-        description="Radius of the ball, in the unit that positions are wanted in: that of the mesh. "
-        "It counts where lights have positions, for the grey ball too",
-        default=1.0,
-        min=1e-6,
-        max=1e6,
-        options=GIVEN,
-    )
+    ball_radius: from_option(CalibrateLights, "radius", name="Ball Radius", default=1.0, low=1e-6)
     grey: StringProperty(
         name="Grey Ball",
         description="Photo of a matt grey ball under the red, green and blue light at once",
         subtype="FILE_PATH",
         options=PATH,
     )
-    lens: FloatProperty(
-        name="Lens (mm)",
-        description="Focal length in millimetres on a sensor 36 mm wide. 0: the camera is taken as far away",
-        default=0.0,
-        min=0.0,
-        max=10000.0,
-        options=GIVEN,
-    )
+    lens: from_option(CalibrateLights, "focal", name="Lens (mm)", unset="the camera is taken as far away")
     circle_x: FloatProperty(
         name="Ball X (px)",
         description="Middle of the ball, in pixels from the photo's left edge. Only counts with a radius below",
@@ -80,13 +67,7 @@ class CalibrateSettings:
         min=0.0,
         options=GIVEN,
     )
-    encoding: EnumProperty(
-        name="Encoding",
-        description="How the photos' values stand for light",
-        items=ENCODINGS,
-        default="AUTO",
-        options=GIVEN,
-    )
+    encoding: from_option(CalibrateLights, "encoding")
     output: StringProperty(
         name="Rig File",
         description="Rig file to write (.json). Empty: mpsnet_rig.json in the output folder",

@@ -1,9 +1,11 @@
 """The displacement's settings."""
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, IntProperty, PointerProperty, StringProperty
 
-from .declared import FILE_FORMATS, GIVEN, PATH
+from mpsnet_core.relief.operations import Integrate
+
+from .declared import FILE_FORMATS, GIVEN, PATH, from_option
 
 
 class DisplaceSettings:
@@ -48,15 +50,8 @@ class DisplaceSettings:
         default="SIMPLE",
         options=GIVEN,
     )
-    scale: FloatProperty(
-        name="Broadest",
-        description="Leave bumps wider than this fraction of the object's size to the mesh: where estimated normals "
-        "err, they err smoothly, which bends the whole. 0 keeps all of what they say",
-        default=0.5,
-        min=0.0,
-        max=10.0,
-        options=GIVEN,
-    )
+    # The core keeps all unless told, for any normals; here they are estimated, which err most in broad shapes.
+    scale: from_option(Integrate, "scale", name="Broadest", default=0.5)
     keep_normals: BoolProperty(
         name="Normal Map Too",
         description="Leave the normal map on. In tangent space it shows the same relief a second time, "

@@ -3,17 +3,13 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
-from mpsnet_core.estimate.registry import DEFAULT_MODEL, registered_models
+from mpsnet_core.estimate.operations import Estimate
+from mpsnet_core.estimate.registry import registered_models
 
-from .declared import ENCODINGS, FILE_FORMATS, GIVEN, PATH
+from .declared import FILE_FORMATS, GIVEN, PATH, from_option, identifier
 
-
-def _identifier(model: str) -> str:
-    """A model's name as Blender writes enums: upper case, words joined by underscores."""
-    return model.upper().replace("-", "_")
-
-
-MODELS = {_identifier(entry.name): entry for entry in registered_models()}
+MODELS = {identifier(entry.name): entry for entry in registered_models()}
+MODEL_ITEMS = [(name, entry.label, entry.title) for name, entry in MODELS.items()]
 
 
 class EstimateSettings:
@@ -62,33 +58,10 @@ class EstimateSettings:
         max=0.99,
         options=GIVEN,
     )
-    encoding: EnumProperty(
-        name="Encoding",
-        description="How the photo's values stand for light",
-        items=ENCODINGS,
-        default="AUTO",
-        options=GIVEN,
-    )
-    dark: StringProperty(
-        name="Dark Frame",
-        description="Photo with the three lights off, taken off the photo. A folder or pattern of several is averaged",
-        subtype="FILE_PATH",
-        options=PATH,
-    )
-    flat: StringProperty(
-        name="Flat Field",
-        description="Photo of an even white card in the object's place, which evens out lens and lights. "
-        "A folder or pattern of several is averaged. Not together with near lights",
-        subtype="FILE_PATH",
-        options=PATH,
-    )
-    white: StringProperty(
-        name="White Photo",
-        description="Second photo of the same pose, under white light: the three lights turned white. It tells the "
-        "colour of the surface. A folder or pattern of one photo for each light is added up. For one still photo only",
-        subtype="FILE_PATH",
-        options=PATH,
-    )
+    encoding: from_option(Estimate, "encoding")
+    dark: from_option(Estimate, "dark", name="Dark Frame")
+    flat: from_option(Estimate, "flat", name="Flat Field")
+    white: from_option(Estimate, "white", name="White Photo")
     rig_file: StringProperty(
         name="Rig File",
         description="Measured rig (.json or .lp) of photos that you open. A photo that was rendered in this scene is "
@@ -97,33 +70,17 @@ class EstimateSettings:
         subtype="FILE_PATH",
         options=PATH,
     )
-    lens: FloatProperty(
+    lens: from_option(
+        Estimate,
+        "focal",
         name="Lens (mm)",
-        description="Focal length of the real camera in millimetres on a sensor 36 mm wide. "
-        "0: the camera that the photo was rendered with, else the rig's",
-        default=0.0,
-        min=0.0,
-        max=10000.0,
-        options=GIVEN,
+        unset="the camera that the photo was rendered with, else the rig's",
     )
-    distance: FloatProperty(
-        name="Distance",
-        description="How far the object is from the camera, in the unit of a rig file with near lights. "
-        "0: as far as the rig's target, or as the surface tells",
-        default=0.0,
-        min=0.0,
-        max=1e6,
-        options=GIVEN,
-    )
-    model: EnumProperty(
-        name="Model",
-        description="What turns the photo into normals",
-        items=[
-            *((identifier, entry.label, entry.title) for identifier, entry in MODELS.items()),
-            ("FILE", "File", "A network in an .onnx file"),
-        ],
-        default=_identifier(DEFAULT_MODEL),
-        options=GIVEN,
+    distance: from_option(Estimate, "distance", unset="as far as the rig's target, or as the surface tells")
+    model: from_option(
+        Estimate,
+        "model",
+        items=[*MODEL_ITEMS, ("FILE", "File", "A network in an .onnx file")],
     )
     average_passes: BoolProperty(
         name="Average Passes",
@@ -135,37 +92,13 @@ class EstimateSettings:
     model_file: StringProperty(
         name="Model File", description="Network in an .onnx file", subtype="FILE_PATH", options=PATH
     )
-    confidence: BoolProperty(
-        name="Confidence Map",
-        description="Also write how far each normal can be trusted, beside the normal map",
-        default=False,
-        options=GIVEN,
-    )
-    albedo: BoolProperty(
-        name="Albedo",
-        description="Also write the surface's colour without light and shadow on it, beside the normal map. It is made "
-        "from the white photo of Photo > Real Photo",
-        default=False,
-        options=GIVEN,
-    )
-    smooth: IntProperty(
-        name="Smooth Frames",
-        description="Frames of a sequence or video before and behind, with which each is averaged where they show "
-        "the same",
-        default=0,
-        min=0,
-        max=12,
-        options=GIVEN,
-    )
+    confidence: from_option(Estimate, "confidence", name="Confidence Map", switch=True)
+    albedo: from_option(Estimate, "albedo", switch=True)
+    smooth: from_option(Estimate, "smooth", name="Smooth Frames")
     file_format: EnumProperty(
         name="Format", description="File format of the normal map", items=FILE_FORMATS, default="PNG", options=GIVEN
     )
-    output: StringProperty(
-        name="Normal Map File",
-        description="File to write; its ending decides the format. Empty: a name of its own in the output folder",
-        subtype="FILE_PATH",
-        options=PATH,
-    )
+    output: from_option(Estimate, "output", name="Normal Map File", unset="a name of its own in the output folder")
 
 
 class MPS_PG_estimate(EstimateSettings, bpy.types.PropertyGroup):

@@ -1,12 +1,12 @@
 """Settings of flat materials."""
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
-from mpsnet_core.defaults import BEND, OVERLAP
+from mpsnet_core.relief.operations import MakeMaterial
 
-from .declared import GIVEN, PATH
-from .estimate import MODELS
+from .declared import GIVEN, from_option
+from .estimate import MODEL_ITEMS
 
 
 class MaterialSettings:
@@ -35,45 +35,11 @@ class MaterialSettings:
     crop_bottom: IntProperty(
         name="Bottom", description="Pixels to leave out at the photo's bottom", default=0, min=0, options=GIVEN
     )
-    model: EnumProperty(
-        name="Model",
-        description="What turns the photo into normals",
-        items=[(identifier, entry.label, entry.title) for identifier, entry in MODELS.items()],
-        default="LAMBERTIAN_GREY_WORLD",
-        options=GIVEN,
-    )
-    size: IntProperty(
-        name="Size",
-        description="Width and height of the pictures in pixels. 0: the pixels that the photo has there",
-        default=0,
-        min=0,
-        max=8192,
-        options=GIVEN,
-    )
-    overlap: FloatProperty(
-        name="Overlap",
-        description="Fraction of the tile over which its borders are joined. More hides the seam better and leaves a "
-        "smaller tile",
-        default=OVERLAP,
-        min=0.05,
-        max=0.5,
-        options=GIVEN,
-    )
-    bend: IntProperty(
-        name="Flatten",
-        description="How many half waves across the photo are taken out as bends of the material and uneven light. "
-        "0: only the tilt of the photo",
-        default=BEND,
-        min=0,
-        max=12,
-        options=GIVEN,
-    )
-    grey: BoolProperty(
-        name="Grey Albedo",
-        description="An albedo without colour, where the lights' strengths are not known",
-        default=False,
-        options=GIVEN,
-    )
+    model: from_option(MakeMaterial, "model", items=MODEL_ITEMS)
+    size: from_option(MakeMaterial, "size")
+    overlap: from_option(MakeMaterial, "overlap")
+    bend: from_option(MakeMaterial, "bend", name="Flatten")
+    grey: from_option(MakeMaterial, "grey", name="Grey Albedo")
     relief: EnumProperty(
         name="Relief",
         description="How the material shows its relief in Blender",
@@ -97,12 +63,7 @@ class MaterialSettings:
         max=1000,
         options=GIVEN,
     )
-    output: StringProperty(
-        name="Folder",
-        description="Folder for the pictures. Empty: a folder of its own in the output folder",
-        subtype="DIR_PATH",
-        options=PATH,
-    )
+    output: from_option(MakeMaterial, "output", name="Folder", unset="a folder of its own in the output folder")
 
 
 class MPS_PG_material(MaterialSettings, bpy.types.PropertyGroup):

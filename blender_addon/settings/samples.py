@@ -1,11 +1,11 @@
 """Settings of the rendering of training data."""
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, IntProperty, PointerProperty
 
-from mpsnet_core.synthesis.job import MAX_COUNT
+from mpsnet_core.synthesis.operations import Synthesize
 
-from .declared import GIVEN, PATH
+from .declared import GIVEN, from_option
 
 
 class SamplesSettings:
@@ -39,32 +39,10 @@ class SamplesSettings:
         default={"BLOBS", "DRAPERY", "RELIEFS", "GROUPS"},
         options={"ENUM_FLAG", *GIVEN},
     )
-    meshes: StringProperty(
-        name="Mesh Folder", description="Folder with the mesh files to render", subtype="DIR_PATH", options=PATH
-    )
-    count: IntProperty(
-        name="Count",
-        description="How many samples the folder shall hold in the end. A larger count goes on where a smaller stopped",
-        default=100,
-        min=1,
-        max=MAX_COUNT,
-        options=GIVEN,
-    )
-    seed: IntProperty(
-        name="Seed",
-        description="What the samples are drawn from: the same seed gives the same samples",
-        default=0,
-        min=0,
-        options=GIVEN,
-    )
-    size: IntProperty(
-        name="Size",
-        description="Width and height of a sample in pixels",
-        default=256,
-        min=16,
-        max=4096,
-        options=GIVEN,
-    )
+    meshes: from_option(Synthesize, "meshes", name="Mesh Folder")
+    count: from_option(Synthesize, "count", default=100)
+    seed: from_option(Synthesize, "seed")
+    size: from_option(Synthesize, "size")
     samples: IntProperty(
         name="Cycles Samples",
         description="Cycles samples a pixel, shared by the three lights: more take longer and give less noise",
@@ -79,37 +57,11 @@ class SamplesSettings:
         default=True,
         options=GIVEN,
     )
-    bounces: IntProperty(
-        name="Bounces",
-        description="How often light goes from surface to surface at most, drawn anew for each sample. 0: none",
-        default=3,
-        min=0,
-        max=3,
-        options=GIVEN,
-    )
-    views: IntProperty(
-        name="Views",
-        description="How many samples in a row show the same shape, each in another pose, light and material",
-        default=1,
-        min=1,
-        max=1000,
-        options=GIVEN,
-    )
-    output: StringProperty(
-        name="Folder",
-        description="Folder of the samples. One that holds some already is gone on with. "
-        "Empty: a folder of its own in the output folder",
-        subtype="DIR_PATH",
-        options=PATH,
-    )
-    processes: IntProperty(
-        name="Processes",
-        description="How many Blenders render at the same time on this machine. 0: one for each processor core",
-        default=0,
-        min=0,
-        max=1024,
-        options=GIVEN,
-    )
+    # More than the core's: each bounce costs the synthesis about as much again, and Cycles little.
+    bounces: from_option(Synthesize, "bounces", default=3)
+    views: from_option(Synthesize, "views")
+    output: from_option(Synthesize, "output", name="Folder", unset="a folder of its own in the output folder")
+    processes: from_option(Synthesize, "processes")
 
 
 class MPS_PG_samples(SamplesSettings, bpy.types.PropertyGroup):

@@ -1,9 +1,11 @@
 """Settings of the photo that is made of three."""
 
 import bpy
-from bpy.props import EnumProperty, StringProperty
+from bpy.props import StringProperty
 
-from .declared import ENCODINGS, GIVEN, PATH
+from mpsnet_core.capture.operations import Superpose
+
+from .declared import PATH, from_option
 
 
 class SuperposeSettings:
@@ -27,13 +29,7 @@ class SuperposeSettings:
         subtype="FILE_PATH",
         options=PATH,
     )
-    encoding: EnumProperty(
-        name="Encoding",
-        description="How the three photos' values stand for light",
-        items=ENCODINGS,
-        default="AUTO",
-        options=GIVEN,
-    )
+    encoding: from_option(Superpose, "encoding")
     output: StringProperty(
         name="File",
         description="OpenEXR file to write. Empty: a name of its own in the output folder",

@@ -3,22 +3,17 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 
-from .declared import GIVEN, PATH
+from mpsnet_core.bake.operations import BakeViews
+from mpsnet_core.defaults import LEVEL_SCALE, MAX_LEVEL_SCALE, MIN_LEVEL_SCALE
+
+from .declared import GIVEN, from_option
 
 
 class ViewsSettings:
     """Photos from all around with their cameras, and how they become one texture."""
 
-    cameras: StringProperty(
-        name="Cameras",
-        description="What a photogrammetry program wrote: a COLMAP folder, Metashape's .xml, Meshroom's .sfm. "
-        "Empty: this scene's cameras, each with its photo as background image",
-        subtype="FILE_PATH",
-        options=PATH,
-    )
-    photos: StringProperty(
-        name="Photos", description="Folder of the photos of these cameras", subtype="DIR_PATH", options=PATH
-    )
+    cameras: from_option(BakeViews, "cameras", unset="this scene's cameras, each with its photo as background image")
+    photos: from_option(BakeViews, "photos", unset="")
     axes: EnumProperty(
         name="Mesh Import",
         description="How the photogrammetry program's mesh came into Blender, so that mesh and cameras meet",
@@ -29,15 +24,11 @@ class ViewsSettings:
         default="Y_UP",
         options=GIVEN,
     )
-    lights_in: EnumProperty(
+    lights_in: from_option(
+        BakeViews,
+        "lights_in",
         name="Lights",
-        description="What the lights went with while the photos were taken",
-        items=[
-            ("CAMERA", "Go With the Camera", "The lights are fixed to the camera, or the object stood on a turntable"),
-            ("WORLD", "Stand Still", "The camera went round; a rig file has directions along the mesh's axes"),
-        ],
-        default="CAMERA",
-        options=GIVEN,
+        labels={"camera": "Go With the Camera", "world": "Stand Still"},
     )
     level: BoolProperty(
         name="Level",
@@ -48,24 +39,14 @@ class ViewsSettings:
     level_scale: FloatProperty(
         name="Detail Size",
         description="What is smaller than this fraction of the object's size is detail, and taken from the photos",
-        default=0.03,
-        min=0.01,
-        max=0.5,
+        default=LEVEL_SCALE,
+        min=MIN_LEVEL_SCALE,
+        max=MAX_LEVEL_SCALE,
         precision=3,
         options=GIVEN,
     )
-    keep: StringProperty(
-        name="Keep Normals",
-        description="Folder for each view's normals; the next run goes on from them. Empty: they are not kept",
-        subtype="DIR_PATH",
-        options=PATH,
-    )
-    write_report: BoolProperty(
-        name="Report",
-        description="Write a page beside the texture that shows which views cover what and how far they disagree",
-        default=True,
-        options=GIVEN,
-    )
+    keep: from_option(BakeViews, "keep", name="Keep Normals")
+    write_report: from_option(BakeViews, "report", switch=True, default=True)
 
 
 class MPS_PG_views(ViewsSettings, bpy.types.PropertyGroup):

@@ -18,15 +18,13 @@ from mpsnet_core.arrays.push_pull import push_pull
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape, upsampled
+from mpsnet_core.defaults import LEVEL_SCALE, MAX_LEVEL_SCALE, MIN_LEVEL_SCALE
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rays import RayScene
 
-# Smoothing's standard deviation as a share of the mesh's size (its bounding box's diagonal).
-LEVEL_SCALE = 0.03
-MIN_SCALE, MAX_SCALE = 0.01, 1.0
 # The mesh is traced at no more than this many pixels on the image's longer side: what is wanted of it is smooth.
 TRACED_PIXELS = 1024
 # Cells to a standard deviation, and standard deviations that the smoothing reaches.
@@ -61,9 +59,9 @@ def parse_scale(text: str) -> float:
         scale = float(text)
     except ValueError:
         scale = 0.0
-    if not MIN_SCALE <= scale <= MAX_SCALE:
+    if not MIN_LEVEL_SCALE <= scale <= MAX_LEVEL_SCALE:
         raise SettingsError(
-            f"--level {text} is not known; give on, off, or a scale from {MIN_SCALE:g} to {MAX_SCALE:g}"
+            f"--level {text} is not known; give on, off, or a scale from {MIN_LEVEL_SCALE:g} to {MAX_LEVEL_SCALE:g}"
         )
     return scale
 
@@ -109,8 +107,10 @@ def levelling(
     normals: NormalMap, camera: Camera, mesh: Mesh, scene: RayScene | None = None, *, scale: float = LEVEL_SCALE
 ) -> Levelling:
     """The rotations that :func:`correct_low_frequencies` turns the normals by, with its parameters."""
-    if not MIN_SCALE <= scale <= MAX_SCALE:
-        raise SettingsError(f"a levelling scale of {scale:g} cannot be used; choose {MIN_SCALE:g} to {MAX_SCALE:g}")
+    if not MIN_LEVEL_SCALE <= scale <= MAX_LEVEL_SCALE:
+        raise SettingsError(
+            f"a levelling scale of {scale:g} cannot be used; choose {MIN_LEVEL_SCALE:g} to {MAX_LEVEL_SCALE:g}"
+        )
     height, width = normals.mask.shape
     if (camera.width, camera.height) != (width, height):
         raise GeometryError(f"the camera is {camera.width} x {camera.height} but its normals are {width} x {height}")

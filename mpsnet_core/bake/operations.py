@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
+from mpsnet_core.bake.presets import PRESETS
 from mpsnet_core.capture.operations import ReadsPhotos, files_read
-from mpsnet_core.defaults import MARGIN, TEXTURE_SIZE
+from mpsnet_core.defaults import CONVENTIONS, LEVEL_SCALE, MARGIN, MAX_STRENGTH, MAX_TEXTURE_SIZE, TEXTURE_SIZE
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.operations import RunsModel
 from mpsnet_core.operation import Operation, Result, option
@@ -24,7 +25,10 @@ if TYPE_CHECKING:
     from mpsnet_core.scene.camera import Camera
     from mpsnet_core.scene.rig import LightRig
 
-LEVEL = "take from the mesh what is larger than SCALE (a share of its size; on: 0.03), and detail from the photos"
+LEVEL = (
+    f"take large shapes from the mesh, and what is smaller than SCALE (a fraction of its size; on: {LEVEL_SCALE:g}) "
+    "from the photos"
+)
 
 
 @dataclass(frozen=True)
@@ -32,34 +36,66 @@ class MakesTextures(Operation):
     """The meshes that are baked onto, and what textures are baked."""
 
     mesh: tuple[str, ...] = option(
-        help="mesh with UVs: .obj, .ply, .glb, or the add-on's .npz; may be repeated: the meshes hide one another",
+        help="mesh with UVs: .obj, .ply, .glb, or the add-on's .npz; several hide one another from the cameras",
         provenance="none",  # each texture's own line tells of it
     )
-    size: int = option(TEXTURE_SIZE, help="side of the texture in texels")
-    space: Literal["tangent", "object"] = option("tangent", help="tangent (MikkTSpace) or object")
+    size: int = option(TEXTURE_SIZE, low=1, high=MAX_TEXTURE_SIZE, help="width and height of the texture in pixels")
+    space: Literal["tangent", "object"] = option(
+        "tangent",
+        choices={
+            "tangent": "to the surface, by MikkTSpace: the object may move, bend and be reused",
+            "object": "to the object: for objects that do not bend",
+        },
+        help="what the texture's normals are relative to",
+    )
     convention: Literal["opengl", "directx"] | None = option(
         None,
-        choices=("opengl", "directx"),
-        help="of the texture: opengl (green up; unless given) or directx",
+        choices=CONVENTIONS,
+        help="which way the texture's green channel points",
+        unset="opengl, or the preset's",
         provenance="none",  # but what it comes to with the preset
     )
-    samples: int = option(1, metavar="N", help="1, 2 or 4: N x N points a texel, against jagged edges")
+    samples: int = option(
+        1,
+        metavar="N",
+        choices={
+            1: "one in the pixel's middle",
+            2: "four a pixel: about four times as long",
+            4: "sixteen a pixel: about sixteen times as long",
+        },
+        help="points of the surface that each pixel is the mean of; more take longer and lessen jagged edges",
+    )
     padding: Literal["nearest", "push-pull", "none"] = option(
-        "nearest", help="beyond the UV islands: nearest, push-pull (fills the texture) or none"
+        "nearest",
+        choices={
+            "nearest": "the islands are continued by the margin",
+            "push-pull": "the whole texture is filled, smoothly",
+            "none": "nothing: flat normals",
+        },
+        help="what lies beyond the borders of the UV islands, where a texture that is made smaller reaches",
     )
     margin: int | None = option(
-        None, help=f"texels that the islands' borders are grown by, with nearest; {MARGIN} unless given"
+        None,
+        low=0,
+        high=MAX_TEXTURE_SIZE,
+        help="pixels by which the texture is continued beyond the borders of the UV islands",
+        unset=f"{MARGIN}",
     )
     bits: int | None = option(
         None,
-        help="bits a channel: 8 or 16 (PNG, TIFF), 16 or 32 (EXR); 16 for PNG and TIFF, 32 for EXR unless given",
+        choices={8: "PNG and TIFF", 16: "all formats", 32: "TIFF and OpenEXR"},
+        help="bits a channel of the texture",
+        unset="16 bits, in OpenEXR 32; or the preset's",
         provenance="none",  # but what they come to with the preset
     )
     preset: str | None = option(
         None,
         metavar="NAME",
-        help="blender, unreal, unity, godot or gltf: convention, bits, file format and, in a folder, the file's name; "
-        "options that are given as well win",
+        choices={
+            name: f"written as {preset.stem('NAME')}{preset.suffix}, {preset.bits} bits a channel"
+            for name, preset in PRESETS.items()
+        },
+        help="convention, depth, format and automatic name as a program wants them; each may be changed",
         provenance="none",
     )
 
@@ -75,23 +111,34 @@ class LaysOnto(MakesTextures):
     level: str | None = option(
         None,
         metavar="on|off|SCALE",
-        help=f"{LEVEL} (off unless given; on with --onto)",
+        help=LEVEL,
+        unset="off; on with a present map",
         provenance="none",  # but the scale that it means
     )
-    strength: float = option(1.0, help="of what the photos add to the mesh's own normals: 0 to 2")
+    strength: float = option(
+        1.0,
+        low=0,
+        high=MAX_STRENGTH,
+        help="fraction of the photos' relief that is added to the object's own surface: 1 as it is, 0 none",
+    )
     onto: str | None = option(
         None,
         metavar="MAP",
-        help="the object's present normal map (tangent space, same UVs), to add detail to; with <UDIM>, <MATERIAL> or "
-        "<OBJECT> in its name as in the output's, or a .json file that lists several",
+        help="normal map (tangent space, same UVs) to go on top of; <OBJECT>, <MATERIAL> and <UDIM> in its name stand "
+        "for what each texture is of; or a .json file that lists several",
+        path="file",
         provenance="files",
     )
     onto_convention: Literal["opengl", "directx"] = option(
-        "opengl", choices=("opengl", "directx"), help="of the present map: opengl (green up) or directx"
+        "opengl", choices=CONVENTIONS, help="which way the green channel of the present map points"
     )
     onto_shown: Literal["auto", "yes", "no"] = option(
         "auto",
-        metavar="auto|yes|no",
+        choices={
+            "auto": "compare the photos' normals with the map",
+            "yes": "the map was made of the same object",
+            "no": "the map was sculpted or painted",
+        },
         help="whether the photos show the present map's relief as well, which is then not added again",
     )
 
@@ -190,7 +237,7 @@ class Bake(LaysOnto):
         provenance="none",  # each texture's own line tells of it
     )
     normals_convention: Literal["opengl", "directx"] = option(
-        "opengl", choices=("opengl", "directx"), help="of the normal maps that are read"
+        "opengl", choices=CONVENTIONS, help="which way the green channel of the normal maps that are read points"
     )
     confidence: tuple[str, ...] = option(
         (), metavar="FILE", help="confidence map of a view, in the views' order", provenance="none"
@@ -202,12 +249,13 @@ class Bake(LaysOnto):
         provenance="none",
     )
     format: str | None = option(
-        None, help="png (unless given), tif or exr, where the output is a folder", provenance="none"
+        None, help="png, tif or exr, where the output is a folder", unset="png", provenance="none"
     )
     output: str = option(
         short="-o",
-        help="texture file: .png, .tif or .exr; with <UDIM>, <MATERIAL> or <OBJECT> in its name one for each tile, "
-        "material or object; a folder for a sequence, or with --preset",
+        help="texture to write: .png, .tif or .exr; with <UDIM>, <MATERIAL> or <OBJECT> in its name one for each tile, "
+        "material or object; a folder for a sequence, or for a preset's name",
+        path="file",
         provenance="none",
     )
 
@@ -366,33 +414,49 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
     command: ClassVar[str] = "views"
 
     cameras: str = option(
-        help="from photogrammetry (COLMAP folder, Metashape .xml, Meshroom .sfm), or a folder of NAME.camera.json"
+        help="what a photogrammetry program wrote: a COLMAP folder, Metashape's .xml or Meshroom's .sfm; or a folder "
+        "of NAME.camera.json",
+        path="file",
     )
     photos: str | None = option(
-        None, metavar="FOLDER", help="the photos, one for each camera; only the add-on's file names them itself"
+        None,
+        metavar="FOLDER",
+        help="folder of the photos of these cameras",
+        unset="those that the cameras name, which only the add-on's file does",
+        path="folder",
     )
     rig: str = option(help="rig file (.json; .lp with three lights that go with the camera)")
     lights_in: Literal["camera", "world"] = option(
         "camera",
-        choices=("camera", "world"),
-        help="camera: the lights go with it (or the object turns); world: they stand still, the rig file has "
-        "directions along the mesh's axes, or positions in its world",
+        choices={
+            "camera": "the lights are fixed to the camera, or the object stood on a turntable",
+            "world": "the camera went round; a rig file has directions along the mesh's axes, or positions in its "
+            "world",
+        },
+        help="what the lights went with while the photos were taken",
     )
     mask: str = option(
         "mesh", help="mesh (where the camera sees it), a folder of masks named as the photos, or as in estimate"
     )
     level: str | None = option("on", metavar="on|off|SCALE", help=LEVEL)
     keep: str | None = option(
-        None, metavar="FOLDER", help="keep each view's normals there; the next run goes on from them"
+        None,
+        metavar="FOLDER",
+        help="folder for each view's normals; the next run goes on from them",
+        unset="they are not kept",
+        path="folder",
     )
     report: str | None = option(
-        None, metavar="FILE", help="write an HTML page: coverage, disagreement, a line for each view"
+        None,
+        metavar="FILE",
+        help="write an HTML page that shows which views cover what and how far they disagree",
     )
     json: str | None = option(None, metavar="FILE", help="write the same figures as JSON")
     output: str = option(
         short="-o",
-        help="texture file: .png, .tif or .exr; with <UDIM>, <MATERIAL> or <OBJECT> in its name one for each tile, "
-        "material or object; a folder with --preset",
+        help="texture to write: .png, .tif or .exr; with <UDIM>, <MATERIAL> or <OBJECT> in its name one for each tile, "
+        "material or object; a folder for a preset's name",
+        path="file",
     )
 
     def run(self, progress: Progress = silent) -> ViewsBaked:

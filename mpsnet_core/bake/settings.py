@@ -4,11 +4,9 @@ from dataclasses import dataclass
 
 from mpsnet_core.bake.padding import PADDINGS, Padding
 from mpsnet_core.bake.texture import SPACES, Space
-from mpsnet_core.defaults import MARGIN, TEXTURE_SIZE
+from mpsnet_core.defaults import MARGIN, MAX_STRENGTH, MAX_TEXTURE_SIZE, TEXTURE_SIZE
 from mpsnet_core.errors import SettingsError, check_choice
 
-MAX_SIZE = 16384
-MAX_STRENGTH = 2.0
 # Points a texel, along each side.
 SAMPLES = (1, 2, 4)
 
@@ -62,8 +60,8 @@ class Baking:
 
 def check_texture(size: int, space: str, margin: int) -> None:
     """Raises SettingsError where no texture has that size, space or margin."""
-    if not 1 <= size <= MAX_SIZE:
-        raise SettingsError(f"a texture of {size} texels cannot be baked; choose a size from 1 to {MAX_SIZE}")
-    if not 0 <= margin <= MAX_SIZE:
-        raise SettingsError(f"islands cannot be grown by a margin of {margin} texels; choose 0 to {MAX_SIZE}")
+    if not 1 <= size <= MAX_TEXTURE_SIZE:
+        raise SettingsError(f"a texture of {size} texels cannot be baked; choose a size from 1 to {MAX_TEXTURE_SIZE}")
+    if not 0 <= margin <= MAX_TEXTURE_SIZE:
+        raise SettingsError(f"islands cannot be grown by a margin of {margin} texels; choose 0 to {MAX_TEXTURE_SIZE}")
     check_choice("space", space, SPACES)

@@ -2,11 +2,12 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, silent
+from mpsnet_core.scene.operations import ReadsPictures
 
 if TYPE_CHECKING:
     from mpsnet_core.capture.correction import Correction
@@ -14,21 +15,21 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class ReadsPhotos(Operation):
+class ReadsPhotos(ReadsPictures):
     """How photos are read: their encoding and layer, dark frame and flat field."""
 
-    encoding: Literal["auto", "linear", "srgb"] = option(
-        "auto", choices=("auto", "linear", "srgb"), help="how the photo's values are meant: auto, linear or srgb"
-    )
     layer: str | None = option(None, help="layer of a multi-layer EXR")
     dark: str | None = option(
         None,
-        help="photo(s) with the three lights off, to take off: a file, or a folder or pattern to average",
+        help="photo with the three lights off, which is subtracted; a folder or pattern of several is averaged",
+        path="file",
         provenance="files",
     )
     flat: str | None = option(
         None,
-        help="photo(s) of an even white card in the object's place, to divide by: as --dark; not with near lights",
+        help="photo of an even white card in the object's place, which evens out lens and lights; a folder or pattern "
+        "of several is averaged; not together with near lights",
+        path="file",
         provenance="files",
     )
     flat_smooth: int = option(0, metavar="PIXELS", help="leave out the card's grain, finer than so many")
@@ -53,11 +54,13 @@ class HasLens(Operation):
 
     camera: str | None = option(
         None,
-        help="camera file: for perspective, and where the rig's lights are near; without it the camera is taken as far "
-        "away",
+        help="camera file: for perspective, and where the rig's lights are near; without it, and without a focal "
+        "length, the camera counts as far away",
         provenance="content",
     )
-    focal: float | None = option(None, metavar="MM", help="in its place the lens, in mm on a 36 mm sensor")
+    focal: float | None = option(
+        None, metavar="MM", help="focal length of the real camera in millimetres on a sensor 36 mm wide"
+    )
 
     def lens(self) -> "Camera | float | None":
         """Camera or focal length, None where neither is given.
@@ -80,7 +83,9 @@ class HasViewpoint(HasLens):
         help="the object's mesh in the camera's world: how far each pixel is from near lights",
         provenance="content",
     )
-    distance: float | None = option(None, help="in its place one distance of the object from the camera")
+    distance: float | None = option(
+        None, help="how far the object is from the camera, in the unit of a rig file with near lights"
+    )
 
     def viewpoint(self) -> "tuple[Camera | float | None, Any]":
         """Camera (or focal length) and depth (or distance), None where not given.
@@ -114,15 +119,12 @@ class PhotoMade(Result):
 
 
 @dataclass(frozen=True)
-class Superpose(Operation):
+class Superpose(ReadsPictures):
     """Photos that show one light each become one photo."""
 
     command: ClassVar[str] = "superpose"
 
     image: tuple[str, ...] = option(positional=True, help="photos of a thing that did not move, one for each light")
-    encoding: Literal["auto", "linear", "srgb"] = option(
-        "auto", choices=("auto", "linear", "srgb"), help="how the photos' values are meant: auto, linear or srgb"
-    )
     channels: bool = option(
         False,
         help="of three photos, each under one white light in the rig's order, make the red, green and blue channel",

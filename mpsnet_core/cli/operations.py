@@ -43,7 +43,7 @@ def _group(verbs: Verbs, name: str) -> Verbs:
 
 def _add(parser: argparse.ArgumentParser, setting: Setting) -> None:
     described = setting.option
-    facts: dict[str, Any] = {"help": described.help or argparse.SUPPRESS}
+    facts: dict[str, Any] = {"help": _help(setting)}
     if setting.kind is bool:
         parser.add_argument(*_flags(setting), action="store_true", **facts)
         return
@@ -60,13 +60,26 @@ def _add(parser: argparse.ArgumentParser, setting: Setting) -> None:
         return
     if setting.several:
         facts["action"] = "append"
-        if not setting.required and setting.default:  # which argparse is not told
-            facts["help"] += f" (default: {', '.join(map(str, setting.default))})"
     if setting.required:
         facts["required"] = True
     else:
         facts["default"] = None if setting.several else setting.default
     parser.add_argument(*_flags(setting), **facts)
+
+
+def _help(setting: Setting) -> str:
+    """What it does, its choices, and what argparse does not say: that it may be repeated, and what counts unset."""
+    described = setting.option
+    if not described.help:
+        return argparse.SUPPRESS
+    choices = [f"{value} ({meaning})" if meaning else str(value) for value, meaning in described.choices.items()]
+    text = described.help
+    if choices:
+        text += f": {', '.join(choices[:-1])} or {choices[-1]}"
+    if not setting.several or described.positional:
+        return text + (f" (default: {described.unset})" if described.unset else "")
+    default = described.unset or ("" if setting.required else ", ".join(map(str, setting.default)))
+    return f"{text}; may be repeated" + (f" (default: {default})" if default else "")
 
 
 def _flags(setting: Setting) -> list[str]:

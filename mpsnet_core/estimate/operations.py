@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from mpsnet_core.capture.operations import HasViewpoint, ReadsPhotos, files_read
+from mpsnet_core.defaults import CONVENTIONS, MAX_SMOOTHING
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.registry import (
     AVERAGED_MODEL,
@@ -41,9 +42,16 @@ log = logging.getLogger(__name__)
 class RunsModel(Operation):
     """Which model estimates the normals, and how networks run."""
 
-    model: str = option(DEFAULT_MODEL, help="a name of `mpsnet models` or an .onnx file", provenance="none")
+    model: str = option(
+        DEFAULT_MODEL,
+        help="what turns the photo into normals: one of the models by its name, or an .onnx file",
+        provenance="none",
+    )
     provider: str = option(
-        "cpu", choices=("cpu", "cuda", "directml", "coreml"), help="what runs networks", provenance="none"
+        "cpu",
+        choices={"cpu": "", "cuda": "NVIDIA", "directml": "Windows", "coreml": "Apple"},
+        help="what runs networks",
+        provenance="none",
     )
     threads: int = option(0, help="CPU threads for networks, 0 for all", provenance="none")
     tile: int = option(DEFAULT_TILE, help="tile side in pixels for networks")
@@ -110,42 +118,55 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
     )
     passes: Literal[1, 3] | None = option(
         None,
-        choices=(1, 3),
-        help="of the network: 3 averages the answers on the scene turned and mirrored. Unless given, the default model "
-        "takes 3 for one photo and 1 for each of several or of a video",
+        choices={1: "", 3: "the mean of its answers on the scene turned and mirrored"},
+        help="passes of the network",
+        unset="for the default model 3 of one photo and 1 of each of several or of a video",
         provenance="none",
     )
     white: tuple[str, ...] = option(
         (),
         metavar="PHOTO",
-        help="second photo, of the same pose under white light, which tells the colour of the surface; repeated, the "
-        "photos are added up: one for each of the lights, turned white (one still photo only)",
+        help="second photo of the same pose, under white light: the three lights turned white. It tells the colour of "
+        "the surface. A folder or pattern of one photo for each light is added up. For one still photo only",
+        path="file",
         provenance="none",
     )
     albedo: str | None = option(
         None,
         metavar="FILE",
-        help="also write the surface's colour without light and shadow; with --white",
+        help="also write the surface's colour without light and shadow on it, made from the photo under white light",
         provenance="none",
     )
     white_light: str | None = option(
         None,
         metavar="rig|SLANT,TILT",
-        help="what lit the white photo, for --albedo: the rig's three lights turned white (rig, unless given), or one "
-        "light in this direction in degrees",
+        help="what lit the white photo, for --albedo: the rig's three lights turned white, or one light in this "
+        "direction in degrees",
+        unset="rig",
         provenance="none",
     )
     convention: Literal["opengl", "directx"] = option(
-        "opengl", choices=("opengl", "directx"), help="opengl (green up) or directx (green down)"
+        "opengl", choices=CONVENTIONS, help="which way the green channel of the normal map points"
     )
     confidence: str | None = option(
-        None, metavar="FILE", help="also write the confidence map (one photo only)", provenance="none"
+        None,
+        metavar="FILE",
+        help="also write how far each normal can be trusted, a map for one photo",
+        provenance="none",
     )
     format: str = option("png", help="png, tif or exr, where the output is a folder")
-    smooth: int = option(0, metavar="N", help="frames before and behind that each is averaged with")
+    smooth: int = option(
+        0,
+        metavar="N",
+        low=0,
+        high=MAX_SMOOTHING,
+        help="frames of a sequence or video before and behind, with which each is averaged where they show the same",
+    )
     output: str = option(
         short="-o",
-        help="image file, or a folder where there are several; frames that it holds already are not made again",
+        help="normal map to write: .png, .tif or .exr; a folder where there are several photos: frames that it holds "
+        "already are not made again",
+        path="file",
         provenance="none",
     )
 
@@ -217,15 +238,12 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         return NormalsMade([str(output)], int(normals.mask.sum()), self.albedo, text=text)
 
     def _frames(self, photos: list[Path], rig: "LightRig", progress: Progress) -> FramesMade:
-        from mpsnet_core.estimate.sequence.smoothing import MAX_REACH
         from mpsnet_core.estimate.sequence.video import is_video
 
         if self.confidence:
             raise InputError("--confidence takes one photo at a time; leave it out or give one photo")
         if self.white:
             raise InputError("--white is a second photo of one still pose; leave it out, or give one photo")
-        if not 0 <= self.smooth <= MAX_REACH:
-            raise InputError(f"--smooth {self.smooth} cannot be; choose 0 to {MAX_REACH} frames")
         if not any(is_video(photo) for photo in photos):
             return self._photos(photos, rig, progress)
         if len(photos) > 1:

@@ -53,8 +53,8 @@ class Train(HadWorkers):
     command: ClassVar[str] = "train"
 
     recipe: str = option(help="a network's name, mpsnet-published, or a .toml file of your own")
-    samples: tuple[str, ...] = option(metavar="DIR", help="to train on; may be repeated")
-    validation: tuple[str, ...] = option((), metavar="DIR", help="held-out samples; may be repeated")
+    samples: tuple[str, ...] = option(metavar="DIR", help="to train on")
+    validation: tuple[str, ...] = option((), metavar="DIR", help="held-out samples")
     checkpoint: str | None = option(
         None, metavar="FILE", help="written on the way (default: beside the output)", provenance="none"
     )
@@ -69,7 +69,9 @@ class Train(HadWorkers):
     )
     threads: int = option(0, help="of the processor, 0 for all cores")
     precision: Literal["auto", "float32", "bfloat16"] = option(
-        "auto", choices=("auto", "float32", "bfloat16"), help="auto, float32 or bfloat16"
+        "auto",
+        choices={"auto": "bfloat16 where the processor or GPU computes with it", "float32": "", "bfloat16": ""},
+        help="of the layers",
     )
     output: str = option(short="-o", metavar="MODEL", help="the .onnx file", provenance="none")
 
@@ -147,7 +149,7 @@ class Quantize(Operation):
     command: ClassVar[str] = "quantize"
 
     model: str = option(positional=True, metavar="MODEL", help="a shipped model's name, or an .onnx file of ours")
-    samples: tuple[str, ...] = option(metavar="DIR", help="to calibrate on; may be repeated")
+    samples: tuple[str, ...] = option(metavar="DIR", help="to calibrate on")
     count: int = option(64, help="photographs of the samples")
     output: str = option(short="-o", metavar="MODEL", help="the .onnx file", provenance="none")
 

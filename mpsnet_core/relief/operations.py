@@ -6,7 +6,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from mpsnet_core.capture.operations import HasViewpoint, ReadsPhotos, files_read
-from mpsnet_core.defaults import BEND, CURVATURE_RADIUS, FACES, MARGIN, OVERLAP
+from mpsnet_core.defaults import (
+    BEND,
+    CONVENTIONS,
+    CURVATURE_RADIUS,
+    FACES,
+    MARGIN,
+    MAX_BEND,
+    MAX_BUMPS,
+    MAX_FACES,
+    MAX_MATERIAL_SIZE,
+    MAX_OVERLAP,
+    MAX_TEXTURE_SIZE,
+    MIN_MATERIAL_SIZE,
+    MIN_OVERLAP,
+    OVERLAP,
+)
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.operations import RunsModel
 from mpsnet_core.estimate.registry import LAMBERTIAN_GREY_WORLD
@@ -67,23 +82,29 @@ class Integrate(Operation):
         provenance="files",
     )
     convention: Literal["opengl", "directx"] = option(
-        "opengl", choices=("opengl", "directx"), help="of the normal map: opengl (green up) or directx"
+        "opengl", choices=CONVENTIONS, help="which way the green channel of the normal map points"
     )
     camera: str | None = option(None, help="camera file of the photo", provenance="content")
-    focal: float | None = option(None, metavar="MM", help="in its place the lens, in mm on a 36 mm sensor")
+    focal: float | None = option(
+        None, metavar="MM", help="in place of a camera file, the focal length in millimetres on a sensor 36 mm wide"
+    )
     pixel_size: float | None = option(
-        None, metavar="S", help="in its place the size of a pixel, seen from afar; 1 unless given"
+        None, metavar="S", help="in place of a camera file, the size of a pixel, seen from afar", unset="1"
     )
     distance: float | None = option(
         None,
-        help="mean distance from the camera: of a perspective one it tells the scale (1 unless given), of an "
-        "orthographic one where the mesh stands",
+        help="how far the object is from the camera, on the mean, in the unit that the heights are in: a perspective "
+        "camera takes its scale from it, for an orthographic one it is where the mesh stands",
+        unset="1 for a perspective camera",
     )
     unit: str | None = option(None, help="what the unit of all these is called: mm, m, ...")
     method: Literal["fast", "bilateral"] = option(
         "fast",
-        choices=("fast", "bilateral"),
-        help="fast: one smooth surface; bilateral: breaks where one thing stands before another",
+        choices={
+            "fast": "one surface without gaps: for one object, reliefs, cloth",
+            "bilateral": "it breaks where one thing stands before another; takes several times as long",
+        },
+        help="whether the surface may break",
     )
     height: str | None = option(
         None,
@@ -92,38 +113,50 @@ class Integrate(Operation):
         provenance="none",
     )
     height_bits: int | None = option(None, metavar="BITS", help="32 for float heights in .tif")
-    mesh: str | None = option(None, metavar="FILE", help=".ply, .glb or .obj, with the photo's UVs", provenance="none")
-    faces: int = option(FACES, help="of the mesh, at most so many, small ones where it bends")
+    mesh: str | None = option(
+        None,
+        metavar=".ply|.glb|.obj",
+        help="make a mesh of the surface, where the photo's camera saw it, with the photo's UVs",
+        provenance="none",
+    )
+    faces: int = option(
+        FACES, low=1, high=MAX_FACES, help="how many faces the mesh may have; small ones where the surface bends"
+    )
     open: float | None = option(
         None, metavar="ANGLE", help="leave out faces this steep or more to the line of sight, as 85"
     )
     up: Literal["y", "z"] | None = option(
         None,
-        choices=("y", "z"),
-        help="what points up in the camera's world, y or z, for .glb and .obj; z with --camera, y without, unless "
-        "given",
+        choices={"y": "", "z": ""},
+        help="what points up in the camera's world, for .glb and .obj",
+        unset="z with a camera file, else y",
     )
     curvature: str | None = option(
         None,
         metavar="FILE",
-        help="edges bright and creases dark; .exr: sum of both curvatures, 1 / unit",
+        help="picture of edges, bright, and creases, dark",
         provenance="none",
     )
     curvature_radius: int = option(CURVATURE_RADIUS, metavar="PIXELS", help="the broadest shapes it shows")
-    curvature_range: float | None = option(None, metavar="C", help="the curvature, per unit, that is white")
-    occlusion: str | None = option(
-        None, metavar="FILE", help="ambient occlusion: white where all light comes in", provenance="none"
+    curvature_range: float | None = option(
+        None, metavar="C", help="the curvature, per unit, that is white; .exr holds the sum of both, 1 / unit"
     )
-    occlusion_reach: int | None = option(None, metavar="PIXELS", help="how far it looks; everywhere unless given")
+    occlusion: str | None = option(
+        None,
+        metavar="FILE",
+        help="picture of how open the surface is, ambient occlusion: white where all light comes in",
+        provenance="none",
+    )
+    occlusion_reach: int | None = option(None, metavar="PIXELS", help="how far it looks", unset="everywhere")
     relit: str | None = option(
         None,
         metavar="FILE",
-        help="picture under a white light; shaded by --occlusion where made",
+        help="picture of the surface under a white light, shaded by the ambient occlusion where that is made",
         provenance="none",
     )
     light: str = option("45,135", metavar="SLANT,TILT", help="where that light is, in degrees")
     albedo: str | None = option(
-        None, metavar="PHOTO", help="the surface's colour in it; light grey unless given", provenance="files"
+        None, metavar="PHOTO", help="the surface's colour in it", unset="light grey", provenance="files"
     )
     turntable: int | None = option(
         None,
@@ -137,7 +170,9 @@ class Integrate(Operation):
         provenance="content",
     )
     space: Literal["tangent", "object"] = option(
-        "tangent", help="with --uvs, of the texture: tangent (MikkTSpace) or object"
+        "tangent",
+        choices={"tangent": "to the surface, by MikkTSpace", "object": "to the object"},
+        help="with --uvs, what the texture's normals are relative to",
     )
     base: str | None = option(
         None,
@@ -146,10 +181,19 @@ class Integrate(Operation):
         provenance="content",
     )
     scale: float = option(
-        0.0, help="with --uvs, leave bumps wider than this share of the mesh's size to the mesh; 0 keeps all"
+        0.0,
+        low=0,
+        high=MAX_BUMPS,
+        help="how broad bumps of heights on UVs are at most, as a fraction of the object's size: wider ones are left "
+        "to the mesh, as estimated normals err smoothly, which bends the whole. 0 keeps all",
     )
-    mean: float | None = option(None, help="with --uvs, of the heights; unless given, the surface stays where it is")
-    margin: int = option(MARGIN, help="with --uvs, texels that the islands' borders are grown by")
+    mean: float | None = option(None, help="with --uvs, of the heights", unset="the surface stays where it is")
+    margin: int = option(
+        MARGIN,
+        low=0,
+        high=MAX_TEXTURE_SIZE,
+        help="with --uvs, pixels by which the heights are continued beyond the borders of the UV islands",
+    )
 
     def run(self, progress: Progress = silent) -> "SurfaceMade | HeightsOnUVs":
         """Write all that is asked for, or the heights on a mesh's UVs."""
@@ -354,7 +398,9 @@ class MakeMaterial(RunsModel, HasViewpoint, ReadsPhotos):
     rig: str = option(help="rig file (.json, or .lp with three lights)", provenance="content")
     # Of cloth and leather, which are matt and lit by all three lights, equation 2 tells more than the networks, which
     # have learned from whole objects.
-    model: str = option(LAMBERTIAN_GREY_WORLD, help="a name of `mpsnet models` or an .onnx file")
+    model: str = option(
+        LAMBERTIAN_GREY_WORLD, help="what turns the photo into normals: one of the models by its name, or an .onnx file"
+    )
     width: str | None = option(None, metavar="LENGTH", help="what the photo's whole width measures: 120mm, 12cm, 4.5in")
     pixel_size: str | None = option(None, metavar="LENGTH", help="in place of --width, what a pixel measures: 0.05mm")
     ruler: str | None = option(
@@ -363,18 +409,33 @@ class MakeMaterial(RunsModel, HasViewpoint, ReadsPhotos):
         help="in place of --width, what two places measure, in pixels: 120,80,1620,95=50mm",
     )
     crop: str | None = option(None, metavar="X,Y,W,H", help="the part of the photo to use, from its upper left corner")
-    size: int | None = option(None, help="side of the square pictures in pixels; those of the photo unless given")
-    overlap: float = option(OVERLAP, help="share of the tile that its borders are joined over")
+    size: int | None = option(
+        None,
+        low=MIN_MATERIAL_SIZE,
+        high=MAX_MATERIAL_SIZE,
+        help="width and height of the pictures in pixels",
+        unset="the pixels that the photo has there",
+    )
+    overlap: float = option(
+        OVERLAP,
+        low=MIN_OVERLAP,
+        high=MAX_OVERLAP,
+        help="fraction of the tile over which its borders are joined: more hides the seam better and leaves a smaller "
+        "tile",
+    )
     bend: int = option(
         BEND,
-        help="half waves across the photo up to which bends and uneven brightness are taken out; 0 for the tilt alone",
+        low=0,
+        high=MAX_BEND,
+        help="how many half waves across the photo are taken out as bends of the material and uneven light. 0: only "
+        "the tilt of the photo",
     )
-    grey: bool = option(False, help="an albedo without colour")
+    grey: bool = option(False, help="an albedo without colour, where the lights' strengths are not known")
     convention: Literal["opengl", "directx"] = option(
-        "opengl", choices=("opengl", "directx"), help="of the normals: opengl (green up) or directx"
+        "opengl", choices=CONVENTIONS, help="which way the green channel of the normals points"
     )
-    name: str | None = option(None, help="what the files' names begin with; the photo's unless given")
-    output: str = option(short="-o", metavar="FOLDER", help="folder for the pictures", provenance="none")
+    name: str | None = option(None, help="what the files' names begin with", unset="as the photo's")
+    output: str = option(short="-o", metavar="FOLDER", help="folder for the pictures", path="folder", provenance="none")
 
     def run(self, progress: Progress = silent) -> MaterialMade:
         """Write the material's textures into the folder."""

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.defaults import FACES
+from mpsnet_core.defaults import FACES, MAX_FACES
 from mpsnet_core.errors import FileError, GeometryError, SettingsError
 from mpsnet_core.io.files import writable_path, written_whole
 from mpsnet_core.progress import Progress, silent
@@ -21,7 +21,6 @@ from mpsnet_core.scene.normal_map import NormalMap
 
 Up = Literal["y", "z"]
 MESH_SUFFIXES = (".ply", ".glb", ".obj")
-MAX_FACES = 10_000_000
 
 
 class NoFaceError(GeometryError):

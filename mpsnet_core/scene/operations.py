@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal
 
+from mpsnet_core.defaults import ENCODINGS
 from mpsnet_core.errors import InputError
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, silent
@@ -22,7 +23,16 @@ class CamerasWritten(Result):
 
 
 @dataclass(frozen=True)
-class WriteCameras(Operation):
+class ReadsPictures(Operation):
+    """How the values of pictures are meant."""
+
+    encoding: Literal["auto", "linear", "srgb"] = option(
+        "auto", choices=ENCODINGS, help="how the photo's values stand for light"
+    )
+
+
+@dataclass(frozen=True)
+class WriteCameras(ReadsPictures):
     """Cameras of photogrammetry as camera files, and photos without their lens's distortion."""
 
     command: ClassVar[str] = "cameras"
@@ -31,9 +41,6 @@ class WriteCameras(Operation):
         positional=True, help="a COLMAP folder, Metashape's .xml or Meshroom's .sfm", provenance="files"
     )
     photos: str = option(metavar="FOLDER", help="the photos, one for each camera", provenance="files")
-    encoding: Literal["auto", "linear", "srgb"] = option(
-        "auto", choices=("auto", "linear", "srgb"), help="how the photos' values are meant: auto, linear or srgb"
-    )
     output: str = option(
         short="-o",
         metavar="FOLDER",

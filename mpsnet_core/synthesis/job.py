@@ -25,7 +25,7 @@ FOLDER_CLAIM = MAX_COUNT
 FOLDER_SECONDS = 20.0
 
 # Smallest and largest value of each whole number of a job.
-_RANGES = {
+RANGES = {
     "count": (1, MAX_COUNT),
     "seed": (0, 2**63 - 1),
     "size": (8, 8192),
@@ -74,7 +74,7 @@ class SampleJob:
     def __post_init__(self) -> None:
         check_choice("the renderer", self.renderer, RENDERERS)
         check_choice("the merl_part", self.merl_part, MERL_PARTS)
-        for name, (low, high) in _RANGES.items():
+        for name, (low, high) in RANGES.items():
             value = getattr(self, name)
             if type(value) is not int or not low <= value <= high:
                 raise SettingsError(f"the job's {name} must be a whole number from {low} to {high}, not {value!r}")

@@ -7,8 +7,10 @@ from typing import ClassVar, Literal
 from mpsnet_core.errors import InputError
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, part, silent
-from mpsnet_core.synthesis.job import CONTACT_SHEET, SampleJob, read_job
+from mpsnet_core.synthesis.job import CONTACT_SHEET, MAX_BOUNCES, RANGES, SampleJob, read_job
 
+# Of processes on one machine.
+MAX_PROCESSES = 1024
 # So many of the files that `show` skips are named; all are counted.
 NAMED = 10
 
@@ -27,7 +29,13 @@ class SamplesMade(Result):
 class RunsWorkers(Operation):
     """Who makes samples: processes on this machine, or a cluster."""
 
-    processes: int = option(0, help="on this machine, 0 for as many as it has cores", provenance="none")
+    processes: int = option(
+        0,
+        low=0,
+        high=MAX_PROCESSES,
+        help="how many processes work at the same time on this machine. 0: one for each processor core",
+        provenance="none",
+    )
     cluster: str = option("", metavar="ADDRESS", help="of a Dask scheduler, whose workers do it", provenance="none")
     cluster_trusted: bool = option(
         False, help="the address needs no tls://: whoever is in the network may run code", provenance="none"
@@ -65,25 +73,58 @@ class Synthesize(RunsWorkers):
 
     command: ClassVar[str] = "synthesize"
 
-    count: int = option(help="how many samples the folder shall hold")
-    seed: int = option(SampleJob.seed, help="what everything is drawn from")
-    size: int = option(SampleJob.size, help="side of a sample in pixels")
+    count: int = option(
+        low=RANGES["count"][0],
+        high=RANGES["count"][1],
+        help="how many samples the folder shall hold in the end. A larger count goes on where a smaller stopped",
+    )
+    seed: int = option(
+        SampleJob.seed,
+        low=RANGES["seed"][0],
+        high=RANGES["seed"][1],
+        help="what the samples are drawn from: the same seed gives the same samples",
+    )
+    size: int = option(
+        SampleJob.size, low=RANGES["size"][0], high=RANGES["size"][1], help="width and height of a sample in pixels"
+    )
     shapes: str | None = option(
         None,
         metavar="KIND,...",
         help="of blobs, drapery, reliefs, groups, meshes; meshes where --meshes is given, else all others",
     )
-    meshes: str = option("", metavar="FOLDER", help="mesh files to take shapes from")
+    meshes: str = option("", metavar="FOLDER", help="folder with mesh files to take shapes from", path="folder")
     merl: str = option("", metavar="PATH", help="measured materials: a folder of MERL .binary files, or .npz of fits")
     merl_part: Literal["all", "training", "validation"] = option(
         SampleJob.merl_part,
         metavar="PART",
-        help="all, or training (four in five of the measured materials) or validation (the fifth that was left out)",
+        choices={"all": "", "training": "four in five", "validation": "the fifth that was left out"},
+        help="which of the measured materials",
     )
-    views: int = option(SampleJob.views, help="samples in a row that show the same shape")
-    bounces: int = option(SampleJob.bounces, help="of light between surfaces: 0 to 3")
-    supersampling: int = option(SampleJob.supersampling, help="rays along a pixel's side")
-    output: str = option(short="-o", metavar="FOLDER", help="new, or begun by the same command", provenance="none")
+    views: int = option(
+        SampleJob.views,
+        low=RANGES["views"][0],
+        high=RANGES["views"][1],
+        help="how many samples in a row show the same shape, each in another pose, light and material",
+    )
+    bounces: int = option(
+        SampleJob.bounces,
+        low=0,
+        high=MAX_BOUNCES,
+        help="how often light goes from surface to surface at most, drawn anew for each sample. 0: none",
+    )
+    supersampling: int = option(
+        SampleJob.supersampling,
+        low=RANGES["supersampling"][0],
+        high=RANGES["supersampling"][1],
+        help="rays along a pixel's side",
+    )
+    output: str = option(
+        short="-o",
+        metavar="FOLDER",
+        help="folder of the samples; one that the same settings began is gone on with",
+        path="folder",
+        provenance="none",
+    )
 
     def run(self, progress: Progress = silent) -> SamplesMade:
         """Make the samples that the folder does not hold yet."""
@@ -179,7 +220,7 @@ class ShowSamples(Operation):
     path: tuple[str, ...] = option(positional=True, help="a sample, a folder of samples, or a photo", provenance="none")
     count: int = option(8, help="how many of a folder's samples, evenly spread")
     output: str | None = option(
-        None, short="-o", help="picture: .png or .tif; unless given beside what it shows", provenance="none"
+        None, short="-o", help="picture: .png or .tif", unset="beside what it shows", provenance="none"
     )
 
     def run(self, progress: Progress = silent) -> SamplesShown:

@@ -384,7 +384,7 @@ def test_the_command_line_gives_exit_code_2_and_the_sentence(scene, capfd, tmp_p
     bad = [
         (["bake"], "Estimate the normals first"),
         (["bake", "--size", "huge"], "'huge' is not an integer"),
-        (["bake", "--size", "1"], "1 is outside 16 to 16384"),
+        (["bake", "--size", "0"], "0 is outside 1 to 16384"),
         (["add-rig", "--object", "Nobody"], 'there is no object "Nobody"'),
         (["add-rig", "--view", "sideways"], "invalid choice"),
         (["add-rig", "--save", str(tmp_path / "no" / "x.blend")], "its folder does not exist"),

@@ -1,13 +1,23 @@
 """Settings live in the scene: they outlast the session, and do not depend on what anything is called."""
 
+import importlib
 import json
+import pkgutil
 import subprocess
 import sys
 
 import bpy
 import pytest
 
+import blender_addon.settings
+from mpsnet_core.bake.operations import Bake, BakeViews
+from mpsnet_core.capture.calibrate.operations import CalibrateLights
+from mpsnet_core.capture.operations import Superpose
 from mpsnet_core.errors import InputError
+from mpsnet_core.estimate.operations import Estimate
+from mpsnet_core.operation import settings as options
+from mpsnet_core.relief.operations import Integrate, MakeMaterial
+from mpsnet_core.synthesis.operations import Synthesize
 
 # Run by a process of its own: what it finds in the file is what was saved, not what this process still knows.
 READS = """
@@ -122,3 +132,104 @@ def test_what_runs_networks_honours_the_preferences(photographed, scene, tmp_pat
         getattr(bpy.ops.mps, verb)()
     assert given[given.index("--threads") + 1] == "3"
     assert given[given.index("--provider") + 1] == "cuda"
+
+
+# Of each class of settings the operation that they are for, and its options that are called otherwise in Blender.
+OPERATIONS = {
+    "BakeSettings": (Bake, {"onto_file": "onto"}),
+    "CalibrateSettings": (CalibrateLights, {"ball_radius": "radius", "lens": "focal"}),
+    "DisplaceSettings": (Integrate, {}),
+    "EstimateSettings": (Estimate, {"lens": "focal"}),
+    "HeightsSettings": (Integrate, {}),
+    "MaterialSettings": (MakeMaterial, {}),
+    "SamplesSettings": (Synthesize, {}),
+    "SuperposeSettings": (Superpose, {}),
+    "ViewsSettings": (BakeViews, {"write_report": "report"}),
+}
+# How the surface is moved, where the option says how normals are integrated; and what the core has as free text.
+OTHER_THINGS = {("DisplaceSettings", "method"), ("EstimateSettings", "mask")}
+# Items beside an option's choices; of a model every name is one.
+MORE_ITEMS = {"preset": {"CUSTOM"}, "bits": {"AUTO"}, "model": None}
+# Defaults that differ from the core's.
+OWN_DEFAULTS = {
+    ("BakeSettings", "margin"): 16,
+    ("CalibrateSettings", "ball_radius"): 1.0,
+    ("DisplaceSettings", "scale"): 0.5,
+    ("SamplesSettings", "count"): 100,
+    ("SamplesSettings", "bounces"): 3,
+}
+LEAST = {("CalibrateSettings", "ball_radius"): 1e-6}
+
+
+def described():
+    """(class and property, the property as Blender has it, the core's option) of all that the core describes."""
+    modules = [
+        importlib.import_module(f"{blender_addon.settings.__name__}.{module.name}")
+        for module in pkgutil.iter_modules(blender_addon.settings.__path__)
+    ]
+    groups = [group for module in modules for group in vars(module).values() if hasattr(group, "bl_rna")]
+    found = {}
+    for group in groups:
+        for base in group.__mro__:
+            operation, names = OPERATIONS.get(base.__name__, (None, {}))
+            for option in options(operation) if operation else ():
+                for name in base.__annotations__:
+                    if names.get(name, name) == option.name and (base.__name__, name) not in OTHER_THINGS:
+                        found[base.__name__, name] = (group.bl_rna.properties[name], option)
+    return found
+
+
+def test_every_class_of_settings_names_its_operation():
+    assert {name for name, _ in described()} == set(OPERATIONS)
+    assert set(OWN_DEFAULTS) | set(LEAST) <= set(described())
+
+
+def test_a_setting_is_what_the_core_s_option_is():
+    """Range, default and choices: none is written down a second time."""
+    faults = []
+    for place, (one, option) in described().items():
+        default = OWN_DEFAULTS.get(place, None if option.required or option.several else option.default)
+        if one.type == "ENUM":
+            more, items = MORE_ITEMS.get(one.identifier, set()), [item.identifier for item in one.enum_items]
+            same = more is None or [item for item in items if item not in more] == identifiers(option.option.choices)
+            same &= one.default == (items[0] if default is None else identifiers([default])[0])
+        elif one.type in {"INT", "FLOAT"} and option.kind is not str:
+            # Blender's own bounds, where the option has none.
+            widest = 2**31 - 1 if one.type == "INT" else 3e38
+            low = LEAST.get(place, 0 if default is None else option.option.low)
+            high = option.option.high or widest
+            same = one.hard_max >= widest if high >= widest else one.hard_max == pytest.approx(high)
+            same &= one.hard_min < -1e9 if low is None else one.hard_min == pytest.approx(low)
+            same &= one.default == pytest.approx(default or 0)
+        else:
+            same = option.kind is not bool or one.default == default
+        if not same:
+            faults.append(place)
+    assert not faults
+
+
+def identifiers(values):
+    return [str(value).upper().replace("-", "_") for value in values]
+
+
+@pytest.mark.parametrize(
+    ("place", "items"),
+    [
+        ("bake.preset", "CUSTOM BLENDER UNREAL UNITY GODOT GLTF"),
+        ("bake.space", "TANGENT OBJECT"),
+        ("bake.convention", "OPENGL DIRECTX"),
+        ("bake.samples", "1 2 4"),
+        ("bake.padding", "NEAREST PUSH_PULL NONE"),
+        ("bake.bits", "AUTO 8 16 32"),
+        ("bake.onto_convention", "OPENGL DIRECTX"),
+        ("bake.onto_shown", "AUTO YES NO"),
+        ("estimate.encoding", "AUTO LINEAR SRGB"),
+        ("heights.method", "FAST BILATERAL"),
+        ("views.lights_in", "CAMERA WORLD"),
+    ],
+)
+def test_choices_keep_their_places_which_saved_files_hold(scene, place, items):
+    group, name = place.split(".")
+    known = getattr(scene.mps, group).bl_rna.properties[name].enum_items
+    assert [item.identifier for item in known] == items.split()
+    assert [item.value for item in known] == list(range(len(known)))

@@ -224,7 +224,7 @@ def test_each_wrong_name_gets_one_sentence(bench: Bench) -> None:
         (("--mesh", bench / "wide.npz"), "s.<UDIM>.png", "lie in 300 UDIM tiles, more than the 100"),
         (("--view", view), "s.<UDIM>.png", "would overwrite"),
         ((), "d.<UDIM>.png", "d.1002.png: it is a folder"),
-        (("--samples", "3"), "s.png", "3 x 3 samples a texel cannot be baked; choose 1, 2 or 4"),
+        (("--samples", "3"), "s.png", "samples 3 is not known; choose 1, 2 or 4"),
         (("--padding", "blur"), "s.png", "padding 'blur' is not known; choose nearest, push-pull or none"),
         (("--mesh", bench / "gone.npz", "--mesh", bench / "mesh.npz"), "s.png", "gone.npz does not exist"),
     ]:

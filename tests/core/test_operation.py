@@ -2,11 +2,12 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, get_args, get_origin, get_type_hints
 
 import pytest
 
 from mpsnet_core.cli.arguments import Parser
+from mpsnet_core.cli.command import OPERATIONS
 from mpsnet_core.cli.operations import add_operation
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.errors import InputError
@@ -28,10 +29,12 @@ class Grind(Operation):
     command: ClassVar[str] = "grind"
 
     beans: tuple[str, ...] = option(positional=True, help="bags of beans", provenance="none")
-    roast: Literal["light", "dark"] = option("light", choices=("light", "dark"), help="how they were roasted")
+    roast: Literal["light", "dark"] = option(
+        "light", choices={"light": "", "dark": "bitter"}, help="how they were roasted"
+    )
     size: float = option(0.5, low=0.1, high=2, metavar="MM", help="of the grains")
-    turns: int | None = option(None, help="how many times the handle goes round")
-    water: tuple[str, ...] = option((), help="a spring; may be repeated", provenance="none")
+    turns: int | None = option(None, help="how many times the handle goes round", unset="until it is empty")
+    water: tuple[str, ...] = option((), help="a spring", provenance="none")
     slow: bool = option(False, help="take your time", provenance="none")
     recipe: str | None = option(None, help="file of a recipe", provenance="content")
     sieves: tuple[int, ...] = option((3, 5), help="in a row")
@@ -79,6 +82,15 @@ def test_the_command_line_gives_what_python_gives() -> None:
 
 def test_what_is_not_given_on_the_command_line_is_the_operation_s_own_default() -> None:
     assert on_the_command_line("a", "-o", "bag") == Grind(beans=("a",), output="bag").run().facts()
+
+
+@pytest.mark.parametrize("kind", OPERATIONS, ids=lambda kind: kind.command)
+def test_choices_are_those_of_the_type(kind: type[Operation]) -> None:
+    hints = get_type_hints(kind)
+    for setting in settings(kind):
+        hint = next((one for one in get_args(hints[setting.name]) if get_origin(one) is Literal), hints[setting.name])
+        if get_origin(hint) is Literal:
+            assert tuple(setting.option.choices) == get_args(hint), setting.name
 
 
 def test_paths_are_taken_as_they_come() -> None:
@@ -135,9 +147,11 @@ def test_commands_of_one_group_stand_together() -> None:
         parser.parse_args(["evaluate"])
 
 
-def test_help_shows_defaults_and_leaves_out_what_has_no_help() -> None:
+def test_help_shows_choices_and_defaults_and_leaves_out_what_has_no_help() -> None:
     verbs = Parser().add_subparsers()
     add_operation(verbs, Parser(add_help=False), Grind)
-    text = verbs.choices["grind"].format_help()
-    assert "in a row (default: 3, 5)" in text and "--crank" not in text
+    text = " ".join(verbs.choices["grind"].format_help().split())
+    assert "how they were roasted: light or dark (bitter) (default: light)" in text
+    assert "goes round (default: until it is empty)" in text and "a spring; may be repeated --slow" in text
+    assert "in a row; may be repeated (default: 3, 5)" in text and "--crank" not in text
     assert on_the_command_line("a", "-o", "bag", "--crank", "x", "--sieves", "7")["given"]["sieves"] == (7,)

@@ -39,11 +39,15 @@ class LooksAtBall(ReadsPhotos, HasLens):
         (),
         metavar="X,Y,R",
         help="the ball's outline by hand: its middle from the photo's top left corner and its radius, in pixels; "
-        "repeatable, in the balls' order; it is looked for unless given",
+        "in the balls' order",
+        unset="it is looked for",
     )
     mask: str | None = option(None, help="mask file of what the photo is of", provenance="files")
     radius: float | None = option(
-        None, help="of the ball, in the unit of the lights' positions, best the mesh's; without it they count in radii"
+        None,
+        help="radius of the ball, in the unit that positions are wanted in: best that of the mesh. It counts where "
+        "lights have positions, for a grey ball too",
+        unset="positions count in radii",
     )
     overlay: str | None = option(
         None, metavar="PNG", help="write a picture of what was found, drawn over the photo", provenance="none"
@@ -350,7 +354,7 @@ class CalibrateMixing(LooksAtBall):
     rig: str = option(help="rig file with the lights' directions or positions", provenance="content")
     card: bool = option(False, help="the photos show a flat grey card: one photo a light")
     normal: str | None = option(
-        None, metavar="X,Y,Z", help="where the card faces, in camera space; towards the camera unless given"
+        None, metavar="X,Y,Z", help="where the card faces, in camera space", unset="towards the camera"
     )
     output: str = option(short="-o", metavar="RIG", help="rig file with the mixing (.json)", provenance="none")
 

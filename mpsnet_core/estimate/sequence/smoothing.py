@@ -13,11 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import box_sums
+from mpsnet_core.defaults import MAX_SMOOTHING
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.scene.normal_map import NormalMap
-
-# Twice as many frames and one stay in memory; a second of film is far more than a thing stands still.
-MAX_REACH = 12
 
 PATCH = 7  # pixels a side over which two photos are compared
 # The mean square of a patch's difference, in units of the noise's, is 1 where nothing moved, with a spread of
@@ -57,8 +55,8 @@ def smoothed(shots: Iterable[Shot], reach: int, step: int = 1) -> Iterator[tuple
 
     Raises SettingsError where `reach` is out of range, GeometryError where two photos within it differ in size.
     """
-    if not 0 <= reach <= MAX_REACH:
-        raise SettingsError(f"smoothing over {reach} frames each way cannot be; choose 0 to {MAX_REACH}")
+    if not 0 <= reach <= MAX_SMOOTHING:
+        raise SettingsError(f"smoothing over {reach} frames each way cannot be; choose 0 to {MAX_SMOOTHING}")
     span = reach * step
     recent: deque[Shot] = deque()
     waiting: deque[Shot] = deque()

@@ -33,7 +33,7 @@ class Measured(Result):
 class MeasuresModels(Operation):
     """Which models a test measures, and where the answer goes."""
 
-    model: tuple[str, ...] = option((DEFAULT_MODEL,), metavar="MODEL", help="name, file, or all; repeatable")
+    model: tuple[str, ...] = option((DEFAULT_MODEL,), metavar="MODEL", help="name, file, or all")
     json: str | None = option(None, metavar="FILE", help="write the rows as JSON", provenance="none")
     output: str | None = option(
         None, short="-o", metavar="REPORT", help="write an HTML report with pictures", provenance="none"
@@ -62,9 +62,7 @@ class MeasuresModels(Operation):
 class Magnifies(MeasuresModels):
     """How many times photographs are magnified."""
 
-    magnify: tuple[int, ...] = option(
-        (1,), metavar="N", help="magnify the photographs N times before the estimate; repeatable"
-    )
+    magnify: tuple[int, ...] = option((1,), metavar="N", help="magnify the photographs N times before the estimate")
 
 
 @dataclass(frozen=True)
@@ -72,7 +70,7 @@ class PhotographsSynthetic(MeasuresModels):
     """How synthetic scenes are photographed."""
 
     protocol: tuple[str, ...] = option(
-        ("published",), help="how a channel weighs colours: separated, published or white; repeatable"
+        ("published",), help="how a channel weighs colours: separated, published or white"
     )
     size: int = option(SYNTHETIC_SIZE, help="side of a picture in pixels")
 
@@ -86,11 +84,12 @@ class EvaluateDiligent(Magnifies):
     folder: str = option(
         positional=True, help="DiLiGenT's pmsData folder; objects that are absent are named and skipped"
     )
-    object: tuple[str, ...] = option((), metavar="NAME", help="repeatable; all ten unless given")
-    lights: tuple[str, ...] = option((), metavar="A,B,C", help="lights giving R, G, B; repeatable")
+    object: tuple[str, ...] = option((), metavar="NAME", help="object of the set", unset="all ten")
+    lights: tuple[str, ...] = option((), metavar="A,B,C", help="lights giving R, G, B")
     protocol: tuple[str, ...] = option(
         (),
-        help="how a channel weighs colours: separated, published or white; repeatable; all three unless given",
+        help="how a channel weighs colours: separated, published or white",
+        unset="all three",
     )
 
     def evaluation(self) -> "Evaluation":
@@ -153,9 +152,7 @@ class EvaluateStatues(Magnifies):
     mesh: tuple[str, ...] = option(positional=True, help="mesh files, or folders of them")
     views: int = option(MESH_VIEWS, help="of each mesh, from all around")
     slant: float = option(STATUE_SLANT, metavar="DEGREES", help="of the three lights")
-    tilt: tuple[float, ...] = option(
-        STATUE_TILTS, metavar="DEGREES", help="of the first light, the others 120° apart; repeatable"
-    )
+    tilt: tuple[float, ...] = option(STATUE_TILTS, metavar="DEGREES", help="of the first light, the others 120° apart")
     bounces: int = option(0, help="of light between surfaces: 0 to 3")
     size: int = option(STATUE_SIZE, help="side of a picture in pixels")
 
@@ -207,8 +204,8 @@ class EvaluatePatchSizes(HadWorkers):
 
     command: ClassVar[str] = "evaluate patch-sizes"
 
-    samples: tuple[str, ...] = option(metavar="DIR", help="to train on; repeatable")
-    validation: tuple[str, ...] = option(metavar="DIR", help="held out; repeatable")
+    samples: tuple[str, ...] = option(metavar="DIR", help="to train on")
+    validation: tuple[str, ...] = option(metavar="DIR", help="held out")
     runs: str = option(metavar="DIR", help="for checkpoints; a cancelled run goes on from them", provenance="none")
     width: float = option(0.125, help="factor of the published numbers of maps")
     steps: int = option(600, help="of each of the ten trainings, of 500 patches")

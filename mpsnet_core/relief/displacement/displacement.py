@@ -18,6 +18,7 @@ from mpsnet_core.arrays.push_pull import push_pull
 from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.bake.settings import check_texture
 from mpsnet_core.bake.texture import Space
+from mpsnet_core.defaults import MAX_BUMPS
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.relief.displacement.graph_poisson import Graph, Solver, graph_of
@@ -35,7 +36,6 @@ PASSES = 3
 STRAY = 0.2
 # Texels that heights are carried on beyond an island with their gradient; from there on as they are.
 CARRIED = 1.5
-MAX_SCALE = 10.0
 # The share of its texels that a base has in common with its mesh, at least.
 COMMON = 0.5
 
@@ -184,9 +184,9 @@ def _checked_size(vectors: NDArray[np.float32], space: str, margin: int, scale: 
         raise SettingsError(f"heights on UVs have {MAX_SIZE} texels a side at most, not {size}; bake a smaller texture")
     if not np.isfinite(vectors).all():
         raise GeometryError("the texture holds values that are not finite; bake it again")
-    if not 0 <= scale <= MAX_SCALE:
+    if not 0 <= scale <= MAX_BUMPS:
         raise SettingsError(
-            f"a scale of {scale:g} times the mesh's size cannot be used; choose 0 (keep all) to {MAX_SCALE:g}"
+            f"a scale of {scale:g} times the mesh's size cannot be used; choose 0 (keep all) to {MAX_BUMPS:g}"
         )
     if mean is not None and not np.isfinite(mean):
         raise SettingsError(f"the mean height must be a number, not {mean}")

@@ -6,7 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.defaults import BEND, CURVATURE_RADIUS, OVERLAP
+from mpsnet_core.defaults import (
+    BEND,
+    CURVATURE_RADIUS,
+    MAX_BEND,
+    MAX_MATERIAL_SIZE,
+    MAX_OVERLAP,
+    MIN_MATERIAL_SIZE,
+    MIN_OVERLAP,
+    OVERLAP,
+)
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.relief.curvature import curvature
@@ -21,10 +30,6 @@ from mpsnet_core.relief.sizes import check_size
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 
-# The largest takes about 8 GB.
-LEAST_SIDE, LARGEST_SIDE = 64, 8192
-LEAST_OVERLAP, LARGEST_OVERLAP = 0.05, 0.5
-MOST_BEND = 12
 # Brighter albedos are not seen in nature; where photographed so, all are darkened.
 BRIGHTEST = 0.95
 
@@ -149,14 +154,16 @@ def _material(
 
 def check_material(size: int | None, overlap: float, bend: int) -> None:
     """Raises SettingsError where a material of this size, overlap and bend cannot be made."""
-    if size is not None and not LEAST_SIDE <= size <= LARGEST_SIDE:
-        raise SettingsError(f"a material's pictures are {LEAST_SIDE} to {LARGEST_SIDE} pixels a side, not {size}")
-    if not LEAST_OVERLAP <= overlap <= LARGEST_OVERLAP:
-        raise SettingsError(f"borders overlap by {LEAST_OVERLAP:g} to {LARGEST_OVERLAP:g} of the tile, not {overlap:g}")
+    if size is not None and not MIN_MATERIAL_SIZE <= size <= MAX_MATERIAL_SIZE:
+        raise SettingsError(
+            f"a material's pictures are {MIN_MATERIAL_SIZE} to {MAX_MATERIAL_SIZE} pixels a side, not {size}"
+        )
+    if not MIN_OVERLAP <= overlap <= MAX_OVERLAP:
+        raise SettingsError(f"borders overlap by {MIN_OVERLAP:g} to {MAX_OVERLAP:g} of the tile, not {overlap:g}")
     if size is not None:
         _check_joined(round(overlap * size), overlap)
-    if not 0 <= bend <= MOST_BEND:
-        raise SettingsError(f"a bend of {bend} half waves cannot be taken out; choose 0 to {MOST_BEND}")
+    if not 0 <= bend <= MAX_BEND:
+        raise SettingsError(f"a bend of {bend} half waves cannot be taken out; choose 0 to {MAX_BEND}")
 
 
 def _check_joined(pixels: int, overlap: float) -> None:
@@ -186,8 +193,10 @@ def filled_part(capture: Capture, crop: tuple[int, int, int, int] | None = None)
             f"the crop of {width} x {height} pixels from {left} on across and from {top} on down is not within the "
             f"photo, which is {columns} x {rows}; give places that it has"
         )
-    if min(width, height) < LEAST_SIDE:
-        raise GeometryError(f"{width} x {height} pixels are too few for a material; take {LEAST_SIDE} or more each way")
+    if min(width, height) < MIN_MATERIAL_SIZE:
+        raise GeometryError(
+            f"{width} x {height} pixels are too few for a material; take {MIN_MATERIAL_SIZE} or more each way"
+        )
     part = slice(top, top + height), slice(left, left + width)
     missing = 1 - float(capture.mask[part].mean())
     if missing:
