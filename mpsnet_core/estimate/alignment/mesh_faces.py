@@ -1,0 +1,36 @@
+"""A mesh as alignment sees it: its faces' normals, and where rays meet them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.errors import GeometryError
+from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.rays import RayScene
+
+
+@dataclass(frozen=True)
+class MeshFaces:
+    """A mesh made ready.
+
+    Parameters
+    ----------
+    scene
+        For rays, in world space.
+    normals
+        (T, 3) unit normals of the triangles, in world space; zero where one has no area.
+    """
+
+    scene: RayScene
+    normals: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, mesh: Mesh) -> "MeshFaces":
+        vertices = mesh.world_vertices
+        if not len(mesh.triangles):
+            raise GeometryError("the mesh has no faces; give one that has")
+        a, b, c = (vertices[mesh.triangles[:, k]] for k in range(3))
+        across = np.cross(b - a, c - a)
+        length = np.linalg.norm(across, axis=1, keepdims=True)
+        return cls(RayScene(vertices, mesh.triangles), across / np.where(length > 0, length, 1))

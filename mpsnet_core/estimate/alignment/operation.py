@@ -1,0 +1,302 @@
+"""The operation align: a photo and a mesh to the camera that took the photo."""
+
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+from mpsnet_core.capture.operations import ReadsPhotos, files_read
+from mpsnet_core.errors import GeometryError, SettingsError
+from mpsnet_core.estimate.operations import RunsModel
+from mpsnet_core.operation import Result, option
+from mpsnet_core.progress import Progress, part, silent
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from mpsnet_core.capture.capture import Capture
+    from mpsnet_core.estimate.alignment.points import PointFit
+    from mpsnet_core.estimate.alignment.pose import Floats
+    from mpsnet_core.estimate.alignment.refine import Fit
+    from mpsnet_core.scene.camera import Camera
+
+log = logging.getLogger(__name__)
+
+# The photo's longer side in pixels that the camera is found on: more brings nothing that an estimate's errors leave.
+LONGEST = 1024
+# A fit is poor where the outlines are this share of the picture's longer side apart, or the normals this many degrees,
+# or mesh and mask share less than this.
+POOR_OUTLINE, POOR_DEGREES, POOR_OVERLAP = 0.006, 35.0, 0.9
+# Another view that costs less than this many times as much might be as right.
+AMBIGUOUS = 1.3
+CANDIDATES = 3
+
+
+@dataclass(frozen=True)
+class CameraFound(Result):
+    """The camera of a photo.
+
+    Attributes
+    ----------
+    output
+        The camera file.
+    outline_pixels
+        Median distance of the mesh's outline from the mask's, in the photo's pixels.
+    normals_degrees
+        Median angle between the mesh's normals and the photo's.
+    overlap
+        Pixels that mesh and mask share, of those that either has.
+    poor
+        Whether the fit is too poor to bake with.
+    residuals
+        How far each pair of points is off, in the photo's pixels.
+    left_out
+        The pairs that contradict the others, counted from 1.
+    others
+        Camera files of the next best views, where there was no start.
+    """
+
+    output: str
+    outline_pixels: float
+    normals_degrees: float
+    overlap: float
+    poor: bool
+    residuals: list[float] | None = None
+    left_out: list[int] | None = None
+    others: list[str] | None = None
+
+
+@dataclass(frozen=True)
+class Align(RunsModel, ReadsPhotos):
+    """Photo and mesh to the camera that took the photo."""
+
+    command: ClassVar[str] = "align"
+
+    image: str = option(positional=True, help="the photo", provenance="files")
+    mesh: str = option(help="the mesh of what it shows, in the unit and axes that the camera is wanted in")
+    rig: str = option(help="rig file (.json, or .lp with three lights)", provenance="content")
+    mask: str | None = option(None, help="mask of the photo, as `mpsnet estimate` takes it")
+    points: str | None = option(
+        None,
+        metavar="FILE",
+        help="pairs of places in the photo and on the mesh, 4 or more: "
+        '{"pairs": [{"pixel": [x, y], "point": [X, Y, Z]}, ...]}, in pixels from the top left corner and the mesh '
+        "file's own axes",
+        provenance="content",
+    )
+    start: str | None = option(
+        None,
+        metavar="FILE",
+        help="camera file of a rough start, some 10 degrees off at most; without it and --points all views are tried",
+        provenance="content",
+    )
+    focal: float | None = option(
+        None, metavar="MM", low=1.0, high=10000.0, help="the lens in mm on a 36 mm sensor, where it is known"
+    )
+    overlay: str | None = option(
+        None,
+        metavar="FILE",
+        help="also write a picture of the photo with the outlines of mask (orange) and mesh (green), and the pairs",
+        provenance="none",
+    )
+    output: str = option(short="-o", help="the camera file (.json)", provenance="none")
+
+    def run(self, progress: Progress = silent) -> CameraFound:
+        """Write the camera file, and the overlay where it is requested."""
+        from mpsnet_core.estimate.alignment.pairs import read_pairs
+        from mpsnet_core.io.files import writable_path
+        from mpsnet_core.io.frames import check_apart
+        from mpsnet_core.io.images import checked_bits
+
+        if self.points and self.start:
+            raise SettingsError("points and start both place the camera; give one of them")
+        outputs = [Path(self.output), *([Path(self.overlay)] if self.overlay else []), *self._others()]
+        check_apart([self.image, self.rig, self.mesh, *files_read(self)], outputs)
+        writable_path(self.output)
+        if self.overlay:
+            checked_bits(writable_path(self.overlay))
+        pairs = read_pairs(self.points) if self.points else None
+        progress(0.0, f"reading {Path(self.image).name}")
+        capture = self._capture()
+        fits, point_fit = self._fits(capture, pairs, progress)
+        return self._written(capture, fits, pairs, point_fit, progress)
+
+    def _capture(self) -> "Capture":
+        from mpsnet_core.capture.capture import read_capture
+        from mpsnet_core.scene.rig import read_rig
+
+        return read_capture(
+            self.image,
+            read_rig(self.rig),
+            mask=self.mask,
+            encoding=self.encoding,
+            layer=self.layer,
+            camera=self.focal,
+            correction=self.correction(),
+        )
+
+    def _fits(
+        self, capture: "Capture", pairs: "tuple[Floats, Floats] | None", progress: Progress
+    ) -> "tuple[list[Fit], PointFit | None]":
+        """The best cameras, and what the pairs alone say."""
+        from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
+        from mpsnet_core.estimate.alignment.points import USUAL_FOCAL, camera_from_points
+        from mpsnet_core.estimate.alignment.refine import Evidence, measured, refined
+        from mpsnet_core.estimate.alignment.search import searched
+        from mpsnet_core.scene.camera import FULL_FRAME, read_camera
+        from mpsnet_core.scene.mesh import read_mesh
+
+        height, width = capture.mask.shape
+        longer = max(height, width)
+        faces = MeshFaces.of(read_mesh(self.mesh, shape_only=True))
+        focal = None if self.focal is None else self.focal / FULL_FRAME * longer
+        by_points = None if pairs is None else camera_from_points(*pairs, width, height, focal)
+        factor = -(-longer // LONGEST)
+        small = _reduced(capture, factor)
+        normals = self.estimator(1)(small, part(progress, 0.05, 0.4))
+        evidence = Evidence(normals.vectors, small.mask)
+        fixed = focal is not None
+        if by_points is None and self.start is None:
+            start = (focal or longer * USUAL_FOCAL) / factor
+            rest = part(progress, 0.4, 0.95)
+            fits = searched(evidence, faces, start, fix_focal=fixed, count=CANDIDATES, progress=rest)
+            return [_enlarged(fit, factor, width, height) for fit in fits], None
+        rough = by_points.camera if by_points else _of_size(read_camera(str(self.start)), width, height, focal)
+        progress(0.4, "aligning")
+        begin = _resized(rough, 1 / factor, small.mask.shape[1], small.mask.shape[0])
+        fit = _enlarged(refined(evidence, faces, begin, fix_focal=fixed), factor, width, height)
+        if by_points and pairs and _contradicts(fit.camera, by_points, *pairs):
+            log.warning("the mesh fits the photo elsewhere than the pairs say; the camera is that of the pairs alone")
+            fit = _enlarged(measured(evidence, faces, begin), factor, width, height)
+        return [fit], by_points
+
+    def _written(
+        self,
+        capture: "Capture",
+        fits: "list[Fit]",
+        pairs: "tuple[Floats, Floats] | None",
+        by_points: "PointFit | None",
+        progress: Progress,
+    ) -> CameraFound:
+        from mpsnet_core.estimate.alignment.points import off_by
+        from mpsnet_core.io.files import written_together
+        from mpsnet_core.io.images import write_image
+        from mpsnet_core.scene.camera import write_camera
+
+        best = fits[0]
+        poor = best.outline > POOR_OUTLINE * max(capture.mask.shape) or best.degrees > POOR_DEGREES
+        poor = poor or best.overlap < POOR_OVERLAP
+        quality = _quality(best)
+        if poor:
+            log.warning("the fit is poor: %s; look at the overlay, and give points, or another mask or mesh", quality)
+        elif len(fits) > 1 and fits[1].cost < AMBIGUOUS * best.cost:
+            log.warning("another view fits nearly as well; look at the overlay, and give points if it is wrong")
+        left_out = by_points.left_out if by_points else ()
+        if left_out:
+            log.warning("pair %d contradicts the others and was left out", left_out[0] + 1)
+        others = list(zip(self._others(), fits[1:], strict=False))
+        progress(0.95, "writing")
+        with written_together():
+            write_camera(self.output, best.camera)
+            for path, fit in others:
+                write_camera(path, fit.camera)
+            if self.overlay:
+                write_image(self.overlay, self._picture(capture, fits, pairs, left_out))
+        progress(1.0, "done")
+        residuals = None if pairs is None else [round(float(one), 2) for one in off_by(best.camera, *pairs)]
+        return CameraFound(
+            self.output,
+            round(best.outline, 2),
+            round(best.degrees, 1),
+            round(best.overlap, 4),
+            poor,
+            residuals,
+            [number + 1 for number in left_out] or None,
+            [str(path) for path, _ in others] or None,
+            text=f"{self.output}: camera; {quality}",
+        )
+
+    def _picture(
+        self, capture: "Capture", fits: "list[Fit]", pairs: "tuple[Floats, Floats] | None", left_out: tuple[int, ...]
+    ) -> "NDArray[np.float32]":
+        import numpy as np
+
+        from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
+        from mpsnet_core.estimate.alignment.overlay import overlay
+        from mpsnet_core.scene.mesh import read_mesh
+        from mpsnet_core.scene.pictures import sheet
+
+        scene = MeshFaces.of(read_mesh(self.mesh, shape_only=True)).scene
+        image = capture.image.astype(np.float32, copy=False)
+        pictures = [overlay(image, capture.mask, scene, fit.camera, pairs, left_out) for fit in fits]
+        if len(fits) == 1:
+            return pictures[0]
+        titled = [(f"{k}: {_quality(fit)}", one) for k, (fit, one) in enumerate(zip(fits, pictures, strict=True), 1)]
+        return sheet(titled, CANDIDATES, 720)
+
+    def _others(self) -> list[Path]:
+        """Where the next best views' cameras go."""
+        if self.points or self.start:
+            return []
+        output = Path(self.output)
+        return [output.with_name(f"{output.stem}_{number}{output.suffix}") for number in range(2, CANDIDATES + 1)]
+
+
+def _quality(fit: "Fit") -> str:
+    return f"outlines {fit.outline:.1f} pixels and normals {fit.degrees:.0f}° apart, {fit.overlap:.0%} shared"
+
+
+def _reduced(capture: "Capture", factor: int) -> "Capture":
+    """The photo made smaller by a whole factor."""
+    import numpy as np
+
+    from mpsnet_core.arrays.block_means import block_means
+    from mpsnet_core.capture.capture import Capture
+
+    if factor == 1:
+        return capture
+    mask = block_means(capture.mask[..., None].astype(np.float32), factor)[..., 0] >= 0.5
+    height, width = mask.shape
+    camera = None if capture.camera is None else _resized(capture.camera, 1 / factor, width, height)
+    return Capture(block_means(capture.image, factor), mask, capture.rig, camera, capture.clip)
+
+
+def _resized(camera: "Camera", factor: float, width: int, height: int) -> "Camera":
+    from dataclasses import replace
+
+    return replace(camera, width=width, height=height, focal=camera.focal * factor, centre=camera.centre * factor)
+
+
+def _enlarged(fit: "Fit", factor: int, width: int, height: int) -> "Fit":
+    from dataclasses import replace
+
+    camera = _resized(fit.camera, factor, width, height)
+    return replace(fit, camera=camera, outline=fit.outline * factor)
+
+
+def _of_size(camera: "Camera", width: int, height: int, focal: float | None) -> "Camera":
+    """A rough start as a perspective camera of the photo's size."""
+    from dataclasses import replace
+
+    import numpy as np
+
+    if camera.projection != "perspective":
+        raise GeometryError("the start is an orthographic camera; give a perspective one, as a photo is taken by")
+    scale = max(width, height) / max(camera.width, camera.height)
+    middle = np.array([width, height]) / 2
+    return replace(
+        camera, width=width, height=height, focal=np.full(2, focal or camera.focal.mean() * scale), centre=middle
+    )
+
+
+def _contradicts(camera: "Camera", by_points: "PointFit", pixels: "Floats", points: "Floats") -> bool:
+    """Whether a refined camera is further from the pairs than clicks go wrong."""
+    import numpy as np
+
+    from mpsnet_core.estimate.alignment.points import PIXEL_ERROR, off_by
+
+    used = np.array([number not in by_points.left_out for number in range(len(points))])
+    before = float(np.sqrt(np.mean(by_points.residuals[used] ** 2)))
+    after = float(np.sqrt(np.mean(off_by(camera, pixels, points)[used] ** 2)))
+    return after > 3 * max(before, PIXEL_ERROR * max(camera.width, camera.height) / 1024)

@@ -1,0 +1,78 @@
+"""Pictures that show how well a mesh fits a photo."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.mask_regions import dilated, eroded
+from mpsnet_core.estimate.alignment.pose import Floats, Poses
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.pictures import photo_picture
+from mpsnet_core.scene.rays import RayScene
+
+MESH_COLOUR, MASK_COLOUR = (0.15, 1.0, 0.4), (1.0, 0.55, 0.1)
+USED_COLOUR, LEFT_OUT_COLOUR = (0.2, 0.6, 1.0), (1.0, 0.1, 0.1)
+
+
+def overlay(
+    image: NDArray[np.float32],
+    mask: NDArray[np.bool_],
+    scene: RayScene,
+    camera: Camera,
+    pairs: tuple[Floats, Floats] | None = None,
+    left_out: Sequence[int] = (),
+) -> NDArray[np.float32]:
+    """(H, W, 3) display values: the photo, dim, the mask's outline in orange, the mesh's outline in green.
+
+    Parameters
+    ----------
+    image
+        (H, W, 3) the photo, linear.
+    mask
+        (H, W) where the object is.
+    scene
+        The mesh.
+    camera
+        Of the photo's size.
+    pairs
+        Pixels (N, 2) and points (N, 3): each is drawn as a cross where it was clicked, in blue, or red where it was
+        left out, with a line to where the camera sees it.
+    left_out
+        The numbers of the pairs that were not used.
+    """
+    picture = 0.7 * photo_picture(image, mask)
+    seen = _seen(scene, camera)
+    wide = max(1, round(max(mask.shape) / 700))
+    for region, colour in ((mask, MASK_COLOUR), (seen, MESH_COLOUR)):
+        picture[dilated(region, wide) & ~eroded(region, 1)] = colour
+    if pairs is not None:
+        pixels, points = pairs
+        poses = Poses.of(camera)
+        there = poses.projected(poses.in_camera(points))[0]
+        for number, (start, end) in enumerate(zip(pixels, there, strict=True)):
+            colour = LEFT_OUT_COLOUR if number in left_out else USED_COLOUR
+            right, down = np.array([4.0 * wide, 0]), np.array([0, 4.0 * wide])
+            for a, b in ((start, end), (start - right, start + right), (start - down, start + down)):
+                _line(picture, a, b, colour, wide)
+    return picture.astype(np.float32)
+
+
+def _seen(scene: RayScene, camera: Camera) -> NDArray[np.bool_]:
+    """(H, W) where the camera sees the mesh."""
+    seen = np.zeros((camera.height, camera.width), bool)
+    x = np.arange(camera.width) + 0.5
+    for row in range(camera.height):
+        points = np.stack([x, np.full(camera.width, row + 0.5)], axis=1)
+        seen[row] = scene.hits(*camera.rays(points)).triangle >= 0
+    return seen
+
+
+def _line(picture: NDArray[np.float32], start: Floats, end: Floats, colour: tuple[float, ...], wide: int) -> None:
+    height, width, _ = picture.shape
+    count = int(np.clip(np.abs(end - start).max() * 2, 1, 4 * max(height, width))) + 1
+    places = start + (end - start) * np.linspace(0, 1, count)[:, None]
+    for offset in range(-(wide // 2), wide - wide // 2):
+        for x, y in ((places[:, 0] + offset, places[:, 1]), (places[:, 0], places[:, 1] + offset)):
+            inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+            picture[y[inside].astype(int), x[inside].astype(int)] = colour

@@ -1,0 +1,58 @@
+"""Files of pairs: places in a photo and the same places on a mesh."""
+
+import json
+import os
+
+import numpy as np
+
+from mpsnet_core.errors import FormatError
+from mpsnet_core.estimate.alignment.pose import Floats
+from mpsnet_core.io.files import MAX_JSON_BYTES, existing_file
+
+MOST_PAIRS = 1000
+FARTHEST = 1e9
+_EXAMPLE = '{"pairs": [{"pixel": [x, y], "point": [X, Y, Z]}, ...]}'
+
+
+def read_pairs(path: str | os.PathLike[str]) -> tuple[Floats, Floats]:
+    """Read a JSON file ``{"pairs": [{"pixel": [x, y], "point": [X, Y, Z]}, ...]}``.
+
+    Returns
+    -------
+    pixels
+        (N, 2) from the photo's top left corner, x to the right and y down.
+    points
+        (N, 3) along the mesh file's own axes.
+
+    Raises
+    ------
+    FileError
+        Where there is no such file.
+    FormatError
+        Where it holds anything else.
+    """
+    path = existing_file(path, "file of pairs")
+    if path.stat().st_size > MAX_JSON_BYTES:
+        raise FormatError(f"{path} is larger than 1 MiB and so no file of pairs; check the path")
+    try:
+        data = json.loads(path.read_text(encoding="utf-8-sig"))
+    except (ValueError, RecursionError):
+        raise FormatError(f"{path} is not valid JSON; write it as {_EXAMPLE}") from None
+    pairs = data.get("pairs") if isinstance(data, dict) else None
+    if not isinstance(pairs, list) or not 1 <= len(pairs) <= MOST_PAIRS:
+        raise FormatError(f"{path} holds no list of 1 to {MOST_PAIRS} pairs; write it as {_EXAMPLE}")
+    found = []
+    for number, pair in enumerate(pairs, 1):
+        if not isinstance(pair, dict) or set(pair) != {"pixel", "point"}:
+            raise FormatError(f'{path}: pair {number} is not made of "pixel" and "point"; write it as {_EXAMPLE}')
+        found.append([*_numbers(path, number, pair, "pixel", 2), *_numbers(path, number, pair, "point", 3)])
+    values = np.array(found)
+    return values[:, :2], values[:, 2:]
+
+
+def _numbers(path: os.PathLike[str], number: int, pair: dict[str, object], key: str, count: int) -> list[float]:
+    values = pair[key]
+    right = isinstance(values, list) and len(values) == count
+    if not right or not all(type(value) in (int, float) and abs(value) <= FARTHEST for value in values):  # type: ignore[attr-defined]
+        raise FormatError(f'{path}: the "{key}" of pair {number} is not {count} numbers up to {FARTHEST:g}; mend it')
+    return [float(value) for value in values]  # type: ignore[attr-defined]

@@ -1,0 +1,207 @@
+"""The camera from pairs of a place in the photo and the same place on the mesh."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.errors import GeometryError
+from mpsnet_core.estimate.alignment.pose import PARAMETERS, Floats, Poses, flow, spread_rotations
+from mpsnet_core.scene.camera import Camera
+
+LEAST_PAIRS = 4
+STARTS = 64
+PROMISING = 8  # of the starts
+FIRST_STEPS, STEPS = 10, 40
+# What is known of a focal length that nobody gave, in longer sides of the picture: that of a 50 mm lens, within a
+# factor of two. It decides only where the pairs say nothing.
+USUAL_FOCAL, FOCAL_SPREAD = 50 / 36, 0.7
+PIXEL_ERROR = 2.0  # of a careful click, in pixels of a picture of 1,024
+# A pair is wrong where it is this many times as far off as the others leave it, and this far in pixels of 1,024.
+WRONG_RATIO, WRONG_PIXELS = 6.0, 12.0
+
+
+@dataclass(frozen=True)
+class PointFit:
+    """A camera that was found from pairs.
+
+    Parameters
+    ----------
+    camera
+        Perspective, with the picture's size.
+    residuals
+        (N,) how far each pair is off, in pixels.
+    left_out
+        The numbers of pairs that contradict the others and were not used, from 0.
+    """
+
+    camera: Camera
+    residuals: Floats
+    left_out: tuple[int, ...] = ()
+
+
+def camera_from_points(pixels: Floats, points: Floats, width: int, height: int, focal: float | None = None) -> PointFit:
+    """The perspective camera that sees `points` at `pixels`.
+
+    Parameters
+    ----------
+    pixels
+        (N, 2) from the top left corner of the picture, x to the right and y down.
+    points
+        (N, 3) the same places in world space.
+    width, height
+        Of the picture.
+    focal
+        The focal length in pixels, where it is known.
+
+    Raises
+    ------
+    GeometryError
+        Where there are fewer than four pairs, or they lie in one line, or no camera sees them so.
+
+    Notes
+    -----
+    Gauss-Newton with Levenberg's damping on the reprojection error, from many rotations at once, each placed as under
+    scaled orthography. One pair that contradicts all others is found by leaving each out in turn.
+    """
+    pixels, points = np.asarray(pixels, np.float64), np.asarray(points, np.float64)
+    if len(points) < LEAST_PAIRS:
+        raise GeometryError(f"{len(points)} pairs do not determine a camera; give {LEAST_PAIRS} or more, best 6 to 12")
+    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    if not spread[1] > 1e-3 * spread[0]:
+        raise GeometryError("the points on the mesh lie in one line; choose some beside it")
+    least = LEAST_PAIRS + 1 if focal else LEAST_PAIRS + 2
+    fits = [np.ones(len(points), bool)]
+    if len(points) >= least:
+        fits += [np.arange(len(points)) != k for k in range(len(points))]
+    unit = max(width, height) / 1024
+    fitted, residuals, errors = _fits(pixels, points, np.array(fits), width, height, focal)
+    used = 0
+    if len(fits) > 1:
+        best = 1 + int(np.argmin(errors[1:]))
+        off, others = residuals[best, best - 1], errors[best]
+        if off > max(WRONG_RATIO * others, WRONG_PIXELS * unit) and errors[0] > 2 * others:
+            used = best
+    if not np.isfinite(errors[used]):
+        raise GeometryError("no camera sees these points at these pixels; check the pairs")
+    camera = fitted.camera(width, height, used)
+    return PointFit(camera, residuals[used], () if used == 0 else (used - 1,))
+
+
+def off_by(camera: Camera, pixels: Floats, points: Floats) -> Floats:
+    """(N,) how far each of `points` (N, 3) is from its pixel (N, 2) through a camera, in pixels."""
+    poses = Poses.of(camera)
+    return np.asarray(np.linalg.norm(poses.projected(poses.in_camera(points))[0] - pixels, axis=1))
+
+
+def _fits(
+    pixels: Floats, points: Floats, used: NDArray[np.bool_], width: int, height: int, focal: float | None
+) -> tuple[Poses, Floats, Floats]:
+    """The best pose for each of S choices (S, N) of pairs, residuals (S, N), root mean square (S,) of the used ones."""
+    longer = max(width, height)
+    middle, size = points.mean(axis=0), np.linalg.norm(points - points.mean(axis=0), axis=1).max()
+    local = (points - middle) / size
+    focals = [focal] if focal else [longer * factor for factor in (0.8, USUAL_FOCAL, 4.0)]
+    starts = _starts(pixels, local, used, np.array([width / 2, height / 2]), np.array(focals))
+    choice = np.repeat(np.arange(len(used)), STARTS * len(focals))
+    weight = used[choice].astype(np.float64)
+    prior = PIXEL_ERROR * longer / 1024 / FOCAL_SPREAD
+    known = None if focal else (float(np.log(longer * USUAL_FOCAL)), prior)
+    # A few steps show which starts are hopeless.
+    begun, cost = _solved(starts, pixels, local, weight, known, FIRST_STEPS)
+    kept = np.argsort(cost.reshape(len(used), -1), axis=1)[:, :PROMISING]
+    kept = (kept + np.arange(len(used))[:, None] * STARTS * len(focals)).ravel()
+    weight = weight[kept]
+    poses, _ = _solved(begun.chosen(kept), pixels, local, weight, known, STEPS)
+    off = np.linalg.norm(poses.projected(poses.in_camera(local)) - pixels, axis=2)
+    behind = (poses.in_camera(local)[..., 2] > -1e-6).any(axis=1)
+    count = weight.sum(axis=1)
+    error = np.where(behind, np.inf, np.sqrt((weight * off**2).sum(axis=1) / count))
+    error = np.where(np.isfinite(error), error, np.inf)
+    best = error.reshape(len(used), -1).argmin(axis=1) + np.arange(len(used)) * PROMISING
+    found = poses.chosen(best)
+    # Back from the points' own frame to the world's.
+    translation = found.translation * size - np.einsum("kij,j->ki", found.rotation, middle)
+    world = Poses(found.rotation, translation, found.focal, found.centre)
+    return world, off[best], error[best]
+
+
+def _starts(pixels: Floats, points: Floats, used: NDArray[np.bool_], centre: Floats, focals: Floats) -> Poses:
+    """For each choice of pairs, each focal length and each of many rotations: where scaled orthography puts them."""
+    turns = spread_rotations(STARTS)
+    rotation = np.tile(turns, (len(used) * len(focals), 1, 1))
+    focal = np.tile(np.repeat(focals, STARTS), len(used))
+    weight = np.repeat(used, STARTS * len(focals), axis=0)[..., None].astype(np.float64)
+    count = weight.sum(axis=1)
+    seen = (points @ rotation.transpose(0, 2, 1))[..., :2] * (1, -1)
+    middle, target = (weight * seen).sum(axis=1) / count, (weight * pixels).sum(axis=1) / count
+    own, wanted = weight * (seen - middle[:, None]), weight * (pixels - target[:, None])
+    scale = np.sqrt((wanted**2).sum(axis=(1, 2)) / np.maximum((own**2).sum(axis=(1, 2)), 1e-12))
+    distance = np.maximum(focal / np.maximum(scale, 1e-12), 1.5)
+    offset = (target - centre) / scale[:, None] - middle
+    return Poses(rotation, np.stack([offset[:, 0], -offset[:, 1], -distance], axis=1), focal, centre)
+
+
+def _solved(
+    poses: Poses,
+    pixels: Floats,
+    points: Floats,
+    weight: Floats,
+    prior: tuple[float, float] | None,
+    steps: int,
+) -> tuple[Poses, Floats]:
+    """Poses (K) that bring points to pixels, and the squares (K,) that are left, by damped Gauss-Newton.
+
+    weight: (K, N). prior: of the focal's logarithm, with its weight in pixels; None where the focal length is known.
+    """
+    free = PARAMETERS if prior else PARAMETERS - 1
+    damping = np.full(len(poses.focal), 1e-3)
+    residual, cost = _residual(poses, pixels, points, weight, prior)
+    for _ in range(steps):
+        jacobian = flow(poses.in_camera(points), poses.focal[:, None]) * np.sqrt(weight)[..., None, None]
+        jacobian = jacobian.reshape(len(damping), -1, PARAMETERS)[..., :free]
+        if prior:
+            row = np.zeros((len(damping), 1, free))
+            row[:, 0, 6] = prior[1]
+            jacobian = np.concatenate([jacobian, row], axis=1)
+        normal = jacobian.transpose(0, 2, 1) @ jacobian
+        diagonal = np.einsum("kii->ki", normal) + 1e-9
+        damped = normal + (damping[:, None] * diagonal)[..., None] * np.eye(free)
+        step = np.zeros((len(damping), PARAMETERS))
+        step[:, :free] = -np.linalg.solve(damped, jacobian.transpose(0, 2, 1) @ residual[..., None])[..., 0]
+        step[:, :3] = _shortened(step[:, :3], 0.5)
+        step[:, 6] = np.clip(step[:, 6], -0.5, 0.5)
+        tried = poses.moved(step)
+        new_residual, new_cost = _residual(tried, pixels, points, weight, prior)
+        better = new_cost < cost
+        damping = np.clip(np.where(better, damping / 3, damping * 4), 1e-9, 1e6)
+        poses = Poses(
+            np.where(better[:, None, None], tried.rotation, poses.rotation),
+            np.where(better[:, None], tried.translation, poses.translation),
+            np.where(better, tried.focal, poses.focal),
+            poses.centre,
+        )
+        residual = np.where(better[:, None], new_residual, residual)
+        cost = np.where(better, new_cost, cost)
+    return poses, cost
+
+
+def _shortened(vectors: Floats, longest: float) -> Floats:
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    shorter: Floats = vectors * np.minimum(1, longest / np.maximum(length, 1e-12))
+    return shorter
+
+
+def _residual(
+    poses: Poses, pixels: Floats, points: Floats, weight: Floats, prior: tuple[float, float] | None
+) -> tuple[Floats, Floats]:
+    """Residuals (K, 2 N or one more) and their sum of squares (K,), infinite where a point is behind the camera."""
+    seen = poses.in_camera(points)
+    residual = (poses.projected(seen) - pixels) * np.sqrt(weight)[..., None]
+    residual = residual.reshape(len(residual), -1)
+    if prior:
+        middle, strength = prior
+        residual = np.concatenate([residual, strength * (np.log(poses.focal) - middle)[:, None]], axis=1)
+    cost = (residual**2).sum(axis=1)
+    behind = ((seen[..., 2] > -1e-6) & (weight > 0)).any(axis=1)
+    return np.where(behind[:, None], 0.0, residual), np.where(behind, np.inf, cost)

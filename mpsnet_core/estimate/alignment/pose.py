@@ -1,0 +1,126 @@
+"""A pinhole camera in seven numbers, and how it changes with them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.scene.camera import Camera
+
+Floats = NDArray[np.float64]
+
+# Rotation vector, translation, logarithm of the focal length.
+PARAMETERS = 7
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Any number K of pinhole cameras with square pixels, all of one picture.
+
+    Parameters
+    ----------
+    rotation
+        (K, 3, 3) from world to camera space: x right, y up, z towards the viewer.
+    translation
+        (K, 3) of the same.
+    focal
+        (K,) in pixels.
+    centre
+        (2,) where the optical axis meets the picture, in pixels from its top left corner.
+    """
+
+    rotation: Floats
+    translation: Floats
+    focal: Floats
+    centre: Floats
+
+    @classmethod
+    def of(cls, camera: Camera) -> "Poses":
+        """The one pose of a perspective camera; an orthographic one is replaced by one that is far away."""
+        world = np.linalg.inv(camera.world_from_camera)
+        return cls(world[None, :3, :3], world[None, :3, 3], camera.focal[:1].copy(), camera.centre)
+
+    def chosen(self, which: NDArray[np.intp]) -> "Poses":
+        return Poses(self.rotation[which], self.translation[which], self.focal[which], self.centre)
+
+    def camera(self, width: int, height: int, which: int = 0) -> Camera:
+        """One of them as a camera of a picture of this size."""
+        left, _, right = np.linalg.svd(self.rotation[which])
+        pose = np.eye(4)
+        pose[:3, :3] = (left @ right).T
+        pose[:3, 3] = -pose[:3, :3] @ self.translation[which]
+        return Camera("perspective", width, height, np.full(2, self.focal[which]), self.centre, pose)
+
+    def moved(self, step: Floats) -> "Poses":
+        """After steps (K, 7)."""
+        turn = rotations(step[:, :3])
+        return Poses(
+            turn @ self.rotation,
+            np.einsum("kij,kj->ki", turn, self.translation) + step[:, 3:6],
+            self.focal * np.exp(step[:, 6]),
+            self.centre,
+        )
+
+    def in_camera(self, points: Floats) -> Floats:
+        """(K, N, 3) world points (N, 3) in camera space."""
+        return points @ self.rotation.transpose(0, 2, 1) + self.translation[:, None]
+
+    def projected(self, seen: Floats) -> Floats:
+        """(K, N, 2) pixels of points (K, N, 3) in camera space."""
+        return self.centre + self.focal[:, None, None] * seen[..., :2] * (1, -1) / depth(seen)[..., None]
+
+
+def depth(seen: Floats) -> Floats:
+    """How far points (..., 3) in camera space are in front of the camera, at least a little."""
+    return np.maximum(-seen[..., 2], 1e-9)
+
+
+def flow(seen: Floats, focal: Floats) -> Floats:
+    """(..., 2, 7) how the pixels of points (..., 3) in camera space move with the parameters. focal: (...)."""
+    x, y, z = seen[..., 0], seen[..., 1], depth(seen)
+    by_point = np.zeros((*seen.shape[:-1], 2, 3))
+    by_point[..., 0, 0] = by_point[..., 1, 1] = focal / z
+    by_point[..., 1, 1] *= -1
+    by_point[..., 0, 2] = focal * x / z**2
+    by_point[..., 1, 2] = -focal * y / z**2
+    result = np.empty((*seen.shape[:-1], 2, PARAMETERS))
+    result[..., :3] = by_point @ -cross_matrix(seen)
+    result[..., 3:6] = by_point
+    result[..., 0, 6], result[..., 1, 6] = focal * x / z, -focal * y / z
+    return result
+
+
+def cross_matrix(vectors: Floats) -> Floats:
+    """(..., 3, 3) that multiplies a vector by vectors (..., 3) from the left, as a cross product."""
+    matrix = np.zeros((*vectors.shape, 3))
+    for i, j, k, sign in ((0, 1, 2, -1), (0, 2, 1, 1), (1, 2, 0, -1)):
+        matrix[..., i, j] = sign * vectors[..., k]
+        matrix[..., j, i] = -sign * vectors[..., k]
+    return matrix
+
+
+def rotations(vectors: Floats) -> Floats:
+    """(K, 3, 3) rotations by rotation vectors (K, 3) (Rodrigues)."""
+    angle = np.linalg.norm(vectors, axis=-1)[..., None, None]
+    matrix = cross_matrix(vectors)
+    safe = np.where(angle > 1e-12, angle, 1.0)
+    first = np.where(angle > 1e-12, np.sin(angle) / safe, 1.0)
+    second = np.where(angle > 1e-12, (1 - np.cos(angle)) / safe**2, 0.5)
+    found: Floats = np.eye(3) + first * matrix + second * (matrix @ matrix)
+    return found
+
+
+def spread_rotations(count: int) -> Floats:
+    """(count, 3, 3) rotations that cover all evenly (Alexa, "Super-Fibonacci Spirals", CVPR 2022)."""
+    number = np.arange(count) + 0.5
+    share = number / count
+    alpha, beta = 2 * np.pi * number / np.sqrt(2.0), 2 * np.pi * number / 1.533751168755204288118041
+    w, x = np.sqrt(share) * np.sin(alpha), np.sqrt(share) * np.cos(alpha)
+    y, z = np.sqrt(1 - share) * np.sin(beta), np.sqrt(1 - share) * np.cos(beta)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    found: Floats = np.array(rows).transpose(2, 0, 1)
+    return found

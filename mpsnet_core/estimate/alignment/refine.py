@@ -1,0 +1,369 @@
+"""The camera that brings a mesh's outline and normals onto a photo's, from a rough start."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.block_means import block_means
+from mpsnet_core.arrays.mask_regions import eroded
+from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
+from mpsnet_core.estimate.alignment.pose import PARAMETERS, Floats, Poses, cross_matrix, flow
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.rays import RayScene
+
+# The object's longer side in pixels on each scale, and how many steps are taken there at most.
+SCALES = ((64, 12), (128, 10), (256, 8), (512, 6))
+MARGIN = 0.25  # of the object's box, in which the mesh is looked for
+OUTLINE_POINTS = 1500
+NORMAL_PIXELS = 20_000
+# Standard deviations: an outline in pixels of a scale; normals, whose errors are smooth, in radians, as if this many
+# pixels erred independently; and their detail, whose errors are not.
+OUTLINE_SIGMA = 1.0
+NORMAL_SIGMA, INDEPENDENT = 0.3, 200
+DETAIL_SIGMA, DETAIL_SHARE = 0.15, 0.1
+SMOOTH, WIDE = 1.0, 6.0  # Gaussians in pixels of a scale: of what is compared, and of what is not detail
+SETTLED = 0.02  # pixels of a scale that a step moves the object by: further ones are not worth their time
+FIXED_FOCAL_SCALE = 128  # up to which the focal length stays as it is
+FOCAL_SPREAD = 0.2  # of the focal length's logarithm about its start
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a photo tells of its camera.
+
+    Parameters
+    ----------
+    normals
+        (H, W, 3) unit normals in camera space, zero outside the mask.
+    mask
+        (H, W) where the object is.
+    """
+
+    normals: NDArray[np.float32]
+    mask: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A camera, and how well the mesh through it fits the photo.
+
+    Parameters
+    ----------
+    camera
+        Perspective, with the picture's size.
+    outline
+        Median distance between the mesh's outline and the mask's, in the photo's pixels.
+    degrees
+        Median angle between the mesh's normals and the photo's where both are.
+    overlap
+        Pixels that mesh and mask share, of those that either has.
+    """
+
+    camera: Camera
+    outline: float
+    degrees: float
+    overlap: float
+
+    @property
+    def cost(self) -> float:
+        """Smaller is better; to compare fits of one photo."""
+        return (1 - self.overlap) + self.degrees / 60
+
+
+@dataclass(frozen=True)
+class _Scale:
+    """The photo on one scale, cropped to the object and a margin.
+
+    factor: of its pixels to the photo's own. place: (row, column) of its first pixel. shares: (h, w) of each pixel that
+    is inside the mask.
+    """
+
+    factor: int
+    place: tuple[int, int]
+    normals: Floats
+    detail: Floats
+    inside: NDArray[np.bool_]
+    core: NDArray[np.bool_]
+    outline: Floats
+    across: Floats = field(repr=False)
+
+
+def refined(
+    evidence: Evidence,
+    faces: MeshFaces,
+    start: Camera,
+    *,
+    fix_focal: bool = False,
+    scales: tuple[tuple[int, int], ...] = SCALES,
+) -> Fit:
+    """The camera near `start` through which the mesh fits the photo best.
+
+    Parameters
+    ----------
+    evidence
+        The photo's normals and mask.
+    faces
+        The mesh.
+    start
+        Some 10 degrees and a tenth of the object's size off, at most.
+    fix_focal
+        Whether the focal length stays as it is.
+
+    Notes
+    -----
+    Gauss-Newton, coarse to fine. Three kinds of residuals, each robust: outline points to the other outline, along its
+    normal (point to line, both ways); normals; and their detail, that is normals less their wide mean, which places the
+    surface where estimated normals err smoothly. The derivatives are those of a rigid surface's image.
+    """
+    height, width = evidence.mask.shape
+    local = _local(Poses.of(start), faces.scene)
+    first = float(np.log(local.focal[0]))
+    scale = None
+    for longest, steps in scales:
+        scale = _scale(evidence, longest)
+        # A rough start first turns and shifts: it would be explained by a lens that there is not.
+        fixed = fix_focal or longest <= FIXED_FOCAL_SCALE
+        for _ in range(steps):
+            step = _step(scale, local, faces, first, fixed)
+            local = local.moved(step)
+            if np.abs(step[0, :6]).max() * longest < SETTLED:
+                break
+        if scale.factor == 1:
+            break
+    camera = _world(local, faces.scene).camera(width, height)
+    return measured(evidence, faces, camera)
+
+
+def measured(evidence: Evidence, faces: MeshFaces, camera: Camera) -> Fit:
+    """How well the mesh seen by a camera fits the photo."""
+    local = _local(Poses.of(camera), faces.scene)
+    scale = _scale(evidence, 256)
+    image = _Image(scale, local, faces)
+    union, both = scale.inside | image.seen, scale.inside & image.seen
+    overlap = both.sum() / max(1, union.sum())
+    cosine = (_smooth(image.normals, image.seen, SMOOTH) * scale.normals).sum(axis=-1)[both]
+    degrees = float(np.degrees(np.arccos(np.clip(np.median(cosine), -1, 1)))) if both.any() else 180.0
+    mine, _ = _outline(image.seen.astype(np.float64))
+    if len(mine) and len(scale.outline):
+        distance = float(np.median(np.linalg.norm(mine - scale.outline[_nearest(mine, scale.outline)], axis=1)))
+    else:
+        distance = np.inf
+    return Fit(camera, distance * scale.factor, degrees, float(overlap))
+
+
+def _local(poses: Poses, scene: RayScene) -> Poses:
+    """In units of the object's size about its middle, so that all parameters are of one size."""
+    translation = (poses.translation + poses.rotation @ scene.middle) / scene.size
+    return Poses(poses.rotation, translation, poses.focal, poses.centre)
+
+
+def _world(local: Poses, scene: RayScene) -> Poses:
+    return Poses(
+        local.rotation, local.translation * scene.size - local.rotation @ scene.middle, local.focal, local.centre
+    )
+
+
+def _scale(evidence: Evidence, longest: int) -> _Scale:
+    rows, columns = np.flatnonzero(evidence.mask.any(axis=1)), np.flatnonzero(evidence.mask.any(axis=0))
+    side = max(rows[-1] - rows[0], columns[-1] - columns[0]) + 1
+    factor = max(1, round(side / longest))
+    border = round(MARGIN * side)
+    top, left = max(0, rows[0] - border) // factor * factor, max(0, columns[0] - border) // factor * factor
+    window = slice(top, rows[-1] + 1 + border), slice(left, columns[-1] + 1 + border)
+    mask, normals = evidence.mask[window], evidence.normals[window]
+    shares = block_means(mask[..., None].astype(np.float32), factor)[..., 0].astype(np.float64)
+    means = block_means(normals, factor).astype(np.float64)
+    inside = shares >= 0.5
+    smooth = _smooth(means, inside, SMOOTH)
+    outline, across = _outline(shares)
+    return _Scale(
+        factor,
+        (int(top), int(left)),
+        smooth,
+        _detail(smooth, inside),
+        inside,
+        eroded(inside, 2),
+        outline,
+        across,
+    )
+
+
+class _Image:
+    """The mesh as a camera sees it on a scale: seen (h, w), points and normals (h, w, 3) in camera space."""
+
+    def __init__(self, scale: _Scale, local: Poses, faces: MeshFaces) -> None:
+        height, width = scale.inside.shape
+        top, left = scale.place
+        x = left + (np.arange(width) + 0.5) * scale.factor
+        y = top + (np.arange(height) + 0.5) * scale.factor
+        pixels = np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1).reshape(-1, 2)
+        camera = _world(local, faces.scene).camera(width * scale.factor + left, height * scale.factor + top)
+        origins, directions = camera.rays(pixels)
+        hits = faces.scene.hits(origins, directions)
+        found = hits.triangle >= 0
+        self.seen = found.reshape(height, width)
+        into_camera = camera.rotation
+        normals = np.zeros((len(pixels), 3))
+        normals[found] = faces.normals[hits.triangle[found]] @ into_camera
+        # A face seen from behind is that of an open or turned mesh.
+        own = directions @ into_camera
+        turned = (normals * own).sum(axis=1) > 0
+        normals[turned] *= -1
+        self.normals = normals.reshape(height, width, 3)
+        points = np.zeros((len(pixels), 3))
+        points[found] = own[found] * (hits.distance[found, None] / faces.scene.size)
+        self.points = points.reshape(height, width, 3)
+
+
+def _step(
+    scale: _Scale,
+    local: Poses,
+    faces: MeshFaces,
+    first: float,
+    fix_focal: bool,
+) -> Floats:
+    """(1, 7) the next step of Gauss-Newton."""
+    image = _Image(scale, local, faces)
+    focal = local.focal[0]
+    normal, gradient = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(PARAMETERS)
+    for residual, jacobian in (
+        *_outline_terms(scale, image, focal),
+        *_normal_terms(scale, image, focal),
+    ):
+        normal += jacobian.T @ jacobian
+        gradient += jacobian.T @ residual
+    weight = FOCAL_SPREAD**-2
+    normal[6, 6] += weight
+    gradient[6] += weight * (np.log(focal) - first)
+    free = PARAMETERS - 1 if fix_focal else PARAMETERS
+    step = np.zeros((1, PARAMETERS))
+    damped = normal + 1e-3 * np.diag(np.diag(normal)) + 1e-6 * np.eye(PARAMETERS)
+    step[0, :free] = -np.linalg.solve(damped[:free, :free], gradient[:free])
+    step[0, :3] *= min(1.0, 0.1 / max(float(np.linalg.norm(step[0, :3])), 1e-12))
+    step[0, 3:6] *= min(1.0, 0.1 * abs(local.translation[0, 2]) / max(float(np.linalg.norm(step[0, 3:6])), 1e-12))
+    step[0, 6] = np.clip(step[0, 6], -0.1, 0.1)
+    return step
+
+
+def _outline_terms(scale: _Scale, image: _Image, focal: float) -> list[tuple[Floats, Floats]]:
+    """Weighted residuals and their derivatives of both outlines."""
+    mine, across = _outline(image.seen.astype(np.float64))
+    if not len(mine) or not len(scale.outline):
+        return []
+    # The surface at an outline point is that of the pixel inside.
+    height, width = image.seen.shape
+    step_in = np.clip(mine - 0.75 * across, 0, (width - 1e-6, height - 1e-6)).astype(int)
+    points = image.points[step_in[:, 1], step_in[:, 0]]
+    there = image.seen[step_in[:, 1], step_in[:, 0]]
+    mine, across, points = mine[there], across[there], points[there]
+    if not len(mine):
+        return []
+    moving = flow(points, np.full(len(points), focal)) / scale.factor
+    terms = []
+    near = _nearest(mine, scale.outline)
+    terms.append((mine - scale.outline[near], scale.across[near], moving, across))
+    back = _nearest(scale.outline, mine)
+    terms.append((mine[back] - scale.outline, scale.across, moving[back], across[back]))
+    found = []
+    for offset, along, by, own in terms:
+        residual = (offset * along).sum(axis=1) / OUTLINE_SIGMA
+        jacobian = np.einsum("nc,ncp->np", along, by) / OUTLINE_SIGMA
+        # Outlines that look different ways are not of one thing.
+        weight = _robust(residual) * np.maximum((along * own).sum(axis=1), 0) / 2
+        found.append((residual * np.sqrt(weight), jacobian * np.sqrt(weight)[:, None]))
+    return found
+
+
+def _normal_terms(scale: _Scale, image: _Image, focal: float) -> list[tuple[Floats, Floats]]:
+    """Weighted residuals and their derivatives of normals and of their detail."""
+    both = scale.core & eroded(image.seen, 2)
+    rows, columns = np.nonzero(both)
+    if not len(rows):
+        return []
+    if len(rows) > NORMAL_PIXELS:
+        kept = np.linspace(0, len(rows) - 1, NORMAL_PIXELS).astype(int)
+        rows, columns = rows[kept], columns[kept]
+    smooth = _smooth(image.normals, image.seen, SMOOTH)
+    moving = flow(image.points[rows, columns], np.full(len(rows), focal)) / scale.factor
+    found = []
+    detail = _detail(smooth, image.seen)
+    for own, other, sigma, count in (
+        (smooth, scale.normals, NORMAL_SIGMA, INDEPENDENT),
+        (detail, scale.detail, DETAIL_SIGMA, DETAIL_SHARE * len(rows)),
+    ):
+        here = own[rows, columns]
+        residual = (here - other[rows, columns]) / sigma
+        jacobian = np.zeros((len(rows), 3, PARAMETERS))
+        jacobian[..., :3] = -cross_matrix(here)
+        by_row, by_column = np.gradient(own, axis=(0, 1))
+        gradient = np.stack([by_column[rows, columns], by_row[rows, columns]], axis=-1)
+        jacobian -= gradient @ moving
+        jacobian /= sigma
+        length = np.linalg.norm(residual, axis=1)
+        weight = np.sqrt(_robust(length) * count / len(rows))
+        found.append(((residual * weight[:, None]).ravel(), (jacobian * weight[:, None, None]).reshape(-1, PARAMETERS)))
+    return found
+
+
+def _robust(residual: Floats) -> Floats:
+    """Cauchy's weights, as wide as the residuals' own spread where that is larger than 1."""
+    spread = max(1.0, 1.4826 * float(np.median(np.abs(residual))))
+    weights: Floats = 1 / (1 + (residual / (2 * spread)) ** 2)
+    return weights
+
+
+def _detail(smooth: Floats, inside: NDArray[np.bool_]) -> Floats:
+    return np.where(inside[..., None], smooth - _smooth(smooth, inside, WIDE), 0)
+
+
+def _smooth(values: Floats, inside: NDArray[np.bool_], sigma: float) -> Floats:
+    """Values (h, w, C) under a Gaussian, of what is inside alone; zero elsewhere."""
+    weight = _blurred(inside[..., None].astype(np.float64), sigma)
+    means = _blurred(np.where(inside[..., None], values, 0), sigma) / np.maximum(weight, 1e-6)
+    return np.where(inside[..., None], means, 0)
+
+
+def _blurred(values: Floats, sigma: float) -> Floats:
+    reach = int(np.ceil(3 * sigma))
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    kernel /= kernel.sum()
+    for axis in (0, 1):
+        padded = np.pad(values, [(reach, reach) if a == axis else (0, 0) for a in range(values.ndim)])
+        length = values.shape[axis]
+        values = np.zeros_like(values)
+        for k, weight in enumerate(kernel):
+            values += weight * np.take(padded, np.arange(k, k + length), axis)
+    return values
+
+
+def _outline(shares: Floats) -> tuple[Floats, Floats]:
+    """Points (N, 2; x, y) in pixels where shares (h, w) of an object cross a half, and unit normals that point out."""
+    padded = np.pad(shares, 1)
+    slopes = np.stack(np.gradient(_blurred(padded, 1.5))[::-1], axis=-1)
+    points, normals = [], []
+    for axis in (0, 1):
+        low, high = (padded[:-1], padded[1:]) if axis == 0 else (padded[:, :-1], padded[:, 1:])
+        crossing = (low >= 0.5) != (high >= 0.5)
+        row, column = np.nonzero(crossing)
+        share = (0.5 - low[crossing]) / (high[crossing] - low[crossing])
+        place = np.stack([column + 0.5, row + 0.5], axis=1) + share[:, None] * ((0, 1) if axis == 0 else (1, 0))
+        points.append(place - 1)
+        normals.append(-slopes[row, column])
+    point, normal = np.concatenate(points), np.concatenate(normals)
+    length = np.linalg.norm(normal, axis=1)
+    # What the picture's border cuts off is no outline.
+    height, width = shares.shape
+    kept = (length > 1e-9) & (point > 0.51).all(axis=1) & (point < (width - 0.51, height - 0.51)).all(axis=1)
+    point, normal = point[kept], normal[kept] / length[kept, None]
+    if len(point) > OUTLINE_POINTS:
+        some = np.linspace(0, len(point) - 1, OUTLINE_POINTS).astype(int)
+        point, normal = point[some], normal[some]
+    return point, normal
+
+
+def _nearest(points: Floats, others: Floats) -> NDArray[np.intp]:
+    """(N,) the number of the nearest of `others` (M, 2) to each of `points` (N, 2)."""
+    squared = (others**2).sum(axis=1) - 2 * points @ others.T
+    nearest: NDArray[np.intp] = squared.argmin(axis=1)
+    return nearest

@@ -1,0 +1,188 @@
+"""The camera of a photo of which nothing is known: views all around the mesh, compared with the photo."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
+from mpsnet_core.estimate.alignment.pose import Floats, Poses
+from mpsnet_core.estimate.alignment.refine import Evidence, Fit, refined
+from mpsnet_core.progress import Progress, silent
+from mpsnet_core.scene.camera import Camera
+
+DIRECTIONS, ROLLS = 320, 36  # views of the mesh, 11 degrees apart, each turned in the picture by 10 degrees
+SIDE = 48  # pixels of the pictures that are compared
+SPREAD = 5.0  # the pictures show the object out to this many times the square root of its second moment
+TRIED, ROUGH = 16, 5  # best views that are refined a little, and of those all the way
+ROUGH_SCALES = ((48, 12), (96, 8))
+# Degrees: refined views nearer to each other than this are one; of views to refine, neighbours come out as one.
+SAME, NEIGHBOURS = 5.0, 12.0
+
+
+def searched(
+    evidence: Evidence,
+    faces: MeshFaces,
+    focal: float,
+    *,
+    fix_focal: bool = False,
+    count: int = 3,
+    progress: Progress = silent,
+) -> list[Fit]:
+    """The `count` best cameras that see the mesh as the photo does, best first.
+
+    Parameters
+    ----------
+    evidence
+        The photo's normals and mask.
+    faces
+        As :func:`.refine.refined` takes them.
+    focal
+        The focal length to start with, in pixels.
+    fix_focal
+        Whether it stays as it is.
+    """
+    views = _views(evidence, faces, focal, progress)
+    fits = []
+    for number, camera in enumerate(views):
+        progress(0.3 + 0.4 * number / len(views), f"view {number + 1} of {len(views)}")
+        fits.append(refined(evidence, faces, camera, fix_focal=True, scales=ROUGH_SCALES))
+    rough = _different(sorted(fits, key=lambda fit: fit.cost))[:ROUGH]
+    best = []
+    for number, fit in enumerate(rough):
+        progress(0.7 + 0.3 * number / len(rough), f"best view {number + 1} of {len(rough)}")
+        best.append(refined(evidence, faces, fit.camera, fix_focal=fix_focal))
+    return _different(sorted(best, key=lambda fit: fit.cost))[:count]
+
+
+def _different(fits: list[Fit]) -> list[Fit]:
+    """Fits without those that are near a better one."""
+    kept: list[Fit] = []
+    for fit in fits:
+        if all(_apart(fit.camera.rotation, other.camera.rotation) > SAME for other in kept):
+            kept.append(fit)
+    return kept
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """Where an object is in a picture. middle: (2,) x, y in pixels. spread: root of its second moment, in pixels."""
+
+    middle: Floats
+    spread: float
+
+    @classmethod
+    def of(cls, mask: NDArray[np.bool_]) -> "_Frame":
+        rows, columns = np.nonzero(mask)
+        middle = np.array([columns.mean() + 0.5, rows.mean() + 0.5])
+        moments = (columns + 0.5 - middle[0]) ** 2 + (rows + 0.5 - middle[1]) ** 2
+        return cls(middle, float(np.sqrt(moments.mean())))
+
+
+def _views(evidence: Evidence, faces: MeshFaces, focal: float, progress: Progress) -> list[Camera]:
+    """The TRIED views that look most like the photo."""
+    frame = _Frame.of(evidence.mask)
+    photo = np.stack([_standard(evidence.normals, evidence.mask, frame, roll) for roll in _rolls()])
+    # So far away that the object is about as large as in the photo; small pictures of it have a small focal length.
+    distance = faces.scene.size * focal / max(4 * frame.spread, 1.0)
+    small_focal = focal / frame.spread * SIDE / SPREAD
+    scores, frames = np.empty((DIRECTIONS, ROLLS)), []
+    looks = _looks(DIRECTIONS)
+    for number, rotation in enumerate(looks):
+        if number % 16 == 0:
+            progress(0.3 * number / DIRECTIONS, f"view {number + 1} of {DIRECTIONS}")
+        normals, mask = _picture(faces, rotation, small_focal, distance)
+        frames.append(_Frame.of(mask))
+        scores[number] = _likeness(photo, _standard(normals, mask, frames[-1], 0.0))
+    height, width = evidence.mask.shape
+    centre = np.array([width / 2, height / 2])
+    cameras: list[Camera] = []
+    for choice in np.argsort(-scores, axis=None):
+        number, roll = divmod(int(choice), ROLLS)
+        angle = float(_rolls()[roll])
+        rotation = _turn(angle).T @ looks[number]
+        if any(_apart(rotation.T, other.rotation) < NEIGHBOURS for other in cameras):
+            continue
+        scale = frame.spread / frames[number].spread
+        far = distance * focal / small_focal / scale
+        # The mesh's middle is that of the small picture.
+        offset = _pixel_turn(angle) @ (SIDE - frames[number].middle) * scale
+        x, y = (frame.middle + offset - centre) / focal * (1, -1)
+        translation = np.array([x, y, -1.0]) * far - rotation @ faces.scene.middle
+        pose = Poses(rotation[None], translation[None], np.array([focal]), centre)
+        cameras.append(pose.camera(width, height))
+        if len(cameras) == TRIED:
+            break
+    return cameras
+
+
+def _likeness(photo: Floats, view: Floats) -> Floats:
+    """(R,) how alike R pictures of the photo and one of the mesh are: the shared area, and the normals' mean cosine."""
+    both = np.minimum(photo[..., 3], view[..., 3]).sum(axis=(1, 2))
+    either = np.maximum(photo[..., 3], view[..., 3]).sum(axis=(1, 2))
+    cosines = (photo[..., :3] * view[..., :3]).sum(axis=(1, 2, 3))
+    likeness: Floats = both / np.maximum(either, 1e-9) + cosines / np.maximum(both, 1e-9)
+    return likeness
+
+
+def _apart(rotation: Floats, other: Floats) -> float:
+    """Degrees between two rotations."""
+    return float(np.degrees(np.arccos(np.clip((np.trace(rotation.T @ other) - 1) / 2, -1, 1))))
+
+
+def _rolls() -> Floats:
+    return np.arange(ROLLS) * 2 * np.pi / ROLLS
+
+
+def _turn(angle: float) -> Floats:
+    """(3, 3) a turn about the camera's axis, counter-clockwise in the picture."""
+    return np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1.0]])
+
+
+def _pixel_turn(angle: float) -> Floats:
+    """(2, 2) that undoes :func:`_turn` on pixels, whose y points down."""
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+
+def _looks(count: int) -> Floats:
+    """(count, 3, 3) rotations into the space of cameras that look from directions spread evenly over the sphere."""
+    number = np.arange(count) + 0.5
+    z, angle = 1 - 2 * number / count, number * np.pi * (3 - np.sqrt(5))
+    axis = np.stack([np.sqrt(1 - z * z) * np.cos(angle), np.sqrt(1 - z * z) * np.sin(angle), z], axis=1)
+    up = np.where(np.abs(axis[:, 2:]) < 0.9, (0, 0, 1.0), (0, 1.0, 0))
+    right = np.cross(up, axis)
+    right /= np.linalg.norm(right, axis=1, keepdims=True)
+    return np.stack([right, np.cross(axis, right), axis], axis=1)
+
+
+def _picture(
+    faces: MeshFaces, rotation: Floats, focal: float, distance: float
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Normals and mask of a small picture of the mesh, twice SIDE pixels a side, its middle in the picture's."""
+    translation = np.array([0, 0, -distance]) - rotation @ faces.scene.middle
+    side = 2 * SIDE
+    camera = Poses(rotation[None], translation[None], np.array([focal]), np.full(2, SIDE * 1.0)).camera(side, side)
+    steps = np.arange(side) + 0.5
+    pixels = np.stack(np.broadcast_arrays(steps, steps[:, None]), axis=-1).reshape(-1, 2)
+    origins, directions = camera.rays(pixels)
+    hits = faces.scene.hits(origins, directions)
+    found = hits.triangle >= 0
+    normals = np.zeros((len(pixels), 3), np.float32)
+    normals[found] = faces.normals[hits.triangle[found]] @ camera.rotation
+    turned = (normals * (directions @ camera.rotation)).sum(axis=1) > 0
+    normals[turned] *= -1
+    return normals.reshape(side, side, 3), found.reshape(side, side)
+
+
+def _standard(normals: NDArray[np.float32], mask: NDArray[np.bool_], frame: _Frame, roll: float) -> Floats:
+    """(SIDE, SIDE, 4) normals and mask of an object brought to a standard size and place and turned by `roll`."""
+    steps = (np.arange(SIDE) + 0.5) / SIDE * 2 - 1
+    place = np.stack(np.broadcast_arrays(steps, steps[:, None]), axis=-1) * (SPREAD / 2 * frame.spread)
+    place = place @ _pixel_turn(roll).T + frame.middle
+    column, row = np.floor(place).astype(int).transpose(2, 0, 1)
+    inside = (row >= 0) & (row < mask.shape[0]) & (column >= 0) & (column < mask.shape[1])
+    found = np.zeros((SIDE, SIDE, 4))
+    found[inside, 3] = mask[row[inside], column[inside]]
+    found[inside, :3] = normals[row[inside], column[inside]] * found[inside, 3:]
+    found[..., :3] = found[..., :3] @ _turn(roll).T
+    return found

@@ -1,0 +1,88 @@
+"""A closed shape without symmetry that a formula gives: its mesh, and photos of it that no mesh or ray caster makes."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.rig import published_rig
+
+_BUMPS = np.array(  # direction, height, narrowness
+    [
+        [1.0, 0.2, 0.1, 0.5, 6.0],
+        [-0.6, 0.7, 0.3, 0.35, 10.0],
+        [0.1, -0.8, 0.6, 0.3, 14.0],
+        [0.2, 0.5, -0.9, 0.45, 8.0],
+        [-0.5, -0.4, -0.7, -0.25, 12.0],
+        [0.6, 0.6, 0.6, -0.2, 20.0],
+        [-0.9, -0.1, 0.4, 0.2, 30.0],
+        [0.5, -0.7, -0.3, 0.15, 40.0],
+    ]
+)
+SIZE = 3.0  # about its diagonal
+
+
+def radius(directions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How far the surface is from the origin along unit directions (..., 3)."""
+    axes = _BUMPS[:, :3] / np.linalg.norm(_BUMPS[:, :3], axis=1, keepdims=True)
+    found: NDArray[np.float64] = 0.7 + (_BUMPS[:, 3] * np.exp(_BUMPS[:, 4] * (directions @ axes.T - 1))).sum(axis=-1)
+    return found
+
+
+def mesh(rows: int = 120) -> Mesh:
+    """Its triangles, on a grid of longitudes and latitudes."""
+    latitude = np.linspace(0, np.pi, rows + 1)
+    longitude = np.linspace(0, 2 * np.pi, 2 * rows, endpoint=False)
+    sine = np.sin(latitude)[:, None]
+    grid = np.stack(
+        [sine * np.cos(longitude), sine * np.sin(longitude), np.repeat(np.cos(latitude)[:, None], 2 * rows, 1)], axis=-1
+    )
+    vertices = (grid * radius(grid)[..., None]).reshape(-1, 3)
+    a = np.arange(rows)[:, None] * 2 * rows + np.arange(2 * rows)
+    b = np.arange(rows)[:, None] * 2 * rows + (np.arange(2 * rows) + 1) % (2 * rows)
+    c, d = a + 2 * rows, b + 2 * rows
+    triangles = np.concatenate([np.stack([a, c, d], -1).reshape(-1, 3), np.stack([a, d, b], -1).reshape(-1, 3)])
+    return Mesh(vertices, triangles.astype(np.int32), np.zeros((len(triangles), 3, 2), np.float32))
+
+
+@dataclass(frozen=True)
+class Photo:
+    """A photo of it. normals: (H, W, 3) in camera space. image: (H, W, 3) matt grey under `published_rig(30, 90)`."""
+
+    camera: Camera
+    normals: NDArray[np.float32]
+    mask: NDArray[np.bool_]
+    image: NDArray[np.float32]
+
+
+def photo(camera: Camera) -> Photo:
+    """What a camera sees, by marching along each ray."""
+    x, y = np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5
+    pixels = np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1).reshape(-1, 2)
+    origins, directions = camera.rays(pixels)
+    distance = np.maximum(-(origins * directions).sum(axis=1) - 1.6, 0)
+    for _ in range(250):
+        points = origins + distance[:, None] * directions
+        distance += np.minimum(0.35 * _outside(points), 0.2)
+    points = origins + distance[:, None] * directions
+    mask = np.abs(_outside(points)) < 1e-3
+    step = 1e-5 * np.eye(3)
+    gradient = np.stack([_outside(points + d) - _outside(points - d) for d in step], axis=-1)
+    normals = gradient / np.linalg.norm(gradient, axis=1, keepdims=True) @ camera.rotation
+    normals = np.where(mask[:, None], normals, 0)
+    image = 0.6 * np.maximum(normals @ published_rig(30, 90).directions.T, 0)
+    shape = (camera.height, camera.width)
+    return Photo(
+        camera,
+        normals.reshape(*shape, 3).astype(np.float32),
+        mask.reshape(shape),
+        image.reshape(*shape, 3).astype(np.float32),
+    )
+
+
+def _outside(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    length = np.linalg.norm(points, axis=-1)
+    found: NDArray[np.float64] = length - radius(points / length[..., None])
+    return found

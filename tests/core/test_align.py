@@ -1,0 +1,214 @@
+"""The camera of a photo from its mesh: a shape given by a formula, photographed by marching along rays."""
+
+import json
+import re
+from functools import cache
+
+import bumpy_ball
+import numpy as np
+import pytest
+from bumpy_ball import Photo
+from synthetic import write_file
+
+from mpsnet_core.errors import GeometryError
+from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
+from mpsnet_core.estimate.alignment.points import camera_from_points
+from mpsnet_core.estimate.alignment.refine import Evidence, refined
+from mpsnet_core.estimate.alignment.search import searched
+from mpsnet_core.scene.camera import Camera, read_camera, write_camera
+from mpsnet_core.scene.mesh import write_mesh
+from mpsnet_core.scene.rig import published_rig, write_rig
+
+WIDTH, HEIGHT = 480, 400
+
+
+def looking(longitude: float, latitude: float, roll: float, distance: float = 6.0, lens: float = 800.0) -> Camera:
+    """A camera that looks near the origin; degrees."""
+    longitude, latitude, roll = np.radians([longitude, latitude, roll])
+    back = np.array([np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)])
+    right = np.cross([0, 0, 1.0], back)
+    right /= np.linalg.norm(right)
+    up = np.cross(back, right)
+    pose = np.eye(4)
+    pose[:3, 0] = np.cos(roll) * right + np.sin(roll) * up
+    pose[:3, 1] = np.cos(roll) * up - np.sin(roll) * right
+    pose[:3, 2] = back
+    pose[:3, 3] = back * distance + 0.15 * right - 0.1 * up
+    return Camera("perspective", WIDTH, HEIGHT, np.full(2, lens), None, pose)
+
+
+@cache
+def photographed(longitude: float = 40, latitude: float = 15, roll: float = 8) -> Photo:
+    return bumpy_ball.photo(looking(longitude, latitude, roll))
+
+
+@cache
+def faces() -> MeshFaces:
+    return MeshFaces.of(bumpy_ball.mesh())
+
+
+def evidence(photo: Photo) -> Evidence:
+    return Evidence(photo.normals, photo.mask)
+
+
+def pixels_of(camera: Camera, points: np.ndarray) -> np.ndarray:
+    seen = np.c_[points, np.ones(len(points))] @ camera.projection_rows().T
+    return seen[:, :2] / seen[:, 2:]
+
+
+def surface_points(count: int, seed: int = 0) -> np.ndarray:
+    directions = np.random.default_rng(seed).normal(size=(count, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return directions * bumpy_ball.radius(directions)[:, None]
+
+
+def degrees_apart(one: Camera, other: Camera) -> float:
+    return float(np.degrees(np.arccos(np.clip((np.trace(one.rotation.T @ other.rotation) - 1) / 2, -1, 1))))
+
+
+def assert_the_same(found: Camera, true: Camera) -> None:
+    """Within 0.3 degrees, 1.5 pixels of a picture of 1,024 and 0.3% of the object's size across the picture."""
+    points = surface_points(200)
+    off = np.linalg.norm(pixels_of(found, points) - pixels_of(true, points), axis=1)
+    assert degrees_apart(found, true) < 0.3
+    assert off.mean() < 1.5 * WIDTH / 1024
+    middle = np.linalg.inv(true.world_from_camera)[:3, 3] - np.linalg.inv(found.world_from_camera)[:3, 3]
+    assert np.abs(middle[:2]).max() < 0.003 * bumpy_ball.SIZE
+
+
+class TestPoints:
+    @pytest.mark.parametrize("known", [True, False], ids=["focal known", "focal unknown"])
+    @pytest.mark.parametrize("count", [6, 12])
+    def test_exact_pairs_give_the_camera(self, count: int, known: bool):
+        true, points = looking(70, -20, 25), surface_points(count)
+        fit = camera_from_points(pixels_of(true, points), points, WIDTH, HEIGHT, 800.0 if known else None)
+        assert degrees_apart(fit.camera, true) < (0.001 if known else 0.3)
+        assert fit.residuals.max() < (0.001 if known else 0.3)
+        assert fit.left_out == ()
+
+    @pytest.mark.parametrize("wrong", [0, 5])
+    def test_a_wrong_pair_is_left_out(self, wrong: int):
+        true, points = looking(-30, 40, 0), surface_points(8)
+        pixels = pixels_of(true, points) + np.random.default_rng(1).normal(size=(8, 2))
+        pixels[wrong] += (40, -30)
+        fit = camera_from_points(pixels, points, WIDTH, HEIGHT)
+        assert fit.left_out == (wrong,)
+        assert degrees_apart(fit.camera, true) < 2
+
+    def test_points_of_one_plane_are_enough(self):
+        true = looking(60, 50, 10)
+        points = np.array([[1, 0, 0], [0, 1, 0], [-1, 0.2, 0], [0.3, -1, 0], [0.6, 0.7, 0]], float)
+        fit = camera_from_points(pixels_of(true, points), points, WIDTH, HEIGHT, 800.0)
+        assert degrees_apart(fit.camera, true) < 0.01
+
+    def test_three_pairs_and_a_line_are_refused(self):
+        true = looking(0, 0, 0)
+        with pytest.raises(GeometryError, match="3 pairs do not determine"):
+            camera_from_points(pixels_of(true, surface_points(3)), surface_points(3), WIDTH, HEIGHT)
+        line = np.linspace(-1, 1, 6)[:, None] * (0.2, 0.5, 0.3)
+        with pytest.raises(GeometryError, match="lie in one line"):
+            camera_from_points(pixels_of(true, line), line, WIDTH, HEIGHT)
+
+
+class TestFromAStart:
+    @pytest.mark.parametrize("seed", range(3))
+    def test_eight_degrees_and_eight_percent_off_it_finds_the_camera(self, seed: int):
+        rng, photo = np.random.default_rng(seed), photographed()
+        turn = looking(40 + rng.choice([-5, 5]), 15 + rng.choice([-5, 5]), 8 + rng.choice([-4, 4]))
+        pose = turn.world_from_camera.copy()
+        off = rng.normal(size=3)
+        pose[:3, 3] += 0.08 * bumpy_ball.SIZE * off / np.linalg.norm(off)
+        start = Camera("perspective", WIDTH, HEIGHT, np.full(2, 800 * 1.08), None, pose)
+        fit = refined(evidence(photo), faces(), start)
+        assert_the_same(fit.camera, photo.camera)
+        assert fit.overlap > 0.98
+        assert fit.degrees < 3
+
+    def test_a_known_focal_length_stays(self):
+        photo = photographed()
+        start = Camera("perspective", WIDTH, HEIGHT, np.full(2, 800.0), None, looking(44, 12, 10).world_from_camera)
+        fit = refined(evidence(photo), faces(), start, fix_focal=True)
+        assert fit.camera.focal.tolist() == [800, 800]
+        assert_the_same(fit.camera, photo.camera)
+
+    def test_normals_that_err_smoothly_do_not_turn_it(self):
+        """As estimates err: towards the viewer, by up to some 10 degrees."""
+        photo = photographed()
+        flat = photo.normals + photo.mask[..., None] * np.array([0.05, -0.05, 0.3], np.float32)
+        flat /= np.maximum(np.linalg.norm(flat, axis=-1, keepdims=True), 1e-9)
+        fit = refined(Evidence(flat, photo.mask), faces(), looking(45, 10, 4))
+        assert_the_same(fit.camera, photo.camera)
+
+
+@pytest.mark.parametrize("view", [(40, 15, 8), (-120, -35, 170)])
+def test_without_a_start_the_best_view_is_the_right_one(view: tuple[float, float, float]):
+    photo = photographed(*view)
+    best, *others = searched(evidence(photo), faces(), 700.0)
+    assert_the_same(best.camera, photo.camera)
+    assert all(other.cost > best.cost for other in others)
+
+
+class TestCommand:
+    @pytest.fixture
+    def files(self, tmp_path):
+        photo = photographed()
+        write_file(tmp_path / "photo.exr", np.dstack([photo.image, photo.mask]), "float")
+        write_mesh(tmp_path / "mesh.ply", bumpy_ball.mesh())
+        write_rig(tmp_path / "rig.json", published_rig(30, 90))
+        return tmp_path
+
+    def align(self, mpsnet, files, *options):
+        given = ("--mesh", files / "mesh.ply", "--rig", files / "rig.json", "--model", "lambertian")
+        return mpsnet("align", files / "photo.exr", *given, "-o", files / "camera.json", *options)
+
+    def pairs(self, files, pixels, points):
+        pairs = [{"pixel": a, "point": b} for a, b in zip(pixels.tolist(), points.tolist(), strict=True)]
+        (files / "pairs.json").write_text(json.dumps({"pairs": pairs}))
+        return "--points", files / "pairs.json"
+
+    def test_points_two_pixels_off_are_refined_by_the_photo(self, mpsnet, files):
+        true, points = photographed().camera, surface_points(8)
+        pixels = pixels_of(true, points) + np.random.default_rng(2).normal(size=(8, 2))
+        pixels[3] += 60
+        done = self.align(mpsnet, files, *self.pairs(files, pixels, points), "--overlay", files / "overlay.png")
+        assert done.returncode == 0, done.stderr
+        assert "pair 4 contradicts the others" in done.stderr
+        assert_the_same(read_camera(files / "camera.json"), true)
+        assert (files / "overlay.png").is_file()
+
+    def test_a_rough_start_is_refined(self, mpsnet, files):
+        write_camera(files / "start.json", looking(46, 10, 4))
+        done = self.align(mpsnet, files, "--start", files / "start.json", "--progress", "json")
+        assert done.returncode == 0, done.stderr
+        result = json.loads(done.stdout.splitlines()[-1])["result"]
+        assert result["poor"] is False
+        assert result["overlap"] > 0.98
+        assert_the_same(read_camera(files / "camera.json"), photographed().camera)
+
+    def test_a_photo_of_something_else_fits_poorly_and_that_is_reported(self, mpsnet, files):
+        stretched = bumpy_ball.mesh()
+        stretched.vertices[:, 2] *= 2.5
+        write_mesh(files / "mesh.ply", stretched)
+        write_camera(files / "start.json", looking(46, 10, 4))
+        done = self.align(mpsnet, files, "--start", files / "start.json")
+        assert done.returncode == 0, done.stderr
+        assert "the fit is poor" in done.stderr
+
+    @pytest.mark.parametrize(
+        ("text", "sentence"),
+        [
+            ("{", "is not valid JSON"),
+            ("[]", "holds no list"),
+            ('{"pairs": []}', "holds no list"),
+            ('{"pairs": [{"pixel": [1, 2]}]}', 'pair 1 is not made of "pixel" and "point"'),
+            ('{"pairs": [{"pixel": [1, 2], "point": [1, 2]}]}', 'the "point" of pair 1 is not 3 numbers'),
+            ('{"pairs": [{"pixel": [1, NaN], "point": [1, 2, 3]}]}', 'the "pixel" of pair 1 is not 2 numbers'),
+            ('{"pairs": [{"pixel": [1, 2], "point": [1, 2, 3]}]}', "1 pairs do not determine a camera"),
+        ],
+    )
+    def test_bad_pairs_get_one_sentence(self, mpsnet, files, text: str, sentence: str):
+        (files / "pairs.json").write_text(text)
+        done = self.align(mpsnet, files, "--points", files / "pairs.json")
+        assert done.returncode == 2
+        assert re.fullmatch(rf"mpsnet: error: .*{re.escape(sentence)}.*\n", done.stderr), done.stderr
+        assert not (files / "camera.json").exists()
