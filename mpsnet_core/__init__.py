@@ -25,6 +25,7 @@ os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 
 # Loaded on first use, so that Blender can import the light nouns without onnxruntime, OpenImageIO or trimesh.
 _HOME = {
+    "Align": "estimate.alignment.operation",
     "Bake": "bake.operations",
     "BakeViews": "bake.operations",
     "Baking": "bake.settings",

@@ -65,8 +65,8 @@ class Option:
 
 
 def option(
-    default: Any = dataclasses.MISSING,
     *,
+    default: Any = dataclasses.MISSING,
     help: str,
     short: str = "",
     positional: bool = False,

@@ -108,7 +108,7 @@ def begin_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: M
 
 
 # In the file; a pair is values and, for each place in the file, the number of the one that goes there.
-_Array = NDArray[Any] | tuple[NDArray[Any], NDArray[np.integer]]
+_Array = NDArray[Any] | tuple[NDArray[Any], NDArray[np.integer[Any]]]
 
 
 def _written(path: Path, arrays: Mapping[str, _Array]) -> Slices:

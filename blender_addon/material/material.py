@@ -17,7 +17,8 @@ from ..estimate.estimate import MPS_OT_estimate, network, reading_options_withou
 from ..heights.assign_displacement import no_modifier, subdivide
 from ..nodes import own_node
 from ..operators import RunsCore, as_typed
-from ..outputs import fine_preview, image_file, load_image, output_folder, picture_size, remembered, requested_path
+from ..outputs import fine_preview, image_file, load_image, picture_size, remembered, requested_path
+from ..preferences import output_folder
 from ..provenance import Provenance, chosen, stamp
 from ..settings.declared import take_given
 from ..settings.estimate import EstimateSettings

@@ -10,7 +10,8 @@ from mpsnet_core.capture.calibrate.operations import CalibrateLights, CalibrateM
 from mpsnet_core.errors import InputError
 
 from ..operators import RunsCore, as_typed
-from ..outputs import fine_preview, load_image, output_folder, requested_path
+from ..outputs import fine_preview, load_image, requested_path
+from ..preferences import output_folder
 from ..settings.calibrate import CalibrateSettings
 from ..settings.declared import take_given
 from .several_rigs import rig_at

@@ -18,8 +18,8 @@ from mpsnet_core.synthesis.operations import MakeSamples
 from ..child_process.file_copy import save_copy
 from ..child_process.trust import python_drivers
 from ..operators import RunsCore, same
-from ..outputs import file_name, fine_preview, lasting, load_image, output_folder, requested_path
-from ..preferences import PACKAGE, preference
+from ..outputs import file_name, fine_preview, lasting, load_image, requested_path
+from ..preferences import PACKAGE, output_folder, preference
 from ..settings.declared import GIVEN, take_given
 from ..settings.samples import SamplesSettings
 

@@ -39,9 +39,11 @@ class MakesTextures(Operation):
         help="mesh with UVs: .obj, .ply, .glb, or the add-on's .npz; several hide one another from the cameras",
         provenance="none",  # each texture's own line tells of it
     )
-    size: int = option(TEXTURE_SIZE, low=1, high=MAX_TEXTURE_SIZE, help="width and height of the texture in pixels")
+    size: int = option(
+        default=TEXTURE_SIZE, low=1, high=MAX_TEXTURE_SIZE, help="width and height of the texture in pixels"
+    )
     space: Literal["tangent", "object"] = option(
-        "tangent",
+        default="tangent",
         choices={
             "tangent": "to the surface, by MikkTSpace: the object may move, bend and be reused",
             "object": "to the object: for objects that do not bend",
@@ -49,14 +51,14 @@ class MakesTextures(Operation):
         help="what the texture's normals are relative to",
     )
     convention: Literal["opengl", "directx"] | None = option(
-        None,
+        default=None,
         choices=CONVENTIONS,
         help="which way the texture's green channel points",
         unset="opengl, or the preset's",
         provenance="none",  # but what it comes to with the preset
     )
     samples: int = option(
-        1,
+        default=1,
         metavar="N",
         choices={
             1: "one in the pixel's middle",
@@ -66,7 +68,7 @@ class MakesTextures(Operation):
         help="points of the surface that each pixel is the mean of; more take longer and lessen jagged edges",
     )
     padding: Literal["nearest", "push-pull", "none"] = option(
-        "nearest",
+        default="nearest",
         choices={
             "nearest": "the islands are continued by the margin",
             "push-pull": "the whole texture is filled, smoothly",
@@ -75,21 +77,21 @@ class MakesTextures(Operation):
         help="what lies beyond the borders of the UV islands, where a texture that is made smaller reaches",
     )
     margin: int | None = option(
-        None,
+        default=None,
         low=0,
         high=MAX_TEXTURE_SIZE,
         help="pixels by which the texture is continued beyond the borders of the UV islands",
         unset=f"{MARGIN}",
     )
     bits: int | None = option(
-        None,
+        default=None,
         choices={8: "PNG and TIFF", 16: "all formats", 32: "TIFF and OpenEXR"},
         help="bits a channel of the texture",
         unset="16 bits, in OpenEXR 32; or the preset's",
         provenance="none",  # but what they come to with the preset
     )
     preset: str | None = option(
-        None,
+        default=None,
         metavar="NAME",
         choices={
             name: f"written as {preset.stem('NAME')}{preset.suffix}, {preset.bits} bits a channel"
@@ -109,20 +111,20 @@ class LaysOnto(MakesTextures):
     """What is made of the photos' detail: its strength, and a normal map that it goes on top of."""
 
     level: str | None = option(
-        None,
+        default=None,
         metavar="on|off|SCALE",
         help=LEVEL,
         unset="off; on with a present map",
         provenance="none",  # but the scale that it means
     )
     strength: float = option(
-        1.0,
+        default=1.0,
         low=0,
         high=MAX_STRENGTH,
         help="fraction of the photos' relief that is added to the object's own surface: 1 as it is, 0 none",
     )
     onto: str | None = option(
-        None,
+        default=None,
         metavar="MAP",
         help="normal map (tangent space, same UVs) to go on top of; <OBJECT>, <MATERIAL> and <UDIM> in its name stand "
         "for what each texture is of; or a .json file that lists several",
@@ -130,10 +132,10 @@ class LaysOnto(MakesTextures):
         provenance="files",
     )
     onto_convention: Literal["opengl", "directx"] = option(
-        "opengl", choices=CONVENTIONS, help="which way the green channel of the present map points"
+        default="opengl", choices=CONVENTIONS, help="which way the green channel of the present map points"
     )
     onto_shown: Literal["auto", "yes", "no"] = option(
-        "auto",
+        default="auto",
         choices={
             "auto": "compare the photos' normals with the map",
             "yes": "the map was made of the same object",
@@ -237,19 +239,21 @@ class Bake(LaysOnto):
         provenance="none",  # each texture's own line tells of it
     )
     normals_convention: Literal["opengl", "directx"] = option(
-        "opengl", choices=CONVENTIONS, help="which way the green channel of the normal maps that are read points"
+        default="opengl",
+        choices=CONVENTIONS,
+        help="which way the green channel of the normal maps that are read points",
     )
     confidence: tuple[str, ...] = option(
-        (), metavar="FILE", help="confidence map of a view, in the views' order", provenance="none"
+        default=(), metavar="FILE", help="confidence map of a view, in the views' order", provenance="none"
     )
     albedo: tuple[str, ...] = option(
-        (),
+        default=(),
         metavar="FILE",
         help="albedo of a view (of estimate --albedo), in the views' order: baked as well, to TEXTURE_albedo",
         provenance="none",
     )
     format: str | None = option(
-        None, help="png, tif or exr, where the output is a folder", unset="png", provenance="none"
+        default=None, help="png, tif or exr, where the output is a folder", unset="png", provenance="none"
     )
     output: str = option(
         short="-o",
@@ -419,7 +423,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         path="file",
     )
     photos: str | None = option(
-        None,
+        default=None,
         metavar="FOLDER",
         help="folder of the photos of these cameras",
         unset="those that the cameras name, which only the add-on's file does",
@@ -427,7 +431,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
     )
     rig: str = option(help="rig file (.json; .lp with three lights that go with the camera)")
     lights_in: Literal["camera", "world"] = option(
-        "camera",
+        default="camera",
         choices={
             "camera": "the lights are fixed to the camera, or the object stood on a turntable",
             "world": "the camera went round; a rig file has directions along the mesh's axes, or positions in its "
@@ -436,22 +440,22 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         help="what the lights went with while the photos were taken",
     )
     mask: str = option(
-        "mesh", help="mesh (where the camera sees it), a folder of masks named as the photos, or as in estimate"
+        default="mesh", help="mesh (where the camera sees it), a folder of masks named as the photos, or as in estimate"
     )
-    level: str | None = option("on", metavar="on|off|SCALE", help=LEVEL)
+    level: str | None = option(default="on", metavar="on|off|SCALE", help=LEVEL)
     keep: str | None = option(
-        None,
+        default=None,
         metavar="FOLDER",
         help="folder for each view's normals; the next run goes on from them",
         unset="they are not kept",
         path="folder",
     )
     report: str | None = option(
-        None,
+        default=None,
         metavar="FILE",
         help="write an HTML page that shows which views cover what and how far they disagree",
     )
-    json: str | None = option(None, metavar="FILE", help="write the same figures as JSON")
+    json: str | None = option(default=None, metavar="FILE", help="write the same figures as JSON")
     output: str = option(
         short="-o",
         help="texture to write: .png, .tif or .exr; with <UDIM>, <MATERIAL> or <OBJECT> in its name one for each tile, "

@@ -18,21 +18,21 @@ if TYPE_CHECKING:
 class ReadsPhotos(ReadsPictures):
     """How photos are read: their encoding and layer, dark frame and flat field."""
 
-    layer: str | None = option(None, help="layer of a multi-layer EXR")
+    layer: str | None = option(default=None, help="layer of a multi-layer EXR")
     dark: str | None = option(
-        None,
+        default=None,
         help="photo with the three lights off, which is subtracted; a folder or pattern of several is averaged",
         path="file",
         provenance="files",
     )
     flat: str | None = option(
-        None,
+        default=None,
         help="photo of an even white card in the object's place, which evens out lens and lights; a folder or pattern "
         "of several is averaged; not together with near lights",
         path="file",
         provenance="files",
     )
-    flat_smooth: int = option(0, metavar="PIXELS", help="leave out the card's grain, finer than so many")
+    flat_smooth: int = option(default=0, metavar="PIXELS", help="leave out the card's grain, finer than so many")
 
     def correction(self) -> "Correction | None":
         """Dark frame and flat field, None where neither is given.
@@ -53,13 +53,13 @@ class HasLens(Operation):
     """How the camera of a photo sees."""
 
     camera: str | None = option(
-        None,
+        default=None,
         help="camera file: for perspective, and where the rig's lights are near; without it, and without a focal "
         "length, the camera counts as far away",
         provenance="content",
     )
     focal: float | None = option(
-        None, metavar="MM", help="focal length of the real camera in millimetres on a sensor 36 mm wide"
+        default=None, metavar="MM", help="focal length of the real camera in millimetres on a sensor 36 mm wide"
     )
 
     def lens(self) -> "Camera | float | None":
@@ -79,12 +79,12 @@ class HasViewpoint(HasLens):
     """Where a photo was taken from: camera or lens, and how far the object was."""
 
     mesh: str | None = option(
-        None,
+        default=None,
         help="the object's mesh in the camera's world: how far each pixel is from near lights",
         provenance="content",
     )
     distance: float | None = option(
-        None, help="how far the object is from the camera, in the unit of a rig file with near lights"
+        default=None, help="how far the object is from the camera, in the unit of a rig file with near lights"
     )
 
     def viewpoint(self) -> "tuple[Camera | float | None, Any]":
@@ -126,7 +126,7 @@ class Superpose(ReadsPictures):
 
     image: tuple[str, ...] = option(positional=True, help="photos of a thing that did not move, one for each light")
     channels: bool = option(
-        False,
+        default=False,
         help="of three photos, each under one white light in the rig's order, make the red, green and blue channel",
     )
     output: str = option(
@@ -177,11 +177,11 @@ class FindMask(ReadsPhotos):
 
     image: str = option(positional=True, help="photo")
     mask: str = option(
-        "auto",
+        default="auto",
         help="auto: before a dark or plain background; background:FILE, a photo of the scene without the object; "
         "threshold:0.05, alpha, or a mask file to look at; alpha-or-all is what `estimate` does without --mask",
     )
-    overlay: str | None = option(None, metavar="FILE", help="also write the photo with the mask drawn over it")
+    overlay: str | None = option(default=None, metavar="FILE", help="also write the photo with the mask drawn over it")
     output: str = option(short="-o", help="mask file, white on the object: .png, .tif or .exr")
 
     def run(self, progress: Progress = silent) -> MaskFound:

@@ -1,7 +1,7 @@
 """How the command line parses its arguments: errors are one sentence, and the help shows defaults that matter."""
 
 import argparse
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeAlias
 
 from mpsnet_core.errors import InputError
 
@@ -28,4 +28,4 @@ class Parser(argparse.ArgumentParser):
 
 
 # What `add_subparsers` returns: the place where verbs are added.
-Verbs = argparse._SubParsersAction
+Verbs: TypeAlias = "argparse._SubParsersAction[Parser]"

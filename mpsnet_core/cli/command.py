@@ -21,6 +21,7 @@ from mpsnet_core.cli.arguments import Parser, Verbs
 from mpsnet_core.cli.operations import add_operation
 from mpsnet_core.cli.reporter import Notes, Reporter, refuse
 from mpsnet_core.errors import InputError, printable
+from mpsnet_core.estimate.alignment.operation import Align
 from mpsnet_core.estimate.operations import Estimate, ListModels
 from mpsnet_core.io.child_process import only_request
 from mpsnet_core.learning.evaluation.operations import (
@@ -50,6 +51,7 @@ OPERATIONS: tuple[type[Operation], ...] = (
     CalibrateLights,
     CalibrateMixing,
     WriteCameras,
+    Align,
     Bake,
     BakeViews,
     Integrate,
@@ -176,7 +178,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _add_job(verbs: Verbs, common: argparse.ArgumentParser) -> None:
+def _add_job(verbs: Verbs, common: Parser) -> None:
     """The command for programs, which the help does not list: it runs the operation that stdin holds as JSON.
 
     It is cancelled where stdin ends before it is done.

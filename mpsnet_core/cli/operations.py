@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from mpsnet_core.cli.arguments import Help, Verbs
+from mpsnet_core.cli.arguments import Help, Parser, Verbs
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.operation import Operation, Setting, settings
 
@@ -14,7 +14,7 @@ GROUPS = {
 }
 
 
-def add_operation(verbs: Verbs, common: argparse.ArgumentParser, kind: type[Operation]) -> None:
+def add_operation(verbs: Verbs, common: Parser, kind: type[Operation]) -> None:
     """Add the command of an operation: the last word of its name, a positional or a flag for each option."""
     group, _, name = kind.command.rpartition(" ")
     facts: dict[str, Any] = {"help": kind.help()[:1].lower() + kind.help()[1:]} if kind.listed else {}

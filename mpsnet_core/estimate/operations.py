@@ -43,18 +43,18 @@ class RunsModel(Operation):
     """Which model estimates the normals, and how networks run."""
 
     model: str = option(
-        DEFAULT_MODEL,
+        default=DEFAULT_MODEL,
         help="what turns the photo into normals: one of the models by its name, or an .onnx file",
         provenance="none",
     )
     provider: str = option(
-        "cpu",
+        default="cpu",
         choices={"cpu": "", "cuda": "NVIDIA", "directml": "Windows", "coreml": "Apple"},
         help="what runs networks",
         provenance="none",
     )
-    threads: int = option(0, help="CPU threads for networks, 0 for all", provenance="none")
-    tile: int = option(DEFAULT_TILE, help="tile side in pixels for networks")
+    threads: int = option(default=0, help="CPU threads for networks, 0 for all", provenance="none")
+    tile: int = option(default=DEFAULT_TILE, help="tile side in pixels for networks")
 
     def estimator(self, passes: Literal[1, 3] | None = None) -> "Estimator":
         """The model made ready. passes: as :class:`mpsnet_core.estimate.Estimator` takes them."""
@@ -110,21 +110,21 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
     )
     rig: str = option(help="rig file (.json, or .lp with three lights)", provenance="content")
     mask: str | None = option(
-        None,
+        default=None,
         help="mask file, alpha, none, auto, alpha-or-auto (auto where the photo has no alpha), background:FILE (the "
         "scene without the object) or threshold:0.05, for frames also a folder or pattern of masks by their numbers; "
         "without it alpha, where the photo has it, else the whole photo; `mpsnet mask` shows what comes of it",
         provenance="none",  # each frame's own line tells of it
     )
     passes: Literal[1, 3] | None = option(
-        None,
+        default=None,
         choices={1: "", 3: "the mean of its answers on the scene turned and mirrored"},
         help="passes of the network",
         unset="for the default model 3 of one photo and 1 of each of several or of a video",
         provenance="none",
     )
     white: tuple[str, ...] = option(
-        (),
+        default=(),
         metavar="PHOTO",
         help="second photo of the same pose, under white light: the three lights turned white. It tells the colour of "
         "the surface. A folder or pattern of one photo for each light is added up. For one still photo only",
@@ -132,13 +132,13 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         provenance="none",
     )
     albedo: str | None = option(
-        None,
+        default=None,
         metavar="FILE",
         help="also write the surface's colour without light and shadow on it, made from the photo under white light",
         provenance="none",
     )
     white_light: str | None = option(
-        None,
+        default=None,
         metavar="rig|SLANT,TILT",
         help="what lit the white photo, for --albedo: the rig's three lights turned white, or one light in this "
         "direction in degrees",
@@ -146,17 +146,17 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         provenance="none",
     )
     convention: Literal["opengl", "directx"] = option(
-        "opengl", choices=CONVENTIONS, help="which way the green channel of the normal map points"
+        default="opengl", choices=CONVENTIONS, help="which way the green channel of the normal map points"
     )
     confidence: str | None = option(
-        None,
+        default=None,
         metavar="FILE",
         help="also write how far each normal can be trusted, a map for one photo",
         provenance="none",
     )
-    format: str = option("png", help="png, tif or exr, where the output is a folder")
+    format: str = option(default="png", help="png, tif or exr, where the output is a folder")
     smooth: int = option(
-        0,
+        default=0,
         metavar="N",
         low=0,
         high=MAX_SMOOTHING,
@@ -392,7 +392,7 @@ class ListModels(Operation):
 
     command: ClassVar[str] = "models"
 
-    model: str | None = option(None, positional=True, help="name or .onnx file of a network, to read its card")
+    model: str | None = option(default=None, positional=True, help="name or .onnx file of a network, to read its card")
 
     def run(self, progress: Progress = silent) -> ModelsListed:
         """List the models, or read one's card."""

@@ -23,8 +23,8 @@ log = logging.getLogger(__name__)
 class HadWorkers(Operation):
     """What scripts may still give: options of the processes that made examples."""
 
-    workers: str | None = option(None, help="", provenance="none")
-    keep: bool = option(False, help="", provenance="none")
+    workers: str | None = option(default=None, help="", provenance="none")
+    keep: bool = option(default=False, help="", provenance="none")
 
     def note_removed_options(self) -> None:
         """Tell who gives them that they do nothing any more."""
@@ -54,22 +54,24 @@ class Train(HadWorkers):
 
     recipe: str = option(help="a network's name, mpsnet-published, or a .toml file of your own")
     samples: tuple[str, ...] = option(metavar="DIR", help="to train on")
-    validation: tuple[str, ...] = option((), metavar="DIR", help="held-out samples")
+    validation: tuple[str, ...] = option(default=(), metavar="DIR", help="held-out samples")
     checkpoint: str | None = option(
-        None, metavar="FILE", help="written on the way (default: beside the output)", provenance="none"
+        default=None, metavar="FILE", help="written on the way (default: beside the output)", provenance="none"
     )
-    resume: str | None = option(None, metavar="FILE", help="a checkpoint to go on from, or a network to train further")
-    logs: str | None = option(None, metavar="DIR", help="for TensorBoard", provenance="none")
-    stop_after: int = option(0, metavar="STEPS", help="to go on later; 0: at the end")
-    minutes: float = option(0.0, help="to go on later, by the clock; 0: at the end")
+    resume: str | None = option(
+        default=None, metavar="FILE", help="a checkpoint to go on from, or a network to train further"
+    )
+    logs: str | None = option(default=None, metavar="DIR", help="for TensorBoard", provenance="none")
+    stop_after: int = option(default=0, metavar="STEPS", help="to go on later; 0: at the end")
+    minutes: float = option(default=0.0, help="to go on later, by the clock; 0: at the end")
     anneal: int = option(
-        0,
+        default=0,
         metavar="STEPS",
         help="from the checkpoint to resume, which stays: lower the learning rate to nothing over so many steps",
     )
-    threads: int = option(0, help="of the processor, 0 for all cores")
+    threads: int = option(default=0, help="of the processor, 0 for all cores")
     precision: Literal["auto", "float32", "bfloat16"] = option(
-        "auto",
+        default="auto",
         choices={"auto": "bfloat16 where the processor or GPU computes with it", "float32": "", "bfloat16": ""},
         help="of the layers",
     )
@@ -150,7 +152,7 @@ class Quantize(Operation):
 
     model: str = option(positional=True, metavar="MODEL", help="a shipped model's name, or an .onnx file of ours")
     samples: tuple[str, ...] = option(metavar="DIR", help="to calibrate on")
-    count: int = option(64, help="photographs of the samples")
+    count: int = option(default=64, help="photographs of the samples")
     output: str = option(short="-o", metavar="MODEL", help="the .onnx file", provenance="none")
 
     def run(self, progress: Progress = silent) -> TwinMade:

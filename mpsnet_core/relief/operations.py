@@ -82,24 +82,26 @@ class Integrate(Operation):
         provenance="files",
     )
     convention: Literal["opengl", "directx"] = option(
-        "opengl", choices=CONVENTIONS, help="which way the green channel of the normal map points"
+        default="opengl", choices=CONVENTIONS, help="which way the green channel of the normal map points"
     )
-    camera: str | None = option(None, help="camera file of the photo", provenance="content")
+    camera: str | None = option(default=None, help="camera file of the photo", provenance="content")
     focal: float | None = option(
-        None, metavar="MM", help="in place of a camera file, the focal length in millimetres on a sensor 36 mm wide"
+        default=None,
+        metavar="MM",
+        help="in place of a camera file, the focal length in millimetres on a sensor 36 mm wide",
     )
     pixel_size: float | None = option(
-        None, metavar="S", help="in place of a camera file, the size of a pixel, seen from afar", unset="1"
+        default=None, metavar="S", help="in place of a camera file, the size of a pixel, seen from afar", unset="1"
     )
     distance: float | None = option(
-        None,
+        default=None,
         help="how far the object is from the camera, on the mean, in the unit that the heights are in: a perspective "
         "camera takes its scale from it, for an orthographic one it is where the mesh stands",
         unset="1 for a perspective camera",
     )
-    unit: str | None = option(None, help="what the unit of all these is called: mm, m, ...")
+    unit: str | None = option(default=None, help="what the unit of all these is called: mm, m, ...")
     method: Literal["fast", "bilateral"] = option(
-        "fast",
+        default="fast",
         choices={
             "fast": "one surface without gaps: for one object, reliefs, cloth",
             "bilateral": "it breaks where one thing stands before another; takes several times as long",
@@ -107,89 +109,92 @@ class Integrate(Operation):
         help="whether the surface may break",
     )
     height: str | None = option(
-        None,
+        default=None,
         metavar="FILE",
         help=".exr, float heights; or .png or .tif, 16 bits from black to white. FILE.json says what they mean",
         provenance="none",
     )
-    height_bits: int | None = option(None, metavar="BITS", help="32 for float heights in .tif")
+    height_bits: int | None = option(default=None, metavar="BITS", help="32 for float heights in .tif")
     mesh: str | None = option(
-        None,
+        default=None,
         metavar=".ply|.glb|.obj",
         help="make a mesh of the surface, where the photo's camera saw it, with the photo's UVs",
         provenance="none",
     )
     faces: int = option(
-        FACES, low=1, high=MAX_FACES, help="how many faces the mesh may have; small ones where the surface bends"
+        default=FACES,
+        low=1,
+        high=MAX_FACES,
+        help="how many faces the mesh may have; small ones where the surface bends",
     )
     open: float | None = option(
-        None, metavar="ANGLE", help="leave out faces this steep or more to the line of sight, as 85"
+        default=None, metavar="ANGLE", help="leave out faces this steep or more to the line of sight, as 85"
     )
     up: Literal["y", "z"] | None = option(
-        None,
+        default=None,
         choices={"y": "", "z": ""},
         help="what points up in the camera's world, for .glb and .obj",
         unset="z with a camera file, else y",
     )
     curvature: str | None = option(
-        None,
+        default=None,
         metavar="FILE",
         help="picture of edges, bright, and creases, dark",
         provenance="none",
     )
-    curvature_radius: int = option(CURVATURE_RADIUS, metavar="PIXELS", help="the broadest shapes it shows")
+    curvature_radius: int = option(default=CURVATURE_RADIUS, metavar="PIXELS", help="the broadest shapes it shows")
     curvature_range: float | None = option(
-        None, metavar="C", help="the curvature, per unit, that is white; .exr holds the sum of both, 1 / unit"
+        default=None, metavar="C", help="the curvature, per unit, that is white; .exr holds the sum of both, 1 / unit"
     )
     occlusion: str | None = option(
-        None,
+        default=None,
         metavar="FILE",
         help="picture of how open the surface is, ambient occlusion: white where all light comes in",
         provenance="none",
     )
-    occlusion_reach: int | None = option(None, metavar="PIXELS", help="how far it looks", unset="everywhere")
+    occlusion_reach: int | None = option(default=None, metavar="PIXELS", help="how far it looks", unset="everywhere")
     relit: str | None = option(
-        None,
+        default=None,
         metavar="FILE",
         help="picture of the surface under a white light, shaded by the ambient occlusion where that is made",
         provenance="none",
     )
-    light: str = option("45,135", metavar="SLANT,TILT", help="where that light is, in degrees")
+    light: str = option(default="45,135", metavar="SLANT,TILT", help="where that light is, in degrees")
     albedo: str | None = option(
-        None, metavar="PHOTO", help="the surface's colour in it", unset="light grey", provenance="files"
+        default=None, metavar="PHOTO", help="the surface's colour in it", unset="light grey", provenance="files"
     )
     turntable: int | None = option(
-        None,
+        default=None,
         metavar="N",
         help="the light goes around in N steps: one picture of all, or frames where FILE has ####",
     )
     uvs: str | None = option(
-        None,
+        default=None,
         metavar="MESH",
         help="the mesh with UVs that the texture was baked onto; needs --height; <UDIM> in both names for UDIM tiles",
         provenance="content",
     )
     space: Literal["tangent", "object"] = option(
-        "tangent",
+        default="tangent",
         choices={"tangent": "to the surface, by MikkTSpace", "object": "to the object"},
         help="with --uvs, what the texture's normals are relative to",
     )
     base: str | None = option(
-        None,
+        default=None,
         metavar="MESH",
         help="with --uvs, what is to be displaced, where that is the same mesh subdivided",
         provenance="content",
     )
     scale: float = option(
-        0.0,
+        default=0.0,
         low=0,
         high=MAX_BUMPS,
         help="how broad bumps of heights on UVs are at most, as a fraction of the object's size: wider ones are left "
         "to the mesh, as estimated normals err smoothly, which bends the whole. 0 keeps all",
     )
-    mean: float | None = option(None, help="with --uvs, of the heights", unset="the surface stays where it is")
+    mean: float | None = option(default=None, help="with --uvs, of the heights", unset="the surface stays where it is")
     margin: int = option(
-        MARGIN,
+        default=MARGIN,
         low=0,
         high=MAX_TEXTURE_SIZE,
         help="with --uvs, pixels by which the heights are continued beyond the borders of the UV islands",
@@ -399,42 +404,49 @@ class MakeMaterial(RunsModel, HasViewpoint, ReadsPhotos):
     # Of cloth and leather, which are matt and lit by all three lights, equation 2 tells more than the networks, which
     # have learned from whole objects.
     model: str = option(
-        LAMBERTIAN_GREY_WORLD, help="what turns the photo into normals: one of the models by its name, or an .onnx file"
+        default=LAMBERTIAN_GREY_WORLD,
+        help="what turns the photo into normals: one of the models by its name, or an .onnx file",
     )
-    width: str | None = option(None, metavar="LENGTH", help="what the photo's whole width measures: 120mm, 12cm, 4.5in")
-    pixel_size: str | None = option(None, metavar="LENGTH", help="in place of --width, what a pixel measures: 0.05mm")
+    width: str | None = option(
+        default=None, metavar="LENGTH", help="what the photo's whole width measures: 120mm, 12cm, 4.5in"
+    )
+    pixel_size: str | None = option(
+        default=None, metavar="LENGTH", help="in place of --width, what a pixel measures: 0.05mm"
+    )
     ruler: str | None = option(
-        None,
+        default=None,
         metavar="X1,Y1,X2,Y2=LENGTH",
         help="in place of --width, what two places measure, in pixels: 120,80,1620,95=50mm",
     )
-    crop: str | None = option(None, metavar="X,Y,W,H", help="the part of the photo to use, from its upper left corner")
+    crop: str | None = option(
+        default=None, metavar="X,Y,W,H", help="the part of the photo to use, from its upper left corner"
+    )
     size: int | None = option(
-        None,
+        default=None,
         low=MIN_MATERIAL_SIZE,
         high=MAX_MATERIAL_SIZE,
         help="width and height of the pictures in pixels",
         unset="the pixels that the photo has there",
     )
     overlap: float = option(
-        OVERLAP,
+        default=OVERLAP,
         low=MIN_OVERLAP,
         high=MAX_OVERLAP,
         help="fraction of the tile over which its borders are joined: more hides the seam better and leaves a smaller "
         "tile",
     )
     bend: int = option(
-        BEND,
+        default=BEND,
         low=0,
         high=MAX_BEND,
         help="how many half waves across the photo are taken out as bends of the material and uneven light. 0: only "
         "the tilt of the photo",
     )
-    grey: bool = option(False, help="an albedo without colour, where the lights' strengths are not known")
+    grey: bool = option(default=False, help="an albedo without colour, where the lights' strengths are not known")
     convention: Literal["opengl", "directx"] = option(
-        "opengl", choices=CONVENTIONS, help="which way the green channel of the normals points"
+        default="opengl", choices=CONVENTIONS, help="which way the green channel of the normals points"
     )
-    name: str | None = option(None, help="what the files' names begin with", unset="as the photo's")
+    name: str | None = option(default=None, help="what the files' names begin with", unset="as the photo's")
     output: str = option(short="-o", metavar="FOLDER", help="folder for the pictures", path="folder", provenance="none")
 
     def run(self, progress: Progress = silent) -> MaterialMade:

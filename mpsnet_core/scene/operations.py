@@ -27,7 +27,7 @@ class ReadsPictures(Operation):
     """How the values of pictures are meant."""
 
     encoding: Literal["auto", "linear", "srgb"] = option(
-        "auto", choices=ENCODINGS, help="how the photo's values stand for light"
+        default="auto", choices=ENCODINGS, help="how the photo's values stand for light"
     )
 
 

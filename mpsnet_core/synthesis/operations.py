@@ -30,15 +30,17 @@ class RunsWorkers(Operation):
     """Who makes samples: processes on this machine, or a cluster."""
 
     processes: int = option(
-        0,
+        default=0,
         low=0,
         high=MAX_PROCESSES,
         help="how many processes work at the same time on this machine. 0: one for each processor core",
         provenance="none",
     )
-    cluster: str = option("", metavar="ADDRESS", help="of a Dask scheduler, whose workers do it", provenance="none")
+    cluster: str = option(
+        default="", metavar="ADDRESS", help="of a Dask scheduler, whose workers do it", provenance="none"
+    )
     cluster_trusted: bool = option(
-        False, help="the address needs no tls://: whoever is in the network may run code", provenance="none"
+        default=False, help="the address needs no tls://: whoever is in the network may run code", provenance="none"
     )
 
     def make(self, folder: str, job: SampleJob, progress: Progress, blender: str = "", addon: str = "") -> SamplesMade:
@@ -79,41 +81,46 @@ class Synthesize(RunsWorkers):
         help="how many samples the folder shall hold in the end. A larger count goes on where a smaller stopped",
     )
     seed: int = option(
-        SampleJob.seed,
+        default=SampleJob.seed,
         low=RANGES["seed"][0],
         high=RANGES["seed"][1],
         help="what the samples are drawn from: the same seed gives the same samples",
     )
     size: int = option(
-        SampleJob.size, low=RANGES["size"][0], high=RANGES["size"][1], help="width and height of a sample in pixels"
+        default=SampleJob.size,
+        low=RANGES["size"][0],
+        high=RANGES["size"][1],
+        help="width and height of a sample in pixels",
     )
     shapes: str | None = option(
-        None,
+        default=None,
         metavar="KIND,...",
         help="of blobs, drapery, reliefs, groups, meshes; meshes where --meshes is given, else all others",
     )
-    meshes: str = option("", metavar="FOLDER", help="folder with mesh files to take shapes from", path="folder")
-    merl: str = option("", metavar="PATH", help="measured materials: a folder of MERL .binary files, or .npz of fits")
+    meshes: str = option(default="", metavar="FOLDER", help="folder with mesh files to take shapes from", path="folder")
+    merl: str = option(
+        default="", metavar="PATH", help="measured materials: a folder of MERL .binary files, or .npz of fits"
+    )
     merl_part: Literal["all", "training", "validation"] = option(
-        SampleJob.merl_part,
+        default=SampleJob.merl_part,
         metavar="PART",
         choices={"all": "", "training": "four in five", "validation": "the fifth that was left out"},
         help="which of the measured materials",
     )
     views: int = option(
-        SampleJob.views,
+        default=SampleJob.views,
         low=RANGES["views"][0],
         high=RANGES["views"][1],
         help="how many samples in a row show the same shape, each in another pose, light and material",
     )
     bounces: int = option(
-        SampleJob.bounces,
+        default=SampleJob.bounces,
         low=0,
         high=MAX_BOUNCES,
         help="how often light goes from surface to surface at most, drawn anew for each sample. 0: none",
     )
     supersampling: int = option(
-        SampleJob.supersampling,
+        default=SampleJob.supersampling,
         low=RANGES["supersampling"][0],
         high=RANGES["supersampling"][1],
         help="rays along a pixel's side",
@@ -170,8 +177,8 @@ class MakeSamples(RunsWorkers):
     command: ClassVar[str] = "make"
 
     folder: str = option(positional=True, help="folder that a job of samples was begun in", provenance="none")
-    blender: str = option("", metavar="PROGRAM", help="Blender that renders; this Python's bpy without")
-    addon: str = option("", metavar="MODULE", help="the extension in it, unless always enabled there")
+    blender: str = option(default="", metavar="PROGRAM", help="Blender that renders; this Python's bpy without")
+    addon: str = option(default="", metavar="MODULE", help="the extension in it, unless always enabled there")
 
     def run(self, progress: Progress = silent) -> SamplesMade:
         """Make the samples that the folder's job asks for and that it does not hold yet."""
@@ -218,9 +225,9 @@ class ShowSamples(Operation):
     command: ClassVar[str] = "show"
 
     path: tuple[str, ...] = option(positional=True, help="a sample, a folder of samples, or a photo", provenance="none")
-    count: int = option(8, help="how many of a folder's samples, evenly spread")
+    count: int = option(default=8, help="how many of a folder's samples, evenly spread")
     output: str | None = option(
-        None, short="-o", help="picture: .png or .tif", unset="beside what it shows", provenance="none"
+        default=None, short="-o", help="picture: .png or .tif", unset="beside what it shows", provenance="none"
     )
 
     def run(self, progress: Progress = silent) -> SamplesShown:

@@ -30,15 +30,15 @@ class Grind(Operation):
 
     beans: tuple[str, ...] = option(positional=True, help="bags of beans", provenance="none")
     roast: Literal["light", "dark"] = option(
-        "light", choices={"light": "", "dark": "bitter"}, help="how they were roasted"
+        default="light", choices={"light": "", "dark": "bitter"}, help="how they were roasted"
     )
-    size: float = option(0.5, low=0.1, high=2, metavar="MM", help="of the grains")
-    turns: int | None = option(None, help="how many times the handle goes round", unset="until it is empty")
-    water: tuple[str, ...] = option((), help="a spring", provenance="none")
-    slow: bool = option(False, help="take your time", provenance="none")
-    recipe: str | None = option(None, help="file of a recipe", provenance="content")
-    sieves: tuple[int, ...] = option((3, 5), help="in a row")
-    crank: str | None = option(None, help="", provenance="none")
+    size: float = option(default=0.5, low=0.1, high=2, metavar="MM", help="of the grains")
+    turns: int | None = option(default=None, help="how many times the handle goes round", unset="until it is empty")
+    water: tuple[str, ...] = option(default=(), help="a spring", provenance="none")
+    slow: bool = option(default=False, help="take your time", provenance="none")
+    recipe: str | None = option(default=None, help="file of a recipe", provenance="content")
+    sieves: tuple[int, ...] = option(default=(3, 5), help="in a row")
+    crank: str | None = option(default=None, help="", provenance="none")
     output: str = option(short="-o", help="bag for the powder", provenance="none")
 
     def run(self, progress: Progress = silent) -> Answer:

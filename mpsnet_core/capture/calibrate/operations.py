@@ -36,23 +36,23 @@ class LooksAtBall(ReadsPhotos, HasLens):
     """Where the ball is in the photo, how the camera sees, and what is written beside the rig."""
 
     circle: tuple[str, ...] = option(
-        (),
+        default=(),
         metavar="X,Y,R",
         help="the ball's outline by hand: its middle from the photo's top left corner and its radius, in pixels; "
         "in the balls' order",
         unset="it is looked for",
     )
-    mask: str | None = option(None, help="mask file of what the photo is of", provenance="files")
+    mask: str | None = option(default=None, help="mask file of what the photo is of", provenance="files")
     radius: float | None = option(
-        None,
+        default=None,
         help="radius of the ball, in the unit that positions are wanted in: best that of the mesh. It counts where "
         "lights have positions, for a grey ball too",
         unset="positions count in radii",
     )
     overlay: str | None = option(
-        None, metavar="PNG", help="write a picture of what was found, drawn over the photo", provenance="none"
+        default=None, metavar="PNG", help="write a picture of what was found, drawn over the photo", provenance="none"
     )
-    json: str | None = option(None, metavar="FILE", help="write what was found as JSON", provenance="none")
+    json: str | None = option(default=None, metavar="FILE", help="write what was found as JSON", provenance="none")
 
     def _inputs(self, given: Sequence[str], output: str, rig: str | None = None) -> list[Path]:
         """The photos, once it is sure that the results can be written and overwrite none of what is read."""
@@ -144,20 +144,20 @@ class CalibrateLights(LooksAtBall):
         provenance="files",
     )
     per_light: bool = option(
-        False,
+        default=False,
         help="the photos show one light each, in the order red, green, blue (any number of lights for an .lp file)",
     )
     places: int = option(
-        1, help="with --per-light: at how many places the ball stood, first all photos of the first place"
+        default=1, help="with --per-light: at how many places the ball stood, first all photos of the first place"
     )
-    balls: int = option(1, help="how many mirror balls each photo shows")
+    balls: int = option(default=1, help="how many mirror balls each photo shows")
     lights: str | None = option(
-        None,
+        default=None,
         metavar="R,G,B",
         help="with --per-light or an .lp file: which of the lights, counted from 1 in the order of the table, are the "
         "rig's red, green and blue one",
     )
-    distant: bool = option(False, help="write directions, though positions could be told")
+    distant: bool = option(default=False, help="write directions, though positions could be told")
     output: str = option(
         short="-o",
         metavar="RIG",
@@ -352,9 +352,9 @@ class CalibrateMixing(LooksAtBall):
         provenance="files",
     )
     rig: str = option(help="rig file with the lights' directions or positions", provenance="content")
-    card: bool = option(False, help="the photos show a flat grey card: one photo a light")
+    card: bool = option(default=False, help="the photos show a flat grey card: one photo a light")
     normal: str | None = option(
-        None, metavar="X,Y,Z", help="where the card faces, in camera space", unset="towards the camera"
+        default=None, metavar="X,Y,Z", help="where the card faces, in camera space", unset="towards the camera"
     )
     output: str = option(short="-o", metavar="RIG", help="rig file with the mixing (.json)", provenance="none")
 

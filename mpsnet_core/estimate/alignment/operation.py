@@ -73,34 +73,49 @@ class Align(RunsModel, ReadsPhotos):
 
     command: ClassVar[str] = "align"
 
-    image: str = option(positional=True, help="the photo", provenance="files")
-    mesh: str = option(help="the mesh of what it shows, in the unit and axes that the camera is wanted in")
-    rig: str = option(help="rig file (.json, or .lp with three lights)", provenance="content")
-    mask: str | None = option(None, help="mask of the photo, as `mpsnet estimate` takes it")
+    image: str = option(positional=True, help="the photo", path="file", provenance="files")
+    mesh: str = option(
+        help="the mesh of what the photo shows, in the unit and axes that the camera is wanted in",
+        path="file",
+        provenance="content",
+    )
+    rig: str = option(help="rig file (.json, or .lp with three lights)", path="file", provenance="content")
+    mask: str | None = option(
+        default=None, help="mask of the photo, as `mpsnet estimate` takes it", unset="alpha, where the photo has it"
+    )
     points: str | None = option(
-        None,
+        default=None,
         metavar="FILE",
         help="pairs of places in the photo and on the mesh, 4 or more: "
         '{"pairs": [{"pixel": [x, y], "point": [X, Y, Z]}, ...]}, in pixels from the top left corner and the mesh '
         "file's own axes",
+        path="file",
         provenance="content",
     )
     start: str | None = option(
-        None,
+        default=None,
         metavar="FILE",
-        help="camera file of a rough start, some 10 degrees off at most; without it and --points all views are tried",
+        help="camera file of a rough start, some 10 degrees off at most",
+        unset="without pairs, views all around the mesh are tried",
+        path="file",
         provenance="content",
     )
     focal: float | None = option(
-        None, metavar="MM", low=1.0, high=10000.0, help="the lens in mm on a 36 mm sensor, where it is known"
+        default=None,
+        metavar="MM",
+        low=1.0,
+        high=10000.0,
+        help="the lens in mm on a 36 mm sensor",
+        unset="found as well",
     )
     overlay: str | None = option(
-        None,
+        default=None,
         metavar="FILE",
         help="also write a picture of the photo with the outlines of mask (orange) and mesh (green), and the pairs",
+        path="file",
         provenance="none",
     )
-    output: str = option(short="-o", help="the camera file (.json)", provenance="none")
+    output: str = option(short="-o", help="the camera file (.json)", path="file", provenance="none")
 
     def run(self, progress: Progress = silent) -> CameraFound:
         """Write the camera file, and the overlay where it is requested."""

@@ -33,10 +33,10 @@ class Measured(Result):
 class MeasuresModels(Operation):
     """Which models a test measures, and where the answer goes."""
 
-    model: tuple[str, ...] = option((DEFAULT_MODEL,), metavar="MODEL", help="name, file, or all")
-    json: str | None = option(None, metavar="FILE", help="write the rows as JSON", provenance="none")
+    model: tuple[str, ...] = option(default=(DEFAULT_MODEL,), metavar="MODEL", help="name, file, or all")
+    json: str | None = option(default=None, metavar="FILE", help="write the rows as JSON", provenance="none")
     output: str | None = option(
-        None, short="-o", metavar="REPORT", help="write an HTML report with pictures", provenance="none"
+        default=None, short="-o", metavar="REPORT", help="write an HTML report with pictures", provenance="none"
     )
 
     def evaluation(self) -> "Evaluation":
@@ -62,7 +62,9 @@ class MeasuresModels(Operation):
 class Magnifies(MeasuresModels):
     """How many times photographs are magnified."""
 
-    magnify: tuple[int, ...] = option((1,), metavar="N", help="magnify the photographs N times before the estimate")
+    magnify: tuple[int, ...] = option(
+        default=(1,), metavar="N", help="magnify the photographs N times before the estimate"
+    )
 
 
 @dataclass(frozen=True)
@@ -70,9 +72,9 @@ class PhotographsSynthetic(MeasuresModels):
     """How synthetic scenes are photographed."""
 
     protocol: tuple[str, ...] = option(
-        ("published",), help="how a channel weighs colours: separated, published or white"
+        default=("published",), help="how a channel weighs colours: separated, published or white"
     )
-    size: int = option(SYNTHETIC_SIZE, help="side of a picture in pixels")
+    size: int = option(default=SYNTHETIC_SIZE, help="side of a picture in pixels")
 
 
 @dataclass(frozen=True)
@@ -84,10 +86,10 @@ class EvaluateDiligent(Magnifies):
     folder: str = option(
         positional=True, help="DiLiGenT's pmsData folder; objects that are absent are named and skipped"
     )
-    object: tuple[str, ...] = option((), metavar="NAME", help="object of the set", unset="all ten")
-    lights: tuple[str, ...] = option((), metavar="A,B,C", help="lights giving R, G, B")
+    object: tuple[str, ...] = option(default=(), metavar="NAME", help="object of the set", unset="all ten")
+    lights: tuple[str, ...] = option(default=(), metavar="A,B,C", help="lights giving R, G, B")
     protocol: tuple[str, ...] = option(
-        (),
+        default=(),
         help="how a channel weighs colours: separated, published or white",
         unset="all three",
     )
@@ -134,8 +136,8 @@ class EvaluateRendered(PhotographsSynthetic):
     command: ClassVar[str] = "evaluate rendered"
 
     mesh: tuple[str, ...] = option(positional=True, help="mesh files, or folders of them")
-    merl: str = option("", metavar="PATH", help="measured materials in place of principled ones")
-    views: int = option(MESH_VIEWS, help="of each mesh, from all around")
+    merl: str = option(default="", metavar="PATH", help="measured materials in place of principled ones")
+    views: int = option(default=MESH_VIEWS, help="of each mesh, from all around")
 
     def evaluation(self) -> "Evaluation":
         from mpsnet_core.learning.evaluation.rendered import Rendered
@@ -150,11 +152,13 @@ class EvaluateStatues(Magnifies):
     command: ClassVar[str] = "evaluate statues"
 
     mesh: tuple[str, ...] = option(positional=True, help="mesh files, or folders of them")
-    views: int = option(MESH_VIEWS, help="of each mesh, from all around")
-    slant: float = option(STATUE_SLANT, metavar="DEGREES", help="of the three lights")
-    tilt: tuple[float, ...] = option(STATUE_TILTS, metavar="DEGREES", help="of the first light, the others 120° apart")
-    bounces: int = option(0, help="of light between surfaces: 0 to 3")
-    size: int = option(STATUE_SIZE, help="side of a picture in pixels")
+    views: int = option(default=MESH_VIEWS, help="of each mesh, from all around")
+    slant: float = option(default=STATUE_SLANT, metavar="DEGREES", help="of the three lights")
+    tilt: tuple[float, ...] = option(
+        default=STATUE_TILTS, metavar="DEGREES", help="of the first light, the others 120° apart"
+    )
+    bounces: int = option(default=0, help="of light between surfaces: 0 to 3")
+    size: int = option(default=STATUE_SIZE, help="side of a picture in pixels")
 
     def evaluation(self) -> "Evaluation":
         from mpsnet_core.learning.evaluation.statues import Statues
@@ -189,8 +193,8 @@ class EvaluateSamples(Magnifies):
     command: ClassVar[str] = "evaluate samples"
 
     folder: tuple[str, ...] = option(positional=True, help="folders of samples that training does not see")
-    count: int = option(0, help="how many, evenly spread; 0 for all")
-    white: bool = option(False, help="measure each once more with a white photo beside it")
+    count: int = option(default=0, help="how many, evenly spread; 0 for all")
+    white: bool = option(default=False, help="measure each once more with a white photo beside it")
 
     def evaluation(self) -> "Evaluation":
         from mpsnet_core.learning.evaluation.samples import Samples
@@ -207,12 +211,12 @@ class EvaluatePatchSizes(HadWorkers):
     samples: tuple[str, ...] = option(metavar="DIR", help="to train on")
     validation: tuple[str, ...] = option(metavar="DIR", help="held out")
     runs: str = option(metavar="DIR", help="for checkpoints; a cancelled run goes on from them", provenance="none")
-    width: float = option(0.125, help="factor of the published numbers of maps")
-    steps: int = option(600, help="of each of the ten trainings, of 500 patches")
-    patches: int = option(500_000, help="to measure on")
-    json: str | None = option(None, metavar="FILE", help="write the rows as JSON", provenance="none")
+    width: float = option(default=0.125, help="factor of the published numbers of maps")
+    steps: int = option(default=600, help="of each of the ten trainings, of 500 patches")
+    patches: int = option(default=500_000, help="to measure on")
+    json: str | None = option(default=None, metavar="FILE", help="write the rows as JSON", provenance="none")
     output: str | None = option(
-        None, short="-o", metavar="REPORT", help="write an HTML report with a chart", provenance="none"
+        default=None, short="-o", metavar="REPORT", help="write an HTML report with a chart", provenance="none"
     )
 
     def run(self, progress: Progress = silent) -> Measured:
