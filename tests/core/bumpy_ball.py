@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.mesh import Mesh, smooth_corner_normals
 from mpsnet_core.scene.rig import published_rig
 
 _BUMPS = np.array(  # direction, height, narrowness
@@ -44,7 +44,9 @@ def mesh(rows: int = 120) -> Mesh:
     b = np.arange(rows)[:, None] * 2 * rows + (np.arange(2 * rows) + 1) % (2 * rows)
     c, d = a + 2 * rows, b + 2 * rows
     triangles = np.concatenate([np.stack([a, c, d], -1).reshape(-1, 3), np.stack([a, d, b], -1).reshape(-1, 3)])
-    return Mesh(vertices, triangles.astype(np.int32), np.zeros((len(triangles), 3, 2), np.float32))
+    triangles = triangles.astype(np.int32)
+    normals = smooth_corner_normals(vertices, triangles).astype(np.float32)
+    return Mesh(vertices, triangles, normals, np.zeros((len(triangles), 3, 2), np.float32))
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ import bumpy_ball
 import numpy as np
 import pytest
 from bumpy_ball import Photo
+from mesh_file import write_mesh
 from synthetic import write_file
 
 from mpsnet_core.errors import GeometryError
@@ -16,7 +17,6 @@ from mpsnet_core.estimate.alignment.points import camera_from_points
 from mpsnet_core.estimate.alignment.refine import Evidence, refined
 from mpsnet_core.estimate.alignment.search import searched
 from mpsnet_core.scene.camera import Camera, read_camera, write_camera
-from mpsnet_core.scene.mesh import write_mesh
 from mpsnet_core.scene.rig import published_rig, write_rig
 
 WIDTH, HEIGHT = 480, 400
@@ -140,7 +140,7 @@ class TestFromAStart:
         assert_the_same(fit.camera, photo.camera)
 
 
-@pytest.mark.parametrize("view", [(40, 15, 8), (-120, -35, 170)])
+@pytest.mark.parametrize("view", [(40, 15, 8), pytest.param((-120, -35, 170), marks=pytest.mark.long)])
 def test_without_a_start_the_best_view_is_the_right_one(view: tuple[float, float, float]):
     photo = photographed(*view)
     best, *others = searched(evidence(photo), faces(), 700.0)
@@ -153,12 +153,12 @@ class TestCommand:
     def files(self, tmp_path):
         photo = photographed()
         write_file(tmp_path / "photo.exr", np.dstack([photo.image, photo.mask]), "float")
-        write_mesh(tmp_path / "mesh.ply", bumpy_ball.mesh())
+        write_mesh(tmp_path / "mesh.npz", bumpy_ball.mesh())
         write_rig(tmp_path / "rig.json", published_rig(30, 90))
         return tmp_path
 
     def align(self, mpsnet, files, *options):
-        given = ("--mesh", files / "mesh.ply", "--rig", files / "rig.json", "--model", "lambertian")
+        given = ("--mesh", files / "mesh.npz", "--rig", files / "rig.json", "--model", "lambertian")
         return mpsnet("align", files / "photo.exr", *given, "-o", files / "camera.json", *options)
 
     def pairs(self, files, pixels, points):
@@ -188,7 +188,7 @@ class TestCommand:
     def test_a_photo_of_something_else_fits_poorly_and_that_is_reported(self, mpsnet, files):
         stretched = bumpy_ball.mesh()
         stretched.vertices[:, 2] *= 2.5
-        write_mesh(files / "mesh.ply", stretched)
+        write_mesh(files / "mesh.npz", stretched)
         write_camera(files / "start.json", looking(46, 10, 4))
         done = self.align(mpsnet, files, "--start", files / "start.json")
         assert done.returncode == 0, done.stderr
@@ -210,5 +210,5 @@ class TestCommand:
         (files / "pairs.json").write_text(text)
         done = self.align(mpsnet, files, "--points", files / "pairs.json")
         assert done.returncode == 2
-        assert re.fullmatch(rf"mpsnet: error: .*{re.escape(sentence)}.*\n", done.stderr), done.stderr
+        assert re.fullmatch(rf"mpsnet: .*{re.escape(sentence)}.*\n", done.stderr), done.stderr
         assert not (files / "camera.json").exists()

@@ -130,6 +130,7 @@ def test_a_measured_mixing_is_off_by_its_error(measured: float, spread: float) -
     assert abs(off.mean()) < 0.1 * spread
 
 
+@pytest.mark.long
 def test_the_noise_s_variance_is_a_line_over_its_mean() -> None:
     full_well, read_noise, levels = 4000.0, 25.0, np.linspace(0, 1, 12)
     picture = np.repeat(levels, 400)[:, None] * np.ones((1, 50))

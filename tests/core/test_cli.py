@@ -257,6 +257,7 @@ def test_an_answer_that_cannot_be_written_is_told_once() -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+@pytest.mark.long
 class TestCancelling:
     FRAMES = 400
 

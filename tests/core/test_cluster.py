@@ -26,6 +26,8 @@ from mpsnet_core.synthesis.farm.address import check_address
 from mpsnet_core.synthesis.farm.run import Harvest, make_samples
 from mpsnet_core.synthesis.job import write_job
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[LocalCluster]:

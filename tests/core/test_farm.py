@@ -312,6 +312,7 @@ def test_two_runs_share_a_folder_and_no_sample_is_made_twice(tmp_path: Path) -> 
     assert whole(tmp_path) == set(range(60))
 
 
+@pytest.mark.long
 def test_killing_workers_at_random_moments_leaves_whole_samples_only(tmp_path: Path) -> None:
     """Twenty kills, which may hit a sample twice: then it is told, and the next run makes it."""
     (tmp_path / "slow").write_text("0.02")

@@ -51,6 +51,8 @@ from mpsnet_core.synthesis.job import SampleJob, write_job
 from mpsnet_core.synthesis.reflectance.fits import read_fits
 from mpsnet_core.synthesis.sample import read_sample, write_sample
 
+pytestmark = pytest.mark.long
+
 MINUTES = float(os.environ.get("MPSNET_FUZZ_MINUTES", "0"))
 QUICK = 150
 LONGEST_LINE = 600

@@ -101,6 +101,7 @@ def blurred(values: np.ndarray, times: int) -> np.ndarray:
     return values
 
 
+@pytest.mark.long
 def test_normals_that_are_blurred_and_noisy_tear_little() -> None:
     """As long as links were cut for good in the first passes, this ring came apart: by 36 pixels on the mean."""
     ring = torus(384, 70)

@@ -134,6 +134,7 @@ def test_where_the_mesh_is_not_seen_the_nearest_turn_holds() -> None:
     assert levelling(untouched, away, MESH).mean_angle == 0
 
 
+@pytest.mark.long
 def test_a_large_view_is_levelled_as_a_small_one() -> None:
     """The mesh is traced at fewer pixels than a large photo has; what it says is the same."""
     small, large = smooth_view(size=500), smooth_view(size=1500)

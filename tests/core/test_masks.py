@@ -112,6 +112,7 @@ def test_a_bust_that_reaches_the_lower_border_is_found_and_told_of(caplog: pytes
 
 
 @pytest.mark.parametrize("factor", [2.5, 4.1])
+@pytest.mark.long
 def test_a_large_photo_has_its_outline_at_full_size(factor: float) -> None:
     """Photos above the working size are judged pixel by pixel along the outline: it is right to a pixel or two."""
     side = round(factor * 512)

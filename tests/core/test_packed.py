@@ -19,6 +19,8 @@ from mpsnet_core.learning.training.packed import DATA, MARGIN, PackedSamples
 from mpsnet_core.synthesis.job import sample_path
 from mpsnet_core.synthesis.sample import write_sample
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:

@@ -12,6 +12,8 @@ from mpsnet_core.learning.evaluation.published import TABLE_1
 from mpsnet_core.synthesis.job import SampleJob
 from mpsnet_core.synthesis.make import make_sample
 
+pytestmark = pytest.mark.long
+
 
 def test_a_stopped_evaluation_goes_on(tmp_path: Path) -> None:
     samples = tmp_path / "samples"

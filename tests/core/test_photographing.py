@@ -21,6 +21,8 @@ from mpsnet_core.synthesis.capture_model import CaptureModel
 from mpsnet_core.synthesis.job import sample_path
 from mpsnet_core.synthesis.sample import write_sample
 
+pytestmark = pytest.mark.long
+
 EVERY_SCALE = (0.0, 0.0, 0.0, 0.0, 1.0)  # four scales behind the first
 
 

@@ -28,6 +28,8 @@ from mpsnet_core.learning.training.validation import measured
 from mpsnet_core.synthesis.job import sample_path
 from mpsnet_core.synthesis.sample import write_sample
 
+pytestmark = pytest.mark.long
+
 OPTIONS = {**SMALL, "multiscale": {"widths": [8, 8, 8, 8]}}
 
 

@@ -522,6 +522,7 @@ def test_names_that_are_not_utf8_get_one_sentence(tmp_path: Path, mpsnet: Mpsnet
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+@pytest.mark.long
 def test_killed_again_and_again_it_leaves_no_gap_and_no_duplicate(tmp_path: Path, rig: Path) -> None:
     """SIGKILL at random moments; what is there in the end is, to the byte, what one run without any end gives."""
     shots(tmp_path / "shots", range(1, 25), "uint16")

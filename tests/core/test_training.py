@@ -35,6 +35,8 @@ from mpsnet_core.synthesis.job import SampleJob, sample_path
 from mpsnet_core.synthesis.make import make_sample
 from mpsnet_core.synthesis.sample import write_sample
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture(scope="module")
 def samples(tmp_path_factory: pytest.TempPathFactory) -> Path:

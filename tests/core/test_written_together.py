@@ -33,6 +33,8 @@ from mpsnet_core.cli import main
 from mpsnet_core.io.images import write_image
 from mpsnet_core.scene.rig import write_rig
 
+pytestmark = pytest.mark.long
+
 # Each verb's command, and the options of an earlier and of a later run.
 VERBS = {
     "heights": (

@@ -13,7 +13,7 @@ from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rays import RayScene
 
 # The object's longer side in pixels on each scale, and how many steps are taken there at most.
-SCALES = ((64, 12), (128, 10), (256, 8), (512, 6))
+SCALES = ((64, 10), (128, 6), (256, 10), (512, 8))
 MARGIN = 0.25  # of the object's box, in which the mesh is looked for
 OUTLINE_POINTS = 1500
 NORMAL_PIXELS = 20_000
@@ -238,7 +238,7 @@ def _step(
     gradient[6] += weight * (np.log(focal) - first)
     free = PARAMETERS - 1 if fix_focal else PARAMETERS
     step = np.zeros((1, PARAMETERS))
-    damped = normal + 1e-3 * np.diag(np.diag(normal)) + 1e-6 * np.eye(PARAMETERS)
+    damped = normal + 1e-6 * np.diag(np.diag(normal)) + 1e-6 * np.eye(PARAMETERS)
     step[0, :free] = -np.linalg.solve(damped[:free, :free], gradient[:free])
     step[0, :3] *= min(1.0, 0.1 / max(float(np.linalg.norm(step[0, :3])), 1e-12))
     step[0, 3:6] *= min(1.0, 0.1 * abs(local.translation[0, 2]) / max(float(np.linalg.norm(step[0, 3:6])), 1e-12))
