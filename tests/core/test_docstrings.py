@@ -1,0 +1,32 @@
+"""The examples in docstrings do what they say."""
+
+import doctest
+import importlib
+import pkgutil
+
+import pytest
+
+import mpsnet_core
+
+MODULES = [
+    one.name for one in pkgutil.walk_packages(mpsnet_core.__path__, "mpsnet_core.") if "__main__" not in one.name
+]
+
+
+def test_examples_are_true():
+    tried = 0
+    for name in MODULES:
+        try:
+            module = importlib.import_module(name)
+        except ImportError:  # of an extra that is not installed
+            continue
+        found = doctest.testmod(module)
+        assert found.failed == 0, name
+        tried += found.attempted
+    assert tried > 50
+
+
+@pytest.mark.parametrize("name", sorted(mpsnet_core.__all__))
+def test_what_the_package_offers_has_a_docstring(name: str):
+    offered = getattr(mpsnet_core, name)
+    assert not callable(offered) or (offered.__doc__ or "").strip()
