@@ -1,6 +1,6 @@
 """The camera of a photo of which nothing is known: views all around the mesh, compared with the photo."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from mpsnet_core.scene.camera import Camera
 
 DIRECTIONS, ROLLS = 320, 36  # views of the mesh, 11 degrees apart, each turned in the picture by 10 degrees
 SIDE = 48  # pixels of the pictures that are compared
+ZOOMS = (0.6, 1.0, 1.6)  # of the focal length that the best view comes out with
 SPREAD = 5.0  # the pictures show the object out to this many times the square root of its second moment
 TRIED, ROUGH = 16, 5  # best views that are refined a little, and of those all the way
 ROUGH_SCALES = ((48, 12), (96, 8))
@@ -50,9 +51,23 @@ def searched(
     rough = _different(sorted(fits, key=lambda fit: fit.cost))[:ROUGH]
     best = []
     for number, fit in enumerate(rough):
-        progress(0.7 + 0.3 * number / len(rough), f"best view {number + 1} of {len(rough)}")
+        progress(0.7 + 0.2 * number / len(rough), f"best view {number + 1} of {len(rough)}")
         best.append(refined(evidence, faces, fit.camera, fix_focal=fix_focal))
+    best = _different(sorted(best, key=lambda fit: fit.cost))
+    if not fix_focal:
+        # From a wrong focal length the way may end at another wrong one.
+        for number, factor in enumerate(ZOOMS):
+            progress(0.9 + 0.1 * number / len(ZOOMS), f"lens {number + 1} of {len(ZOOMS)}")
+            best.append(refined(evidence, faces, _zoomed(best[0].camera, faces.scene.middle, factor)))
     return _different(sorted(best, key=lambda fit: fit.cost))[:count]
+
+
+def _zoomed(camera: Camera, middle: Floats, factor: float) -> Camera:
+    """A camera with `factor` times the focal length, so many times as far from `middle` along its axis."""
+    pose = camera.world_from_camera.copy()
+    distance = camera.depth_row() @ np.append(middle, 1.0)
+    pose[:3, 3] += (factor - 1) * distance * camera.rotation[:, 2]
+    return replace(camera, focal=camera.focal * factor, world_from_camera=pose)
 
 
 def _different(fits: list[Fit]) -> list[Fit]:
