@@ -140,7 +140,8 @@ class TestFromAStart:
         assert_the_same(fit.camera, photo.camera)
 
 
-@pytest.mark.parametrize("view", [(40, 15, 8), pytest.param((-120, -35, 170), marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("view", [(40, 15, 8), (-120, -35, 170)])
 def test_without_a_start_the_best_view_is_the_right_one(view: tuple[float, float, float]):
     photo = photographed(*view)
     best, *others = searched(evidence(photo), faces(), 700.0)
