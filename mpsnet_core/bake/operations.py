@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 from mpsnet_core.bake.presets import PRESETS
 from mpsnet_core.capture.operations import ReadsPhotos, files_read
 from mpsnet_core.defaults import CONVENTIONS, LEVEL_SCALE, MARGIN, MAX_STRENGTH, MAX_TEXTURE_SIZE, TEXTURE_SIZE
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.operations import RunsModel
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, part, silent
@@ -34,6 +34,8 @@ LEVEL = (
 @dataclass(frozen=True)
 class MakesTextures(Operation):
     """The meshes that are baked onto, and what textures are baked."""
+
+    heading: ClassVar[str] = "the textures"
 
     mesh: tuple[str, ...] = option(
         help="mesh with UVs: .obj, .ply, .glb, or the add-on's .npz; several hide one another from the cameras",
@@ -110,6 +112,8 @@ class MakesTextures(Operation):
 class LaysOnto(MakesTextures):
     """What is made of the photos' detail: its strength, and a normal map that it goes on top of."""
 
+    heading: ClassVar[str] = "what of the photos' detail goes into the textures"
+
     level: str | None = option(
         default=None,
         metavar="on|off|SCALE",
@@ -153,7 +157,9 @@ class LaysOnto(MakesTextures):
         if self.onto:
             check_blending(self.space)
         elif self.onto_convention != "opengl" or self.onto_shown != "auto":
-            raise InputError("--onto-convention and --onto-shown tell of the map of --onto; give it, or leave them out")
+            raise SettingsError(
+                "--onto-convention and --onto-shown tell of the map of --onto; give it, or leave them out"
+            )
 
     def level_scale(self) -> float:
         """The levelling's scale as a share of the mesh's size, 0 for none. Raises InputError where it is not known."""
@@ -170,7 +176,7 @@ class LaysOnto(MakesTextures):
         from mpsnet_core.bake.settings import Baking
 
         if self.margin is not None and self.padding in ("push-pull", "none"):
-            raise InputError(f"--margin goes with --padding nearest, not with {self.padding}; leave it out")
+            raise SettingsError(f"--margin goes with --padding nearest, not with {self.padding}; leave it out")
         return Baking(
             size=self.size,
             space=self.space,
@@ -274,7 +280,9 @@ class Bake(LaysOnto):
         baking = self._baking()
         for what, files, none in (("confidence maps", self.confidence, ""), ("albedos", self.albedo, ", or none")):
             if files and len(files) != len(views):
-                raise InputError(f"there are {len(views)} views but {len(files)} {what}; give one for each view{none}")
+                raise SettingsError(
+                    f"there are {len(views)} views but {len(files)} {what}; give one for each view{none}"
+                )
         target = texture_target(
             self.output,
             self.mesh,
@@ -294,7 +302,7 @@ class Bake(LaysOnto):
         for view in self.view:
             camera, equals, normals = view.partition("=")
             if not (camera and equals and normals):
-                raise InputError(
+                raise SettingsError(
                     f"--view {view} is not CAMERA=NORMALS; give a camera file, an equals sign, a normal map"
                 )
             views.append((camera, normals))
@@ -380,14 +388,14 @@ class Bake(LaysOnto):
         from mpsnet_core.io.images import checked_bits
 
         if len(self.mesh) > 1 or split_by(target.output):
-            raise InputError(
+            raise SettingsError(
                 "a sequence is baked onto one mesh and into one texture a frame; give one --mesh, and leave <UDIM>, "
                 "<MATERIAL> and <OBJECT> out of --output"
             )
         if self.confidence:
-            raise InputError("--confidence takes one normal map a view; leave it out for a sequence")
+            raise SettingsError("--confidence takes one normal map a view; leave it out for a sequence")
         if self.albedo:
-            raise InputError("--albedo is of one still photo a view; leave it out for a sequence")
+            raise SettingsError("--albedo is of one still photo a view; leave it out for a sequence")
         inputs = frame_inputs(self.mesh[0], views)
         checked_bits(Path(f"texture{target.suffix}"), target.bits)
         numbers = sorted(inputs)
@@ -471,6 +479,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         from mpsnet_core.bake.multi_view import KeptView, KeptViews, estimate_views, sources_of
         from mpsnet_core.bake.view_agreement import agreement, note_doubts
         from mpsnet_core.io.frames import check_apart
+        from mpsnet_core.io.provenance import operation_facts
         from mpsnet_core.scene.joined_mesh import join_meshes
         from mpsnet_core.scene.rays import RayScene
         from mpsnet_core.scene.view_photos import posed_photos
@@ -485,7 +494,8 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         progress(0.0, "reading the mesh")
         plan = self.planned(target, [*inputs, *photos, *map(Path, outputs[1:])])
         mesh = join_meshes(plan.meshes)
-        sources = sources_of(views, photography, mesh, self._estimated_by())
+        recipe = operation_facts(self, RunsModel, ReadsPhotos, **self.model_facts())
+        sources = sources_of(views, photography, mesh, recipe)
         scene = RayScene(mesh.world_vertices, mesh.triangles)
         estimator = self.estimator()
         with contextlib.ExitStack() as stack:
@@ -546,14 +556,6 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
                 return rig
 
         return Photography(rig_of, self.mask, self.encoding, self.layer, self.correction())
-
-    def _estimated_by(self) -> list[str]:
-        """What all views' normals are made by, beside their photos: not by what the textures alone depend on."""
-        from mpsnet_core import __version__
-        from mpsnet_core.io.provenance import identity
-
-        files = self.model, self.dark, self.flat
-        return [__version__, self.model, *map(identity, files), str(self.flat_smooth)]
 
     def _folder(self, stack: contextlib.ExitStack) -> Path:
         """Where the views' normals go: to be kept, or for as long as the stack is open."""

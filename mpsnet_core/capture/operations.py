@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.operations import ReadsPictures
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class ReadsPhotos(ReadsPictures):
     """How photos are read: their encoding and layer, dark frame and flat field."""
+
+    heading: ClassVar[str] = "how photos are read"
 
     layer: str | None = option(default=None, help="layer of a multi-layer EXR")
     dark: str | None = option(
@@ -42,7 +44,7 @@ class ReadsPhotos(ReadsPictures):
         from mpsnet_core.capture.correction import read_correction
 
         if self.flat_smooth and self.flat is None:
-            raise InputError("--flat-smooth smooths the flat field; give --flat, or leave it out")
+            raise SettingsError("--flat-smooth smooths the flat field; give --flat, or leave it out")
         if self.dark is None and self.flat is None:
             return None
         return read_correction(self.dark, self.flat, encoding=self.encoding, layer=self.layer, smooth=self.flat_smooth)
@@ -51,6 +53,8 @@ class ReadsPhotos(ReadsPictures):
 @dataclass(frozen=True)
 class HasLens(Operation):
     """How the camera of a photo sees."""
+
+    heading: ClassVar[str] = "where the photo was taken from"
 
     camera: str | None = option(
         default=None,
@@ -70,13 +74,15 @@ class HasLens(Operation):
         from mpsnet_core.scene.camera import read_camera
 
         if self.camera and self.focal is not None:
-            raise InputError("--camera and --focal both tell the lens; give one of them")
+            raise SettingsError("--camera and --focal both tell the lens; give one of them")
         return read_camera(self.camera) if self.camera else self.focal
 
 
 @dataclass(frozen=True)
 class HasViewpoint(HasLens):
     """Where a photo was taken from: camera or lens, and how far the object was."""
+
+    heading: ClassVar[str] = "where the photo was taken from"
 
     mesh: str | None = option(
         default=None,
@@ -92,23 +98,22 @@ class HasViewpoint(HasLens):
 
         Raises InputError where both of a pair are given, a mesh is given without a camera, or a file cannot be read.
         """
+        from mpsnet_core.io.files import located
         from mpsnet_core.scene.camera import Camera
         from mpsnet_core.scene.mesh import read_mesh
         from mpsnet_core.scene.mesh_depth import depth_of_mesh
         from mpsnet_core.scene.rays import RayScene
 
         if self.mesh and self.distance is not None:
-            raise InputError("--mesh and --distance both tell how far the object is; give one of them")
+            raise SettingsError("--mesh and --distance both tell how far the object is; give one of them")
         lens = self.lens()
         if not self.mesh:
             return lens, self.distance
         if not isinstance(lens, Camera):
-            raise InputError("--mesh needs --camera, which tells where the mesh was seen from; give it")
+            raise SettingsError("--mesh needs --camera, which tells where the mesh was seen from; give it")
         mesh = read_mesh(self.mesh, shape_only=True)
-        try:
+        with located(f"camera {self.camera}"):
             return lens, depth_of_mesh(lens, RayScene(mesh.world_vertices, mesh.triangles))
-        except InputError as error:
-            raise InputError(f"camera {self.camera}: {error}") from None
 
 
 @dataclass(frozen=True)
@@ -188,7 +193,7 @@ class FindMask(ReadsPhotos):
         """Write the mask, and the overlay where one is asked for."""
         from mpsnet_core.capture.correction import corrected
         from mpsnet_core.capture.masks import find_mask
-        from mpsnet_core.io.files import writable_path, written_together
+        from mpsnet_core.io.files import located, writable_path, written_together
         from mpsnet_core.io.frames import check_apart
         from mpsnet_core.io.images import checked_bits, read_image, write_image
         from mpsnet_core.scene.pictures import mask_picture
@@ -201,16 +206,14 @@ class FindMask(ReadsPhotos):
         image = read_image(self.image, encoding=self.encoding, layer=self.layer)
         correction = self.correction()
         progress(0.4, "looking for the object")
-        try:
+        with located(self.image):
             if correction is not None:
                 image = corrected(image, correction)
             choice = None if self.mask == "alpha-or-all" else self.mask
             mask = find_mask(image, choice, encoding=self.encoding, layer=self.layer, correction=correction)
-        except InputError as error:
-            raise InputError(f"{self.image}: {error}") from None
         if mask.shape != image.pixels.shape[:2]:
             sizes = [f"{array.shape[1]} x {array.shape[0]}" for array in (mask, image.pixels)]
-            raise InputError(f"{self.mask} is {sizes[0]} but {self.image} is {sizes[1]}; they must be the same size")
+            raise GeometryError(f"{self.mask} is {sizes[0]} but {self.image} is {sizes[1]}; they must be the same size")
         progress(0.8, f"writing {Path(self.output).name}")
         with written_together():
             write_image(self.output, mask, bits=None if Path(self.output).suffix.lower() == ".exr" else 8)

@@ -23,7 +23,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, FormatError
 
 # A longer line, or one that never ends, is read piece by piece, and is neither a message nor a request.
 LONGEST_LINE = 1 << 22
@@ -76,7 +76,7 @@ class ChildProcess:
                     creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
                 )
         except OSError as error:
-            raise InputError(f"cannot run {command[0]} ({error.strerror}); check the path") from None
+            raise FileError(f"cannot run {command[0]} ({error.strerror}); check the path") from None
         self._stderr_reader = threading.Thread(target=self._read_stderr, daemon=True)
         self._stderr_reader.start()
         for work in (self._read_messages, self._end_group):
@@ -233,7 +233,7 @@ def requests() -> Iterator[dict[str, Any]]:
     for line in _lines(sys.stdin) if sys.stdin else ():
         request = _parsed(line)
         if not request:
-            raise InputError(f"{line.strip()!r} is not a request; give a JSON object a line")
+            raise FormatError(f"{line.strip()!r} is not a request; give a JSON object a line")
         yield request
 
 

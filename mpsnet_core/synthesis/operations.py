@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, Literal
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, SettingsError
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.synthesis.job import CONTACT_SHEET, MAX_BOUNCES, RANGES, SampleJob, read_job
@@ -28,6 +28,8 @@ class SamplesMade(Result):
 @dataclass(frozen=True)
 class RunsWorkers(Operation):
     """Who makes samples: processes on this machine, or a cluster."""
+
+    heading: ClassVar[str] = "who makes the samples"
 
     processes: int = option(
         default=0,
@@ -184,7 +186,7 @@ class MakeSamples(RunsWorkers):
         """Make the samples that the folder's job asks for and that it does not hold yet."""
         job = read_job(self.folder)
         if self.blender and job.renderer != "cycles":
-            raise InputError(f"the samples of {self.folder} are made without Blender; leave --blender out")
+            raise SettingsError(f"the samples of {self.folder} are made without Blender; leave --blender out")
         return self.make(self.folder, job, progress, self.blender, self.addon)
 
 
@@ -238,7 +240,7 @@ class ShowSamples(Operation):
         from mpsnet_core.synthesis.contact_sheet import folder_samples, is_sample, show, summarise, write_sheet
 
         if self.count < 1:
-            raise InputError(f"--count {self.count} shows nothing; choose 1 or more")
+            raise SettingsError(f"--count {self.count} shows nothing; choose 1 or more")
         paths = [Path(path) for path in self.path]
         first = paths[0]
         beside = first / CONTACT_SHEET if first.is_dir() else first.with_name(f"{first.stem}_sheet.png")

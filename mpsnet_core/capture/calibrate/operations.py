@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from mpsnet_core.capture.operations import HasLens, ReadsPhotos, files_read
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, GeometryError, InputError, SettingsError
 from mpsnet_core.operation import Result, option
 from mpsnet_core.progress import Progress, part, silent
 
@@ -34,6 +34,8 @@ MOST_NAMED = 16
 @dataclass(frozen=True)
 class LooksAtBall(ReadsPhotos, HasLens):
     """Where the ball is in the photo, how the camera sees, and what is written beside the rig."""
+
+    heading: ClassVar[str] = "the ball, and what else is written"
 
     circle: tuple[str, ...] = option(
         default=(),
@@ -61,7 +63,7 @@ class LooksAtBall(ReadsPhotos, HasLens):
         from mpsnet_core.io.images import checked_bits
 
         if self.radius is not None and not 0 < self.radius < math.inf:
-            raise InputError(f"--radius is the ball's radius, a number above 0, not {self.radius:g}")
+            raise SettingsError(f"--radius is the ball's radius, a number above 0, not {self.radius:g}")
         files = _without_masks(expand_images(given))
         if files == sorted(files, key=lambda file: str(file)):
             files = sorted(files, key=natural_order)  # a shell puts 10 before 2
@@ -80,7 +82,7 @@ class LooksAtBall(ReadsPhotos, HasLens):
         from mpsnet_core.capture.calibrate.photos import BallPhotos
 
         if self.circle and self.mask:
-            raise InputError("--circle and --mask both say where it is; give one of them")
+            raise SettingsError("--circle and --mask both say where it is; give one of them")
         return BallPhotos(
             files,
             [Circle(*_numbers(text, "--circle")) for text in self.circle],
@@ -200,25 +202,27 @@ class CalibrateLights(LooksAtBall):
 
         for name, value in (("places", self.places), ("balls", self.balls)):
             if value < 1:
-                raise InputError(f"--{name} is a number from 1 up, not {value}")
+                raise SettingsError(f"--{name} is a number from 1 up, not {value}")
         if not self.per_light and (self.places > 1 or self.lights):
-            raise InputError(
+            raise SettingsError(
                 "--places and --lights are for photos of one light each; add --per-light, or leave them out"
             )
         if len(files) % self.places:
-            raise InputError(
+            raise SettingsError(
                 f"{len(files)} photos cannot be shared out to {self.places} places; give as many for each place"
             )
         places = self.places if self.per_light else len(files)
         count = len(files) // places if self.per_light else 3
         numbers = _three_of(self.lights, count) if self.lights else list(range(count))
         if len(numbers) != 3 and not self._is_lp:
-            raise InputError(
+            raise SettingsError(
                 f"there are photos of {count} light(s) where a rig has three; choose them with --lights 1,2,3, or "
                 f"write an .lp file{_numbered(files[:count])}"
             )
         if self.per_light and count < 2:
-            raise InputError("--per-light takes a photo for each light; leave it out for one photo under all of them")
+            raise SettingsError(
+                "--per-light takes a photo for each light; leave it out for one photo under all of them"
+            )
         names = [*COLOURS] if len(numbers) == 3 else [str(number + 1) for number in numbers]
         return _Chosen(places, numbers, names, [files[k] for k in numbers] if self.per_light else None)
 
@@ -235,7 +239,7 @@ class CalibrateLights(LooksAtBall):
                 seen = read_sightings(photos, step)
             except InputError as error:
                 shown = f"; {self.overlay} shows the ball that was found" if _ball_drawn(photos, self.overlay) else ""
-                raise InputError(f"{error}{shown}") from None
+                raise type(error)(f"{error}{shown}") from None
             for sighting in seen:
                 kept = tuple(sighting.highlights[light] for light in chosen.numbers)
                 sightings.append(replace(sighting, highlights=kept))
@@ -244,11 +248,13 @@ class CalibrateLights(LooksAtBall):
 
     def _by_place(self, files: Sequence[Path], places: int) -> list["BallPhotos"]:
         if self.mask and not self.circle and (places > 1 or self.balls > 1):
-            raise InputError("--mask shows one ball at one place; give circles instead")
+            raise SettingsError("--mask shows one ball at one place; give circles instead")
         photos = self._photos(files, balls=self.balls)
         circles: Sequence[Circle] = photos.circles
         if len(circles) % places:
-            raise InputError(f"there are {len(circles)} circles for {places} places of the ball; give as many for each")
+            raise SettingsError(
+                f"there are {len(circles)} circles for {places} places of the ball; give as many for each"
+            )
         share, each = len(files) // places, len(circles) // places
         return [
             replace(
@@ -299,20 +305,20 @@ class CalibrateLights(LooksAtBall):
         from mpsnet_core.scene.rig import LightRig, read_lp, write_rig
 
         if len(self.ball) > 1 or self.overlay or self.json:
-            raise InputError("an .lp file is taken by itself, with --lights and -o alone; leave the rest out")
+            raise SettingsError("an .lp file is taken by itself, with --lights and -o alone; leave the rest out")
         [file] = self.ball
         try:
             names, directions = read_lp(file)
         except InputError as error:
-            raise InputError(str(error) if file in str(error) else f"{file}: {error}") from None
+            raise type(error)(str(error) if file in str(error) else f"{file}: {error}") from None
         if not self.lights:
-            raise InputError(
+            raise SettingsError(
                 f"{file} holds {len(names)} light(s); choose three with --lights 1,2,3{_numbered(map(Path, names))}"
             )
         numbers = _three_of(self.lights, len(names))
         check_apart([file], [self.output])
         if writable_path(self.output).suffix.lower() != ".json":
-            raise InputError(f"{self.output}: a rig of three lights is a .json file; name one")
+            raise FileError(f"{self.output}: a rig of three lights is a .json file; name one")
         rig = LightRig(directions[numbers])
         _note_replaced(Path(self.output))
         write_rig(self.output, rig)
@@ -386,16 +392,16 @@ class CalibrateMixing(LooksAtBall):
 
     def _check(self, files: Sequence[Path], rig: "LightRig") -> None:
         if Path(self.output).suffix.lower() != ".json":
-            raise InputError(f"{self.output}: a rig with its mixing is a .json file; name one")
+            raise FileError(f"{self.output}: a rig with its mixing is a .json file; name one")
         if rig.near is not None and not self.card and self.radius is None:
-            raise InputError(
+            raise SettingsError(
                 "the rig's lights stand near the ball, so its size counts; give --radius, in the rig's unit"
             )
         if self.normal and not self.card:
-            raise InputError("--normal is a card's; add --card, or leave it out")
+            raise SettingsError("--normal is a card's; add --card, or leave it out")
         if len(files) not in ((3,) if self.card else (1, 3)):
             wanted = "a card takes three photos, one" if self.card else "give one photo of a grey ball, or three, one"
-            raise InputError(f"there are {len(files)} photo(s): {wanted} under each light alone, in the rig's order")
+            raise SettingsError(f"there are {len(files)} photo(s): {wanted} under each light alone, in the rig's order")
 
     @staticmethod
     def _by_ball(
@@ -419,17 +425,19 @@ class CalibrateMixing(LooksAtBall):
         from mpsnet_core.io.images import read_mask
 
         if self.overlay:
-            raise InputError("--overlay shows a ball; leave it out with --card")
+            raise SettingsError("--overlay shows a ball; leave it out with --card")
         height, width = read[0].pixels.shape[:2]
         if photos.mask is not None:
             mask = read_mask(photos.mask)
             if mask.shape != (height, width):
-                raise InputError(f"the mask {photos.mask} is not of the photo's size, {width} x {height}; make it so")
+                raise GeometryError(
+                    f"the mask {photos.mask} is not of the photo's size, {width} x {height}; make it so"
+                )
         elif photos.circles:
             x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
             mask = np.hypot(x - photos.circles[0].x, y - photos.circles[0].y) < photos.circles[0].radius
         else:
-            raise InputError("where is the card? Give --mask FILE, or --circle X,Y,R for a part of it")
+            raise SettingsError("where is the card? Give --mask FILE, or --circle X,Y,R for a part of it")
         normal = _numbers(self.normal, "--normal") if self.normal else [0.0, 0.0, 1.0]
         return mixing_from_card(read, mask, rig, normal)
 
@@ -471,7 +479,7 @@ def _numbers(text: str, option: str) -> list[float]:
     except ValueError:
         numbers = []
     if len(numbers) != 3:
-        raise InputError(f"{option} {text} is not three numbers with commas between them, such as 250,148,119")
+        raise SettingsError(f"{option} {text} is not three numbers with commas between them, such as 250,148,119")
     return numbers
 
 
@@ -481,7 +489,7 @@ def _three_of(text: str, count: int) -> list[int]:
     except ValueError:
         numbers = []
     if len(set(numbers)) != 3 or len(numbers) != 3 or not all(1 <= number <= count for number in numbers):
-        raise InputError(f"--lights {text} must be three different lights, numbers from 1 to {count}: 1,5,9 for one")
+        raise SettingsError(f"--lights {text} must be three different lights, numbers from 1 to {count}: 1,5,9 for one")
     return [number - 1 for number in numbers]
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from mpsnet_core.defaults import MESH_VIEWS, STATUE_SIZE, STATUE_SLANT, STATUE_TILTS, SYNTHETIC_SIZE
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.registry import DEFAULT_MODEL
 from mpsnet_core.learning.operations import HadWorkers
 from mpsnet_core.operation import Operation, Result, option
@@ -32,6 +32,8 @@ class Measured(Result):
 @dataclass(frozen=True)
 class MeasuresModels(Operation):
     """Which models a test measures, and where the answer goes."""
+
+    heading: ClassVar[str] = "the models, and where the answer goes"
 
     model: tuple[str, ...] = option(default=(DEFAULT_MODEL,), metavar="MODEL", help="name, file, or all")
     json: str | None = option(default=None, metavar="FILE", help="write the rows as JSON", provenance="none")
@@ -62,6 +64,8 @@ class MeasuresModels(Operation):
 class Magnifies(MeasuresModels):
     """How many times photographs are magnified."""
 
+    heading: ClassVar[str] = "the photographs"
+
     magnify: tuple[int, ...] = option(
         default=(1,), metavar="N", help="magnify the photographs N times before the estimate"
     )
@@ -70,6 +74,8 @@ class Magnifies(MeasuresModels):
 @dataclass(frozen=True)
 class PhotographsSynthetic(MeasuresModels):
     """How synthetic scenes are photographed."""
+
+    heading: ClassVar[str] = "the photographs"
 
     protocol: tuple[str, ...] = option(
         default=("published",), help="how a channel weighs colours: separated, published or white"
@@ -111,7 +117,7 @@ def _triple(text: str) -> tuple[int, int, int]:
     try:
         first, second, third = (int(number) for number in text.split(","))
     except ValueError:
-        raise InputError(f"--lights {text} is not three numbers; write them like 48,1,96") from None
+        raise SettingsError(f"--lights {text} is not three numbers; write them like 48,1,96") from None
     return first, second, third
 
 

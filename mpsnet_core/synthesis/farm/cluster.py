@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from mpsnet_core import __version__
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, InputError, SettingsError
 from mpsnet_core.synthesis.farm.address import check_address
 from mpsnet_core.synthesis.farm.work import Answer, Answers, Worker
 from mpsnet_core.synthesis.job import JOB_FILE, read_job
@@ -123,12 +123,12 @@ def _security(address: str) -> Security:
         security = Security(require_encryption=True)
         proven = security.get_connection_args("client")["ssl_context"] is not None
     except OSError as error:
-        raise InputError(
+        raise FileError(
             f"the certificates for {address} cannot be read ({error.strerror or error}); check the paths that Dask's "
             "configuration gives under distributed.comm.tls"
         ) from None
     if not proven:
-        raise InputError(
+        raise SettingsError(
             f"{address} needs certificates; name them in Dask's configuration, ca-file, client.cert and client.key "
             "under distributed.comm.tls"
         )
@@ -210,7 +210,7 @@ class _Crew(WorkerPlugin):
             raise InputError(f"the cluster's worker {where} has mpsnet {__version__}, not {self.version}; update it")
         job = Path(self.folder) / JOB_FILE
         if not job.is_file():
-            raise InputError(
+            raise FileError(
                 f"the cluster's worker {where} does not see {job}; choose a folder that all its machines reach by the "
                 "same path"
             )

@@ -22,7 +22,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.io.child_process import ChildEnded, ChildProcess, Parent, ParentGone, child_environment, requests
 from mpsnet_core.io.claims import Claims
 from mpsnet_core.io.files import remove_abandoned
@@ -82,7 +82,7 @@ def serve(folder: str | os.PathLike[str], make: Callable[[SampleJob, int, Path],
 def _requested(request: Mapping[str, Any]) -> int:
     number = request.get("number")
     if type(number) is not int or not 0 <= number < 10**8:
-        raise InputError(f'{request} does not request a sample; send {{"number": 7}}')
+        raise FormatError(f'{request} does not request a sample; send {{"number": 7}}')
     return number
 
 
