@@ -12,7 +12,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import UnionType
-from typing import Any, ClassVar, Literal, TypeVar, Union, dataclass_transform, get_args, get_origin, get_type_hints
+from typing import Any, ClassVar, Literal, Union, dataclass_transform, get_args, get_origin, get_type_hints
 
 from mpsnet_core.errors import SettingsError, check_choice
 from mpsnet_core.progress import Progress, silent
@@ -118,7 +118,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Result:
-    """What an operation made. Fields that are None are not part of the answer.
+    """What an operation made. Fields that are None are not part of the answer, also those of dataclasses in it.
 
     Parameters
     ----------
@@ -130,10 +130,18 @@ class Result:
 
     def facts(self) -> dict[str, Any]:
         """The answer as plain data, for programs."""
-        return {one.name: value for one in dataclasses.fields(self) if (value := getattr(self, one.name)) is not None}
+        return _facts(self)
 
 
-_Kind = TypeVar("_Kind", bound="type[Operation]")
+def _facts(answer: Any) -> dict[str, Any]:
+    values = {one.name: getattr(answer, one.name) for one in dataclasses.fields(answer)}
+    return {name: _plain_data(value) for name, value in values.items() if value is not None}
+
+
+def _plain_data(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_plain_data(one) for one in value]
+    return _facts(value) if dataclasses.is_dataclass(value) else value
 
 
 @dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(option,))

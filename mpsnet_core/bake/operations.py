@@ -4,7 +4,7 @@ import contextlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from mpsnet_core.bake.presets import PRESETS
 from mpsnet_core.capture.operations import ReadsPhotos, files_read
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from mpsnet_core.bake.multi_view import Photography
     from mpsnet_core.bake.settings import Baking
     from mpsnet_core.bake.texture import Texture
-    from mpsnet_core.bake.texture_files import Plan, TextureTarget
+    from mpsnet_core.bake.texture_files import Plan, TextureFacts, TextureTarget
     from mpsnet_core.bake.texture_sets import TextureSet
     from mpsnet_core.bake.view_agreement import ViewAgreement
     from mpsnet_core.scene.camera import Camera
@@ -39,7 +39,7 @@ class MakesTextures(Operation):
 
     mesh: tuple[str, ...] = option(
         help="mesh with UVs: .obj, .ply, .glb, or the add-on's .npz; several hide one another from the cameras",
-        provenance="none",  # each texture's own line tells of it
+        provenance="none",  # in each texture's own line
     )
     size: int = option(
         default=TEXTURE_SIZE, low=1, high=MAX_TEXTURE_SIZE, help="width and height of the texture in pixels"
@@ -103,14 +103,14 @@ class MakesTextures(Operation):
         provenance="none",
     )
 
-    def texture_facts(self, target: "TextureTarget") -> str:
+    def texture_words(self, target: "TextureTarget") -> str:
         """What is true of all the textures, for people."""
         return f"{self.size} x {self.size}, {self.space} space, {target.convention}"
 
 
 @dataclass(frozen=True)
 class LaysOnto(MakesTextures):
-    """What is made of the photos' detail: its strength, and a normal map that it goes on top of."""
+    """How the photos' detail is used: its strength, and a normal map that it goes on top of."""
 
     heading: ClassVar[str] = "what of the photos' detail goes into the textures"
 
@@ -149,7 +149,7 @@ class LaysOnto(MakesTextures):
     )
 
     def check_onto(self) -> None:
-        """Raises InputError where the detail cannot go on top of the present map, or its options lack the map."""
+        """Raises SettingsError where the detail cannot go on top of the present map, or its options lack the map."""
         from mpsnet_core.bake.base_detail_removal import check_shown
         from mpsnet_core.bake.detail_blending import check_blending
 
@@ -158,11 +158,11 @@ class LaysOnto(MakesTextures):
             check_blending(self.space)
         elif self.onto_convention != "opengl" or self.onto_shown != "auto":
             raise SettingsError(
-                "--onto-convention and --onto-shown tell of the map of --onto; give it, or leave them out"
+                "--onto-convention and --onto-shown describe the map of --onto; give it, or leave them out"
             )
 
     def level_scale(self) -> float:
-        """The levelling's scale as a share of the mesh's size, 0 for none. Raises InputError where it is not known."""
+        """The levelling's scale as a share of the mesh's size, 0 for none. Raises SettingsError where it is unknown."""
         from mpsnet_core.bake.low_frequency_correction import parse_scale
 
         # What is large in the present map is in the photo as well, and shall not be added to it.
@@ -171,7 +171,7 @@ class LaysOnto(MakesTextures):
     def baking(self, feather: float) -> "Baking":
         """How the textures are baked.
 
-        Raises InputError where an option is out of range, or a margin is given that the padding does not use.
+        Raises SettingsError where an option is out of range, or a margin is set that the padding does not use.
         """
         from mpsnet_core.bake.settings import Baking
 
@@ -211,7 +211,7 @@ class TexturesBaked(Result):
     """
 
     output: str
-    outputs: list[dict[str, Any]]
+    outputs: "list[TextureFacts]"
     seen: float
 
 
@@ -242,7 +242,7 @@ class Bake(LaysOnto):
     view: tuple[str, ...] = option(
         metavar="CAMERA=NORMALS",
         help="camera file and its normal map; normals/frame_####.png for a sequence",
-        provenance="none",  # each texture's own line tells of it
+        provenance="none",  # in each texture's own line
     )
     normals_convention: Literal["opengl", "directx"] = option(
         default="opengl",
@@ -319,7 +319,7 @@ class Bake(LaysOnto):
     ) -> TexturesBaked:
         from mpsnet_core.bake.bake import bake_texture_sets
         from mpsnet_core.bake.inputs import BakeInputs, ViewInputs, ViewReader
-        from mpsnet_core.bake.texture_files import format_textures, textures_result, write_textures
+        from mpsnet_core.bake.texture_files import format_textures, seen_share, texture_facts, write_textures
         from mpsnet_core.io.files import writable_path, written_together
         from mpsnet_core.io.images import checked_bits
 
@@ -339,8 +339,8 @@ class Bake(LaysOnto):
         baked = bake_texture_sets(plan.meshes, seen, plan.sheets, baking, progress=part(progress, 0.15, 1.0))
         with written_together():
             made = [one for one, _ in write_textures(plan, baked)]
-        text = format_textures(made, self.texture_facts(target))
-        return TexturesBaked(target.output, **textures_result(made), text=text)
+        text = format_textures(made, self.texture_words(target))
+        return TexturesBaked(target.output, [*map(texture_facts, made)], round(seen_share(made), 4), text=text)
 
     def _sequence(
         self, views: list[tuple[str, str]], target: "TextureTarget", baking: "Baking", progress: Progress
@@ -414,7 +414,7 @@ class ViewsBaked(TexturesBaked):
     for none. model: the estimator's name.
     """
 
-    views: list[dict[str, Any]]
+    views: list[dict[str, str | float | None]]
     level: float
     model: str
 
@@ -437,7 +437,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         unset="those that the cameras name, which only the add-on's file does",
         path="folder",
     )
-    rig: str = option(help="rig file (.json; .lp with three lights that go with the camera)")
+    rig: str = option(help="rig file (.json; .lp with three lights that go with the camera)", provenance="content")
     lights_in: Literal["camera", "world"] = option(
         default="camera",
         choices={
@@ -457,22 +457,25 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         help="folder for each view's normals; the next run goes on from them",
         unset="they are not kept",
         path="folder",
+        provenance="none",
     )
     report: str | None = option(
         default=None,
         metavar="FILE",
         help="write an HTML page that shows which views cover what and how far they disagree",
+        provenance="none",
     )
-    json: str | None = option(default=None, metavar="FILE", help="write the same figures as JSON")
+    json: str | None = option(default=None, metavar="FILE", help="write the same figures as JSON", provenance="none")
     output: str = option(
         short="-o",
         help="texture to write: .png, .tif or .exr; with <UDIM>, <MATERIAL> or <OBJECT> in its name one for each tile, "
         "material or object; a folder for a preset's name",
         path="file",
+        provenance="none",
     )
 
     def run(self, progress: Progress = silent) -> ViewsBaked:
-        """Write the textures, and report and figures where they are asked for."""
+        """Write the textures, and report and figures where they are requested."""
         from mpsnet_core.bake.bake import bake_texture_sets
         from mpsnet_core.bake.base_detail_removal import note_shares
         from mpsnet_core.bake.feather import FEATHER
@@ -484,7 +487,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         from mpsnet_core.scene.rays import RayScene
         from mpsnet_core.scene.view_photos import posed_photos
 
-        # All that can be known beforehand is asked before the long work.
+        # All that can be known beforehand is checked before the long work.
         baking, level, target = self.baking(FEATHER), self.level_scale(), self._target()
         inputs, outputs = self._files(target)
         photography = self._photography()
@@ -577,7 +580,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
     ) -> ViewsBaked:
         """Textures, report and figures, all of them or none."""
         from mpsnet_core.bake.report import texture_maps, view_table, write_bake_report
-        from mpsnet_core.bake.texture_files import format_textures, textures_result, write_textures
+        from mpsnet_core.bake.texture_files import format_textures, seen_share, texture_facts, write_textures
         from mpsnet_core.bake.view_agreement import table_rows
         from mpsnet_core.io.files import write_json, written_together
 
@@ -588,16 +591,19 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
                 if self.report:
                     maps += texture_maps(texture, one.sheet.named)
                 del texture
-            text, textures = format_textures(made, self.texture_facts(plan.target)), textures_result(made)
-            figures = {
-                "views": table_rows(table),
-                "seen": textures["seen"],
-                "level": self.level_scale(),
-                "model": model,
-            }
+            text = format_textures(made, self.texture_words(plan.target))
+            result = ViewsBaked(
+                plan.target.output,
+                [*map(texture_facts, made)],
+                round(seen_share(made), 4),
+                table_rows(table),
+                self.level_scale(),
+                model,
+                text="\n".join([view_table(table), summary, text]),
+            )
             if self.report:
                 write_bake_report(self.report, Path(plan.target.output).name, maps, table, [text, summary])
             if self.json:
-                write_json(self.json, figures)
-        everything = "\n".join([view_table(table), summary, text])
-        return ViewsBaked(plan.target.output, **{**textures, **figures}, text=everything)
+                figures = result.facts()
+                write_json(self.json, {name: figures[name] for name in ("views", "seen", "level", "model")})
+        return result

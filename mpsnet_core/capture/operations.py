@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.operation import Operation, Result, option
@@ -10,6 +10,9 @@ from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.operations import ReadsPictures
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from mpsnet_core.capture.correction import Correction
     from mpsnet_core.scene.camera import Camera
 
@@ -39,7 +42,7 @@ class ReadsPhotos(ReadsPictures):
     def correction(self) -> "Correction | None":
         """Dark frame and flat field, None where neither is given.
 
-        Raises InputError as `read_correction` does, and where the flat field to smooth is lacking.
+        Raises SettingsError where the flat field to smooth is lacking, and as `read_correction` does.
         """
         from mpsnet_core.capture.correction import read_correction
 
@@ -69,12 +72,12 @@ class HasLens(Operation):
     def lens(self) -> "Camera | float | None":
         """Camera or focal length, None where neither is given.
 
-        Raises InputError where both are given, or the camera file cannot be read.
+        Raises SettingsError where both are set, and as :func:`mpsnet_core.scene.camera.read_camera` does.
         """
         from mpsnet_core.scene.camera import read_camera
 
         if self.camera and self.focal is not None:
-            raise SettingsError("--camera and --focal both tell the lens; give one of them")
+            raise SettingsError("--camera and --focal both define the lens; give one of them")
         return read_camera(self.camera) if self.camera else self.focal
 
 
@@ -93,10 +96,11 @@ class HasViewpoint(HasLens):
         default=None, help="how far the object is from the camera, in the unit of a rig file with near lights"
     )
 
-    def viewpoint(self) -> "tuple[Camera | float | None, Any]":
+    def viewpoint(self) -> "tuple[Camera | float | None, NDArray[np.float32] | float | None]":
         """Camera (or focal length) and depth (or distance), None where not given.
 
-        Raises InputError where both of a pair are given, a mesh is given without a camera, or a file cannot be read.
+        Raises SettingsError where both of a pair are set, or a mesh without a camera; InputError where a file cannot be
+        read, or the camera does not see the mesh.
         """
         from mpsnet_core.io.files import located
         from mpsnet_core.scene.camera import Camera
@@ -105,12 +109,12 @@ class HasViewpoint(HasLens):
         from mpsnet_core.scene.rays import RayScene
 
         if self.mesh and self.distance is not None:
-            raise SettingsError("--mesh and --distance both tell how far the object is; give one of them")
+            raise SettingsError("--mesh and --distance both define how far the object is; give one of them")
         lens = self.lens()
         if not self.mesh:
             return lens, self.distance
         if not isinstance(lens, Camera):
-            raise SettingsError("--mesh needs --camera, which tells where the mesh was seen from; give it")
+            raise SettingsError("--mesh needs --camera, which states where the mesh was seen from; give it")
         mesh = read_mesh(self.mesh, shape_only=True)
         with located(f"camera {self.camera}"):
             return lens, depth_of_mesh(lens, RayScene(mesh.world_vertices, mesh.triangles))
@@ -140,7 +144,7 @@ class Superpose(ReadsPictures):
     )
 
     def run(self, progress: Progress = silent) -> PhotoMade:
-        """Write the photo, and say where it is."""
+        """Write the photo."""
         import numpy as np
 
         from mpsnet_core.capture.superpose import as_channels, superpose
@@ -190,7 +194,7 @@ class FindMask(ReadsPhotos):
     output: str = option(short="-o", help="mask file, white on the object: .png, .tif or .exr")
 
     def run(self, progress: Progress = silent) -> MaskFound:
-        """Write the mask, and the overlay where one is asked for."""
+        """Write the mask, and the overlay where one is requested."""
         from mpsnet_core.capture.correction import corrected
         from mpsnet_core.capture.masks import find_mask
         from mpsnet_core.io.files import located, writable_path, written_together
@@ -225,11 +229,11 @@ class FindMask(ReadsPhotos):
         return MaskFound(self.output, self.overlay, round(share, 4), text=text)
 
 
-def files_read(given: Any) -> list[Path]:
+def files_read(given: ReadsPhotos) -> list[Path]:
     """The files that options of photos and their place, ``white`` and ``onto`` mean, in folders and patterns one by
     one: what no result may overwrite.
 
-    Raises InputError where a folder or a pattern means none.
+    Raises FileError where a folder or a pattern means none.
     """
     from mpsnet_core.capture.masks import mask_source
     from mpsnet_core.io.frames import expand_images, is_several

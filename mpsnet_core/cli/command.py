@@ -74,7 +74,7 @@ OPERATIONS: tuple[type[Operation], ...] = (
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run a verb and give the exit code. What is neither bad input nor a fault of the machine is raised."""
+    """Run a verb and return the exit code. What is neither bad input nor a fault of the machine is raised."""
     _open_closed_streams()
     notes = Notes()
     core_log = logging.getLogger("mpsnet_core")

@@ -7,7 +7,7 @@ from mpsnet_core.cli.arguments import Parser, Verbs
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.operation import Operation, Setting, settings
 
-# Commands of two words: what the help says of all that share the first one, and what stands for the second.
+# Commands of two words: the help of all that share the first one, and the placeholder for the second.
 GROUPS = {
     "calibrate": ("where the lights are and how their colours mix, by photos of balls", "WHAT"),
     "evaluate": ("measure models against known normals", "TEST"),
@@ -37,7 +37,7 @@ def add_operation(verbs: Verbs, common: Parser, kind: type[Operation]) -> None:
 
 
 def _group(verbs: Verbs, name: str) -> Verbs:
-    """Where the commands are added whose first word is `name`; made where it is not there yet."""
+    """Where the commands are added whose first word is `name`; added where it is missing."""
     if name not in verbs.choices:
         words, metavar = GROUPS[name]
         verbs.add_parser(name, help=words).add_subparsers(metavar=metavar, required=True)

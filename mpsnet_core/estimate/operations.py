@@ -81,7 +81,7 @@ class RunsModel(Operation):
 class NormalsMade(Result):
     """The normal map of one photo.
 
-    outputs: the file. pixels: how many have a normal. albedo: its file, where it was asked for.
+    outputs: the file. pixels: how many have a normal. albedo: its file, where it was requested.
     """
 
     outputs: list[str]
@@ -128,7 +128,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         help="mask file, alpha, none, auto, alpha-or-auto (auto where the photo has no alpha), background:FILE (the "
         "scene without the object) or threshold:0.05, for frames also a folder or pattern of masks by their numbers; "
         "without it alpha, where the photo has it, else the whole photo; `mpsnet mask` shows what comes of it",
-        provenance="none",  # each frame's own line tells of it
+        provenance="none",  # in each frame's own line
     )
     passes: Literal[1, 3] | None = option(
         default=None,
@@ -140,7 +140,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
     white: tuple[str, ...] = option(
         default=(),
         metavar="PHOTO",
-        help="second photo of the same pose, under white light: the three lights turned white. It tells the colour of "
+        help="second photo of the same pose, under white light: the three lights turned white. It shows the colour of "
         "the surface. A folder or pattern of one photo for each light is added up. For one still photo only",
         path="file",
         provenance="none",
@@ -282,7 +282,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
                 f"{what} takes the frames of one sequence: photos whose names differ in one number alone"
             )
         for number in numbered.numbers if numbered else ():
-            masks.of(number)  # one that is missing is told before any work
+            masks.of(number)  # one that is missing is reported before any work
         frames = photo_frames(photos, outputs, masks=masks, reach=self.smooth, encoding=self.encoding, layer=self.layer)
         step = numbered.step if numbered else 1
         outcome = self._sequence(frames, len(photos), rig, progress, step)
@@ -344,7 +344,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
             notes = "none"  # the other frames are much like the first
             return capture
 
-        # Each pass takes as long as the first: where nobody asks for more, frames get one.
+        # Each pass takes as long as the first: unless more are requested, frames get one.
         passes = self.passes or (STILL_PASSES if self.model == AVERAGED_MODEL else 1)
         return estimate_sequence(
             frames,
@@ -395,17 +395,26 @@ def _white_light(given: str) -> "NDArray[np.float64] | None":
 
 
 @dataclass(frozen=True)
+class ModelListed:
+    """A model's name, what it is, and whether it is only to compare with."""
+
+    name: str
+    title: str
+    comparison: bool
+
+
+@dataclass(frozen=True)
 class ModelsListed(Result):
     """The models by their names, or one network's card and how it was trained."""
 
-    models: list[dict[str, Any]] | None = None
+    models: list[ModelListed] | None = None
     card: dict[str, Any] | None = None
     training: dict[str, Any] | None = None
 
 
 @dataclass(frozen=True)
 class ListModels(Operation):
-    """List the models that can be asked for by name."""
+    """List the models that are known by name."""
 
     command: ClassVar[str] = "models"
 
@@ -420,7 +429,7 @@ class ListModels(Operation):
         lists: dict[bool, list[str]] = {False: [], True: ["", "to compare with, and for scripts:"]}
         for entry in entries:
             lists[entry.comparison].append(f"{entry.name.ljust(width)}  {entry.title}")
-        models = [{"name": entry.name, "title": entry.title, "comparison": entry.comparison} for entry in entries]
+        models = [ModelListed(entry.name, entry.title, entry.comparison) for entry in entries]
         return ModelsListed(models, text="\n".join(lists[False] + lists[True]))
 
 

@@ -21,13 +21,13 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class HadWorkers(Operation):
-    """What scripts may still give: options of the processes that made examples."""
+    """Options that scripts may still pass, of the processes that made examples."""
 
     workers: str | None = option(default=None, help="", provenance="none")
     keep: bool = option(default=False, help="", provenance="none")
 
     def note_removed_options(self) -> None:
-        """Tell who gives them that they do nothing any more."""
+        """Report that they do nothing any more, where they are used."""
         if self.workers is not None or self.keep:
             log.info("--workers and --keep do nothing any more: examples are made where the network learns")
 
@@ -156,7 +156,7 @@ class Quantize(Operation):
     output: str = option(short="-o", metavar="MODEL", help="the .onnx file", provenance="none")
 
     def run(self, progress: Progress = silent) -> TwinMade:
-        """Write the twin, and tell what it costs."""
+        """Write the twin, and report what it costs in accuracy."""
         from mpsnet_core.io.frames import check_apart
         from mpsnet_core.learning.training.quantize import quantise
 

@@ -31,13 +31,14 @@ from mpsnet_core.progress import Progress, part, silent
 if TYPE_CHECKING:
     from mpsnet_core.capture.capture import Capture
     from mpsnet_core.relief.displacement.displacement_files import HeightsOnUVs
-    from mpsnet_core.relief.products import Product, Surface
+    from mpsnet_core.relief.height_files import HeightFacts
+    from mpsnet_core.relief.products import CurvatureFacts, MeshFacts, OcclusionFacts, Product, RelitFacts, Surface
     from mpsnet_core.scene.camera import Camera
     from mpsnet_core.scene.normal_map import NormalMap
 
 log = logging.getLogger(__name__)
 
-# What is made of a photo's normals, in this order; each is asked for by the option of its name.
+# The products of a photo's normals, in this order; each is requested by the option of its name.
 PRODUCTS = ("height", "curvature", "occlusion", "relit", "mesh")
 # Options that go with a photo's normal map only.
 _OF_PHOTOS = ("camera", "focal", "pixel_size", "distance", "method", "mesh", "curvature", "occlusion", "relit")
@@ -55,19 +56,19 @@ _ONE_SCALE = "give one of --width, --pixel-size or --ruler"
 
 @dataclass(frozen=True)
 class SurfaceMade(Result):
-    """What was made of a photo's normals.
+    """The products of a photo's normals.
 
-    outputs: the files. unit: what the unit of all numbers is called. height, curvature, occlusion, relit, mesh: what
-    there is to tell of each that was asked for.
+    outputs: the files. unit: what the unit of all numbers is called. height, curvature, occlusion, relit, mesh:
+    the figures of each that was requested.
     """
 
     outputs: list[str]
     unit: str
-    height: dict[str, Any] | None = None
-    curvature: dict[str, Any] | None = None
-    occlusion: dict[str, Any] | None = None
-    relit: dict[str, Any] | None = None
-    mesh: dict[str, Any] | None = None
+    height: "HeightFacts | None" = None
+    curvature: "CurvatureFacts | None" = None
+    occlusion: "OcclusionFacts | None" = None
+    relit: "RelitFacts | None" = None
+    mesh: "MeshFacts | None" = None
 
 
 @dataclass(frozen=True)
@@ -96,14 +97,14 @@ class HasScale(Operation):
 
 @dataclass(frozen=True)
 class MakesProducts(Operation):
-    """What is made of a photo's normals."""
+    """The products of a photo's normals."""
 
     heading: ClassVar[str] = "what to make, at least one of these"
 
     height: str | None = option(
         default=None,
         metavar="FILE",
-        help=".exr, float heights; or .png or .tif, 16 bits from black to white. FILE.json says what they mean",
+        help=".exr, float heights; or .png or .tif, 16 bits from black to white. FILE.json states what they mean",
         provenance="none",
     )
     height_bits: int | None = option(default=None, metavar="BITS", help="32 for float heights in .tif")
@@ -225,7 +226,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
     )
 
     def run(self, progress: Progress = silent) -> "SurfaceMade | HeightsOnUVs":
-        """Write all that is asked for, or the heights on a mesh's UVs."""
+        """Write all that is requested, or the heights on a mesh's UVs."""
         self._check_together()
         if self.uvs is None:
             return self._of_photo(progress)
@@ -249,7 +250,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         )
 
     def _check_together(self) -> None:
-        """Raises InputError where an option is given that the others make meaningless."""
+        """Raises SettingsError where an option is set that the others make meaningless."""
         given = {
             setting.name: "--" + setting.name.replace("_", "-")
             for setting in settings(type(self))
@@ -272,7 +273,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         progress(0.0, f"reading {Path(self.normals).name}")
         surface = self._surface(self._read_normals(), part(progress, 0.05, 0.75))
         outputs: list[str] = []
-        facts: dict[str, dict[str, Any]] = {}
+        facts: dict[str, Any] = {}
         lines, no_mesh = [], None
         with written_together():
             for number, (name, product) in enumerate(products.items()):
@@ -291,24 +292,24 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         return SurfaceMade(outputs, surface.unit, **facts, text="\n".join(lines))
 
     def _products(self) -> "dict[str, Product]":
-        """What is asked for, by its option. Raises InputError where that is nothing, or cannot be made or written."""
+        """What is requested, by its option. Raises InputError where that is nothing, or cannot be made or written."""
         from mpsnet_core.bake.texture_names import check_one_texture
         from mpsnet_core.io.frames import check_apart, is_several
 
         for file in (self.normals, self.height or ""):
             check_one_texture(file)
-        asked = {name: self._product(name, Path(file)) for name in PRODUCTS if (file := getattr(self, name))}
-        if not asked:
+        requested = {name: self._product(name, Path(file)) for name in PRODUCTS if (file := getattr(self, name))}
+        if not requested:
             wanted = ", ".join(f"--{name}" for name in PRODUCTS)
-            raise SettingsError(f"nothing is asked for; give at least one of {wanted} with a file")
+            raise SettingsError(f"nothing is requested; give at least one of {wanted} with a file")
         if is_several(self.normals):
             raise SettingsError(f"{self.normals} means several normal maps; integrate them one by one")
         taken = [Path(file) for file in (self.normals, self.camera, self.albedo) if file]
-        for product in asked.values():
+        for product in requested.values():
             files = product.files()
             check_apart(taken, files)
             taken += files
-        return asked
+        return requested
 
     def _product(self, name: str, path: Path) -> "Product":
         from mpsnet_core.relief import products
@@ -340,7 +341,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         return normals
 
     def _surface(self, normals: "NormalMap", progress: Progress) -> "Surface":
-        """What the products that are asked for are made of, and no more."""
+        """What the requested products are computed from, and no more."""
         from mpsnet_core.io.images import read_image
         from mpsnet_core.relief.height_map import pixel_camera
         from mpsnet_core.relief.integration.integrate import integrate
@@ -375,7 +376,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         return Surface(normals, camera, self.unit or ("unit" if given else "pixel"), heights, occlusion, albedo)
 
     def _camera(self, height: int, width: int) -> "Camera | None":
-        """The camera of a photo of that size, None where the options tell none."""
+        """The camera of a photo of that size, None where the options define none."""
         import numpy as np
 
         from mpsnet_core.scene.camera import Camera, camera_of_lens, read_camera
@@ -383,7 +384,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         given = [name for name in ("camera", "focal", "pixel_size") if getattr(self, name) is not None]
         if len(given) > 1:
             names = " and ".join("--" + name.replace("_", "-") for name in given)
-            raise SettingsError(f"{names} tell the same; give one of them")
+            raise SettingsError(f"{names} define the same camera; give one of them")
         if self.camera:
             camera = read_camera(self.camera)
             if (camera.height, camera.width) != (height, width):
@@ -439,7 +440,7 @@ class MeasuresPhoto(Operation):
         from mpsnet_core.relief.material.scale import millimetres, parse_ruler
 
         if sum(given is not None for given in (self.width, self.pixel_size, self.ruler)) > 1:
-            raise SettingsError(f"several options tell how large it is; {_ONE_SCALE}")
+            raise SettingsError(f"several options state how large it is; {_ONE_SCALE}")
         if self.width is not None:
             return millimetres(self.width), None
         if self.pixel_size is not None:
@@ -447,7 +448,7 @@ class MeasuresPhoto(Operation):
         if self.ruler is not None:
             ruler = parse_ruler(self.ruler)
             return ruler.length_mm, ruler.pixels
-        raise SettingsError(f"nothing tells how large it is; {_ONE_SCALE}")
+        raise SettingsError(f"nothing states how large it is; {_ONE_SCALE}")
 
 
 @dataclass(frozen=True)
@@ -460,8 +461,8 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
         positional=True, help="photo of something flat that fills it, or its --crop", provenance="files"
     )
     rig: str = option(help="rig file (.json, or .lp with three lights)", provenance="content")
-    # Of cloth and leather, which are matt and lit by all three lights, equation 2 tells more than the networks, which
-    # have learned from whole objects.
+    # Of cloth and leather, matt and lit by all three lights, equation 2 recovers more than networks that have learned
+    # from whole objects.
     model: str = option(
         default=LAMBERTIAN_GREY_WORLD,
         help="what turns the photo into normals: one of the models by its name, or an .onnx file",
@@ -543,7 +544,7 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
         )
 
     def _checked_name(self) -> str:
-        """What the files' names begin with. Raises InputError where name or folder cannot be meant."""
+        """What the files' names begin with. Raises SettingsError where name or folder cannot be meant."""
         from mpsnet_core.io.files import IMAGE_SUFFIXES
 
         name = Path(self.image).stem if self.name is None else self.name
@@ -576,5 +577,5 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
 
 
 def _repeats(alike: tuple[float | None, float | None]) -> str:
-    told = [f"{share:.0%} alike {way}" for share, way in zip(alike, ("across", "down"), strict=True) if share]
-    return f"it repeats in the photo, {' and '.join(told)}" if told else "nothing in the photo repeats"
+    repeats = [f"{share:.0%} alike {way}" for share, way in zip(alike, ("across", "down"), strict=True) if share]
+    return f"it repeats in the photo, {' and '.join(repeats)}" if repeats else "nothing in the photo repeats"

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from mpsnet_core.capture.operations import HasLens, ReadsPhotos, files_read
 from mpsnet_core.errors import FileError, GeometryError, InputError, SettingsError
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from mpsnet_core.capture.calibrate.lights import LightsFound, Sighting
     from mpsnet_core.capture.calibrate.mixing import MixingFound
     from mpsnet_core.capture.calibrate.photos import BallPhotos
+    from mpsnet_core.capture.calibrate.report import BallFacts, LightFacts
     from mpsnet_core.io.image import Image
     from mpsnet_core.scene.rig import LightRig
 
@@ -71,18 +72,18 @@ class LooksAtBall(ReadsPhotos, HasLens):
         for number, one in enumerate(outputs):
             writable_path(one)
             # The rig may be read whole and then written anew; nothing else may take its place.
-            kept = [rig] if number and rig else []
-            check_apart([*files, *files_read(self), *kept, *outputs[:number]], [one])
+            to_keep = [rig] if number and rig else []
+            check_apart([*files, *files_read(self), *to_keep, *outputs[:number]], [one])
         if self.overlay:
             checked_bits(Path(self.overlay), 8)
         return files
 
-    def _photos(self, files: Sequence[Path], **more: Any) -> "BallPhotos":
+    def _photos(self, files: Sequence[Path], *, balls: int = 1, mirror: bool = True) -> "BallPhotos":
         from mpsnet_core.capture.calibrate.ball import Circle
         from mpsnet_core.capture.calibrate.photos import BallPhotos
 
         if self.circle and self.mask:
-            raise SettingsError("--circle and --mask both say where it is; give one of them")
+            raise SettingsError("--circle and --mask both define where it is; give one of them")
         return BallPhotos(
             files,
             [Circle(*_numbers(text, "--circle")) for text in self.circle],
@@ -92,7 +93,8 @@ class LooksAtBall(ReadsPhotos, HasLens):
             encoding=self.encoding,
             layer=self.layer,
             correction=self.correction(),
-            **more,
+            balls=balls,
+            mirror=mirror,
         )
 
     def _write_json(self, result: Result) -> None:
@@ -107,15 +109,15 @@ class LooksAtBall(ReadsPhotos, HasLens):
 
 @dataclass(frozen=True)
 class LightsCalibrated(Result):
-    """Where the rig is and what was found; lights and balls as :mod:`mpsnet_core.capture.calibrate.report` has them.
+    """Where the rig is and what was found; lights, balls: see :mod:`mpsnet_core.capture.calibrate.report`.
 
     target: what the lights' positions stand around. Without balls and target where the lights are those of an .lp file.
     """
 
     output: str
     overlay: str | None
-    lights: list[dict[str, Any]]
-    balls: list[dict[str, Any]] | None = None
+    lights: "list[LightFacts]"
+    balls: "list[BallFacts] | None" = None
     target: list[float] | None = None
 
 
@@ -135,7 +137,7 @@ class _Chosen:
 
 @dataclass(frozen=True)
 class CalibrateLights(LooksAtBall):
-    """A mirror ball tells where lights are."""
+    """The lights' directions or positions, from a mirror ball."""
 
     command: ClassVar[str] = "calibrate lights"
 
@@ -159,7 +161,7 @@ class CalibrateLights(LooksAtBall):
         help="with --per-light or an .lp file: which of the lights, counted from 1 in the order of the table, are the "
         "rig's red, green and blue one",
     )
-    distant: bool = option(default=False, help="write directions, though positions could be told")
+    distant: bool = option(default=False, help="write directions, though positions could be found")
     output: str = option(
         short="-o",
         metavar="RIG",
@@ -168,11 +170,11 @@ class CalibrateLights(LooksAtBall):
     )
 
     def run(self, progress: Progress = silent) -> LightsCalibrated:
-        """Write the rig, and what else is asked for."""
+        """Write the rig, and what else is requested."""
         if Path(self.ball[0]).suffix.lower() == ".lp":
             return self._choose_of_lp()
         from mpsnet_core.capture.calibrate.lights import find_lights
-        from mpsnet_core.capture.calibrate.report import ball_data, ball_line, light_line, lights_data
+        from mpsnet_core.capture.calibrate.report import ball_facts, lights_facts
         from mpsnet_core.io.files import written_together
 
         files = self._inputs(self.ball, self.output)
@@ -180,9 +182,9 @@ class CalibrateLights(LooksAtBall):
         sightings, pictured = self._sightings(files, chosen, progress)
         found = find_lights(sightings)
         progress(0.9, "drawing what was found")
-        lights = lights_data(found, chosen.names, chosen.files)
-        balls = [ball_data(sighting.ball) for sighting in found.sightings]
-        lines = [f"{self.output}:", *map(light_line, lights), *map(ball_line, balls)]
+        lights = lights_facts(found, chosen.names, chosen.files)
+        balls = [ball_facts(sighting.ball) for sighting in found.sightings]
+        lines = [f"{self.output}:", *map(str, lights), *map(str, balls)]
         target = found.target.tolist()
         result = LightsCalibrated(self.output, self.overlay, lights, balls, target, text="\n".join(lines))
         with written_together():
@@ -241,8 +243,8 @@ class CalibrateLights(LooksAtBall):
                 shown = f"; {self.overlay} shows the ball that was found" if _ball_drawn(photos, self.overlay) else ""
                 raise type(error)(f"{error}{shown}") from None
             for sighting in seen:
-                kept = tuple(sighting.highlights[light] for light in chosen.numbers)
-                sightings.append(replace(sighting, highlights=kept))
+                highlights = tuple(sighting.highlights[light] for light in chosen.numbers)
+                sightings.append(replace(sighting, highlights=highlights))
                 pictured.append(photos)
         return sightings, pictured
 
@@ -299,7 +301,7 @@ class CalibrateLights(LooksAtBall):
 
     def _choose_of_lp(self) -> LightsCalibrated:
         """A rig of three of an .lp file's lights."""
-        from mpsnet_core.capture.calibrate.report import COLOURS, directions_data, light_line
+        from mpsnet_core.capture.calibrate.report import COLOURS, directions_facts
         from mpsnet_core.io.files import writable_path
         from mpsnet_core.io.frames import check_apart
         from mpsnet_core.scene.rig import LightRig, read_lp, write_rig
@@ -322,8 +324,8 @@ class CalibrateLights(LooksAtBall):
         rig = LightRig(directions[numbers])
         _note_replaced(Path(self.output))
         write_rig(self.output, rig)
-        lights = directions_data(rig.directions, COLOURS, [names[k] for k in numbers])
-        text = "\n".join([f"{self.output}:", *map(light_line, lights)])
+        lights = directions_facts(rig.directions, COLOURS, [names[k] for k in numbers])
+        text = "\n".join([f"{self.output}:", *map(str, lights)])
         return LightsCalibrated(self.output, None, lights, text=text)
 
 
@@ -343,12 +345,12 @@ class MixingCalibrated(Result):
     left_out: float
     determined: bool
     uncertainty: float
-    balls: list[dict[str, Any]]
+    balls: "list[BallFacts]"
 
 
 @dataclass(frozen=True)
 class CalibrateMixing(LooksAtBall):
-    """A grey ball or card tells the mixing."""
+    """The mixing matrix, from a grey ball or card."""
 
     command: ClassVar[str] = "calibrate mixing"
 
@@ -365,7 +367,7 @@ class CalibrateMixing(LooksAtBall):
     output: str = option(short="-o", metavar="RIG", help="rig file with the mixing (.json)", provenance="none")
 
     def run(self, progress: Progress = silent) -> MixingCalibrated:
-        """Write the rig with its mixing, and what else is asked for."""
+        """Write the rig with its mixing, and what else is requested."""
         from mpsnet_core.capture.calibrate.overlay import ball_picture
         from mpsnet_core.capture.calibrate.photos import mean_photo
         from mpsnet_core.io.files import written_together
@@ -442,9 +444,9 @@ class CalibrateMixing(LooksAtBall):
         return mixing_from_card(read, mask, rig, normal)
 
     def _result(self, found: "MixingFound") -> MixingCalibrated:
-        from mpsnet_core.capture.calibrate.report import ball_data, ball_line, mixing_lines
+        from mpsnet_core.capture.calibrate.report import ball_facts, mixing_lines
 
-        balls = [] if found.ball is None else [ball_data(found.ball)]
+        balls = [] if found.ball is None else [ball_facts(found.ball)]
         return MixingCalibrated(
             self.output,
             self.overlay,
@@ -456,7 +458,7 @@ class CalibrateMixing(LooksAtBall):
             determined=found.determined,
             uncertainty=found.uncertainty,
             balls=balls,
-            text="\n".join([f"{self.output}:", *mixing_lines(found), *map(ball_line, balls)]),
+            text="\n".join([f"{self.output}:", *mixing_lines(found), *map(str, balls)]),
         )
 
 
@@ -464,12 +466,12 @@ class CalibrateMixing(LooksAtBall):
 
 
 def _without_masks(files: list[Path]) -> list[Path]:
-    """The photos among files that a pattern took in; masks are told by their names."""
+    """The photos among files that a pattern took in; masks are recognised by their names."""
     photos = [file for file in files if not re.search(r"(^|[^a-z])mask$", file.stem.lower())]
     if not photos or len(photos) == len(files):
         return files
     masks = ", ".join(file.name for file in files if file not in photos)
-    log.info("%s is left out, a mask by its name; --mask says where the ball is", masks)
+    log.info("%s is left out, a mask by its name; --mask shows where the ball is", masks)
     return photos
 
 
@@ -495,8 +497,8 @@ def _three_of(text: str, count: int) -> list[int]:
 
 def _numbered(files: Iterable[Path]) -> str:
     """The files with their numbers, for the end of a sentence; the first of them, where there are many."""
-    told = [f"{number} {file.name}" for number, file in enumerate(files, 1)]
-    return f" ({', '.join(told[:MOST_NAMED] + ['...'] * (len(told) > MOST_NAMED))})"
+    numbered = [f"{number} {file.name}" for number, file in enumerate(files, 1)]
+    return f" ({', '.join(numbered[:MOST_NAMED] + ['...'] * (len(numbered) > MOST_NAMED))})"
 
 
 def _ball_drawn(photos: "BallPhotos", overlay: str | None) -> bool:
@@ -517,7 +519,7 @@ def _ball_drawn(photos: "BallPhotos", overlay: str | None) -> bool:
 
 
 def _note_replaced(file: Path) -> None:
-    """Tell of a mixing that goes with the rig file that is written over: it was that of other lights."""
+    """Report a mixing that goes with the rig file that is written over: it was that of other lights."""
     import numpy as np
 
     from mpsnet_core.scene.rig import read_rig

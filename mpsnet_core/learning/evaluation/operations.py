@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 class Measured(Result):
     """What a test came to, as plain data.
 
-    rows: what was measured. published: what the paper found. confidence: how well the models' confidence tells their
+    rows: what was measured. published: what the paper found. confidence: how well the models' confidence predicts their
     error. skipped: what was to be measured and is not there.
     """
 
@@ -46,18 +46,18 @@ class MeasuresModels(Operation):
         raise NotImplementedError
 
     def run(self, progress: Progress = silent) -> Measured:
-        """Run the test, and write rows and report where they are asked for."""
+        """Run the test, and write rows and report where they are requested."""
         from mpsnet_core.io.files import writable_path
         from mpsnet_core.io.html_page import page_path
         from mpsnet_core.learning.evaluation.evaluation import evaluate
 
-        # Asked first, as a test's data may take a while to look through.
+        # Checked first, as a test's data may take a while to look through.
         if self.json:
             writable_path(self.json)
         if self.output:
             page_path(self.output)
-        told = evaluate(self.evaluation(), self.model, json=self.json, report=self.output, progress=progress)
-        return Measured(**told)
+        outcome = evaluate(self.evaluation(), self.model, json=self.json, report=self.output, progress=progress)
+        return Measured(**outcome)
 
 
 @dataclass(frozen=True)
@@ -226,11 +226,11 @@ class EvaluatePatchSizes(HadWorkers):
     )
 
     def run(self, progress: Progress = silent) -> Measured:
-        """Train and measure the ten networks, and write rows and report where they are asked for."""
+        """Train and measure the ten networks, and write rows and report where they are requested."""
         from mpsnet_core.learning.evaluation.patch_sizes import evaluate_patch_sizes
 
         self.note_removed_options()
-        told = evaluate_patch_sizes(
+        outcome = evaluate_patch_sizes(
             [Path(folder) for folder in self.samples],
             [Path(folder) for folder in self.validation],
             self.runs,
@@ -241,4 +241,4 @@ class EvaluatePatchSizes(HadWorkers):
             report=self.output,
             progress=progress,
         )
-        return Measured(**told)
+        return Measured(**outcome)

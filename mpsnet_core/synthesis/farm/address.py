@@ -13,7 +13,7 @@ def is_loopback(address: str) -> bool:
 
 
 def check_address(address: str, *, trusted: bool) -> None:
-    """Raises InputError where nothing proves who answers at the address, and the network is not trusted."""
+    """Raises SettingsError where nothing proves who answers at the address, and the network is not trusted."""
     if not (trusted or is_loopback(address) or address.startswith("tls://")):
         raise SettingsError(
             f"whoever answers at {address} could run anything here; give a tls:// address, whose certificates prove "

@@ -31,7 +31,7 @@ except ImportError as error:
 CONNECT_SECONDS = 10
 LISTEN_SECONDS = 0.2
 HELD_SECONDS = 0.5
-# The scheduler keeps each task that it is given in memory; it needs no more than keep every worker busy.
+# The scheduler keeps each submitted task in memory; it needs no more than keep every worker busy.
 TASKS_AHEAD = 2000
 # The client may be gone without notice: processes that get no request end.
 IDLE_SECONDS = 60.0
@@ -116,7 +116,7 @@ async def _reach(address: str, security: Security) -> None:
 
 
 def _security(address: str) -> Security:
-    """How Dask's configuration says to prove who is who; at a tls:// address nothing goes without."""
+    """The certificates of Dask's configuration, which prove who is who; at a tls:// address nothing goes without."""
     if not address.startswith("tls://"):
         return Security()
     try:
@@ -230,10 +230,12 @@ class _Crew(WorkerPlugin):
     def _retire(self, worker: Worker) -> None:
         for entry in list(self.idle):
             if entry[0] is worker:
-                with contextlib.suppress(ValueError):  # it got a request just now
+                try:
                     self.idle.remove(entry)
-                    worker.close()
-                    self.all.discard(worker)
+                except ValueError:  # it got a request just now
+                    return
+                worker.close()
+                self.all.discard(worker)
 
     def teardown(self, worker: object) -> None:
         for own in list(self.all):

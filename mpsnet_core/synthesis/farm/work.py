@@ -103,7 +103,7 @@ def _made(job: SampleJob, number: int, path: Path, make: Callable[[SampleJob, in
 def clear_unfinished(folder: str | os.PathLike[str]) -> None:
     """Remove what processes that were killed left in `folder`, and nothing that another process is writing."""
     remove_abandoned(folder)
-    # What is left is another host's, say. Whoever writes a sample, anywhere, holds its claim.
+    # What is left may be another host's. Whoever writes a sample, anywhere, holds its claim.
     found = [(sample_number(path.name), path) for path in Path(folder).glob(".*.unfinished*") if path.is_file()]
     left = [(number, path) for number, path in found if number is not None]
     if not left:
