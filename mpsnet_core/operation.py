@@ -6,18 +6,19 @@ add-on's settings: see ``blender_addon/settings/declared.py``.
 """
 
 import dataclasses
+import inspect
 import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import UnionType
-from typing import Any, ClassVar, Literal, TypeVar, Union, dataclass_transform, get_args, get_origin, get_type_hints
+from typing import Any, ClassVar, Literal, Union, dataclass_transform, get_args, get_origin, get_type_hints
 
 from mpsnet_core.errors import SettingsError, check_choice
 from mpsnet_core.progress import Progress, silent
 
-# What of an option makes another result: its value, what the file holds that it names, or which files it names, by
-# their names, sizes and times; or nothing of it does.
+# Which change of an option changes the result: of its value, of the content of the file that it names, or of the files
+# that it names, by their names, sizes and times; or none does. Of an option with several values: of any of them.
 Provenance = Literal["value", "content", "files", "none"]
 # What a file browser looks for to fill an option in; "" where it has none.
 PathKind = Literal["", "file", "folder"]
@@ -49,7 +50,7 @@ class Option:
     path
         Of text that a person chooses in Blender's file browser: a file or a folder.
     provenance
-        What of it makes another result.
+        Which change of it changes the result.
     """
 
     help: str
@@ -99,6 +100,8 @@ class Setting:
         ``dataclasses.MISSING`` where it has to be given.
     option
         What else it is.
+    heading
+        That of the class which declares it.
     """
 
     name: str
@@ -106,6 +109,7 @@ class Setting:
     several: bool
     default: Any
     option: Option
+    heading: str
 
     @property
     def required(self) -> bool:
@@ -114,7 +118,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Result:
-    """What an operation made. Fields that are None are not part of the answer.
+    """What an operation made. Fields that are None are not part of the answer, also those of dataclasses in it.
 
     Parameters
     ----------
@@ -126,10 +130,18 @@ class Result:
 
     def facts(self) -> dict[str, Any]:
         """The answer as plain data, for programs."""
-        return {one.name: value for one in dataclasses.fields(self) if (value := getattr(self, one.name)) is not None}
+        return _facts(self)
 
 
-_Kind = TypeVar("_Kind", bound="type[Operation]")
+def _facts(answer: Any) -> dict[str, Any]:
+    values = {one.name: getattr(answer, one.name) for one in dataclasses.fields(answer)}
+    return {name: _plain_data(value) for name, value in values.items() if value is not None}
+
+
+def _plain_data(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_plain_data(one) for one in value]
+    return _facts(value) if dataclasses.is_dataclass(value) else value
 
 
 @dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(option,))
@@ -143,6 +155,8 @@ class Operation:
     command: ClassVar[str] = ""
     # Whether the help of the command line lists it.
     listed: ClassVar[bool] = True
+    # Above the options that this class itself declares, in the help of the command line.
+    heading: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         """Raises SettingsError where an option's value is out of its bounds or none of its choices."""
@@ -178,10 +192,15 @@ def settings(kind: type[Operation]) -> tuple[Setting, ...]:
 def _settings(kind: type[Operation]) -> tuple[Setting, ...]:
     hints = get_type_hints(kind)
     found = [
-        Setting(one.name, *_value_type(hints[one.name]), one.default, one.metadata[_METADATA])
+        Setting(one.name, *_value_type(hints[one.name]), one.default, one.metadata[_METADATA], _heading(kind, one.name))
         for one in dataclasses.fields(kind)  # type: ignore[arg-type]  # every subclass is a dataclass
     ]
     return tuple(sorted(found, key=lambda setting: not setting.option.positional))
+
+
+def _heading(kind: type[Operation], name: str) -> str:
+    declared_in = next(part for part in kind.__mro__ if name in inspect.get_annotations(part))
+    return str(vars(declared_in).get("heading", ""))
 
 
 def _value_type(hint: Any) -> tuple[type, bool]:
@@ -216,10 +235,3 @@ def _check(setting: Setting, value: Any) -> None:
 
 def _number(value: float) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def provenance_values(operation: Operation) -> Iterator[tuple[Setting, Any]]:
-    """The options that make another result, with their values."""
-    for setting in settings(type(operation)):
-        if setting.option.provenance != "none":
-            yield setting, getattr(operation, setting.name)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, overload
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,12 +20,12 @@ from mpsnet_core.bake.projection import View
 from mpsnet_core.bake.view_agreement import Agreement
 from mpsnet_core.capture.capture import Capture, capture_of, corrected_and_masked, note_doubts
 from mpsnet_core.capture.correction import Correction
+from mpsnet_core.capture.masks import mask_identity
 from mpsnet_core.errors import FileError, GeometryError, InputError
 from mpsnet_core.estimate import Estimator
-from mpsnet_core.io.files import read_json, write_json
-from mpsnet_core.io.images import Encoding, is_whole, read_image, write_image
+from mpsnet_core.io.images import Encoding, read_image, write_image
 from mpsnet_core.io.photo_folder import PhotoFolder
-from mpsnet_core.io.provenance import identity
+from mpsnet_core.io.provenance import identity, is_up_to_date, provenance_line
 from mpsnet_core.progress import Progress, part
 from mpsnet_core.scene.camera import Camera, camera_data
 from mpsnet_core.scene.mesh import Mesh
@@ -37,7 +37,6 @@ from mpsnet_core.scene.view_photos import ViewPhoto
 
 log = logging.getLogger(__name__)
 
-VIEW_FORMAT, VIEW_VERSION = "mpsnet-view", 1
 # A mask from the mesh is traced at no more than this many pixels on the longer side.
 MASK_PIXELS = 2048
 
@@ -131,7 +130,7 @@ def mesh_mask(camera: Camera, scene: RayScene) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True)
 class KeptView:
-    """One view's estimated normals and confidence on disk, and what they were made of."""
+    """One view's estimated normals and confidence on disk; the description of both says what they were made of."""
 
     folder: Path
     name: str
@@ -144,37 +143,25 @@ class KeptView:
     def confidence(self) -> Path:
         return self.folder / f"{self.name}_confidence.png"
 
-    @property
-    def record(self) -> Path:
-        return self.folder / f"{self.name}_view.json"
+    def is_of(self, source: str) -> bool:
+        """Whether both files are there, whole, and were made of the same `source`, a line of :func:`sources_of`."""
+        return is_up_to_date(self.normals, source) and is_up_to_date(self.confidence, source)
 
-    def is_of(self, source: dict[str, Any]) -> bool:
-        """Whether both files are there, whole, and were made of the same `source`."""
-        try:
-            made_of = read_json(self.record, VIEW_FORMAT, VIEW_VERSION, ("of",)).get("of")
-        except InputError:
-            return False
-        return made_of == source and is_whole(self.normals) and is_whole(self.confidence)
-
-    def write(self, normals: NormalMap, source: dict[str, Any]) -> None:
-        """Write both files, and last the record that they are whole."""
-        self.record.unlink(missing_ok=True)
-        write_normals(self.normals, normals)
-        write_image(self.confidence, normals.confidence)
-        write_json(self.record, {"format": VIEW_FORMAT, "version": VIEW_VERSION, "of": source})
+    def write(self, normals: NormalMap, source: str) -> None:
+        """Write both files."""
+        write_normals(self.normals, normals, description=source)
+        write_image(self.confidence, normals.confidence, description=source)
 
     def read(self) -> NormalMap:
         """The normals as they were estimated."""
         return read_normals(self.normals, confidence=self.confidence)
 
 
-def sources_of(
-    views: Sequence[ViewPhoto], photography: Photography, mesh: Mesh, others: Sequence[str]
-) -> list[dict[str, Any]]:
-    """What each view's normals depend on, as plain data: another photo, camera, rig, mask or mesh makes others.
+def sources_of(views: Sequence[ViewPhoto], photography: Photography, mesh: Mesh, recipe: str) -> list[str]:
+    """For each view a line that changes with its photo, camera, rig or mask, and with all else its normals depend on.
 
-    The mesh counts where masks or depth come from it. others: what else all views are made by: model, dark frame, flat
-    field.
+    The mesh counts where masks or depth come from it. recipe: text that changes with every setting that all views are
+    estimated by: the model, how photos are read, dark frame and flat field.
 
     Raises InputError, which names the view, where a mask is missing, two views would share one out of a folder, or a
     light is behind the object.
@@ -185,25 +172,25 @@ def sources_of(
             mask = photography.mask_of(view)
             if photography.masks and whose.setdefault(mask, view.name) != view.name:
                 raise FileError(f"its mask would be that of view {whose[mask]}, {mask}; name one {view.name}")
-            sources.append(_source(view, photography, mask, shape, others))
+            sources.append(_source(view, photography, mask, shape, recipe))
         except InputError as error:
             raise type(error)(f"view {view.name}: {error}") from None
     return sources
 
 
-def _source(view: ViewPhoto, photography: Photography, mask: str, shape: str, others: Sequence[str]) -> dict[str, Any]:
+def _source(view: ViewPhoto, photography: Photography, mask: str, shape: str, recipe: str) -> str:
     rig = photography.rig_of(view.camera)
-    lights = json.dumps([rig.directions.tolist(), rig.mixing.tolist(), repr(rig)])
-    return {
-        "photo": identity(view.photo),
-        "camera": camera_data(view.camera),
-        "lens": repr(view.lens),
-        "rig": hashlib.sha256(lights.encode()).hexdigest(),
-        "mask": [photography.mask, identity(mask)],
-        "mesh": shape if photography.mask == "mesh" or rig.near is not None else "",
-        "encoding": [photography.encoding, photography.layer],
-        "others": list(others),
-    }
+    needs_mesh = photography.mask == "mesh" or rig.near is not None
+    return provenance_line(
+        "normals",
+        recipe,
+        identity(view.photo),
+        json.dumps(camera_data(view.camera)),
+        repr(view.lens),
+        json.dumps([rig.directions.tolist(), rig.mixing.tolist(), repr(rig)]),
+        photography.mask if photography.mask == "mesh" else mask_identity(mask),
+        shape if needs_mesh else "",
+    )
 
 
 def _shape(mesh: Mesh) -> str:
@@ -267,7 +254,7 @@ class KeptViews(Sequence[View]):
 
 def estimate_views(
     views: Sequence[ViewPhoto],
-    sources: Sequence[dict[str, Any]],
+    sources: Sequence[str],
     photography: Photography,
     estimator: Estimator,
     stored: KeptViews,

@@ -4,12 +4,12 @@ import contextlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from mpsnet_core.bake.presets import PRESETS
 from mpsnet_core.capture.operations import ReadsPhotos, files_read
 from mpsnet_core.defaults import CONVENTIONS, LEVEL_SCALE, MARGIN, MAX_STRENGTH, MAX_TEXTURE_SIZE, TEXTURE_SIZE
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.operations import RunsModel
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, part, silent
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from mpsnet_core.bake.multi_view import Photography
     from mpsnet_core.bake.settings import Baking
     from mpsnet_core.bake.texture import Texture
-    from mpsnet_core.bake.texture_files import Plan, TextureTarget
+    from mpsnet_core.bake.texture_files import Plan, TextureFacts, TextureTarget
     from mpsnet_core.bake.texture_sets import TextureSet
     from mpsnet_core.bake.view_agreement import ViewAgreement
     from mpsnet_core.scene.camera import Camera
@@ -35,9 +35,11 @@ LEVEL = (
 class MakesTextures(Operation):
     """The meshes that are baked onto, and what textures are baked."""
 
+    heading: ClassVar[str] = "the textures"
+
     mesh: tuple[str, ...] = option(
         help="mesh with UVs: .obj, .ply, .glb, or the add-on's .npz; several hide one another from the cameras",
-        provenance="none",  # each texture's own line tells of it
+        provenance="none",  # in each texture's own line
     )
     size: int = option(
         default=TEXTURE_SIZE, low=1, high=MAX_TEXTURE_SIZE, help="width and height of the texture in pixels"
@@ -101,14 +103,16 @@ class MakesTextures(Operation):
         provenance="none",
     )
 
-    def texture_facts(self, target: "TextureTarget") -> str:
+    def texture_words(self, target: "TextureTarget") -> str:
         """What is true of all the textures, for people."""
         return f"{self.size} x {self.size}, {self.space} space, {target.convention}"
 
 
 @dataclass(frozen=True)
 class LaysOnto(MakesTextures):
-    """What is made of the photos' detail: its strength, and a normal map that it goes on top of."""
+    """How the photos' detail is used: its strength, and a normal map that it goes on top of."""
+
+    heading: ClassVar[str] = "what of the photos' detail goes into the textures"
 
     level: str | None = option(
         default=None,
@@ -145,7 +149,7 @@ class LaysOnto(MakesTextures):
     )
 
     def check_onto(self) -> None:
-        """Raises InputError where the detail cannot go on top of the present map, or its options lack the map."""
+        """Raises SettingsError where the detail cannot go on top of the present map, or its options lack the map."""
         from mpsnet_core.bake.base_detail_removal import check_shown
         from mpsnet_core.bake.detail_blending import check_blending
 
@@ -153,10 +157,12 @@ class LaysOnto(MakesTextures):
         if self.onto:
             check_blending(self.space)
         elif self.onto_convention != "opengl" or self.onto_shown != "auto":
-            raise InputError("--onto-convention and --onto-shown tell of the map of --onto; give it, or leave them out")
+            raise SettingsError(
+                "--onto-convention and --onto-shown describe the map of --onto; give it, or leave them out"
+            )
 
     def level_scale(self) -> float:
-        """The levelling's scale as a share of the mesh's size, 0 for none. Raises InputError where it is not known."""
+        """The levelling's scale as a share of the mesh's size, 0 for none. Raises SettingsError where it is unknown."""
         from mpsnet_core.bake.low_frequency_correction import parse_scale
 
         # What is large in the present map is in the photo as well, and shall not be added to it.
@@ -165,12 +171,12 @@ class LaysOnto(MakesTextures):
     def baking(self, feather: float) -> "Baking":
         """How the textures are baked.
 
-        Raises InputError where an option is out of range, or a margin is given that the padding does not use.
+        Raises SettingsError where an option is out of range, or a margin is set that the padding does not use.
         """
         from mpsnet_core.bake.settings import Baking
 
         if self.margin is not None and self.padding in ("push-pull", "none"):
-            raise InputError(f"--margin goes with --padding nearest, not with {self.padding}; leave it out")
+            raise SettingsError(f"--margin goes with --padding nearest, not with {self.padding}; leave it out")
         return Baking(
             size=self.size,
             space=self.space,
@@ -205,7 +211,7 @@ class TexturesBaked(Result):
     """
 
     output: str
-    outputs: list[dict[str, Any]]
+    outputs: "list[TextureFacts]"
     seen: float
 
 
@@ -236,7 +242,7 @@ class Bake(LaysOnto):
     view: tuple[str, ...] = option(
         metavar="CAMERA=NORMALS",
         help="camera file and its normal map; normals/frame_####.png for a sequence",
-        provenance="none",  # each texture's own line tells of it
+        provenance="none",  # in each texture's own line
     )
     normals_convention: Literal["opengl", "directx"] = option(
         default="opengl",
@@ -274,7 +280,9 @@ class Bake(LaysOnto):
         baking = self._baking()
         for what, files, none in (("confidence maps", self.confidence, ""), ("albedos", self.albedo, ", or none")):
             if files and len(files) != len(views):
-                raise InputError(f"there are {len(views)} views but {len(files)} {what}; give one for each view{none}")
+                raise SettingsError(
+                    f"there are {len(views)} views but {len(files)} {what}; give one for each view{none}"
+                )
         target = texture_target(
             self.output,
             self.mesh,
@@ -294,7 +302,7 @@ class Bake(LaysOnto):
         for view in self.view:
             camera, equals, normals = view.partition("=")
             if not (camera and equals and normals):
-                raise InputError(
+                raise SettingsError(
                     f"--view {view} is not CAMERA=NORMALS; give a camera file, an equals sign, a normal map"
                 )
             views.append((camera, normals))
@@ -311,7 +319,7 @@ class Bake(LaysOnto):
     ) -> TexturesBaked:
         from mpsnet_core.bake.bake import bake_texture_sets
         from mpsnet_core.bake.inputs import BakeInputs, ViewInputs, ViewReader
-        from mpsnet_core.bake.texture_files import format_textures, textures_result, write_textures
+        from mpsnet_core.bake.texture_files import format_textures, seen_share, texture_facts, write_textures
         from mpsnet_core.io.files import writable_path, written_together
         from mpsnet_core.io.images import checked_bits
 
@@ -331,8 +339,8 @@ class Bake(LaysOnto):
         baked = bake_texture_sets(plan.meshes, seen, plan.sheets, baking, progress=part(progress, 0.15, 1.0))
         with written_together():
             made = [one for one, _ in write_textures(plan, baked)]
-        text = format_textures(made, self.texture_facts(target))
-        return TexturesBaked(target.output, **textures_result(made), text=text)
+        text = format_textures(made, self.texture_words(target))
+        return TexturesBaked(target.output, [*map(texture_facts, made)], round(seen_share(made), 4), text=text)
 
     def _sequence(
         self, views: list[tuple[str, str]], target: "TextureTarget", baking: "Baking", progress: Progress
@@ -380,14 +388,14 @@ class Bake(LaysOnto):
         from mpsnet_core.io.images import checked_bits
 
         if len(self.mesh) > 1 or split_by(target.output):
-            raise InputError(
+            raise SettingsError(
                 "a sequence is baked onto one mesh and into one texture a frame; give one --mesh, and leave <UDIM>, "
                 "<MATERIAL> and <OBJECT> out of --output"
             )
         if self.confidence:
-            raise InputError("--confidence takes one normal map a view; leave it out for a sequence")
+            raise SettingsError("--confidence takes one normal map a view; leave it out for a sequence")
         if self.albedo:
-            raise InputError("--albedo is of one still photo a view; leave it out for a sequence")
+            raise SettingsError("--albedo is of one still photo a view; leave it out for a sequence")
         inputs = frame_inputs(self.mesh[0], views)
         checked_bits(Path(f"texture{target.suffix}"), target.bits)
         numbers = sorted(inputs)
@@ -406,7 +414,7 @@ class ViewsBaked(TexturesBaked):
     for none. model: the estimator's name.
     """
 
-    views: list[dict[str, Any]]
+    views: list[dict[str, str | float | None]]
     level: float
     model: str
 
@@ -429,7 +437,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         unset="those that the cameras name, which only the add-on's file does",
         path="folder",
     )
-    rig: str = option(help="rig file (.json; .lp with three lights that go with the camera)")
+    rig: str = option(help="rig file (.json; .lp with three lights that go with the camera)", provenance="content")
     lights_in: Literal["camera", "world"] = option(
         default="camera",
         choices={
@@ -449,33 +457,37 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         help="folder for each view's normals; the next run goes on from them",
         unset="they are not kept",
         path="folder",
+        provenance="none",
     )
     report: str | None = option(
         default=None,
         metavar="FILE",
         help="write an HTML page that shows which views cover what and how far they disagree",
+        provenance="none",
     )
-    json: str | None = option(default=None, metavar="FILE", help="write the same figures as JSON")
+    json: str | None = option(default=None, metavar="FILE", help="write the same figures as JSON", provenance="none")
     output: str = option(
         short="-o",
         help="texture to write: .png, .tif or .exr; with <UDIM>, <MATERIAL> or <OBJECT> in its name one for each tile, "
         "material or object; a folder for a preset's name",
         path="file",
+        provenance="none",
     )
 
     def run(self, progress: Progress = silent) -> ViewsBaked:
-        """Write the textures, and report and figures where they are asked for."""
+        """Write the textures, and report and figures where they are requested."""
         from mpsnet_core.bake.bake import bake_texture_sets
         from mpsnet_core.bake.base_detail_removal import note_shares
         from mpsnet_core.bake.feather import FEATHER
         from mpsnet_core.bake.multi_view import KeptView, KeptViews, estimate_views, sources_of
         from mpsnet_core.bake.view_agreement import agreement, note_doubts
         from mpsnet_core.io.frames import check_apart
+        from mpsnet_core.io.provenance import operation_facts
         from mpsnet_core.scene.joined_mesh import join_meshes
         from mpsnet_core.scene.rays import RayScene
         from mpsnet_core.scene.view_photos import posed_photos
 
-        # All that can be known beforehand is asked before the long work.
+        # All that can be known beforehand is checked before the long work.
         baking, level, target = self.baking(FEATHER), self.level_scale(), self._target()
         inputs, outputs = self._files(target)
         photography = self._photography()
@@ -485,7 +497,8 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         progress(0.0, "reading the mesh")
         plan = self.planned(target, [*inputs, *photos, *map(Path, outputs[1:])])
         mesh = join_meshes(plan.meshes)
-        sources = sources_of(views, photography, mesh, self._estimated_by())
+        recipe = operation_facts(self, RunsModel, ReadsPhotos, **self.model_facts())
+        sources = sources_of(views, photography, mesh, recipe)
         scene = RayScene(mesh.world_vertices, mesh.triangles)
         estimator = self.estimator()
         with contextlib.ExitStack() as stack:
@@ -547,14 +560,6 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
 
         return Photography(rig_of, self.mask, self.encoding, self.layer, self.correction())
 
-    def _estimated_by(self) -> list[str]:
-        """What all views' normals are made by, beside their photos: not by what the textures alone depend on."""
-        from mpsnet_core import __version__
-        from mpsnet_core.io.provenance import identity
-
-        files = self.model, self.dark, self.flat
-        return [__version__, self.model, *map(identity, files), str(self.flat_smooth)]
-
     def _folder(self, stack: contextlib.ExitStack) -> Path:
         """Where the views' normals go: to be kept, or for as long as the stack is open."""
         from mpsnet_core.io.files import ensure_folder, remove_abandoned, temporary_folder
@@ -575,7 +580,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
     ) -> ViewsBaked:
         """Textures, report and figures, all of them or none."""
         from mpsnet_core.bake.report import texture_maps, view_table, write_bake_report
-        from mpsnet_core.bake.texture_files import format_textures, textures_result, write_textures
+        from mpsnet_core.bake.texture_files import format_textures, seen_share, texture_facts, write_textures
         from mpsnet_core.bake.view_agreement import table_rows
         from mpsnet_core.io.files import write_json, written_together
 
@@ -586,16 +591,19 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
                 if self.report:
                     maps += texture_maps(texture, one.sheet.named)
                 del texture
-            text, textures = format_textures(made, self.texture_facts(plan.target)), textures_result(made)
-            figures = {
-                "views": table_rows(table),
-                "seen": textures["seen"],
-                "level": self.level_scale(),
-                "model": model,
-            }
+            text = format_textures(made, self.texture_words(plan.target))
+            result = ViewsBaked(
+                plan.target.output,
+                [*map(texture_facts, made)],
+                round(seen_share(made), 4),
+                table_rows(table),
+                self.level_scale(),
+                model,
+                text="\n".join([view_table(table), summary, text]),
+            )
             if self.report:
                 write_bake_report(self.report, Path(plan.target.output).name, maps, table, [text, summary])
             if self.json:
-                write_json(self.json, figures)
-        everything = "\n".join([view_table(table), summary, text])
-        return ViewsBaked(plan.target.output, **{**textures, **figures}, text=everything)
+                figures = result.facts()
+                write_json(self.json, {name: figures[name] for name in ("views", "seen", "level", "model")})
+        return result

@@ -57,7 +57,7 @@ def bake_sequence(
         step = part(progress, *ends, f"{output.name}, {len(frames)} in all")
         step(0.0, "")
         sources = [inputs, first] if present is not None and present.shown == "auto" else [inputs]
-        line = provenance_line("texture", "\n".join([recipe, *(fact for source in sources for fact in source.facts())]))
+        line = provenance_line("texture", recipe, *(fact for source in sources for fact in source.facts()))
         if is_up_to_date(output, line):
             continue
         mesh = mesh_of(inputs.meshes[0])

@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -179,23 +178,36 @@ def write_textures(plan: Plan, baked: Iterable[tuple[TextureSet, Texture]]) -> I
         del texture
 
 
-def textures_result(made: Sequence[Made]) -> dict[str, Any]:
-    """What became of the textures as plain data: each texture's file, what it is of, and the share of it that was seen.
+@dataclass(frozen=True)
+class TextureFacts:
+    """A texture's file, the share of it that some view saw, and what it is of.
 
     tiles, albedo_tiles: the file's name for all tiles, with <UDIM> in it.
     """
-    outputs = []
-    for texture in made:
-        shows = {what: getattr(texture.sheet, what) for what in ("tile", "material", "object")}
-        known = {what: value for what, value in shows.items() if value is not None}
-        if texture.sheet.tile is not None:
-            known["tiles"] = str(texture.pattern)
-        if texture.albedo is not None:
-            known["albedo"] = str(texture.albedo)
-            if texture.sheet.tile is not None:
-                known["albedo_tiles"] = str(albedo_file(texture.pattern))
-        outputs.append({"output": str(texture.file), **known, "seen": round(texture.seen / texture.covered, 4)})
-    return {"outputs": outputs, "seen": round(seen_share(made), 4)}
+
+    output: str
+    seen: float
+    tile: int | None
+    material: str | None
+    object: str | None
+    tiles: str | None
+    albedo: str | None
+    albedo_tiles: str | None
+
+
+def texture_facts(texture: Made) -> TextureFacts:
+    """The figures of a texture that was written."""
+    sheet, tiled, albedo = texture.sheet, texture.sheet.tile is not None, texture.albedo
+    return TextureFacts(
+        str(texture.file),
+        round(texture.seen / texture.covered, 4),
+        sheet.tile,
+        sheet.material,
+        sheet.object,
+        str(texture.pattern) if tiled else None,
+        None if albedo is None else str(albedo),
+        str(albedo_file(texture.pattern)) if tiled and albedo is not None else None,
+    )
 
 
 def seen_share(made: Sequence[Made]) -> float:

@@ -7,7 +7,6 @@ each view is in memory, so that none needs to be read again.
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,7 +121,7 @@ def note_doubts(views: Sequence[ViewAgreement]) -> None:
             )
 
 
-def table_rows(views: Sequence[ViewAgreement]) -> list[dict[str, Any]]:
+def table_rows(views: Sequence[ViewAgreement]) -> list[dict[str, str | float | None]]:
     """The views as plain data, for JSON: no NaN but None, angles to a thousandth of a degree."""
     return [
         {

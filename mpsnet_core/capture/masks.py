@@ -18,6 +18,7 @@ from mpsnet_core.capture.sizes import SAME_CAMERA, check_same_size
 from mpsnet_core.errors import FileError, GeometryError, SettingsError
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.images import Encoding, layer_in, read_image, read_mask
+from mpsnet_core.io.provenance import identity
 
 log = logging.getLogger(__name__)
 
@@ -123,6 +124,11 @@ def mask_source(choice: str) -> str | None:
     if choice in ("alpha", "auto", "alpha-or-auto", "none") or choice.startswith("threshold:"):
         return None
     return choice.removeprefix("background:")
+
+
+def mask_identity(choice: str | None) -> str:
+    """Text that changes with a choice of mask, and with the files that it names."""
+    return identity(choice) if choice and mask_source(choice) else str(choice)
 
 
 def threshold_mask(pixels: NDArray[np.float32], threshold: str | float) -> NDArray[np.bool_]:

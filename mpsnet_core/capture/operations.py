@@ -2,14 +2,17 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.operations import ReadsPictures
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from mpsnet_core.capture.correction import Correction
     from mpsnet_core.scene.camera import Camera
 
@@ -17,6 +20,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class ReadsPhotos(ReadsPictures):
     """How photos are read: their encoding and layer, dark frame and flat field."""
+
+    heading: ClassVar[str] = "how photos are read"
 
     layer: str | None = option(default=None, help="layer of a multi-layer EXR")
     dark: str | None = option(
@@ -37,12 +42,12 @@ class ReadsPhotos(ReadsPictures):
     def correction(self) -> "Correction | None":
         """Dark frame and flat field, None where neither is given.
 
-        Raises InputError as `read_correction` does, and where the flat field to smooth is lacking.
+        Raises SettingsError where the flat field to smooth is lacking, and as `read_correction` does.
         """
         from mpsnet_core.capture.correction import read_correction
 
         if self.flat_smooth and self.flat is None:
-            raise InputError("--flat-smooth smooths the flat field; give --flat, or leave it out")
+            raise SettingsError("--flat-smooth smooths the flat field; give --flat, or leave it out")
         if self.dark is None and self.flat is None:
             return None
         return read_correction(self.dark, self.flat, encoding=self.encoding, layer=self.layer, smooth=self.flat_smooth)
@@ -51,6 +56,8 @@ class ReadsPhotos(ReadsPictures):
 @dataclass(frozen=True)
 class HasLens(Operation):
     """How the camera of a photo sees."""
+
+    heading: ClassVar[str] = "where the photo was taken from"
 
     camera: str | None = option(
         default=None,
@@ -65,18 +72,20 @@ class HasLens(Operation):
     def lens(self) -> "Camera | float | None":
         """Camera or focal length, None where neither is given.
 
-        Raises InputError where both are given, or the camera file cannot be read.
+        Raises SettingsError where both are set, and as :func:`mpsnet_core.scene.camera.read_camera` does.
         """
         from mpsnet_core.scene.camera import read_camera
 
         if self.camera and self.focal is not None:
-            raise InputError("--camera and --focal both tell the lens; give one of them")
+            raise SettingsError("--camera and --focal both define the lens; give one of them")
         return read_camera(self.camera) if self.camera else self.focal
 
 
 @dataclass(frozen=True)
 class HasViewpoint(HasLens):
     """Where a photo was taken from: camera or lens, and how far the object was."""
+
+    heading: ClassVar[str] = "where the photo was taken from"
 
     mesh: str | None = option(
         default=None,
@@ -87,28 +96,28 @@ class HasViewpoint(HasLens):
         default=None, help="how far the object is from the camera, in the unit of a rig file with near lights"
     )
 
-    def viewpoint(self) -> "tuple[Camera | float | None, Any]":
+    def viewpoint(self) -> "tuple[Camera | float | None, NDArray[np.float32] | float | None]":
         """Camera (or focal length) and depth (or distance), None where not given.
 
-        Raises InputError where both of a pair are given, a mesh is given without a camera, or a file cannot be read.
+        Raises SettingsError where both of a pair are set, or a mesh without a camera; InputError where a file cannot be
+        read, or the camera does not see the mesh.
         """
+        from mpsnet_core.io.files import located
         from mpsnet_core.scene.camera import Camera
         from mpsnet_core.scene.mesh import read_mesh
         from mpsnet_core.scene.mesh_depth import depth_of_mesh
         from mpsnet_core.scene.rays import RayScene
 
         if self.mesh and self.distance is not None:
-            raise InputError("--mesh and --distance both tell how far the object is; give one of them")
+            raise SettingsError("--mesh and --distance both define how far the object is; give one of them")
         lens = self.lens()
         if not self.mesh:
             return lens, self.distance
         if not isinstance(lens, Camera):
-            raise InputError("--mesh needs --camera, which tells where the mesh was seen from; give it")
+            raise SettingsError("--mesh needs --camera, which states where the mesh was seen from; give it")
         mesh = read_mesh(self.mesh, shape_only=True)
-        try:
+        with located(f"camera {self.camera}"):
             return lens, depth_of_mesh(lens, RayScene(mesh.world_vertices, mesh.triangles))
-        except InputError as error:
-            raise InputError(f"camera {self.camera}: {error}") from None
 
 
 @dataclass(frozen=True)
@@ -135,7 +144,7 @@ class Superpose(ReadsPictures):
     )
 
     def run(self, progress: Progress = silent) -> PhotoMade:
-        """Write the photo, and say where it is."""
+        """Write the photo."""
         import numpy as np
 
         from mpsnet_core.capture.superpose import as_channels, superpose
@@ -185,10 +194,10 @@ class FindMask(ReadsPhotos):
     output: str = option(short="-o", help="mask file, white on the object: .png, .tif or .exr")
 
     def run(self, progress: Progress = silent) -> MaskFound:
-        """Write the mask, and the overlay where one is asked for."""
+        """Write the mask, and the overlay where one is requested."""
         from mpsnet_core.capture.correction import corrected
         from mpsnet_core.capture.masks import find_mask
-        from mpsnet_core.io.files import writable_path, written_together
+        from mpsnet_core.io.files import located, writable_path, written_together
         from mpsnet_core.io.frames import check_apart
         from mpsnet_core.io.images import checked_bits, read_image, write_image
         from mpsnet_core.scene.pictures import mask_picture
@@ -201,16 +210,14 @@ class FindMask(ReadsPhotos):
         image = read_image(self.image, encoding=self.encoding, layer=self.layer)
         correction = self.correction()
         progress(0.4, "looking for the object")
-        try:
+        with located(self.image):
             if correction is not None:
                 image = corrected(image, correction)
             choice = None if self.mask == "alpha-or-all" else self.mask
             mask = find_mask(image, choice, encoding=self.encoding, layer=self.layer, correction=correction)
-        except InputError as error:
-            raise InputError(f"{self.image}: {error}") from None
         if mask.shape != image.pixels.shape[:2]:
             sizes = [f"{array.shape[1]} x {array.shape[0]}" for array in (mask, image.pixels)]
-            raise InputError(f"{self.mask} is {sizes[0]} but {self.image} is {sizes[1]}; they must be the same size")
+            raise GeometryError(f"{self.mask} is {sizes[0]} but {self.image} is {sizes[1]}; they must be the same size")
         progress(0.8, f"writing {Path(self.output).name}")
         with written_together():
             write_image(self.output, mask, bits=None if Path(self.output).suffix.lower() == ".exr" else 8)
@@ -222,11 +229,11 @@ class FindMask(ReadsPhotos):
         return MaskFound(self.output, self.overlay, round(share, 4), text=text)
 
 
-def files_read(given: Any) -> list[Path]:
+def files_read(given: ReadsPhotos) -> list[Path]:
     """The files that options of photos and their place, ``white`` and ``onto`` mean, in folders and patterns one by
     one: what no result may overwrite.
 
-    Raises InputError where a folder or a pattern means none.
+    Raises FileError where a folder or a pattern means none.
     """
     from mpsnet_core.capture.masks import mask_source
     from mpsnet_core.io.frames import expand_images, is_several

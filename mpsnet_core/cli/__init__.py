@@ -18,13 +18,13 @@ LOADING_SECONDS = 0.02
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line and give its exit code."""
+    """Run the command line and return its exit code."""
     arguments = list(sys.argv[1:] if argv is None else argv)
-    kept = {}
+    handlers = {}
     for name in ("SIGINT", "SIGTERM", "SIGBREAK"):  # SIGBREAK is how Windows asks a process group to end
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) != signal.SIG_IGN:
-            kept[number] = signal.signal(number, _stop)
+            handlers[number] = signal.signal(number, _stop)
     try:
         # Not above: Ctrl-C may come while all of it loads.
         from mpsnet_core.cli.command import run
@@ -39,7 +39,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         refuse(unforeseen(error), arguments)
         return EXIT_UNFORESEEN
     finally:
-        for number, handler in kept.items():
+        for number, handler in handlers.items():
             signal.signal(number, handler)
 
 

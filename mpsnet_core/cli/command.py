@@ -20,7 +20,7 @@ from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_CANCELLED
 from mpsnet_core.cli.arguments import Parser, Verbs
 from mpsnet_core.cli.operations import add_operation
 from mpsnet_core.cli.reporter import Notes, Reporter, refuse
-from mpsnet_core.errors import InputError, printable
+from mpsnet_core.errors import InputError, SettingsError, printable
 from mpsnet_core.estimate.alignment.operation import Align
 from mpsnet_core.estimate.operations import Estimate, ListModels
 from mpsnet_core.io.child_process import only_request
@@ -74,7 +74,7 @@ OPERATIONS: tuple[type[Operation], ...] = (
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run a verb and give the exit code. What is neither bad input nor a fault of the machine is raised."""
+    """Run a verb and return the exit code. What is neither bad input nor a fault of the machine is raised."""
     _open_closed_streams()
     notes = Notes()
     core_log = logging.getLogger("mpsnet_core")
@@ -107,7 +107,7 @@ def run(arguments: Sequence[str]) -> int:
 
 def _run(arguments: Sequence[str], notes: Notes) -> None:
     if "" in arguments:
-        raise InputError("an argument is empty; is a shell variable that it comes from not set?")
+        raise SettingsError("an argument is empty; is a shell variable that it comes from not set?")
     if not arguments:
         _parser().print_help()
         return
@@ -170,7 +170,10 @@ def _parser() -> argparse.ArgumentParser:
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     common = Parser(add_help=False)
     common.add_argument(
-        "--progress", choices=("auto", "bar", "json", "none"), default="auto", help="how to report progress"
+        "--progress",
+        choices=("auto", "bar", "json", "none"),
+        default="auto",
+        help="how to report progress (default: %(default)s)",
     )
     for operation in OPERATIONS:
         add_operation(verbs, common, operation)

@@ -3,11 +3,11 @@
 import argparse
 from typing import Any
 
-from mpsnet_core.cli.arguments import Help, Parser, Verbs
+from mpsnet_core.cli.arguments import Parser, Verbs
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.operation import Operation, Setting, settings
 
-# Commands of two words: what the help says of all that share the first one, and what stands for the second.
+# Commands of two words: the help of all that share the first one, and the placeholder for the second.
 GROUPS = {
     "calibrate": ("where the lights are and how their colours mix, by photos of balls", "WHAT"),
     "evaluate": ("measure models against known normals", "TEST"),
@@ -19,9 +19,13 @@ def add_operation(verbs: Verbs, common: Parser, kind: type[Operation]) -> None:
     group, _, name = kind.command.rpartition(" ")
     facts: dict[str, Any] = {"help": kind.help()[:1].lower() + kind.help()[1:]} if kind.listed else {}
     place = _group(verbs, group) if group else verbs
-    parser = place.add_parser(name, parents=[common], formatter_class=Help, **facts)
+    parser = place.add_parser(name, parents=[common], **facts)
+    groups: dict[str, argparse._ActionsContainer] = {"": parser}
     for setting in settings(kind):
-        _add(parser, setting)
+        heading = "" if setting.option.positional else setting.heading
+        if heading not in groups:
+            groups[heading] = parser.add_argument_group(heading)
+        _add(groups[heading], setting)
 
     def verb(options: argparse.Namespace, reporter: Reporter) -> dict[str, Any]:
         given = {setting.name: getattr(options, setting.name) for setting in settings(kind)}
@@ -33,7 +37,7 @@ def add_operation(verbs: Verbs, common: Parser, kind: type[Operation]) -> None:
 
 
 def _group(verbs: Verbs, name: str) -> Verbs:
-    """Where the commands are added whose first word is `name`; made where it is not there yet."""
+    """Where the commands are added whose first word is `name`; added where it is missing."""
     if name not in verbs.choices:
         words, metavar = GROUPS[name]
         verbs.add_parser(name, help=words).add_subparsers(metavar=metavar, required=True)
@@ -41,7 +45,7 @@ def _group(verbs: Verbs, name: str) -> Verbs:
     return found
 
 
-def _add(parser: argparse.ArgumentParser, setting: Setting) -> None:
+def _add(parser: argparse._ActionsContainer, setting: Setting) -> None:
     described = setting.option
     facts: dict[str, Any] = {"help": _help(setting)}
     if setting.kind is bool:
@@ -68,7 +72,7 @@ def _add(parser: argparse.ArgumentParser, setting: Setting) -> None:
 
 
 def _help(setting: Setting) -> str:
-    """What it does, its choices, and what argparse does not say: that it may be repeated, and what counts unset."""
+    """What it does, its choices, whether it may be repeated, and its default."""
     described = setting.option
     if not described.help:
         return argparse.SUPPRESS
@@ -76,10 +80,18 @@ def _help(setting: Setting) -> str:
     text = described.help
     if choices:
         text += f": {', '.join(choices[:-1])} or {choices[-1]}"
-    if not setting.several or described.positional:
-        return text + (f" (default: {described.unset})" if described.unset else "")
-    default = described.unset or ("" if setting.required else ", ".join(map(str, setting.default)))
-    return f"{text}; may be repeated" + (f" (default: {default})" if default else "")
+    if setting.several and not described.positional:
+        text += "; may be repeated"
+    default = _default(setting)
+    return (text + (f" (default: {default})" if default else "")).replace("%", "%%")
+
+
+def _default(setting: Setting) -> str:
+    """What applies where the option is not given; empty where that is nothing."""
+    if setting.option.unset or setting.required or setting.default is None or setting.kind is bool:
+        return setting.option.unset
+    values = setting.default if setting.several else (setting.default,)
+    return ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for value in values)
 
 
 def _flags(setting: Setting) -> list[str]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from mpsnet_core.capture.operations import HasViewpoint, ReadsPhotos, files_read
 from mpsnet_core.defaults import CONVENTIONS, MAX_SMOOTHING
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.registry import (
     AVERAGED_MODEL,
     DEFAULT_MODEL,
@@ -42,6 +42,8 @@ log = logging.getLogger(__name__)
 class RunsModel(Operation):
     """Which model estimates the normals, and how networks run."""
 
+    heading: ClassVar[str] = "the model"
+
     model: str = option(
         default=DEFAULT_MODEL,
         help="what turns the photo into normals: one of the models by its name, or an .onnx file",
@@ -56,6 +58,18 @@ class RunsModel(Operation):
     threads: int = option(default=0, help="CPU threads for networks, 0 for all", provenance="none")
     tile: int = option(default=DEFAULT_TILE, help="tile side in pixels for networks")
 
+    def model_facts(self, passes: Literal[1, 3] | None = None) -> dict[str, str]:
+        """What :func:`mpsnet_core.io.provenance.operation_facts` has to know of the model: a network's file may change.
+
+        Raises SettingsError where there is no such model, FileError where its file is missing.
+        """
+        from mpsnet_core.io.provenance import content
+
+        if self.model in (LAMBERTIAN, LAMBERTIAN_GREY_WORLD):
+            return {"model": self.model}
+        network = find_network(self.model)
+        return {"model": content(network.path), "passes": str(passes or network.passes)}
+
     def estimator(self, passes: Literal[1, 3] | None = None) -> "Estimator":
         """The model made ready. passes: as :class:`mpsnet_core.estimate.Estimator` takes them."""
         from mpsnet_core.estimate import Estimator
@@ -67,7 +81,7 @@ class RunsModel(Operation):
 class NormalsMade(Result):
     """The normal map of one photo.
 
-    outputs: the file. pixels: how many have a normal. albedo: its file, where it was asked for.
+    outputs: the file. pixels: how many have a normal. albedo: its file, where it was requested.
     """
 
     outputs: list[str]
@@ -114,7 +128,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         help="mask file, alpha, none, auto, alpha-or-auto (auto where the photo has no alpha), background:FILE (the "
         "scene without the object) or threshold:0.05, for frames also a folder or pattern of masks by their numbers; "
         "without it alpha, where the photo has it, else the whole photo; `mpsnet mask` shows what comes of it",
-        provenance="none",  # each frame's own line tells of it
+        provenance="none",  # in each frame's own line
     )
     passes: Literal[1, 3] | None = option(
         default=None,
@@ -126,7 +140,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
     white: tuple[str, ...] = option(
         default=(),
         metavar="PHOTO",
-        help="second photo of the same pose, under white light: the three lights turned white. It tells the colour of "
+        help="second photo of the same pose, under white light: the three lights turned white. It shows the colour of "
         "the surface. A folder or pattern of one photo for each light is added up. For one still photo only",
         path="file",
         provenance="none",
@@ -177,9 +191,11 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         from mpsnet_core.scene.rig import read_rig
 
         if self.albedo and not self.white:
-            raise InputError("--albedo is made from a photo under white light; give it with --white")
+            raise SettingsError("--albedo is made from a photo under white light; give it with --white")
         if self.white_light and not self.albedo:
-            raise InputError("--white-light tells what lit the photo that --albedo is made from; give both, or neither")
+            raise SettingsError(
+                "--white-light tells what lit the photo that --albedo is made from; give both, or neither"
+            )
         white_light = _white_light(self.white_light or "rig")
         rig = read_rig(self.rig)
         photos = expand_images(self.image)
@@ -189,7 +205,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         if sequence or len(photos) > 1 or is_video(photos[0]):
             return self._frames(photos, rig, progress)
         if self.smooth:
-            raise InputError("--smooth takes the frames of a sequence, and there is one photo; leave it out")
+            raise SettingsError("--smooth takes the frames of a sequence, and there is one photo; leave it out")
         return self._photo(photos[0], rig, white_light, progress)
 
     def _photo(
@@ -241,13 +257,15 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         from mpsnet_core.estimate.sequence.video import is_video
 
         if self.confidence:
-            raise InputError("--confidence takes one photo at a time; leave it out or give one photo")
+            raise SettingsError("--confidence takes one photo at a time; leave it out or give one photo")
         if self.white:
-            raise InputError("--white is a second photo of one still pose; leave it out, or give one photo")
+            raise SettingsError("--white is a second photo of one still pose; leave it out, or give one photo")
         if not any(is_video(photo) for photo in photos):
             return self._photos(photos, rig, progress)
         if len(photos) > 1:
-            raise InputError(f"{next(filter(is_video, photos))} is a video; give it alone, and each video on its own")
+            raise SettingsError(
+                f"{next(filter(is_video, photos))} is a video; give it alone, and each video on its own"
+            )
         return self._video(photos[0], rig, progress)
 
     def _photos(self, photos: list[Path], rig: "LightRig", progress: Progress) -> FramesMade:
@@ -260,9 +278,11 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         masks = frame_masks(self.mask)
         if numbered is None and (self.smooth or masks.by_number):
             what = "--smooth" if self.smooth else f"--mask {self.mask}"
-            raise InputError(f"{what} takes the frames of one sequence: photos whose names differ in one number alone")
+            raise SettingsError(
+                f"{what} takes the frames of one sequence: photos whose names differ in one number alone"
+            )
         for number in numbered.numbers if numbered else ():
-            masks.of(number)  # one that is missing is told before any work
+            masks.of(number)  # one that is missing is reported before any work
         frames = photo_frames(photos, outputs, masks=masks, reach=self.smooth, encoding=self.encoding, layer=self.layer)
         step = numbered.step if numbered else 1
         outcome = self._sequence(frames, len(photos), rig, progress, step)
@@ -283,7 +303,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         from mpsnet_core.io.frames import check_apart
 
         if self.layer:
-            raise InputError(f"{path} is a video, which has no layers; leave --layer out")
+            raise SettingsError(f"{path} is a video, which has no layers; leave --layer out")
         outputs = video_outputs(path, self.output, self._suffix)
         taken = [path, Path(self.rig), *files_read(self)]
         # How many frames there are is not known; a result's name ends in its number, so these are all that can be
@@ -300,7 +320,8 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
     ) -> "Outcome":
         from mpsnet_core.capture.capture import capture_from
         from mpsnet_core.estimate.sequence.run import estimate_sequence
-        from mpsnet_core.io.provenance import content, operation_facts
+        from mpsnet_core.io.files import located
+        from mpsnet_core.io.provenance import operation_facts
 
         correction, (camera, depth) = self.correction(), self.viewpoint()
         notes: Notes = "doubts"
@@ -308,7 +329,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         def take(frame: "Frame") -> "Capture":
             nonlocal notes
             image = frame.read()
-            try:
+            with located(frame.name):
                 capture = capture_from(
                     image,
                     rig,
@@ -320,20 +341,16 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
                     correction=correction,
                     notes=notes,
                 )
-            except InputError as error:
-                raise InputError(f"{frame.name}: {error}") from None
             notes = "none"  # the other frames are much like the first
             return capture
 
-        # Each pass takes as long as the first: where nobody asks for more, frames get one.
+        # Each pass takes as long as the first: unless more are requested, frames get one.
         passes = self.passes or (STILL_PASSES if self.model == AVERAGED_MODEL else 1)
-        baseline = self.model in (LAMBERTIAN, LAMBERTIAN_GREY_WORLD)
-        model = self.model if baseline else content(find_network(self.model).path)
         return estimate_sequence(
             frames,
             take,
             self.estimator(passes),
-            recipe=operation_facts(self, passes=str(passes), model=model),
+            recipe=operation_facts(self, **self.model_facts(passes)),
             smooth=self.smooth,
             step=step,
             convention=self.convention,
@@ -378,17 +395,26 @@ def _white_light(given: str) -> "NDArray[np.float64] | None":
 
 
 @dataclass(frozen=True)
+class ModelListed:
+    """A model's name, what it is, and whether it is only to compare with."""
+
+    name: str
+    title: str
+    comparison: bool
+
+
+@dataclass(frozen=True)
 class ModelsListed(Result):
     """The models by their names, or one network's card and how it was trained."""
 
-    models: list[dict[str, Any]] | None = None
+    models: list[ModelListed] | None = None
     card: dict[str, Any] | None = None
     training: dict[str, Any] | None = None
 
 
 @dataclass(frozen=True)
 class ListModels(Operation):
-    """List the models that can be asked for by name."""
+    """List the models that are known by name."""
 
     command: ClassVar[str] = "models"
 
@@ -403,7 +429,7 @@ class ListModels(Operation):
         lists: dict[bool, list[str]] = {False: [], True: ["", "to compare with, and for scripts:"]}
         for entry in entries:
             lists[entry.comparison].append(f"{entry.name.ljust(width)}  {entry.title}")
-        models = [{"name": entry.name, "title": entry.title, "comparison": entry.comparison} for entry in entries]
+        models = [ModelListed(entry.name, entry.title, entry.comparison) for entry in entries]
         return ModelsListed(models, text="\n".join(lists[False] + lists[True]))
 
 

@@ -23,7 +23,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, FormatError
 
 # A longer line, or one that never ends, is read piece by piece, and is neither a message nor a request.
 LONGEST_LINE = 1 << 22
@@ -51,7 +51,7 @@ class ChildEnded(Exception):
 class ChildProcess:
     """A child process in a group of its own; one thread at a time sends and receives.
 
-    Attributes `progress` (0 to 1) and `message` say how far it is. Raises InputError where the command cannot be run.
+    Attributes `progress` (0 to 1) and `message` say how far it is. Raises FileError where the command cannot be run.
     """
 
     # A process that is started while another's pipes are made inherits them on Windows, and keeps them open.
@@ -76,7 +76,7 @@ class ChildProcess:
                     creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
                 )
         except OSError as error:
-            raise InputError(f"cannot run {command[0]} ({error.strerror}); check the path") from None
+            raise FileError(f"cannot run {command[0]} ({error.strerror}); check the path") from None
         self._stderr_reader = threading.Thread(target=self._read_stderr, daemon=True)
         self._stderr_reader.start()
         for work in (self._read_messages, self._end_group):
@@ -229,16 +229,16 @@ class Parent:
 
 
 def requests() -> Iterator[dict[str, Any]]:
-    """The requests on stdin, until it ends. Raises InputError where a line is none."""
+    """The requests on stdin, until it ends. Raises FormatError where a line is none."""
     for line in _lines(sys.stdin) if sys.stdin else ():
         request = _parsed(line)
         if not request:
-            raise InputError(f"{line.strip()!r} is not a request; give a JSON object a line")
+            raise FormatError(f"{line.strip()!r} is not a request; give a JSON object a line")
         yield request
 
 
 def only_request() -> dict[str, Any]:
-    """The request of a process that gets one; empty where there is none. Raises InputError where it is malformed.
+    """The request of a process that gets one; empty where there is none. Raises FormatError where it is malformed.
 
     Where stdin ends afterwards, the parent is gone, and this process stops as by SIGTERM. On Windows it goes on: while
     a thread waits for stdin there, libraries that look at it cannot be loaded.

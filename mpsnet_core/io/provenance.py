@@ -2,16 +2,18 @@
 
 import hashlib
 import os
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from mpsnet_core import __version__
 from mpsnet_core.io.files import existing_file
-from mpsnet_core.operation import Operation, provenance_values
+from mpsnet_core.operation import Operation, Provenance, settings
 
 
-def provenance_line(what: str, facts: str) -> str:
+def provenance_line(what: str, *facts: str) -> str:
     """A picture's description: what it is, and a hash of the facts that it was computed from."""
-    digest = hashlib.sha256(facts.encode(errors="surrogateescape")).hexdigest()
+    digest = hashlib.sha256("\n".join(facts).encode(errors="surrogateescape")).hexdigest()
     return f"{what} by mpsnet {__version__}, {digest[:32]}"
 
 
@@ -22,23 +24,22 @@ def is_up_to_date(picture: Path, line: str) -> bool:
     return image_description(picture) == line and is_whole(picture)
 
 
-def identity(given: str | os.PathLike[str] | None) -> str:
+def identity(given: str | os.PathLike[str]) -> str:
     """Text that changes with files: their names, sizes and times.
 
     given: a file, a folder or a pattern (frame_####.png), also after "background:". Anything else is returned as text.
     """
-    if given is None:
-        return str(given)
     from mpsnet_core.io.frames import is_several, matching_files
 
-    path = Path(str(given).removeprefix("background:"))
-    if path.is_file():
-        files = [path]
-    elif is_several(path):
-        files = matching_files(path)
+    text = str(given)
+    place = text.removeprefix("background:")
+    if Path(place).is_file():
+        files = [Path(place)]
+    elif is_several(place):
+        files = matching_files(place)
     else:
-        return str(given)
-    return "; ".join(map(_stamp, files))
+        return text
+    return text.removesuffix(place) + "; ".join(map(_stamp, files))
 
 
 def content(file: str | os.PathLike[str]) -> str:
@@ -52,16 +53,20 @@ def _stamp(file: Path) -> str:
     return f"{file.name} {facts.st_size} {facts.st_mtime_ns}"
 
 
-def operation_facts(operation: Operation, **more: str) -> str:
+_FACT: dict[Provenance, Callable[[Any], str]] = {"value": repr, "content": content, "files": identity}
+
+
+def operation_facts(operation: Operation, *parts: type[Operation], **more: str) -> str:
     """Text that changes with every option that affects an operation's result, and with `more` facts.
+
+    parts: the classes that the operation is derived from whose options count; without any, all of its options do.
 
     Raises FileError where a given file is missing.
     """
     facts = dict(more)
-    for setting, value in provenance_values(operation):
-        kind = setting.option.provenance
-        if kind == "value" or value is None:
-            facts[setting.name] = repr(value)
-        else:  # small files that are often rewritten count by content
-            facts[setting.name] = content(value) if kind == "content" else identity(value)
+    for setting in (setting for part in parts or (type(operation),) for setting in settings(part)):
+        if setting.option.provenance != "none":
+            value, fact = getattr(operation, setting.name), _FACT[setting.option.provenance]
+            values = value if setting.several and value is not None else (value,)
+            facts[setting.name] = repr([one if one is None else fact(one) for one in values])
     return "\n".join(f"{name}: {fact}" for name, fact in sorted(facts.items()))

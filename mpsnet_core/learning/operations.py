@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, SettingsError
 from mpsnet_core.estimate.registry import find_network, registered_models
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, silent
@@ -21,13 +21,13 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class HadWorkers(Operation):
-    """What scripts may still give: options of the processes that made examples."""
+    """Options that scripts may still pass, of the processes that made examples."""
 
     workers: str | None = option(default=None, help="", provenance="none")
     keep: bool = option(default=False, help="", provenance="none")
 
     def note_removed_options(self) -> None:
-        """Tell who gives them that they do nothing any more."""
+        """Report that they do nothing any more, where they are used."""
         if self.workers is not None or self.keep:
             log.info("--workers and --keep do nothing any more: examples are made where the network learns")
 
@@ -56,7 +56,7 @@ class Train(HadWorkers):
     samples: tuple[str, ...] = option(metavar="DIR", help="to train on")
     validation: tuple[str, ...] = option(default=(), metavar="DIR", help="held-out samples")
     checkpoint: str | None = option(
-        default=None, metavar="FILE", help="written on the way (default: beside the output)", provenance="none"
+        default=None, metavar="FILE", help="written on the way", unset="beside the output", provenance="none"
     )
     resume: str | None = option(
         default=None, metavar="FILE", help="a checkpoint to go on from, or a network to train further"
@@ -116,9 +116,9 @@ class Train(HadWorkers):
     def _check_numbers(self) -> None:
         for name in ("threads", "stop_after", "anneal"):
             if getattr(self, name) < 0:
-                raise InputError(f"--{name.replace('_', '-')} cannot be {getattr(self, name)}; choose 0 or more")
+                raise SettingsError(f"--{name.replace('_', '-')} cannot be {getattr(self, name)}; choose 0 or more")
         if not 0 <= self.minutes < 1e6:
-            raise InputError(f"--minutes cannot be {self.minutes:g}; choose a number from 0 to a million")
+            raise SettingsError(f"--minutes cannot be {self.minutes:g}; choose a number from 0 to a million")
 
     def _places(self, output: Path) -> "Places":
         from mpsnet_core.io.files import makeable_folder, writable_path
@@ -156,7 +156,7 @@ class Quantize(Operation):
     output: str = option(short="-o", metavar="MODEL", help="the .onnx file", provenance="none")
 
     def run(self, progress: Progress = silent) -> TwinMade:
-        """Write the twin, and tell what it costs."""
+        """Write the twin, and report what it costs in accuracy."""
         from mpsnet_core.io.frames import check_apart
         from mpsnet_core.learning.training.quantize import quantise
 
@@ -185,5 +185,5 @@ def _model_path(path: str) -> Path:
 
     output = writable_path(path)
     if output.suffix.lower() != ".onnx":
-        raise InputError(f"cannot write {output}: models are written as .onnx; change the suffix")
+        raise FileError(f"cannot write {output}: models are written as .onnx; change the suffix")
     return output

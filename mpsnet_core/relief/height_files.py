@@ -82,14 +82,30 @@ class HeightScale:
         """What to put into the modifier, for people."""
         return f"Blender's Displace: strength {self.strength:.6g}, midlevel {self.midlevel:.6g}"
 
-    def facts(self) -> dict[str, float]:
-        """The scale as plain data, for programs."""
-        return {name: getattr(self, name) for name in ("black", "white", "strength", "midlevel")}
+    def facts(self, lowest: float, highest: float, seam_step: float | None = None) -> "HeightFacts":
+        """The figures of heights that are written at this scale."""
+        return HeightFacts(lowest, highest, self.black, self.white, self.strength, self.midlevel, seam_step)
 
     def __str__(self) -> str:
         if (self.black, self.white) == (0, 1):
             return f"its values are heights in {self.unit}"
         return f"black is {self.black:.6g} {self.unit}, white {self.white:.6g} {self.unit}"
+
+
+@dataclass(frozen=True)
+class HeightFacts:
+    """Figures of written heights: the lowest and the highest, and the file's scale, as :class:`HeightScale` has it.
+
+    seam_step: of heights on UVs, the step between the two sides of a seam.
+    """
+
+    lowest: float
+    highest: float
+    black: float
+    white: float
+    strength: float
+    midlevel: float
+    seam_step: float | None = None
 
 
 def height_files(path: str | os.PathLike[str], bits: int | None = None) -> list[Path]:

@@ -22,7 +22,7 @@ from mpsnet_core.defaults import (
     MIN_OVERLAP,
     OVERLAP,
 )
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.estimate.operations import RunsModel
 from mpsnet_core.estimate.registry import LAMBERTIAN_GREY_WORLD
 from mpsnet_core.operation import Operation, Result, option, settings
@@ -31,13 +31,14 @@ from mpsnet_core.progress import Progress, part, silent
 if TYPE_CHECKING:
     from mpsnet_core.capture.capture import Capture
     from mpsnet_core.relief.displacement.displacement_files import HeightsOnUVs
-    from mpsnet_core.relief.products import Product, Surface
+    from mpsnet_core.relief.height_files import HeightFacts
+    from mpsnet_core.relief.products import CurvatureFacts, MeshFacts, OcclusionFacts, Product, RelitFacts, Surface
     from mpsnet_core.scene.camera import Camera
     from mpsnet_core.scene.normal_map import NormalMap
 
 log = logging.getLogger(__name__)
 
-# What is made of a photo's normals, in this order; each is asked for by the option of its name.
+# The products of a photo's normals, in this order; each is requested by the option of its name.
 PRODUCTS = ("height", "curvature", "occlusion", "relit", "mesh")
 # Options that go with a photo's normal map only.
 _OF_PHOTOS = ("camera", "focal", "pixel_size", "distance", "method", "mesh", "curvature", "occlusion", "relit")
@@ -55,35 +56,27 @@ _ONE_SCALE = "give one of --width, --pixel-size or --ruler"
 
 @dataclass(frozen=True)
 class SurfaceMade(Result):
-    """What was made of a photo's normals.
+    """The products of a photo's normals.
 
-    outputs: the files. unit: what the unit of all numbers is called. height, curvature, occlusion, relit, mesh: what
-    there is to tell of each that was asked for.
+    outputs: the files. unit: what the unit of all numbers is called. height, curvature, occlusion, relit, mesh:
+    the figures of each that was requested.
     """
 
     outputs: list[str]
     unit: str
-    height: dict[str, Any] | None = None
-    curvature: dict[str, Any] | None = None
-    occlusion: dict[str, Any] | None = None
-    relit: dict[str, Any] | None = None
-    mesh: dict[str, Any] | None = None
+    height: "HeightFacts | None" = None
+    curvature: "CurvatureFacts | None" = None
+    occlusion: "OcclusionFacts | None" = None
+    relit: "RelitFacts | None" = None
+    mesh: "MeshFacts | None" = None
 
 
 @dataclass(frozen=True)
-class Integrate(Operation):
-    """Normal map to heights, a mesh, curvature and more."""
+class HasScale(Operation):
+    """How the camera of a photo sees, and in what unit."""
 
-    command: ClassVar[str] = "integrate"
+    heading: ClassVar[str] = "what the photo was taken with"
 
-    normals: str = option(
-        positional=True,
-        help="normal map in camera space, as `mpsnet estimate` writes it; or with --uvs a texture",
-        provenance="files",
-    )
-    convention: Literal["opengl", "directx"] = option(
-        default="opengl", choices=CONVENTIONS, help="which way the green channel of the normal map points"
-    )
     camera: str | None = option(default=None, help="camera file of the photo", provenance="content")
     focal: float | None = option(
         default=None,
@@ -100,18 +93,18 @@ class Integrate(Operation):
         unset="1 for a perspective camera",
     )
     unit: str | None = option(default=None, help="what the unit of all these is called: mm, m, ...")
-    method: Literal["fast", "bilateral"] = option(
-        default="fast",
-        choices={
-            "fast": "one surface without gaps: for one object, reliefs, cloth",
-            "bilateral": "it breaks where one thing stands before another; takes several times as long",
-        },
-        help="whether the surface may break",
-    )
+
+
+@dataclass(frozen=True)
+class MakesProducts(Operation):
+    """The products of a photo's normals."""
+
+    heading: ClassVar[str] = "what to make, at least one of these"
+
     height: str | None = option(
         default=None,
         metavar="FILE",
-        help=".exr, float heights; or .png or .tif, 16 bits from black to white. FILE.json says what they mean",
+        help=".exr, float heights; or .png or .tif, 16 bits from black to white. FILE.json states what they mean",
         provenance="none",
     )
     height_bits: int | None = option(default=None, metavar="BITS", help="32 for float heights in .tif")
@@ -168,6 +161,14 @@ class Integrate(Operation):
         metavar="N",
         help="the light goes around in N steps: one picture of all, or frames where FILE has ####",
     )
+
+
+@dataclass(frozen=True)
+class DisplacesMesh(Operation):
+    """How the heights of a texture on a mesh's UVs are made."""
+
+    heading: ClassVar[str] = "heights on a mesh's UVs, from the normal texture that was baked onto them"
+
     uvs: str | None = option(
         default=None,
         metavar="MESH",
@@ -200,13 +201,37 @@ class Integrate(Operation):
         help="with --uvs, pixels by which the heights are continued beyond the borders of the UV islands",
     )
 
+
+@dataclass(frozen=True)
+class Integrate(DisplacesMesh, MakesProducts, HasScale):
+    """Normal map to heights, a mesh, curvature and more."""
+
+    command: ClassVar[str] = "integrate"
+
+    normals: str = option(
+        positional=True,
+        help="normal map in camera space, as `mpsnet estimate` writes it; or with --uvs a texture",
+        provenance="files",
+    )
+    convention: Literal["opengl", "directx"] = option(
+        default="opengl", choices=CONVENTIONS, help="which way the green channel of the normal map points"
+    )
+    method: Literal["fast", "bilateral"] = option(
+        default="fast",
+        choices={
+            "fast": "one surface without gaps: for one object, reliefs, cloth",
+            "bilateral": "it breaks where one thing stands before another; takes several times as long",
+        },
+        help="whether the surface may break",
+    )
+
     def run(self, progress: Progress = silent) -> "SurfaceMade | HeightsOnUVs":
-        """Write all that is asked for, or the heights on a mesh's UVs."""
+        """Write all that is requested, or the heights on a mesh's UVs."""
         self._check_together()
         if self.uvs is None:
             return self._of_photo(progress)
         if self.height is None:
-            raise InputError("--uvs makes heights; name their file with --height")
+            raise SettingsError("--uvs makes heights; name their file with --height")
         from mpsnet_core.relief.displacement.displacement_files import write_displacement
 
         return write_displacement(
@@ -225,7 +250,7 @@ class Integrate(Operation):
         )
 
     def _check_together(self) -> None:
-        """Raises InputError where an option is given that the others make meaningless."""
+        """Raises SettingsError where an option is set that the others make meaningless."""
         given = {
             setting.name: "--" + setting.name.replace("_", "-")
             for setting in settings(type(self))
@@ -233,10 +258,12 @@ class Integrate(Operation):
         }
         for name in _OF_PHOTOS if self.uvs else ():
             if name in given:
-                raise InputError(f"{given[name]} goes with a photo's normals, not with --uvs; leave it out")
+                raise SettingsError(f"{given[name]} goes with a photo's normals, not with --uvs; leave it out")
         for name, needed in _NEEDED.items():
             if name in given and not getattr(self, needed):
-                raise InputError(f"{given[name]} goes with --{needed}, which is not given; leave it out, or give both")
+                raise SettingsError(
+                    f"{given[name]} goes with --{needed}, which is not given; leave it out, or give both"
+                )
 
     def _of_photo(self, progress: Progress) -> SurfaceMade:
         from mpsnet_core.io.files import written_together
@@ -246,7 +273,7 @@ class Integrate(Operation):
         progress(0.0, f"reading {Path(self.normals).name}")
         surface = self._surface(self._read_normals(), part(progress, 0.05, 0.75))
         outputs: list[str] = []
-        facts: dict[str, dict[str, Any]] = {}
+        facts: dict[str, Any] = {}
         lines, no_mesh = [], None
         with written_together():
             for number, (name, product) in enumerate(products.items()):
@@ -265,24 +292,24 @@ class Integrate(Operation):
         return SurfaceMade(outputs, surface.unit, **facts, text="\n".join(lines))
 
     def _products(self) -> "dict[str, Product]":
-        """What is asked for, by its option. Raises InputError where that is nothing, or cannot be made or written."""
+        """What is requested, by its option. Raises InputError where that is nothing, or cannot be made or written."""
         from mpsnet_core.bake.texture_names import check_one_texture
         from mpsnet_core.io.frames import check_apart, is_several
 
         for file in (self.normals, self.height or ""):
             check_one_texture(file)
-        asked = {name: self._product(name, Path(file)) for name in PRODUCTS if (file := getattr(self, name))}
-        if not asked:
+        requested = {name: self._product(name, Path(file)) for name in PRODUCTS if (file := getattr(self, name))}
+        if not requested:
             wanted = ", ".join(f"--{name}" for name in PRODUCTS)
-            raise InputError(f"nothing is asked for; give at least one of {wanted} with a file")
+            raise SettingsError(f"nothing is requested; give at least one of {wanted} with a file")
         if is_several(self.normals):
-            raise InputError(f"{self.normals} means several normal maps; integrate them one by one")
+            raise SettingsError(f"{self.normals} means several normal maps; integrate them one by one")
         taken = [Path(file) for file in (self.normals, self.camera, self.albedo) if file]
-        for product in asked.values():
+        for product in requested.values():
             files = product.files()
             check_apart(taken, files)
             taken += files
-        return asked
+        return requested
 
     def _product(self, name: str, path: Path) -> "Product":
         from mpsnet_core.relief import products
@@ -298,24 +325,23 @@ class Integrate(Operation):
         return products.MeshFile(path, self.faces, self.open, self.up or ("z" if self.camera else "y"), self.distance)
 
     def _read_normals(self) -> "NormalMap":
+        from mpsnet_core.io.files import located
         from mpsnet_core.relief.surface_mesh import check_has_faces
         from mpsnet_core.scene.normal_map import OUTWARDS_SHARE, read_normals
 
         normals = read_normals(self.normals, convention=self.convention)
         if (normals.vectors[normals.mask, 2] >= 0).mean() < OUTWARDS_SHARE:
-            raise InputError(
+            raise GeometryError(
                 f"{self.normals} is not in camera space: many of its normals point away from the camera; give a "
                 "photo's normals, or for a texture its mesh with --uvs"
             )
         if self.mesh:
-            try:
+            with located(self.normals):
                 check_has_faces(normals.mask)
-            except InputError as error:
-                raise InputError(f"{self.normals}: {error}") from None
         return normals
 
     def _surface(self, normals: "NormalMap", progress: Progress) -> "Surface":
-        """What the products that are asked for are made of, and no more."""
+        """What the requested products are computed from, and no more."""
         from mpsnet_core.io.images import read_image
         from mpsnet_core.relief.height_map import pixel_camera
         from mpsnet_core.relief.integration.integrate import integrate
@@ -326,7 +352,7 @@ class Integrate(Operation):
         given = self._camera(*normals.mask.shape)
         camera = given or pixel_camera(*normals.mask.shape)
         if self.distance is not None and not 0 < self.distance < float("inf"):
-            raise InputError(f"--distance {self.distance:g} is none; the distance must be a number above 0")
+            raise SettingsError(f"--distance {self.distance:g} is none; the distance must be a number above 0")
         albedo = read_image(self.albedo).pixels if self.relit and self.albedo else None
         if albedo is not None:
             check_size("albedo", albedo.shape, normals)
@@ -350,7 +376,7 @@ class Integrate(Operation):
         return Surface(normals, camera, self.unit or ("unit" if given else "pixel"), heights, occlusion, albedo)
 
     def _camera(self, height: int, width: int) -> "Camera | None":
-        """The camera of a photo of that size, None where the options tell none."""
+        """The camera of a photo of that size, None where the options define none."""
         import numpy as np
 
         from mpsnet_core.scene.camera import Camera, camera_of_lens, read_camera
@@ -358,11 +384,11 @@ class Integrate(Operation):
         given = [name for name in ("camera", "focal", "pixel_size") if getattr(self, name) is not None]
         if len(given) > 1:
             names = " and ".join("--" + name.replace("_", "-") for name in given)
-            raise InputError(f"{names} tell the same; give one of them")
+            raise SettingsError(f"{names} define the same camera; give one of them")
         if self.camera:
             camera = read_camera(self.camera)
             if (camera.height, camera.width) != (height, width):
-                raise InputError(
+                raise GeometryError(
                     f"camera {self.camera} is {camera.width} x {camera.height} but {self.normals} is "
                     f"{width} x {height}; give the camera that the photo was taken with"
                 )
@@ -371,7 +397,7 @@ class Integrate(Operation):
             return camera_of_lens(self.focal, width, height)
         if self.pixel_size is not None:
             if not (np.isfinite(self.pixel_size) and self.pixel_size > 0):
-                raise InputError(f"--pixel-size {self.pixel_size:g} is no size; give a number above 0")
+                raise SettingsError(f"--pixel-size {self.pixel_size:g} is no size; give a number above 0")
             return Camera("orthographic", width, height, np.full(2, 1 / self.pixel_size))
         return None
 
@@ -392,21 +418,11 @@ class MaterialMade(Result):
 
 
 @dataclass(frozen=True)
-class MakeMaterial(RunsModel, HasViewpoint, ReadsPhotos):
-    """Photo of cloth, leather or bark to textures that repeat without a seam."""
+class MeasuresPhoto(Operation):
+    """How large what the photo shows is."""
 
-    command: ClassVar[str] = "material"
+    heading: ClassVar[str] = "how large it is, one of these"
 
-    image: str = option(
-        positional=True, help="photo of something flat that fills it, or its --crop", provenance="files"
-    )
-    rig: str = option(help="rig file (.json, or .lp with three lights)", provenance="content")
-    # Of cloth and leather, which are matt and lit by all three lights, equation 2 tells more than the networks, which
-    # have learned from whole objects.
-    model: str = option(
-        default=LAMBERTIAN_GREY_WORLD,
-        help="what turns the photo into normals: one of the models by its name, or an .onnx file",
-    )
     width: str | None = option(
         default=None, metavar="LENGTH", help="what the photo's whole width measures: 120mm, 12cm, 4.5in"
     )
@@ -417,6 +433,39 @@ class MakeMaterial(RunsModel, HasViewpoint, ReadsPhotos):
         default=None,
         metavar="X1,Y1,X2,Y2=LENGTH",
         help="in place of --width, what two places measure, in pixels: 120,80,1620,95=50mm",
+    )
+
+    def _scale(self) -> tuple[float, float | None]:
+        """A length in millimetres, and how many of the photo's pixels it is; None for its width, not known yet."""
+        from mpsnet_core.relief.material.scale import millimetres, parse_ruler
+
+        if sum(given is not None for given in (self.width, self.pixel_size, self.ruler)) > 1:
+            raise SettingsError(f"several options state how large it is; {_ONE_SCALE}")
+        if self.width is not None:
+            return millimetres(self.width), None
+        if self.pixel_size is not None:
+            return millimetres(self.pixel_size), 1.0
+        if self.ruler is not None:
+            ruler = parse_ruler(self.ruler)
+            return ruler.length_mm, ruler.pixels
+        raise SettingsError(f"nothing states how large it is; {_ONE_SCALE}")
+
+
+@dataclass(frozen=True)
+class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
+    """Photo of cloth, leather or bark to textures that repeat without a seam."""
+
+    command: ClassVar[str] = "material"
+
+    image: str = option(
+        positional=True, help="photo of something flat that fills it, or its --crop", provenance="files"
+    )
+    rig: str = option(help="rig file (.json, or .lp with three lights)", provenance="content")
+    # Of cloth and leather, matt and lit by all three lights, equation 2 recovers more than networks that have learned
+    # from whole objects.
+    model: str = option(
+        default=LAMBERTIAN_GREY_WORLD,
+        help="what turns the photo into normals: one of the models by its name, or an .onnx file",
     )
     crop: str | None = option(
         default=None, metavar="X,Y,W,H", help="the part of the photo to use, from its upper left corner"
@@ -494,30 +543,15 @@ class MakeMaterial(RunsModel, HasViewpoint, ReadsPhotos):
             f"{_repeats(material.tiling.alike)}; seam {seam:.2f}, where 1 is none",
         )
 
-    def _scale(self) -> tuple[float, float | None]:
-        """A length in millimetres, and how many of the photo's pixels it is; None for its width, not known yet."""
-        from mpsnet_core.relief.material.scale import millimetres, parse_ruler
-
-        if sum(given is not None for given in (self.width, self.pixel_size, self.ruler)) > 1:
-            raise InputError(f"several options tell how large it is; {_ONE_SCALE}")
-        if self.width is not None:
-            return millimetres(self.width), None
-        if self.pixel_size is not None:
-            return millimetres(self.pixel_size), 1.0
-        if self.ruler is not None:
-            ruler = parse_ruler(self.ruler)
-            return ruler.length_mm, ruler.pixels
-        raise InputError(f"nothing tells how large it is; {_ONE_SCALE}")
-
     def _checked_name(self) -> str:
-        """What the files' names begin with. Raises InputError where name or folder cannot be meant."""
+        """What the files' names begin with. Raises SettingsError where name or folder cannot be meant."""
         from mpsnet_core.io.files import IMAGE_SUFFIXES
 
         name = Path(self.image).stem if self.name is None else self.name
         if Path(name).name != name:
-            raise InputError(f"--name {name} is not a file's name; give the folder with -o")
+            raise SettingsError(f"--name {name} is not a file's name; give the folder with -o")
         if Path(self.output).suffix.lower() in IMAGE_SUFFIXES:
-            raise InputError(f"--output {self.output} ends like a picture; give the folder for all of them")
+            raise SettingsError(f"--output {self.output} ends like a picture; give the folder for all of them")
         return name
 
     def _capture(
@@ -525,6 +559,7 @@ class MakeMaterial(RunsModel, HasViewpoint, ReadsPhotos):
     ) -> "tuple[Capture, float]":
         """The part of the photo to use, and what a pixel measures in millimetres."""
         from mpsnet_core.capture.capture import capture_from
+        from mpsnet_core.io.files import located
         from mpsnet_core.io.images import read_image
         from mpsnet_core.relief.material.material import filled_part
         from mpsnet_core.relief.material.scale import parse_ruler
@@ -533,16 +568,14 @@ class MakeMaterial(RunsModel, HasViewpoint, ReadsPhotos):
         rig, correction, (camera, depth) = read_rig(self.rig), self.correction(), self.viewpoint()
         image = read_image(self.image, encoding=self.encoding, layer=self.layer)
         mask = "none" if image.alpha is None else "alpha"
-        try:
+        with located(self.image):
             capture = capture_from(image, rig, mask=mask, camera=camera, depth=depth, correction=correction)
             height, width = capture.mask.shape
             if self.ruler:
                 parse_ruler(self.ruler).check_within(height, width)
             return filled_part(capture, crop), length_mm / (pixels or width)
-        except InputError as error:
-            raise InputError(f"{self.image}: {error}") from None
 
 
 def _repeats(alike: tuple[float | None, float | None]) -> str:
-    told = [f"{share:.0%} alike {way}" for share, way in zip(alike, ("across", "down"), strict=True) if share]
-    return f"it repeats in the photo, {' and '.join(told)}" if told else "nothing in the photo repeats"
+    repeats = [f"{share:.0%} alike {way}" for share, way in zip(alike, ("across", "down"), strict=True) if share]
+    return f"it repeats in the photo, {' and '.join(repeats)}" if repeats else "nothing in the photo repeats"

@@ -4,7 +4,7 @@ import re
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from mpsnet_core.io.files import writable_path
 from mpsnet_core.io.images import checked_bits, write_image
 from mpsnet_core.progress import Progress
 from mpsnet_core.relief.curvature import check_curvature, curvature, curvature_picture, curvature_range
-from mpsnet_core.relief.height_files import height_files, write_height
+from mpsnet_core.relief.height_files import HeightFacts, height_files, write_height
 from mpsnet_core.relief.height_map import HeightMap
 from mpsnet_core.relief.height_names import height_names
 from mpsnet_core.relief.occlusion import check_reach
@@ -47,12 +47,45 @@ class Surface:
 
 
 @dataclass(frozen=True)
+class CurvatureFacts:
+    """range: the curvature that is white."""
+
+    range: float
+
+
+@dataclass(frozen=True)
+class OcclusionFacts:
+    """mean: the share of the light that comes in."""
+
+    mean: float
+
+
+@dataclass(frozen=True)
+class RelitFacts:
+    """tilts: of the lights, in degrees."""
+
+    tilts: list[float]
+
+
+@dataclass(frozen=True)
+class MeshFacts:
+    """How many vertices and faces there are, and the axis that points up."""
+
+    vertices: int
+    faces: int
+    up: Up
+
+
+Facts: TypeAlias = HeightFacts | CurvatureFacts | OcclusionFacts | RelitFacts | MeshFacts
+
+
+@dataclass(frozen=True)
 class Made:
-    """Files that were written, described in words and as plain data."""
+    """Files that were written, described in words and by figures."""
 
     files: list[Path]
     words: str
-    facts: dict[str, Any]
+    facts: Facts
 
 
 @dataclass(frozen=True)
@@ -85,7 +118,7 @@ class HeightPicture(Product):
         progress(0.0, f"writing {self.path.name}")
         scale = write_height(self.path, heights, bits=self.bits, unit=surface.unit)
         inside = heights.values[heights.mask]
-        facts = {"lowest": float(inside.min()), "highest": float(inside.max()), **scale.facts()}
+        facts = scale.facts(float(inside.min()), float(inside.max()))
         from_camera = "; height 0 is at the camera" if heights.camera.projection == "perspective" else ""
         files = height_names(self.path)
         return Made(files[:2] if heights.mask.all() else files, f"{scale}{from_camera}; {scale.displace_words}", facts)
@@ -113,7 +146,7 @@ class CurvaturePicture(Product):
         else:
             words = f"flat is 0.5, white is convex by {limit:.6g} / {unit} (the sum of both curvatures), black concave"
             write_image(self.path, curvature_picture(values, limit), bits=16, description=words)
-        return Made([self.path], words, {"range": limit})
+        return Made([self.path], words, CurvatureFacts(limit))
 
 
 @dataclass(frozen=True)
@@ -130,7 +163,7 @@ class OcclusionPicture(Product):
         assert surface.occlusion is not None
         write_image(self.path, surface.occlusion)
         mean = float(surface.occlusion[surface.normals.mask].mean())
-        return Made([self.path], f"on the mean {mean:.1%} of the light comes in", {"mean": round(mean, 4)})
+        return Made([self.path], f"on the mean {mean:.1%} of the light comes in", OcclusionFacts(round(mean, 4)))
 
 
 @dataclass(frozen=True)
@@ -172,7 +205,7 @@ class RelitPicture(Product):
                 picture = relit(surface.normals, direction, occlusion=occlusion, albedo=albedo)
                 write_image(file, picture, bits=8, color_space="sRGB")
         around = f"{len(tilts)} lights around from" if len(tilts) > 1 else "a white light at"
-        return Made(files, f"{around} slant {slant:g}°, tilt {tilt:g}°", {"tilts": tilts})
+        return Made(files, f"{around} slant {slant:g}°, tilt {tilt:g}°", RelitFacts(tilts))
 
 
 @dataclass(frozen=True)
@@ -200,8 +233,8 @@ class MeshFile(Product):
         mesh = surface_mesh(heights, surface.normals, faces=self.faces, open_from=self.open_from, progress=progress)
         progress(0.9, f"writing {self.path.name}")
         write_surface_mesh(self.path, mesh, up=self.up)
-        facts = {"vertices": len(mesh.vertices), "faces": len(mesh.triangles), "up": self.up}
-        count = "1 face" if facts["faces"] == 1 else f"{facts['faces']} faces"
+        facts = MeshFacts(len(mesh.vertices), len(mesh.triangles), self.up)
+        count = "1 face" if facts.faces == 1 else f"{facts.faces} faces"
         return Made([self.path], f"{count}, in {surface.unit}", facts)
 
 

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from mpsnet_core.defaults import ENCODINGS
-from mpsnet_core.errors import InputError
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, silent
 
@@ -25,6 +24,8 @@ class CamerasWritten(Result):
 @dataclass(frozen=True)
 class ReadsPictures(Operation):
     """How the values of pictures are meant."""
+
+    heading: ClassVar[str] = "how photos are read"
 
     encoding: Literal["auto", "linear", "srgb"] = option(
         default="auto", choices=ENCODINGS, help="how the photo's values stand for light"
@@ -68,31 +69,29 @@ class WriteCameras(ReadsPictures):
             self._straighten(view, camera, folder / f"{view.name}.exr")
             straightened += 1
         progress(1.0, "done")
-        told = f", {straightened} photo(s) without their lens" if straightened else ", whose lenses bend nothing"
+        lenses = f", {straightened} photo(s) without their lens" if straightened else ", whose lenses bend nothing"
         return CamerasWritten(
             str(folder),
             [f"{view.name}{CAMERA_SUFFIX}" for view in views],
             straightened,
-            text=f"{folder}: {len(views)} camera(s){told}",
+            text=f"{folder}: {len(views)} camera(s){lenses}",
         )
 
     def _straighten(self, view: "ViewPhoto", camera: Path, photo: Path) -> None:
         """Write the camera and the photo without its lens, both or neither."""
         import numpy as np
 
-        from mpsnet_core.io.files import written_together
+        from mpsnet_core.io.files import located, written_together
         from mpsnet_core.io.images import read_image, write_image
         from mpsnet_core.scene.camera import write_camera
         from mpsnet_core.scene.photogrammetry import undistorted, undistorted_mask
 
         assert view.lens is not None
-        try:
+        with located(view.photo):
             image = read_image(view.photo, encoding=self.encoding)
             pixels = undistorted(image.pixels, view.camera, view.lens)
             shown = np.ones(image.pixels.shape[:2], bool) if image.alpha is None else image.alpha > 0.5
             alpha = undistorted_mask(shown, view.camera, view.lens)
-        except InputError as error:
-            raise InputError(f"{view.photo}: {error}") from None
         stored = np.concatenate([pixels, alpha[..., None]], axis=-1)
         with written_together():
             write_camera(camera, view.camera)

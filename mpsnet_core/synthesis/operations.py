@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, Literal
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, SettingsError
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.synthesis.job import CONTACT_SHEET, MAX_BOUNCES, RANGES, SampleJob, read_job
@@ -28,6 +28,8 @@ class SamplesMade(Result):
 @dataclass(frozen=True)
 class RunsWorkers(Operation):
     """Who makes samples: processes on this machine, or a cluster."""
+
+    heading: ClassVar[str] = "who makes the samples"
 
     processes: int = option(
         default=0,
@@ -139,7 +141,7 @@ class Synthesize(RunsWorkers):
         from mpsnet_core.synthesis.shapes import mesh_files
 
         job = self.job()
-        # What is missing is told before anything is begun.
+        # What is missing is reported before anything is begun.
         if job.meshes:
             mesh_files(job.meshes)
         if job.merl:
@@ -147,7 +149,7 @@ class Synthesize(RunsWorkers):
         return self.make(self.output, job, progress)
 
     def job(self) -> SampleJob:
-        """What the samples are drawn from. Raises InputError as `SampleJob` does."""
+        """What the samples are drawn from. Raises SettingsError as `SampleJob` does."""
         from mpsnet_core.io.files import resolved
 
         if self.shapes is not None:
@@ -181,10 +183,10 @@ class MakeSamples(RunsWorkers):
     addon: str = option(default="", metavar="MODULE", help="the extension in it, unless always enabled there")
 
     def run(self, progress: Progress = silent) -> SamplesMade:
-        """Make the samples that the folder's job asks for and that it does not hold yet."""
+        """Make the samples that the folder's job has and that it does not hold yet."""
         job = read_job(self.folder)
         if self.blender and job.renderer != "cycles":
-            raise InputError(f"the samples of {self.folder} are made without Blender; leave --blender out")
+            raise SettingsError(f"the samples of {self.folder} are made without Blender; leave --blender out")
         return self.make(self.folder, job, progress, self.blender, self.addon)
 
 
@@ -231,14 +233,14 @@ class ShowSamples(Operation):
     )
 
     def run(self, progress: Progress = silent) -> SamplesShown:
-        """Write the picture, and tell what the samples are."""
+        """Write the picture, and describe the samples."""
         from mpsnet_core.io.files import writable_path
         from mpsnet_core.io.frames import check_apart
         from mpsnet_core.io.images import checked_bits
         from mpsnet_core.synthesis.contact_sheet import folder_samples, is_sample, show, summarise, write_sheet
 
         if self.count < 1:
-            raise InputError(f"--count {self.count} shows nothing; choose 1 or more")
+            raise SettingsError(f"--count {self.count} shows nothing; choose 1 or more")
         paths = [Path(path) for path in self.path]
         first = paths[0]
         beside = first / CONTACT_SHEET if first.is_dir() else first.with_name(f"{first.stem}_sheet.png")
@@ -259,7 +261,7 @@ class ShowSamples(Operation):
         write_sheet(output, show(samples, photos, self.count))
         progress(1.0, "done")
         skipped = [f"skipped {len(summary.skipped)} file(s)", *summary.skipped[:NAMED]] if summary.skipped else []
-        told = [str(summary)] if samples else []
+        described = [str(summary)] if samples else []
         return SamplesShown(
             str(output),
             summary.count,
@@ -267,5 +269,5 @@ class ShowSamples(Operation):
             summary.mean_shares,
             summary.samples_with,
             summary.skipped,
-            text="\n".join([*told, *skipped, str(output)]),
+            text="\n".join([*described, *skipped, str(output)]),
         )

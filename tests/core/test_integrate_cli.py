@@ -134,7 +134,7 @@ def test_python_gives_what_the_command_line_gives(here: Path, capsys: pytest.Cap
 
 
 BAD: list[tuple[str, str]] = [
-    ("n.png", "nothing is asked for; give at least one of --height, --curvature, --occlusion, --relit, --mesh"),
+    ("n.png", "nothing is requested; give at least one of --height, --curvature, --occlusion, --relit, --mesh"),
     ("gone.png --height h.png", "image gone.png does not exist"),
     ("camera.json --height h.png", "camera.json cannot be read as an image"),
     ("flat.png --height h.png", "flat.png is not a normal map"),
@@ -179,8 +179,8 @@ BAD: list[tuple[str, str]] = [
     ("n.png --height h.png --convention up", "convention 'up' is not known"),
     ("n.png --height h.png --camera gone.json", "gone.json does not exist"),
     ("n.png --height h.png --camera small.json", "camera small.json is 8 x 8 but n.png is 72 x 64"),
-    ("n.png --height h.png --camera camera.json --focal 50", "--camera and --focal tell the same; give one"),
-    ("n.png --height h.png --focal 50 --pixel-size 1", "--focal and --pixel-size tell the same; give one"),
+    ("n.png --height h.png --camera camera.json --focal 50", "--camera and --focal define the same camera; give one"),
+    ("n.png --height h.png --focal 50 --pixel-size 1", "--focal and --pixel-size define the same camera; give one"),
     ("n.png --height h.png --focal -50", "a focal length is a number of millimetres above 0"),
     ("n.png --height h.png --pixel-size 0", "--pixel-size 0 is no size; give a number above 0"),
     ("n.png --height h.png --pixel-size nan", "--pixel-size nan is no size"),

@@ -324,8 +324,8 @@ def test_directx_turns_green_and_nothing_else(photo, tmp_path):
 
 
 BAD = {
-    "no scale": ([], "nothing tells how large it is; give one of --width, --pixel-size or --ruler"),
-    "two scales": (["--width", "1m", "--pixel-size", "1mm"], "several options tell how large it is"),
+    "no scale": ([], "nothing states how large it is; give one of --width, --pixel-size or --ruler"),
+    "two scales": (["--width", "1m", "--pixel-size", "1mm"], "several options state how large it is"),
     "no unit": (["--width", "120"], "'120' is not a length; give a number and its unit"),
     "ruler without length": (["--ruler", "1,2,3,4"], "'' is not a length"),
     "ruler of three": (["--ruler", "1,2,3=5mm"], "--ruler 1,2,3=5mm is not x1,y1,x2,y2=50mm"),

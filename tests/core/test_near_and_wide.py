@@ -220,10 +220,10 @@ def test_the_command_line_takes_camera_and_distance(
     ("arguments", "sentence"),
     [
         ((), "the rig's lights stand near the object, so its distance counts: give the camera"),
-        (("--camera", "camera.json", "--focal", "50"), "--camera and --focal both tell the lens"),
+        (("--camera", "camera.json", "--focal", "50"), "--camera and --focal both define the lens"),
         (("--focal", "0"), "a focal length is a number of millimetres above 0"),
         (("--focal", "50", "--mesh", "ball.obj"), "--mesh needs --camera"),
-        (("--camera", "camera.json", "--mesh", "ball.obj", "--distance", "3"), "both tell how far"),
+        (("--camera", "camera.json", "--mesh", "ball.obj", "--distance", "3"), "both define how far"),
         (("--camera", "camera.json", "--distance", "-3"), "the object's distance is a number above 0, not -3"),
         (("--camera", "away.json", "--mesh", "ball.obj"), "away.json: the camera does not see the mesh"),
         (("--camera", "small.json", "--mesh", "ball.obj"), "the camera is 80 x 80 but the photo is 160 x 160"),

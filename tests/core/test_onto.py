@@ -183,8 +183,8 @@ def test_the_present_maps_convention_is_told(bench: Bench) -> None:
     [
         (["--onto", "good", "--space", "object"], "bake in tangent space"),
         (["--onto", "good", "--onto-convention", "metal"], "convention 'metal' is not known"),
-        (["--onto-shown", "yes"], "--onto-convention and --onto-shown tell of the map of --onto"),
-        (["--onto-convention", "directx"], "--onto-convention and --onto-shown tell of the map of --onto"),
+        (["--onto-shown", "yes"], "--onto-convention and --onto-shown describe the map of --onto"),
+        (["--onto-convention", "directx"], "--onto-convention and --onto-shown describe the map of --onto"),
         (["--format", "exr"], "out.png ends in; change one, or leave --format out"),
         (["--onto", "good", "--strength", "3"], "strength 3 cannot be; choose 0 to 2"),
         (["--onto", "photo"], "photo.png is not a normal map: its colours are not unit vectors"),

@@ -10,7 +10,7 @@ from mpsnet_core.cli.arguments import Parser
 from mpsnet_core.cli.command import OPERATIONS
 from mpsnet_core.cli.operations import add_operation
 from mpsnet_core.cli.reporter import Reporter
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, InputError
 from mpsnet_core.io.provenance import operation_facts
 from mpsnet_core.operation import Operation, Result, option, settings
 from mpsnet_core.progress import Progress, silent
@@ -23,7 +23,17 @@ class Answer(Result):
 
 
 @dataclass(frozen=True)
-class Grind(Operation):
+class UsesMill(Operation):
+    """What grinds."""
+
+    heading: ClassVar[str] = "the mill"
+
+    stones: tuple[str, ...] = option(default=(), help="a millstone", provenance="content")
+    gap: int = option(default=0, help="between the stones")
+
+
+@dataclass(frozen=True)
+class Grind(UsesMill):
     """Grind beans to powder."""
 
     command: ClassVar[str] = "grind"
@@ -133,6 +143,31 @@ def test_provenance_changes_with_what_makes_another_result_alone(tmp_path: Path)
     assert facts() != first
 
 
+def test_provenance_takes_each_of_several_files_by_its_content(tmp_path: Path) -> None:
+    stones = [tmp_path / "upper", tmp_path / "lower"]
+    for stone in stones:
+        stone.write_text("granite")
+
+    def facts() -> str:
+        return operation_facts(Grind(beans=("a",), output="bag", stones=tuple(map(str, stones))))
+
+    first = facts()
+    stones[1].write_text("basalt")
+    assert facts() != first
+    stones[1].write_text("granite")
+    assert facts() == first
+    stones[1].unlink()
+    with pytest.raises(FileError, match="lower"):
+        facts()
+
+
+def test_provenance_may_be_of_a_part_of_the_options() -> None:
+    coarse, fine = (Grind(beans=("a",), output="bag", size=size) for size in (1.0, 0.5))
+    wide = Grind(beans=("a",), output="bag", gap=3)
+    assert operation_facts(coarse, UsesMill) == operation_facts(fine, UsesMill) != operation_facts(wide, UsesMill)
+    assert operation_facts(fine, UsesMill) != operation_facts(fine, UsesMill, motor="steam")
+
+
 def test_commands_of_one_group_stand_together() -> None:
     parser = Parser()
     verbs, common = parser.add_subparsers(), Parser(add_help=False)
@@ -151,6 +186,9 @@ def test_help_shows_choices_and_defaults_and_leaves_out_what_has_no_help() -> No
     verbs = Parser().add_subparsers()
     add_operation(verbs, Parser(add_help=False), Grind)
     text = " ".join(verbs.choices["grind"].format_help().split())
+    assert "of the grains (default: 0.5)" in text and "between the stones (default: 0)" in text
+    rest, mill = text.split("the mill:")
+    assert "-o OUTPUT, --output OUTPUT" in rest and "--stones STONES a millstone; may be repeated --gap GAP" in mill
     assert "how they were roasted: light or dark (bitter) (default: light)" in text
     assert "goes round (default: until it is empty)" in text and "a spring; may be repeated --slow" in text
     assert "in a row; may be repeated (default: 3, 5)" in text and "--crank" not in text

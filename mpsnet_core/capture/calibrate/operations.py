@@ -7,10 +7,10 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from mpsnet_core.capture.operations import HasLens, ReadsPhotos, files_read
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, GeometryError, InputError, SettingsError
 from mpsnet_core.operation import Result, option
 from mpsnet_core.progress import Progress, part, silent
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from mpsnet_core.capture.calibrate.lights import LightsFound, Sighting
     from mpsnet_core.capture.calibrate.mixing import MixingFound
     from mpsnet_core.capture.calibrate.photos import BallPhotos
+    from mpsnet_core.capture.calibrate.report import BallFacts, LightFacts
     from mpsnet_core.io.image import Image
     from mpsnet_core.scene.rig import LightRig
 
@@ -34,6 +35,8 @@ MOST_NAMED = 16
 @dataclass(frozen=True)
 class LooksAtBall(ReadsPhotos, HasLens):
     """Where the ball is in the photo, how the camera sees, and what is written beside the rig."""
+
+    heading: ClassVar[str] = "the ball, and what else is written"
 
     circle: tuple[str, ...] = option(
         default=(),
@@ -61,7 +64,7 @@ class LooksAtBall(ReadsPhotos, HasLens):
         from mpsnet_core.io.images import checked_bits
 
         if self.radius is not None and not 0 < self.radius < math.inf:
-            raise InputError(f"--radius is the ball's radius, a number above 0, not {self.radius:g}")
+            raise SettingsError(f"--radius is the ball's radius, a number above 0, not {self.radius:g}")
         files = _without_masks(expand_images(given))
         if files == sorted(files, key=lambda file: str(file)):
             files = sorted(files, key=natural_order)  # a shell puts 10 before 2
@@ -69,18 +72,18 @@ class LooksAtBall(ReadsPhotos, HasLens):
         for number, one in enumerate(outputs):
             writable_path(one)
             # The rig may be read whole and then written anew; nothing else may take its place.
-            kept = [rig] if number and rig else []
-            check_apart([*files, *files_read(self), *kept, *outputs[:number]], [one])
+            to_keep = [rig] if number and rig else []
+            check_apart([*files, *files_read(self), *to_keep, *outputs[:number]], [one])
         if self.overlay:
             checked_bits(Path(self.overlay), 8)
         return files
 
-    def _photos(self, files: Sequence[Path], **more: Any) -> "BallPhotos":
+    def _photos(self, files: Sequence[Path], *, balls: int = 1, mirror: bool = True) -> "BallPhotos":
         from mpsnet_core.capture.calibrate.ball import Circle
         from mpsnet_core.capture.calibrate.photos import BallPhotos
 
         if self.circle and self.mask:
-            raise InputError("--circle and --mask both say where it is; give one of them")
+            raise SettingsError("--circle and --mask both define where it is; give one of them")
         return BallPhotos(
             files,
             [Circle(*_numbers(text, "--circle")) for text in self.circle],
@@ -90,7 +93,8 @@ class LooksAtBall(ReadsPhotos, HasLens):
             encoding=self.encoding,
             layer=self.layer,
             correction=self.correction(),
-            **more,
+            balls=balls,
+            mirror=mirror,
         )
 
     def _write_json(self, result: Result) -> None:
@@ -105,15 +109,15 @@ class LooksAtBall(ReadsPhotos, HasLens):
 
 @dataclass(frozen=True)
 class LightsCalibrated(Result):
-    """Where the rig is and what was found; lights and balls as :mod:`mpsnet_core.capture.calibrate.report` has them.
+    """Where the rig is and what was found; lights, balls: see :mod:`mpsnet_core.capture.calibrate.report`.
 
     target: what the lights' positions stand around. Without balls and target where the lights are those of an .lp file.
     """
 
     output: str
     overlay: str | None
-    lights: list[dict[str, Any]]
-    balls: list[dict[str, Any]] | None = None
+    lights: "list[LightFacts]"
+    balls: "list[BallFacts] | None" = None
     target: list[float] | None = None
 
 
@@ -133,7 +137,7 @@ class _Chosen:
 
 @dataclass(frozen=True)
 class CalibrateLights(LooksAtBall):
-    """A mirror ball tells where lights are."""
+    """The lights' directions or positions, from a mirror ball."""
 
     command: ClassVar[str] = "calibrate lights"
 
@@ -157,7 +161,7 @@ class CalibrateLights(LooksAtBall):
         help="with --per-light or an .lp file: which of the lights, counted from 1 in the order of the table, are the "
         "rig's red, green and blue one",
     )
-    distant: bool = option(default=False, help="write directions, though positions could be told")
+    distant: bool = option(default=False, help="write directions, though positions could be found")
     output: str = option(
         short="-o",
         metavar="RIG",
@@ -166,11 +170,11 @@ class CalibrateLights(LooksAtBall):
     )
 
     def run(self, progress: Progress = silent) -> LightsCalibrated:
-        """Write the rig, and what else is asked for."""
+        """Write the rig, and what else is requested."""
         if Path(self.ball[0]).suffix.lower() == ".lp":
             return self._choose_of_lp()
         from mpsnet_core.capture.calibrate.lights import find_lights
-        from mpsnet_core.capture.calibrate.report import ball_data, ball_line, light_line, lights_data
+        from mpsnet_core.capture.calibrate.report import ball_facts, lights_facts
         from mpsnet_core.io.files import written_together
 
         files = self._inputs(self.ball, self.output)
@@ -178,9 +182,9 @@ class CalibrateLights(LooksAtBall):
         sightings, pictured = self._sightings(files, chosen, progress)
         found = find_lights(sightings)
         progress(0.9, "drawing what was found")
-        lights = lights_data(found, chosen.names, chosen.files)
-        balls = [ball_data(sighting.ball) for sighting in found.sightings]
-        lines = [f"{self.output}:", *map(light_line, lights), *map(ball_line, balls)]
+        lights = lights_facts(found, chosen.names, chosen.files)
+        balls = [ball_facts(sighting.ball) for sighting in found.sightings]
+        lines = [f"{self.output}:", *map(str, lights), *map(str, balls)]
         target = found.target.tolist()
         result = LightsCalibrated(self.output, self.overlay, lights, balls, target, text="\n".join(lines))
         with written_together():
@@ -200,25 +204,27 @@ class CalibrateLights(LooksAtBall):
 
         for name, value in (("places", self.places), ("balls", self.balls)):
             if value < 1:
-                raise InputError(f"--{name} is a number from 1 up, not {value}")
+                raise SettingsError(f"--{name} is a number from 1 up, not {value}")
         if not self.per_light and (self.places > 1 or self.lights):
-            raise InputError(
+            raise SettingsError(
                 "--places and --lights are for photos of one light each; add --per-light, or leave them out"
             )
         if len(files) % self.places:
-            raise InputError(
+            raise SettingsError(
                 f"{len(files)} photos cannot be shared out to {self.places} places; give as many for each place"
             )
         places = self.places if self.per_light else len(files)
         count = len(files) // places if self.per_light else 3
         numbers = _three_of(self.lights, count) if self.lights else list(range(count))
         if len(numbers) != 3 and not self._is_lp:
-            raise InputError(
+            raise SettingsError(
                 f"there are photos of {count} light(s) where a rig has three; choose them with --lights 1,2,3, or "
                 f"write an .lp file{_numbered(files[:count])}"
             )
         if self.per_light and count < 2:
-            raise InputError("--per-light takes a photo for each light; leave it out for one photo under all of them")
+            raise SettingsError(
+                "--per-light takes a photo for each light; leave it out for one photo under all of them"
+            )
         names = [*COLOURS] if len(numbers) == 3 else [str(number + 1) for number in numbers]
         return _Chosen(places, numbers, names, [files[k] for k in numbers] if self.per_light else None)
 
@@ -235,20 +241,22 @@ class CalibrateLights(LooksAtBall):
                 seen = read_sightings(photos, step)
             except InputError as error:
                 shown = f"; {self.overlay} shows the ball that was found" if _ball_drawn(photos, self.overlay) else ""
-                raise InputError(f"{error}{shown}") from None
+                raise type(error)(f"{error}{shown}") from None
             for sighting in seen:
-                kept = tuple(sighting.highlights[light] for light in chosen.numbers)
-                sightings.append(replace(sighting, highlights=kept))
+                highlights = tuple(sighting.highlights[light] for light in chosen.numbers)
+                sightings.append(replace(sighting, highlights=highlights))
                 pictured.append(photos)
         return sightings, pictured
 
     def _by_place(self, files: Sequence[Path], places: int) -> list["BallPhotos"]:
         if self.mask and not self.circle and (places > 1 or self.balls > 1):
-            raise InputError("--mask shows one ball at one place; give circles instead")
+            raise SettingsError("--mask shows one ball at one place; give circles instead")
         photos = self._photos(files, balls=self.balls)
         circles: Sequence[Circle] = photos.circles
         if len(circles) % places:
-            raise InputError(f"there are {len(circles)} circles for {places} places of the ball; give as many for each")
+            raise SettingsError(
+                f"there are {len(circles)} circles for {places} places of the ball; give as many for each"
+            )
         share, each = len(files) // places, len(circles) // places
         return [
             replace(
@@ -293,31 +301,31 @@ class CalibrateLights(LooksAtBall):
 
     def _choose_of_lp(self) -> LightsCalibrated:
         """A rig of three of an .lp file's lights."""
-        from mpsnet_core.capture.calibrate.report import COLOURS, directions_data, light_line
+        from mpsnet_core.capture.calibrate.report import COLOURS, directions_facts
         from mpsnet_core.io.files import writable_path
         from mpsnet_core.io.frames import check_apart
         from mpsnet_core.scene.rig import LightRig, read_lp, write_rig
 
         if len(self.ball) > 1 or self.overlay or self.json:
-            raise InputError("an .lp file is taken by itself, with --lights and -o alone; leave the rest out")
+            raise SettingsError("an .lp file is taken by itself, with --lights and -o alone; leave the rest out")
         [file] = self.ball
         try:
             names, directions = read_lp(file)
         except InputError as error:
-            raise InputError(str(error) if file in str(error) else f"{file}: {error}") from None
+            raise type(error)(str(error) if file in str(error) else f"{file}: {error}") from None
         if not self.lights:
-            raise InputError(
+            raise SettingsError(
                 f"{file} holds {len(names)} light(s); choose three with --lights 1,2,3{_numbered(map(Path, names))}"
             )
         numbers = _three_of(self.lights, len(names))
         check_apart([file], [self.output])
         if writable_path(self.output).suffix.lower() != ".json":
-            raise InputError(f"{self.output}: a rig of three lights is a .json file; name one")
+            raise FileError(f"{self.output}: a rig of three lights is a .json file; name one")
         rig = LightRig(directions[numbers])
         _note_replaced(Path(self.output))
         write_rig(self.output, rig)
-        lights = directions_data(rig.directions, COLOURS, [names[k] for k in numbers])
-        text = "\n".join([f"{self.output}:", *map(light_line, lights)])
+        lights = directions_facts(rig.directions, COLOURS, [names[k] for k in numbers])
+        text = "\n".join([f"{self.output}:", *map(str, lights)])
         return LightsCalibrated(self.output, None, lights, text=text)
 
 
@@ -337,12 +345,12 @@ class MixingCalibrated(Result):
     left_out: float
     determined: bool
     uncertainty: float
-    balls: list[dict[str, Any]]
+    balls: "list[BallFacts]"
 
 
 @dataclass(frozen=True)
 class CalibrateMixing(LooksAtBall):
-    """A grey ball or card tells the mixing."""
+    """The mixing matrix, from a grey ball or card."""
 
     command: ClassVar[str] = "calibrate mixing"
 
@@ -359,7 +367,7 @@ class CalibrateMixing(LooksAtBall):
     output: str = option(short="-o", metavar="RIG", help="rig file with the mixing (.json)", provenance="none")
 
     def run(self, progress: Progress = silent) -> MixingCalibrated:
-        """Write the rig with its mixing, and what else is asked for."""
+        """Write the rig with its mixing, and what else is requested."""
         from mpsnet_core.capture.calibrate.overlay import ball_picture
         from mpsnet_core.capture.calibrate.photos import mean_photo
         from mpsnet_core.io.files import written_together
@@ -386,16 +394,16 @@ class CalibrateMixing(LooksAtBall):
 
     def _check(self, files: Sequence[Path], rig: "LightRig") -> None:
         if Path(self.output).suffix.lower() != ".json":
-            raise InputError(f"{self.output}: a rig with its mixing is a .json file; name one")
+            raise FileError(f"{self.output}: a rig with its mixing is a .json file; name one")
         if rig.near is not None and not self.card and self.radius is None:
-            raise InputError(
+            raise SettingsError(
                 "the rig's lights stand near the ball, so its size counts; give --radius, in the rig's unit"
             )
         if self.normal and not self.card:
-            raise InputError("--normal is a card's; add --card, or leave it out")
+            raise SettingsError("--normal is a card's; add --card, or leave it out")
         if len(files) not in ((3,) if self.card else (1, 3)):
             wanted = "a card takes three photos, one" if self.card else "give one photo of a grey ball, or three, one"
-            raise InputError(f"there are {len(files)} photo(s): {wanted} under each light alone, in the rig's order")
+            raise SettingsError(f"there are {len(files)} photo(s): {wanted} under each light alone, in the rig's order")
 
     @staticmethod
     def _by_ball(
@@ -419,24 +427,26 @@ class CalibrateMixing(LooksAtBall):
         from mpsnet_core.io.images import read_mask
 
         if self.overlay:
-            raise InputError("--overlay shows a ball; leave it out with --card")
+            raise SettingsError("--overlay shows a ball; leave it out with --card")
         height, width = read[0].pixels.shape[:2]
         if photos.mask is not None:
             mask = read_mask(photos.mask)
             if mask.shape != (height, width):
-                raise InputError(f"the mask {photos.mask} is not of the photo's size, {width} x {height}; make it so")
+                raise GeometryError(
+                    f"the mask {photos.mask} is not of the photo's size, {width} x {height}; make it so"
+                )
         elif photos.circles:
             x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
             mask = np.hypot(x - photos.circles[0].x, y - photos.circles[0].y) < photos.circles[0].radius
         else:
-            raise InputError("where is the card? Give --mask FILE, or --circle X,Y,R for a part of it")
+            raise SettingsError("where is the card? Give --mask FILE, or --circle X,Y,R for a part of it")
         normal = _numbers(self.normal, "--normal") if self.normal else [0.0, 0.0, 1.0]
         return mixing_from_card(read, mask, rig, normal)
 
     def _result(self, found: "MixingFound") -> MixingCalibrated:
-        from mpsnet_core.capture.calibrate.report import ball_data, ball_line, mixing_lines
+        from mpsnet_core.capture.calibrate.report import ball_facts, mixing_lines
 
-        balls = [] if found.ball is None else [ball_data(found.ball)]
+        balls = [] if found.ball is None else [ball_facts(found.ball)]
         return MixingCalibrated(
             self.output,
             self.overlay,
@@ -448,7 +458,7 @@ class CalibrateMixing(LooksAtBall):
             determined=found.determined,
             uncertainty=found.uncertainty,
             balls=balls,
-            text="\n".join([f"{self.output}:", *mixing_lines(found), *map(ball_line, balls)]),
+            text="\n".join([f"{self.output}:", *mixing_lines(found), *map(str, balls)]),
         )
 
 
@@ -456,12 +466,12 @@ class CalibrateMixing(LooksAtBall):
 
 
 def _without_masks(files: list[Path]) -> list[Path]:
-    """The photos among files that a pattern took in; masks are told by their names."""
+    """The photos among files that a pattern took in; masks are recognised by their names."""
     photos = [file for file in files if not re.search(r"(^|[^a-z])mask$", file.stem.lower())]
     if not photos or len(photos) == len(files):
         return files
     masks = ", ".join(file.name for file in files if file not in photos)
-    log.info("%s is left out, a mask by its name; --mask says where the ball is", masks)
+    log.info("%s is left out, a mask by its name; --mask shows where the ball is", masks)
     return photos
 
 
@@ -471,7 +481,7 @@ def _numbers(text: str, option: str) -> list[float]:
     except ValueError:
         numbers = []
     if len(numbers) != 3:
-        raise InputError(f"{option} {text} is not three numbers with commas between them, such as 250,148,119")
+        raise SettingsError(f"{option} {text} is not three numbers with commas between them, such as 250,148,119")
     return numbers
 
 
@@ -481,14 +491,14 @@ def _three_of(text: str, count: int) -> list[int]:
     except ValueError:
         numbers = []
     if len(set(numbers)) != 3 or len(numbers) != 3 or not all(1 <= number <= count for number in numbers):
-        raise InputError(f"--lights {text} must be three different lights, numbers from 1 to {count}: 1,5,9 for one")
+        raise SettingsError(f"--lights {text} must be three different lights, numbers from 1 to {count}: 1,5,9 for one")
     return [number - 1 for number in numbers]
 
 
 def _numbered(files: Iterable[Path]) -> str:
     """The files with their numbers, for the end of a sentence; the first of them, where there are many."""
-    told = [f"{number} {file.name}" for number, file in enumerate(files, 1)]
-    return f" ({', '.join(told[:MOST_NAMED] + ['...'] * (len(told) > MOST_NAMED))})"
+    numbered = [f"{number} {file.name}" for number, file in enumerate(files, 1)]
+    return f" ({', '.join(numbered[:MOST_NAMED] + ['...'] * (len(numbered) > MOST_NAMED))})"
 
 
 def _ball_drawn(photos: "BallPhotos", overlay: str | None) -> bool:
@@ -509,7 +519,7 @@ def _ball_drawn(photos: "BallPhotos", overlay: str | None) -> bool:
 
 
 def _note_replaced(file: Path) -> None:
-    """Tell of a mixing that goes with the rig file that is written over: it was that of other lights."""
+    """Report a mixing that goes with the rig file that is written over: it was that of other lights."""
     import numpy as np
 
     from mpsnet_core.scene.rig import read_rig

@@ -1,8 +1,8 @@
-"""The results of a calibration as plain data for programs and as lines for people."""
+"""The results of a calibration: figures for programs, which are lines for people by `str`."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,78 +15,109 @@ from mpsnet_core.scene.rig import angles_of
 COLOURS = ("red", "green", "blue")
 
 
-def directions_data(
-    directions: NDArray[np.float64], names: Sequence[str], files: Sequence[str] | None
-) -> list[dict[str, Any]]:
-    """Each light's name, unit direction in camera space, slant and tilt in degrees, and the file that shows it.
+@dataclass(frozen=True)
+class HighlightFacts:
+    """A light's highlight on a ball, by the ball's number; the rest as :class:`Highlight` has it."""
 
-    directions: (N, 3).
+    ball: int
+    x: float
+    y: float
+    radius: float
+    clipped: bool
+    rival: float
+    colour: list[float]
+
+
+@dataclass(frozen=True)
+class LightFacts:
+    """A light's name, unit direction in camera space, slant and tilt in degrees, and the file that shows it.
+
+    uncertainty: in degrees, and highlights: of lights that balls show. position, position_uncertainty, gap: of lights
+    whose position is known; gap is how far the rays miss one another.
     """
+
+    name: str
+    direction: list[float]
+    slant: float
+    tilt: float
+    file: str | None = None
+    uncertainty: float | None = None
+    highlights: list[HighlightFacts] | None = None
+    position: list[float] | None = None
+    position_uncertainty: float | None = None
+    gap: float | None = None
+
+    def __str__(self) -> str:
+        shown = f" ({self.file})" if self.file else ""
+        line = f"{self.name.rjust(6)}{shown}: slant {self.slant:.2f}°, tilt {self.tilt:.2f}°"
+        if self.uncertainty is not None:
+            line += f", ± {self.uncertainty:.2f}°"
+        if self.position is not None:
+            place = ", ".join(f"{value:.4g}" for value in self.position)
+            line += f"; at {place}, ± {self.position_uncertainty:.2g}, rays meet to {self.gap:.2g}"
+        return line + (" (clipped)" if any(spot.clipped for spot in self.highlights or ()) else "")
+
+
+@dataclass(frozen=True)
+class BallFacts:
+    """Where a ball is in the photo, in pixels, and in camera space; how well its outline is known, as in `Ball`."""
+
+    by_hand: bool
+    circle: list[float]
+    residual: float
+    seen: float
+    centre: list[float]
+    radius: float
+
+    def __str__(self) -> str:
+        x, y, radius = self.circle
+        line = f"  ball: {x:.1f},{y:.1f},{radius:.1f} pixels"
+        if self.by_hand:
+            return f"{line}, given by hand"
+        return f"{line}, {self.seen:.0%} of its outline seen, fits to {self.residual:.2f} pixels"
+
+
+def directions_facts(
+    directions: NDArray[np.float64], names: Sequence[str], files: Sequence[str] | None
+) -> list[LightFacts]:
+    """Lights of which the directions alone are known. directions: (N, 3)."""
     lights = []
     for number, (name, direction) in enumerate(zip(names, directions, strict=True)):
         slant, tilt = (float(angle) for angle in angles_of(direction))
-        shown = {} if files is None else {"file": files[number]}
-        lights.append({"name": name, **shown, "direction": direction.tolist(), "slant": slant, "tilt": tilt})
+        lights.append(LightFacts(name, direction.tolist(), slant, tilt, None if files is None else files[number]))
     return lights
 
 
-def lights_data(found: LightsFound, names: Sequence[str], files: Sequence[Path] | None) -> list[dict[str, Any]]:
-    """Also each light's uncertainty in degrees, its highlight on each ball, and its position where that is known."""
-    lights = directions_data(found.directions, names, None if files is None else [file.name for file in files])
-    for k, light in enumerate(lights):
-        light["uncertainty"] = float(found.uncertainties[k])
-        light["highlights"] = [
-            {
-                "ball": number,
-                "x": spot.x,
-                "y": spot.y,
-                "radius": spot.radius,
-                "clipped": spot.clipped,
-                "rival": spot.rival,
-                "colour": list(spot.colour),
-            }
-            for number, spot in enumerate(sighting.highlights[k] for sighting in found.sightings)
-        ]
-        if found.positions is not None and found.position_uncertainties is not None and found.gaps is not None:
-            light["position"] = found.positions[k].tolist()
-            light["position_uncertainty"] = float(found.position_uncertainties[k])
-            light["gap"] = float(found.gaps[k])
-    return lights
+def lights_facts(found: LightsFound, names: Sequence[str], files: Sequence[Path] | None) -> list[LightFacts]:
+    """Lights that balls show."""
+    lights = directions_facts(found.directions, names, None if files is None else [file.name for file in files])
+    return [_light_facts(light, found, k) for k, light in enumerate(lights)]
 
 
-def light_line(light: dict[str, Any]) -> str:
-    """A light of :func:`directions_data` or :func:`lights_data` for people."""
-    shown = f" ({light['file']})" if "file" in light else ""
-    line = f"{light['name'].rjust(6)}{shown}: slant {light['slant']:.2f}°, tilt {light['tilt']:.2f}°"
-    if "uncertainty" in light:
-        line += f", ± {light['uncertainty']:.2f}°"
-    if "position" in light:
-        place = ", ".join(f"{value:.4g}" for value in light["position"])
-        line += f"; at {place}, ± {light['position_uncertainty']:.2g}, rays meet to {light['gap']:.2g}"
-    clipped = any(spot["clipped"] for spot in light.get("highlights", ()))
-    return line + (" (clipped)" if clipped else "")
+def _light_facts(light: LightFacts, found: LightsFound, k: int) -> LightFacts:
+    spots = [sighting.highlights[k] for sighting in found.sightings]
+    light = replace(
+        light,
+        uncertainty=float(found.uncertainties[k]),
+        highlights=[
+            HighlightFacts(number, spot.x, spot.y, spot.radius, spot.clipped, spot.rival, list(spot.colour))
+            for number, spot in enumerate(spots)
+        ],
+    )
+    if found.positions is None or found.position_uncertainties is None or found.gaps is None:
+        return light
+    return replace(
+        light,
+        position=found.positions[k].tolist(),
+        position_uncertainty=float(found.position_uncertainties[k]),
+        gap=float(found.gaps[k]),
+    )
 
 
-def ball_data(ball: Ball) -> dict[str, Any]:
-    """Where a ball is in the photo, in pixels, and in camera space; how well its outline is known."""
-    circle = ball.circle
-    return {
-        "by_hand": ball.by_hand,
-        "circle": [circle.x, circle.y, circle.radius],
-        "residual": ball.residual,
-        "seen": ball.seen,
-        "centre": ball.centre.tolist(),
-        "radius": ball.radius,
-    }
-
-
-def ball_line(ball: dict[str, Any]) -> str:
-    """A ball of :func:`ball_data` for people."""
-    x, y, radius = ball["circle"]
-    line = f"  ball: {x:.1f},{y:.1f},{radius:.1f} pixels"
-    if ball["by_hand"]:
-        return f"{line}, given by hand"
-    return f"{line}, {ball['seen']:.0%} of its outline seen, fits to {ball['residual']:.2f} pixels"
+def ball_facts(ball: Ball) -> BallFacts:
+    """The figures of a ball that was found."""
+    circle = [ball.circle.x, ball.circle.y, ball.circle.radius]
+    return BallFacts(ball.by_hand, circle, ball.residual, ball.seen, ball.centre.tolist(), ball.radius)
 
 
 def mixing_lines(found: MixingFound) -> list[str]:

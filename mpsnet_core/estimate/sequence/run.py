@@ -156,7 +156,7 @@ class _Run:
 
 
 def _line(frame: Frame, recipe: str) -> str:
-    return provenance_line("normals", f"{recipe}\n\n{frame.made_from}")
+    return provenance_line("normals", recipe, frame.made_from)
 
 
 # --- what is to be done -----------------------------------------------------------------------------------------------

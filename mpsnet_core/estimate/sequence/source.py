@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
-from mpsnet_core.capture.masks import mask_source
+from mpsnet_core.capture.masks import mask_identity, mask_source
 from mpsnet_core.errors import FileError, SettingsError
 from mpsnet_core.io.frames import expand_images, is_several, numbering
 from mpsnet_core.io.image import Image
@@ -33,7 +33,7 @@ class Masks:
     def mask_identity(self, number: int, span: int) -> list[str]:
         """Text that changes when a mask of a frame or of those within `span` numbers of it does."""
         if not self.by_number:
-            return [str(self.given), identity(mask_source(self.given) if self.given else None)]
+            return [mask_identity(self.given)]
         near = range(number - span, number + span + 1)
         return [identity(self.by_number[other]) for other in near if other in self.by_number]
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from mpsnet_core.defaults import MESH_VIEWS, STATUE_SIZE, STATUE_SLANT, STATUE_TILTS, SYNTHETIC_SIZE
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.registry import DEFAULT_MODEL
 from mpsnet_core.learning.operations import HadWorkers
 from mpsnet_core.operation import Operation, Result, option
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 class Measured(Result):
     """What a test came to, as plain data.
 
-    rows: what was measured. published: what the paper found. confidence: how well the models' confidence tells their
+    rows: what was measured. published: what the paper found. confidence: how well the models' confidence predicts their
     error. skipped: what was to be measured and is not there.
     """
 
@@ -33,6 +33,8 @@ class Measured(Result):
 class MeasuresModels(Operation):
     """Which models a test measures, and where the answer goes."""
 
+    heading: ClassVar[str] = "the models, and where the answer goes"
+
     model: tuple[str, ...] = option(default=(DEFAULT_MODEL,), metavar="MODEL", help="name, file, or all")
     json: str | None = option(default=None, metavar="FILE", help="write the rows as JSON", provenance="none")
     output: str | None = option(
@@ -44,23 +46,25 @@ class MeasuresModels(Operation):
         raise NotImplementedError
 
     def run(self, progress: Progress = silent) -> Measured:
-        """Run the test, and write rows and report where they are asked for."""
+        """Run the test, and write rows and report where they are requested."""
         from mpsnet_core.io.files import writable_path
         from mpsnet_core.io.html_page import page_path
         from mpsnet_core.learning.evaluation.evaluation import evaluate
 
-        # Asked first, as a test's data may take a while to look through.
+        # Checked first, as a test's data may take a while to look through.
         if self.json:
             writable_path(self.json)
         if self.output:
             page_path(self.output)
-        told = evaluate(self.evaluation(), self.model, json=self.json, report=self.output, progress=progress)
-        return Measured(**told)
+        outcome = evaluate(self.evaluation(), self.model, json=self.json, report=self.output, progress=progress)
+        return Measured(**outcome)
 
 
 @dataclass(frozen=True)
 class Magnifies(MeasuresModels):
     """How many times photographs are magnified."""
+
+    heading: ClassVar[str] = "the photographs"
 
     magnify: tuple[int, ...] = option(
         default=(1,), metavar="N", help="magnify the photographs N times before the estimate"
@@ -70,6 +74,8 @@ class Magnifies(MeasuresModels):
 @dataclass(frozen=True)
 class PhotographsSynthetic(MeasuresModels):
     """How synthetic scenes are photographed."""
+
+    heading: ClassVar[str] = "the photographs"
 
     protocol: tuple[str, ...] = option(
         default=("published",), help="how a channel weighs colours: separated, published or white"
@@ -111,7 +117,7 @@ def _triple(text: str) -> tuple[int, int, int]:
     try:
         first, second, third = (int(number) for number in text.split(","))
     except ValueError:
-        raise InputError(f"--lights {text} is not three numbers; write them like 48,1,96") from None
+        raise SettingsError(f"--lights {text} is not three numbers; write them like 48,1,96") from None
     return first, second, third
 
 
@@ -220,11 +226,11 @@ class EvaluatePatchSizes(HadWorkers):
     )
 
     def run(self, progress: Progress = silent) -> Measured:
-        """Train and measure the ten networks, and write rows and report where they are asked for."""
+        """Train and measure the ten networks, and write rows and report where they are requested."""
         from mpsnet_core.learning.evaluation.patch_sizes import evaluate_patch_sizes
 
         self.note_removed_options()
-        told = evaluate_patch_sizes(
+        outcome = evaluate_patch_sizes(
             [Path(folder) for folder in self.samples],
             [Path(folder) for folder in self.validation],
             self.runs,
@@ -235,4 +241,4 @@ class EvaluatePatchSizes(HadWorkers):
             report=self.output,
             progress=progress,
         )
-        return Measured(**told)
+        return Measured(**outcome)

@@ -4,7 +4,6 @@ import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from mpsnet_core.operation import Result
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.relief.displacement.displacement import Displacement, displacement
 from mpsnet_core.relief.displacement.udim import tiles_of
-from mpsnet_core.relief.height_files import height_files, write_height
+from mpsnet_core.relief.height_files import HeightFacts, height_files, write_height
 from mpsnet_core.scene.mesh import Mesh, read_mesh
 from mpsnet_core.scene.normal_map import Convention, read_normals
 
@@ -41,7 +40,7 @@ class HeightsOnUVs(Result):
     outputs: list[str]
     tiles: list[int]
     unit: str
-    height: dict[str, Any]
+    height: HeightFacts
 
 
 def write_displacement(
@@ -99,7 +98,7 @@ def write_displacement(
         [str(file) for file in files],
         [sheet.tile for sheet in chosen if sheet.tile],
         unit,
-        {"lowest": lowest, "highest": highest, **means.facts(), "seam_step": found.seam_step},
+        means.facts(lowest, highest, found.seam_step),
         text=f"{height}: heights from {lowest:.4g} to {highest:.4g} {unit}; {means}; {means.displace_words}",
     )
 

@@ -2,7 +2,7 @@
 
 import re
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import SettingsError
 
 _LOOPBACK = re.compile(r"(?:[a-z]+://)?(?:localhost|127(?:\.\d+){3}|\[::1\])(?::\d+)?/?")
 
@@ -13,9 +13,9 @@ def is_loopback(address: str) -> bool:
 
 
 def check_address(address: str, *, trusted: bool) -> None:
-    """Raises InputError where nothing proves who answers at the address, and the network is not trusted."""
+    """Raises SettingsError where nothing proves who answers at the address, and the network is not trusted."""
     if not (trusted or is_loopback(address) or address.startswith("tls://")):
-        raise InputError(
+        raise SettingsError(
             f"whoever answers at {address} could run anything here; give a tls:// address, whose certificates prove "
             "who it is, or say that all of the network is trusted (--cluster-trusted)"
         )

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from mpsnet_core import __version__
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, InputError, SettingsError
 from mpsnet_core.synthesis.farm.address import check_address
 from mpsnet_core.synthesis.farm.work import Answer, Answers, Worker
 from mpsnet_core.synthesis.job import JOB_FILE, read_job
@@ -31,7 +31,7 @@ except ImportError as error:
 CONNECT_SECONDS = 10
 LISTEN_SECONDS = 0.2
 HELD_SECONDS = 0.5
-# The scheduler keeps each task that it is given in memory; it needs no more than keep every worker busy.
+# The scheduler keeps each submitted task in memory; it needs no more than keep every worker busy.
 TASKS_AHEAD = 2000
 # The client may be gone without notice: processes that get no request end.
 IDLE_SECONDS = 60.0
@@ -116,19 +116,19 @@ async def _reach(address: str, security: Security) -> None:
 
 
 def _security(address: str) -> Security:
-    """How Dask's configuration says to prove who is who; at a tls:// address nothing goes without."""
+    """The certificates of Dask's configuration, which prove who is who; at a tls:// address nothing goes without."""
     if not address.startswith("tls://"):
         return Security()
     try:
         security = Security(require_encryption=True)
         proven = security.get_connection_args("client")["ssl_context"] is not None
     except OSError as error:
-        raise InputError(
+        raise FileError(
             f"the certificates for {address} cannot be read ({error.strerror or error}); check the paths that Dask's "
             "configuration gives under distributed.comm.tls"
         ) from None
     if not proven:
-        raise InputError(
+        raise SettingsError(
             f"{address} needs certificates; name them in Dask's configuration, ca-file, client.cert and client.key "
             "under distributed.comm.tls"
         )
@@ -210,7 +210,7 @@ class _Crew(WorkerPlugin):
             raise InputError(f"the cluster's worker {where} has mpsnet {__version__}, not {self.version}; update it")
         job = Path(self.folder) / JOB_FILE
         if not job.is_file():
-            raise InputError(
+            raise FileError(
                 f"the cluster's worker {where} does not see {job}; choose a folder that all its machines reach by the "
                 "same path"
             )
@@ -230,10 +230,12 @@ class _Crew(WorkerPlugin):
     def _retire(self, worker: Worker) -> None:
         for entry in list(self.idle):
             if entry[0] is worker:
-                with contextlib.suppress(ValueError):  # it got a request just now
+                try:
                     self.idle.remove(entry)
-                    worker.close()
-                    self.all.discard(worker)
+                except ValueError:  # it got a request just now
+                    return
+                worker.close()
+                self.all.discard(worker)
 
     def teardown(self, worker: object) -> None:
         for own in list(self.all):

@@ -22,7 +22,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.io.child_process import ChildEnded, ChildProcess, Parent, ParentGone, child_environment, requests
 from mpsnet_core.io.claims import Claims
 from mpsnet_core.io.files import remove_abandoned
@@ -82,7 +82,7 @@ def serve(folder: str | os.PathLike[str], make: Callable[[SampleJob, int, Path],
 def _requested(request: Mapping[str, Any]) -> int:
     number = request.get("number")
     if type(number) is not int or not 0 <= number < 10**8:
-        raise InputError(f'{request} does not request a sample; send {{"number": 7}}')
+        raise FormatError(f'{request} does not request a sample; send {{"number": 7}}')
     return number
 
 
@@ -103,7 +103,7 @@ def _made(job: SampleJob, number: int, path: Path, make: Callable[[SampleJob, in
 def clear_unfinished(folder: str | os.PathLike[str]) -> None:
     """Remove what processes that were killed left in `folder`, and nothing that another process is writing."""
     remove_abandoned(folder)
-    # What is left is another host's, say. Whoever writes a sample, anywhere, holds its claim.
+    # What is left may be another host's. Whoever writes a sample, anywhere, holds its claim.
     found = [(sample_number(path.name), path) for path in Path(folder).glob(".*.unfinished*") if path.is_file()]
     left = [(number, path) for number, path in found if number is not None]
     if not left:
