@@ -1,9 +1,10 @@
 """Fixtures of the core's tests. MPSNET_TEST_DATA is the folder with DiLiGenT and the captures, where there is one."""
 
+import logging
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -64,3 +65,14 @@ def mpsnet() -> Mpsnet:
         return subprocess.run(command, capture_output=True, text=True, timeout=120)
 
     return run
+
+
+@pytest.fixture
+def process_settings_restored(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """`main` sets the process up for itself alone; put back what it set. Warnings are errors here, not hidden by it."""
+    monkeypatch.setattr(sys, "warnoptions", ["error"])
+    log = logging.getLogger("mpsnet_core")
+    propagate, level = log.propagate, log.level
+    yield
+    log.propagate = propagate
+    log.setLevel(level)
