@@ -15,6 +15,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from synthetic import Sphere, shaded_sphere, write_file
 
+from mpsnet_core.cli import main
 from mpsnet_core.scene.rig import write_rig
 
 Mpsnet = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -76,3 +77,15 @@ def process_settings_restored(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]
     yield
     log.propagate = propagate
     log.setLevel(level)
+
+
+@pytest.fixture
+def mpsnet_here(capfd: pytest.CaptureFixture[str], process_settings_restored: None) -> Mpsnet:
+    """Runs the command line in this process: a fraction of a second sooner, which counts where it refuses at once."""
+
+    def run(*arguments: str | Path) -> "subprocess.CompletedProcess[str]":
+        capfd.readouterr()
+        code = main([str(argument) for argument in arguments])
+        return subprocess.CompletedProcess(arguments, code, *capfd.readouterr())
+
+    return run

@@ -11,7 +11,6 @@ from bumpy_ball import Photo
 from mesh_file import write_mesh
 from synthetic import write_file
 
-from mpsnet_core.cli import main
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
 from mpsnet_core.estimate.alignment.points import camera_from_points
@@ -207,10 +206,9 @@ class TestCommand:
             ('{"pairs": [{"pixel": [1, 2], "point": [1, 2, 3]}]}', "1 pairs do not determine a camera"),
         ],
     )
-    @pytest.mark.usefixtures("process_settings_restored")
-    def test_bad_pairs_get_one_sentence(self, capfd, files, text: str, sentence: str):
+    def test_bad_pairs_get_one_sentence(self, mpsnet_here, files, text: str, sentence: str):
         (files / "pairs.json").write_text(text)
-        code = self.align(lambda *words: main([*map(str, words)]), files, "--points", files / "pairs.json")
-        assert code == 2
-        assert re.fullmatch(rf"mpsnet: .*{re.escape(sentence)}.*\n", capfd.readouterr().err)
+        done = self.align(mpsnet_here, files, "--points", files / "pairs.json")
+        assert done.returncode == 2
+        assert re.fullmatch(rf"mpsnet: .*{re.escape(sentence)}.*\n", done.stderr), done.stderr
         assert not (files / "camera.json").exists()

@@ -13,7 +13,6 @@ from synthetic import shaded_sphere, write_file
 from mpsnet_core.capture.capture import read_capture
 from mpsnet_core.capture.correction import read_correction
 from mpsnet_core.capture.masks import auto_mask, background_mask, find_mask, threshold_mask
-from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.images import read_image, read_mask
@@ -268,22 +267,15 @@ class TestCommand:
         ],
         ids=lambda value: " ".join(value) if isinstance(value, list) else "",
     )
-    @pytest.mark.usefixtures("process_settings_restored")
     def test_bad_input(
-        self,
-        tmp_path: Path,
-        capfd: pytest.CaptureFixture[str],
-        photo: tuple[Path, np.ndarray],
-        options: list[str],
-        words: str,
+        self, tmp_path: Path, mpsnet_here: Mpsnet, photo: tuple[Path, np.ndarray], options: list[str], words: str
     ) -> None:
         write_file(tmp_path / "small.png", np.zeros((8, 8, 3)), "uint8")
         kinds = [o if o.startswith("--") or ":" in o or o == "alpha" else str(tmp_path / o) for o in options]
         kinds = [o.replace("background:", f"background:{tmp_path}/") if o != "background:" else o for o in kinds]
         before_run = photo[0].read_bytes()
-        code = main(["mask", str(photo[0]), "-o", str(tmp_path / "mask.png"), *kinds])
-        said = capfd.readouterr().err
-        assert code == 2 and words in said and len(said.splitlines()) == 1
+        done = mpsnet_here("mask", photo[0], "-o", tmp_path / "mask.png", *kinds)
+        assert done.returncode == 2 and words in done.stderr and len(done.stderr.splitlines()) == 1
         assert photo[0].read_bytes() == before_run and not (tmp_path / "mask.png").exists()
 
 
