@@ -64,10 +64,14 @@ def photo(camera: Camera) -> Photo:
     x, y = np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5
     pixels = np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1).reshape(-1, 2)
     origins, directions = camera.rays(pixels)
-    distance = np.maximum(-(origins * directions).sum(axis=1) - 1.6, 0)
+    nearest = -(origins * directions).sum(axis=1)  # to the origin, around which the surface lies within 1.6
+    distance = np.maximum(nearest - 1.6, 0)
+    marching = np.arange(len(pixels))
     for _ in range(250):
-        points = origins + distance[:, None] * directions
-        distance += np.minimum(0.35 * _outside(points), 0.2)
+        points = origins[marching] + distance[marching, None] * directions[marching]
+        step = np.minimum(0.35 * _outside(points), 0.2)
+        distance[marching] += step
+        marching = marching[(np.abs(step) > 1e-10) & (distance[marching] < nearest[marching] + 1.6)]
     points = origins + distance[:, None] * directions
     mask = np.abs(_outside(points)) < 1e-3
     step = 1e-5 * np.eye(3)

@@ -1,9 +1,10 @@
 """Fixtures of the core's tests. MPSNET_TEST_DATA is the folder with DiLiGenT and the captures, where there is one."""
 
+import logging
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from synthetic import Sphere, shaded_sphere, write_file
 
+from mpsnet_core.cli import main
 from mpsnet_core.scene.rig import write_rig
 
 Mpsnet = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -62,5 +64,28 @@ def mpsnet() -> Mpsnet:
     def run(*arguments: str | Path) -> "subprocess.CompletedProcess[str]":
         command = [sys.executable, "-m", "mpsnet_core", *map(str, arguments)]
         return subprocess.run(command, capture_output=True, text=True, timeout=120)
+
+    return run
+
+
+@pytest.fixture
+def process_settings_restored(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """`main` sets the process up for itself alone; put back what it set. Warnings are errors here, not hidden by it."""
+    monkeypatch.setattr(sys, "warnoptions", ["error"])
+    log = logging.getLogger("mpsnet_core")
+    propagate, level = log.propagate, log.level
+    yield
+    log.propagate = propagate
+    log.setLevel(level)
+
+
+@pytest.fixture
+def mpsnet_here(capfd: pytest.CaptureFixture[str], process_settings_restored: None) -> Mpsnet:
+    """Runs the command line in this process: a fraction of a second sooner, which counts where it refuses at once."""
+
+    def run(*arguments: str | Path) -> "subprocess.CompletedProcess[str]":
+        capfd.readouterr()
+        code = main([str(argument) for argument in arguments])
+        return subprocess.CompletedProcess(arguments, code, *capfd.readouterr())
 
     return run

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bad_input import NAN, SPHERE, gets_one_clear_sentence, with_pixel
 from conftest import Mpsnet
 from sphere_sample import sphere_sample
 from synthetic import CROSSTALK, Sphere, shaded_sphere, write_file
@@ -229,3 +230,77 @@ def test_the_direction_of_the_white_light_is_told_in_degrees(tmp_path: Path, mps
     done = mpsnet(*command, "-o", tmp_path / "n.png", "--albedo", albedo, "--white-light", "40,20")
     assert done.returncode == 0, done.stderr
     assert painted.errors(read_albedo(albedo), painted.reached & (cosine[..., 0] > 0.15)).max() < 0.02
+
+
+test_a_bad_white_photo_gets_one_clear_sentence = gets_one_clear_sentence(
+    [
+        (
+            "missing",
+            lambda b: b.estimate(white=b / "white.png"),
+            "image…white.png does not exist; check the path",
+        ),
+        (
+            "of another size",
+            lambda b: b.estimate(white=b.photo("white.exr", SPHERE.image[:8])),
+            "white.exr: the white photo is 16 x 8 but the photo is 16 x 16; take both with the same camera",
+        ),
+        (
+            "black",
+            lambda b: b.estimate(white=b.photo("white.exr", 0 * SPHERE.image)),
+            "white.exr: the white photo is black inside the mask; was the light on",
+        ),
+        (
+            "not finite",
+            lambda b: b.estimate(white=b.photo("white.exr", with_pixel(NAN))),
+            "white.exr: the white photo holds values that are not finite inside the mask; export it again",
+        ),
+        (
+            "of one channel",
+            lambda b: SPHERE.capture(white=SPHERE.image[..., 0]),
+            "a white photo has three channels a pixel; this one has shape (16, 16)",
+        ),
+        (
+            "clipped elsewhere",
+            lambda b: SPHERE.capture(white=SPHERE.image, white_clipped=np.zeros((4, 4, 3), bool)),
+            "what is clipped in the white photo is 4 x 4 but the white photo is 16 x 16",
+        ),
+        ("that is the photo", lambda b: b.estimate(white=b.photo()), "photo.exr: the white photo is the photo itself"),
+        (
+            "of several photos",
+            lambda b: b.estimate(b.photo("a.exr"), b.photo("b.exr"), output="out", white=b.photo("white.exr")),
+            "--white is a second photo of one still pose; leave it out, or give one photo",
+        ),
+        (
+            "albedo without one",
+            lambda b: b.estimate(albedo=b / "a.png"),
+            "--albedo is made from a photo under white light",
+        ),
+        (
+            "albedo without one, in Python",
+            lambda b: albedo_from_white(SPHERE.capture(), NormalMap(SPHERE.normals, SPHERE.mask)),
+            "the albedo is made from a white photo, and there is none; give one",
+        ),
+        (
+            "albedo over it",
+            lambda b: b.estimate(white=b.photo("white.exr"), albedo=b / "white.exr"),
+            "would overwrite…white.exr",
+        ),
+        (
+            "light without an albedo",
+            lambda b: b.estimate(**{"white": b.photo("white.exr"), "white-light": "rig"}),
+            "--white-light tells what lit the photo that --albedo is made from; give both, or neither",
+        ),
+        (
+            "light from nowhere",
+            lambda b: b.estimate(**{"white": b.photo("w.exr"), "albedo": b / "a.png", "white-light": "left"}),
+            "--white-light left is not known; give slant (0 to 90) and tilt in degrees, as 45,135",
+        ),
+        (
+            "light from behind",
+            lambda b: albedo_from_white(
+                SPHERE.capture(white=SPHERE.image), NormalMap(SPHERE.normals, SPHERE.mask), (0, 1, -1)
+            ),
+            "the white light is not in front of the object",
+        ),
+    ]
+)

@@ -207,9 +207,9 @@ class TestCommand:
             ('{"pairs": [{"pixel": [1, 2], "point": [1, 2, 3]}]}', "1 pairs do not determine a camera"),
         ],
     )
-    def test_bad_pairs_get_one_sentence(self, mpsnet, files, text: str, sentence: str):
+    def test_bad_pairs_get_one_sentence(self, mpsnet_here, files, text: str, sentence: str):
         (files / "pairs.json").write_text(text)
-        done = self.align(mpsnet, files, "--points", files / "pairs.json")
+        done = self.align(mpsnet_here, files, "--points", files / "pairs.json")
         assert done.returncode == 2
         assert re.fullmatch(rf"mpsnet: .*{re.escape(sentence)}.*\n", done.stderr), done.stderr
         assert not (files / "camera.json").exists()

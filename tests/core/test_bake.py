@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from bad_input import SPHERE, SQUARE, gets_one_clear_sentence
 from surface_shapes import camera_looking, first_on_sphere, sphere_mesh, sphere_view, texels_of, towards_camera
 from synthetic import degrees_between
 
+from mpsnet_core import read_normals, write_texture
 from mpsnet_core.bake import bake
 from mpsnet_core.bake.bake import View, bake_normals
 from mpsnet_core.bake.texture import Texture
@@ -308,8 +310,8 @@ def test_what_cannot_be_baked_is_refused_with_the_mend() -> None:
     mesh, view = plane(), constant_view(camera_looking((0, 0, 1)), [0, 0, 1.0])
     away = constant_view(camera_looking((0, 0, -1)), [0, 0, -1.0])
     for arguments, said in [
-        (([],), "give at least one camera"),
-        (([away],), "check that the cameras and the mesh share one world"),
+        (([],), "no view to bake; give at least one camera"),
+        (([away],), "no view sees any of the mesh; check that the cameras and the mesh share one world"),
     ]:
         with pytest.raises(InputError, match=said):
             bake_normals(mesh, *arguments)
@@ -321,8 +323,68 @@ def test_what_cannot_be_baked_is_refused_with_the_mend() -> None:
     ]:
         with pytest.raises(InputError, match=said):
             bake_normals(mesh, [view], **settings)  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="64 x 64 but its normal map is 32 x 16"):
+    with pytest.raises(InputError, match="camera is 64 x 64 but its normal map is 32 x 16"):
         View(camera_looking((0, 0, 1), size=64), NormalMap(np.ones((16, 32, 3)), np.ones((16, 32), bool)))
     speck = Mesh(mesh.vertices, mesh.triangles, mesh.corner_normals, 1e-3 * mesh.uvs)
     with pytest.raises(InputError, match="choose a larger size"):
         bake_normals(speck, [view], size=64)
+
+
+test_a_bad_bake_gets_one_clear_sentence = gets_one_clear_sentence(
+    [
+        (
+            "sizes differ",
+            lambda b: b.bake(view=f"{b.camera()}={b.normals(size=32)}"),
+            "camera.json…normals.png…camera is 16 x 16 but its normal map is 32 x 32",
+        ),
+        ("a view without a camera", lambda b: b.bake(view=str(b.normals())), "normals.png is not CAMERA=NORMALS"),
+        (
+            "a view whose camera is missing",
+            lambda b: b.bake(view=f"{b / 'c.json'}={b.normals()}"),
+            "c.json does not exist",
+        ),
+        ("size 0", lambda b: b.bake("--size", "0"), "size 0 cannot be; choose 1 to 16384"),
+        ("size beyond reason", lambda b: b.bake("--size", "1000000"), "size 1000000 cannot be"),
+        ("size in words", lambda b: b.bake("--size", "large"), "--size…'large'…see mpsnet bake --help"),
+        ("negative margin", lambda b: b.bake("--margin", "-1"), "margin -1 cannot be; choose 0 to 16384"),
+        ("unknown space", lambda b: b.bake("--space", "world"), "space 'world' is not known; choose tangent or object"),
+        (
+            "unknown convention",
+            lambda b: b.bake("--convention", "vulkan"),
+            "convention 'vulkan' is not known; choose opengl or directx",
+        ),
+        ("8-bit EXR", lambda b: b.bake("--bits", "8", output="t.exr"), "t.exr…hold 16 or 32 bits a channel, not 8"),
+        ("32-bit PNG", lambda b: b.bake("--bits", "32"), "texture.png…hold 8 or 16 bits a channel, not 32"),
+        ("over the normals", lambda b: b.bake(output="normals.png"), "overwrite…normals.png…choose another output"),
+        (
+            "a photo for normals",
+            lambda b: b.bake(view=f"{b.camera()}={b.photo('p.png', np.dstack([SPHERE.image, SPHERE.mask]), 'uint8')}"),
+            "p.png is not a normal map",
+        ),
+        ("no view at all", lambda b: b.run("bake", "--mesh", b.mesh(), "-o", b / "t.png"), "--view"),
+        (
+            "texture's folder missing",
+            lambda b: b.bake(output="nowhere/t.png"),
+            "nowhere/t.png…nowhere does not exist; create it first",
+        ),
+        (
+            "a folder with a suffix",
+            lambda b: ((b / "t.png").mkdir(), b.bake(output="t.png")),
+            "t.png…it is a folder; give a file name",
+        ),
+        (
+            "texture bits",
+            lambda b: write_texture(
+                b / "t.tif",
+                bake_normals(
+                    Mesh(**SQUARE),
+                    [View(Camera("orthographic", 16, 16, (8, 8)), read_normals(b.normals()))],
+                    size=8,
+                    margin=0,
+                ),
+                bits=12,
+            ),
+            "t.tif…hold 8 or 16 or 32 bits a channel, not 12",
+        ),
+    ]
+)

@@ -6,12 +6,14 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from bad_input import SPHERE, SQUARE, gets_one_clear_sentence
 from conftest import Mpsnet
 from mesh_file import write_mesh
 from surface_shapes import camera_looking, sphere_mesh, sphere_view, texels_of
 from test_bake import SIX_SIDES, SIZE, plane
 from test_cli import events
 
+from mpsnet_core import read_camera, read_normals
 from mpsnet_core.bake.bake import View, bake_normals
 from mpsnet_core.estimate.albedo import write_albedo
 from mpsnet_core.io.image import linear_to_srgb
@@ -101,3 +103,35 @@ def test_bake_writes_the_albedo_beside_the_texture(tmp_path: Path, mpsnet: Mpsne
     found, inner = picture.get_pixels(oiio.FLOAT), np.r_[1:30, 34:63]
     expected = linear_to_srgb(colours)
     np.testing.assert_allclose(found[1:63, inner], expected[1:63, inner], atol=0.005)
+
+
+test_bad_colours_get_one_clear_sentence = gets_one_clear_sentence(
+    [
+        (
+            "more albedos than views",
+            lambda b: b.bake("--albedo", b / "a.png", "--albedo", b / "b.png"),
+            "there are 1 views but 2 albedos; give one for each view, or none",
+        ),
+        (
+            "albedo of another size",
+            lambda b: b.bake("--albedo", b.photo("a.exr", SPHERE.image[:8])),
+            "the colours are 16 x 8 but the normal map is 16 x 16; they must be the same size",
+        ),
+        (
+            "albedo where the baked one goes",
+            lambda b: b.bake("--albedo", b.photo("texture_albedo.png", kind="uint8")),
+            "overwrite…texture_albedo.png",
+        ),
+        (
+            "colours of some views only",
+            lambda b: bake_normals(
+                Mesh(**SQUARE),
+                [
+                    View(read_camera(b.camera()), read_normals(b.normals()), colours)
+                    for colours in (None, np.ones((16, 16, 3), np.float32))
+                ],
+            ),
+            "some views have colours and others none; give colours for all of them, or for none",
+        ),
+    ]
+)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bad_input import NAN, gets_one_clear_sentence
 
 from mpsnet_core.errors import FileError, FormatError, GeometryError, InputError
 from mpsnet_core.scene.camera import Camera, read_camera, write_camera
@@ -83,3 +84,55 @@ def test_callers_tell_errors_apart_by_their_class(
     with pytest.raises(kind, match=r"camera\.json") as caught:
         read_camera(file)
     assert caught.type is kind
+
+
+test_a_bad_camera_gets_one_clear_sentence = gets_one_clear_sentence(
+    [
+        (
+            "focal beyond reason",
+            lambda b: b.estimate(focal="1e300"),
+            "focal must be above 0 in x and in y, 1e-06 to 1e+09",
+        ),
+        (
+            "unknown projection",
+            lambda b: read_camera(b.camera(projection="fisheye")),
+            'camera.json…"orthographic" or "perspective", not \'fisheye\'',
+        ),
+        (
+            "width 0",
+            lambda b: read_camera(b.camera(width=0)),
+            "camera.json…width must be a whole number of pixels from 1",
+        ),
+        ("half a pixel", lambda b: read_camera(b.camera(height=1.5)), "camera.json…height must be a whole number"),
+        ("width beyond all numbers", lambda b: read_camera(b.camera(width=10**400, centre=None)), "camera.json…width"),
+        ("focal 0", lambda b: read_camera(b.camera(focal=[8, 0])), "camera.json…focal must be above 0"),
+        ("one focal", lambda b: read_camera(b.camera(focal=8)), "camera.json…focal must be 2 finite numbers"),
+        (
+            "centre not finite",
+            lambda b: read_camera(b.camera(centre=[NAN, 0])),
+            "camera.json…centre must be 2 finite numbers",
+        ),
+        (
+            "pose with scale",
+            lambda b: read_camera(b.camera(world_from_camera=np.diag([2, 2, 2, 1]).tolist())),
+            "camera.json…not a rotation and a translation; remove scale",
+        ),
+        ("pose mirrored", lambda b: Camera("orthographic", 4, 4, (1, 1), None, np.diag([-1, 1, 1, 1])), "mirroring"),
+        (
+            "pose of three rows",
+            lambda b: read_camera(b.camera(world_from_camera=np.eye(3).tolist())),
+            "camera.json…world_from_camera must be 4 by 4",
+        ),
+        (
+            "pose beyond all numbers",
+            lambda b: read_camera(b.camera(world_from_camera=[[10**400] * 4] * 4)),
+            "camera.json…world_from_camera must be 4 by 4 finite",
+        ),
+        (
+            "without a pose",
+            lambda b: read_camera(b.camera(world_from_camera=None)),
+            'camera.json: it lacks "world_from_camera"; add it',
+        ),
+        ("a rig in its place", lambda b: read_camera(b.rig()), "rig.json is not a mpsnet-camera file"),
+    ]
+)

@@ -4,8 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bad_input import NAN, SPHERE, gets_one_clear_sentence, loop, with_pixel
 from synthetic import Sphere, write_file
 
+from mpsnet_core import read_mask
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.capture.capture import read_capture
 from mpsnet_core.errors import FileError, GeometryError
@@ -60,7 +62,8 @@ def test_a_mask_file_is_used(tmp_path: Path, photo_file: Path, sphere: Sphere) -
 
 def test_an_error_keeps_its_kind_where_the_photo_is_named(tmp_path: Path, photo_file: Path, sphere: Sphere) -> None:
     small = write_file(tmp_path / "mask.png", np.ones((8, 8)), "uint8")
-    with pytest.raises(GeometryError, match=rf"{photo_file.name}: the mask is 8 x 8 but the photo is"):
+    words = rf"{photo_file.name}: the mask is 8 x 8 but the photo is .*; they must be the same size"
+    with pytest.raises(GeometryError, match=words):
         read_capture(photo_file, sphere.rig, mask=small)
     with pytest.raises(FileError, match=rf"{photo_file.name}: mask .* does not exist"):
         read_capture(photo_file, sphere.rig, mask=tmp_path / "missing.png")
@@ -94,3 +97,76 @@ def test_a_photo_that_gives_hardly_right_normals_is_told_of(
         read_capture(tmp_path / "photo.png", published_rig(), mask="none", encoding="linear")
     told = [record.getMessage() for record in caplog.records]
     assert any(words in line for line in told) if words else not told
+
+
+test_a_bad_capture_gets_one_clear_sentence = gets_one_clear_sentence(
+    [
+        (
+            "a link to itself",
+            lambda b: b.estimate(mask=loop(b / "m.png")),
+            "mask …m.png does not exist",
+        ),
+        (
+            "values whose squares no float holds",
+            lambda b: b.estimate(b.photo(pixels=with_pixel(3e38))),
+            "photo.exr: the photo holds values that are not finite",
+        ),
+        (
+            "NaN",
+            lambda b: read_capture(b.photo(pixels=with_pixel(NAN)), published_rig(), mask="none"),
+            "photo.exr: the photo holds values that are not finite inside the mask; export it again",
+        ),
+        (
+            "infinity",
+            lambda b: read_capture(b.photo(pixels=with_pixel(np.inf), kind="half"), published_rig(), mask="none"),
+            "photo.exr: the photo holds values that are not finite inside the mask",
+        ),
+        (
+            "empty mask",
+            lambda b: read_capture(b.photo(), SPHERE.rig, mask=b.mask(values=0 * SPHERE.mask)),
+            "photo.exr…mask is empty…choose another mask or threshold",
+        ),
+        (
+            "empty alpha",
+            lambda b: read_capture(b.photo(pixels=np.dstack([SPHERE.image, 0 * SPHERE.mask])), SPHERE.rig),
+            "photo.exr…mask is empty",
+        ),
+        ("a mask that is no image", lambda b: read_mask(b.rig()), "rig.json cannot be read as an image"),
+        (
+            "alpha where there is none",
+            lambda b: read_capture(b.photo(), SPHERE.rig, mask="alpha"),
+            "photo.exr…no alpha channel…give a mask file or a threshold",
+        ),
+        (
+            "threshold in words",
+            lambda b: read_capture(b.photo(), SPHERE.rig, mask="threshold:low"),
+            "photo.exr…from 0 up to 1, not 'low'; 0.05",
+        ),
+        (
+            "threshold without number",
+            lambda b: read_capture(b.photo(), SPHERE.rig, mask="threshold:"),
+            "photo.exr…from 0 up to 1, not ''",
+        ),
+        (
+            "threshold above 1",
+            lambda b: read_capture(b.photo(), SPHERE.rig, mask="threshold:1.5"),
+            "from 0 up to 1, not '1.5'",
+        ),
+        (
+            "threshold not finite",
+            lambda b: read_capture(b.photo(), SPHERE.rig, mask="threshold:nan"),
+            "from 0 up to 1, not 'nan'",
+        ),
+        (
+            "black",
+            lambda b: read_capture(b.photo(pixels=0 * SPHERE.image), SPHERE.rig),
+            "photo.exr…black inside the mask; were the lights on",
+        ),
+        ("grey image", lambda b: SPHERE.capture(image=SPHERE.image[..., 0]), "three channels a pixel…(16, 16)"),
+        (
+            "a camera of another size",
+            lambda b: SPHERE.capture(camera=Camera("orthographic", 20, 10, (8, 8))),
+            "camera is 20 x 10 but the photo is 16 x 16",
+        ),
+    ]
+)

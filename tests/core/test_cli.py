@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from bad_input import SPHERE, Bench, gets_one_clear_sentence
 from conftest import Mpsnet
 from networks import pass_through
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from synthetic import Sphere, degrees_between, diligent_object, listing, named, 
 
 from mpsnet_core.capture.capture import read_capture
 from mpsnet_core.estimate import estimate_normals
+from mpsnet_core.scene.mesh import read_mesh
 from mpsnet_core.scene.normal_map import read_normals
 from mpsnet_core.scene.rig import read_rig
 
@@ -313,3 +315,39 @@ def test_an_empty_argument_is_not_this_folder(mpsnet: Mpsnet, rig_file: Path, tm
     done = mpsnet("estimate", "", "--rig", rig_file, "-o", tmp_path / "out")
     assert done.returncode == 2
     assert done.stderr == "mpsnet: an argument is empty; is a shell variable that it comes from not set?\n"
+
+
+test_a_bad_command_gets_one_clear_sentence = gets_one_clear_sentence(
+    [
+        (
+            "two hyphens for a value",
+            lambda b: b.run("integrate", "n.png", "--open=--"),
+            "--open: expected a value, not --",
+        ),
+        ("no verb", lambda b: b.run("--progress", "none"), "see mpsnet --help"),
+        ("unknown verb", lambda b: b.run("paint"), "'paint'…see mpsnet --help"),
+        ("no rig", lambda b: b.run("estimate", b.photo(), "-o", b / "n.png"), "--rig; see mpsnet estimate --help"),
+        ("unknown option", lambda b: b.estimate(colour="red"), "--colour…see mpsnet"),
+        (
+            "a number of passes that no network takes",
+            lambda b: b.run("estimate", "p.png", "--rig", "r.json", "--passes", "2", "-o", "n.png"),
+            "passes 2 is not known; choose 1 or 3",
+        ),
+        (
+            "passes in turn of a network that knows no turns",
+            lambda b: estimate_normals(SPHERE.capture(), "psfcn", passes=3),
+            'psfcn.onnx…needs the "frame" "canonical"',
+        ),
+        ("unknown progress", lambda b: b.run("models", "--progress", "loud"), "--progress…'loud'…auto"),
+    ]
+)
+
+
+@pytest.mark.usefixtures("process_settings_restored")
+def test_what_the_cases_of_bad_input_spoil_is_good_before(tmp_path: Path) -> None:
+    b = Bench(tmp_path)
+    assert read_capture(b.photo(), read_rig(b.rig()), mask=b.mask()).image.shape == (16, 16, 3)
+    assert read_mesh(b.mesh()).triangles.shape == (2, 3)
+    for good in (b.estimate, b.bake, b.evaluate):
+        with pytest.raises(AssertionError, match=r"^exit code 0: "):
+            good()

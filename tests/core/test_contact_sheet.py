@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from bad_input import cut, gets_one_clear_sentence
 from conftest import Mpsnet
 from sphere_sample import RED, sphere_sample
 from stand_in import COMMAND
@@ -187,5 +188,31 @@ def test_the_contact_sheet_shows_the_samples_that_there_are(tmp_path: Path, samp
 
 
 def test_a_folder_without_samples_is_told(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="holds no samples"):
+    with pytest.raises(InputError, match=r"holds no samples \(\.exr\); make some"):
         folder_samples(tmp_path)
+
+
+test_a_bad_show_gets_one_clear_sentence = gets_one_clear_sentence(
+    [
+        ("nothing to show", lambda b: b.run("show", b / "nowhere.exr"), "nowhere.exr does not exist; check the path"),
+        ("show none", lambda b: b.run("show", b.photo(), "--count", "0"), "--count 0 shows nothing; choose 1 or more"),
+        ("show over the photo", lambda b: b.run("show", b.photo("a.png"), "-o", b / "a.png"), "overwrite…a.png"),
+        (
+            "show in no folder",
+            lambda b: b.run("show", b.photo(), "-o", b / "no" / "s.png"),
+            "does not exist; create it",
+        ),
+        ("show as a film", lambda b: b.run("show", b.photo(), "-o", b / "s.mp4"), "s.mp4…not an image format of ours"),
+        ("show a rig", lambda b: b.run("show", b.rig()), "rig.json cannot be read as an image"),
+        (
+            "show a cut photo",
+            lambda b: b.run("show", cut(b.photo("a.png", kind="uint8"))),
+            "a.png is damaged or cut short",
+        ),
+        (
+            "show a cut sample",
+            lambda b: (write_sample(b / "s.exr", sphere_sample(16)), b.run("show", cut(b / "s.exr"))),
+            "s.exr is damaged or cut short…delete it and make it again",
+        ),
+    ]
+)

@@ -1,10 +1,12 @@
 """DiLiGenT: how captures are multiplexed, and the published numbers on its photographs."""
 
 import json
+import struct
 from pathlib import Path
 
 import numpy as np
 import pytest
+from bad_input import cut, gets_one_clear_sentence
 from conftest import Mpsnet
 from synthetic import degrees_between, diligent_object, mat_file
 
@@ -146,3 +148,130 @@ def test_an_array_of_a_matlab_file_is_found_by_name(tmp_path: Path, compressed: 
     path = mat_file(tmp_path / "a.mat", compressed, **arrays)
     for name, values in arrays.items():
         np.testing.assert_array_equal(read_mat_array(path, name), values)
+
+
+test_a_bad_diligent_folder_gets_one_clear_sentence = gets_one_clear_sentence(
+    [
+        (
+            "no such folder",
+            lambda b: b.run("evaluate", "diligent", b / "nowhere"),
+            "nowhere has none of DiLiGenT's folders (ballPNG…give its pmsData folder",
+        ),
+        (
+            "a folder without objects",
+            lambda b: b.run("evaluate", "diligent", b.folder),
+            "has none of DiLiGenT's folders",
+        ),
+        (
+            "a light out of range",
+            lambda b: b.evaluate("--lights", "1,2,97"),
+            "ballPNG has lights 1 to 4, not 97; mend --lights",
+        ),
+        (
+            "light 0",
+            lambda b: read_diligent(b.diligent() / "ballPNG", (0, 1, 2), "white"),
+            "ballPNG has lights 1 to 4, not 0",
+        ),
+        (
+            "lights in words",
+            lambda b: b.evaluate("--lights", "red,green,blue"),
+            "--lights red,green,blue is not three numbers; write them like 48,1,96",
+        ),
+        ("two lights", lambda b: b.evaluate("--lights", "1,2"), "--lights 1,2 is not three numbers"),
+        ("twice the same light", lambda b: b.evaluate("--lights", "1,2,1"), "ballPNG…(1, 2, 1)…one plane"),
+        (
+            "unknown protocol",
+            lambda b: b.evaluate("--protocol", "mixed"),
+            "protocol 'mixed' is not known; choose separated, published or white",
+        ),
+        (
+            "report of another kind",
+            lambda b: b.evaluate("-o", b / "report.pdf"),
+            "report.pdf…written as .html; change the suffix",
+        ),
+        (
+            "rows in no folder",
+            lambda b: b.evaluate("--json", b / "no" / "rows.json"),
+            "no/rows.json…does not exist; create it first",
+        ),
+        (
+            "light table missing",
+            lambda b: read_diligent(b.diligent(light_directions="") / "ballPNG", (1, 2, 3), "white"),
+            "light_directions.txt does not exist",
+        ),
+        (
+            "light table in words",
+            lambda b: read_diligent(b.diligent(light_directions="a b c\n") / "ballPNG", (1, 2, 3), "white"),
+            "light_directions.txt is not a table of numbers",
+        ),
+        (
+            "light table empty",
+            lambda b: read_diligent(b.diligent(light_intensities="\n") / "ballPNG", (1, 2, 3), "white"),
+            "light_intensities.txt must hold three numbers a line",
+        ),
+        (
+            "intensity 0",
+            lambda b: read_diligent(b.diligent(light_intensities="0 1 1\n" * 4) / "ballPNG", (1, 2, 3), "white"),
+            "light_intensities.txt…above 0",
+        ),
+        (
+            "a photograph missing",
+            lambda b: read_diligent(b.diligent(filenames="x.png " * 4) / "ballPNG", (1, 2, 3), "white"),
+            "x.png does not exist",
+        ),
+        (
+            "a photograph's name in no encoding",
+            lambda b: (
+                (b.diligent() / "ballPNG" / "filenames.txt").write_bytes(b"\xff.png " * 4),
+                read_diligent(b / "pmsData" / "ballPNG", (1, 2, 3), "white"),
+            ),
+            "xff.png does not exist",
+        ),
+        ("truth missing", lambda b: read_truth(b.diligent(Normal_gt="") / "ballPNG"), "Normal_gt.mat does not exist"),
+        (
+            "truth broken",
+            lambda b: read_truth(cut(b.diligent() / "ballPNG" / "Normal_gt.mat").parent),
+            "Normal_gt.mat is damaged…copy it again",
+        ),
+        (
+            "truth of an older MATLAB",
+            lambda b: read_truth(b.diligent(Normal_gt="MATLAB 4" * 40) / "ballPNG"),
+            "Normal_gt.mat is not a little-endian MATLAB 5 file; save it with -v7",
+        ),
+        (
+            "truth under another name",
+            lambda b: read_truth(mat_file(b / "Normal_gt.mat", normals=np.zeros((2, 2, 3))).parent),
+            "Normal_gt.mat holds no numeric array called 'Normal_gt'",
+        ),
+        (
+            "truth that is flat",
+            lambda b: read_truth(mat_file(b / "Normal_gt.mat", Normal_gt=np.zeros((2, 2))).parent),
+            "Normal_gt has shape (2, 2), expected height x width x 3",
+        ),
+        (
+            "truth of another size",
+            lambda b: (
+                mat_file(b.diligent() / "ballPNG" / "Normal_gt.mat", Normal_gt=np.zeros((2, 2, 3))),
+                b.run("evaluate", "diligent", b / "pmsData", "--lights", "1,2,3"),
+            ),
+            "ballPNG…truth is (2, 2, 3), the photos (64, 64, 3)",
+        ),
+        (
+            "truth with an empty header",
+            lambda b: read_truth(
+                b.bytes("Normal_gt.mat", bytes(124) + b"\x00\x01IM" + struct.pack("<IIII", 14, 8, 6, 0)).parent
+            ),
+            "Normal_gt.mat is damaged",
+        ),
+        (
+            "unknown object",
+            lambda b: b.evaluate("--object", "teapot"),
+            "DiLiGenT has no object 'teapot'; choose ball, bear…reading",
+        ),
+        (
+            "none of the objects asked for",
+            lambda b: b.evaluate("--object", "cat"),
+            "pmsData has none of DiLiGenT's folders (catPNG, ...)",
+        ),
+    ]
+)

@@ -2,12 +2,14 @@
 
 import json
 from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
+from bad_input import gets_one_clear_sentence
 from conftest import Mpsnet
 from sphere_sample import RED, sphere_sample
 from synthetic import degrees_between
@@ -232,3 +234,85 @@ def test_the_command_line_tells_of_samples_and_what_was_left_out(samples: Path, 
     assert "sample_000001" in data["skipped"][0] and "sample_000001" in done.stdout
     assert {row["object"] for row in data["rows"]} == {"sample_000000", "sample_000002"}
     assert page.read_text(encoding="utf-8").count("<img") == 2
+
+
+NEEDS_TORCH = pytest.mark.skipif(find_spec("torch") is None, reason="needs PyTorch")
+
+
+test_a_bad_evaluation_gets_one_clear_sentence = gets_one_clear_sentence(
+    [
+        (
+            "materials without a source",
+            lambda b: b.run("evaluate", "materials"),
+            "--merl; see mpsnet evaluate materials",
+        ),
+        (
+            "no such materials",
+            lambda b: b.run("evaluate", "materials", "--merl", b / "no.npz"),
+            "no.npz does not exist",
+        ),
+        (
+            "a folder without materials",
+            lambda b: b.run("evaluate", "materials", "--merl", b.folder),
+            "holds no .binary files; choose the one with MERL's materials",
+        ),
+        (
+            "no such mesh to render",
+            lambda b: b.run("evaluate", "rendered", b / "no.obj"),
+            "mesh file or folder…no.obj does not exist; check the path",
+        ),
+        (
+            "a folder without meshes",
+            lambda b: b.run("evaluate", "rendered", b.folder),
+            "holds no meshes; put .glb",
+        ),
+        (
+            "no views",
+            lambda b: b.run("evaluate", "rendered", b.text("a.obj", ""), "--views", "0"),
+            "0 views of a mesh cannot be shown; choose 1 to 360",
+        ),
+        (
+            "a mesh without faces",
+            lambda b: b.run("evaluate", "rendered", b.text("a.obj", "v 0 0 0\n"), "--model", "lambertian"),
+            "mesh file…a.obj has no faces",
+        ),
+        (
+            "a picture too small",
+            lambda b: b.run("evaluate", "colour", "--size", "8", "--model", "lambertian"),
+            "pictures of 8 pixels a side cannot be made; choose a size from 16",
+        ),
+        (
+            "colours by an unknown protocol",
+            lambda b: b.run("evaluate", "colour", "--protocol", "ideal"),
+            "protocol 'ideal' is not known; choose separated, published or white",
+        ),
+        (
+            "a page of colours of another kind",
+            lambda b: b.run("evaluate", "colour", "-o", b / "report.pdf"),
+            "report.pdf…written as .html; change the suffix",
+        ),
+    ]
+)
+
+
+test_bad_samples_get_one_clear_sentence = NEEDS_TORCH(
+    gets_one_clear_sentence(
+        [
+            (
+                "no such samples to measure on",
+                lambda b: b.run("evaluate", "samples", b / "no"),
+                "folder of samples…no does not exist; check the path",
+            ),
+            (
+                "a folder without samples to measure on",
+                lambda b: b.run("evaluate", "samples", b.folder),
+                "there is no whole sample in…mpsnet synthesize",
+            ),
+            (
+                "less than no samples to measure on",
+                lambda b: b.run("evaluate", "samples", b.folder, "--count", "-1"),
+                "-1 samples cannot be measured; choose 0, which is all, or more",
+            ),
+        ]
+    )
+)

@@ -6,9 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from bad_input import gets_one_clear_sentence
 from conftest import Mpsnet
 from synthetic import diligent_object, shaded_sphere
 
+from mpsnet_core import published_rig
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.lambertian import lambertian_normals
 from mpsnet_core.learning.evaluation.diligent import Diligent
@@ -161,3 +163,41 @@ def test_diligent_is_magnified_and_told_where_it_faces_all_lights(tmp_path: Path
     (region,) = Diligent(tmp_path, lights=[(1, 2, 3)], protocols=["white"]).cases[0]().regions.values()
     brightest = np.percentile(sphere.image[sphere.mask], 99, axis=0)
     np.testing.assert_array_equal(region, sphere.lit & (sphere.image > 0.02 * brightest).all(axis=-1))
+
+
+test_a_bad_evaluation_of_statues_gets_one_clear_sentence = gets_one_clear_sentence(
+    [
+        (
+            "no such statue",
+            lambda b: b.run("evaluate", "statues", b / "no.ply"),
+            "mesh file or folder…no.ply does not exist; check the path",
+        ),
+        (
+            "statues magnified 100 times",
+            lambda b: b.run("evaluate", "statues", b.text("a.obj", ""), "--magnify", "100"),
+            "photographs cannot be magnified 100 times; choose 1, which is not at all, to 8",
+        ),
+        (
+            "light on statues after many bounces",
+            lambda b: b.run("evaluate", "statues", b.text("a.obj", ""), "--bounces", "9"),
+            "light cannot be followed over 9 bounces; choose 0 to 3",
+        ),
+        (
+            "lights behind statues",
+            lambda b: b.run("evaluate", "statues", b.text("a.obj", ""), "--slant", "95"),
+            "the first light is behind the object",
+        ),
+        (
+            "photographs magnified 0 times",
+            lambda b: b.evaluate("--magnify", "0"),
+            "photographs cannot be magnified 0 times; choose 1, which is not at all, to 8",
+        ),
+        (
+            "a photograph magnified beyond all bounds",
+            lambda b: estimate_magnified(
+                lambertian_normals, Capture(np.ones((20, 1200, 3), np.float32), np.ones((20, 1200)), published_rig()), 8
+            ),
+            "the object's 1200 x 20 pixels cannot be magnified 8 times…more than 8192 a side; magnify less",
+        ),
+    ]
+)

@@ -1,8 +1,10 @@
 """Which photos a command line means, and what their results are called."""
 
+import os
 from pathlib import Path
 
 import pytest
+from bad_input import SPHERE, Bench, gets_one_clear_sentence
 
 from mpsnet_core.io.frames import expand_images, numbering, output_files
 
@@ -108,3 +110,101 @@ def test_results_of_a_sequence_have_their_number_behind_all_other_digits(tmp_pat
     """Blender takes a file's last digits for the number of its frame."""
     files = output_files([tmp_path / f"shot2_{number:02d}_v3.png" for number in (7, 8)], tmp_path / "out", ".png")
     assert [file.name for file in files] == ["shot2_v3_07_normals.png", "shot2_v3_08_normals.png"]
+
+
+def two(b: Bench) -> list[Path]:
+    for name in ("a", "b"):
+        (b / name).mkdir()
+    return [b.photo("a/same.exr"), b.photo("b/same.exr")]
+
+
+test_a_bad_output_gets_one_clear_sentence = gets_one_clear_sentence(
+    [
+        (
+            "a name that is no UTF-8",
+            lambda b: b.estimate(output=os.fsdecode(b"\xf6.png")),
+            r"cannot write …\udcf6.png: its name is not valid UTF-8; choose another name",
+        ),
+        (
+            "folder missing",
+            lambda b: b.estimate(output="nowhere/out.png"),
+            "nowhere/out.png…nowhere does not exist; create it first",
+        ),
+        (
+            "folder of frames in no folder",
+            lambda b: b.estimate(b.photo("a.exr"), b.photo("b.exr"), output="no/where"),
+            "no/where…does not exist; create it first",
+        ),
+        ("unknown suffix", lambda b: b.estimate(output="out.gif"), "out.gif…not an image format of ours; use .png"),
+        (
+            "over the photo",
+            lambda b: b.estimate(b.photo("out.png", kind="uint16")),
+            "overwrite…out.png…choose another output",
+        ),
+        (
+            "over a photo in the folder",
+            lambda b: output_files([b / "a.png", b / "a_normals.png"], b.folder, ".png"),
+            "overwrite…a_normals.png…choose another output",
+        ),
+        ("over the mask", lambda b: b.estimate(output="mask.png"), "overwrite…mask.png…choose another output"),
+        (
+            "confidence over the photo",
+            lambda b: b.estimate(confidence=b.photo()),
+            "overwrite…photo.exr…choose another output",
+        ),
+        (
+            "confidence over the normals",
+            lambda b: b.estimate(confidence=b / "out.png"),
+            "overwrite…out.png…choose another output",
+        ),
+        (
+            "confidence in no folder",
+            lambda b: b.estimate(confidence=b / "nowhere/c.png"),
+            "nowhere/c.png…does not exist; create it first",
+        ),
+        (
+            "confidence of several",
+            lambda b: b.estimate(b.photo("a.exr"), b.photo("b.exr"), output="out", confidence=b / "c.png"),
+            "--confidence takes one photo",
+        ),
+        (
+            "one file for several photos",
+            lambda b: b.estimate(b.photo("a.exr"), b.photo("b.exr")),
+            "out.png is one file, but there are 2 photos; give a folder",
+        ),
+        (
+            "unknown format for several",
+            lambda b: b.estimate(b.photo("a.exr"), b.photo("b.exr"), output="out", format="gif"),
+            ".gif is not an image format of ours",
+        ),
+    ]
+)
+
+
+test_a_bad_photo_list_gets_one_clear_sentence = gets_one_clear_sentence(
+    [
+        (
+            "a pattern that matches nothing",
+            lambda b: b.estimate(b / "frame_####.png"),
+            "no image matches…frame_####.png; check the pattern",
+        ),
+        ("a pattern in a missing folder", lambda b: b.estimate(b / "shots" / "*.png"), "no image matches…shots/*.png"),
+        (
+            "a folder without images",
+            lambda b: ((b / "shots").mkdir(), b.estimate(b / "shots")),
+            "shots holds no images (.png",
+        ),
+        ("missing", lambda b: b.estimate(b / "photo.png"), "photo.png does not exist; check the path"),
+        ("a name too long for the system", lambda b: b.estimate(b / ("x" * 300 + ".png")), "xxx.png…too long"),
+        (
+            "two of the same name",
+            lambda b: b.estimate(*two(b), output="out"),
+            "two photos would both be written to…same_normals.png; rename one",
+        ),
+        (
+            "one bad frame among good ones",
+            lambda b: b.estimate(b.photo("a.exr"), b.photo("b.exr", 0 * SPHERE.image), output="out"),
+            "b.exr…black inside the mask",
+        ),
+    ]
+)

@@ -1,13 +1,20 @@
 """The door to image files. What is read was written by OpenImageIO directly; what is written is read by it directly."""
 
 import logging
+import os
+import struct
+import zlib
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from bad_input import SPHERE, Bench, cut, gets_one_clear_sentence
 from synthetic import listing, named, write_file, write_parts
 
+from mpsnet_core.io import images
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.images import image_layers, read_data, read_image, read_mask, write_image
 
@@ -246,3 +253,151 @@ def test_a_photo_stands_as_a_viewer_shows_it(
 def test_a_picture_that_is_turned_in_words_stays_as_it_is(tmp_path: Path) -> None:
     path = write_file(tmp_path / "photo.exr", np.arange(18).reshape(2, 3, 3), "float", Orientation="upside down")
     assert read_image(path).pixels[..., 0].tolist() == [[0, 3, 6], [9, 12, 15]]
+
+
+def turned_bit(b: Bench, byte: int) -> Path:
+    """A PNG whose head says something else than its checksum."""
+    data = bytearray(b.photo("photo.png", kind="uint8").read_bytes())
+    data[byte] ^= 4
+    return b.bytes("photo.png", bytes(data))
+
+
+def gif(b: Bench, name: str) -> Path:
+    """One black pixel."""
+    head = b"GIF89a" + bytes((1, 0, 1, 0, 0x80, 0, 0)) + bytes(6)
+    return b.bytes(name, head + b"," + bytes((0, 0, 0, 0, 1, 0, 1, 0, 0, 2, 2, 0x44, 1, 0)) + b";")
+
+
+def latin_named(b: Bench) -> Path:
+    """A photo whose name was written by a system that does not know UTF-8."""
+    return b.photo("photo.png", kind="uint8").rename(b / os.fsdecode(b"gr\xf6sse.png"))
+
+
+def huge_png(width: int, height: int) -> bytes:
+    def chunk(kind: bytes, body: bytes) -> bytes:
+        return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    parts = chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(b"")) + chunk(b"IEND", b"")
+    return b"\x89PNG\r\n\x1a\n" + parts
+
+
+def huge_exr(b: Bench) -> Path:
+    """An EXR whose header says it is 100000 x 100000."""
+    data = b.photo("huge.exr").read_bytes()
+    small, huge = struct.pack("<4i", 0, 0, 15, 15), struct.pack("<4i", 0, 0, 99999, 99999)
+    assert small in data
+    return b.bytes("huge.exr", data.replace(small, huge))
+
+
+def within(module: Any, limit: str, value: int, work: Callable[[], Any]) -> None:
+    """Do the work under a smaller limit, as reaching the real one would take gigabytes."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, limit, value)
+        work()
+
+
+test_a_bad_image_gets_one_clear_sentence = gets_one_clear_sentence(
+    [
+        (
+            "another kind of picture",
+            lambda b: read_image(gif(b, "p.png")),
+            "p.png cannot be read…file of another kind…is it PNG",
+        ),
+        (
+            "a PNG with a bit of its head turned",
+            lambda b: read_image(turned_bit(b, 24)),
+            "photo.png cannot be read as an image",
+        ),
+        (
+            "an EXR that OpenImageIO complains of in letters that are no UTF-8",
+            lambda b: read_image(b.replaced(b.photo(), b"chlist", b"chlis\x80")),
+            "photo.exr cannot be read as an image",
+        ),
+        ("missing", lambda b: read_image(b / "photo.png"), "photo.png does not exist; check the path"),
+        ("a folder", lambda b: read_image(b.folder), "is a folder, not a file; name a file in it"),
+        (
+            "empty",
+            lambda b: read_image(b.bytes("photo.png", b"")),
+            "photo.png cannot be read as an image…PNG, JPEG, TIFF or EXR",
+        ),
+        ("not an image", lambda b: read_image(b.text("photo.png", "hello")), "photo.png cannot be read as an image"),
+        (
+            "of no known kind",
+            lambda b: read_image(b.text("photo.txt", "hello")),
+            "photo.txt cannot be read as an image",
+        ),
+        (
+            "PNG cut short",
+            lambda b: read_image(cut(b.photo("p.png", kind="uint16"))),
+            "p.png is damaged or cut short…copy or export it again",
+        ),
+        (
+            "JPEG cut short",
+            lambda b: read_image(cut(b.photo("p.jpg", kind="uint8"), 0.95)),
+            "p.jpg is damaged or cut short",
+        ),
+        ("TIFF cut short", lambda b: read_image(cut(b.photo("p.tif", kind="uint16"))), "p.tif"),
+        ("EXR cut short", lambda b: read_image(cut(b.photo("p.exr"))), "p.exr is damaged or cut short"),
+        (
+            "grey",
+            lambda b: read_image(b.photo("p.png", SPHERE.mask, "uint8")),
+            "p.png has 1 channel(s) (Y)…give a colour image",
+        ),
+        (
+            "two channels",
+            lambda b: read_image(b.photo("p.tif", SPHERE.image[..., :2], "uint8")),
+            "p.tif has 2 channel(s)…red, green and blue are needed",
+        ),
+        (
+            "a name that is not UTF-8",
+            lambda b: read_image(latin_named(b)),
+            "its name is not valid UTF-8; rename it",
+        ),
+        (
+            "unknown layer",
+            lambda b: read_image(write_parts(b / "l.exr", [(None, named("A.", "RGB", SPHERE.image))]), layer="B"),
+            "l.exr has no layer 'B'; it has A",
+        ),
+        (
+            "several layers",
+            lambda b: read_image(
+                write_parts(b / "l.exr", [(None, named("A.", "RGB", SPHERE.image) | named("B.", "RGB", SPHERE.image))])
+            ),
+            "l.exr has several layers; name one of A, B",
+        ),
+        (
+            "a layer of two view layers",
+            lambda b: read_image(
+                write_parts(
+                    b / "l.exr",
+                    [(None, named("A.Combined.", "RGB", SPHERE.image) | named("B.Combined.", "RGB", SPHERE.image))],
+                ),
+                layer="Combined",
+            ),
+            "l.exr has several layers; name one of A.Combined, B.Combined",
+        ),
+        (
+            "unknown encoding",
+            lambda b: read_image(b.photo(), encoding="log"),
+            "encoding 'log' is not known; choose auto, linear or srgb",
+        ),
+        (
+            "a PNG header of 10^10 pixels",
+            lambda b: read_image(b.bytes("p.png", huge_png(100_000, 100_000))),
+            "p.png…100000",
+        ),
+        (
+            "more pixels than the limit",
+            lambda b: within(images, "MAX_PIXELS", 255, lambda: read_image(b.photo())),
+            "photo.exr claims to be 16 x 16…more than this program reads",
+        ),
+        ("an EXR header of 10^10 pixels", lambda b: read_image(huge_exr(b)), "huge.exr"),
+        (
+            "1100 channels",
+            lambda b: read_image(write_file(b / "c.exr", np.zeros((2, 2, 1100)), "half")),
+            "c.exr…1100 channels",
+        ),
+        ("no suffix", lambda b: write_image(b / "out", SPHERE.image), "out…no suffix…use .png"),
+    ]
+)

@@ -5,8 +5,10 @@ import sys
 import threading
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
+from bad_input import Bench, gets_one_clear_sentence
 from synthetic import listing
 from test_claims import HOLD, has_it
 
@@ -101,3 +103,60 @@ def test_samples_are_found_by_their_names(tmp_path: Path, number: int) -> None:
     assert sample_number(path.name) == number
     assert sample_number(f".{path.stem}.4711.unfinished.layers.exr") == number
     assert sample_number(".contact_sheet.4711.unfinished.png") is None
+
+
+def make(b: Bench, *arguments: str | Path, **changes: Any) -> None:
+    """`mpsnet make` with something changed in the job; None takes a key out."""
+    write_job(b.folder, SampleJob("synthesis", 2, seed=3, size=16))
+    b.changed(b / "job.json", changes)
+    b.run("make", b.folder, *arguments)
+
+
+test_a_bad_job_gets_one_clear_sentence = gets_one_clear_sentence(
+    [
+        ("job missing", lambda b: b.run("make", b.folder), "job.json does not exist; check the path"),
+        ("job of another format", lambda b: make(b, format="mpsnet-rig"), "job.json is not a mpsnet-samples file"),
+        ("job of a newer version", lambda b: make(b, version=9), "job.json is version 9…update it"),
+        (
+            "job with a misspelled key",
+            lambda b: make(b, cuont=3),
+            'job.json has "cuont", which no…may have renderer, count',
+        ),
+        ("job without a count", lambda b: make(b, count=None), 'job.json lacks "count"; add it'),
+        (
+            "job of another renderer",
+            lambda b: make(b, renderer="eevee"),
+            "renderer 'eevee' is not known; choose synthesis",
+        ),
+        ("count as text", lambda b: make(b, count="3"), "job.json: the job's count must be a whole number…not '3'"),
+        ("seed that is true", lambda b: make(b, seed=True), "job's seed must be a whole number"),
+        ("denoise in words", lambda b: make(b, denoise="yes"), "job's denoise must be true or false, not 'yes'"),
+        ("shapes as text", lambda b: make(b, shapes="blobs"), "job's shapes must be a list of names, not 'blobs'"),
+        ("merl that is a number", lambda b: make(b, merl=3), "job's merl must be a path, not 3"),
+        (
+            "objects without a scene",
+            lambda b: make(b, objects=["Bear"]),
+            "names objects of a scene but takes no shapes",
+        ),
+        (
+            "objects without Blender",
+            lambda b: make(b, objects=["Bear"], shapes=["scene"]),
+            "scene's objects are rendered by Blender alone",
+        ),
+        (
+            "measured materials in Blender",
+            lambda b: make(b, renderer="cycles", merl="m.npz"),
+            "merl) are for synthesis alone; leave them out",
+        ),
+        (
+            "Blender for a synthesis",
+            lambda b: make(b, "--blender", "blender"),
+            "made without Blender; leave --blender out",
+        ),
+        (
+            "a Blender that is none",
+            lambda b: make(b, "--blender", b / "blender", renderer="cycles"),
+            "cannot run…blender (No such file…); check the path",
+        ),
+    ]
+)

@@ -1,16 +1,23 @@
 """Meshes: files written by hand and read back, smooth normals one corner at a time, and what is refused."""
 
 import json
+import os
+import pickle
+import re
 import struct
+import zipfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
+from bad_input import NAN, SQUARE, Bench, cut, gets_one_clear_sentence
 from mesh_file import write_mesh
 from surface_shapes import sphere_mesh
 from synthetic import degrees_between
 
+from mpsnet_core import View, bake_normals, read_camera, read_normals
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.mesh import Mesh, read_mesh, smooth_corner_normals
 
@@ -220,3 +227,213 @@ def test_world_vertices_stand_where_the_pose_says() -> None:
     mesh = sphere_mesh(world_from_object=pose)
     x, y, z = mesh.vertices.T
     assert mesh.world_vertices == pytest.approx(np.stack([1 - 2 * y, 2 + x, 3 + 3 * z], axis=1))
+
+
+def pickled(b: Bench) -> Path:
+    """An npz that would run code if it were unpickled."""
+
+    class Danger:
+        def __reduce__(self) -> tuple[Any, ...]:
+            return os.mkdir, (str(b / "unpickled"),)
+
+    np.savez(b / "mesh.npz", format=np.array("mpsnet-mesh"), vertices=np.array([Danger()], dtype=object))
+    return b / "mesh.npz"
+
+
+def glb_of(b: Bench, **said: Any) -> Path:
+    """A GLB of one point that lies in a buffer, as far as not said otherwise."""
+    point = {"bufferView": 0, "componentType": 5126, "count": 1, "type": "VEC3"}
+    mesh = {"primitives": [{"attributes": {"POSITION": 0}}]}
+    good = {"asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}], "meshes": [mesh]}
+    good |= {"accessors": [point], "bufferViews": [{"buffer": 0, "byteLength": 12}], "buffers": [{"byteLength": 12}]}
+    text = json.dumps(good | said).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", 12, b"BIN\0") + bytes(12)
+    return b.bytes("mesh.glb", struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+
+
+def glb_beside_a_pipe(b: Bench) -> Path:
+    if hasattr(os, "mkfifo"):
+        os.mkfifo(b / "pipe")
+    return glb_of(b, buffers=[{"uri": "pipe", "byteLength": 12}])
+
+
+def bomb(b: Bench) -> Path:
+    """An .npz of a few kilobytes for each megabyte of zeros."""
+    np.savez_compressed(b / "mesh.npz", vertices=np.zeros((3 << 22, 3)))
+    return b / "mesh.npz"
+
+
+def short_glb(b: Bench) -> Path:
+    """A GLB whose first buffer view is said to be longer than the file."""
+    box = trimesh.Scene([trimesh.creation.box()]).export(file_type="glb")
+    return b.bytes("mesh.glb", box.replace(b'"byteLength":144', b'"byteLength":999'))
+
+
+def locked(b: Bench) -> Path:
+    """A zip whose directory says that all of it is encrypted."""
+    data = bytearray(b.mesh().read_bytes())
+    for sign, flag in ((b"PK\3\4", 6), (b"PK\1\2", 8)):
+        for found in re.finditer(re.escape(sign), bytes(data)):
+            data[found.start() + flag] |= 1
+    return b.bytes("mesh.npz", bytes(data))
+
+
+def half_a_head(b: Bench) -> Path:
+    """A zip with an array whose head, in Python's own words, ends too early."""
+    with zipfile.ZipFile(b.mesh(uvs=None), "a") as archive:
+        archive.writestr("uvs.npy", b"\x93NUMPY\x01\x00\x10\x00{'descr': '<f4'\n")
+    return b / "mesh.npz"
+
+
+def broken_array(b: Bench) -> Path:
+    """A zip whose UVs are not an array at all."""
+    with zipfile.ZipFile(b.mesh(uvs=None), "a") as archive:
+        archive.writestr("uvs.npy", b"\x93NUMPY\x01\x00garbage")
+    return b / "mesh.npz"
+
+
+PLY_HEAD = """ply
+format ascii 1.0
+element vertex 1
+property float x
+property float y
+property float z
+element face 1
+property list uchar int vertex_indices
+end_header
+0 0 0
+3 0 0 0
+"""
+
+
+test_a_bad_mesh_gets_one_clear_sentence = gets_one_clear_sentence(
+    [
+        (
+            "a corner before the first",
+            lambda b: read_mesh(b.text("m.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf -4/-1 1/1 2/1")),
+            "m.obj: line 5 cannot be read ('f -4/-1 1/1 2/1')",
+        ),
+        (
+            "a face of a hundred thousand corners",
+            lambda b: read_mesh(b.text("m.obj", "v 0 0 0\nvt 0 0\nf" + " 1/1" * 100_000)),
+            "m.obj: line 3 is a face of 100000 corners, more than 4096; triangulate it",
+        ),
+        (
+            "a GLB whose faces name vertices that it lacks",
+            lambda b: read_mesh(b.replaced(glb(b / "m.glb", normals=True), b"\2\0\0\0\3\0\0\0", b"\2\0\0\0\3\0\0\1")),
+            "m.glb: the mesh's triangles name vertices that it does not have; export it again",
+        ),
+        ("an archive", lambda b: read_mesh(b.mesh().rename(b / "m.zip")), "m.zip: .zip is not a mesh format we read"),
+        (
+            "a packed mesh",
+            lambda b: read_mesh(b.bytes("m.obj.bz2", b"BZh")),
+            ".bz2 is not a mesh format we read; use OBJ",
+        ),
+        (
+            "npz with a password",
+            lambda b: read_mesh(locked(b)),
+            "mesh.npz: it cannot be read (…encrypted…); export it again",
+        ),
+        ("npz of complex numbers", lambda b: read_mesh(b.mesh(uvs=1j * SQUARE["uvs"])), 'mesh.npz: its "uvs" holds'),
+        (
+            "npz whose array has half a head",
+            lambda b: read_mesh(half_a_head(b)),
+            "mesh.npz: it cannot be read…export it",
+        ),
+        (
+            "PLY with a misspelled property",
+            lambda b: read_mesh(b.text("m.ply", PLY_HEAD.replace("property list", "qroperty list"))),
+            "m.ply: it cannot be read…export it again",
+        ),
+        ("missing", lambda b: read_mesh(b / "mesh.obj"), "mesh.obj does not exist"),
+        (
+            "not a mesh",
+            lambda b: read_mesh(b.photo("mesh.png", kind="uint8")),
+            "mesh.png…not a mesh format…use OBJ, PLY, GLB or npz",
+        ),
+        ("an OBJ of words", lambda b: read_mesh(b.text("mesh.obj", "hello\n")), "mesh.obj"),
+        (
+            "a broken PLY",
+            lambda b: read_mesh(b.text("mesh.ply", "ply\nformat ascii 1.0\nelement vertex 3\n")),
+            "mesh.ply",
+        ),
+        ("a GLB with less than it says", lambda b: read_mesh(short_glb(b)), "mesh.glb…cannot be read…export it again"),
+        (
+            "a GLB of more numbers than it holds",
+            lambda b: read_mesh(glb_of(b, accessors=[{"componentType": 5126, "count": 10**9, "type": "VEC3"}])),
+            "mesh.glb: it unpacks to…MiB, and may to 64; reduce it first",
+        ),
+        (
+            "a GLB whose numbers are in another file",
+            lambda b: read_mesh(glb_beside_a_pipe(b)),
+            "mesh.glb: it names the file 'pipe', and is read alone",
+        ),
+        (
+            "an .npz that unpacks to far more",
+            lambda b: read_mesh(bomb(b)),
+            "mesh.npz: it unpacks to 288 MiB, and may to 8",
+        ),
+        ("a broken GLB", lambda b: read_mesh(b.bytes("mesh.glb", b"glTF\x02\x00\x00\x00")), "mesh.glb"),
+        ("no faces", lambda b: read_mesh(b.text("mesh.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n")), "mesh.obj"),
+        ("npz cut short", lambda b: read_mesh(cut(b.mesh())), "mesh.npz…cannot be read…export it again"),
+        ("npz with a broken array", lambda b: read_mesh(broken_array(b)), "mesh.npz…cannot be read…export it again"),
+        ("npz with pickles", lambda b: read_mesh(pickled(b)), "mesh.npz…cannot be read…pickle…export it again"),
+        (
+            "npz that is a pickle",
+            lambda b: read_mesh(b.bytes("mesh.npz", pickle.dumps({"a": 1}))),
+            "mesh.npz…cannot be read",
+        ),
+        ("npz of something else", lambda b: read_mesh(b.mesh(format=None)), "mesh.npz…not a mpsnet-mesh file"),
+        (
+            "npz of a newer version",
+            lambda b: read_mesh(b.mesh(version=np.array(2))),
+            "mesh.npz…version 2, this program reads version 1; update it",
+        ),
+        ("npz with two versions", lambda b: read_mesh(b.mesh(version=np.array([1, 2]))), "mesh.npz…version [1 2]"),
+        ("npz without UVs", lambda b: read_mesh(b.mesh(uvs=None)), 'mesh.npz…lacks "uvs"; export it again'),
+        ("npz of words", lambda b: read_mesh(b.mesh(uvs=np.full((2, 3, 2), "u"))), "mesh.npz…uvs…export it again"),
+        (
+            "npz with a single number",
+            lambda b: read_mesh(b.mesh(vertices=np.array(1.0))),
+            "mesh.npz…vertices…export it again",
+        ),
+        (
+            "UVs of another shape",
+            lambda b: read_mesh(b.mesh(uvs=np.zeros((4, 2)))),
+            "mesh.npz…uvs have shape (4, 2), expected (2, 3, 2)",
+        ),
+        (
+            "bad indices",
+            lambda b: read_mesh(b.mesh(triangles=np.array([[0, 1, 2], [0, 2, 9]]))),
+            "mesh.npz…triangles name vertices that it does not have",
+        ),
+        (
+            "negative indices",
+            lambda b: read_mesh(b.mesh(triangles=np.array([[0, 1, 2], [0, 2, -1]]))),
+            "mesh.npz…triangles name vertices",
+        ),
+        (
+            "vertices not finite",
+            lambda b: Mesh(**{**SQUARE, "vertices": SQUARE["vertices"] * NAN}),
+            "vertices hold a value that is not finite",
+        ),
+        (
+            "UVs outside",
+            lambda b: bake_normals(
+                Mesh(**{**SQUARE, "uvs": SQUARE["uvs"] + 1}), [View(read_camera(b.camera()), read_normals(b.normals()))]
+            ),
+            "UVs lie outside the texture (0 to 1); move",
+        ),
+        (
+            "no triangles",
+            lambda b: Mesh(**{key: SQUARE[key][:0] if key != "vertices" else SQUARE[key] for key in SQUARE}),
+            "no faces",
+        ),
+        (
+            "scale 0",
+            lambda b: Mesh(**SQUARE, world_from_object=np.diag([1, 1, 0, 1])),
+            "scaled to nothing…give it a scale above 0",
+        ),
+    ]
+)

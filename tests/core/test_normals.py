@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from bad_input import SPHERE, gets_one_clear_sentence
 from synthetic import Sphere, degrees_between, write_file
 
 from mpsnet_core.arrays.unit_vectors import angular_error, normalised
@@ -90,3 +91,45 @@ def test_a_confidence_map_is_read_beside_the_normals(tmp_path: Path) -> None:
     read = read_normals(tmp_path / "n.png", confidence=tmp_path / "c.png")
     assert read.confidence == pytest.approx(confidence, abs=1e-4)
     assert (read_normals(tmp_path / "n.png").confidence == 1).all()
+
+
+test_a_bad_normal_map_gets_one_clear_sentence = gets_one_clear_sentence(
+    [
+        (
+            "not a normal map",
+            lambda b: read_normals(b.photo("photo.png", 0.5 + 0 * SPHERE.image, "uint8")),
+            "photo.png is not a normal map…choose another",
+        ),
+        (
+            "a photo with alpha",
+            lambda b: read_normals(b.photo("photo.png", np.dstack([SPHERE.image, SPHERE.mask]), "uint8")),
+            "photo.png is not a normal map…choose another",
+        ),
+        (
+            "empty alpha",
+            lambda b: read_normals(b.photo("n.png", np.dstack([SPHERE.image, 0 * SPHERE.mask]), "uint8")),
+            "n.png holds no normals: its mask is empty; estimate them again",
+        ),
+        (
+            "unknown convention",
+            lambda b: read_normals(b.normals(), convention="maya"),
+            "convention 'maya' is not known; choose opengl or directx",
+        ),
+        (
+            "shapes that differ",
+            lambda b: NormalMap(SPHERE.normals, SPHERE.mask[:8]),
+            "normals of shape (16, 16, 3) do not fit a mask of shape (8, 16)",
+        ),
+        (
+            "confidence that differs",
+            lambda b: NormalMap(SPHERE.normals, SPHERE.mask, np.ones((4, 4))),
+            "confidence of shape (4, 4) does not fit",
+        ),
+        ("no mask", lambda b: NormalMap(SPHERE.normals, 0 * SPHERE.mask), "mask is empty"),
+        (
+            "unknown convention to write",
+            lambda b: write_normals(b / "n.png", NormalMap(SPHERE.normals, SPHERE.mask), convention="y-up"),
+            "convention 'y-up' is not known",
+        ),
+    ]
+)

@@ -1,20 +1,24 @@
-"""The ONNX path with networks whose answer is known. Files that are refused are in test_bad_input."""
+"""The ONNX path with networks whose answer is known. And files that are refused."""
 
+import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import onnxruntime
 import pytest
-from networks import card, conv, pass_through, random_weights, write_model
-from onnx import helper
+from bad_input import SPHERE, Bench, gets_one_clear_sentence
+from networks import DENSE, card, conv, pass_through, random_weights, write_model
+from onnx import TensorProto, helper
 from synthetic import Sphere, shaded_sphere
 
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.estimate import estimate_normals
-from mpsnet_core.estimate.card import CARD_KEY, card_from_metadata
+from mpsnet_core.estimate.card import CARD_KEY, CARD_VERSION, card_from_metadata
 from mpsnet_core.estimate.features import feature_maps
 from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.estimate.patches import PATCHES_A_BATCH
@@ -243,3 +247,234 @@ def test_lights_reach_the_network_as_one_pixel(tmp_path: Path, odd: Capture, kin
     expected = normalised(estimate_normals(odd, "lambertian").vectors + odd.rig.directions[1].astype(np.float32))
     given = estimate_normals(odd, model, tile=64).vectors
     assert difference(given[odd.mask], expected[odd.mask]) < 1e-5
+
+
+def dense(output: str = "normals", **changes: Any) -> Callable[[Path], Path]:
+    """A one-convolution network with something wrong in it."""
+    count, shape = changes.pop("channels", 3), changes.pop("shape", DENSE)
+    weights = random_weights(0, w=(changes.pop("answers", 3), count, 1, 1))
+    nodes = changes.pop("nodes", [conv("x", output, "w")])
+    model_card = changes.pop("card", card())
+
+    def write(path: Path) -> Path:
+        inputs, outputs = {"x": shape}, {output: (None,) * 4}
+        return write_model(path, nodes, weights, model_card, inputs=inputs, outputs=outputs, **changes)
+
+    return write
+
+
+def use(model: Callable[[Path], Path]) -> Callable[[Bench], Any]:
+    return lambda b: estimate_normals(SPHERE.capture(), model(b / "m.onnx"))
+
+
+def card_with(**changes: Any) -> Callable[[Bench], Any]:
+    """The good card's text with some values changed; None takes a key out."""
+    data = json.loads(card().to_json()) | changes
+    return use(dense(card={key: value for key, value in data.items() if value is not None}))
+
+
+test_a_bad_network_gets_one_clear_sentence = gets_one_clear_sentence(
+    [
+        (
+            "a card that is no UTF-8",
+            lambda b: b.run("models", b.replaced(pass_through(b / "m.onnx"), b'"licence"', b'"lic\xff\xfece"')),
+            "m.onnx cannot be used: its metadata are not UTF-8 text; export it again",
+        ),
+        (
+            "unknown name",
+            lambda b: estimate_normals(SPHERE.capture(), "mpsnet9"),
+            "no model 'mpsnet9'; choose multiscale…or give an .onnx file",
+        ),
+        (
+            "missing file",
+            lambda b: estimate_normals(SPHERE.capture(), b / "m.onnx"),
+            "m.onnx does not exist; check the path",
+        ),
+        (
+            "garbage",
+            lambda b: estimate_normals(SPHERE.capture(), b.bytes("m.onnx", bytes(range(256)))),
+            "m.onnx is not an ONNX model that can be run…export it again",
+        ),
+        (
+            "empty file",
+            lambda b: estimate_normals(SPHERE.capture(), b.bytes("m.onnx", b"")),
+            "m.onnx is not an ONNX model that can be run",
+        ),
+        ("no card", use(dense(card=None)), "m.onnx…no card (metadata 'mpsnet.card')"),
+        ("card not JSON", use(dense(card="{")), "m.onnx…card…not valid JSON"),
+        ("card of another format", use(dense(card={"format": "recipe"})), "m.onnx…not a mpsnet-model card"),
+        (
+            "card of a newer version",
+            card_with(version=CARD_VERSION + 1),
+            "m.onnx…version 2, this program reads version 1; update it",
+        ),
+        ("card without a licence", card_with(licence=None), 'm.onnx…card lacks "licence"'),
+        ("card with an empty name", card_with(name=""), 'm.onnx…needs a text for "name"'),
+        (
+            "card with an unknown kind",
+            card_with(kind="sparse"),
+            'm.onnx…"kind" is \'sparse\'; expected "dense", "patch"',
+        ),
+        (
+            "card with an unknown feature",
+            card_with(inputs={"x": ["depth"]}),
+            "m.onnx…requests 'depth'; this program makes photo, grey_world",
+        ),
+        (
+            "card with a feature that is a list",
+            card_with(inputs={"x": [["photo"]]}),
+            "m.onnx…requests ['photo']; this program makes",
+        ),
+        (
+            "card that stacks the lights with maps",
+            card_with(inputs={"x": ["photo", "lights"]}),
+            "m.onnx…card stacks lights, which is one pixel, with maps in input 'x'; give it an input of its own",
+        ),
+        ("card without features", card_with(inputs={"x": []}), "m.onnx…no list of features for input 'x'"),
+        ("card with features in words", card_with(inputs={"x": "photo"}), "m.onnx…no list of features for input 'x'"),
+        ("card with inputs as a list", card_with(inputs=["photo"]), 'm.onnx…"inputs" must name each input\'s features'),
+        ("card with a negative halo", card_with(halo=-1), 'm.onnx…"halo" is -1; expected a whole number from 0'),
+        ("card with an even patch", card_with(kind="patch", patch=4), 'm.onnx…"patch" is 4; expected an odd number'),
+        (
+            "card with an unknown frame",
+            card_with(frame="world"),
+            'm.onnx…"frame" is \'world\'; expected "camera" or "canonical"',
+        ),
+        (
+            "canonical card of patches",
+            card_with(kind="patch", frame="canonical"),
+            'm.onnx…"frame" is "canonical", which a network that sees patches cannot have',
+        ),
+        (
+            "card with seven passes",
+            card_with(frame="canonical", passes=7),
+            'm.onnx…"passes" is 7; expected a whole number from 1 to 6',
+        ),
+        (
+            "three passes in the camera's frame",
+            card_with(passes=3),
+            'm.onnx…"passes" is 3, which needs the "frame" "canonical"',
+        ),
+        ("card with other inputs", card_with(inputs={"y": ["photo"]}), "m.onnx…inputs ['x'], its card describes ['y']"),
+        (
+            "wrong channel count",
+            use(dense(channels=4, shape=("n", 4, "h", "w"))),
+            "m.onnx…input 'x'…'any', 4, 'any'…expected tensor(float) ['any', 3, 'any', 'any'] for initial_normals",
+        ),
+        (
+            "wrong type",
+            use(
+                dense(
+                    nodes=[helper.make_node("Cast", ["x"], ["c"], to=TensorProto.FLOAT), conv("c", "normals", "w")],
+                    input_type=TensorProto.DOUBLE,
+                )
+            ),
+            "m.onnx…tensor(double)…expected tensor(float)",
+        ),
+        ("fixed size", use(dense(shape=("n", 3, 64, 64))), "m.onnx…fixed size…64, 64]…export with dynamic sizes"),
+        (
+            "a patch of another size",
+            use(dense(shape=("n", 3, 7, 7), card=card(kind="patch", patch=5))),
+            "m.onnx…7, 7]; expected tensor(float) ['any', 3, 5, 5]",
+        ),
+        (
+            "flat input",
+            use(dense(shape=("n", 3), nodes=[helper.make_node("Identity", ["x"], ["normals"])])),
+            "m.onnx…input 'x'…expected tensor(float) ['any', 3, 'any', 'any']",
+        ),
+        ("no output called normals", use(dense("depth")), 'm.onnx…no output called "normals"'),
+        ("four channels out", use(dense(answers=4)), 'm.onnx…output "normals" is (1, 4,…expected (1, 3,'),
+        (
+            "output of half the size",
+            use(dense(nodes=[conv("x", "normals", "w", strides=[2, 2])])),
+            'm.onnx…output "normals" is (1, 3, 8, 8), expected (1, 3, 16, 16)',
+        ),
+        (
+            "patches that give too much",
+            use(lambda path: pass_through(path, card(kind="patch", patch=3), inputs={"x": ("n", 3, 3, 3)})),
+            'm.onnx…output "normals" is (208, 3, 3, 3), expected (208, 3)',
+        ),
+        (
+            "NaN out",
+            use(
+                dense(
+                    nodes=[
+                        conv("x", "h", "w"),
+                        helper.make_node("Sub", ["h", "h"], ["z"]),
+                        helper.make_node("Div", ["z", "z"], ["normals"]),
+                    ]
+                )
+            ),
+            "m.onnx returned values that are not finite",
+        ),
+        (
+            "NaN confidence",
+            use(
+                lambda path: write_model(
+                    path,
+                    [
+                        helper.make_node("Identity", ["x"], ["normals"]),
+                        helper.make_node("Sub", ["x", "x"], ["z"]),
+                        helper.make_node("Div", ["z", "z"], ["q"]),
+                        helper.make_node("ReduceMean", ["q"], ["confidence"], axes=[1]),
+                    ],
+                    {},
+                    card(),
+                    outputs={"normals": DENSE, "confidence": ("n", 1, "h", "w")},
+                )
+            ),
+            "m.onnx returned values that are not finite",
+        ),
+        (
+            "confidence of another shape",
+            use(
+                lambda path: write_model(
+                    path,
+                    [
+                        helper.make_node("Identity", ["x"], ["normals"]),
+                        helper.make_node("Identity", ["x"], ["confidence"]),
+                    ],
+                    {},
+                    card(),
+                    outputs={"normals": DENSE, "confidence": DENSE},
+                )
+            ),
+            'm.onnx…output "confidence" is (1, 3, 16, 16), expected (1, 1, 16, 16)',
+        ),
+        (
+            "failing as it runs",
+            use(
+                dense(
+                    channels=3,
+                    nodes=[
+                        helper.make_node("Reshape", ["x", "s"], ["normals"]),
+                        helper.make_node(
+                            "ConstantOfShape", ["k"], ["s"], value=helper.make_tensor("v", TensorProto.INT64, [1], [7])
+                        ),
+                        helper.make_node("Constant", [], ["k"], value_ints=[4]),
+                    ][::-1],
+                )
+            ),
+            "m.onnx failed on x (1, 3, 16, 16)",
+        ),
+        (
+            "a tile too small",
+            lambda b: estimate_normals(SPHERE.capture(), pass_through(b / "m.onnx"), tile=8),
+            "tile of 8 pixels is too small; use 64 or more",
+        ),
+        (
+            "fewer than no threads",
+            lambda b: estimate_normals(SPHERE.capture(), pass_through(b / "m.onnx"), threads=-1),
+            "-1 threads cannot be; use 0",
+        ),
+        (
+            "unknown provider",
+            lambda b: estimate_normals(SPHERE.capture(), pass_through(b / "m.onnx"), provider="gpu"),
+            "provider 'gpu' is not known; choose cpu, cuda, directml or coreml",
+        ),
+    ]
+)
+
+
+def test_the_network_that_is_spoilt_above_is_good_before(tmp_path: Path) -> None:
+    estimate_normals(SPHERE.capture(), dense(card=json.loads(card().to_json()))(tmp_path / "m.onnx"))

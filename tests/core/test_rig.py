@@ -1,10 +1,12 @@
-"""Rigs: angles and directions, rig files, and what is kept of them. Refusals are in test_bad_input."""
+"""Rigs: angles and directions, rig files, what is kept of them, and what is refused."""
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from bad_input import NAN, SPHERE, Bench, gets_one_clear_sentence, loop
 from synthetic import CROSSTALK
 
 from mpsnet_core.scene.rig import LightRig, direction_from_angles, published_rig, read_rig, write_rig
@@ -72,3 +74,160 @@ def test_a_file_that_notepad_wrote_is_read(tmp_path: Path) -> None:
     marked = tmp_path / "marked.json"
     marked.write_text((tmp_path / "rig.json").read_text(encoding="utf-8"), encoding="utf-8-sig")
     assert np.array_equal(read_rig(marked).directions, read_rig(tmp_path / "rig.json").directions)
+
+
+def lights(b: Bench, **changes: Any) -> Path:
+    """A rig file with its second light changed; None takes a key out."""
+    light = {"slant": 30, "tilt": 210, **changes}
+    good = [{"slant": 30, "tilt": tilt} for tilt in (90, 330)]
+    light = {key: value for key, value in light.items() if value is not None}
+    return b.rig(lights=[good[0], light, good[1]])
+
+
+test_a_bad_rig_gets_one_clear_sentence = gets_one_clear_sentence(
+    [
+        (
+            "a mixing too small to be undone",
+            lambda b: read_rig(b.rig(mixing=(1e-300 * np.eye(3)).tolist())),
+            "rig.json…mixing matrix is of the size 1e-300; scale its entries to about 1",
+        ),
+        ("direction too long to be measured", lambda b: LightRig(1e200 * np.eye(3) + 1), "not finite or beyond 1e+12"),
+        ("a link to itself", lambda b: read_rig(loop(b / "rig.json")), "rig.json does not exist; check the path"),
+        (
+            "a text that would clear the terminal",
+            lambda b: read_rig(b.rig(**{"\x1b[2Jmixing": 1})),
+            r'has "\x1b[2Jmixing", which no mpsnet-rig file has',
+        ),
+        (
+            "a text of a hundred thousand letters",
+            lambda b: read_rig(b.rig(format="m" * 100_000)),
+            "rig.json is not a mpsnet-rig file…mmm…mmm…expected 'mpsnet-rig'",
+        ),
+        (
+            "zero vector",
+            lambda b: read_rig(lights(b, direction=[0, 0, 0], slant=None, tilt=None)),
+            "rig.json…second light…zero vector; give where",
+        ),
+        (
+            "behind",
+            lambda b: read_rig(lights(b, slant=120)),
+            "rig.json…second light is behind the object…z towards the camera",
+        ),
+        (
+            "coplanar",
+            lambda b: LightRig([[0, 0.5, 1], [0, -0.5, 1], [0, 0, 1]]),
+            "three light directions lie (nearly) in one plane…move one light",
+        ),
+        ("nearly coplanar", lambda b: published_rig(slant=0.5), "(nearly) in one plane"),
+        ("twice the same light", lambda b: read_rig(lights(b, tilt=90)), "rig.json…(nearly) in one plane"),
+        (
+            "direction not finite",
+            lambda b: LightRig([[0, NAN, 1], [1, 0, 1], [0, 0, 1]]),
+            "light directions…not finite",
+        ),
+        ("angle not finite", lambda b: read_rig(lights(b, slant=NAN)), "rig.json…not finite"),
+        (
+            "angle beyond all numbers",
+            lambda b: read_rig(lights(b, slant=10**400)),
+            "rig.json…second light…not a number",
+        ),
+        (
+            "two lights",
+            lambda b: read_rig(b.rig(lights=[{"slant": 30, "tilt": 0}] * 2)),
+            "rig.json…list of three lights",
+        ),
+        (
+            "directions of the wrong shape",
+            lambda b: LightRig(np.ones((2, 3))),
+            "light directions must be three rows of three numbers…(2, 3)",
+        ),
+        (
+            "a direction of two numbers",
+            lambda b: read_rig(lights(b, direction=[0, 1], slant=None, tilt=None)),
+            "rig.json…second light's direction needs three numbers",
+        ),
+        (
+            "direction and angles",
+            lambda b: read_rig(lights(b, direction=[0, 0, 1])),
+            "rig.json…second light needs either…or",
+        ),
+        (
+            "neither direction nor angles",
+            lambda b: read_rig(lights(b, tilt=None)),
+            "rig.json…second light needs either",
+        ),
+        ("an angle in words", lambda b: read_rig(lights(b, slant="steep")), "rig.json…second light…not a number"),
+        ("a light that is no object", lambda b: read_rig(b.rig(lights=[1, 2, 3])), "rig.json…first light needs either"),
+        (
+            "singular mixing",
+            lambda b: read_rig(b.rig(mixing=[[1, 1, 0], [1, 1, 0], [0, 0, 1]])),
+            "rig.json…mixing matrix cannot be inverted…measure it again or leave it out",
+        ),
+        (
+            "mixing of the wrong shape",
+            lambda b: read_rig(b.rig(mixing=[[1, 0], [0, 1]])),
+            "rig.json…mixing matrix must be three rows of three",
+        ),
+        (
+            "mixing in words",
+            lambda b: read_rig(b.rig(mixing="none")),
+            "rig.json…mixing matrix must be three rows of three",
+        ),
+        (
+            "mixing beyond all numbers",
+            lambda b: read_rig(b.rig(mixing=[[10**400, 0, 0], [0, 1, 0], [0, 0, 1]])),
+            "rig.json…mixing matrix",
+        ),
+        ("missing", lambda b: read_rig(b / "rig.json"), "rig.json does not exist; check the path"),
+        ("a folder", lambda b: read_rig(b.folder), "is a folder, not a file"),
+        ("a name too long for the system", lambda b: read_rig(b / ("x" * 300)), "xxx cannot be opened…check the path"),
+        (
+            "not JSON",
+            lambda b: read_rig(b.text("rig.json", '{"format": "mpsnet-rig",')),
+            "rig.json is not valid JSON…write it again",
+        ),
+        (
+            "not text",
+            lambda b: read_rig(b.bytes("rig.json", b"\xff\xfe\x00")),
+            "rig.json is not a text file; give a mpsnet-rig file",
+        ),
+        ("JSON too deep", lambda b: read_rig(b.text("rig.json", "[" * 100_000)), "rig.json is not valid JSON"),
+        (
+            "another format",
+            lambda b: read_rig(b.camera()),
+            "camera.json is not a mpsnet-rig file…'mpsnet-camera', expected 'mpsnet-rig'",
+        ),
+        ("no object", lambda b: read_rig(b.text("rig.json", "[1, 2]")), "rig.json is not a mpsnet-rig file"),
+        (
+            "a misspelled key",
+            lambda b: read_rig(b.rig(mixng=[])),
+            'rig.json has "mixng", which no…may have lights, mixing',
+        ),
+        ("a newer version", lambda b: read_rig(b.rig(version=2)), "rig.json is version 2…reads up to 1; update it"),
+        ("a version in words", lambda b: read_rig(b.rig(version="new")), "rig.json is version 'new'"),
+        ("not a small file", lambda b: read_rig(b.text("rig.json", " " * (1 << 21))), "rig.json is larger than 1 MiB"),
+        (
+            ".lp with four lights",
+            lambda b: read_rig(b.text("r.lp", "4\n" + "a 0 0 1\n" * 4)),
+            "r.lp…holds 4 lights, a rig has three; keep",
+        ),
+        (
+            ".lp with a wrong count",
+            lambda b: read_rig(b.text("r.lp", "3\n" + "a 0 0 1\n" * 2)),
+            "r.lp…states 3 lights but 2 lines follow; mend the count",
+        ),
+        (".lp with no light", lambda b: read_rig(b.text("r.lp", "0\n")), "r.lp…holds 0 lights, a rig has three"),
+        (".lp with two numbers a line", lambda b: read_rig(b.text("r.lp", "3\n" + "0 1\n" * 3)), "r.lp…name x y z"),
+        (".lp that is empty", lambda b: read_rig(b.text("r.lp", "")), "r.lp…not an .lp file…first line is the count"),
+        (".lp that is something else", lambda b: read_rig(b.text("r.lp", "hello\nworld")), "r.lp…not an .lp file"),
+        (
+            "rig in no folder",
+            lambda b: write_rig(b / "no" / "rig.json", SPHERE.rig),
+            "no/rig.json…does not exist; create it first",
+        ),
+    ]
+)
+
+
+def test_the_rig_that_is_spoilt_above_is_good_before(tmp_path: Path) -> None:
+    assert read_rig(lights(Bench(tmp_path))).tilts == pytest.approx([90, 210, 330])

@@ -1,6 +1,7 @@
 """`mpsnet synthesize` and `make`: whole runs with the real thing, small."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -8,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bad_input import Bench, gets_one_clear_sentence
 from conftest import Mpsnet
 from synthetic import listing
 from test_cli import events
@@ -125,3 +127,83 @@ def test_work_is_not_listed_and_speaks_its_protocol(mpsnet: Mpsnet, made: Path) 
     answers = [json.loads(line) for line in done.stdout.splitlines()]
     there = [{"result": {"number": number, "state": "there", "error": ""}} for number in (0, 1)]
     assert answers == [{"ready": True}, *there, {"error": "'\"two\"' is not a request; give a JSON object a line"}]
+
+
+def synthesize(b: Bench, *arguments: str | Path) -> None:
+    """`mpsnet synthesize` with good values for what is not given."""
+    b.run("synthesize", "--count", "2", "--size", "16", "--seed", "3", "-o", b / "s", *arguments)
+
+
+test_a_bad_synthesis_gets_one_clear_sentence = gets_one_clear_sentence(
+    [
+        (
+            "a folder's name that is no UTF-8",
+            lambda b: synthesize(b, "-o", b / os.fsdecode(b"\xf6")),
+            r"cannot make folder …\udcf6: its name is not valid UTF-8; choose another name",
+        ),
+        ("no count", lambda b: b.run("synthesize", "-o", b / "s"), "--count; see mpsnet synthesize --help"),
+        ("no samples", lambda b: synthesize(b, "--count", "0"), "count 0 cannot be; choose 1 to 10000000"),
+        ("a count in words", lambda b: synthesize(b, "--count", "many"), "--count…'many'…see mpsnet synthesize"),
+        (
+            "more than files have numbers for",
+            lambda b: synthesize(b, "--count", "99999999"),
+            "count 99999999 cannot be",
+        ),
+        ("a seed below 0", lambda b: synthesize(b, "--seed", "-1"), "seed -1 cannot be; choose 0 to"),
+        ("a size of 1", lambda b: synthesize(b, "--size", "1"), "size 1 cannot be; choose 8 to 8192"),
+        (
+            "a size beyond reason",
+            lambda b: synthesize(b, "--size", "100000"),
+            "size 100000 cannot be; choose 8 to 8192",
+        ),
+        ("no views", lambda b: synthesize(b, "--views", "0"), "views 0 cannot be; choose 1 to 10000"),
+        ("bounces below 0", lambda b: synthesize(b, "--bounces", "-1"), "bounces -1 cannot be; choose 0 to 3"),
+        ("more bounces than three", lambda b: synthesize(b, "--bounces", "4"), "bounces 4 cannot be; choose 0 to 3"),
+        ("no rays", lambda b: synthesize(b, "--supersampling", "0"), "supersampling 0 cannot be; choose 1 to 16"),
+        (
+            "unknown shape",
+            lambda b: synthesize(b, "--shapes", "blobs,teapots"),
+            "shape 'teapots' is not known; choose blobs",
+        ),
+        ("no shape", lambda b: synthesize(b, "--shapes", ","), "job has no shapes; choose some of blobs"),
+        ("a shape twice", lambda b: synthesize(b, "--shapes", "blobs,blobs"), "shapes name one twice…name each once"),
+        (
+            "meshes of no folder",
+            lambda b: synthesize(b, "--shapes", "meshes"),
+            "meshes but has no folder of them; name one",
+        ),
+        (
+            "a folder of meshes for nothing",
+            lambda b: synthesize(b, "--shapes", "blobs", "--meshes", b.folder),
+            "has a folder of meshes…but no shapes from it; add meshes to its shapes",
+        ),
+        (
+            "a scene without Blender",
+            lambda b: synthesize(b, "--shapes", "scene"),
+            "takes shapes from a scene but names no",
+        ),
+        ("meshes missing", lambda b: synthesize(b, "--meshes", b / "nowhere"), "nowhere"),
+        (
+            "meshes missing beside other shapes",
+            lambda b: synthesize(b, "--shapes", "blobs,meshes", "--meshes", b / "nowhere"),
+            "folder of meshes…nowhere does not exist; check the path",
+        ),
+        ("materials missing", lambda b: synthesize(b, "--merl", b / "nowhere"), "nowhere"),
+        ("processes below 0", lambda b: synthesize(b, "--processes", "-2"), "processes -2 cannot be; choose 0 to 1024"),
+        (
+            "samples in no folder",
+            lambda b: b.run("synthesize", "--count", "1", "-o", b / "no" / "where"),
+            "cannot make folder…where: …no does not exist; create it first",
+        ),
+        (
+            "samples into a file",
+            lambda b: b.run("synthesize", "--count", "1", "-o", b.photo()),
+            "photo.exr is a file; name a folder for the samples",
+        ),
+        (
+            "samples without their job",
+            lambda b: ((b / "s").mkdir(), b.bytes("s/sample_000000.exr", b"x"), synthesize(b)),
+            "holds samples but no job.json; choose another folder",
+        ),
+    ]
+)

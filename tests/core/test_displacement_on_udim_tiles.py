@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from mesh_file import write_mesh
 from relief_shapes import cube_sphere, tangent_normals
-from test_on_uvs import AMPLITUDE, bumpy_sphere
+from test_displacement import AMPLITUDE, bumpy_sphere
 
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError

@@ -1,0 +1,372 @@
+"""The commands train and quantize: what they refuse."""
+
+import json
+import os
+import pickle
+import sys
+import zipfile
+from collections.abc import Callable
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import pytest
+from bad_input import Bench, cut, gets_one_clear_sentence
+from networks import pass_through
+from sphere_sample import sphere_sample
+
+from mpsnet_core.synthesis.sample import write_sample
+
+NEEDS_TORCH = pytest.mark.skipif(find_spec("torch") is None, reason="needs PyTorch")
+
+
+def recipe(b: Bench, **changes: Any) -> Path:
+    """A training recipe of one short step; None takes a key out."""
+    good = {"name": "tiny", "title": "a test", "network": "demultiplexer", "steps": 1, "batch": 1, "crop": 16}
+    good["warm_up"] = 0
+    lines = [f"{key} = {json.dumps(value)}" for key, value in (good | changes).items() if value is not None]
+    return b.text("tiny.toml", "\n".join([*lines, ""]))
+
+
+def sample_folder(b: Bench, name: str = "samples", light: float = 1.0) -> Path:
+    sample = sphere_sample(16)
+    (b / name).mkdir()
+    write_sample(b / name / "sample_000000.exr", replace(sample, lights=light * sample.lights))
+    return b / name
+
+
+def train(b: Bench, *arguments: str | Path, samples: Path | None = None, **changes: Any) -> None:
+    """`mpsnet train` with good values for what is not given; later arguments win. changes: of the recipe."""
+    good = ["--recipe", recipe(b, **changes), "--samples", samples or sample_folder(b), "-o", b / "out.onnx"]
+    b.run("train", *good, *arguments)
+
+
+def checkpoint(b: Bench, name: str = "c", **changes: Any) -> Path:
+    """What a run leaves that had the good samples and, with these changes, the good recipe."""
+    from mpsnet_core.learning.training.loop import Places, train
+    from mpsnet_core.learning.training.recipe import read_recipe
+
+    train(read_recipe(recipe(b, **changes)), [sample_folder(b)], [], places=Places(b / name))
+    return b / name
+
+
+def resume(b: Bench, checkpoint: Path, **changes: Any) -> None:
+    train(b, "--resume", checkpoint, samples=b / "samples", **changes)
+
+
+def without(library: str, run: Callable[[], Any]) -> None:
+    """Run this where a library is not installed."""
+    with pytest.MonkeyPatch.context() as patch:
+        places = ("mpsnet_core.learning.training", "mpsnet_core.learning.evaluation.samples")
+        for name in [name for name in sys.modules if name.startswith(places)]:
+            patch.delitem(sys.modules, name)
+        patch.setitem(sys.modules, library, None)
+        run()
+
+
+def with_code(b: Bench, archived: bool) -> Path:
+    """A checkpoint that would run code if it were unpickled."""
+
+    class Danger:
+        def __reduce__(self) -> tuple[Any, ...]:
+            return os.mkdir, (str(b / "unpickled"),)
+
+    data = pickle.dumps({"format": "mpsnet-checkpoint", "step": Danger()}, protocol=2)
+    if not archived:
+        return b.bytes("c", data)
+    with zipfile.ZipFile(b / "c", "w") as archive:
+        for name, content in (("data.pkl", data), ("version", b"3\n"), ("byteorder", b"little")):
+            archive.writestr(f"c/{name}", content)
+    return b / "c"
+
+
+def spoilt(path: Path) -> Path:
+    """The same file with some of its weights changed."""
+    data = bytearray(path.read_bytes())
+    middle = len(data) // 2
+    data[middle : middle + 200] = bytes(255 - byte for byte in data[middle : middle + 200])  # more than is padding
+    path.write_bytes(data)
+    return path
+
+
+def torch_file(path: Path, data: Any) -> Path:
+    import torch
+
+    torch.save(data, path)
+    return path
+
+
+def renamed(path: Path) -> Path:
+    """A checkpoint whose network has a layer of another name."""
+    from mpsnet_core.learning.training.checkpoint import read_checkpoint, write_checkpoint
+
+    found = read_checkpoint(path)
+    write_checkpoint(path, found._replace(weights={f"{name}s": value for name, value in found.weights.items()}))
+    return path
+
+
+test_a_missing_library_gets_one_clear_sentence = gets_one_clear_sentence(
+    [
+        (
+            "without PyTorch",
+            lambda b: without("torch", lambda: train(b)),
+            "needs PyTorch, which is not installed; pip install 'mpsnet[train]'",
+        ),
+        (
+            "samples to measure on without PyTorch",
+            lambda b: without("torch", lambda: b.run("evaluate", "samples", b.folder)),
+            "needs PyTorch, which is not installed; pip install 'mpsnet[train]'",
+        ),
+    ]
+)
+
+
+test_a_bad_training_run_gets_one_clear_sentence = NEEDS_TORCH(
+    gets_one_clear_sentence(
+        [
+            (
+                "without ONNX",
+                lambda b: without("onnx", lambda: train(b)),
+                "needs ONNX, which is not installed; pip install",
+            ),
+            (
+                "without TensorBoard",
+                lambda b: without("tensorboard", lambda: train(b)),
+                "needs TensorBoard, which is not installed",
+            ),
+            (
+                "no recipe",
+                lambda b: b.run("train", "--samples", b.folder, "-o", b / "m.onnx"),
+                "--recipe; see mpsnet train",
+            ),
+            (
+                "no samples",
+                lambda b: b.run("train", "--recipe", "psfcn", "-o", b / "m.onnx"),
+                "--samples; see mpsnet train",
+            ),
+            (
+                "unknown recipe",
+                lambda b: train(b, "--recipe", "resnet"),
+                "no recipe 'resnet'; choose demultiplexer, mpsnet…psfcn or give a .toml file",
+            ),
+            (
+                "recipe missing",
+                lambda b: train(b, "--recipe", b / "no.toml"),
+                "recipe…no.toml does not exist; check the path",
+            ),
+            (
+                "recipe that is a folder",
+                lambda b: train(b, "--recipe", sample_folder(b, "a.toml")),
+                "a.toml is a folder, not a file",
+            ),
+            (
+                "recipe that is no TOML",
+                lambda b: train(b, "--recipe", b.text("a.toml", "steps: 3")),
+                "a.toml is not valid TOML",
+            ),
+            (
+                "recipe that is no text",
+                lambda b: train(b, "--recipe", b.bytes("a.toml", b"\xff\x00")),
+                "a.toml is not valid TOML",
+            ),
+            (
+                "a number of more digits than Python reads",
+                lambda b: train(b, "--recipe", b.text("a.toml", "steps = " + "1" * 5000)),
+                "a.toml is not valid TOML",
+            ),
+            (
+                "recipe beyond reason",
+                lambda b: train(b, "--recipe", b.text("a.toml", f"a{'.a' * 5000} = 1")),
+                "a.toml is larger than 8 KiB",
+            ),
+            (
+                "misspelled key",
+                lambda b: train(b, stesp=3),
+                "tiny.toml: the recipe's 'stesp' is not known; choose batch, crop, decay",
+            ),
+            ("no steps", lambda b: train(b, steps=None), 'the recipe lacks "steps"; add it'),
+            ("no step", lambda b: train(b, steps=0), "recipe's steps must be from 1 to…not 0"),
+            ("steps in words", lambda b: train(b, steps="many"), "recipe's steps must be from 1 to…not 'many'"),
+            ("half a picture", lambda b: train(b, batch=1.5), "recipe's batch must be from 1 to 65536, not 1.5"),
+            (
+                "rate beyond reason",
+                lambda b: train(b, learning_rate=3.0),
+                "learning_rate must be from 1e-08 to 1, not 3.0",
+            ),
+            ("name that is no text", lambda b: train(b, name=3), "recipe's name must be a text, not 3"),
+            ("options that are no table", lambda b: train(b, options=[3]), "recipe's options must be a table, not [3]"),
+            (
+                "commands that are no list",
+                lambda b: train(b, "--recipe", recipe(b, samples="x").rename(b / "a.toml")),
+                "samples must be a list, not 'x'",
+            ),
+            (
+                "unknown network",
+                lambda b: train(b, network="resnet"),
+                "there is no network 'resnet'; choose demultiplexer",
+            ),
+            ("unknown option", lambda b: train(b, **{"options.widht": 1}), "'widht'; mend the recipe"),
+            (
+                "width of nothing",
+                lambda b: train(b, **{"options.width": 0}),
+                "width 0 is not a number above 0…mend the recipe",
+            ),
+            ("crop that is too small", lambda b: train(b, crop=1), "on a crop of 1; choose a multiple of 1 from 2"),
+            (
+                "samples missing",
+                lambda b: train(b, samples=b / "no"),
+                "folder of samples…no does not exist; check the path",
+            ),
+            (
+                "folder without samples",
+                lambda b: train(b, samples=b.folder),
+                "there is no whole sample in…make some with mpsnet",
+            ),
+            (
+                "no sample that is whole",
+                lambda b: (cut(sample_folder(b) / "sample_000000.exr"), train(b, samples=b / "samples")),
+                "there is no whole sample in…make some with mpsnet",
+            ),
+            (
+                "no sample that shows something",
+                lambda b: train(b, samples=sample_folder(b, light=0)),
+                "there is no whole sample in…make some with mpsnet",
+            ),
+            ("validation missing", lambda b: train(b, "--validation", b / "no"), "folder of samples…no does not exist"),
+            (
+                "another format",
+                lambda b: train(b, "-o", b / "m.pth"),
+                "m.pth: models are written as .onnx; change the suffix",
+            ),
+            ("model in no folder", lambda b: train(b, "-o", b / "no" / "m.onnx"), "no does not exist; create it first"),
+            (
+                "checkpoint in no folder",
+                lambda b: train(b, "--checkpoint", b / "no" / "c"),
+                "no does not exist; create it",
+            ),
+            (
+                "logs in a file",
+                lambda b: train(b, "--logs", b.text("logs", "")),
+                "logs is a file; name a folder for the logs",
+            ),
+            (
+                "unknown precision",
+                lambda b: train(b, "--precision", "int8"),
+                "precision 'int8' is not known; choose auto, float32",
+            ),
+            ("steps below 0", lambda b: train(b, "--stop-after", "-5"), "--stop-after cannot be -5; choose 0 or more"),
+            ("threads in words", lambda b: train(b, "--threads", "all"), "--threads…'all'…see mpsnet train --help"),
+            (
+                "model over the checkpoint",
+                lambda b: train(b, "--checkpoint", b / "out.onnx"),
+                "the result would overwrite …out.onnx, a file that it needs",
+            ),
+        ]
+    )
+)
+
+
+test_a_bad_checkpoint_gets_one_clear_sentence = NEEDS_TORCH(
+    gets_one_clear_sentence(
+        [
+            (
+                "no such checkpoint",
+                lambda b: train(b, "--resume", b / "no"),
+                "checkpoint…no does not exist; check the path",
+            ),
+            (
+                "checkpoint of another recipe",
+                lambda b: resume(b, checkpoint(b, seed=5)),
+                "c is of another recipe; resume with",
+            ),
+            (
+                "8-bit network to train further",
+                lambda b: train(b, "--resume", "multiscale-int8"),
+                "multiscale-int8.onnx is in 8-bit numbers; resume from the one that it was made from",
+            ),
+            (
+                "text as a network to train further",
+                lambda b: train(b, "--resume", b.text("c.onnx", "hello")),
+                "c.onnx is damaged or was not trained here; resume from another",
+            ),
+            ("cut checkpoint", lambda b: resume(b, cut(checkpoint(b))), "checkpoint…c is damaged or not one of ours"),
+            (
+                "spoilt checkpoint",
+                lambda b: resume(b, spoilt(checkpoint(b))),
+                "checkpoint…c is damaged or not one of ours",
+            ),
+            (
+                "text as checkpoint",
+                lambda b: train(b, "--resume", b.text("c", "hello")),
+                "c is damaged or not one of ours",
+            ),
+            (
+                "checkpoint with code",
+                lambda b: train(b, "--resume", with_code(b, True)),
+                "c is damaged or not one of ours",
+            ),
+            (
+                "bare checkpoint with code",
+                lambda b: train(b, "--resume", with_code(b, False)),
+                "c is damaged or not one",
+            ),
+            (
+                "checkpoint of the optimiser alone",
+                lambda b: (torch_file(b / "c", {"format": "mpsnet-checkpoint"}), train(b, "--resume", b / "c")),
+                "c is damaged or not one of ours",
+            ),
+            (
+                "checkpoint of another network",
+                lambda b: resume(b, renamed(checkpoint(b))),
+                "c does not fit the network: Error…resume from another",
+            ),
+        ]
+    )
+)
+
+
+test_a_bad_int8_twin_gets_one_clear_sentence = NEEDS_TORCH(
+    gets_one_clear_sentence(
+        [
+            (
+                "twin over its model",
+                lambda b: b.run(
+                    "quantize", pass_through(b / "m.onnx"), "--samples", sample_folder(b), "-o", b / "m.onnx"
+                ),
+                "the result would overwrite …m.onnx, a file that it needs",
+            ),
+            (
+                "int8 twin of no model",
+                lambda b: b.run(
+                    "quantize", b.bytes("m.onnx", b"x"), "--samples", sample_folder(b), "-o", b / "out.onnx"
+                ),
+                "m.onnx is not an ONNX model that can be run",
+            ),
+            (
+                "int8 twin of a single layer",
+                lambda b: b.run(
+                    "quantize", pass_through(b / "m.onnx"), "--samples", sample_folder(b), "-o", b / "out.onnx"
+                ),
+                "m.onnx has no layer between its first and its last; leave it as it is",
+            ),
+            (
+                "int8 twin without samples",
+                lambda b: b.run("quantize", pass_through(b / "m.onnx"), "-o", b / "out.onnx"),
+                "--samples; see mpsnet quantize --help",
+            ),
+            (
+                "int8 twin in another format",
+                lambda b: b.run("quantize", pass_through(b / "m.onnx"), "--samples", b.folder, "-o", b / "out.pth"),
+                "out.pth: models are written as .onnx; change the suffix",
+            ),
+        ]
+    )
+)
+
+
+@NEEDS_TORCH
+@pytest.mark.usefixtures("process_settings_restored")
+def test_the_training_run_that_is_spoilt_above_is_good_before(tmp_path: Path) -> None:
+    with pytest.raises(AssertionError, match=r"^exit code 0: "):
+        train(Bench(tmp_path))
