@@ -4,6 +4,7 @@ What an operation of the core has as an option is described there, and made a pr
 """
 
 from collections.abc import Iterable, Mapping
+from functools import partial
 from typing import Any
 
 import bpy
@@ -15,6 +16,14 @@ from mpsnet_core.operation import Operation, Setting, settings
 GIVEN = {"SKIP_SAVE"}
 # Blender paints a path beside the .blend file ("//photo.png") red, as if it were not understood, without the second.
 PATH = {*GIVEN, "PATH_SUPPORTS_BLEND_RELATIVE"}
+
+# Properties that a scene keeps and an operator takes over from it.
+BoolSetting = partial(BoolProperty, options=GIVEN)
+EnumSetting = partial(EnumProperty, options=GIVEN)
+FloatSetting = partial(FloatProperty, options=GIVEN)
+IntSetting = partial(IntProperty, options=GIVEN)
+StringSetting = partial(StringProperty, options=GIVEN)
+FileSetting = partial(StringProperty, subtype="FILE_PATH", options=PATH)
 
 FILE_FORMATS = (
     ("PNG", "PNG", "16-bit PNG"),
@@ -93,11 +102,11 @@ def from_option(
         default = setting.default
     facts = {"name": name or option.replace("_", " ").title(), "description": _sentence(described.help), **facts}
     if switch or setting.kind is bool:
-        return BoolProperty(default=bool(default), options=GIVEN, **facts)
+        return BoolSetting(default=bool(default), **facts)
     if items is not None or described.choices:
         items = items_of(operation, option, labels) if items is None else list(items)
         chosen = items[0][0] if default is None else identifier(default)
-        return EnumProperty(items=items, default=chosen, options=GIVEN, **facts)
+        return EnumSetting(items=items, default=chosen, **facts)
     empty = described.unset if unset is None else unset
     if empty and not default:
         facts["description"] += f". {'Empty' if setting.kind is str else '0'}: {empty}"
@@ -107,10 +116,8 @@ def from_option(
     bounds = {"min": 0 if default is None else described.low if low is None else low, "max": described.high}
     facts.update({bound: value for bound, value in bounds.items() if value is not None})
     if setting.kind is float:
-        return FloatProperty(default=default or 0.0, options=GIVEN, **facts)
-    return IntProperty(
-        default=default or 0, options=GIVEN, **{**facts, "max": min(described.high or _LARGEST, _LARGEST)}
-    )
+        return FloatSetting(default=default or 0.0, **facts)
+    return IntSetting(default=default or 0, **{**facts, "max": min(described.high or _LARGEST, _LARGEST)})
 
 
 def _sentence(words: str) -> str:

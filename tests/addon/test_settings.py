@@ -122,16 +122,15 @@ def test_what_runs_networks_honours_the_preferences(photographed, scene, tmp_pat
     monkeypatch.setattr("blender_addon.estimate.estimate.preference", chosen.get)
     given = []
 
-    def run(arguments, *_):
-        given.extend(arguments)
+    def run(operation, *_):
+        given.append(operation)
         raise InputError("far enough")
 
     monkeypatch.setattr("blender_addon.operators.run", run)
     scene.mps.rig.camera.data.background_images.new().image = scene.mps.photo.image
     with pytest.raises(RuntimeError, match="far enough"):
         getattr(bpy.ops.mps, verb)()
-    assert given[given.index("--threads") + 1] == "3"
-    assert given[given.index("--provider") + 1] == "cuda"
+    assert [(operation.threads, operation.provider) for operation in given] == [(3, "cuda")]
 
 
 # Of each class of settings the operation that they are for, and its options that are called otherwise in Blender.
