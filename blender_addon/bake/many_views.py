@@ -10,12 +10,12 @@ import numpy as np
 from mathutils import Matrix
 
 from mpsnet_core.bake.operations import BakeViews
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, SettingsError
 from mpsnet_core.scene.rig import write_rig
 from mpsnet_core.scene.view_files import write_views
 from mpsnet_core.scene.world_lights import in_world, write_world_lights
 
-from ..estimate.estimate import network, reading
+from ..estimate.photo_options import network, reading
 from ..outputs import file_name, image_file, requested_path
 from ..provenance import Provenance, chosen, file_stamp, rounded, stamp
 from ..rig.rig import drawn_rig, light_rig, rig_camera, scene_camera
@@ -93,7 +93,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
         """The core's options for the cameras and their photos."""
         if self.cameras:
             if not self.photos:
-                raise InputError("where are the photos of these cameras? Choose their folder")
+                raise SettingsError("where are the photos of these cameras? Choose their folder")
             return {"cameras": bpy.path.abspath(self.cameras), "photos": bpy.path.abspath(self.photos)}
         views = []
         for obj, image in _with_photos(scene):
@@ -152,6 +152,4 @@ def background(obj: Any) -> Any:
     return shown[0] if shown else None
 
 
-CLASSES = (MPS_OT_bake_views,)
-
-register, unregister = bpy.utils.register_classes_factory(CLASSES)
+register, unregister = bpy.utils.register_classes_factory((MPS_OT_bake_views,))

@@ -9,7 +9,7 @@ from .declared import FileSetting, FloatSetting, from_option
 
 
 class CalibrateSettings:
-    """Photos of balls that tell where real lights are and how their colours mix."""
+    """Photos of balls from which the places of real lights and the mixing of their colours follow."""
 
     ball: FileSetting(
         name="Mirror Ball",

@@ -1,4 +1,4 @@
-"""How settings are declared: once, kept in the scene, taken by the operators.
+"""How settings are declared: once, stored in the scene, shared by the operators.
 
 What an operation of the core has as an option is described there, and made a property of by :func:`from_option`.
 """
@@ -17,7 +17,7 @@ GIVEN = {"SKIP_SAVE"}
 # Blender paints a path beside the .blend file ("//photo.png") red, as if it were not understood, without the second.
 PATH = {*GIVEN, "PATH_SUPPORTS_BLEND_RELATIVE"}
 
-# Properties that a scene keeps and an operator takes over from it.
+# Properties that are stored in the scene and that operators fill in from there.
 BoolSetting = partial(BoolProperty, options=GIVEN)
 EnumSetting = partial(EnumProperty, options=GIVEN)
 FloatSetting = partial(FloatProperty, options=GIVEN)
@@ -94,7 +94,7 @@ def from_option(
     switch
         Whether the option names a file that the add-on finds a name for: what is set is whether it is written.
     facts
-        What Blender alone wants to know: ``update``, ``precision``.
+        What concerns Blender alone: ``update``, ``precision``.
     """
     setting = option_of(operation, option)
     described = setting.option
@@ -127,7 +127,7 @@ def _sentence(words: str) -> str:
 def take_given(operator: bpy.types.Operator, settings: type, group: bpy.types.PropertyGroup) -> None:
     """Write what the caller gave the operator to the scene's settings, and fill in the rest from there.
 
-    Afterwards operator and scene say the same, and the "Adjust Last Operation" panel shows what was used.
+    Afterwards operator and scene agree, and the "Adjust Last Operation" panel shows what was used.
     """
     for name in settings.__annotations__:
         if operator.properties.is_property_set(name):

@@ -47,7 +47,7 @@ class DisplaceSettings:
         ],
         default="SIMPLE",
     )
-    # The core keeps all unless told, for any normals; here they are estimated, which err most in broad shapes.
+    # The core's default keeps all, for any normals; here they are estimated, which err most in broad shapes.
     scale: from_option(Integrate, "scale", name="Broadest", default=0.5)
     keep_normals: BoolSetting(
         name="Normal Map Too",
