@@ -201,12 +201,13 @@ class RunsCore(ReportingOperator):
     they share paths and session numbers (:func:`by_session_uid`), never Blender's data or names, which people change.
     """
 
+    bl_options = {"UNDO"}
+    _notes: Sequence[str] = ()  # of `prepare`, beside the core's notes
+    _slices: list[Slices]
+
     @classmethod
     def poll(cls, context: Any) -> bool:
         return idle(cls, context) and super().poll(context)
-
-    _notes: Sequence[str] = ()  # of `prepare`, beside the core's notes
-    _slices: list[Slices]
 
     def begin(self, context: Any) -> None:
         super().begin(context)

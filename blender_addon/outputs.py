@@ -80,11 +80,8 @@ def overruled_format(path: Path, settings: bpy.types.PropertyGroup) -> list[str]
     written = _FORMAT_OF[path.suffix.lower()]
     if written == settings.file_format or not settings.is_property_set("file_format"):
         return []
-    return [f"{path.name} is written as its ending says, not as {_label(settings)}"]
-
-
-def _label(settings: bpy.types.PropertyGroup) -> str:
-    return str(settings.bl_rna.properties["file_format"].enum_items[settings.file_format].name)
+    chosen = settings.bl_rna.properties["file_format"].enum_items[settings.file_format].name
+    return [f"{path.name} is written as its ending says, not as {chosen}"]
 
 
 def output_frames(given: str, name: str) -> Path:

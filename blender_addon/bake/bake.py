@@ -3,12 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypedDict
 
 import bpy
 from bpy.props import StringProperty
 from mathutils import Matrix
 
+from mpsnet_core.bake.map_list import write_map_list
 from mpsnet_core.bake.operations import Bake
 from mpsnet_core.bake.presets import PRESETS
 from mpsnet_core.errors import InputError, SettingsError
@@ -34,7 +35,7 @@ from ..rig.several_rigs import all_rigs
 from ..settings.bake import BakeSettings
 from ..settings.declared import take_given
 from .assign_textures import assign_textures
-from .existing_maps import base_maps, present_maps, store_base_map, write_maps
+from .existing_maps import base_maps, present_maps, store_base_map
 from .mesh_file import BegunMesh, begin_mesh
 from .moving_target import CAMERAS, MESHES, Moving
 from .texture_owners import FRAME, files_for, refuse_anothers
@@ -50,6 +51,22 @@ from .texture_sets import (
 )
 
 BITS = {".png": 16, ".tif": 16, ".tiff": 16, ".exr": 32}
+
+
+class Detail(TypedDict, total=False):
+    strength: float
+    onto: str
+    onto_convention: Literal["opengl", "directx"]
+    onto_shown: Literal["auto", "yes", "no"]
+
+
+class Sampling(TypedDict):
+    size: int
+    samples: int
+    padding: Literal["nearest", "push-pull", "none"]
+    margin: int | None
+    space: Literal["tangent", "object"]
+    convention: Literal["opengl", "directx"]
 
 
 class BakesOnto(RunsCore):
@@ -101,9 +118,9 @@ class BakesOnto(RunsCore):
         refuse_shared(targets, settings.split)
         return targets
 
-    def detail(self, settings: Any, targets: Sequence[Any], folder: Path) -> dict[str, Any]:
+    def detail(self, settings: Any, targets: Sequence[Any], folder: Path) -> Detail:
         """The core's options for the photo's detail and the normal maps that it goes on top of."""
-        options = {"strength": as_typed(settings.strength)}
+        options: Detail = {"strength": as_typed(settings.strength)}
         self._bases = base_maps(targets, self._bake_target, self._output)
         if not settings.onto:
             return options
@@ -113,9 +130,9 @@ class BakesOnto(RunsCore):
             return {**options, "onto": file, "onto_convention": convention.lower()}
         maps = present_maps(targets, self._bake_target, self._output)
         if list(maps) == [(None, None)]:
-            one = maps[None, None]
+            one: Any = maps[None, None]
             return {**options, "onto": str(one.file), "onto_convention": one.convention.lower()}
-        write_maps(folder / "maps.json", maps)
+        write_map_list(folder / "maps.json", [one.listed(part) for part, one in maps.items()])
         return {**options, "onto": str(folder / "maps.json")}
 
     def write_meshes(
@@ -180,7 +197,7 @@ def targets_place(settings: Any) -> Provenance:
     return {"Target's place": rounded(settings.target.matrix_world, 4)}
 
 
-def sampling(settings: Any) -> dict[str, Any]:
+def sampling(settings: Any) -> Sampling:
     """The core's options for size, samples, padding, space and convention."""
     return {
         "size": settings.size,
@@ -202,7 +219,6 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
 
     bl_idname = "mps.bake"
     bl_label = "Bake Texture"
-    bl_options = {"UNDO"}
     requires = "estimate"
 
     @classmethod

@@ -1,6 +1,6 @@
 """The normal maps that objects wear already, for detail to go on top of, run after run of the same."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,7 +8,7 @@ from typing import Any
 
 import bpy
 
-from mpsnet_core.bake.map_list import ListedMap, write_map_list
+from mpsnet_core.bake.map_list import ListedMap
 from mpsnet_core.errors import InputError
 
 from ..nodes import GREEN_NODE, NORMAL_NODE, TEXTURE_NODE, find_node
@@ -107,11 +107,6 @@ def present_maps(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path)
         whose = f'"{targets[0].name}"' if len(targets) == 1 else "the selected objects"
         raise InputError(f"no material of {whose} has a Normal Map node with a texture; {_BY_FILE}")
     return worn
-
-
-def write_maps(path: Path, maps: Mapping[Part, PresentMap]) -> None:
-    """Write the maps beneath the parts' textures as the core reads them."""
-    write_map_list(path, [one.listed(part) for part, one in maps.items()])
 
 
 def _worn_map(targets: Sequence[Any], onto: Sequence[BakeTarget], part: Part) -> tuple[Any, str] | None:

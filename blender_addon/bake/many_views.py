@@ -38,7 +38,6 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
 
     bl_idname = "mps.bake_views"
     bl_label = "Bake Views"
-    bl_options = {"UNDO"}
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
@@ -72,9 +71,11 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
         if self.write_report:
             outputs.append(output.with_name(f"{without_tokens(output.stem) or 'textures'}_report.html"))
             self._report = str(outputs[1])
+        cameras, photos = self._cameras(scene, folder)
         operation = BakeViews(
             mesh=meshes,
-            **self._cameras(scene, folder),
+            cameras=cameras,
+            photos=photos,
             rig=self._rig(scene, folder, turn.inverted()),
             lights_in=self.lights_in.lower(),
             **reading(estimate, unmasked="mesh"),
@@ -89,12 +90,12 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
         )
         return operation, outputs
 
-    def _cameras(self, scene: Any, folder: Path) -> dict[str, Any]:
-        """The core's options for the cameras and their photos."""
+    def _cameras(self, scene: Any, folder: Path) -> tuple[str, str | None]:
+        """The file of the cameras, and the folder of their photos where the file does not name these."""
         if self.cameras:
             if not self.photos:
                 raise SettingsError("where are the photos of these cameras? Choose their folder")
-            return {"cameras": bpy.path.abspath(self.cameras), "photos": bpy.path.abspath(self.photos)}
+            return bpy.path.abspath(self.cameras), bpy.path.abspath(self.photos)
         views = []
         for obj, image in _with_photos(scene):
             photo = image_file(image, f"background image of {obj.name}", "choose another")
@@ -106,7 +107,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
                 "cameras that a photogrammetry program wrote"
             )
         write_views(folder / "views.json", views)
-        return {"cameras": str(folder / "views.json")}
+        return str(folder / "views.json"), None
 
     def _rig(self, scene: Any, folder: Path, turn: Matrix) -> str:
         """The rig file that was measured, or the scene's lights. turn: from Blender's world to that of the cameras."""

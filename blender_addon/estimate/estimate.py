@@ -38,12 +38,11 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
 
     bl_idname = "mps.estimate"
     bl_label = "Estimate Normals"
-    bl_options = {"UNDO"}
     requires = "photo"
 
     surface: StringProperty(
         name="Surface",
-        description="Name of the mesh object that tells how far each pixel is from near lights. Empty: the panel's",
+        description="Name of the mesh object that gives each pixel's distance to near lights. Empty: the panel's",
         options={"SKIP_SAVE"},
     )
 
@@ -133,7 +132,6 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
 
     bl_idname = "mps.show_mask"
     bl_label = "Show Mask"
-    bl_options = {"UNDO"}
     requires = "photo"
 
     @classmethod

@@ -85,8 +85,8 @@ def _viewpoint_options(
     viewpoint = seen_through(scene, image, settings.lens, folder)
     if rig.near is not None and not viewpoint:
         raise GeometryError(
-            "the rig's lights stand near the object, so the photo's camera counts; tell its lens, or add a rig, "
-            "whose camera is taken"
+            "the rig's lights stand near the object, so the photo's camera counts; enter its lens, or add a rig, "
+            "whose camera is used"
         )
     if rig.near is not None and settings.distance:
         viewpoint["distance"] = as_typed(settings.distance)

@@ -48,7 +48,6 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
 
     bl_idname = "mps.displace"
     bl_label = "Displace Object"
-    bl_options = {"UNDO"}
     requires = "bake"
 
     @classmethod

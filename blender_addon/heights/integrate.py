@@ -31,7 +31,6 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
 
     bl_idname = "mps.integrate"
     bl_label = "Make Height"
-    bl_options = {"UNDO"}
     requires = "estimate"
 
     @classmethod

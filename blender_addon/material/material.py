@@ -39,7 +39,6 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
 
     bl_idname = "mps.make_material"
     bl_label = "Make Flat Material"
-    bl_options = {"UNDO"}
     requires = "photo"
 
     @classmethod
@@ -85,13 +84,13 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         """What the photo's width measures, in metres."""
         width = self.width
         taken_with = remembered(image, "camera")
-        self._notes = [] if width else ["the material is as large as the photo's camera tells, as no width is given"]
+        self._notes = [] if width else ["no width is given; the material's size follows from the photo's camera"]
         if not width and taken_with is not None:
             (folder / "taken.json").write_text(taken_with, encoding="utf-8")
             camera = read_camera(folder / "taken.json")
             width = camera.width / float(camera.focal[0]) if camera.projection == "orthographic" else 0.0
         if not width:
-            raise SettingsError("nothing tells how large the material is; give what the photo's width measures")
+            raise SettingsError("the material's size is not known; enter what the photo's width measures")
         return float(width * scene.unit_settings.scale_length)
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:

@@ -9,7 +9,7 @@ from mpsnet_core.bake.operations import Bake
 from mpsnet_core.bake.presets import PRESETS
 from mpsnet_core.defaults import LEVEL_SCALE, MARGIN, MAX_LEVEL_SCALE, MIN_LEVEL_SCALE
 
-from .declared import FILE_FORMATS, BoolSetting, EnumSetting, FloatSetting, StringSetting, from_option, items_of
+from .declared import BoolSetting, EnumSetting, FloatSetting, StringSetting, format_setting, from_option, items_of
 
 _FORMAT_OF = {".png": "PNG", ".tif": "TIFF", ".exr": "EXR"}
 # What each format can hold.
@@ -100,12 +100,8 @@ class BakeSettings:
     padding: from_option(Bake, "padding")
     # In the core it is None unless given, as it goes with one padding alone.
     margin: from_option(Bake, "margin", default=MARGIN)
-    file_format: EnumSetting(
-        name="Format",
-        description="File format of the texture; one that cannot hold the chosen depth takes its own",
-        items=FILE_FORMATS,
-        default="PNG",
-        update=_take_format,
+    file_format: format_setting(
+        "File format of the texture; one that cannot hold the chosen depth takes its own", update=_take_format
     )
     bits: from_option(
         Bake,

@@ -24,7 +24,7 @@ class CalibrateSettings:
     grey: FileSetting(
         name="Grey Ball", description="Photo of a matt grey ball under the red, green and blue light at once"
     )
-    lens: from_option(CalibrateLights, "focal", name="Lens (mm)", unset="the camera is taken as far away")
+    lens: from_option(CalibrateLights, "focal", name="Lens (mm)", unset="the camera is assumed to be far away")
     circle_x: FloatSetting(
         name="Ball X (px)",
         description="Middle of the ball, in pixels from the photo's left edge. Only counts with a radius below",

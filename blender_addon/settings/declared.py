@@ -25,7 +25,7 @@ IntSetting = partial(IntProperty, options=GIVEN)
 StringSetting = partial(StringProperty, options=GIVEN)
 FileSetting = partial(StringProperty, subtype="FILE_PATH", options=PATH)
 
-FILE_FORMATS = (
+_FILE_FORMATS = (
     ("PNG", "PNG", "16-bit PNG"),
     ("TIFF", "TIFF", "16-bit TIFF"),
     ("EXR", "OpenEXR", "32-bit float OpenEXR"),
@@ -118,6 +118,11 @@ def from_option(
     if setting.kind is float:
         return FloatSetting(default=default or 0.0, **facts)
     return IntSetting(default=default or 0, **{**facts, "max": min(described.high or _LARGEST, _LARGEST)})
+
+
+def format_setting(description: str, default: str = "PNG", **facts: Any) -> Any:
+    """A property for the file format of a result."""
+    return EnumSetting(name="Format", description=description, items=_FILE_FORMATS, default=default, **facts)
 
 
 def _sentence(words: str) -> str:

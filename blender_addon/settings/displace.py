@@ -5,7 +5,7 @@ from bpy.props import PointerProperty
 
 from mpsnet_core.relief.operations import Integrate
 
-from .declared import FILE_FORMATS, BoolSetting, EnumSetting, FileSetting, IntSetting, from_option
+from .declared import BoolSetting, EnumSetting, FileSetting, IntSetting, format_setting, from_option
 
 
 class DisplaceSettings:
@@ -55,11 +55,8 @@ class DisplaceSettings:
         "so it is taken off unless this is chosen. One in object space always stays: it does not",
         default=False,
     )
-    file_format: EnumSetting(
-        name="Format",
-        description="File format of the heights. OpenEXR holds them in world units, the others from black to white",
-        items=FILE_FORMATS,
-        default="EXR",
+    file_format: format_setting(
+        "File format of the heights. OpenEXR holds them in world units, the others from black to white", default="EXR"
     )
     output: FileSetting(
         name="Height File",

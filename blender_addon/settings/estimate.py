@@ -6,7 +6,7 @@ from bpy.props import IntProperty, PointerProperty
 from mpsnet_core.estimate.operations import Estimate
 from mpsnet_core.estimate.registry import registered_models
 
-from .declared import FILE_FORMATS, BoolSetting, EnumSetting, FileSetting, FloatSetting, from_option, identifier
+from .declared import BoolSetting, EnumSetting, FileSetting, FloatSetting, format_setting, from_option, identifier
 
 MODELS = {identifier(entry.name): entry for entry in registered_models()}
 MODEL_ITEMS = [(name, entry.label, entry.title) for name, entry in MODELS.items()]
@@ -66,7 +66,7 @@ class EstimateSettings:
         name="Lens (mm)",
         unset="the camera that the photo was rendered with, else the rig's",
     )
-    distance: from_option(Estimate, "distance", unset="as far as the rig's target, or as the surface tells")
+    distance: from_option(Estimate, "distance", unset="as far as the rig's target, or by the surface")
     model: from_option(
         Estimate,
         "model",
@@ -82,9 +82,7 @@ class EstimateSettings:
     confidence: from_option(Estimate, "confidence", name="Confidence Map", switch=True)
     albedo: from_option(Estimate, "albedo", switch=True)
     smooth: from_option(Estimate, "smooth", name="Smooth Frames")
-    file_format: EnumSetting(
-        name="Format", description="File format of the normal map", items=FILE_FORMATS, default="PNG"
-    )
+    file_format: format_setting("File format of the normal map")
     output: from_option(Estimate, "output", name="Normal Map File", unset="a name of its own in the output folder")
 
 
@@ -96,8 +94,8 @@ class MPS_PG_estimate(EstimateSettings, bpy.types.PropertyGroup):
     mask_image: PointerProperty(name="Mask", description="The mask, drawn over the photo", type=bpy.types.Image)
     surface: PointerProperty(
         name="Surface",
-        description="Mesh that tells how far each pixel is from near lights (area and point lights). "
-        "Empty: all is taken as far as the rig's target",
+        description="Mesh that gives each pixel's distance to near lights (area and point lights). "
+        "Empty: all is assumed to be as far as the rig's target",
         type=bpy.types.Object,
         poll=lambda _, candidate: candidate.type == "MESH",
     )

@@ -5,7 +5,7 @@ from bpy.props import PointerProperty
 
 from mpsnet_core.relief.operations import Integrate
 
-from .declared import FILE_FORMATS, EnumSetting, FileSetting, from_option
+from .declared import FileSetting, format_setting, from_option
 
 
 class HeightsSettings:
@@ -18,11 +18,8 @@ class HeightsSettings:
     curvature: from_option(Integrate, "curvature", switch=True)
     occlusion: from_option(Integrate, "occlusion", name="Ambient Occlusion", switch=True)
     relit: from_option(Integrate, "relit", switch=True)
-    file_format: EnumSetting(
-        name="Format",
-        description="File format of the heights. OpenEXR holds them in world units, the others from black to white",
-        items=FILE_FORMATS,
-        default="EXR",
+    file_format: format_setting(
+        "File format of the heights. OpenEXR holds them in world units, the others from black to white", default="EXR"
     )
     output: FileSetting(
         name="Height File",

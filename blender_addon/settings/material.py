@@ -15,7 +15,7 @@ class MaterialSettings:
     width: FloatSetting(
         name="Photo Width",
         description="What the photo's whole width measures on the material, in this scene's unit. "
-        "0: as the orthographic camera tells that the photo was rendered with",
+        "0: by the orthographic camera that the photo was rendered with",
         default=0.0,
         min=0.0,
         max=1e6,

@@ -18,7 +18,7 @@ class ViewsSettings:
         name="Mesh Import",
         description="How the photogrammetry program's mesh came into Blender, so that mesh and cameras meet",
         items=[
-            ("Y_UP", "Y Up", "Turned from Y up to Z up, as Blender's importers of OBJ and glTF do unless told"),
+            ("Y_UP", "Y Up", "Turned from Y up to Z up, as Blender's importers of OBJ and glTF do by default"),
             ("AS_IS", "As It Is", "With forward Y and up Z, as Blender's importer of PLY does"),
         ],
         default="Y_UP",

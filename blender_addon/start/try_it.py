@@ -24,8 +24,8 @@ _AWAY = 5.5
 
 
 class MPS_OT_try_it(ReportingOperator, bpy.types.Operator):
-    """See all steps in a new scene: an object, its photo under three coloured lights, the normals that the
-    photo tells, and a low-poly copy that wears them. Takes seconds to half a minute and changes nothing of yours"""
+    """See all steps in a new scene: an object, its photo under three coloured lights, the normals estimated
+    from it, and a low-poly copy that wears them. Takes seconds to half a minute and changes nothing of yours"""
 
     bl_idname = "mps.try_it"
     bl_label = "Try It"

@@ -33,7 +33,6 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
 
     bl_idname = "mps.render_samples"
     bl_label = "Render Samples"
-    bl_options = {"UNDO"}
 
     # Not the scene's: a .blend file must not name the hosts that this machine connects to.
     cluster: StringProperty(
@@ -57,33 +56,40 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
         target = samples_folder(scene)
         if not (self.output or lasting(target)):
             raise FileError("no folder is named for the samples; name one, or save this file and they go beside it")
-        job, cluster = self._sample_job(context, target), self._cluster()
+        job, (cluster, trusted) = self._sample_job(context, target), self._cluster()
         place_job(target, job)
         if job.objects:
             self._store_scene(target / SCENE_FILE)
             self._notes = python_drivers()
         if job.denoise and not can_denoise():
             self.report({"WARNING"}, "this Blender has no OpenImageDenoise: light keeps its noise; take more samples")
-        # Where the extension was enabled just now, the preferences may not be saved yet.
-        blender = {} if bpy.app.module else {"blender": bpy.app.binary_path, "addon": PACKAGE}
         self._sheet, self._seen = target / CONTACT_SHEET, -1
         if not self._sheet.exists():
             scene.mps.samples.image = None  # it shows another folder
-        return MakeSamples(folder=str(target), processes=self.processes, **cluster, **blender), [self._sheet]
+        operation = MakeSamples(
+            folder=str(target),
+            processes=self.processes,
+            cluster=cluster,
+            cluster_trusted=trusted,
+            blender="" if bpy.app.module else bpy.app.binary_path,
+            # Where the extension was enabled just now, the preferences may not be saved yet.
+            addon="" if bpy.app.module else PACKAGE,
+        )
+        return operation, [self._sheet]
 
-    def _cluster(self) -> dict[str, Any]:
-        """The core's options for the cluster; its address comes from the caller or the preferences, from no file."""
+    def _cluster(self) -> tuple[str, bool]:
+        """The cluster's address, "" for none, and whether its network is trusted: by the caller or the preferences,
+        never by a file."""
         own = bool(self.cluster)
         address = self.cluster if own else preference("cluster")
         if not address:
-            return {}
+            return "", False
         if not (is_loopback(address) or bpy.app.online_access):
             raise SettingsError(
                 f"Blender may not go online, and so not to the cluster at {address}; tick Allow Online Access in the "
                 "system preferences, or begin the command line with --online-mode"
             )
-        trusted = self.cluster_trusted if own else preference("cluster_trusted")
-        return {"cluster": address, "cluster_trusted": trusted}
+        return address, self.cluster_trusted if own else preference("cluster_trusted")
 
     def _sample_job(self, context: Any, target: Path) -> SampleJob:
         shapes: tuple[str, ...] = (self.source.lower(),)
