@@ -5,7 +5,7 @@ import os
 import sys
 from pathlib import Path
 
-code = 1  # unless something says otherwise
+code = 1  # until run() returns
 
 
 @atexit.register  # before bpy is imported, so that it runs after what bpy registers
@@ -21,14 +21,15 @@ import bpy  # noqa: E402
 import blender_addon  # noqa: E402
 from blender_addon.child_process.trust import preferences_trust  # noqa: E402
 from blender_addon.commands import COMMAND, main  # noqa: E402
+from blender_addon.operators import operator_report  # noqa: E402
 from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_UNFORESEEN  # noqa: E402
 from mpsnet_core.io.crash_log import unforeseen  # noqa: E402
 
 
 def run(arguments: list[str]) -> int:
-    """Register the add-on, open the file where one is named, and run the verb; gives the exit code."""
+    """Register the add-on, open the file where one is named, and run the verb; returns the exit code."""
     blender_addon.register()
-    if arguments[:1] == ["--online-mode"]:  # as Blender's own, whose preferences say otherwise
+    if arguments[:1] == ["--online-mode"]:  # as Blender's own option, over its preferences
         arguments.pop(0)
         bpy.context.preferences.system.use_online_access = True
     if arguments and arguments[0].endswith(".blend"):
@@ -36,8 +37,7 @@ def run(arguments: list[str]) -> int:
             path = arguments.pop(0)
             bpy.ops.wm.open_mainfile(filepath=path, use_scripts=preferences_trust(str(Path(path).resolve())))
         except RuntimeError as error:
-            sentence = " ".join(str(error).split()).removeprefix("Error: ")
-            sys.stderr.write(f"{COMMAND}: {sentence}; check the path\n")
+            sys.stderr.write(f"{COMMAND}: {operator_report(error)}; check the path\n")
             return EXIT_BAD_INPUT
     return main(arguments)
 

@@ -156,7 +156,7 @@ def missing_requirements(found: Sequence[dict[str, Any]], target: Target) -> lis
 
 
 def download(pins: Sequence[str], target: Target) -> list[Path]:
-    """Fetch the wheels of `pins`; kept in the build folder, so that the next build finds them there."""
+    """Fetch the wheels of `pins`; stored in the build folder, so that the next build finds them there."""
     folder = WORK / "wheels" / f"{target.python}-{target.platform}"
     command = [sys.executable, "-m", "pip", "download", "--no-deps", f"--dest={folder}", *target.pip_options]
     run([*command, *pins], f"the wheels for {target} cannot be downloaded")
@@ -216,7 +216,7 @@ def check_zip(path: Path, blender_ext: Path) -> None:
 
 
 def build(pythons: Sequence[str], platforms: Sequence[str], output: Path, blender_ext: Path) -> list[Path]:
-    """Build one zip a platform into `output` and give their paths."""
+    """Build one zip a platform into `output` and return their paths."""
     project = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     manifest = tomllib.loads((ADDON / "blender_manifest.toml").read_text(encoding="utf-8"))
     if manifest["version"] != project["version"]:

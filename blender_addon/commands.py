@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 import bpy
 
 from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_CANCELLED, EXIT_UNFORESEEN
-from mpsnet_core.errors import InputError, in_one_line
+from mpsnet_core.errors import FileError, InputError, in_one_line
 from mpsnet_core.io.crash_log import unforeseen
 
 from .operators import CANCELLED
@@ -45,8 +45,10 @@ class _Parser(argparse.ArgumentParser):
 
 
 def main(argv: Sequence[str]) -> int:
-    """Run one verb on the open file; give the exit code: 0, 2 with one sentence on stderr for bad input, 1 with one for
-    a fault of the program outside its operators, 130 cancelled.
+    """Run one verb on the open file; returns the exit code.
+
+    0, 2 with one sentence on stderr for bad input, 1 with one for a fault of the program outside its operators, 130
+    cancelled.
 
     Progress of longer work is reported on stderr now and then.
     """
@@ -85,7 +87,7 @@ def _do(verb: str, options: dict[str, Any]) -> None:
     names, save = options.pop("object"), options.pop("save")
     _select(names)
     if save and not Path(save).resolve().parent.is_dir():
-        raise InputError(f"cannot save {save}: its folder does not exist; create it first")
+        raise FileError(f"cannot save {save}: its folder does not exist; create it first")
     operator = getattr(bpy.ops.mps, verb)
     if not operator.poll():
         raise InputError(_obstacle(verb))

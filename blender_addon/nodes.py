@@ -3,6 +3,8 @@ times."""
 
 from typing import Any
 
+import bpy
+
 # The bake's, the displacement's, and those that both have.
 TEXTURE_NODE, GREEN_NODE, NORMAL_NODE = "MPS Texture", "MPS Green", "MPS Normal"
 HEIGHT_NODE, DISPLACEMENT_NODE, BEFORE_NODE = "MPS Height", "MPS Displacement", "MPS Before"
@@ -19,14 +21,25 @@ _KINDS = {
 }
 
 
-def present_node(tree: Any, name: str) -> Any:
+def new_material(name: str) -> Any:
+    """A new material with nodes; before Blender 5.0 a material may be without."""
+    return with_nodes(bpy.data.materials.new(name))
+
+
+def with_nodes(material: Any) -> Any:
+    if bpy.app.version < (5, 0):
+        material.use_nodes = True
+    return material
+
+
+def find_node(tree: Any, name: str) -> Any:
     """The tree's node of that name, None where there is none; a node of another kind has the name by chance."""
     found = tree.nodes.get(name)
     return found if found is not None and found.bl_idname == _KINDS[name] else None
 
 
-def own_node(tree: Any, name: str, kind: str, x: float, y: float) -> Any:
-    """The tree's node of that name, made at a place where there is none; a node of another kind gives the name up."""
+def ensure_node(tree: Any, name: str, kind: str, x: float, y: float) -> Any:
+    """The tree's node of that name, made at a place where there is none; a node of another kind is renamed."""
     found = tree.nodes.get(name)
     if found is not None and found.bl_idname != kind:
         found.name, found = found.bl_label, None

@@ -26,8 +26,13 @@ TICK_SECONDS = 0.1
 SLICE_SECONDS = 0.03
 LOG_SECONDS = 10.0
 CANCELLED = "cancelled"
+_MISSING = {
+    "photo": "Render or open a photo first",
+    "estimate": "Estimate the normals first",
+    "bake": "Bake the texture first",
+}
 
-# Work of which each step is short enough for a live window to wait for; to close it gives it up. It yields whether the
+# Work of which each step is short enough for a live window to wait for; close() ends it early. It yields whether the
 # next step is a long one, before which the window is drawn.
 Slices = Generator[bool, None, None]
 
@@ -41,6 +46,7 @@ class ReportingOperator(bpy.types.Operator):
     that called the operator gets it as a RuntimeError.
     """
 
+    requires = ""  # the step whose image has to be there first, of those in _MISSING
     _scene_uid = 0
     _rig_place = 0  # of the rig that was chosen, in the scene's list
     _made_from: Provenance
@@ -48,7 +54,7 @@ class ReportingOperator(bpy.types.Operator):
     @classmethod
     def lacks(cls, context: Any) -> str:
         """What has to be there first and is not, as a sentence without a full stop; "" where nothing is missing."""
-        return ""
+        return _MISSING[cls.requires] if cls.requires and not getattr(context.scene.mps, cls.requires).image else ""
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
@@ -70,7 +76,7 @@ class ReportingOperator(bpy.types.Operator):
 
         Raises InputError where it was removed. result: what it would have got, and where that is now.
         """
-        scene = same(bpy.data.scenes, self._scene_uid)
+        scene = by_session_uid(bpy.data.scenes, self._scene_uid)
         if scene is None:
             raise InputError(f"the scene that this was made for is gone; {result}")
         return scene
@@ -89,7 +95,7 @@ class ReportingOperator(bpy.types.Operator):
         return {"FINISHED"} if self.done(lambda: self.act(context)) else {"CANCELLED"}
 
     def done(self, step: Callable[[], None]) -> bool:
-        """Take a step. Where it fails, report why in one sentence and give False."""
+        """Take a step; where it fails, report why in one sentence and return False."""
         try:
             step()
         except (InputError, CoreCrashed) as error:
@@ -109,12 +115,12 @@ class ReportingOperator(bpy.types.Operator):
         self.report({"ERROR"}, sentence)
 
     def _store_record(self, *, error: str = "", notes: list[str] | None = None) -> None:
-        scene = same(bpy.data.scenes, self._scene_uid)
+        scene = by_session_uid(bpy.data.scenes, self._scene_uid)
         if scene is not None:
             store_record(scene, verb_of(self.bl_idname), error=error, notes=notes)
 
 
-def same(datablocks: Any, session_uid: int) -> Any:
+def by_session_uid(datablocks: Any, session_uid: int) -> Any:
     """The datablock with this number, whatever it is called by now; None where it is gone."""
     return next((one for one in datablocks if one.session_uid == session_uid), None)
 
@@ -125,7 +131,7 @@ def verb_of(idname: str) -> str:
 
 
 def as_typed(number: float) -> float:
-    """The number that was typed: Blender keeps 0.1 as 0.10000000149."""
+    """The number that was typed: Blender stores 0.1 as 0.10000000149."""
     return float(f"{number:g}")
 
 
@@ -164,7 +170,7 @@ class _Job:
         self.process = self.start()
 
     def leave(self, manager: Any) -> None:
-        """Give back what the run held; a child that still runs is ended. Once is enough."""
+        """Release what the run holds and end a child that still runs. Once is enough."""
         if self not in _jobs:
             return
         _jobs.remove(self)
@@ -192,15 +198,16 @@ class RunsCore(ReportingOperator):
 
     From a button the run is modal: the window stays live, the panel shows progress, Esc or ``mps.cancel`` ends it.
     From a script it returns when the work is done. Between the two calls below anything may happen to the file, so
-    they share paths and session numbers (see :func:`same`), never Blender's data or the names that people change.
+    they share paths and session numbers (:func:`by_session_uid`), never Blender's data or names, which people change.
     """
+
+    bl_options = {"UNDO"}
+    _notes: Sequence[str] = ()  # of `prepare`, beside the core's notes
+    _slices: list[Slices]
 
     @classmethod
     def poll(cls, context: Any) -> bool:
         return idle(cls, context) and super().poll(context)
-
-    _notes: Sequence[str] = ()  # of `prepare`, beside the core's notes
-    _slices: list[Slices]
 
     def begin(self, context: Any) -> None:
         super().begin(context)
@@ -222,7 +229,7 @@ class RunsCore(ReportingOperator):
         raise NotImplementedError
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        """Take the core's result into Blender. Its notes are reported and kept already."""
+        """Take the core's result into Blender. Its notes are reported and stored already."""
         raise NotImplementedError
 
     def look(self) -> None:

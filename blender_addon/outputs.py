@@ -10,14 +10,14 @@ from typing import Any, TypeVar
 import bpy
 import numpy as np
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, FormatError, InputError, SettingsError
 from mpsnet_core.io.files import PHOTO_SUFFIXES, ensure_folder, writable_path
 from mpsnet_core.scene.camera import read_camera
 from mpsnet_core.scene.rig import read_rig
 
 from .preferences import output_folder
 
-Kept = TypeVar("Kept", list[Any], dict[str, Any])
+Stored = TypeVar("Stored", list[Any], dict[str, Any])
 
 _NOT_IN_NAMES = re.compile(r"[^\w-]")
 FORMATS = {"PNG": "png", "TIFF": "tif", "EXR": "exr"}
@@ -33,22 +33,22 @@ def output_path(given: str, name: str, file_format: str) -> Path:
 
     Raises InputError where no file can be put there or the ending is of no format that can be written.
     """
-    folder = given_folder(given)
+    folder = requested_folder(given)
     path = requested_path(given) if folder is None else folder / file_name(name)
     if not path.suffix:
         path = path.with_name(f"{path.name}.{FORMATS[file_format]}")
     if path.suffix.lower() not in _FORMAT_OF:
-        raise InputError(f"cannot write {path}: the ending {path.suffix} is not known; use .png, .tif or .exr")
+        raise SettingsError(f"cannot write {path}: the ending {path.suffix} is not known; use .png, .tif or .exr")
     return writable_path(path)
 
 
 def requested_path(given: str) -> Path:
-    """The file or folder that is asked for. Raises InputError where it lies beside this file and that is nowhere yet.
+    """The requested file or folder. Raises FileError where it is relative to this file, which was never saved.
 
     Blender takes "//" of a file that was never saved for the folder that it was started in.
     """
     if given.startswith("//") and not bpy.data.filepath:
-        raise InputError(f"{given} is beside this file, which was never saved; save it, or give a path in full")
+        raise FileError(f"{given} is beside this file, which was never saved; save it, or give a path in full")
     return Path(bpy.path.abspath(given))
 
 
@@ -60,7 +60,7 @@ def file_name(name: str) -> str:
     return _NOT_IN_NAMES.sub("_", name)
 
 
-def given_folder(given: str) -> Path | None:
+def requested_folder(given: str) -> Path | None:
     """The folder for results whose place is `given`; None where that is a file.
 
     What ends in a slash is a folder, which is made, and so is what exists as one; "" is the output folder.
@@ -75,16 +75,13 @@ def given_folder(given: str) -> Path | None:
     return path if path.is_dir() else None
 
 
-def ending_wins(path: Path, settings: bpy.types.PropertyGroup) -> list[str]:
+def overruled_format(path: Path, settings: bpy.types.PropertyGroup) -> list[str]:
     """A sentence where the file's ending overrules the format that was chosen in a step's settings; else nothing."""
     written = _FORMAT_OF[path.suffix.lower()]
     if written == settings.file_format or not settings.is_property_set("file_format"):
         return []
-    return [f"{path.name} is written as its ending says, not as {_label(settings)}"]
-
-
-def _label(settings: bpy.types.PropertyGroup) -> str:
-    return str(settings.bl_rna.properties["file_format"].enum_items[settings.file_format].name)
+    chosen = settings.bl_rna.properties["file_format"].enum_items[settings.file_format].name
+    return [f"{path.name} is written as its ending says, not as {chosen}"]
 
 
 def output_frames(given: str, name: str) -> Path:
@@ -95,11 +92,11 @@ def output_frames(given: str, name: str) -> Path:
     """
     folder = requested_path(given) if given else output_folder() / file_name(name)
     if folder.suffix.lower() in PHOTO_SUFFIXES and not folder.is_dir():
-        raise InputError(
+        raise SettingsError(
             f"{folder.name} is a picture's name, and frames go into a folder; name one, or ask for one frame"
         )
     if not lasting(folder):
-        raise InputError("no folder is named for the frames; name one, or save this file and they go beside it")
+        raise FileError("no folder is named for the frames; name one, or save this file and they go beside it")
     return ensure_folder(folder, "frames")
 
 
@@ -120,7 +117,7 @@ def lasting(folder: Path) -> bool:
 
 
 def frame_pattern(file: Path) -> Path:
-    """The pattern of a sequence's files, from one of them: frame_0012.png gives frame_####.png.
+    """The pattern of a sequence's files, from one of them: frame_####.png for frame_0012.png.
 
     Raises InputError where its name has no number.
     """
@@ -154,9 +151,9 @@ def picture_size(image: bpy.types.Image) -> tuple[int, int]:
 
 
 def render_path(path: Path) -> Path:
-    """`path`, or InputError where Blender cannot render into it; asked before it renders."""
+    """`path`, or InputError where Blender cannot render into it; checked before it renders."""
     if path.suffix.lower() != ".exr":
-        raise InputError(f"cannot write {path}: renders are written as OpenEXR; give a name that ends in .exr")
+        raise SettingsError(f"cannot write {path}: renders are written as OpenEXR; give a name that ends in .exr")
     return writable_path(path)
 
 
@@ -166,7 +163,7 @@ def literally(path: Path) -> str:
 
 
 def sidecar(picture: Path, what: str) -> Path:
-    """The file beside a photo that tells its "rig" or "camera": NAME.rig.json, NAME.camera.json.
+    """The file beside a photo with its "rig" or "camera": NAME.rig.json, NAME.camera.json.
 
     They hold what stood when the photo was taken, whatever has been moved since.
     """
@@ -174,7 +171,7 @@ def sidecar(picture: Path, what: str) -> Path:
 
 
 def load_photo(path: Path, name: str) -> bpy.types.Image:
-    """The photo as an image that knows the rig and camera beside the file, and keeps them wherever it goes.
+    """The photo as an image with the rig and camera from beside the file stored in it.
 
     Raises InputError where Blender cannot read it, or the file of its rig or camera is malformed.
     """
@@ -182,7 +179,7 @@ def load_photo(path: Path, name: str) -> bpy.types.Image:
     image = load_image(path, name, is_data=False)
     if not image.size[0]:
         bpy.data.images.remove(image)
-        raise InputError(f"cannot read {path}: it is not an image or is damaged; export it again")
+        raise FormatError(f"cannot read {path}: it is not an image or is damaged; export it again")
     for what, text in known.items():
         remember(image, what, text)
     return image
@@ -198,7 +195,7 @@ def read_sidecar(picture: Path, what: str) -> str | None:
 
 
 def remember(image: bpy.types.Image, what: str, text: str | None) -> None:
-    """Keep the "rig" or "camera" of a picture (the text of such a file) or its "lens" with the image; None forgets."""
+    """Store the "rig" or "camera" of a picture (the text of such a file) or its "lens" with the image; None removes."""
     if text is not None:
         image[f"mpsnet_{what}"] = text
     elif f"mpsnet_{what}" in image:
@@ -206,13 +203,13 @@ def remember(image: bpy.types.Image, what: str, text: str | None) -> None:
 
 
 def remembered(image: bpy.types.Image, what: str) -> str | None:
-    """The text that :func:`remember` kept, or None."""
+    """The text that :func:`remember` stored, or None."""
     text = image.get(f"mpsnet_{what}")
     return text if isinstance(text, str) else None  # a file may hold anything by that name
 
 
-def from_json(text: str | None, kind: type[Kept]) -> Kept:
-    """What was kept as JSON; an empty one where it is of another kind or none at all, as a hostile file may have it."""
+def from_json(text: str | None, kind: type[Stored]) -> Stored:
+    """What was stored as JSON; an empty one where it is of another kind or none, as a hostile file may have it."""
     try:
         found = json.loads(text or "null")
     except (ValueError, RecursionError):
@@ -232,18 +229,18 @@ def load_image(path: Path, name: str, *, is_data: bool) -> bpy.types.Image:
     try:
         image = bpy.data.images.load(str(path), check_existing=True)
     except RuntimeError:
-        raise InputError(f"cannot open {path}: it does not exist or is not an image; check the path") from None
+        raise FileError(f"cannot open {path}: it does not exist or is not an image; check the path") from None
     if image.source == "SEQUENCE":
         image.source = "FILE"
     if image.packed_file:
         image.unpack(method="REMOVE")  # else the packed file would be read again
-    if is_data:  # said before its pixels are read: 4.5 does not convert them again
+    if is_data:  # set before its pixels are read: 4.5 does not convert them again
         image.colorspace_settings.is_data = True
     image.reload()
     image.name = name
     if image.preview:  # else the panel goes on showing what the file held before
         image.preview.reload()
-    _keep_with_file(image, path)
+    _pack_or_make_relative(image, path)
     return image
 
 
@@ -269,11 +266,11 @@ def load_tiles(pattern: Path, numbers: Sequence[int], name: str, *, is_data: boo
     image.name = name
     if image.preview:
         image.preview.reload()
-    _keep_with_file(image, pattern)
+    _pack_or_make_relative(image, pattern)
     return image
 
 
-def _keep_with_file(image: bpy.types.Image, path: Path) -> None:
+def _pack_or_make_relative(image: bpy.types.Image, path: Path) -> None:
     """Pack what would go with Blender, and name what lies beside the .blend file by where it lies from there."""
     if Path(bpy.app.tempdir) in path.parents:
         image.pack()
@@ -324,7 +321,7 @@ def tile_files(image: bpy.types.Image, what: str, mend: str) -> Path:
             of(number).write_bytes(file.data)
     files = [of(tile.number) for tile in image.tiles]
     if "<UDIM>" not in pattern.name or not any(file.is_file() for file in files):
-        raise InputError(f'the {what} "{image.name}" has no file on disk ({files[0]} is missing); save it, or {mend}')
+        raise FileError(f'the {what} "{image.name}" has no file on disk ({files[0]} is missing); save it, or {mend}')
     return pattern
 
 
@@ -355,5 +352,5 @@ def image_file(image: bpy.types.Image | None, what: str, mend: str) -> Path:
         path.write_bytes(image.packed_file.data)
     if not path.is_file():
         missing = f" ({path} is missing)" if image.filepath else ""
-        raise InputError(f'the {what} "{image.name}" has no file on disk{missing}; save it, or {mend}')
+        raise FileError(f'the {what} "{image.name}" has no file on disk{missing}; save it, or {mend}')
     return path

@@ -8,7 +8,7 @@ from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 from mpsnet_core.synthesis.farm.address import is_loopback
 
-# What Blender knows the add-on by, also in the Blenders that it starts.
+# The add-on's name in Blender, also in the Blenders that it starts.
 PACKAGE = __package__ or ""
 
 
@@ -83,9 +83,4 @@ def output_folder() -> Path:
     return Path(bpy.data.filepath).parent if bpy.data.filepath else Path(bpy.app.tempdir)
 
 
-def register() -> None:
-    bpy.utils.register_class(MPS_AddonPreferences)
-
-
-def unregister() -> None:
-    bpy.utils.unregister_class(MPS_AddonPreferences)
+register, unregister = bpy.utils.register_classes_factory((MPS_AddonPreferences,))

@@ -1,6 +1,6 @@
-"""What a result was made of: kept with its image, so that the panel can tell when it is out of date.
+"""What a result was made of: stored with its image, so that the panel can show when it is out of date.
 
-Each ingredient has the name that the panel tells it by ("Photo", "Lights", "Model") and a text that differs where the
+Each ingredient has the name that the panel shows ("Photo", "Lights", "Model") and a text that differs where the
 ingredient does. They go with the image wherever it goes: renamed, saved and loaded, undone, chosen for another step.
 """
 
@@ -17,13 +17,13 @@ import bpy
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError
 
 from .outputs import from_json, origin, remember, remembered
 
 Provenance = dict[str, str]
 
-# Kept with the image.
+# Stored with the image.
 _MADE, _MADE_BY, _MADE_FROM = "made", "made_by", "made_from"
 
 # What later steps take from those who make it.
@@ -89,14 +89,14 @@ def _size(path: Path) -> int:
 
 
 def rounded(values: ArrayLike, decimals: int) -> str:
-    """Numbers as a text that what a scene evaluates to keeps from one time to the next."""
+    """Numbers as a text that does not change with the rounding errors of an evaluation."""
     return " ".join(f"{value + 0.0:.{decimals}f}" for value in np.round(np.ravel(values), decimals))
 
 
 def store_provenance(image: bpy.types.Image, verb: str, ingredients: Provenance) -> None:
     """Note with an image that it was made now, by which operator ("estimate" for ``mps.estimate``), and of what."""
-    kept = {_MADE: datetime.now().isoformat(), _MADE_BY: verb, _MADE_FROM: json.dumps(ingredients)}
-    for what, text in kept.items():
+    properties = {_MADE: datetime.now().isoformat(), _MADE_BY: verb, _MADE_FROM: json.dumps(ingredients)}
+    for what, text in properties.items():
         remember(image, what, text)
 
 
@@ -117,7 +117,7 @@ def refuse_to_overwrite(verb: str, outputs: Iterable[Path]) -> None:
             continue
         path = origin(image)
         if path.resolve() in files:
-            raise InputError(f'the result would overwrite {path}, the {what} "{image.name}"; choose another output')
+            raise FileError(f'the result would overwrite {path}, the {what} "{image.name}"; choose another output')
 
 
 def changed_since(image: bpy.types.Image, ingredients: Provenance) -> list[str]:

@@ -5,8 +5,8 @@ from typing import Any
 
 from mpsnet_core.errors import InputError
 
-from ..heights.assign_displacement import undisplaced
-from ..nodes import GREEN_NODE, NORMAL_NODE, TEXTURE_NODE, UV_NODE, own_node, present_node
+from ..heights.assign_displacement import remove_displacement
+from ..nodes import GREEN_NODE, NORMAL_NODE, TEXTURE_NODE, UV_NODE, ensure_node, find_node
 from ..outputs import remember
 from .texture_owners import store_owners
 from .texture_sets import AssignedTexture, own_materials
@@ -15,7 +15,7 @@ from .texture_sets import AssignedTexture, own_materials
 def assign_textures(
     worn: Sequence[AssignedTexture], space: str, convention: str, frames: range = range(0)
 ) -> list[str]:
-    """Give all materials of objects their textures; gives a sentence for each node whose place a texture took,
+    """Give all materials of objects their textures; returns a sentence for each node whose place a texture took,
     and for each object whose displacement is off now: with a normal map in tangent space the relief would show twice.
 
     frames: of the timeline, where the texture is an image sequence whose files have their numbers.
@@ -25,10 +25,10 @@ def assign_textures(
     sentences = [
         f'The displacement of "{one.target.name}" is off, it would show the relief twice; displace the object again'
         for one in worn
-        if space == "TANGENT" and undisplaced(one.target)
+        if space == "TANGENT" and remove_displacement(one.target)
     ]
     for material, (image, uv_map) in materials.items():
-        # Whoever reads the texture later needs to know, whatever the panel says by then.
+        # Later steps read this from the texture: the panel may have changed by then.
         remember(image, "space", space)
         remember(image, "convention", convention)
         for name in assign_normal_map(material, image, uv_map, space, convention):
@@ -43,7 +43,7 @@ def assign_textures(
 def assign_normal_map(material: Any, image: Any, uv_map: str, space: str, convention: str) -> list[str]:
     """Give every shader of a material the texture as its normal; nodes of an earlier bake are used again.
 
-    Gives the names of the nodes that were the shaders' normals until now, an earlier bake's apart.
+    Returns the names of the nodes that were the shaders' normals until now, an earlier bake's apart.
 
     Raises InputError where no shader of the material takes a normal.
     """
@@ -54,7 +54,7 @@ def assign_normal_map(material: Any, image: Any, uv_map: str, space: str, conven
     left, top = min(node.location.x for node in shaders), min(node.location.y for node in shaders) - 300
 
     def node(name: str, kind: str, steps: int) -> Any:
-        return own_node(material.node_tree, name, kind, left - 200 * steps, top)
+        return ensure_node(material.node_tree, name, kind, left - 200 * steps, top)
 
     uv, texture = node(UV_NODE, "ShaderNodeUVMap", 5), node(TEXTURE_NODE, "ShaderNodeTexImage", 4)
     normal = node(NORMAL_NODE, "ShaderNodeNormalMap", 1)
@@ -63,13 +63,13 @@ def assign_normal_map(material: Any, image: Any, uv_map: str, space: str, conven
     links.new(uv.outputs["UV"], texture.inputs["Vector"])
     colour = texture.outputs["Color"]
     if convention == "DIRECTX":
-        # Blender 4.5's Normal Map node knows OpenGL only; a node that turns green round works in every version.
+        # Blender 4.5's Normal Map node has OpenGL only; a node that inverts green works in every version.
         turn = node(GREEN_NODE, "ShaderNodeVectorMath", 2)
         turn.operation = "MULTIPLY_ADD"
         turn.inputs[1].default_value, turn.inputs[2].default_value = (1, -1, 1), (0, 1, 0)
         links.new(colour, turn.inputs[0])
         colour = turn.outputs["Vector"]
-    elif turn := present_node(material.node_tree, GREEN_NODE):
+    elif turn := find_node(material.node_tree, GREEN_NODE):
         nodes.remove(turn)
     links.new(colour, normal.inputs["Color"])
     before = [link.from_node for shader in shaders for link in shader.inputs["Normal"].links]

@@ -3,38 +3,39 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypedDict
 
 import bpy
 from bpy.props import StringProperty
 from mathutils import Matrix
 
+from mpsnet_core.bake.map_list import write_map_list
 from mpsnet_core.bake.operations import Bake
 from mpsnet_core.bake.presets import PRESETS
-from mpsnet_core.errors import InputError
-from mpsnet_core.scene.camera import write_camera
+from mpsnet_core.errors import InputError, SettingsError
 
 from ..child_process.core_process import Work
-from ..operators import RunsCore, as_typed, same
+from ..operators import RunsCore, as_typed, by_session_uid
 from ..outputs import (
     FORMATS,
-    ending_wins,
     frame_pattern,
-    given_folder,
     image_file,
     load_frames,
     output_frames,
     output_path,
+    overruled_format,
     picture_size,
     remembered,
+    requested_folder,
 )
 from ..provenance import Provenance, chosen, rounded, stamp
-from ..rig.rig import rig_camera, scene_camera
+from ..rig.photo_camera import write_photo_camera
+from ..rig.rig import rig_camera
 from ..rig.several_rigs import all_rigs
 from ..settings.bake import BakeSettings
 from ..settings.declared import take_given
 from .assign_textures import assign_textures
-from .existing_maps import bases_to_keep, maps_to_go_on, store_base_map, write_maps
+from .existing_maps import base_maps, present_maps, store_base_map
 from .mesh_file import BegunMesh, begin_mesh
 from .moving_target import CAMERAS, MESHES, Moving
 from .texture_owners import FRAME, files_for, refuse_anothers
@@ -42,7 +43,7 @@ from .texture_sets import (
     SPLITS,
     AssignedTexture,
     BakeTarget,
-    loaded,
+    load_textures,
     refuse_shared,
     slot_labels,
     texture_of,
@@ -50,6 +51,22 @@ from .texture_sets import (
 )
 
 BITS = {".png": 16, ".tif": 16, ".tiff": 16, ".exr": 32}
+
+
+class Detail(TypedDict, total=False):
+    strength: float
+    onto: str
+    onto_convention: Literal["opengl", "directx"]
+    onto_shown: Literal["auto", "yes", "no"]
+
+
+class Sampling(TypedDict):
+    size: int
+    samples: int
+    padding: Literal["nearest", "push-pull", "none"]
+    margin: int | None
+    space: Literal["tangent", "object"]
+    convention: Literal["opengl", "directx"]
 
 
 class BakesOnto(RunsCore):
@@ -66,13 +83,13 @@ class BakesOnto(RunsCore):
         before = settings.target
         try:
             prepared = super()._prepared(context, folder)
-            refuse_anothers(self.written_for())
+            refuse_anothers(self.result_owners())
             return prepared
         except BaseException:
             settings.target = before  # one that is refused would be refused ever after
             raise
 
-    def written_for(self) -> dict[Path, list[Any]]:
+    def result_owners(self) -> dict[Path, list[Any]]:
         """What will be written, and the objects that it is for, as :func:`.made_for.refuse_anothers` takes it."""
         return files_for(self._bake_target, self._output)
 
@@ -80,7 +97,7 @@ class BakesOnto(RunsCore):
         """The object to bake onto. Raises InputError where there is none, or it is another file's."""
         settings = context.scene.mps.bake
         if self.target:
-            settings.target = named_object(context.scene, self.target)
+            settings.target = find_object(context.scene, self.target)
         target = settings.target or context.view_layer.objects.active  # `--command` has no context.object
         if target is None:
             raise InputError("there is no target to bake onto; choose a mesh object")
@@ -101,21 +118,21 @@ class BakesOnto(RunsCore):
         refuse_shared(targets, settings.split)
         return targets
 
-    def detail(self, settings: Any, targets: Sequence[Any], folder: Path) -> dict[str, Any]:
+    def detail(self, settings: Any, targets: Sequence[Any], folder: Path) -> Detail:
         """The core's options for the photo's detail and the normal maps that it goes on top of."""
-        options = {"strength": as_typed(settings.strength)}
-        self._bases = bases_to_keep(targets, self._bake_target, self._output)
+        options: Detail = {"strength": as_typed(settings.strength)}
+        self._bases = base_maps(targets, self._bake_target, self._output)
         if not settings.onto:
             return options
         options["onto_shown"] = settings.onto_shown.lower()
         if settings.onto_file:
             file, convention = bpy.path.abspath(settings.onto_file), settings.onto_convention
             return {**options, "onto": file, "onto_convention": convention.lower()}
-        maps = maps_to_go_on(targets, self._bake_target, self._output)
+        maps = present_maps(targets, self._bake_target, self._output)
         if list(maps) == [(None, None)]:
-            one = maps[None, None]
+            one: Any = maps[None, None]
             return {**options, "onto": str(one.file), "onto_convention": one.convention.lower()}
-        write_maps(folder / "maps.json", maps)
+        write_map_list(folder / "maps.json", [one.listed(part) for part, one in maps.items()])
         return {**options, "onto": str(folder / "maps.json")}
 
     def write_meshes(
@@ -140,17 +157,17 @@ class BakesOnto(RunsCore):
         # The token's signs cannot stand in a file's name until the core takes them out again.
         name = texture_name(bake, "splits" if SPLITS[bake.split] else name)
         path = output_path(bake.output, name, bake.file_format)
-        if SPLITS[bake.split] and given_folder(bake.output) is not None:
+        if SPLITS[bake.split] and requested_folder(bake.output) is not None:
             path = path.with_name(path.name.replace("splits", SPLITS[bake.split]))
-        self._notes = ending_wins(path, bake)
+        self._notes = overruled_format(path, bake)
         return with_tokens(path, bake.split, bake.tiles)
 
     def assign_result(self, scene: Any, result: dict[str, Any]) -> None:
         """Load the core's textures and put them on the objects that they are for."""
-        there = [(one, same(bpy.data.objects, one.uid)) for one in self._bake_target]
+        there = [(one, by_session_uid(bpy.data.objects, one.uid)) for one in self._bake_target]
         if not any(target for _, target in there):
             raise InputError(f"the target is gone; its texture is in {self._output}")
-        images = loaded(result["outputs"], self._bake_target[0].name)
+        images = load_textures(result["outputs"], self._bake_target[0].name)
         for part, image in images.items():
             self.made(image)
             if part in self._bases:
@@ -180,7 +197,7 @@ def targets_place(settings: Any) -> Provenance:
     return {"Target's place": rounded(settings.target.matrix_world, 4)}
 
 
-def sampling(settings: Any) -> dict[str, Any]:
+def sampling(settings: Any) -> Sampling:
     """The core's options for size, samples, padding, space and convention."""
     return {
         "size": settings.size,
@@ -202,11 +219,7 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
 
     bl_idname = "mps.bake"
     bl_label = "Bake Texture"
-    bl_options = {"UNDO"}
-
-    @classmethod
-    def lacks(cls, context: Any) -> str:
-        return "" if context.scene.mps.estimate.image else "Estimate the normals first"
+    requires = "estimate"
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
@@ -237,7 +250,7 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
             suffix = self._output.suffix.lower()
             meshes = self.write_meshes(context, folder, targets)
             camera = str(folder / "camera.json")
-            self._write_camera(scene, folder / "camera.json", normals_image)
+            write_photo_camera(folder / "camera.json", normals_image, scene)
         others = self._other_rigs(scene) if self.all_rigs else []
         operation = Bake(
             mesh=meshes,
@@ -252,27 +265,19 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         )
         return operation, [self._output / "frames" if self._frames else self._output]
 
-    def written_for(self) -> dict[Path, list[Any]]:
+    def result_owners(self) -> dict[Path, list[Any]]:
         if not self._frames:
-            return super().written_for()
+            return super().result_owners()
         frames = self._output / f"{self._output.name}_{FRAME}.{FORMATS[self.file_format]}"
-        return {frames: [same(bpy.data.objects, self._bake_target[0].uid)]}
+        return {frames: [by_session_uid(bpy.data.objects, self._bake_target[0].uid)]}
 
     def _bake_target_of_frames(self, context: Any) -> Any:
         if self.objects == "SELECTED" or self.split != "ONE" or self.tiles:
-            raise InputError(
+            raise SettingsError(
                 "a sequence is baked onto the target alone and into one texture a frame; set Objects to Target, "
                 "Textures to One for All, and switch UDIM Tiles off"
             )
         return self.baked_object(context)
-
-    def _write_camera(self, scene: Any, path: Path, normals_image: Any) -> None:
-        """Write the camera that the normals were taken with, or that of the rig as it stands."""
-        taken_with = remembered(normals_image, "camera")
-        if taken_with is not None:
-            path.write_text(taken_with, encoding="utf-8")
-        else:
-            write_camera(path, scene_camera(rig_camera(scene), scene, picture_size(normals_image)))
 
     def _write_place(self, context: Any, folder: Path, target: Any, normals_image: Any) -> tuple[str, str]:
         """Write mesh and camera for a sequence: as they stand, or for each frame where they shall move along."""
@@ -289,16 +294,16 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         self.later(begun.slices)
         self._bake_target = [_bake_target(target, begun)]
         if camera != CAMERAS:
-            self._write_camera(scene, folder / camera, normals_image)
+            write_photo_camera(folder / camera, normals_image, scene)
         return str(folder / (MESHES if self.animated else "mesh.npz")), str(folder / camera)
 
     def _other_rigs(self, scene: Any) -> list[Any]:
         """The scene's rigs that are not chosen and have normals."""
         if self._frames:
-            raise InputError("sequences are baked for one rig at a time; switch All Rigs off")
+            raise SettingsError("sequences are baked for one rig at a time; switch All Rigs off")
         others = [one for one in all_rigs(scene) if one != scene.mps and one.estimate.image is not None]
         if any(one.estimate.image.source == "SEQUENCE" for one in others):
-            raise InputError("one of the rigs has a sequence, which is baked on its own; switch All Rigs off")
+            raise SettingsError("one of the rigs has a sequence, which is baked on its own; switch All Rigs off")
         return others
 
     def _other_views(self, scene: Any, rigs: Sequence[Any], folder: Path) -> list[str]:
@@ -306,13 +311,10 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         views = []
         for number, one in enumerate(rigs):
             image = one.estimate.image
-            camera, taken_with = folder / f"camera_{number}.json", remembered(image, "camera")
-            if taken_with is not None:
-                camera.write_text(taken_with, encoding="utf-8")
-            elif one.rig.camera is not None:
-                write_camera(camera, scene_camera(one.rig.camera, scene, picture_size(image)))
-            else:
+            camera = folder / f"camera_{number}.json"
+            if remembered(image, "camera") is None and one.rig.camera is None:
                 raise InputError(f'the camera of the normals "{image.name}" is gone; estimate them again')
+            write_photo_camera(camera, image, scene, one.rig.camera)
             views.append(f"{camera}={image_file(image, 'normal map', 'estimate the normals again')}")
         return views
 
@@ -326,32 +328,36 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         scene = self.scene(f"its texture is in {self._output}")
         turned = "; DirectX, so the material turns its green round for Blender" if self.convention == "DIRECTX" else ""
-        if not self._frames:
-            self.assign_result(scene, result)
-            self.report({"INFO"}, f"{self.written(result)}{turned}")
-            colours = [
-                {**one, "output": one["albedo"], "tiles": one.get("albedo_tiles")}
-                for one in result["outputs"]
-                if "albedo" in one
-            ]
-            for image in loaded(colours, self._bake_target[0].name, "Albedo").values():
-                self.made(image)
-                self.report({"INFO"}, f'The albedo is baked too: image "{image.name}"')
+        if self._frames:
+            self._assign_frames(scene, Path(result["first_output"]))
+            counts = f"{result['count']} textures are in {self._output}, {result['made']} made now"
+            self.report({"INFO"}, f"{counts}{turned}")
             return
+        self.assign_result(scene, result)
+        self.report({"INFO"}, f"{self.written(result)}{turned}")
+        colours = [
+            {**one, "output": one["albedo"], "tiles": one.get("albedo_tiles")}
+            for one in result["outputs"]
+            if "albedo" in one
+        ]
+        for image in load_textures(colours, self._bake_target[0].name, "Albedo").values():
+            self.made(image)
+            self.report({"INFO"}, f'The albedo is baked too: image "{image.name}"')
+
+    def _assign_frames(self, scene: Any, first: Path) -> None:
+        """Load a sequence of textures and put it on the target."""
         (onto,) = self._bake_target
-        target = same(bpy.data.objects, onto.uid)
+        target = by_session_uid(bpy.data.objects, onto.uid)
         if target is None:
             raise InputError(f"the target is gone; its textures are in {self._output}")
-        image = load_frames(Path(result["first_output"]), f"MPS {target.name} Frames")
+        image = load_frames(first, f"MPS {target.name} Frames")
         self.made(image)
         scene.mps.bake.image = image
         if (None, None) in self._bases:
             store_base_map(image, self._bases[None, None])
-        for sentence in assign_textures(
-            [AssignedTexture(target, (image,), onto.uv_map)], self.space, self.convention, self._frames
-        ):
+        worn = [AssignedTexture(target, (image,), onto.uv_map)]
+        for sentence in assign_textures(worn, self.space, self.convention, self._frames):
             self.report({"INFO"}, sentence)
-        self.report({"INFO"}, f"{result['count']} textures are in {self._output}, {result['made']} made now{turned}")
 
 
 def texture_name(settings: Any, name: str) -> str:
@@ -365,7 +371,7 @@ def bits(settings: Any, suffix: str) -> int:
     return BITS[suffix] if settings.bits == "AUTO" else int(settings.bits)
 
 
-def named_object(scene: Any, name: str) -> Any:
+def find_object(scene: Any, name: str) -> Any:
     """The scene's object of that name. Raises InputError where there is none."""
     target = scene.objects.get(name)
     if target is None:
@@ -382,9 +388,4 @@ def _refuse_linked(target: Any) -> None:
             )
 
 
-def register() -> None:
-    bpy.utils.register_class(MPS_OT_bake)
-
-
-def unregister() -> None:
-    bpy.utils.unregister_class(MPS_OT_bake)
+register, unregister = bpy.utils.register_classes_factory((MPS_OT_bake,))

@@ -1,6 +1,6 @@
 """The normal maps that objects wear already, for detail to go on top of, run after run of the same."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,15 +8,15 @@ from typing import Any
 
 import bpy
 
-from mpsnet_core.bake.map_list import ListedMap, write_map_list
+from mpsnet_core.bake.map_list import ListedMap
 from mpsnet_core.errors import InputError
 
-from ..nodes import GREEN_NODE, NORMAL_NODE, TEXTURE_NODE, present_node
-from ..operators import same
+from ..nodes import GREEN_NODE, NORMAL_NODE, TEXTURE_NODE, find_node
+from ..operators import by_session_uid
 from ..outputs import image_file, tile_files
 from .texture_sets import MATERIAL, OBJECT, TILE, BakeTarget
 
-# Kept with a baked image: what the object wore before it, and which way that one's green points.
+# Stored with a baked image: what the object wore before it, and which way that one's green points.
 _BASE, _BASE_CONVENTION = "mpsnet_base", "mpsnet_base_convention"
 _BY_FILE = "choose the file of a present map"
 
@@ -40,7 +40,7 @@ class PresentMap(WornMap):
         return ListedMap(self.file, *part, "directx" if self.convention == "DIRECTX" else "opengl")
 
 
-# For the object and the material that a texture is of, as the core tells of it; None stands for all of them.
+# For the object and the material that a texture is of, as in the core's result; None stands for all of them.
 Part = tuple[str | None, str | None]
 
 
@@ -80,14 +80,14 @@ def store_base_map(image: Any, base: WornMap | None) -> None:
         for key in {_BASE, _BASE_CONVENTION} & set(image.keys()):
             del image[key]
         return
-    found = same(bpy.data.images, base.uid)
+    found = by_session_uid(bpy.data.images, base.uid)
     if found is not None and found != image:
         image[_BASE], image[_BASE_CONVENTION] = found, base.convention
 
 
-def bases_to_keep(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path) -> dict[Part, WornMap | None]:
-    """The map that each part wears, as :func:`present_map` finds it, None for those that wear none; those that wear
-    what cannot be gone on top of are left out."""
+def base_maps(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path) -> dict[Part, WornMap | None]:
+    """The map that each part wears, as :func:`present_map` finds it, None for those without one; parts whose map
+    detail cannot go on top of are left out."""
     bases: dict[Part, WornMap | None] = {}
     for part in parts_of(onto, file):
         with suppress(InputError):
@@ -96,8 +96,8 @@ def bases_to_keep(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path
     return bases
 
 
-def maps_to_go_on(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path) -> dict[Part, PresentMap]:
-    """The map beneath each part's texture; the core tells which parts have none.
+def present_maps(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path) -> dict[Part, PresentMap]:
+    """The map beneath each part's texture; the core reports which parts have none.
 
     Raises InputError where no part has one, or as :func:`present_map` does.
     """
@@ -107,11 +107,6 @@ def maps_to_go_on(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path
         whose = f'"{targets[0].name}"' if len(targets) == 1 else "the selected objects"
         raise InputError(f"no material of {whose} has a Normal Map node with a texture; {_BY_FILE}")
     return worn
-
-
-def write_maps(path: Path, maps: Mapping[Part, PresentMap]) -> None:
-    """Write the maps beneath the parts' textures as the core reads them."""
-    write_map_list(path, [one.listed(part) for part, one in maps.items()])
 
 
 def _worn_map(targets: Sequence[Any], onto: Sequence[BakeTarget], part: Part) -> tuple[Any, str] | None:
@@ -148,7 +143,7 @@ def _normal_maps(target: Any, onto: BakeTarget, part: Part) -> Iterator[Any]:
         if material not in (None, label):
             continue
         if tree:
-            baked = present_node(tree, NORMAL_NODE)
+            baked = find_node(tree, NORMAL_NODE)
             taken_off = [baked] if baked and _before(baked, "Color") else []
             yield from list(_shaders_normal_maps(tree)) or taken_off
 
@@ -171,7 +166,7 @@ def _source(normal: Any, uv_map: str, rendered: str) -> tuple[Any, str]:
     """
     convention = getattr(normal, "convention", "OPENGL")  # from Blender 5.2 on
     texture = _before(normal, "Color")
-    if texture is not None and texture == present_node(normal.id_data, GREEN_NODE):
+    if texture is not None and texture == find_node(normal.id_data, GREEN_NODE):
         convention, texture = "DIRECTX", _before(texture, 0)
     if texture is None or texture.type != "TEX_IMAGE" or texture.image is None:
         raise InputError(f"the present normal map does not come straight from an image texture; {_BY_FILE}")

@@ -10,12 +10,12 @@ import numpy as np
 from mathutils import Matrix
 
 from mpsnet_core.bake.operations import BakeViews
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, SettingsError
 from mpsnet_core.scene.rig import write_rig
 from mpsnet_core.scene.view_files import write_views
 from mpsnet_core.scene.world_lights import in_world, write_world_lights
 
-from ..estimate.estimate import network, reading
+from ..estimate.photo_options import network, reading
 from ..outputs import file_name, image_file, requested_path
 from ..provenance import Provenance, chosen, file_stamp, rounded, stamp
 from ..rig.rig import drawn_rig, light_rig, rig_camera, scene_camera
@@ -38,7 +38,6 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
 
     bl_idname = "mps.bake_views"
     bl_label = "Bake Views"
-    bl_options = {"UNDO"}
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
@@ -72,9 +71,11 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
         if self.write_report:
             outputs.append(output.with_name(f"{without_tokens(output.stem) or 'textures'}_report.html"))
             self._report = str(outputs[1])
+        cameras, photos = self._cameras(scene, folder)
         operation = BakeViews(
             mesh=meshes,
-            **self._cameras(scene, folder),
+            cameras=cameras,
+            photos=photos,
             rig=self._rig(scene, folder, turn.inverted()),
             lights_in=self.lights_in.lower(),
             **reading(estimate, unmasked="mesh"),
@@ -89,12 +90,12 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
         )
         return operation, outputs
 
-    def _cameras(self, scene: Any, folder: Path) -> dict[str, Any]:
-        """The core's options for the cameras and their photos."""
+    def _cameras(self, scene: Any, folder: Path) -> tuple[str, str | None]:
+        """The file of the cameras, and the folder of their photos where the file does not name these."""
         if self.cameras:
             if not self.photos:
-                raise InputError("where are the photos of these cameras? Choose their folder")
-            return {"cameras": bpy.path.abspath(self.cameras), "photos": bpy.path.abspath(self.photos)}
+                raise SettingsError("where are the photos of these cameras? Choose their folder")
+            return bpy.path.abspath(self.cameras), bpy.path.abspath(self.photos)
         views = []
         for obj, image in _with_photos(scene):
             photo = image_file(image, f"background image of {obj.name}", "choose another")
@@ -106,7 +107,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
                 "cameras that a photogrammetry program wrote"
             )
         write_views(folder / "views.json", views)
-        return {"cameras": str(folder / "views.json")}
+        return str(folder / "views.json"), None
 
     def _rig(self, scene: Any, folder: Path, turn: Matrix) -> str:
         """The rig file that was measured, or the scene's lights. turn: from Blender's world to that of the cameras."""
@@ -152,6 +153,4 @@ def background(obj: Any) -> Any:
     return shown[0] if shown else None
 
 
-CLASSES = (MPS_OT_bake_views,)
-
-register, unregister = bpy.utils.register_classes_factory(CLASSES)
+register, unregister = bpy.utils.register_classes_factory((MPS_OT_bake_views,))

@@ -16,7 +16,7 @@ import numpy as np
 from mathutils import Matrix
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError
 
 from ..operators import Slices
 from .texture_sets import material_arrays
@@ -63,23 +63,25 @@ def begin_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: M
     Raises InputError where the object is no mesh, has no faces, lacks the UV map or is disabled in viewports.
     """
     if obj.type != "MESH":
-        raise InputError(f'"{obj.name}" is not a mesh but {obj.type.lower()}; convert it to a mesh first')
+        raise GeometryError(f'"{obj.name}" is not a mesh but {obj.type.lower()}; convert it to a mesh first')
     if obj.mode == "EDIT":
         obj.update_from_editmode()
-    if obj.mode == "EDIT" or bpy.app.background:  # scripts may not tell what they changed; what is tagged is drawn anew
+    if obj.mode == "EDIT" or bpy.app.background:  # scripts may not tag what they changed; tagging redraws
         obj.data.update_tag()
     with as_rendered(obj):
         depsgraph.update()
         evaluated = obj.evaluated_get(depsgraph)
         if not evaluated.is_evaluated:
-            raise InputError(f'"{obj.name}" is disabled in viewports or excluded from the view layer; enable it first')
+            raise GeometryError(
+                f'"{obj.name}" is disabled in viewports or excluded from the view layer; enable it first'
+            )
         # One more mesh in bpy.data would have the viewports drawn anew.
         mesh = evaluated.to_mesh(preserve_all_data_layers=True, depsgraph=depsgraph)
         try:
             if uv_map is not None:
                 uv_map = _uv_map(obj, mesh, uv_map)
             if not mesh.polygons:
-                raise InputError(f'"{obj.name}" has no faces; choose an object with a surface')
+                raise GeometryError(f'"{obj.name}" has no faces; choose an object with a surface')
             polygons = _read(mesh.loop_triangle_polygons, "value", 1, np.int32).ravel()
             names = material_arrays(mesh, obj, polygons)
             vertices = _read(mesh.attributes["position"].data, "vector", 3)
@@ -127,7 +129,7 @@ def _written(path: Path, arrays: Mapping[str, _Array]) -> Slices:
                     yield False
 
 
-def present_modifier(obj: Any, name: str) -> Any:
+def find_modifier(obj: Any, name: str) -> Any:
     """The object's modifier of that name, None where there is none; one of another kind has the name by chance."""
     found = obj.modifiers.get(name)
     return found if found is not None and found.type == MODIFIERS[name] else None
@@ -137,10 +139,10 @@ def present_modifier(obj: Any, name: str) -> Any:
 def as_rendered(obj: Any) -> Iterator[None]:
     """Within, the object's modifiers show in the viewport, and so in the dependency graph, what a render shows; without
     the displacement that the add-on made."""
-    kept = []
+    changed = []
     try:
         for modifier in obj.modifiers:
-            if modifier in (present_modifier(obj, SUBDIVISION), present_modifier(obj, DISPLACE)):
+            if modifier in (find_modifier(obj, SUBDIVISION), find_modifier(obj, DISPLACE)):
                 wanted = {"show_viewport": False}
             else:
                 wanted = {
@@ -151,22 +153,22 @@ def as_rendered(obj: Any) -> Iterator[None]:
             for shown, value in wanted.items():
                 before = getattr(modifier, shown)
                 if before != value:  # what is set counts as changed, and the viewport draws the object anew
-                    kept.append((modifier, shown, before))
+                    changed.append((modifier, shown, before))
                     setattr(modifier, shown, value)
         yield
     finally:
-        for modifier, shown, value in kept:
+        for modifier, shown, value in changed:
             setattr(modifier, shown, value)
 
 
 def _uv_map(obj: Any, mesh: Any, name: str) -> str:
     if not mesh.uv_layers:
-        raise InputError(f'"{obj.name}" has no UV map; unwrap it first')
+        raise GeometryError(f'"{obj.name}" has no UV map; unwrap it first')
     if not name:
         return next((layer.name for layer in mesh.uv_layers if layer.active_render), mesh.uv_layers[0].name)
     if name not in mesh.uv_layers:
         there = ", ".join(f'"{layer.name}"' for layer in mesh.uv_layers)
-        raise InputError(f'"{obj.name}" has no UV map "{name}"; choose {there}')
+        raise GeometryError(f'"{obj.name}" has no UV map "{name}"; choose {there}')
     return name
 
 
@@ -180,7 +182,7 @@ def _triangle_corners(mesh: Any) -> NDArray[np.int32]:
     """(T, 3) the corners of Blender's own triangles, as ``foreach_get`` reads them.
 
     That goes from one triangle to the next and blocks the window for 0.08 s with a million. They lie one behind the
-    other, as the addresses that Blender tells show; where a Blender keeps them otherwise, `foreach_get` reads them.
+    other, as their addresses show; where a Blender stores them otherwise, `foreach_get` reads them.
     """
     triangles = mesh.loop_triangles
     count, first, last = len(triangles), triangles[0], triangles[-1]

@@ -12,7 +12,7 @@ import bpy
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.camera import write_camera
 
-from ..operators import Slices, same
+from ..operators import Slices, by_session_uid
 from ..rig.rig import scene_camera, view_layer
 from .mesh_file import BegunMesh, begin_mesh
 
@@ -46,8 +46,8 @@ class Moving:
             yield from self._begin_frame(number).slices
 
     def _begin_frame(self, number: int) -> BegunMesh:
-        scene, target = same(bpy.data.scenes, self.scene), same(bpy.data.objects, self.target)
-        camera = same(bpy.data.objects, self.camera) if self.camera else None
+        scene, target = by_session_uid(bpy.data.scenes, self.scene), by_session_uid(bpy.data.objects, self.target)
+        camera = by_session_uid(bpy.data.objects, self.camera) if self.camera else None
         if scene is None or target is None or (self.camera and camera is None):
             gone = "scene" if scene is None else "target" if target is None else "camera"
             raise InputError(f"the {gone} was deleted before all frames were read; undo that, and bake again")

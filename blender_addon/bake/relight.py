@@ -121,13 +121,13 @@ def _all_shadings() -> Iterator[Any]:
 
 
 def _alike(one: Any, other: Any) -> bool:
-    """Whether two settings are the same; Blender keeps fractions in 32 bits."""
+    """Whether two settings are the same; Blender stores fractions in 32 bits."""
     return bool(one == other or (isinstance(other, float) and math.isclose(one, other, rel_tol=1e-6)))
 
 
 def _set(shading: Any, values: dict[str, Any]) -> None:
     for name in _SHADING:  # the type first: what else can be set depends on it
-        with suppress(KeyError, TypeError, ValueError):  # as a hostile file may have kept them
+        with suppress(KeyError, TypeError, ValueError):  # as a hostile file may hold them
             setattr(shading, name, values[name])
 
 

@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 import bpy
 
 from mpsnet_core.bake.texture_names import tile_patterns
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError
 
-from ..nodes import HEIGHT_NODE, TEXTURE_NODE, present_node
-from ..operators import same
+from ..nodes import HEIGHT_NODE, TEXTURE_NODE, find_node
+from ..operators import by_session_uid
 from ..outputs import from_json, remember, remembered
 from .existing_maps import Part, parts_of
-from .mesh_file import DISPLACE, present_modifier
+from .mesh_file import DISPLACE, find_modifier
 from .texture_sets import TILE, AssignedTexture, BakeTarget
 
 # Stands for the number in the names of a sequence's frames.
@@ -42,7 +42,9 @@ def files_for(onto: Sequence[BakeTarget], file: Path) -> dict[Path, list[Any]]:
     sheets = [_Sheet(tile, material, name) for name, material in parts]
     found: dict[Path, list[Any]] = {}
     for pattern, part in zip(tile_patterns(file, sheets), parts, strict=True):
-        found.setdefault(pattern, []).extend(same(bpy.data.objects, one.uid) for one in onto if _has_faces(one, part))
+        found.setdefault(pattern, []).extend(
+            by_session_uid(bpy.data.objects, one.uid) for one in onto if _has_faces(one, part)
+        )
     return found
 
 
@@ -74,7 +76,7 @@ def refuse_anothers(files: Mapping[Path, Collection[Any]]) -> None:
         if others:
             name = min(obj.name for obj in others)
             too, mend = (" too", "bake onto it as well, ") if its_own else ("", "")
-            raise InputError(
+            raise FileError(
                 f'the result would overwrite {path}, which is for "{name}"{too}; {mend}choose another file, or take it '
                 f'off "{name}" first'
             )
@@ -104,7 +106,7 @@ def _images_on(obj: Any) -> Iterator[Any]:
     """What an object wears of bakes and displacements."""
     trees = [slot.material.node_tree for slot in obj.material_slots if slot.material and slot.material.node_tree]
     names = (TEXTURE_NODE, HEIGHT_NODE)
-    yield from (node.image for tree in trees for name in names if (node := present_node(tree, name)))
-    modifier = present_modifier(obj, DISPLACE)
+    yield from (node.image for tree in trees for name in names if (node := find_node(tree, name)))
+    modifier = find_modifier(obj, DISPLACE)
     if modifier and modifier.texture and modifier.texture.type == "IMAGE":
         yield modifier.texture.image

@@ -1,6 +1,6 @@
 """Several textures of one bake: which objects they are for, what their files are called, which material wears which.
 
-The core parts textures by UDIM tiles, by materials and by objects where the tokens of the file's name say so.
+The core parts textures by UDIM tiles, by materials and by objects by the tokens of the file's name.
 """
 
 import re
@@ -13,8 +13,9 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError
 
+from ..nodes import with_nodes
 from ..outputs import load_image, load_tiles
 
 # The token in a file's name for each way to part textures, and what stands before it where we put it there.
@@ -38,7 +39,7 @@ def without_tokens(name: str) -> str:
 
 
 def slot_labels(obj: Any) -> list[str]:
-    """For each of an object's material slots, by what name the core knows its material; there is always one.
+    """For each of an object's material slots, the name of its material for the core; there is always one.
 
     The name that the material will have, where it has to be made.
     """
@@ -97,10 +98,10 @@ class AssignedTexture:
         return self.images[min(slot, len(self.images) - 1)], self.uv_map
 
 
-def loaded(
+def load_textures(
     outputs: Sequence[Mapping[str, Any]], name: str, colours: str = ""
 ) -> dict[tuple[str | None, str | None], Any]:
-    """The textures that the core tells of as images, by the names of the object and the material that they are for.
+    """The textures of the core's result as images, by the names of the object and the material that they are for.
 
     None stands for all of them; tiles are one image. colours: what the images are called, where they hold colours.
     """
@@ -151,9 +152,7 @@ def own_materials(worn: Sequence[AssignedTexture]) -> dict[Any, tuple[Any, str]]
                 if before.library or _shown_otherwise(before, look, wearing):
                     slot.material = before.copy()
                 copies[before, *look] = copies[slot.material, *look] = slot.material
-            if bpy.app.version < (5, 0):
-                slot.material.use_nodes = True
-            materials[slot.material] = look
+            materials[with_nodes(slot.material)] = look
     return materials
 
 
@@ -172,7 +171,7 @@ def refuse_shared(targets: Sequence[Any], split: str) -> None:
     first: dict[Any, Any] = {}
     for target in targets:
         if first.setdefault(target.data, target) != target:
-            raise InputError(
+            raise GeometryError(
                 f'"{first[target.data].name}" and "{target.name}" share one mesh and with it their materials; make '
                 "them single-user (Object > Relations), or bake them into one texture"
             )

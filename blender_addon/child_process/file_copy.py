@@ -4,7 +4,7 @@ from pathlib import Path
 
 import bpy
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError
 
 from ..operators import operator_report
 
@@ -23,7 +23,7 @@ def save_copy(path: Path, *, compress: bool, mend: str) -> None:
         preferences.filepaths.file_preview_type = "NONE"
         bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, compress=compress)
     except RuntimeError as error:
-        raise InputError(f"cannot write {path} ({operator_report(error)}); {mend}") from None
+        raise FileError(f"cannot write {path} ({operator_report(error)}); {mend}") from None
     finally:
         bpy.data.use_autopack = packing
         preferences.filepaths.file_preview_type = preview

@@ -12,7 +12,7 @@ from typing import Any
 
 import bpy
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError
 
 from ..rig.rig import view_layer
 
@@ -30,11 +30,11 @@ def refuse_lost_links(scene: Any, before: list[str]) -> None:
     for one in sorted(lost, key=_key):
         library = Path(bpy.path.abspath(one.library.filepath, library=one.library.library)).resolve()
         if library.is_file():
-            raise InputError(
+            raise FileError(
                 f'"{one.name}" is no longer in the library {library}, from which this scene takes it; put it back, or '
                 "make it local"
             )
-        raise InputError(
+        raise FileError(
             f'the library {library}, from which this scene takes "{one.name}", was not found; put it back, find it '
             "with File > External Data > Find Missing Files, or make its objects local"
         )

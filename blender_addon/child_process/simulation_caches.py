@@ -1,4 +1,4 @@
-"""Where simulations write in a Blender beside this one: into a folder of the run's own, never where the file says.
+"""Where simulations write in a Blender beside this one: into a folder of the run's own, never where the file points.
 
 Blender simulates as it opens a file and as it comes to a frame. It then writes what it found into the places that the
 file names, and removes what is out of date there: of fluids whole folders.

@@ -1,7 +1,7 @@
-"""Whether a .blend file's scripts run: as the person says, never as the file makes it look.
+"""Whether a .blend file's scripts run: by the person's decision, never by what the file holds.
 
-That Blender has kept no script from running so far (``bpy.app.autoexec_fail``) says nothing of the drivers of what the
-viewport hides, so it is taken as a no alone. Nothing that a file can hold counts as a yes.
+``bpy.app.autoexec_fail`` shows that Blender has blocked scripts; that it is off proves nothing, as drivers of what the
+viewport hides do not count. Nothing that a file can hold counts as permission.
 """
 
 import fnmatch
@@ -40,7 +40,7 @@ def _excludes(excluded: Any, folder: str) -> bool:
 
 
 def open_file_is_trusted() -> bool:
-    """Whether the preferences trust the open file and its libraries, and Blender has kept none of its scripts back."""
+    """Whether the preferences trust the open file and its libraries, and Blender has blocked none of its scripts."""
     files = (bpy.data.filepath, *(library.filepath for library in bpy.data.libraries))
     return not bpy.app.autoexec_fail and preferences_trust(*files)
 
@@ -74,7 +74,7 @@ def python_drivers() -> list[str]:
 
 
 def blocked_scripts_note() -> list[str]:
-    """A sentence where this Blender has kept scripts of the open file from running, which a render then lacks."""
+    """A sentence where this Blender has blocked scripts of the open file, which a render then lacks."""
     if not bpy.app.autoexec_fail:
         return []
     return [

@@ -1,7 +1,6 @@
 """The estimate: the photo becomes a normal map in camera space, in the core's process."""
 
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,17 +8,13 @@ import bpy
 from bpy.props import StringProperty
 
 from mpsnet_core.capture.operations import FindMask
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.operations import Estimate
-from mpsnet_core.scene.camera import write_camera
-from mpsnet_core.scene.rig import LightRig, read_rig, write_rig
 
-from ..bake.bake import named_object
-from ..bake.mesh_file import begin_mesh
-from ..operators import RunsCore, Slices, as_typed
+from ..bake.bake import find_object
+from ..operators import RunsCore
 from ..outputs import (
     FORMATS,
-    ending_wins,
     fine_preview,
     frame_pattern,
     image_file,
@@ -27,16 +22,15 @@ from ..outputs import (
     load_image,
     output_frames,
     output_path,
-    picture_size,
+    overruled_format,
     remember,
     remembered,
 )
-from ..preferences import preference
-from ..provenance import Provenance, chosen, file_stamp, made_by, stamp
-from ..rig.rig import light_rig, rig_camera, scene_camera
+from ..provenance import Provenance, chosen, file_stamp, stamp
 from ..rig.several_rigs import result_name, rig_at
 from ..settings.declared import take_given
-from ..settings.estimate import MODELS, EstimateSettings
+from ..settings.estimate import EstimateSettings
+from .photo_options import network, reading, rig_and_camera_options, rig_file_for
 
 
 class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
@@ -44,17 +38,13 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
 
     bl_idname = "mps.estimate"
     bl_label = "Estimate Normals"
-    bl_options = {"UNDO"}
+    requires = "photo"
 
     surface: StringProperty(
         name="Surface",
-        description="Name of the mesh object that tells how far each pixel is from near lights. Empty: the panel's",
+        description="Name of the mesh object that gives each pixel's distance to near lights. Empty: the panel's",
         options={"SKIP_SAVE"},
     )
-
-    @classmethod
-    def lacks(cls, context: Any) -> str:
-        return "" if context.scene.mps.photo.image else "Render or open a photo first"
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
@@ -73,40 +63,49 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         image = scene.mps.photo.image
         photo = image_file(image, "photo", "render or open one first")
         rig_file = self.rig_file if named else rig_file_for(image, scene.mps.estimate)
-        notes: list[str] = []
-        if self.rig_file and not rig_file:
-            notes = [f"{Path(self.rig_file).name} not used: a rendered photo has the rig it was rendered with"]
-        self._moves = image.source in {"SEQUENCE", "MOVIE"}
-        if self._moves:
-            photo = frame_pattern(photo) if image.source == "SEQUENCE" else photo
-            output = output_frames(self.output, result_name(scene, "normals"))
-        else:
-            output = output_path(self.output, result_name(scene, "normals"), self.file_format)
-            notes += ending_wins(output, scene.mps.estimate)
-        self._notes = notes
-        if self.albedo and not self.white and not self._moves:
-            raise InputError(
+        self._moves = moves = image.source in {"SEQUENCE", "MOVIE"}
+        if image.source == "SEQUENCE":
+            photo = frame_pattern(photo)
+        name = result_name(scene, "normals")
+        self._output = output_frames(self.output, name) if moves else output_path(self.output, name, self.file_format)
+        self._notes = self._unused(scene.mps.estimate, rig_file)
+        if self.albedo and not self.white and not moves:
+            raise SettingsError(
                 "the albedo is made from a white photo and none is named; choose one in Photo > Real Photo"
             )
         if self.surface:
-            scene.mps.estimate.surface = named_object(scene, self.surface)
-        options = rig_and_camera_options(context, image, folder, self.later, rig_file)
-        options |= {**reading(self), **network(self)}
-        if self._moves:
-            options |= {"smooth": self.smooth, "format": FORMATS[self.file_format]}
-        elif not self.average_passes:
-            options["passes"] = 1
-        outputs = [output / "frames" if self._moves else output]
+            scene.mps.estimate.surface = find_object(scene, self.surface)
+        self._camera, self._lens = remembered(image, "camera"), self.lens
+        confidence, albedo = (self._beside(what) if getattr(self, what) else None for what in ("confidence", "albedo"))
+        operation = Estimate(
+            image=(str(photo),),
+            **rig_and_camera_options(context, image, folder, self.later, rig_file),
+            **reading(self),
+            **network(self),
+            passes=None if moves or self.average_passes else 1,
+            white=(bpy.path.abspath(self.white),) if self.white and not moves else (),
+            confidence=confidence,
+            albedo=albedo,
+            smooth=self.smooth if moves else 0,
+            format=FORMATS[self.file_format] if moves else "png",
+            output=str(self._output),
+        )
+        pictures = [Path(file) for file in (confidence, albedo) if file is not None]
+        return operation, [self._output / "frames" if moves else self._output, *pictures]
+
+    def _unused(self, settings: Any, rig_file: str) -> list[str]:
+        """A sentence for each setting that this photo makes no use of."""
+        notes = [] if self._moves else overruled_format(self._output, settings)
+        if self.rig_file and not rig_file:
+            notes.insert(0, f"{Path(self.rig_file).name} not used: a rendered photo has the rig it was rendered with")
         if self.white and self._moves:
             notes.append(f"{Path(self.white).name} not used: a white photo goes with one still photo")
-        elif self.white:
-            options["white"] = (bpy.path.abspath(self.white),)
-        wanted = () if self._moves else ("confidence", "albedo")
-        for also in filter(partial(getattr, self), wanted):
-            outputs.append(output.with_name(f"{output.stem}_{also}{output.suffix}"))
-            options[also] = str(outputs[-1])
-        self._output, self._camera, self._lens = output, remembered(image, "camera"), self.lens
-        return Estimate(image=(str(photo),), output=str(output), **options), outputs
+        return notes
+
+    def _beside(self, what: str) -> str | None:
+        """The file of another picture of a still photo, None for a sequence."""
+        name = f"{self._output.stem}_{what}{self._output.suffix}"
+        return None if self._moves else str(self._output.with_name(name))
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         result_is = f"its normals are in {self._output}"
@@ -133,11 +132,7 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
 
     bl_idname = "mps.show_mask"
     bl_label = "Show Mask"
-    bl_options = {"UNDO"}
-
-    @classmethod
-    def lacks(cls, context: Any) -> str:
-        return MPS_OT_estimate.lacks(context)
+    requires = "photo"
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
@@ -165,120 +160,4 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
         )
 
 
-def rig_file_for(photo: Any, settings: Any) -> str:
-    """The rig file that the settings name, if it is for this photo; else "".
-
-    A photo that was rendered here keeps its rig with it: a file that was measured for another photo is not for it.
-    """
-    rendered = photo is not None and made_by(photo) == "render_photo" and remembered(photo, "rig") is not None
-    return "" if rendered else settings.rig_file
-
-
-def rig_and_camera_options(
-    context: Any, image: Any, folder: Path, later: Callable[[Slices], None], rig_file: str | None = None
-) -> dict[str, Any]:
-    """The core's options for the rig and the camera that the photo was taken with, by the scene's settings.
-
-    later: that of the operator, see :class:`.RunsCore`.
-    rig_file: the rig's file, "" for none, None for that of the settings where it is for this photo.
-    """
-    scene = context.scene
-    if rig_file is None:
-        rig_file = rig_file_for(image, scene.mps.estimate)
-    rig = Path(bpy.path.abspath(rig_file)) if rig_file else folder / "rig.json"
-    if not rig_file:
-        taken_with = remembered(image, "rig")
-        if taken_with is None:
-            write_rig(rig, light_rig(scene))
-        else:
-            rig.write_text(taken_with, encoding="utf-8")
-    return {"rig": str(rig), **_viewpoint_options(context, image, read_rig(rig), folder, later)}
-
-
-def _viewpoint_options(
-    context: Any, image: Any, rig: LightRig, folder: Path, later: Callable[[Slices], None]
-) -> dict[str, Any]:
-    """The camera that took the photo, and for near lights how far the object is from it."""
-    scene = context.scene
-    settings = scene.mps.estimate
-    distance = {"distance": as_typed(settings.distance)} if settings.distance and rig.near is not None else {}
-    seen = seen_through(scene, image, settings.lens, folder)
-    if rig.near is not None and not seen:
-        raise InputError(
-            "the rig's lights stand near the object, so the photo's camera counts; tell its lens, or add a rig, "
-            "whose camera is taken"
-        )
-    if rig.near is None or distance or settings.surface is None or settings.lens:
-        return {**seen, **distance}
-    context.view_layer.update()
-    depsgraph = context.evaluated_depsgraph_get()
-    later(begin_mesh(folder / "surface.npz", settings.surface, depsgraph, None).slices)
-    return {**seen, "mesh": str(folder / "surface.npz")}
-
-
-def seen_through(scene: Any, image: Any, lens: float, folder: Path) -> dict[str, Any]:
-    """The core's option for a picture's camera: its lens where that is known, else the camera that it keeps, else the
-    rig's; nothing where there is none.
-
-    lens: focal length in mm on a sensor 36 mm wide, 0 for none.
-    """
-    camera, taken_with = folder / "camera.json", remembered(image, "camera")
-    if lens:
-        return {"focal": as_typed(lens)}
-    if taken_with is not None:
-        camera.write_text(taken_with, encoding="utf-8")
-    elif scene.mps.rig.lights:
-        write_camera(camera, scene_camera(rig_camera(scene), scene, picture_size(image)))
-    else:
-        return {}
-    return {"camera": str(camera)}
-
-
-def network(settings: Any) -> dict[str, Any]:
-    """The core's options for the settings' model and, by the preferences, for what networks run on."""
-    provider, threads = preference("provider").lower(), preference("threads")
-    return {"model": model_name(settings), "provider": provider, "threads": threads}
-
-
-def model_name(settings: Any) -> str:
-    """The model as the core knows it. Raises InputError where it is a file and none is named."""
-    if settings.model != "FILE":
-        return MODELS[settings.model].name
-    if not settings.model_file:
-        raise InputError("the model is a file but none is named; choose an .onnx file")
-    return bpy.path.abspath(settings.model_file)
-
-
-def reading(settings: Any, unmasked: str = "alpha-or-auto") -> dict[str, Any]:
-    """The core's options for how a photo is read: encoding, dark frame, flat field and mask.
-
-    unmasked: the mask unless one is chosen.
-
-    Raises InputError where a file is chosen and none is named.
-    """
-    return {**reading_options_without_mask(settings), "mask": _mask(settings) or unmasked}
-
-
-def reading_options_without_mask(settings: Any) -> dict[str, Any]:
-    """The same but for the mask."""
-    frames = {frame: bpy.path.abspath(path) for frame in ("dark", "flat") if (path := getattr(settings, frame))}
-    return {"encoding": settings.encoding.lower(), **frames}
-
-
-def _mask(settings: Any) -> str:
-    if settings.mask == "FILE":
-        if not settings.mask_file:
-            raise InputError("the mask is a file but none is named; choose a picture")
-        return bpy.path.abspath(settings.mask_file)
-    if settings.mask == "BACKGROUND":
-        if not settings.background:
-            raise InputError("the mask comes from a background photo but none is named; choose one")
-        return f"background:{bpy.path.abspath(settings.background)}"
-    if settings.mask == "THRESHOLD":
-        return f"threshold:{settings.threshold:g}"
-    return {"AUTO": "", "FIND": "auto"}.get(settings.mask, settings.mask.lower())
-
-
-CLASSES = (MPS_OT_estimate, MPS_OT_show_mask)
-
-register, unregister = bpy.utils.register_classes_factory(CLASSES)
+register, unregister = bpy.utils.register_classes_factory((MPS_OT_estimate, MPS_OT_show_mask))

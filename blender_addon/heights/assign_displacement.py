@@ -8,10 +8,10 @@ import bpy
 
 from mpsnet_core.errors import InputError
 
-from ..bake.mesh_file import DISPLACE, MODIFIERS, SUBDIVISION, TRIAL, present_modifier
-from ..nodes import BEFORE_NODE, DISPLACEMENT_NODE, HEIGHT_NODE, NORMAL_NODE, UV_NODE, own_node, present_node
+from ..bake.mesh_file import DISPLACE, MODIFIERS, SUBDIVISION, TRIAL, find_modifier
+from ..nodes import BEFORE_NODE, DISPLACEMENT_NODE, HEIGHT_NODE, NORMAL_NODE, UV_NODE, ensure_node, find_node
 
-# Kept with a material: its displacement method before it wore heights.
+# Stored with a material: its displacement method before it wore heights.
 _METHOD_BEFORE = "mpsnet_displacement_method"
 
 # --- modifiers --------------------------------------------------------------------------------------------------------
@@ -23,12 +23,12 @@ def subdivide(target: Any, kind: str, levels: int, rendered: int, name: str = SU
     levels, rendered: in the viewport and in renders.
     """
     if not levels:
-        no_modifier(target, name)
+        remove_modifier(target, name)
         return
-    modifier = present_modifier(target, name)
+    modifier = find_modifier(target, name)
     if modifier is None:
         modifier = _new_modifier(target, name)
-        if present_modifier(target, DISPLACE):  # which moves the vertices that there are by then
+        if find_modifier(target, DISPLACE):  # which moves the vertices that there are by then
             target.modifiers.move(len(target.modifiers) - 1, target.modifiers.find(DISPLACE))
     modifier.subdivision_type = kind
     modifier.levels, modifier.render_levels = levels, rendered
@@ -44,7 +44,7 @@ def subdivided(target: Any, kind: str, levels: int) -> Iterator[None]:
     try:
         yield
     finally:
-        no_modifier(target, TRIAL)
+        remove_modifier(target, TRIAL)
 
 
 def move_by_modifier(target: Any, image: Any, uv_map: str, strength: float, midlevel: float) -> None:
@@ -52,7 +52,7 @@ def move_by_modifier(target: Any, image: Any, uv_map: str, strength: float, midl
 
     strength, midlevel: the heights' in the object's own units.
     """
-    modifier = present_modifier(target, DISPLACE) or _new_modifier(target, DISPLACE)
+    modifier = find_modifier(target, DISPLACE) or _new_modifier(target, DISPLACE)
     texture = modifier.texture
     # A duplicate of the object has the same texture.
     if texture is None or texture.type != "IMAGE" or texture.users > 1:
@@ -64,15 +64,15 @@ def move_by_modifier(target: Any, image: Any, uv_map: str, strength: float, midl
     modifier.strength, modifier.mid_level = strength, midlevel
 
 
-def no_modifier(target: Any, name: str) -> None:
+def remove_modifier(target: Any, name: str) -> None:
     """Take a modifier off the object, where it has one of that name."""
-    modifier = present_modifier(target, name)
+    modifier = find_modifier(target, name)
     if modifier is not None:
         target.modifiers.remove(modifier)
 
 
 def _new_modifier(target: Any, name: str) -> Any:
-    """A modifier of that name after all others; one of another kind gives the name up."""
+    """A modifier of that name after all others; one of another kind is renamed."""
     if name in target.modifiers:
         target.modifiers[name].name = "Modifier"
     return target.modifiers.new(name, MODIFIERS[name])
@@ -85,8 +85,8 @@ def assign_displacement(material: Any, image: Any, uv_map: str, strength: float,
     """Give a material the heights as its displacement, in the object's own units; nodes of an earlier run are used
     again.
 
-    Gives the name of the node that displaced it until now, an earlier run's apart; :func:`take_heights_off` gives that
-    its place back.
+    Returns the name of the node that displaced it until now, an earlier run's apart; :func:`remove_heights` restores
+    it.
 
     Raises InputError where the material has no output.
     """
@@ -96,7 +96,7 @@ def assign_displacement(material: Any, image: Any, uv_map: str, strength: float,
     left, top = output.location.x, output.location.y - 700
 
     def node(name: str, kind: str, steps: int) -> Any:
-        return own_node(tree, name, kind, left - 300 * steps, top)
+        return ensure_node(tree, name, kind, left - 300 * steps, top)
 
     uv, heights = node(UV_NODE, "ShaderNodeUVMap", 3), node(HEIGHT_NODE, "ShaderNodeTexImage", 2)
     displacement = node(DISPLACEMENT_NODE, "ShaderNodeDisplacement", 1)
@@ -109,7 +109,7 @@ def assign_displacement(material: Any, image: Any, uv_map: str, strength: float,
     tree.links.new(heights.outputs["Color"], displacement.inputs["Height"])
     before = [link.from_socket for link in output.inputs["Displacement"].links if link.from_node != displacement]
     for socket in before:  # a node that holds the link, so that it holds whatever is renamed
-        tree.links.new(socket, own_node(tree, BEFORE_NODE, "NodeReroute", left, top).inputs[0])
+        tree.links.new(socket, ensure_node(tree, BEFORE_NODE, "NodeReroute", left, top).inputs[0])
     if before or _METHOD_BEFORE not in material:
         material[_METHOD_BEFORE] = material.displacement_method
     tree.links.new(displacement.outputs["Displacement"], output.inputs["Displacement"])
@@ -117,16 +117,16 @@ def assign_displacement(material: Any, image: Any, uv_map: str, strength: float,
     return [socket.node.name for socket in before]
 
 
-def take_heights_off(material: Any) -> list[str]:
-    """Take the heights off a material, and give what displaced it before its place back; gives that node's name."""
+def remove_heights(material: Any) -> list[str]:
+    """Take the heights off a material, and restore what displaced it before; returns that node's name."""
     tree, output = material.node_tree, _output_of(material)
-    for node in [present_node(tree, name) for name in (DISPLACEMENT_NODE, HEIGHT_NODE)]:
+    for node in [find_node(tree, name) for name in (DISPLACEMENT_NODE, HEIGHT_NODE)]:
         if node is not None:
             tree.nodes.remove(node)
-    method, kept = material.pop(_METHOD_BEFORE, None), present_node(tree, BEFORE_NODE)
-    before = [link.from_socket for link in kept.inputs[0].links] if kept is not None else []
-    if kept is not None:
-        tree.nodes.remove(kept)
+    method, reroute = material.pop(_METHOD_BEFORE, None), find_node(tree, BEFORE_NODE)
+    before = [link.from_socket for link in reroute.inputs[0].links] if reroute is not None else []
+    if reroute is not None:
+        tree.nodes.remove(reroute)
     if output is None or output.inputs["Displacement"].is_linked:  # somebody has linked another since
         return []
     if isinstance(method, str) and method in material.bl_rna.properties["displacement_method"].enum_items:
@@ -140,32 +140,32 @@ def _output_of(material: Any) -> Any:
     return material.node_tree.get_output_node("CYCLES") or material.node_tree.get_output_node("ALL")
 
 
-def undisplaced(target: Any) -> bool:
+def remove_displacement(target: Any) -> bool:
     """Take off what :mod:`.displace` gave an object, before it wears another normal map; True where there was some.
 
     Left on where the normal map was left on beside it.
     """
     materials = [slot.material for slot in target.material_slots if slot.material and slot.material.node_tree]
-    displacing = [material for material in materials if present_node(material.node_tree, DISPLACEMENT_NODE)]
-    if (not present_modifier(target, DISPLACE) and not displacing) or any(map(_shows_normals, materials)):
+    displacing = [material for material in materials if find_node(material.node_tree, DISPLACEMENT_NODE)]
+    if (not find_modifier(target, DISPLACE) and not displacing) or any(map(_shows_normals, materials)):
         return False
     for name in (DISPLACE, SUBDIVISION):
-        no_modifier(target, name)
+        remove_modifier(target, name)
     for material in displacing:
-        take_heights_off(material)
+        remove_heights(material)
     return True
 
 
 def _shows_normals(material: Any) -> bool:
     """Whether a baked normal map in tangent space is linked to a shader."""
-    normal = present_node(material.node_tree, NORMAL_NODE)
+    normal = find_node(material.node_tree, NORMAL_NODE)
     return normal is not None and normal.space == "TANGENT" and normal.outputs["Normal"].is_linked
 
 
 def show_normals(material: Any, shown: bool) -> bool:
     """Link the baked normal map to the material's shaders, or take it off; True where it was there and is off now."""
     tree = material.node_tree
-    normal = present_node(tree, NORMAL_NODE)
+    normal = find_node(tree, NORMAL_NODE)
     if normal is None:
         return False
     for shader in tree.nodes:

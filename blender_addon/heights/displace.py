@@ -7,30 +7,39 @@ from typing import Any
 import bpy
 from mathutils import Matrix
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import GeometryError, InputError
 from mpsnet_core.relief.operations import Integrate
 
 from ..bake.bake import BakesOnto
 from ..bake.mesh_file import DISPLACE, begin_mesh
 from ..bake.texture_owners import store_owners
 from ..bake.texture_sets import AssignedTexture, own_materials, with_tokens
-from ..nodes import TEXTURE_NODE, present_node
-from ..operators import as_typed, same
-from ..outputs import ending_wins, fine_preview, image_file, load_image, load_tiles, output_path, remembered, tile_files
+from ..nodes import TEXTURE_NODE, find_node
+from ..operators import as_typed, by_session_uid
+from ..outputs import (
+    fine_preview,
+    image_file,
+    load_image,
+    load_tiles,
+    output_path,
+    overruled_format,
+    remembered,
+    tile_files,
+)
 from ..provenance import Provenance, chosen, stamp
 from ..settings.declared import take_given
 from ..settings.displace import DisplaceSettings
 from .assign_displacement import (
     assign_displacement,
     move_by_modifier,
-    no_modifier,
+    remove_heights,
+    remove_modifier,
     show_normals,
     subdivide,
     subdivided,
-    take_heights_off,
 )
 
-# Vertices of a subdivided mesh lie on the limit surface at any level; a finer one tells hardly more.
+# Vertices of a subdivided mesh lie on the limit surface at any level; a finer one adds hardly anything.
 MOST_BASE_LEVELS = 3
 
 
@@ -39,11 +48,7 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
 
     bl_idname = "mps.displace"
     bl_label = "Displace Object"
-    bl_options = {"UNDO"}
-
-    @classmethod
-    def lacks(cls, context: Any) -> str:
-        return "" if context.scene.mps.bake.image else "Bake the texture first"
+    requires = "bake"
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
@@ -65,7 +70,7 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
         self._target = target.session_uid
         path = output_path(self.output, f"{target.name}_height", self.file_format)
         self._output = with_tokens(path, "ONE", tiled)
-        self._notes = ending_wins(self._output, context.scene.mps.displace)
+        self._notes = overruled_format(self._output, context.scene.mps.displace)
         self._size = _size(target)
         context.view_layer.update()
         # In the object's own axes, as large as in the world: modifiers move vertices there, however it is stretched.
@@ -74,29 +79,33 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
         begun = begin_mesh(folder / "mesh.npz", target, depsgraph, bake.uv_map, turn)
         self.later(begun.slices)
         self._uv_map = begun.uv_map
-        self._space = remembered(image, "space") or bake.space
-        convention = remembered(image, "convention") or bake.convention
+        known: dict[str, Any] = {
+            what: remembered(image, what) or getattr(bake, what) for what in ("space", "convention")
+        }
+        self._space = known["space"]
         base = folder / "base.npz"
         if self.levels:
             with subdivided(target, self.subdivision, min(self.levels, MOST_BASE_LEVELS)):
                 depsgraph = context.evaluated_depsgraph_get()
                 self.later(begin_mesh(base, target, depsgraph, self._uv_map, turn).slices)
-        options: dict[str, Any] = {
-            "uvs": str(folder / "mesh.npz"),
-            "base": str(base) if self.levels else None,
-            "space": self._space.lower(),
-            "convention": convention.lower(),
-            "scale": as_typed(self.scale),
-            "margin": bake.margin,
-        }
-        return Integrate(normals=str(texture), height=str(self._output), **options), [self._output]
+        operation = Integrate(
+            normals=str(texture),
+            height=str(self._output),
+            uvs=str(folder / "mesh.npz"),
+            base=str(base) if self.levels else None,
+            space=known["space"].lower(),
+            convention=known["convention"].lower(),
+            scale=as_typed(self.scale),
+            margin=bake.margin,
+        )
+        return operation, [self._output]
 
-    def written_for(self) -> dict[Path, list[Any]]:
-        return {self._output: [same(bpy.data.objects, self._target)]}
+    def result_owners(self) -> dict[Path, list[Any]]:
+        return {self._output: [by_session_uid(bpy.data.objects, self._target)]}
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         scene = self.scene(f"its heights are in {self._output}")
-        target = same(bpy.data.objects, self._target)
+        target = by_session_uid(bpy.data.objects, self._target)
         if target is None:
             raise InputError(f"the target is gone; its heights are in {self._output}")
         name = f"MPS {target.name} Height"
@@ -108,32 +117,33 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
         self.made(image)
         scene.mps.displace.image = image
         height = result["height"]
-        strength, midlevel = height["strength"] / self._size, height["midlevel"]
-        subdivide(target, self.subdivision, self.levels, self.levels)
-        by_material = self.method == "MATERIAL"
-        if by_material:
-            no_modifier(target, DISPLACE)
-        else:
-            move_by_modifier(target, image, self._uv_map, strength, midlevel)
-        normals = self.keep_normals or self._space == "OBJECT"
-        taken_off, told = False, []
-        worn = [AssignedTexture(target, (image,), self._uv_map)]
-        store_owners(worn)
-        for material in own_materials(worn):
-            if by_material:
-                for name in assign_displacement(material, image, self._uv_map, strength, midlevel):
-                    told.append(f'The heights took the place of "{name}" in material "{material.name}"')
-            else:
-                for name in take_heights_off(material):
-                    told.append(f'Material "{material.name}" is displaced by "{name}" again')
-            taken_off |= show_normals(material, normals)
-        for sentence in told:
-            self.report({"INFO"}, sentence)
-        off = "; the normal map is off, it would show the relief twice" if taken_off else ""
+        normals_off = self._assign(target, image, height["strength"] / self._size, height["midlevel"])
+        off = "; the normal map is off, it would show the relief twice" if normals_off else ""
         self.report(
             {"INFO"},
             f"Displaced by {height['lowest']:.3g} to {height['highest']:.3g}; heights written to {self._output}{off}",
         )
+
+    def _assign(self, target: Any, image: Any, strength: float, midlevel: float) -> bool:
+        """Displace the object by the heights in the chosen way; returns whether that took its normal map off."""
+        subdivide(target, self.subdivision, self.levels, self.levels)
+        by_material = self.method == "MATERIAL"
+        if by_material:
+            remove_modifier(target, DISPLACE)
+        else:
+            move_by_modifier(target, image, self._uv_map, strength, midlevel)
+        worn = [AssignedTexture(target, (image,), self._uv_map)]
+        store_owners(worn)
+        normals_off = False
+        for material in own_materials(worn):
+            if by_material:
+                for name in assign_displacement(material, image, self._uv_map, strength, midlevel):
+                    self.report({"INFO"}, f'The heights took the place of "{name}" in material "{material.name}"')
+            else:
+                for name in remove_heights(material):
+                    self.report({"INFO"}, f'Material "{material.name}" is displaced by "{name}" again')
+            normals_off |= show_normals(material, self.keep_normals or self._space == "OBJECT")
+        return normals_off
 
 
 def _texture_of(target: Any) -> Any:
@@ -151,14 +161,14 @@ def _texture_of(target: Any) -> Any:
 
 def _textures(materials: Iterable[Any]) -> set[Any]:
     trees = (material.node_tree for material in materials if material and material.node_tree)
-    return {node.image for tree in trees if (node := present_node(tree, TEXTURE_NODE))} - {None}
+    return {node.image for tree in trees if (node := find_node(tree, TEXTURE_NODE))} - {None}
 
 
 def _size(target: Any) -> float:
     """How much larger than itself the object stands in the world; the mean where it is stretched."""
     size: float = abs(target.matrix_world.to_3x3().determinant()) ** (1 / 3)
     if size < 1e-9:
-        raise InputError(f'"{target.name}" is scaled to nothing in one direction; give it a scale above 0')
+        raise GeometryError(f'"{target.name}" is scaled to nothing in one direction; give it a scale above 0')
     return size
 
 

@@ -9,14 +9,15 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.defaults import FACES
+from mpsnet_core.errors import FileError, InputError
 from mpsnet_core.relief.height_names import scale_sidecar
 from mpsnet_core.relief.operations import Integrate
 from mpsnet_core.scene.camera import read_camera
 
-from ..estimate.estimate import seen_through
+from ..estimate.photo_options import Viewpoint, seen_through
 from ..operators import RunsCore, as_typed
-from ..outputs import ending_wins, fine_preview, image_file, load_image, output_path, remembered
+from ..outputs import fine_preview, image_file, load_image, output_path, overruled_format, remembered
 from ..provenance import Provenance, chosen, stamp
 from ..rig.several_rigs import result_name, rig_at
 from ..settings.declared import take_given
@@ -30,11 +31,7 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
 
     bl_idname = "mps.integrate"
     bl_label = "Make Height"
-    bl_options = {"UNDO"}
-
-    @classmethod
-    def lacks(cls, context: Any) -> str:
-        return "" if context.scene.mps.estimate.image else "Estimate the normals first"
+    requires = "estimate"
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
@@ -49,27 +46,36 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
             raise InputError("the normals are a sequence, and heights are made of one photo's; estimate one photo")
         normals = image_file(image, "normal map", "estimate the normals first")
         self._output = output_path(self.output, result_name(scene, "height"), self.file_format)
-        self._notes = ending_wins(self._output, scene.mps.heights)
+        self._notes = overruled_format(self._output, scene.mps.heights)
         self._pictures = {
             what: self._output.with_name(f"{self._output.stem}_{what}.png") for what in PICTURES if getattr(self, what)
         }
-        options = {"method": self.method.lower(), **self._viewpoint_options(context, image, folder)}
-        options |= {what: str(picture) for what, picture in self._pictures.items()}
-        outputs = [self._output, *self._pictures.values()]
         self._mesh = self._output.with_suffix(".ply") if self.mesh else None
-        if self._mesh is not None:
-            options |= {"mesh": str(self._mesh), "faces": self.faces}
-            outputs.append(self._mesh)
+        seen = self._viewpoint(context, image, folder)
+        operation = Integrate(
+            normals=str(normals),
+            height=str(self._output),
+            method=self.method.lower(),
+            camera=seen.get("camera"),
+            focal=seen.get("focal"),
+            distance=seen.get("distance"),
+            mesh=_text(self._mesh),
+            faces=self.faces if self.mesh else FACES,
+            curvature=_text(self._pictures.get("curvature")),
+            occlusion=_text(self._pictures.get("occlusion")),
+            relit=_text(self._pictures.get("relit")),
+        )
+        outputs = [self._output, *self._pictures.values(), *([self._mesh] if self._mesh else [])]
         # Heights have their scale beside them: where that is not, nothing here is of earlier heights.
         foreign = [file for file in outputs[1:] if file.exists()]
         if foreign and not scale_sidecar(self._output).exists():
-            raise InputError(
+            raise FileError(
                 f"{foreign[0]} is there already and was not made with {self._output.name}; move it, or give the "
                 "heights another name"
             )
-        return Integrate(normals=str(normals), height=str(self._output), **options), outputs
+        return operation, outputs
 
-    def _viewpoint_options(self, context: Any, image: Any, folder: Path) -> dict[str, Any]:
+    def _viewpoint(self, context: Any, image: Any, folder: Path) -> Viewpoint:
         """The camera that took the photo, and how far the object is from it."""
         scene = context.scene
         lens = scene.mps.estimate.lens
@@ -82,7 +88,8 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
         if "camera" in seen and target is not None and target.type == "MESH":
             middle = target.matrix_world @ (sum(map(Vector, target.bound_box), Vector()) / 8)
             depth = float(read_camera(seen["camera"]).depth_row() @ np.array([*middle, 1]))
-            seen |= {"distance": depth} if depth > 0 else {}
+            if depth > 0:
+                seen["distance"] = depth
         return seen
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
@@ -98,6 +105,10 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
         if self._mesh is not None:
             estimate.mesh = _bring_in(scene, self._mesh, estimate.mesh)
         self.report({"INFO"}, f"Heights written to {self._output}")
+
+
+def _text(path: Path | None) -> str | None:
+    return None if path is None else str(path)
 
 
 def _bring_in(scene: Any, file: Path, earlier: Any) -> Any:

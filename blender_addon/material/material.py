@@ -7,15 +7,15 @@ from typing import Any
 
 import bpy
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, SettingsError
 from mpsnet_core.io.files import makeable_folder
 from mpsnet_core.relief.operations import MakeMaterial
 from mpsnet_core.scene.camera import read_camera
 
 from ..bake.mesh_file import FACES
-from ..estimate.estimate import MPS_OT_estimate, network, reading_options_without_mask, rig_and_camera_options
-from ..heights.assign_displacement import no_modifier, subdivide
-from ..nodes import own_node
+from ..estimate.photo_options import network, reading_without_mask, rig_and_camera_options
+from ..heights.assign_displacement import remove_modifier, subdivide
+from ..nodes import ensure_node, new_material
 from ..operators import RunsCore, as_typed
 from ..outputs import fine_preview, image_file, load_image, picture_size, remembered, requested_path
 from ..preferences import output_folder
@@ -24,11 +24,11 @@ from ..settings.declared import take_given
 from ..settings.estimate import EstimateSettings
 from ..settings.material import MaterialSettings
 
-# What Blender has to know of each picture: whether its colours are numbers.
+# Whether the colours of each picture are data.
 _IS_DATA = {"albedo": False, "normal": True, "height": True}
 # The modifier that gives the displaced plane its faces; a side has two to this power of them.
 _SHOWN_LEVELS, _RENDERED_LEVELS = 6, 9
-# Kept with a material that this step made: the normals that it shows, by which it is known when they are made again.
+# Stored with a material that this step made: the normals that it shows, by which it is known when they are made again.
 _MADE_OF = "mpsnet_flat_normals"
 
 
@@ -39,11 +39,7 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
 
     bl_idname = "mps.make_material"
     bl_label = "Make Flat Material"
-    bl_options = {"UNDO"}
-
-    @classmethod
-    def lacks(cls, context: Any) -> str:
-        return MPS_OT_estimate.lacks(context)
+    requires = "photo"
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
@@ -66,13 +62,13 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         width, height = picture_size(image)
         across, down = width - self.crop_left - self.crop_right, height - self.crop_top - self.crop_bottom
         if min(across, down) < 1:
-            raise InputError(f"the crop leaves nothing of the photo's {width} x {height} pixels; leave out less")
+            raise SettingsError(f"the crop leaves nothing of the photo's {width} x {height} pixels; leave out less")
         cropped = (across, down) != (width, height)
         self._output = output
         operation = MakeMaterial(
             image=str(photo),
             **rig_and_camera_options(context, image, folder, self.later),
-            **reading_options_without_mask(scene.mps.estimate),
+            **reading_without_mask(scene.mps.estimate),
             **network(self),
             width=f"{self._width(scene, image, folder):.9g}m",
             overlap=as_typed(self.overlap),
@@ -88,13 +84,13 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         """What the photo's width measures, in metres."""
         width = self.width
         taken_with = remembered(image, "camera")
-        self._notes = [] if width else ["the material is as large as the photo's camera tells, as no width is given"]
+        self._notes = [] if width else ["no width is given; the material's size follows from the photo's camera"]
         if not width and taken_with is not None:
             (folder / "taken.json").write_text(taken_with, encoding="utf-8")
             camera = read_camera(folder / "taken.json")
             width = camera.width / float(camera.focal[0]) if camera.projection == "orthographic" else 0.0
         if not width:
-            raise InputError("nothing tells how large the material is; give what the photo's width measures")
+            raise SettingsError("the material's size is not known; enter what the photo's width measures")
         return float(width * scene.unit_settings.scale_length)
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
@@ -102,26 +98,26 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         settings = scene.mps.material
         files = {what: Path(file) for what, file in result["files"].items()}
         name = files["material"].stem.removesuffix("_material")
-        told = json.loads(files["material"].read_text(encoding="utf-8"))
+        made = json.loads(files["material"].read_text(encoding="utf-8"))
         images = {what: load_image(files[what], f"{name} {what}", is_data=data) for what, data in _IS_DATA.items()}
         millimetre = 0.001 / scene.unit_settings.scale_length
-        size = told["width_mm"] * millimetre, told["height_mm"] * millimetre
+        size = made["width_mm"] * millimetre, made["height_mm"] * millimetre
         material = _material_of(images["normal"], f"MPS {name}")
         plane = settings.plane
         if plane is None or scene.objects.get(plane.name) != plane or list(plane.data.materials) != [material]:
             settings.plane = plane = _new_plane(scene, material, self.repeats * size[0])
         _lay(plane.data, size, self.repeats)
-        black, white = told["height_of_black_mm"] * millimetre, told["height_of_white_mm"] * millimetre
+        black, white = made["height_of_black_mm"] * millimetre, made["height_of_white_mm"] * millimetre
         assign_pictures(material, images, black, white, self.relief)
         if self.relief != "DISPLACEMENT":
-            no_modifier(plane, FACES)
+            remove_modifier(plane, FACES)
         elif FACES not in plane.modifiers:  # else it may have been set to fewer
             subdivide(plane, "SIMPLE", _SHOWN_LEVELS, _RENDERED_LEVELS, FACES)
         settings.image = preview = load_image(files["preview"], f"{name} preview", is_data=False)
         fine_preview(preview)
         self.made(preview)
         settings.told = (
-            f"{told['width_mm']:.4g} x {told['height_mm']:.4g} mm, {result['relief_mm']:.3g} mm deep. "
+            f"{made['width_mm']:.4g} x {made['height_mm']:.4g} mm, {result['relief_mm']:.3g} mm deep. "
             f"Seam {result['seam']:.2f}, where 1 is none"
         )
         self.report({"INFO"}, f"Material written to {self._output}: {settings.told}")
@@ -132,9 +128,7 @@ def _material_of(normals: Any, name: str) -> Any:
     for material in bpy.data.materials:
         if material.get(_MADE_OF) == normals and not material.library:
             return material
-    material = bpy.data.materials.new(name)
-    if bpy.app.version < (5, 0):
-        material.use_nodes = True
+    material = new_material(name)
     material.node_tree.nodes.clear()
     material[_MADE_OF] = normals
     return material
@@ -176,7 +170,7 @@ def assign_pictures(material: Any, images: dict[str, Any], black: float, white: 
     links = material.node_tree.links
 
     def node(kind: str, name: str, x: float, y: float) -> Any:
-        return own_node(material.node_tree, name, kind, x, y)
+        return ensure_node(material.node_tree, name, kind, x, y)
 
     output = node("ShaderNodeOutputMaterial", "Material Output", 400, 0)
     shader = node("ShaderNodeBsdfPrincipled", "Principled BSDF", 0, 0)
@@ -210,9 +204,4 @@ def assign_pictures(material: Any, images: dict[str, Any], black: float, white: 
     material.displacement_method = "BUMP" if relief == "NORMAL" else "BOTH"
 
 
-def register() -> None:
-    bpy.utils.register_class(MPS_OT_make_material)
-
-
-def unregister() -> None:
-    bpy.utils.unregister_class(MPS_OT_make_material)
+register, unregister = bpy.utils.register_classes_factory((MPS_OT_make_material,))

@@ -5,7 +5,7 @@ from typing import Any
 import bpy
 
 from ..child_process.trust import SCRIPTS_OFF
-from ..estimate.estimate import rig_file_for
+from ..estimate.photo_options import rig_file_for
 from ..provenance import made_by
 from ..settings.record import notes_of
 from .step import Step

@@ -1,4 +1,4 @@
-"""Settings of every step: defined once, kept in the scene, taken by the operators."""
+"""Settings of every step: defined once, stored in the scene, shared by the operators."""
 
 from .scene import register, unregister
 

@@ -3,13 +3,13 @@
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty, StringProperty
+from bpy.props import PointerProperty
 
 from mpsnet_core.bake.operations import Bake
 from mpsnet_core.bake.presets import PRESETS
 from mpsnet_core.defaults import LEVEL_SCALE, MARGIN, MAX_LEVEL_SCALE, MIN_LEVEL_SCALE
 
-from .declared import FILE_FORMATS, GIVEN, from_option, items_of
+from .declared import BoolSetting, EnumSetting, FloatSetting, StringSetting, format_setting, from_option, items_of
 
 _FORMAT_OF = {".png": "PNG", ".tif": "TIFF", ".exr": "EXR"}
 # What each format can hold.
@@ -47,19 +47,16 @@ class BakeSettings:
         ],
         update=_take_preset,
     )
-    onto: BoolProperty(
+    onto: BoolSetting(
         name="On Top",
         description="Add the detail to the normal maps that the objects wear, which stay as they are beneath",
         default=False,
         update=_take_detail,
-        options=GIVEN,
     )
-    uv_map: StringProperty(
-        name="UV Map",
-        description="UV map of the target to bake onto. Empty: the one that is active for rendering",
-        options=GIVEN,
+    uv_map: StringSetting(
+        name="UV Map", description="UV map of the target to bake onto. Empty: the one that is active for rendering"
     )
-    objects: EnumProperty(
+    objects: EnumSetting(
         name="Objects",
         description="Which objects are baked onto, in one go: they hide one another from the cameras",
         items=[
@@ -67,9 +64,8 @@ class BakeSettings:
             ("SELECTED", "Selected", "All selected mesh objects"),
         ],
         default="ACTIVE",
-        options=GIVEN,
     )
-    split: EnumProperty(
+    split: EnumSetting(
         name="Textures",
         description="What has a texture of its own",
         items=[
@@ -78,43 +74,34 @@ class BakeSettings:
             ("OBJECT", "By Object", "One for each object; its name goes into the file's name"),
         ],
         default="ONE",
-        options=GIVEN,
     )
-    tiles: BoolProperty(
+    tiles: BoolSetting(
         name="UDIM Tiles",
         description="A texture for each unit square that the UVs lie in, numbered 1001, 1002 and so on. Size is that "
         "of each",
         default=False,
-        options=GIVEN,
     )
     size: from_option(Bake, "size")
     space: from_option(Bake, "space")
     convention: from_option(Bake, "convention")
-    animated: BoolProperty(
+    animated: BoolSetting(
         name="Follow the Animation",
         description="For a sequence of normals: take the target and the camera anew in each frame of the timeline, "
         "whose number is that of the normals. Off: as they stand now",
         default=False,
-        options=GIVEN,
     )
-    all_rigs: BoolProperty(
+    all_rigs: BoolSetting(
         name="All Rigs",
         description="Bake the normals of all rigs of this scene together, each as its own camera saw them. "
         "Off: those of the chosen rig alone",
         default=False,
-        options=GIVEN,
     )
     samples: from_option(Bake, "samples", labels={2: "2 x 2", 4: "4 x 4"})
     padding: from_option(Bake, "padding")
     # In the core it is None unless given, as it goes with one padding alone.
     margin: from_option(Bake, "margin", default=MARGIN)
-    file_format: EnumProperty(
-        name="Format",
-        description="File format of the texture; one that cannot hold the chosen depth takes its own",
-        items=FILE_FORMATS,
-        default="PNG",
-        update=_take_format,
-        options=GIVEN,
+    file_format: format_setting(
+        "File format of the texture; one that cannot hold the chosen depth takes its own", update=_take_format
     )
     bits: from_option(
         Bake,
@@ -126,20 +113,18 @@ class BakeSettings:
         ],
     )
     output: from_option(Bake, "output", name="Texture File", unset="in the output folder")
-    level: BoolProperty(
+    level: BoolSetting(
         name="Detail Only",
         description="Take large shapes from the object and only detail from the photo, whatever else the estimate says",
         default=False,
-        options=GIVEN,
     )
-    level_scale: FloatProperty(
+    level_scale: FloatSetting(
         name="Cut-Off",
         description="What is smaller than this fraction of the object's size is detail, and taken from the photo",
         default=LEVEL_SCALE,
         min=MIN_LEVEL_SCALE,
         max=MAX_LEVEL_SCALE,
         precision=3,
-        options=GIVEN,
     )
     strength: from_option(Bake, "strength")
     onto_file: from_option(Bake, "onto", name="Present Map", unset="those in the materials")

@@ -1,78 +1,63 @@
 """Settings of the calibration of real lights."""
 
 import bpy
-from bpy.props import FloatProperty, PointerProperty, StringProperty
+from bpy.props import PointerProperty, StringProperty
 
 from mpsnet_core.capture.calibrate.operations import CalibrateLights
 
-from .declared import GIVEN, PATH, from_option
+from .declared import FileSetting, FloatSetting, from_option
 
 
 class CalibrateSettings:
-    """Photos of balls that tell where real lights are and how their colours mix."""
+    """Photos of balls from which the places of real lights and the mixing of their colours follow."""
 
-    ball: StringProperty(
+    ball: FileSetting(
         name="Mirror Ball",
         description="Photo of a mirror ball where the object stands, under the red, green and blue light at once",
-        subtype="FILE_PATH",
-        options=PATH,
     )
-    second_ball: StringProperty(
+    second_ball: FileSetting(
         name="Second Place",
         description="Photo of the same ball at another place. With two places the lights' positions are found, "
         "not only their directions. Needs the lens",
-        subtype="FILE_PATH",
-        options=PATH,
     )
     ball_radius: from_option(CalibrateLights, "radius", name="Ball Radius", default=1.0, low=1e-6)
-    grey: StringProperty(
-        name="Grey Ball",
-        description="Photo of a matt grey ball under the red, green and blue light at once",
-        subtype="FILE_PATH",
-        options=PATH,
+    grey: FileSetting(
+        name="Grey Ball", description="Photo of a matt grey ball under the red, green and blue light at once"
     )
-    lens: from_option(CalibrateLights, "focal", name="Lens (mm)", unset="the camera is taken as far away")
-    circle_x: FloatProperty(
+    lens: from_option(CalibrateLights, "focal", name="Lens (mm)", unset="the camera is assumed to be far away")
+    circle_x: FloatSetting(
         name="Ball X (px)",
         description="Middle of the ball, in pixels from the photo's left edge. Only counts with a radius below",
         default=0.0,
-        options=GIVEN,
     )
-    circle_y: FloatProperty(
-        name="Y (px)", description="Middle of the ball, in pixels from the photo's top edge", default=0.0, options=GIVEN
+    circle_y: FloatSetting(
+        name="Y (px)", description="Middle of the ball, in pixels from the photo's top edge", default=0.0
     )
-    circle_radius: FloatProperty(
+    circle_radius: FloatSetting(
         name="Radius (px)",
         description="Radius of the ball's outline in pixels. 0: the ball is looked for",
         default=0.0,
         min=0.0,
-        options=GIVEN,
     )
-    second_x: FloatProperty(
+    second_x: FloatSetting(
         name="Second X (px)",
         description="Middle of the ball at its second place, in pixels from the photo's left edge",
         default=0.0,
-        options=GIVEN,
     )
-    second_y: FloatProperty(
+    second_y: FloatSetting(
         name="Y (px)",
         description="Middle of the ball at its second place, in pixels from the photo's top edge",
         default=0.0,
-        options=GIVEN,
     )
-    second_radius: FloatProperty(
+    second_radius: FloatSetting(
         name="Radius (px)",
         description="Radius of the ball's outline at its second place, in pixels. Needed where the first one is given",
         default=0.0,
         min=0.0,
-        options=GIVEN,
     )
     encoding: from_option(CalibrateLights, "encoding")
-    output: StringProperty(
-        name="Rig File",
-        description="Rig file to write (.json). Empty: mpsnet_rig.json in the output folder",
-        subtype="FILE_PATH",
-        options=PATH,
+    output: FileSetting(
+        name="Rig File", description="Rig file to write (.json). Empty: mpsnet_rig.json in the output folder"
     )
 
 

@@ -1,9 +1,10 @@
-"""How settings are declared: once, kept in the scene, taken by the operators.
+"""How settings are declared: once, stored in the scene, shared by the operators.
 
 What an operation of the core has as an option is described there, and made a property of by :func:`from_option`.
 """
 
 from collections.abc import Iterable, Mapping
+from functools import partial
 from typing import Any
 
 import bpy
@@ -16,7 +17,15 @@ GIVEN = {"SKIP_SAVE"}
 # Blender paints a path beside the .blend file ("//photo.png") red, as if it were not understood, without the second.
 PATH = {*GIVEN, "PATH_SUPPORTS_BLEND_RELATIVE"}
 
-FILE_FORMATS = (
+# Properties that are stored in the scene and that operators fill in from there.
+BoolSetting = partial(BoolProperty, options=GIVEN)
+EnumSetting = partial(EnumProperty, options=GIVEN)
+FloatSetting = partial(FloatProperty, options=GIVEN)
+IntSetting = partial(IntProperty, options=GIVEN)
+StringSetting = partial(StringProperty, options=GIVEN)
+FileSetting = partial(StringProperty, subtype="FILE_PATH", options=PATH)
+
+_FILE_FORMATS = (
     ("PNG", "PNG", "16-bit PNG"),
     ("TIFF", "TIFF", "16-bit TIFF"),
     ("EXR", "OpenEXR", "32-bit float OpenEXR"),
@@ -85,7 +94,7 @@ def from_option(
     switch
         Whether the option names a file that the add-on finds a name for: what is set is whether it is written.
     facts
-        What Blender alone wants to know: ``update``, ``precision``.
+        What concerns Blender alone: ``update``, ``precision``.
     """
     setting = option_of(operation, option)
     described = setting.option
@@ -93,11 +102,11 @@ def from_option(
         default = setting.default
     facts = {"name": name or option.replace("_", " ").title(), "description": _sentence(described.help), **facts}
     if switch or setting.kind is bool:
-        return BoolProperty(default=bool(default), options=GIVEN, **facts)
+        return BoolSetting(default=bool(default), **facts)
     if items is not None or described.choices:
         items = items_of(operation, option, labels) if items is None else list(items)
         chosen = items[0][0] if default is None else identifier(default)
-        return EnumProperty(items=items, default=chosen, options=GIVEN, **facts)
+        return EnumSetting(items=items, default=chosen, **facts)
     empty = described.unset if unset is None else unset
     if empty and not default:
         facts["description"] += f". {'Empty' if setting.kind is str else '0'}: {empty}"
@@ -107,10 +116,13 @@ def from_option(
     bounds = {"min": 0 if default is None else described.low if low is None else low, "max": described.high}
     facts.update({bound: value for bound, value in bounds.items() if value is not None})
     if setting.kind is float:
-        return FloatProperty(default=default or 0.0, options=GIVEN, **facts)
-    return IntProperty(
-        default=default or 0, options=GIVEN, **{**facts, "max": min(described.high or _LARGEST, _LARGEST)}
-    )
+        return FloatSetting(default=default or 0.0, **facts)
+    return IntSetting(default=default or 0, **{**facts, "max": min(described.high or _LARGEST, _LARGEST)})
+
+
+def format_setting(description: str, default: str = "PNG", **facts: Any) -> Any:
+    """A property for the file format of a result."""
+    return EnumSetting(name="Format", description=description, items=_FILE_FORMATS, default=default, **facts)
 
 
 def _sentence(words: str) -> str:
@@ -120,7 +132,7 @@ def _sentence(words: str) -> str:
 def take_given(operator: bpy.types.Operator, settings: type, group: bpy.types.PropertyGroup) -> None:
     """Write what the caller gave the operator to the scene's settings, and fill in the rest from there.
 
-    Afterwards operator and scene say the same, and the "Adjust Last Operation" panel shows what was used.
+    Afterwards operator and scene agree, and the "Adjust Last Operation" panel shows what was used.
     """
     for name in settings.__annotations__:
         if operator.properties.is_property_set(name):

@@ -1,17 +1,17 @@
 """The displacement's settings."""
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import PointerProperty
 
 from mpsnet_core.relief.operations import Integrate
 
-from .declared import FILE_FORMATS, GIVEN, PATH, from_option
+from .declared import BoolSetting, EnumSetting, FileSetting, IntSetting, format_setting, from_option
 
 
 class DisplaceSettings:
     """What the baked texture's heights are and how the object wears them."""
 
-    method: EnumProperty(
+    method: EnumSetting(
         name="Displace By",
         description="What moves the surface",
         items=[
@@ -29,18 +29,16 @@ class DisplaceSettings:
             ),
         ],
         default="MATERIAL",
-        options=GIVEN,
     )
-    levels: IntProperty(
+    levels: IntSetting(
         name="Subdivisions",
         description="How often the mesh is subdivided first: each makes four times as many faces. "
         "0: it is fine enough as it is",
         default=4,
         min=0,
         max=8,
-        options=GIVEN,
     )
-    subdivision: EnumProperty(
+    subdivision: EnumSetting(
         name="Subdivide",
         description="How the mesh is subdivided",
         items=[
@@ -48,29 +46,21 @@ class DisplaceSettings:
             ("CATMULL_CLARK", "Catmull-Clark", "The mesh becomes round: for one that is made for it"),
         ],
         default="SIMPLE",
-        options=GIVEN,
     )
-    # The core keeps all unless told, for any normals; here they are estimated, which err most in broad shapes.
+    # The core's default keeps all, for any normals; here they are estimated, which err most in broad shapes.
     scale: from_option(Integrate, "scale", name="Broadest", default=0.5)
-    keep_normals: BoolProperty(
+    keep_normals: BoolSetting(
         name="Normal Map Too",
         description="Leave the normal map on. In tangent space it shows the same relief a second time, "
         "so it is taken off unless this is chosen. One in object space always stays: it does not",
         default=False,
-        options=GIVEN,
     )
-    file_format: EnumProperty(
-        name="Format",
-        description="File format of the heights. OpenEXR holds them in world units, the others from black to white",
-        items=FILE_FORMATS,
-        default="EXR",
-        options=GIVEN,
+    file_format: format_setting(
+        "File format of the heights. OpenEXR holds them in world units, the others from black to white", default="EXR"
     )
-    output: StringProperty(
+    output: FileSetting(
         name="Height File",
         description="File to write; its ending decides the format. Empty: a name of its own in the output folder",
-        subtype="FILE_PATH",
-        options=PATH,
     )
 
 

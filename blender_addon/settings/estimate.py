@@ -1,12 +1,12 @@
 """The estimate's settings."""
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import IntProperty, PointerProperty
 
 from mpsnet_core.estimate.operations import Estimate
 from mpsnet_core.estimate.registry import registered_models
 
-from .declared import FILE_FORMATS, GIVEN, PATH, from_option, identifier
+from .declared import BoolSetting, EnumSetting, FileSetting, FloatSetting, format_setting, from_option, identifier
 
 MODELS = {identifier(entry.name): entry for entry in registered_models()}
 MODEL_ITEMS = [(name, entry.label, entry.title) for name, entry in MODELS.items()]
@@ -15,7 +15,7 @@ MODEL_ITEMS = [(name, entry.label, entry.title) for name, entry in MODELS.items(
 class EstimateSettings:
     """How the photo is read and which model turns it into normals."""
 
-    mask: EnumProperty(
+    mask: EnumSetting(
         name="Mask",
         description="Which pixels of the photo are the object",
         items=[
@@ -36,39 +36,29 @@ class EstimateSettings:
             ("NONE", "None", "The whole photo: a wall or cloth that fills it"),
         ],
         default="AUTO",
-        options=GIVEN,
     )
-    mask_file: StringProperty(
-        name="Mask File",
-        description="Picture that is white where the object is and black elsewhere",
-        subtype="FILE_PATH",
-        options=PATH,
+    mask_file: FileSetting(
+        name="Mask File", description="Picture that is white where the object is and black elsewhere"
     )
-    background: StringProperty(
-        name="Background",
-        description="Photo of the scene without the object, under the same lights",
-        subtype="FILE_PATH",
-        options=PATH,
+    background: FileSetting(
+        name="Background", description="Photo of the scene without the object, under the same lights"
     )
-    threshold: FloatProperty(
+    threshold: FloatSetting(
         name="Threshold",
         description="Pixels brighter than this fraction of the photo's brightest are the object",
         default=0.05,
         min=0.0,
         max=0.99,
-        options=GIVEN,
     )
     encoding: from_option(Estimate, "encoding")
     dark: from_option(Estimate, "dark", name="Dark Frame")
     flat: from_option(Estimate, "flat", name="Flat Field")
     white: from_option(Estimate, "white", name="White Photo")
-    rig_file: StringProperty(
+    rig_file: FileSetting(
         name="Rig File",
         description="Measured rig (.json or .lp) of photos that you open. A photo that was rendered in this scene is "
         "estimated with the rig that it was rendered with. Empty: the rig beside the photo when it was opened, else "
         "the rig in this scene",
-        subtype="FILE_PATH",
-        options=PATH,
     )
     lens: from_option(
         Estimate,
@@ -76,28 +66,23 @@ class EstimateSettings:
         name="Lens (mm)",
         unset="the camera that the photo was rendered with, else the rig's",
     )
-    distance: from_option(Estimate, "distance", unset="as far as the rig's target, or as the surface tells")
+    distance: from_option(Estimate, "distance", unset="as far as the rig's target, or by the surface")
     model: from_option(
         Estimate,
         "model",
         items=[*MODEL_ITEMS, ("FILE", "File", "A network in an .onnx file")],
     )
-    average_passes: BoolProperty(
+    average_passes: BoolSetting(
         name="Average Passes",
         description="Average the default network's answers on the scene turned and mirrored: better, at a third of its "
         "speed. For stills; frames of a sequence or video get one pass",
         default=True,
-        options=GIVEN,
     )
-    model_file: StringProperty(
-        name="Model File", description="Network in an .onnx file", subtype="FILE_PATH", options=PATH
-    )
+    model_file: FileSetting(name="Model File", description="Network in an .onnx file")
     confidence: from_option(Estimate, "confidence", name="Confidence Map", switch=True)
     albedo: from_option(Estimate, "albedo", switch=True)
     smooth: from_option(Estimate, "smooth", name="Smooth Frames")
-    file_format: EnumProperty(
-        name="Format", description="File format of the normal map", items=FILE_FORMATS, default="PNG", options=GIVEN
-    )
+    file_format: format_setting("File format of the normal map")
     output: from_option(Estimate, "output", name="Normal Map File", unset="a name of its own in the output folder")
 
 
@@ -109,8 +94,8 @@ class MPS_PG_estimate(EstimateSettings, bpy.types.PropertyGroup):
     mask_image: PointerProperty(name="Mask", description="The mask, drawn over the photo", type=bpy.types.Image)
     surface: PointerProperty(
         name="Surface",
-        description="Mesh that tells how far each pixel is from near lights (area and point lights). "
-        "Empty: all is taken as far as the rig's target",
+        description="Mesh that gives each pixel's distance to near lights (area and point lights). "
+        "Empty: all is assumed to be as far as the rig's target",
         type=bpy.types.Object,
         poll=lambda _, candidate: candidate.type == "MESH",
     )

@@ -1,11 +1,11 @@
 """The settings of what is made of the photo's normals beside the texture: heights, a mesh, pictures."""
 
 import bpy
-from bpy.props import EnumProperty, PointerProperty, StringProperty
+from bpy.props import PointerProperty
 
 from mpsnet_core.relief.operations import Integrate
 
-from .declared import FILE_FORMATS, GIVEN, PATH, from_option
+from .declared import FileSetting, format_setting, from_option
 
 
 class HeightsSettings:
@@ -18,19 +18,13 @@ class HeightsSettings:
     curvature: from_option(Integrate, "curvature", switch=True)
     occlusion: from_option(Integrate, "occlusion", name="Ambient Occlusion", switch=True)
     relit: from_option(Integrate, "relit", switch=True)
-    file_format: EnumProperty(
-        name="Format",
-        description="File format of the heights. OpenEXR holds them in world units, the others from black to white",
-        items=FILE_FORMATS,
-        default="EXR",
-        options=GIVEN,
+    file_format: format_setting(
+        "File format of the heights. OpenEXR holds them in world units, the others from black to white", default="EXR"
     )
-    output: StringProperty(
+    output: FileSetting(
         name="Height File",
         description="File of heights to write; what else is made goes beside it. Empty: a name of its own in the "
         "output folder",
-        subtype="FILE_PATH",
-        options=PATH,
     )
 
 

@@ -1,46 +1,37 @@
 """Settings of flat materials."""
 
 import bpy
-from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import PointerProperty, StringProperty
 
 from mpsnet_core.relief.operations import MakeMaterial
 
-from .declared import GIVEN, from_option
+from .declared import EnumSetting, FloatSetting, IntSetting, from_option
 from .estimate import MODEL_ITEMS
 
 
 class MaterialSettings:
     """How a photo of something flat becomes a material that repeats."""
 
-    width: FloatProperty(
+    width: FloatSetting(
         name="Photo Width",
         description="What the photo's whole width measures on the material, in this scene's unit. "
-        "0: as the orthographic camera tells that the photo was rendered with",
+        "0: by the orthographic camera that the photo was rendered with",
         default=0.0,
         min=0.0,
         max=1e6,
         precision=4,
         subtype="DISTANCE",
-        options=GIVEN,
     )
-    crop_left: IntProperty(
-        name="Left", description="Pixels to leave out at the photo's left edge", default=0, min=0, options=GIVEN
-    )
-    crop_right: IntProperty(
-        name="Right", description="Pixels to leave out at the photo's right edge", default=0, min=0, options=GIVEN
-    )
-    crop_top: IntProperty(
-        name="Top", description="Pixels to leave out at the photo's top", default=0, min=0, options=GIVEN
-    )
-    crop_bottom: IntProperty(
-        name="Bottom", description="Pixels to leave out at the photo's bottom", default=0, min=0, options=GIVEN
-    )
+    crop_left: IntSetting(name="Left", description="Pixels to leave out at the photo's left edge", default=0, min=0)
+    crop_right: IntSetting(name="Right", description="Pixels to leave out at the photo's right edge", default=0, min=0)
+    crop_top: IntSetting(name="Top", description="Pixels to leave out at the photo's top", default=0, min=0)
+    crop_bottom: IntSetting(name="Bottom", description="Pixels to leave out at the photo's bottom", default=0, min=0)
     model: from_option(MakeMaterial, "model", items=MODEL_ITEMS)
     size: from_option(MakeMaterial, "size")
     overlap: from_option(MakeMaterial, "overlap")
     bend: from_option(MakeMaterial, "bend", name="Flatten")
     grey: from_option(MakeMaterial, "grey", name="Grey Albedo")
-    relief: EnumProperty(
+    relief: EnumSetting(
         name="Relief",
         description="How the material shows its relief in Blender",
         items=[
@@ -53,15 +44,13 @@ class MaterialSettings:
             ),
         ],
         default="NORMAL",
-        options=GIVEN,
     )
-    repeats: IntProperty(
+    repeats: IntSetting(
         name="Repeats",
         description="How many tiles wide and high the plane is that shows the material",
         default=1,
         min=1,
         max=1000,
-        options=GIVEN,
     )
     output: from_option(MakeMaterial, "output", name="Folder", unset="a folder of its own in the output folder")
 

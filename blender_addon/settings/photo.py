@@ -1,40 +1,32 @@
 """The photo's settings."""
 
 import bpy
-from bpy.props import BoolProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import PointerProperty
 
-from .declared import GIVEN, PATH
+from .declared import BoolSetting, FileSetting, IntSetting
 
 
 class PhotoSettings:
     """How the one photo is rendered."""
 
-    width: IntProperty(
-        name="Width", description="Width of the photo in pixels", default=1024, min=8, max=16384, options=GIVEN
-    )
-    height: IntProperty(
-        name="Height", description="Height of the photo in pixels", default=1024, min=8, max=16384, options=GIVEN
-    )
-    samples: IntProperty(
+    width: IntSetting(name="Width", description="Width of the photo in pixels", default=1024, min=8, max=16384)
+    height: IntSetting(name="Height", description="Height of the photo in pixels", default=1024, min=8, max=16384)
+    samples: IntSetting(
         name="Samples",
         description="Cycles samples a pixel for each of the three lights: more take longer and give less noise",
         default=32,
         min=1,
         max=65536,
-        options=GIVEN,
     )
-    animation: BoolProperty(
+    animation: BoolSetting(
         name="Animation",
         description="Take a photo of each frame of the scene, from its first to its last, into a folder. "
         "Lights and camera should move together if they move: those of the first frame count for all",
         default=False,
-        options=GIVEN,
     )
-    output: StringProperty(
+    output: FileSetting(
         name="Photo File",
         description="OpenEXR file to write, or an animation's folder. Empty: a name of its own in the output folder",
-        subtype="FILE_PATH",
-        options=PATH,
     )
 
 

@@ -1,4 +1,4 @@
-"""What a step's last run left to say."""
+"""How a step's last run ended."""
 
 import bpy
 from bpy.props import StringProperty
@@ -18,13 +18,13 @@ def error_of(scene: bpy.types.Scene, verb: str) -> str:
 
 
 def notes_of(scene: bpy.types.Scene, verb: str) -> list[str]:
-    """What the last run of an operator had to say."""
+    """The notes of the last run of an operator."""
     record = scene.mps.records.get(verb)
     return record.notes.splitlines() if record else []
 
 
 def store_record(scene: bpy.types.Scene, verb: str, *, error: str = "", notes: list[str] | None = None) -> None:
-    """Put down how a run ended, in place of what the one before it left; nothing to say leaves nothing."""
+    """Store how a run ended, in place of the one before it; without an error or notes, nothing is stored."""
     records = scene.mps.records
     place = records.find(verb)
     if not error and not notes:

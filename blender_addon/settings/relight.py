@@ -1,4 +1,4 @@
-"""What the relighting keeps of how things stood before."""
+"""What relighting restores when it ends."""
 
 import bpy
 from bpy.props import CollectionProperty, PointerProperty, StringProperty

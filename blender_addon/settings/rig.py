@@ -1,15 +1,15 @@
 """The rig's settings."""
 
 import bpy
-from bpy.props import CollectionProperty, EnumProperty, FloatProperty, PointerProperty
+from bpy.props import CollectionProperty, PointerProperty
 
-from .declared import GIVEN
+from .declared import EnumSetting, FloatSetting
 
 
 class RigSettings:
     """Where the three lights and the camera stand around the object."""
 
-    light_type: EnumProperty(
+    light_type: EnumSetting(
         name="Lights",
         description="What kind of lights the rig has",
         items=[
@@ -17,50 +17,44 @@ class RigSettings:
             ("AREA", "Area", "Discs at a distance: brighter and from a steeper direction where the object is nearer"),
         ],
         default="SUN",
-        options=GIVEN,
     )
-    slant: FloatProperty(
+    slant: FloatSetting(
         name="Slant (°)",
         description="Angle in degrees between each light and the line from the object to the camera",
         default=30.0,
         min=1.0,
         max=89.0,
-        options=GIVEN,
     )
-    tilt: FloatProperty(
+    tilt: FloatSetting(
         name="Tilt (°)",
         description="Direction in degrees of the red light as the camera sees it: 0 is right, 90 is up. "
         "Green and blue follow at 120 and 240 degrees more",
         default=90.0,
         min=-360.0,
         max=360.0,
-        options=GIVEN,
     )
-    distance: FloatProperty(
+    distance: FloatSetting(
         name="Distance",
         description="How far the lights and an orthographic camera stand from the object, in radii of the object",
         default=5.0,
         min=1.5,
         max=1000.0,
-        options=GIVEN,
     )
-    light_size: FloatProperty(
+    light_size: FloatSetting(
         name="Light Size (°)",
         description="How large each light looks from the object, in degrees. Larger lights give softer shadows",
         default=0.5,
         min=0.0,
         max=90.0,
-        options=GIVEN,
     )
-    strength: FloatProperty(
+    strength: FloatSetting(
         name="Strength",
         description="Brightness of a white matte surface that faces the light, where 1 is full white",
         default=1.0,
         min=0.001,
         max=1000.0,
-        options=GIVEN,
     )
-    projection: EnumProperty(
+    projection: EnumSetting(
         name="Projection",
         description="How the camera that comes with the rig projects",
         items=[
@@ -68,17 +62,15 @@ class RigSettings:
             ("PERSPECTIVE", "Perspective", "As a lens sees it"),
         ],
         default="ORTHOGRAPHIC",
-        options=GIVEN,
     )
-    focal_length: FloatProperty(
+    focal_length: FloatSetting(
         name="Lens (mm)",
         description="Focal length in millimetres of the perspective camera, on a sensor 36 mm wide",
         default=85.0,
         min=10.0,
         max=1000.0,
-        options=GIVEN,
     )
-    view: EnumProperty(
+    view: EnumSetting(
         name="View",
         description="The side of the object that the camera sees",
         items=[
@@ -91,15 +83,13 @@ class RigSettings:
             ("VIEWPORT", "Viewport", "As the 3D viewport looks at it now"),
         ],
         default="FRONT",
-        options=GIVEN,
     )
-    margin: FloatProperty(
+    margin: FloatSetting(
         name="Margin",
         description="Free space around the object in the picture, as a fraction of the object's size",
         default=0.1,
         min=0.0,
         max=5.0,
-        options=GIVEN,
     )
 
 

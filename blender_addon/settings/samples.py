@@ -1,17 +1,17 @@
 """Settings of the rendering of training data."""
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, IntProperty, PointerProperty
+from bpy.props import EnumProperty, PointerProperty
 
 from mpsnet_core.synthesis.operations import Synthesize
 
-from .declared import GIVEN, from_option
+from .declared import GIVEN, BoolSetting, EnumSetting, IntSetting, from_option
 
 
 class SamplesSettings:
     """What training data is rendered, how, and where to."""
 
-    source: EnumProperty(
+    source: EnumSetting(
         name="Shapes",
         description="What the samples show",
         items=[
@@ -24,7 +24,6 @@ class SamplesSettings:
             ("SCENE", "Selected Objects", "The mesh objects that are selected in this scene"),
         ],
         default="GENERATED",
-        options=GIVEN,
     )
     kinds: EnumProperty(
         name="Kinds",
@@ -43,19 +42,17 @@ class SamplesSettings:
     count: from_option(Synthesize, "count", default=100)
     seed: from_option(Synthesize, "seed")
     size: from_option(Synthesize, "size")
-    samples: IntProperty(
+    samples: IntSetting(
         name="Cycles Samples",
         description="Cycles samples a pixel, shared by the three lights: more take longer and give less noise",
         default=48,
         min=1,
         max=65536,
-        options=GIVEN,
     )
-    denoise: BoolProperty(
+    denoise: BoolSetting(
         name="Denoise",
         description="Take the noise from each light's picture with OpenImageDenoise, where light goes between surfaces",
         default=True,
-        options=GIVEN,
     )
     # More than the core's: each bounce costs the synthesis about as much again, and Cycles little.
     bounces: from_option(Synthesize, "bounces", default=3)

@@ -22,7 +22,7 @@ from .views import MPS_PG_views
 
 
 class MPS_PG_scene(bpy.types.PropertyGroup):
-    """Everything the add-on keeps in a scene: ``scene.mps``."""
+    """Everything the add-on stores in a scene: ``scene.mps``."""
 
     rig: PointerProperty(type=MPS_PG_rig)
     calibrate: PointerProperty(type=MPS_PG_calibrate)

@@ -1,41 +1,29 @@
 """Settings of the photo that is made of three."""
 
 import bpy
-from bpy.props import StringProperty
 
 from mpsnet_core.capture.operations import Superpose
 
-from .declared import PATH, from_option
+from .declared import FileSetting, from_option
 
 
 class SuperposeSettings:
     """Three photos under one white light each, in the order of the rig's lights, and the photo that is made of them."""
 
-    first: StringProperty(
+    first: FileSetting(
         name="First Light",
         description="Photo of the object at rest under the rig's first light alone, turned white: the red channel",
-        subtype="FILE_PATH",
-        options=PATH,
     )
-    second: StringProperty(
+    second: FileSetting(
         name="Second Light",
         description="Photo of the same pose under the rig's second light alone, turned white: the green channel",
-        subtype="FILE_PATH",
-        options=PATH,
     )
-    third: StringProperty(
+    third: FileSetting(
         name="Third Light",
         description="Photo of the same pose under the rig's third light alone, turned white: the blue channel",
-        subtype="FILE_PATH",
-        options=PATH,
     )
     encoding: from_option(Superpose, "encoding")
-    output: StringProperty(
-        name="File",
-        description="OpenEXR file to write. Empty: a name of its own in the output folder",
-        subtype="FILE_PATH",
-        options=PATH,
-    )
+    output: FileSetting(name="File", description="OpenEXR file to write. Empty: a name of its own in the output folder")
 
 
 class MPS_PG_superpose(SuperposeSettings, bpy.types.PropertyGroup):

@@ -1,12 +1,12 @@
 """Settings of the bake of many views."""
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
+from bpy.props import StringProperty
 
 from mpsnet_core.bake.operations import BakeViews
 from mpsnet_core.defaults import LEVEL_SCALE, MAX_LEVEL_SCALE, MIN_LEVEL_SCALE
 
-from .declared import GIVEN, from_option
+from .declared import BoolSetting, EnumSetting, FloatSetting, from_option
 
 
 class ViewsSettings:
@@ -14,15 +14,14 @@ class ViewsSettings:
 
     cameras: from_option(BakeViews, "cameras", unset="this scene's cameras, each with its photo as background image")
     photos: from_option(BakeViews, "photos", unset="")
-    axes: EnumProperty(
+    axes: EnumSetting(
         name="Mesh Import",
         description="How the photogrammetry program's mesh came into Blender, so that mesh and cameras meet",
         items=[
-            ("Y_UP", "Y Up", "Turned from Y up to Z up, as Blender's importers of OBJ and glTF do unless told"),
+            ("Y_UP", "Y Up", "Turned from Y up to Z up, as Blender's importers of OBJ and glTF do by default"),
             ("AS_IS", "As It Is", "With forward Y and up Z, as Blender's importer of PLY does"),
         ],
         default="Y_UP",
-        options=GIVEN,
     )
     lights_in: from_option(
         BakeViews,
@@ -30,20 +29,18 @@ class ViewsSettings:
         name="Lights",
         labels={"camera": "Go With the Camera", "world": "Stand Still"},
     )
-    level: BoolProperty(
+    level: BoolSetting(
         name="Level",
         description="Take large shapes from the mesh and detail from the photos: seams between views vanish",
         default=True,
-        options=GIVEN,
     )
-    level_scale: FloatProperty(
+    level_scale: FloatSetting(
         name="Detail Size",
         description="What is smaller than this fraction of the object's size is detail, and taken from the photos",
         default=LEVEL_SCALE,
         min=MIN_LEVEL_SCALE,
         max=MAX_LEVEL_SCALE,
         precision=3,
-        options=GIVEN,
     )
     keep: from_option(BakeViews, "keep", name="Keep Normals")
     write_report: from_option(BakeViews, "report", switch=True, default=True)

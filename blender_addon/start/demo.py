@@ -7,6 +7,7 @@ from typing import Any
 import bmesh
 import bpy
 
+from ..nodes import new_material
 from ..rig.rig import remove_rig
 
 NAME = "MPS Demo"
@@ -93,9 +94,7 @@ def _apply_modifiers(scene: Any, obj: Any) -> None:
 
 def _matt() -> Any:
     """A grey that does not shine."""
-    material = bpy.data.materials.new(NAME)
-    if bpy.app.version < (5, 0):
-        material.use_nodes = True
+    material = new_material(NAME)
     shader = material.node_tree.nodes["Principled BSDF"]
     shader.inputs["Base Color"].default_value = (0.8, 0.8, 0.8, 1)
     shader.inputs["Roughness"].default_value = 1.0

@@ -12,7 +12,7 @@ from mathutils import Euler, Vector
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.io.files import ensure_folder
 
-from ..operators import TICK_SECONDS, ReportingOperator, idle, operator_report, redraw_panels, same
+from ..operators import TICK_SECONDS, ReportingOperator, by_session_uid, idle, operator_report, redraw_panels
 from ..outputs import file_name, requested_path
 from ..settings.declared import PATH
 from ..settings.record import error_of
@@ -24,8 +24,8 @@ _AWAY = 5.5
 
 
 class MPS_OT_try_it(ReportingOperator, bpy.types.Operator):
-    """See all steps in a new scene: an object, its photo under three coloured lights, the normals that the
-    photo tells, and a low-poly copy that wears them. Takes seconds to half a minute and changes nothing of yours"""
+    """See all steps in a new scene: an object, its photo under three coloured lights, the normals estimated
+    from it, and a low-poly copy that wears them. Takes seconds to half a minute and changes nothing of yours"""
 
     bl_idname = "mps.try_it"
     bl_label = "Try It"
@@ -116,13 +116,15 @@ class MPS_OT_try_it(ReportingOperator, bpy.types.Operator):
             raise
 
     def _take_away(self, context: Any) -> None:
-        """Remove a demo that came to no end, and go back to the scene that Try It was pressed in; it tells why."""
-        demo, before = same(bpy.data.scenes, self._scene_uid), same(bpy.data.scenes, self._before)
+        """Remove an unfinished demo, and go back to the scene that Try It was pressed in, which shows why."""
+        demo, before = by_session_uid(bpy.data.scenes, self._scene_uid), by_session_uid(bpy.data.scenes, self._before)
         if demo is None or before in (None, demo) or context.scene != demo:
             return  # whoever has gone elsewhere meanwhile may have taken something along
         self._scene_uid = self._before
         context.window.scene = before
-        remove_demo(demo, [one for one in (same(demo.objects, uid) for uid in self._shown) if one is not None])
+        remove_demo(
+            demo, [one for one in (by_session_uid(demo.objects, uid) for uid in self._shown) if one is not None]
+        )
 
     def _end(self, context: Any, how: str) -> set[Any]:
         context.window_manager.event_timer_remove(self._timer)
@@ -132,7 +134,7 @@ class MPS_OT_try_it(ReportingOperator, bpy.types.Operator):
         return {how}
 
     def _build(self, context: Any) -> None:
-        if self.output:  # a folder that cannot be is said before there is a scene
+        if self.output:  # a folder that cannot be made is reported before there is a scene
             ensure_folder(requested_path(self.output), "files")
         self._before = context.scene.session_uid
         scene, detailed, low = make_demo()
@@ -168,7 +170,7 @@ class MPS_OT_try_it(ReportingOperator, bpy.types.Operator):
             raise _why(scene, "bake")
         self._forget_files(context)
         for uid, shown in self._shown.items():
-            obj = same(scene.objects, uid)
+            obj = by_session_uid(scene.objects, uid)
             if obj is None:
                 raise Cancelled
             obj.hide_render = not shown
@@ -197,7 +199,7 @@ class MPS_OT_try_it(ReportingOperator, bpy.types.Operator):
 
 
 def _run(operator: Callable[..., Any], *how: str, **settings: Any) -> None:
-    """Call one of the add-on's operators. Raises InputError where it fails, with what it said."""
+    """Call one of the add-on's operators. Raises InputError where it fails, with its report."""
     try:
         operator(*how, **settings)
     except RuntimeError as error:
@@ -205,9 +207,9 @@ def _run(operator: Callable[..., Any], *how: str, **settings: Any) -> None:
 
 
 def _why(scene: Any, verb: str) -> Exception:
-    """Why a step has left nothing: what it said, or else it was cancelled."""
-    said = error_of(scene, verb)
-    return InputError(said) if said else Cancelled()
+    """Why a step has left nothing: its error, or else it was cancelled."""
+    error = error_of(scene, verb)
+    return InputError(error) if error else Cancelled()
 
 
 def _viewports(context: Any) -> list[Any]:
@@ -216,9 +218,4 @@ def _viewports(context: Any) -> list[Any]:
     return [area.spaces.active.region_3d for area in areas if area.type == "VIEW_3D"]
 
 
-def register() -> None:
-    bpy.utils.register_class(MPS_OT_try_it)
-
-
-def unregister() -> None:
-    bpy.utils.unregister_class(MPS_OT_try_it)
+register, unregister = bpy.utils.register_classes_factory((MPS_OT_try_it,))

@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, StringProperty
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, InputError, SettingsError
 from mpsnet_core.io.files import written_whole
 from mpsnet_core.synthesis.farm.address import is_loopback
 from mpsnet_core.synthesis.job import CONTACT_SHEET, JOB_FILE, SHAPES, SampleJob, place_job, read_job, samples_there
@@ -17,7 +17,7 @@ from mpsnet_core.synthesis.operations import MakeSamples
 
 from ..child_process.file_copy import save_copy
 from ..child_process.trust import python_drivers
-from ..operators import RunsCore, same
+from ..operators import RunsCore, by_session_uid
 from ..outputs import file_name, fine_preview, lasting, load_image, requested_path
 from ..preferences import PACKAGE, output_folder, preference
 from ..settings.declared import GIVEN, take_given
@@ -33,9 +33,8 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
 
     bl_idname = "mps.render_samples"
     bl_label = "Render Samples"
-    bl_options = {"UNDO"}
 
-    # Not the scene's: a .blend file shall not say whom this machine listens to.
+    # Not the scene's: a .blend file must not name the hosts that this machine connects to.
     cluster: StringProperty(
         name="Cluster",
         description="Address of a Dask scheduler whose machines render, such as tls://host:8786. "
@@ -56,34 +55,41 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
             requested_path(self.output)
         target = samples_folder(scene)
         if not (self.output or lasting(target)):
-            raise InputError("no folder is named for the samples; name one, or save this file and they go beside it")
-        job, cluster = self._sample_job(context, target), self._cluster()
+            raise FileError("no folder is named for the samples; name one, or save this file and they go beside it")
+        job, (cluster, trusted) = self._sample_job(context, target), self._cluster()
         place_job(target, job)
         if job.objects:
-            self._keep_scene(target / SCENE_FILE)
+            self._store_scene(target / SCENE_FILE)
             self._notes = python_drivers()
         if job.denoise and not can_denoise():
             self.report({"WARNING"}, "this Blender has no OpenImageDenoise: light keeps its noise; take more samples")
-        # Where the extension was enabled just now, the preferences may not be saved yet.
-        blender = {} if bpy.app.module else {"blender": bpy.app.binary_path, "addon": PACKAGE}
         self._sheet, self._seen = target / CONTACT_SHEET, -1
         if not self._sheet.exists():
             scene.mps.samples.image = None  # it shows another folder
-        return MakeSamples(folder=str(target), processes=self.processes, **cluster, **blender), [self._sheet]
+        operation = MakeSamples(
+            folder=str(target),
+            processes=self.processes,
+            cluster=cluster,
+            cluster_trusted=trusted,
+            blender="" if bpy.app.module else bpy.app.binary_path,
+            # Where the extension was enabled just now, the preferences may not be saved yet.
+            addon="" if bpy.app.module else PACKAGE,
+        )
+        return operation, [self._sheet]
 
-    def _cluster(self) -> dict[str, Any]:
-        """The core's options for the cluster; its address comes from the caller or the preferences, from no file."""
+    def _cluster(self) -> tuple[str, bool]:
+        """The cluster's address, "" for none, and whether its network is trusted: by the caller or the preferences,
+        never by a file."""
         own = bool(self.cluster)
         address = self.cluster if own else preference("cluster")
         if not address:
-            return {}
+            return "", False
         if not (is_loopback(address) or bpy.app.online_access):
-            raise InputError(
+            raise SettingsError(
                 f"Blender may not go online, and so not to the cluster at {address}; tick Allow Online Access in the "
                 "system preferences, or begin the command line with --online-mode"
             )
-        trusted = self.cluster_trusted if own else preference("cluster_trusted")
-        return {"cluster": address, "cluster_trusted": trusted}
+        return address, self.cluster_trusted if own else preference("cluster_trusted")
 
     def _sample_job(self, context: Any, target: Path) -> SampleJob:
         shapes: tuple[str, ...] = (self.source.lower(),)
@@ -94,7 +100,7 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
         elif self.source == "MESHES":
             meshes = str(Path(bpy.path.abspath(self.meshes)).resolve()) if self.meshes else ""
             if meshes and not Path(meshes).is_dir():
-                raise InputError(f"mesh folder {meshes} does not exist; check the path")
+                raise FileError(f"mesh folder {meshes} does not exist; check the path")
         else:
             objects, views = _chosen_objects(context, target), 1
         return SampleJob(
@@ -111,23 +117,23 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
             denoise=self.denoise,
         )
 
-    def _keep_scene(self, path: Path) -> None:
+    def _store_scene(self, path: Path) -> None:
         """The scene as the rendering Blenders open it. One that is there stays: the samples beside it show it."""
         if path.exists():
             self.report({"INFO"}, f"The scene is as it was when it was first rendered, see {path}")
             return
         painted = [image.name for image in bpy.data.images if image.is_dirty]
         if painted:
-            raise InputError(f'the image "{painted[0]}" was changed and not saved; save or pack it first')
+            raise FileError(f'the image "{painted[0]}" was changed and not saved; save or pack it first')
         with written_whole(path) as unfinished:
             try:
                 save_copy(unfinished, compress=True, mend="choose another folder")
-            finally:  # Blender keeps what it saves over
+            finally:  # Blender backs up what it saves over
                 unfinished.with_suffix(".blend1").unlink(missing_ok=True)
 
     def look(self) -> None:
         """Show the contact sheet, where the core has written it anew."""
-        scene = same(bpy.data.scenes, self._scene_uid)
+        scene = by_session_uid(bpy.data.scenes, self._scene_uid)
         with suppress(InputError, OSError):  # a sheet that is not there yet or cannot be shown is no reason to stop
             changed = self._sheet.stat().st_mtime_ns
             if scene is not None and changed != self._seen:
@@ -187,9 +193,4 @@ def _chosen_objects(context: Any, target: Path) -> tuple[str, ...]:
     raise InputError("no mesh object is selected; select what the samples shall show")
 
 
-def register() -> None:
-    bpy.utils.register_class(MPS_OT_render_samples)
-
-
-def unregister() -> None:
-    bpy.utils.unregister_class(MPS_OT_render_samples)
+register, unregister = bpy.utils.register_classes_factory((MPS_OT_render_samples,))

@@ -198,7 +198,10 @@ def test_the_width_of_a_rendered_photo_is_known(scene, tmp_path):
     margin = math.ceil(128 * (seen - 4) / 2 / seen) + 1
     sides = {f"crop_{side}": margin for side in ("left", "right", "top", "bottom")}
     bpy.ops.mps.make_material(output=str(tmp_path / "out"), **sides)
-    assert "as large as the photo's camera tells, as no width is given" in scene.mps.records["make_material"].notes
+    assert (
+        "no width is given; the material's size follows from the photo's camera"
+        in scene.mps.records["make_material"].notes
+    )
     tile = math.floor((128 - 2 * margin) / 1.2) / 128 * seen
     assert np.allclose(plane_size(scene.mps.material.plane), tile, rtol=1e-3)
 
@@ -211,7 +214,7 @@ def test_a_command_does_the_same(opened, scene, capsys):
 
 
 def test_what_is_missing_is_told(opened, scene):
-    with pytest.raises(RuntimeError, match="nothing tells how large the material is; give what the photo's width"):
+    with pytest.raises(RuntimeError, match="the material's size is not known; enter what the photo's width"):
         bpy.ops.mps.make_material()
     with pytest.raises(RuntimeError, match="the crop leaves nothing of the photo's 180 x 150 pixels"):
         bpy.ops.mps.make_material(width=0.054, crop_left=100, crop_right=100)

@@ -3,12 +3,11 @@
 from itertools import pairwise
 from typing import Any
 
-import bpy
-
 from mpsnet_core.errors import InputError
 from mpsnet_core.synthesis.recipe import Bump, Dirt, Material, Paint, Pattern, Recipe
 from mpsnet_core.synthesis.shading.pattern import DARKEST_PAINT, DIRT_EDGE, DIRT_OCTAVES, NOISE, PAINT_OCTAVES
 
+from ...nodes import new_material
 from .nodes import Graph, Value
 
 PART = "part"  # the mesh attribute that holds each face's part
@@ -25,16 +24,14 @@ def weight_passes(recipe: Recipe) -> list[str]:
 def build_material(recipe: Recipe) -> Any:
     """A new material that looks as the recipe says, in the object's own space.
 
-    Raises InputError where one of the recipe's materials is not principled; Cycles knows no measured ones.
+    Raises InputError where one of the recipe's materials is not principled; Cycles has no measured ones.
     """
     for one in recipe.materials:
         if one.kind != "principled":
             raise InputError(
                 f'Cycles cannot render the measured material "{one.source}"; synthesise this sample or leave out merl'
             )
-    material = bpy.data.materials.new("MPS Sample")
-    if bpy.app.version < (5, 0):
-        material.use_nodes = True
+    material = new_material("MPS Sample")
     graph = Graph(material.node_tree)
     points = graph.node("ShaderNodeTexCoord").outputs["Object"]
     weights = _weights(graph, points, recipe.pattern, len(recipe.materials))

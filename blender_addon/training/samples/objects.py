@@ -11,11 +11,12 @@ import numpy as np
 from mathutils import Matrix
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError, GeometryError, InputError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.synthesis.recipe import Recipe
 
 from ...bake.mesh_file import as_rendered
+from ...operators import operator_report
 from ...photo.studio import refuse_glow
 
 
@@ -43,8 +44,8 @@ def open_objects(path: Path, names: Sequence[str]) -> SceneObjects:
     try:
         bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)
     except RuntimeError as error:
-        reason = " ".join(str(error).split()).removeprefix("Error: ")
-        raise InputError(f"{path} cannot be opened ({reason}); make the samples in a new folder") from None
+        reason = operator_report(error)
+        raise FileError(f"{path} cannot be opened ({reason}); make the samples in a new folder") from None
     objects = bpy.context.scene.objects
     missing = [name for name in names if name not in objects]
     if missing:
@@ -73,7 +74,7 @@ def open_objects(path: Path, names: Sequence[str]) -> SceneObjects:
             meshes.append((mesh, instance.matrix_world.copy()))
     for obj in wanted:
         if obj not in owners:
-            raise InputError(
+            raise GeometryError(
                 f'"{obj.name}" in {path} has no surface or is hidden in viewports; make the samples in a new folder'
             )
     return _at_unit_size(meshes)
@@ -96,7 +97,7 @@ def _at_unit_size(meshes: list[tuple[Any, Matrix]]) -> SceneObjects:
     middle = (used.min(axis=0) + used.max(axis=0)) / 2
     radius = float(np.linalg.norm(used - middle, axis=1).max())
     if radius == 0:
-        raise InputError("the chosen objects are a single point; choose some with a surface")
+        raise GeometryError("the chosen objects are a single point; choose some with a surface")
     to_unit = Matrix.Scale(1 / radius, 4) @ Matrix.Translation(-middle)
     _number_materials(mesh for mesh, _ in meshes)
     return SceneObjects(

@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import FileError
 from mpsnet_core.io.files import unfinished_path
 from mpsnet_core.synthesis.cycles import sample_from_cycles
 from mpsnet_core.synthesis.farm.work import THREADS_VARIABLE
@@ -15,6 +15,7 @@ from mpsnet_core.synthesis.recipe import Recipe
 from mpsnet_core.synthesis.sample import Sample
 from mpsnet_core.synthesis.shapes import Shape
 
+from ...operators import operator_report
 from ...outputs import literally
 from .denoising import add_denoising, denoising_helps
 from .materials import weight_passes
@@ -85,7 +86,6 @@ def render_layers(scene: Any, path: Path) -> None:
         # Where there is denoising, the compositor writes the file.
         bpy.ops.render.render(write_still=not render.use_compositing, scene=scene.name)
     except RuntimeError as error:
-        reason = " ".join(str(error).split()).removeprefix("Error: ")
-        raise InputError(f"Blender could not render {path}: {reason}") from None
+        raise FileError(f"Blender could not render {path}: {operator_report(error)}") from None
     if not path.is_file():
-        raise InputError(f"Blender did not write {path}: the render was cancelled or its disk is full; try again")
+        raise FileError(f"Blender did not write {path}: the render was cancelled or its disk is full; try again")

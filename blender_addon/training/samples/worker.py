@@ -1,4 +1,4 @@
-"""A Blender that makes samples as they are asked for: what the farm starts, as many as it has processes."""
+"""A Blender that makes samples on request: what the farm starts, as many as it has processes."""
 
 import os
 from pathlib import Path
@@ -19,7 +19,7 @@ from .render import render_sample
 
 
 def work(folder: str | os.PathLike[str]) -> None:
-    """Make the samples of the job in `folder` that are asked for on stdin, see :mod:`mpsnet_core.synthesis.farm.work`.
+    """Make the samples of the job in `folder` that are requested on stdin, see :mod:`mpsnet_core.synthesis.farm.work`.
 
     Where the job shows a scene's own objects, the folder's ``scene.blend`` is opened in place of the open file.
     """
@@ -27,7 +27,7 @@ def work(folder: str | os.PathLike[str]) -> None:
 
 
 class _Worker:
-    """Makes samples, one after the other; keeps the scene's own objects from one to the next."""
+    """Makes samples, one after the other; the scene's own objects are read once."""
 
     def __init__(self) -> None:
         self.objects: SceneObjects | None = None

@@ -1,0 +1,157 @@
+"""The core's options for a photo: its rig and camera, how it is read, and the model that estimates its normals."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypedDict
+
+import bpy
+
+from mpsnet_core.errors import GeometryError, SettingsError
+from mpsnet_core.scene.rig import LightRig, read_rig, write_rig
+
+from ..bake.mesh_file import begin_mesh
+from ..operators import Slices, as_typed
+from ..outputs import remembered
+from ..preferences import preference
+from ..provenance import made_by
+from ..rig.photo_camera import write_photo_camera
+from ..rig.rig import light_rig
+from ..settings.estimate import MODELS
+
+
+class Viewpoint(TypedDict, total=False):
+    camera: str
+    focal: float
+    distance: float
+    mesh: str
+
+
+class RigAndViewpoint(Viewpoint):
+    rig: str
+
+
+class ReadingWithoutMask(TypedDict):
+    encoding: Any
+    dark: str | None
+    flat: str | None
+
+
+class Reading(ReadingWithoutMask):
+    mask: str
+
+
+class Network(TypedDict):
+    model: str
+    provider: str
+    threads: int
+
+
+def rig_file_for(photo: Any, settings: Any) -> str:
+    """The rig file that the settings name, if it is for this photo; else "".
+
+    A photo that was rendered here has its own rig: a file that was measured for another photo is not for it.
+    """
+    rendered = photo is not None and made_by(photo) == "render_photo" and remembered(photo, "rig") is not None
+    return "" if rendered else settings.rig_file
+
+
+def rig_and_camera_options(
+    context: Any, image: Any, folder: Path, later: Callable[[Slices], None], rig_file: str | None = None
+) -> RigAndViewpoint:
+    """The core's options for the rig and the camera that the photo was taken with, by the scene's settings.
+
+    later: that of the operator, see :class:`.RunsCore`.
+    rig_file: the rig's file, "" for none, None for that of the settings where it is for this photo.
+    """
+    scene = context.scene
+    if rig_file is None:
+        rig_file = rig_file_for(image, scene.mps.estimate)
+    rig = Path(bpy.path.abspath(rig_file)) if rig_file else folder / "rig.json"
+    if not rig_file:
+        taken_with = remembered(image, "rig")
+        if taken_with is None:
+            write_rig(rig, light_rig(scene))
+        else:
+            rig.write_text(taken_with, encoding="utf-8")
+    return {"rig": str(rig), **_viewpoint_options(context, image, read_rig(rig), folder, later)}
+
+
+def _viewpoint_options(
+    context: Any, image: Any, rig: LightRig, folder: Path, later: Callable[[Slices], None]
+) -> Viewpoint:
+    """The camera that took the photo, and for near lights how far the object is from it."""
+    scene = context.scene
+    settings = scene.mps.estimate
+    viewpoint = seen_through(scene, image, settings.lens, folder)
+    if rig.near is not None and not viewpoint:
+        raise GeometryError(
+            "the rig's lights stand near the object, so the photo's camera counts; enter its lens, or add a rig, "
+            "whose camera is used"
+        )
+    if rig.near is not None and settings.distance:
+        viewpoint["distance"] = as_typed(settings.distance)
+    elif rig.near is not None and settings.surface is not None and not settings.lens:
+        context.view_layer.update()
+        depsgraph = context.evaluated_depsgraph_get()
+        later(begin_mesh(folder / "surface.npz", settings.surface, depsgraph, None).slices)
+        viewpoint["mesh"] = str(folder / "surface.npz")
+    return viewpoint
+
+
+def seen_through(scene: Any, image: Any, lens: float, folder: Path) -> Viewpoint:
+    """The core's option for a picture's camera: its lens where that is known, else the camera that is stored with it,
+    else the rig's; nothing where there is none.
+
+    lens: focal length in mm on a sensor 36 mm wide, 0 for none.
+    """
+    if lens:
+        return {"focal": as_typed(lens)}
+    if remembered(image, "camera") is None and not scene.mps.rig.lights:
+        return {}
+    write_photo_camera(folder / "camera.json", image, scene)
+    return {"camera": str(folder / "camera.json")}
+
+
+def network(settings: Any) -> Network:
+    """The core's options for the settings' model and, by the preferences, for what networks run on."""
+    provider, threads = preference("provider").lower(), preference("threads")
+    return {"model": model_name(settings), "provider": provider, "threads": threads}
+
+
+def model_name(settings: Any) -> str:
+    """The model's name for the core. Raises SettingsError where it is a file and none is named."""
+    if settings.model != "FILE":
+        return MODELS[settings.model].name
+    if not settings.model_file:
+        raise SettingsError("the model is a file but none is named; choose an .onnx file")
+    return bpy.path.abspath(settings.model_file)
+
+
+def reading(settings: Any, unmasked: str = "alpha-or-auto") -> Reading:
+    """The core's options for how a photo is read: encoding, dark frame, flat field and mask.
+
+    unmasked: the mask unless one is chosen.
+
+    Raises SettingsError where a file is chosen and none is named.
+    """
+    return {**reading_without_mask(settings), "mask": _mask(settings) or unmasked}
+
+
+def reading_without_mask(settings: Any) -> ReadingWithoutMask:
+    """The same but for the mask."""
+    dark, flat = (bpy.path.abspath(path) if path else None for path in (settings.dark, settings.flat))
+    return {"encoding": settings.encoding.lower(), "dark": dark, "flat": flat}
+
+
+def _mask(settings: Any) -> str:
+    if settings.mask == "FILE":
+        if not settings.mask_file:
+            raise SettingsError("the mask is a file but none is named; choose a picture")
+        return bpy.path.abspath(settings.mask_file)
+    if settings.mask == "BACKGROUND":
+        if not settings.background:
+            raise SettingsError("the mask comes from a background photo but none is named; choose one")
+        return f"background:{bpy.path.abspath(settings.background)}"
+    if settings.mask == "THRESHOLD":
+        return f"threshold:{settings.threshold:g}"
+    return {"AUTO": "", "FIND": "auto"}.get(settings.mask, settings.mask.lower())
