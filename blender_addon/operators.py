@@ -3,11 +3,10 @@
 import logging
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import bpy
@@ -15,6 +14,7 @@ from bpy.props import StringProperty
 
 from mpsnet_core.errors import Cancelled, InputError, in_one_line
 from mpsnet_core.io.crash_log import unforeseen
+from mpsnet_core.io.files import temporary_folder
 from mpsnet_core.progress import Progress
 
 from .child_process.core_process import CORE, CoreCrashed, CoreProcess, Program, Work, run
@@ -149,10 +149,10 @@ def _sentence(error: OSError) -> str:
 class _Job:
     """Work beside the live window. It outlives Blender's operator, whose data goes when it is removed.
 
-    slices: what is to be done here before the child process can start. start: starts it.
+    folder: goes with it. slices: what is to be done here before the child process can start. start: starts it.
     """
 
-    folder: "TemporaryDirectory[str]"
+    folder: ExitStack
     slices: list[Slices]
     start: Callable[[], CoreProcess]
     timer: Any
@@ -179,7 +179,7 @@ class _Job:
             self.process.cancel()
         manager.event_timer_remove(self.timer)
         manager.mps.running = manager.mps.left = ""
-        self.folder.cleanup()
+        self.folder.close()
         redraw_panels(manager)
 
 
@@ -237,9 +237,9 @@ class RunsCore(ReportingOperator):
 
     def act(self, context: Any) -> None:
         manager = context.window_manager
-        with TemporaryDirectory(prefix="mpsnet-") as folder:
+        with temporary_folder() as folder:
             try:
-                work, outputs = self._prepared(context, Path(folder))
+                work, outputs = self._prepared(context, folder)
                 for _ in chain.from_iterable(self._slices):
                     pass
             finally:
@@ -268,16 +268,18 @@ class RunsCore(ReportingOperator):
         return {"RUNNING_MODAL"} if self.done(lambda: self._start(context)) else {"CANCELLED"}
 
     def _start(self, context: Any) -> None:
-        folder, begun = TemporaryDirectory(prefix="mpsnet-"), time.monotonic()
-        try:
-            work, outputs = self._prepared(context, Path(folder.name))
-        except BaseException:
-            _give_up(self._slices)
-            folder.cleanup()
-            raise
-        program, manager = self.program(Path(folder.name)), context.window_manager
-        timer = manager.event_timer_add(TICK_SECONDS, window=context.window)
-        self._job = _Job(folder, self._slices, lambda: CoreProcess(work, outputs, program), timer)
+        begun = time.monotonic()
+        with ExitStack() as held:
+            folder = held.enter_context(temporary_folder())
+            try:
+                work, outputs = self._prepared(context, folder)
+            except BaseException:
+                _give_up(self._slices)
+                raise
+            program, manager = self.program(folder), context.window_manager
+            timer = manager.event_timer_add(TICK_SECONDS, window=context.window)
+            kept = held.pop_all()
+        self._job = _Job(kept, self._slices, lambda: CoreProcess(work, outputs, program), timer)
         _jobs.append(self._job)
         manager.mps.running, manager.mps.cancel = self.bl_idname, False  # MPS_OT_..., as Blender writes it
         if time.monotonic() - begun < SLICE_SECONDS:

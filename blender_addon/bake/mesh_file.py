@@ -105,7 +105,7 @@ def begin_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: M
         "corner_normals": (normals, corners),
         "uvs": (uvs, in_uvs),
     }
-    used = names["materials"][np.unique(names["triangle_material"])]
+    used = names["materials"][np.unique(names["triangle_material"][0])]
     return BegunMesh(uv_map or "", frozenset(used.tolist()), _written(path, arrays))
 
 

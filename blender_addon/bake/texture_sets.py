@@ -49,20 +49,22 @@ def slot_labels(obj: Any) -> list[str]:
 def material_arrays(mesh: Any, obj: Any, polygons: NDArray[np.int32]) -> dict[str, Any]:
     """The object's and its materials' names for the core's mesh file, of an evaluated mesh.
 
-    polygons: (T,) that of each triangle.
+    polygons: (T,) that of each triangle. Arrays for the triangles are pairs or views, for :mod:`.mesh_file` to write.
     """
     labels = [_label(material, obj) for material in mesh.materials] or [_label(None, obj)]
     of_polygon = np.zeros(len(mesh.polygons), np.int32)
     if "material_index" in mesh.attributes:  # many times as fast as by the triangles' own
         mesh.attributes["material_index"].data.foreach_get("value", of_polygon)
-    numbers = of_polygon[polygons]
     names = list(dict.fromkeys(labels))
     slots = np.array([names.index(label) for label in labels], np.int32)
     return {
         "materials": np.array(names, str),
-        "triangle_material": slots[np.minimum(numbers, len(slots) - 1)],  # as Blender takes numbers beyond the last
+        "triangle_material": (
+            slots[np.minimum(of_polygon, len(slots) - 1)],
+            polygons,
+        ),  # as Blender takes numbers beyond the last
         "objects": np.array([obj.name], str),
-        "triangle_object": np.zeros_like(numbers),
+        "triangle_object": np.broadcast_to(np.int32(0), polygons.shape),
     }
 
 

@@ -3,6 +3,7 @@
 import contextlib
 import os
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from mpsnet_core.estimate.card import ModelCard, card_from_metadata, record_from
 from mpsnet_core.estimate.dense import dense_answer
 from mpsnet_core.estimate.distant_lights import as_distant_lights, turn_back
 from mpsnet_core.estimate.features import CONSTANTS, channel_count
+from mpsnet_core.estimate.operators import check_operators
 from mpsnet_core.estimate.patches import patch_answer
 from mpsnet_core.estimate.registry import DEFAULT_TILE
 from mpsnet_core.io.files import existing_file
@@ -28,6 +30,8 @@ PROVIDERS = {
     "coreml": "CoreMLExecutionProvider",
 }
 MAX_MODEL_BYTES = 2 << 30
+# What a network may hold in main memory as it runs.
+MAX_ARENA_BYTES = 16 << 30
 
 
 class OnnxModel:
@@ -56,6 +60,7 @@ class OnnxModel:
         if threads < 0:
             raise SettingsError(f"{threads} threads cannot be; use 0 for all cores or a number above")
         self.tile = tile
+        check_operators(self.path)
         self.session = _session(self.path, provider, threads)
         try:
             metadata = _metadata(self.session)
@@ -88,6 +93,11 @@ class OnnxModel:
             outputs = dict(zip(self._outputs, self.session.run(None, inputs), strict=True))
         except _RUNTIME_ERRORS as error:
             shapes = ", ".join(f"{name} {value.shape}" for name, value in inputs.items())
+            if "memory" in str(error):
+                raise FormatError(
+                    f"model file {self.path} failed on {shapes}: it needs more memory than there is, or than "
+                    f"{MAX_ARENA_BYTES >> 30} GiB; use smaller tiles"
+                ) from None
             reason = " ".join(str(error).split())[:200]
             raise FormatError(
                 f"model file {self.path} failed on {shapes}: {reason}; export it with dynamic sizes"
@@ -148,6 +158,9 @@ def _session(path: Path, provider: str, threads: int) -> onnxruntime.InferenceSe
     options.enable_mem_pattern = False  # plans for one size only, half as much memory again, and is no quicker
     # Threads that wait for work would hold cores that reading and writing other frames can use; no slower alone.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    options.add_session_config_entry("session.load_model_format", "ONNX")  # whatever its ending says
+    _limit_memory()
+    options.add_session_config_entry("session.use_env_allocators", "1")
     options.log_severity_level = 4  # errors are reported in our own sentence
     try:
         # On failure it would print on stdout, and try the CPU: in vain, where that is what failed.
@@ -160,6 +173,17 @@ def _session(path: Path, provider: str, threads: int) -> onnxruntime.InferenceSe
         raise FormatError(
             f"model file {path} is not an ONNX model that can be run ({reason}); export it again"
         ) from None
+
+
+@cache
+def _limit_memory() -> None:
+    """Limit what all sessions of this process hold together: a few bytes of a file may request any size."""
+    memory = onnxruntime.OrtMemoryInfo(
+        "Cpu", onnxruntime.OrtAllocatorType.ORT_ARENA_ALLOCATOR, 0, onnxruntime.OrtMemType.DEFAULT
+    )
+    limit = onnxruntime.OrtArenaCfg({"max_mem": MAX_ARENA_BYTES})
+    with contextlib.suppress(*_RUNTIME_ERRORS):  # where another library in this process has registered its own
+        onnxruntime.create_and_register_allocator(memory, limit)
 
 
 def _metadata(session: onnxruntime.InferenceSession) -> dict[str, str]:

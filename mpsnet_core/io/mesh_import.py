@@ -5,6 +5,7 @@ import logging
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
 from typing import IO, Any
 
@@ -17,6 +18,8 @@ _BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
 MAX_BYTES = 4 << 30
 # Where they stand: of a mesh that stands in many places each time.
 MAX_VERTICES = 1 << 26
+# Of a GLB file's nodes and meshes, each node counted once for itself and once for each node that it lies in.
+MAX_PARTS = 1 << 16
 
 
 @contextmanager
@@ -40,7 +43,9 @@ def read_scene(path: Path) -> Iterator[Any]:
     try:
         with path.open("rb") as file:  # by a path trimesh would open the files beside it
             if path.suffix.lower() == ".glb":
-                _check_size(file, most_bytes(path, MAX_BYTES))
+                header = _glb_header(file)
+                _check_size(header, most_bytes(path, MAX_BYTES))
+                _check_parts(header)
             # process=False: merging vertices would lose UV seams and sharp edges.
             scene = trimesh.load_scene(
                 file,
@@ -59,12 +64,17 @@ def read_scene(path: Path) -> Iterator[Any]:
         raise FormatError(f"it cannot be read ({type(error).__name__}: {error}); export it again") from None
 
 
-def _check_size(file: IO[bytes], most: int) -> None:
+def _glb_header(file: IO[bytes]) -> dict[str, Any]:
+    """The JSON part of a GLB file."""
+    length, _ = struct.unpack("<II", file.read(20)[12:])
+    header: dict[str, Any] = json.loads(file.read(length))
+    file.seek(0)
+    return header
+
+
+def _check_size(header: dict[str, Any], most: int) -> None:
     """Raises FormatError where a GLB file claims more than `most` bytes: trimesh believes what it says of its arrays,
     and copies one as often as something names it."""
-    length, _ = struct.unpack("<II", file.read(20)[12:])
-    header = json.loads(file.read(length))
-    file.seek(0)
     arrays = [
         _NUMBERS[one["type"]] * _BYTES[one["componentType"]] * abs(one["count"]) for one in header.get("accessors", ())
     ]
@@ -74,3 +84,17 @@ def _check_size(file: IO[bytes], most: int) -> None:
     needed += sum(arrays[number] for number in named if number is not None)
     if needed > most:
         raise FormatError(f"it unpacks to {needed / (1 << 20):.0f} MiB, and may to {most >> 20}; reduce it first")
+
+
+def _check_parts(header: dict[str, Any]) -> None:
+    """Raises FormatError where a GLB file has more than :data:`MAX_PARTS`: trimesh follows each node to the root."""
+    nodes = header.get("nodes", ())
+    meshes = [len(mesh["primitives"]) for mesh in header.get("meshes", ())]
+    parts = sum(meshes) + sum(meshes[node["mesh"]] for node in nodes if "mesh" in node)
+    level = nodes
+    while level and parts <= MAX_PARTS:  # a node that lies in itself never ends
+        parts += len(level)
+        inner = (nodes[child] for node in level for child in node.get("children", ()))
+        level = list(islice(inner, MAX_PARTS))
+    if parts > MAX_PARTS:
+        raise FormatError("it has too many objects, or too many in one another; join them first")

@@ -1,5 +1,6 @@
 """The estimate and the bake in Blender, and whether a render with the texture looks as it should."""
 
+from contextlib import ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -237,13 +238,12 @@ def test_between_two_slices_the_window_goes_on_and_cancel_leaves_nothing(heavy, 
     manager, started = bpy.context.window_manager, []
 
     def job():
-        folder = TemporaryDirectory(dir=tmp_path)
+        held = ExitStack()
+        folder = Path(held.enter_context(TemporaryDirectory(dir=tmp_path)))
         graph = bpy.context.evaluated_depsgraph_get()
-        slices = [begin_mesh(Path(folder.name) / f"{number}.npz", heavy, graph, "").slices for number in range(2)]
+        slices = [begin_mesh(folder / f"{number}.npz", heavy, graph, "").slices for number in range(2)]
         timer = manager.event_timer_add(0.1, window=bpy.context.window)
-        one = operators._Job(
-            folder, slices, lambda: started.append({file.name for file in Path(folder.name).iterdir()}), timer
-        )
+        one = operators._Job(held, slices, lambda: started.append({file.name for file in folder.iterdir()}), timer)
         operators._jobs.append(one)
         return one
 
@@ -269,7 +269,7 @@ def test_a_texture_is_read_when_it_is_shown(estimated, scene, tmp_path):
         assert tuple(image.size) == (32, 32) and image.has_data
 
 
-def test_the_window_is_drawn_before_a_long_slice(scene, tmp_path, monkeypatch):
+def test_the_window_is_drawn_before_a_long_slice(scene, monkeypatch):
     monkeypatch.setattr(operators, "SLICE_SECONDS", 60)
     manager, done = bpy.context.window_manager, []
 
@@ -279,7 +279,7 @@ def test_the_window_is_drawn_before_a_long_slice(scene, tmp_path, monkeypatch):
             yield is_next_long
 
     timer = manager.event_timer_add(0.1, window=bpy.context.window)
-    job = operators._Job(TemporaryDirectory(dir=tmp_path), [slices()], lambda: done.append("started"), timer)
+    job = operators._Job(ExitStack(), [slices()], lambda: done.append("started"), timer)
     for until in (["short", "short"], ["long"], ["long", "started"]):
         done.clear()
         job.go_on()

@@ -3,8 +3,10 @@
 import gc
 import os
 import signal
+import subprocess
 import sys
 import time
+from contextlib import ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -155,10 +157,11 @@ def test_the_child_imports_nothing_from_the_current_folder(tmp_path, monkeypatch
 
 def test_taking_the_add_on_away_ends_what_it_runs(job, tmp_path):
     operation, output = job
-    folder = TemporaryDirectory(dir=tmp_path)
+    held = ExitStack()
+    folder = Path(held.enter_context(TemporaryDirectory(dir=tmp_path)))
     manager = bpy.context.window_manager
     timer = manager.event_timer_add(0.1, window=manager.windows[0])
-    running = operators._Job(folder, [], lambda: CoreProcess(operation, [output]), timer)
+    running = operators._Job(held, [], lambda: CoreProcess(operation, [output]), timer)
     running.go_on()
     operators._jobs.append(running)
     manager.mps.running = "MPS_OT_estimate"
@@ -166,8 +169,34 @@ def test_taking_the_add_on_away_ends_what_it_runs(job, tmp_path):
     operators.unregister()
     try:
         assert not running.process.running()
-        assert only_the_inputs(output.parent) and not Path(folder.name).exists()
+        assert only_the_inputs(output.parent) and not folder.exists()
         assert manager.mps.running == ""
         running.leave(manager)  # Blender may ask for it once more
     finally:
         operators.register()
+
+
+def test_what_a_killed_blender_left_goes_with_the_next_run(tmp_path):
+    script = """
+import os, sys
+import bpy
+import blender_addon
+from blender_addon.operators import RunsCore
+from mpsnet_core.errors import InputError
+blender_addon.register()
+class MPS_OT_ends(RunsCore, bpy.types.Operator):
+    bl_idname, bl_label = "mps.ends", "Ends"
+    def prepare(self, context, folder):
+        (folder / "mesh.npz").write_bytes(b"much")
+        if sys.argv[1] == "killed":
+            os._exit(9)
+        raise InputError("refused")
+bpy.utils.register_class(MPS_OT_ends)
+bpy.ops.mps.ends()
+"""
+    folders = []
+    for ends in ("killed", "refused"):
+        environment = {**os.environ, "TMPDIR": str(tmp_path), "TEMP": str(tmp_path)}
+        subprocess.run([sys.executable, "-c", script, ends], env=environment, capture_output=True, timeout=60)
+        folders.append(len(list(tmp_path.glob("*/mesh.npz"))))
+    assert folders == [1, 0]

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.outputs import image_file, output_path
+from blender_addon.outputs import fine_preview, image_file, load_image, output_path
 from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.step import Kind
 from mpsnet_core.arrays.unit_vectors import angular_error
@@ -250,3 +250,16 @@ def test_beside_a_file_that_was_never_saved_is_nowhere(estimated, scene, tmp_pat
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "sub" / "mine.blend"))
     bpy.ops.mps.estimate(model="LAMBERTIAN", output="//x.png")
     assert (tmp_path / "sub" / "x.png").is_file()
+
+
+def test_a_preview_is_drawn_without_reading_the_image_itself(tmp_path):
+    """To read 4096² pixels takes half a second."""
+    picture = np.zeros((600, 1200, 3), np.float32)
+    picture[:300, :600] = 1
+    write_image(tmp_path / "wide.png", picture, bits=8)
+    image = load_image(tmp_path / "wide.png", "Wide", is_data=True)
+    fine_preview(image)
+    assert not image.has_data
+    shown = np.reshape(image.preview.image_pixels_float[:], (512, 512, 4))[::-1]
+    np.testing.assert_allclose([shown[64, 128, 0], shown[64, 384, 0], shown[192, 128, 0]], [1, 0, 0], atol=0.01)
+    assert shown[255, 5, 3] == 1 and shown[257, 5, 3] == 0

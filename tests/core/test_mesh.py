@@ -364,6 +364,21 @@ test_a_bad_mesh_gets_one_clear_sentence = gets_one_clear_sentence(
             lambda b: read_mesh(glb_of(b, accessors=[{"componentType": 5126, "count": 10**9, "type": "VEC3"}])),
             "mesh.glb: it unpacks to…MiB, and may to 64; reduce it first",
         ),
+        *(
+            (
+                f"a GLB of {words}",
+                lambda b, nodes=nodes: read_mesh(glb_of(b, nodes=nodes)),
+                "mesh.glb: it has too many objects, or too many in one another; join them first",
+            )
+            for words, nodes in (
+                ("100,000 nodes", [{"mesh": 0}] * 100_000),
+                (
+                    "nodes in one another",
+                    [{"mesh": 0, "children": [inner]} for inner in range(1, 1000)] + [{"mesh": 0}],
+                ),
+                ("a node in itself", [{"mesh": 0, "children": [0]}]),
+            )
+        ),
         (
             "a GLB whose numbers are in another file",
             lambda b: read_mesh(glb_beside_a_pipe(b)),

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import onnx
 import onnxruntime
 import pytest
 from bad_input import SPHERE, Bench, gets_one_clear_sentence
@@ -44,8 +45,8 @@ def test_onnxruntime_says_nothing_of_a_graph_whose_names_are_no_text(
 ) -> None:
     path = tmp_path / "net.onnx"
     pass_through(path)
-    path.write_bytes(path.read_bytes().replace(b"Conv", b"Con\x80"))
-    with pytest.raises(InputError, match="is not an ONNX model that can be run"):
+    path.write_bytes(path.read_bytes().replace(b"normals", b"normal\x80"))
+    with pytest.raises(InputError, match="cannot be used"):
         OnnxModel(path)
     assert capfd.readouterr() == ("", "")
 
@@ -273,8 +274,72 @@ def card_with(**changes: Any) -> Callable[[Bench], Any]:
     return use(dense(card={key: value for key, value in data.items() if value is not None}))
 
 
+BODY = helper.make_graph(
+    [helper.make_node("Identity", ["in"], ["more"]), helper.make_node("Identity", ["of_loop"], ["out"])],
+    "endless",
+    [
+        helper.make_tensor_value_info("turn", TensorProto.INT64, []),
+        helper.make_tensor_value_info("in", TensorProto.BOOL, []),
+        helper.make_tensor_value_info("of_loop", TensorProto.FLOAT, None),
+    ],
+    [
+        helper.make_tensor_value_info("more", TensorProto.BOOL, []),
+        helper.make_tensor_value_info("out", TensorProto.FLOAT, None),
+    ],
+)
+ENDLESS = [
+    helper.make_node("Constant", [], ["yes"], value=helper.make_tensor("v", TensorProto.BOOL, [], [True])),
+    helper.make_node("Loop", ["", "yes", "x"], ["normals"], body=BODY),
+]
+# One number of 2^40.
+MOSTLY_ZERO = helper.make_sparse_tensor(
+    helper.make_tensor("few", TensorProto.FLOAT, [1], [1.0]),
+    helper.make_tensor("at", TensorProto.INT64, [1], [0]),
+    [1 << 40],
+)
+
+
+def own_operator(path: Path) -> Path:
+    """A network whose "Relu" is of its own making."""
+    model = onnx.load(pass_through(path))
+    inner = [helper.make_node("Identity", ["a"], ["b"])]
+    model.functions.append(helper.make_function("", "Relu", ["a"], ["b"], inner, model.opset_import))
+    onnx.save(model, path)
+    return path
+
+
 test_a_bad_network_gets_one_clear_sentence = gets_one_clear_sentence(
     [
+        (
+            "an endless loop",
+            use(dense(nodes=ENDLESS)),
+            'm.onnx has the operator "Loop", which feed-forward convolutional networks do not need; export it without',
+        ),
+        (
+            "operators of another domain",
+            use(dense(nodes=[helper.make_node("Identity", ["x"], ["normals"], domain="com.microsoft")])),
+            'm.onnx has operators of "com.microsoft"',
+        ),
+        ("operators of its own", use(own_operator), "m.onnx has functions of its own"),
+        (
+            "a constant of any size",
+            use(dense(nodes=[helper.make_node("Constant", [], ["normals"], sparse_value=MOSTLY_ZERO)])),
+            "m.onnx has sparse weights",
+        ),
+        (
+            "32 GiB of ones",
+            use(
+                dense(
+                    nodes=[
+                        helper.make_node("Constant", [], ["k"], value_ints=[1 << 33]),
+                        helper.make_node("ConstantOfShape", ["k"], ["ones"]),
+                        helper.make_node("ReduceSum", ["ones"], ["sum"]),
+                        helper.make_node("Add", ["x", "sum"], ["normals"]),
+                    ]
+                )
+            ),
+            "m.onnx failed on x (1, 3, 16, 16): it needs more memory than there is, or than 16 GiB; use smaller tiles",
+        ),
         (
             "a card that is no UTF-8",
             lambda b: b.run("models", b.replaced(pass_through(b / "m.onnx"), b'"licence"', b'"lic\xff\xfece"')),
