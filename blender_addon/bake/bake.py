@@ -28,6 +28,7 @@ from ..outputs import (
     picture_size,
     remembered,
 )
+from ..photo.camera import cameras_place, chosen_camera, lacks_camera, write_photo_camera
 from ..provenance import Provenance, chosen, rounded, stamp
 from ..rig.rig import rig_camera, scene_camera
 from ..rig.several_rigs import all_rigs
@@ -49,6 +50,7 @@ from .texture_sets import (
     with_tokens,
 )
 
+NO_CAMERA = "Where was the photo taken from? Press Align Photo in the step Photo, or choose the camera there"
 BITS = {".png": 16, ".tif": 16, ".tiff": 16, ".exr": 32}
 
 
@@ -206,14 +208,22 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
 
     @classmethod
     def lacks(cls, context: Any) -> str:
-        return "" if context.scene.mps.estimate.image else "Estimate the normals first"
+        scene = context.scene
+        if scene.mps.estimate.image is None:
+            return "Estimate the normals first"
+        return NO_CAMERA if lacks_camera(scene, scene.mps.estimate.image) else ""
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
         settings = context.scene.mps.bake
         every = all_rigs(context.scene) if settings.all_rigs else [context.scene.mps]
         stamps = ", ".join(stamp(one.estimate.image) for one in every)
-        return {"Normals": stamps, **chosen(BakeSettings, settings), **targets_place(settings)}
+        return {
+            "Normals": stamps,
+            **chosen(BakeSettings, settings),
+            **targets_place(settings),
+            **cameras_place(context.scene, context.scene.mps.estimate.image),
+        }
 
     def prepare(self, context: Any, folder: Path) -> tuple[Bake, Sequence[Path]]:
         scene = context.scene
@@ -238,6 +248,9 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
             meshes = self.write_meshes(context, folder, targets)
             camera = str(folder / "camera.json")
             self._write_camera(scene, folder / "camera.json", normals_image)
+        photo = normals_image.mps.photo
+        if photo is not None and photo.mps.poor and chosen_camera(scene, normals_image) is not None:
+            self._notes = [*self._notes, f"the mesh fits the photo poorly ({photo.mps.fit}); look at Align Photo"]
         others = self._other_rigs(scene) if self.all_rigs else []
         operation = Bake(
             mesh=meshes,
@@ -268,10 +281,7 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
 
     def _write_camera(self, scene: Any, path: Path, normals_image: Any) -> None:
         """Write the camera that the normals were taken with, or that of the rig as it stands."""
-        taken_with = remembered(normals_image, "camera")
-        if taken_with is not None:
-            path.write_text(taken_with, encoding="utf-8")
-        else:
+        if not write_photo_camera(path, scene, normals_image):
             write_camera(path, scene_camera(rig_camera(scene), scene, picture_size(normals_image)))
 
     def _write_place(self, context: Any, folder: Path, target: Any, normals_image: Any) -> tuple[str, str]:
@@ -282,8 +292,11 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
             begun = begin_mesh(folder / "mesh.npz", target, context.evaluated_depsgraph_get(), self.uv_map)
         else:
             place = Moving(folder, scene.session_uid, target.session_uid, self.uv_map)
-            if remembered(normals_image, "camera") is None:
-                seen_by, camera = rig_camera(scene), CAMERAS
+            seen_by = chosen_camera(scene, normals_image)
+            if seen_by is None and remembered(normals_image, "camera") is None:
+                seen_by = rig_camera(scene)
+            if seen_by is not None:
+                camera = CAMERAS
                 place = replace(place, camera=seen_by.session_uid, size=picture_size(normals_image))
             begun = place.begin(self._frames)
         self.later(begun.slices)
@@ -306,13 +319,15 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         views = []
         for number, one in enumerate(rigs):
             image = one.estimate.image
-            camera, taken_with = folder / f"camera_{number}.json", remembered(image, "camera")
-            if taken_with is not None:
-                camera.write_text(taken_with, encoding="utf-8")
-            elif one.rig.camera is not None:
+            camera = folder / f"camera_{number}.json"
+            if lacks_camera(scene, image):
+                raise InputError(
+                    f'nobody knows the camera of the normals "{image.name}"; choose their rig and press Align Photo'
+                )
+            if not write_photo_camera(camera, scene, image):
+                if one.rig.camera is None:
+                    raise InputError(f'the camera of the normals "{image.name}" is gone; estimate them again')
                 write_camera(camera, scene_camera(one.rig.camera, scene, picture_size(image)))
-            else:
-                raise InputError(f'the camera of the normals "{image.name}" is gone; estimate them again')
             views.append(f"{camera}={image_file(image, 'normal map', 'estimate the normals again')}")
         return views
 

@@ -16,7 +16,7 @@ from mpsnet_core.scene.rig import LightRig, read_rig, write_rig
 
 from ..bake.bake import named_object
 from ..bake.mesh_file import begin_mesh
-from ..operators import RunsCore, Slices, as_typed
+from ..operators import RunsCore, Slices, as_typed, same
 from ..outputs import (
     FORMATS,
     ending_wins,
@@ -31,8 +31,9 @@ from ..outputs import (
     remember,
     remembered,
 )
+from ..photo.camera import chosen_camera, write_photo_camera
 from ..preferences import preference
-from ..provenance import Provenance, chosen, file_stamp, made_by, stamp
+from ..provenance import Provenance, chosen, file_stamp, made_by, rounded, stamp
 from ..rig.rig import light_rig, rig_camera, scene_camera
 from ..rig.several_rigs import result_name, rig_at
 from ..settings.declared import take_given
@@ -64,6 +65,7 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
             **chosen(EstimateSettings, settings, without=("output", "confidence", "albedo")),
             "White Photo": file_stamp(settings.white),
             "Rig File": file_stamp(rig_file_for(context.scene.mps.photo.image, settings)),
+            "Camera's lens": _lens_of_camera(context.scene),
         }
 
     def prepare(self, context: Any, folder: Path) -> tuple[Estimate, Sequence[Path]]:
@@ -106,6 +108,7 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
             outputs.append(output.with_name(f"{output.stem}_{also}{output.suffix}"))
             options[also] = str(outputs[-1])
         self._output, self._camera, self._lens = output, remembered(image, "camera"), self.lens
+        self._photo = image.session_uid
         return Estimate(image=(str(photo),), output=str(output), **options), outputs
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
@@ -119,6 +122,7 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         # The bake takes the camera as it stood for this photo, not for one that was estimated here before.
         remember(image, "camera", self._camera)
         remember(image, "lens", f"{self._lens:g}")
+        image.mps.photo = same(bpy.data.images, self._photo)
         self.made(image)
         estimate.image = image
         estimate.albedo_image = None
@@ -126,6 +130,13 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
             estimate.albedo_image = load_image(Path(result["albedo"]), "MPS Albedo", is_data=False)
             self.made(estimate.albedo_image)
         self.report({"INFO"}, f"Normals written to {self._output}")
+
+
+def _lens_of_camera(scene: Any) -> str:
+    """What counts of the camera object of a real photo under distant lights."""
+    photo = scene.mps.photo.image
+    camera = chosen_camera(scene, photo) if photo and not scene.mps.estimate.lens else None
+    return rounded([camera.data.lens, camera.data.ortho_scale], 4) if camera else ""
 
 
 class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
@@ -185,14 +196,20 @@ def rig_and_camera_options(
     scene = context.scene
     if rig_file is None:
         rig_file = rig_file_for(image, scene.mps.estimate)
-    rig = Path(bpy.path.abspath(rig_file)) if rig_file else folder / "rig.json"
-    if not rig_file:
-        taken_with = remembered(image, "rig")
-        if taken_with is None:
-            write_rig(rig, light_rig(scene))
-        else:
-            rig.write_text(taken_with, encoding="utf-8")
+    rig = rig_path(scene, image, folder, rig_file)
     return {"rig": str(rig), **_viewpoint_options(context, image, read_rig(rig), folder, later)}
+
+
+def rig_path(scene: Any, image: Any, folder: Path, rig_file: str) -> Path:
+    """The file of the rig that a photo was taken with: `rig_file`, else what the photo keeps, else the scene's rig."""
+    if rig_file:
+        return Path(bpy.path.abspath(rig_file))
+    rig, taken_with = folder / "rig.json", remembered(image, "rig")
+    if taken_with is None:
+        write_rig(rig, light_rig(scene))
+    else:
+        rig.write_text(taken_with, encoding="utf-8")
+    return rig
 
 
 def _viewpoint_options(
@@ -217,20 +234,18 @@ def _viewpoint_options(
 
 
 def seen_through(scene: Any, image: Any, lens: float, folder: Path) -> dict[str, Any]:
-    """The core's option for a picture's camera: its lens where that is known, else the camera that it keeps, else the
+    """The core's option for a picture's camera: its lens where that is known, else the camera that took it, else the
     rig's; nothing where there is none.
 
     lens: focal length in mm on a sensor 36 mm wide, 0 for none.
     """
-    camera, taken_with = folder / "camera.json", remembered(image, "camera")
+    camera = folder / "camera.json"
     if lens:
         return {"focal": as_typed(lens)}
-    if taken_with is not None:
-        camera.write_text(taken_with, encoding="utf-8")
-    elif scene.mps.rig.lights:
+    if not write_photo_camera(camera, scene, image):
+        if not scene.mps.rig.lights:
+            return {}
         write_camera(camera, scene_camera(rig_camera(scene), scene, picture_size(image)))
-    else:
-        return {}
     return {"camera": str(camera)}
 
 
