@@ -24,7 +24,7 @@ from ..rig.rig import scene_camera
 from ..rig.several_rigs import result_name
 from ..settings.align import AlignSettings
 from ..settings.declared import from_option, take_given
-from .camera import is_real
+from .camera import chosen_camera, is_real
 
 # On a camera object that was made here and so may be moved; others are the user's own.
 _MADE_HERE = "mpsnet_aligned"
@@ -86,7 +86,7 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
         )
         return operation, [self._camera, overlay]
 
-    def _place(self, context: Any, photo: Any, folder: Path) -> dict[str, str]:
+    def _place(self, context: Any, photo: Any, folder: Path) -> dict[str, Any]:
         """The core's options for where the camera is about; none where all views are tried."""
         if photo.mps.pairs:
             pairs = [{"pixel": list(pair.pixel), "point": list(pair.point)} for pair in photo.mps.pairs]
@@ -97,7 +97,7 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
         if self.start == "VIEWPORT":
             start = _viewport(context)
         else:
-            camera = photo.mps.camera or context.scene.camera
+            camera = chosen_camera(context.scene, photo) or context.scene.camera
             if camera is None:
                 raise InputError("there is no camera to start from; choose another start, or add a camera")
             start = scene_camera(camera, context.scene, picture_size(photo))
@@ -140,7 +140,7 @@ def _viewport(context: Any) -> Camera:
     focal = float(np.clip(view.window_matrix[0][0] * region.width / 2, 1, 1e6))
     if not view.is_perspective:
         focal = max(region.width, region.height) * context.space_data.lens / FULL_FRAME / 2
-    return Camera("perspective", region.width, region.height, np.full(2, focal), None, np.array(pose))
+    return Camera("perspective", region.width, region.height, np.full(2, focal), world_from_camera=np.array(pose))
 
 
 def _camera_object(scene: Any, photo: Any, found: Camera, target: Any) -> Any:
@@ -148,8 +148,8 @@ def _camera_object(scene: Any, photo: Any, found: Camera, target: Any) -> Any:
 
     That of an earlier run is moved. The scene's pictures get the photo's size, or the camera would show it otherwise.
     """
-    camera = photo.mps.camera
-    if camera is None or not camera.get(_MADE_HERE) or scene.objects.get(camera.name) != camera:
+    camera = chosen_camera(scene, photo)
+    if camera is None or not camera.get(_MADE_HERE):
         camera = bpy.data.objects.new(photo.name, bpy.data.cameras.new(photo.name))
         camera[_MADE_HERE] = True
         scene.collection.objects.link(camera)

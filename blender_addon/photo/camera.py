@@ -19,7 +19,9 @@ def chosen_camera(scene: Any, image: Any) -> Any:
     """The camera object that stands for what took a real photo, or the photo of a normal map; None for none."""
     photo = image.mps.photo or image
     camera = photo.mps.camera if is_real(photo) else None
-    return camera if camera is not None and scene.objects.get(camera.name) == camera else None
+    if camera is None or camera.type != "CAMERA" or scene.objects.get(camera.name) != camera:
+        return None
+    return camera
 
 
 def lacks_camera(scene: Any, normals: Any) -> bool:
