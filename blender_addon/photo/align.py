@@ -133,9 +133,10 @@ def _mesh(context: Any) -> Any:
 
 def _viewport(context: Any) -> Camera:
     """The 3D viewport's view as a camera. Raises InputError where there is none."""
-    region, view = getattr(context, "region", None), getattr(context, "region_data", None)
-    if view is None or region is None or bpy.app.background:
+    view = getattr(context, "region_data", None)
+    if view is None or bpy.app.background:
         raise InputError('start "VIEWPORT" needs a 3D viewport to take it from; choose "SEARCH" or "CAMERA"')
+    region = next(region for region in context.area.regions if region.type == "WINDOW")  # the button is in the sidebar
     pose = Matrix.LocRotScale(view.view_matrix.inverted().translation, view.view_rotation, None)
     focal = float(np.clip(view.window_matrix[0][0] * region.width / 2, 1, 1e6))
     if not view.is_perspective:
