@@ -17,6 +17,7 @@ from .bake import many_views, relight
 from .estimate import estimate as estimate_step
 from .heights import displace, integrate
 from .material import material as material_step
+from .photo import align
 from .photo import photo as photo_step
 from .rig import calibrate, several_rigs
 from .rig import rig as rig_step
@@ -31,6 +32,7 @@ _MODULES = (
     several_rigs,
     calibrate,
     photo_step,
+    align,
     estimate_step,
     bake_step,
     displace,

@@ -27,6 +27,7 @@ VERBS = (
     "render_photo",
     "open_photo",
     "superpose",
+    "align_photo",
     "show_mask",
     "render_truth",
     "estimate",
@@ -131,6 +132,9 @@ def _written(verb: str) -> str:
     scene = bpy.context.scene.mps
     if verb in {"calibrate_lights", "calibrate_mixing"}:
         return f": {scene.estimate.rig_file}"
+    if verb == "align_photo":
+        photo = scene.photo.image.mps
+        return f': camera "{photo.camera.name}"; {photo.fit}'
     images = {
         "render_photo": scene.photo.image,
         "open_photo": scene.photo.image,

@@ -12,7 +12,7 @@ from mathutils import Matrix
 from mpsnet_core.bake.map_list import write_map_list
 from mpsnet_core.bake.operations import Bake
 from mpsnet_core.bake.presets import PRESETS
-from mpsnet_core.errors import InputError, SettingsError
+from mpsnet_core.errors import GeometryError, InputError, SettingsError
 
 from ..child_process.core_process import Work
 from ..operators import RunsCore, as_typed, by_session_uid
@@ -28,8 +28,8 @@ from ..outputs import (
     remembered,
     requested_folder,
 )
+from ..photo.camera import cameras_place, chosen_camera, lacks_camera, write_photo_camera
 from ..provenance import Provenance, chosen, rounded, stamp
-from ..rig.photo_camera import write_photo_camera
 from ..rig.rig import rig_camera
 from ..rig.several_rigs import all_rigs
 from ..settings.bake import BakeSettings
@@ -50,6 +50,7 @@ from .texture_sets import (
     with_tokens,
 )
 
+NO_CAMERA = "Where was the photo taken from? Press Align Photo in the step Photo, or choose the camera there"
 BITS = {".png": 16, ".tif": 16, ".tiff": 16, ".exr": 32}
 
 
@@ -219,14 +220,25 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
 
     bl_idname = "mps.bake"
     bl_label = "Bake Texture"
-    requires = "estimate"
+
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        scene = context.scene
+        if scene.mps.estimate.image is None:
+            return "Estimate the normals first"
+        return NO_CAMERA if lacks_camera(scene, scene.mps.estimate.image) else ""
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
         settings = context.scene.mps.bake
         every = all_rigs(context.scene) if settings.all_rigs else [context.scene.mps]
         stamps = ", ".join(stamp(one.estimate.image) for one in every)
-        return {"Normals": stamps, **chosen(BakeSettings, settings), **targets_place(settings)}
+        return {
+            "Normals": stamps,
+            **chosen(BakeSettings, settings),
+            **targets_place(settings),
+            **cameras_place(context.scene, context.scene.mps.estimate.image),
+        }
 
     def prepare(self, context: Any, folder: Path) -> tuple[Bake, Sequence[Path]]:
         scene = context.scene
@@ -250,7 +262,10 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
             suffix = self._output.suffix.lower()
             meshes = self.write_meshes(context, folder, targets)
             camera = str(folder / "camera.json")
-            write_photo_camera(folder / "camera.json", normals_image, scene)
+            self._write_camera(scene, folder / "camera.json", normals_image)
+        photo = normals_image.mps.photo
+        if photo is not None and photo.mps.poor and chosen_camera(scene, normals_image) is not None:
+            self._notes = [*self._notes, f"the mesh fits the photo poorly ({photo.mps.fit}); look at Align Photo"]
         others = self._other_rigs(scene) if self.all_rigs else []
         operation = Bake(
             mesh=meshes,
@@ -279,6 +294,11 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
             )
         return self.baked_object(context)
 
+    def _write_camera(self, scene: Any, path: Path, normals_image: Any) -> None:
+        """Write the camera that the normals were taken with, or that of the rig as it stands."""
+        if not write_photo_camera(path, scene, normals_image):
+            write_photo_camera(path, scene, normals_image, rig_camera(scene))
+
     def _write_place(self, context: Any, folder: Path, target: Any, normals_image: Any) -> tuple[str, str]:
         """Write mesh and camera for a sequence: as they stand, or for each frame where they shall move along."""
         scene, camera = context.scene, "camera.json"
@@ -287,14 +307,17 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
             begun = begin_mesh(folder / "mesh.npz", target, context.evaluated_depsgraph_get(), self.uv_map)
         else:
             place = Moving(folder, scene.session_uid, target.session_uid, self.uv_map)
-            if remembered(normals_image, "camera") is None:
-                seen_by, camera = rig_camera(scene), CAMERAS
+            seen_by = chosen_camera(scene, normals_image)
+            if seen_by is None and remembered(normals_image, "camera") is None:
+                seen_by = rig_camera(scene)
+            if seen_by is not None:
+                camera = CAMERAS
                 place = replace(place, camera=seen_by.session_uid, size=picture_size(normals_image))
             begun = place.begin(self._frames)
         self.later(begun.slices)
         self._bake_target = [_bake_target(target, begun)]
         if camera != CAMERAS:
-            write_photo_camera(folder / camera, normals_image, scene)
+            self._write_camera(scene, folder / camera, normals_image)
         return str(folder / (MESHES if self.animated else "mesh.npz")), str(folder / camera)
 
     def _other_rigs(self, scene: Any) -> list[Any]:
@@ -312,9 +335,12 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         for number, one in enumerate(rigs):
             image = one.estimate.image
             camera = folder / f"camera_{number}.json"
-            if remembered(image, "camera") is None and one.rig.camera is None:
-                raise InputError(f'the camera of the normals "{image.name}" is gone; estimate them again')
-            write_photo_camera(camera, image, scene, one.rig.camera)
+            if lacks_camera(scene, image):
+                raise GeometryError(
+                    f'nobody knows the camera of the normals "{image.name}"; choose their rig and press Align Photo'
+                )
+            if not write_photo_camera(camera, scene, image, one.rig.camera):
+                raise GeometryError(f'the camera of the normals "{image.name}" is gone; estimate them again')
             views.append(f"{camera}={image_file(image, 'normal map', 'estimate the normals again')}")
         return views
 

@@ -12,7 +12,7 @@ from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.operations import Estimate
 
 from ..bake.bake import find_object
-from ..operators import RunsCore
+from ..operators import RunsCore, by_session_uid
 from ..outputs import (
     FORMATS,
     fine_preview,
@@ -26,7 +26,8 @@ from ..outputs import (
     remember,
     remembered,
 )
-from ..provenance import Provenance, chosen, file_stamp, stamp
+from ..photo.camera import chosen_camera
+from ..provenance import Provenance, chosen, file_stamp, rounded, stamp
 from ..rig.several_rigs import result_name, rig_at
 from ..settings.declared import take_given
 from ..settings.estimate import EstimateSettings
@@ -54,6 +55,7 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
             **chosen(EstimateSettings, settings, without=("output", "confidence", "albedo")),
             "White Photo": file_stamp(settings.white),
             "Rig File": file_stamp(rig_file_for(context.scene.mps.photo.image, settings)),
+            "Camera's lens": _lens_of_camera(context.scene),
         }
 
     def prepare(self, context: Any, folder: Path) -> tuple[Estimate, Sequence[Path]]:
@@ -75,7 +77,7 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
             )
         if self.surface:
             scene.mps.estimate.surface = find_object(scene, self.surface)
-        self._camera, self._lens = remembered(image, "camera"), self.lens
+        self._camera, self._lens, self._photo = remembered(image, "camera"), self.lens, image.session_uid
         confidence, albedo = (self._beside(what) if getattr(self, what) else None for what in ("confidence", "albedo"))
         operation = Estimate(
             image=(str(photo),),
@@ -118,6 +120,7 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         # The bake takes the camera as it stood for this photo, not for one that was estimated here before.
         remember(image, "camera", self._camera)
         remember(image, "lens", f"{self._lens:g}")
+        image.mps.photo = by_session_uid(bpy.data.images, self._photo)
         self.made(image)
         estimate.image = image
         estimate.albedo_image = None
@@ -125,6 +128,13 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
             estimate.albedo_image = load_image(Path(result["albedo"]), "MPS Albedo", is_data=False)
             self.made(estimate.albedo_image)
         self.report({"INFO"}, f"Normals written to {self._output}")
+
+
+def _lens_of_camera(scene: Any) -> str:
+    """What counts of the camera object of a real photo under distant lights."""
+    photo = scene.mps.photo.image
+    camera = chosen_camera(scene, photo) if photo and not scene.mps.estimate.lens else None
+    return rounded([camera.data.lens, camera.data.ortho_scale], 4) if camera else ""
 
 
 class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):

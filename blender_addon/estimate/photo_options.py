@@ -12,10 +12,10 @@ from mpsnet_core.scene.rig import LightRig, read_rig, write_rig
 from ..bake.mesh_file import begin_mesh
 from ..operators import Slices, as_typed
 from ..outputs import remembered
+from ..photo.camera import write_photo_camera
 from ..preferences import preference
 from ..provenance import made_by
-from ..rig.photo_camera import write_photo_camera
-from ..rig.rig import light_rig
+from ..rig.rig import light_rig, rig_camera
 from ..settings.estimate import MODELS
 
 
@@ -66,14 +66,20 @@ def rig_and_camera_options(
     scene = context.scene
     if rig_file is None:
         rig_file = rig_file_for(image, scene.mps.estimate)
-    rig = Path(bpy.path.abspath(rig_file)) if rig_file else folder / "rig.json"
-    if not rig_file:
-        taken_with = remembered(image, "rig")
-        if taken_with is None:
-            write_rig(rig, light_rig(scene))
-        else:
-            rig.write_text(taken_with, encoding="utf-8")
+    rig = rig_path(scene, image, folder, rig_file)
     return {"rig": str(rig), **_viewpoint_options(context, image, read_rig(rig), folder, later)}
+
+
+def rig_path(scene: Any, image: Any, folder: Path, rig_file: str) -> Path:
+    """The file of the rig that lit a photo: `rig_file`, else what is stored with the photo, else the scene's rig."""
+    if rig_file:
+        return Path(bpy.path.abspath(rig_file))
+    rig, taken_with = folder / "rig.json", remembered(image, "rig")
+    if taken_with is None:
+        write_rig(rig, light_rig(scene))
+    else:
+        rig.write_text(taken_with, encoding="utf-8")
+    return rig
 
 
 def _viewpoint_options(
@@ -99,17 +105,19 @@ def _viewpoint_options(
 
 
 def seen_through(scene: Any, image: Any, lens: float, folder: Path) -> Viewpoint:
-    """The core's option for a picture's camera: its lens where that is known, else the camera that is stored with it,
-    else the rig's; nothing where there is none.
+    """The core's option for a picture's camera: its lens where that is known, else the camera that took it, else the
+    rig's; nothing where there is none.
 
     lens: focal length in mm on a sensor 36 mm wide, 0 for none.
     """
     if lens:
         return {"focal": as_typed(lens)}
-    if remembered(image, "camera") is None and not scene.mps.rig.lights:
-        return {}
-    write_photo_camera(folder / "camera.json", image, scene)
-    return {"camera": str(folder / "camera.json")}
+    camera = folder / "camera.json"
+    if not write_photo_camera(camera, scene, image):
+        if not scene.mps.rig.lights:
+            return {}
+        write_photo_camera(camera, scene, image, rig_camera(scene))
+    return {"camera": str(camera)}
 
 
 def network(settings: Any) -> Network:

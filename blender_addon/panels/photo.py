@@ -6,9 +6,11 @@ import bpy
 
 from ..child_process.trust import SCRIPTS_OFF
 from ..estimate.photo_options import rig_file_for
+from ..photo.camera import is_real
 from ..provenance import made_by
 from ..settings.record import notes_of
-from .step import Step
+from .step import Step, sentence
+from .text import wrapped
 
 
 class MPS_PT_photo(Step):
@@ -61,6 +63,40 @@ class MPS_PT_real(Step):
         column.prop(estimate, "dark", placeholder="None")
         column.prop(estimate, "flat", placeholder="None")
         column.prop(estimate, "white", placeholder="None")
+
+
+class MPS_PT_align(Step):
+    bl_label = "Camera"
+    verbs = ("align_photo",)
+    optional = True
+    bl_parent_id = "MPS_PT_photo"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return is_real(context.scene.mps.photo.image)
+
+    @classmethod
+    def result(cls, context: Any) -> Any:
+        photo = context.scene.mps.photo.image
+        return bool(photo and photo.mps.fit)
+
+    def draw(self, context: Any) -> None:
+        photo, align = context.scene.mps.photo.image.mps, context.scene.mps.align
+        column = self.column()
+        column.prop(photo, "camera")
+        row = column.row()
+        row.active = not photo.pairs
+        row.prop(align, "start")
+        for number, pair in enumerate(photo.pairs):
+            row = self.layout.row()
+            off = f"{pair.residual:.1f} px off" if pair.residual >= 0 else ""
+            row.label(text=f"{number + 1}:  {pair.pixel[0]:.0f}, {pair.pixel[1]:.0f}  {off}")
+            row.operator("mps.remove_align_point", text="", icon="X", emboss=False).index = number
+        self.layout.operator("mps.add_align_point", icon="CURSOR")
+        self.progress_or(context, "align_photo", "CAMERA_DATA")
+        if photo.fit:
+            wrapped(self.layout, sentence(photo.fit), icon="ERROR" if photo.poor else "CHECKMARK")
+            self.picture(align.image)
 
 
 class MPS_PT_superpose(Step):
@@ -132,6 +168,7 @@ class MPS_PT_mask(Step):
 CLASSES = (
     MPS_PT_photo,
     MPS_PT_real,
+    MPS_PT_align,
     MPS_PT_superpose,
     MPS_PT_near,
     MPS_PT_mask,

@@ -1,10 +1,11 @@
-"""Where the settings live: in the scene, and what runs at the moment in the window manager."""
+"""Where the settings live: in the scene, with a photo, and what runs at the moment in the window manager."""
 
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from ..child_process.trust import is_ticked, tick
 from . import unknown
+from .align import MPS_PG_align, MPS_PG_image, MPS_PG_pair
 from .bake import MPS_PG_bake
 from .calibrate import MPS_PG_calibrate
 from .displace import MPS_PG_displace
@@ -27,6 +28,7 @@ class MPS_PG_scene(bpy.types.PropertyGroup):
     rig: PointerProperty(type=MPS_PG_rig)
     calibrate: PointerProperty(type=MPS_PG_calibrate)
     photo: PointerProperty(type=MPS_PG_photo)
+    align: PointerProperty(type=MPS_PG_align)
     superpose: PointerProperty(type=MPS_PG_superpose)
     estimate: PointerProperty(type=MPS_PG_estimate)
     bake: PointerProperty(type=MPS_PG_bake)
@@ -66,6 +68,9 @@ class MPS_PG_job(bpy.types.PropertyGroup):
 
 
 CLASSES = (
+    MPS_PG_align,
+    MPS_PG_pair,
+    MPS_PG_image,
     MPS_PG_light,
     MPS_PG_rig,
     MPS_PG_calibrate,
@@ -89,6 +94,7 @@ CLASSES = (
 def register() -> None:
     for cls in CLASSES:
         bpy.utils.register_class(cls)
+    bpy.types.Image.mps = PointerProperty(type=MPS_PG_image)
     bpy.types.Scene.mps = PointerProperty(type=MPS_PG_scene)
     bpy.types.WindowManager.mps = PointerProperty(type=MPS_PG_job)
     unknown.register()
@@ -98,5 +104,6 @@ def unregister() -> None:
     unknown.unregister()
     del bpy.types.WindowManager.mps
     del bpy.types.Scene.mps
+    del bpy.types.Image.mps
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

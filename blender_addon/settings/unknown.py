@@ -12,6 +12,8 @@ def take_back_unknown(*_: Any) -> None:
 
     Called when a file is opened or linked, so that whatever reads a setting can take it for one of its own.
     """
+    for image in bpy.data.images:
+        _take_back(image.mps)
     for scene in bpy.data.scenes:
         _take_back(scene.mps)
         if scene.mps.chosen_rig >= len(scene.mps.rigs):
@@ -39,7 +41,8 @@ def _can_be(group: Any, setting: Any) -> bool:
     if setting.type == "ENUM":
         return setting.is_enum_flag or bool(value)  # "" where the file's number is of no item
     if setting.type in {"INT", "FLOAT"}:
-        return bool(setting.hard_min <= value <= setting.hard_max)  # not so for what is no number
+        values = value if setting.is_array else [value]
+        return all(setting.hard_min <= one <= setting.hard_max for one in values)  # not so for what is no number
     return True
 
 

@@ -19,10 +19,12 @@ def delete(obj):
 
 
 def captured(scene):
-    """As if photo and normals came from outside, so that the rig in the scene counts."""
+    """As if photo and normals came from outside, taken by the rig's camera, so that the rig in the scene counts."""
     for image in (scene.mps.photo.image, scene.mps.estimate.image):
         for key in {"mpsnet_rig", "mpsnet_camera"} & set(image.keys()):
             del image[key]
+    scene.mps.photo.image["mpsnet_made_by"] = "open_photo"
+    scene.mps.photo.image.mps.camera = scene.mps.rig.camera
 
 
 def nothing_selected(scene, tmp_path):

@@ -100,6 +100,7 @@ def test_a_result_goes_to_the_rig_that_it_was_begun_with(estimated, scene, tmp_p
         _moves=False,
         _output=tmp_path / "normals.png",
         _camera=None,
+        _photo=0,
         _lens=0,
         made=lambda _: None,
         report=lambda *_: None,

@@ -126,6 +126,7 @@ def moving(sphere, scene, tmp_path):
         sphere.keyframe_insert("rotation_euler", frame=number)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     bpy.ops.mps.open_photo(filepath=str(tmp_path / "shots" / "shot_0008.exr"), sequence=True)
+    scene.mps.photo.image.mps.camera = scene.mps.rig.camera
     bpy.ops.mps.estimate(model="LAMBERTIAN")
     scene.frame_set(NUMBERS[0])
     return sphere

@@ -24,7 +24,7 @@ UNITS = (
     "seed",
 )
 # What makes no sense without the panel around it.
-PANEL_ONLY = {"mps.cancel", "mps.dismiss", "mps.choose_rig"}
+PANEL_ONLY = {"mps.cancel", "mps.dismiss", "mps.choose_rig", "mps.remove_align_point"}
 
 
 def operators():

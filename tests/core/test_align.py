@@ -186,6 +186,17 @@ class TestCommand:
         assert result["overlap"] > 0.98
         assert_the_same(read_camera(files / "camera.json"), photographed().camera)
 
+    def test_a_start_that_only_looks_from_the_right_side_is_moved_to_where_the_object_is(self, mpsnet, files):
+        """As a viewport looks: the object elsewhere in the picture, and of another size."""
+        start = looking(48, 8, 3, distance=3)
+        pose = start.world_from_camera.copy()
+        pose[:3, 3] += pose[:3, 0]
+        write_camera(files / "start.json", Camera("perspective", WIDTH, HEIGHT, np.full(2, 800.0), None, pose))
+        done = self.align(mpsnet, files, "--start", files / "start.json")
+        assert done.returncode == 0, done.stderr
+        assert "the fit is poor" not in done.stderr
+        assert_the_same(read_camera(files / "camera.json"), photographed().camera)
+
     def test_a_photo_of_something_else_fits_poorly_and_that_is_reported(self, mpsnet, files):
         stretched = bumpy_ball.mesh()
         stretched.vertices[:, 2] *= 2.5

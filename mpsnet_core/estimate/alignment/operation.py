@@ -95,7 +95,7 @@ class Align(RunsModel, ReadsPhotos):
     start: str | None = option(
         default=None,
         metavar="FILE",
-        help="camera file of a rough start, some 10 degrees off at most",
+        help="camera file of a rough start, which looks at the object from some 10 degrees off at most",
         unset="without pairs, views all around the mesh are tried",
         path="file",
         provenance="content",
@@ -158,7 +158,7 @@ class Align(RunsModel, ReadsPhotos):
         from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
         from mpsnet_core.estimate.alignment.points import USUAL_FOCAL, camera_from_points
         from mpsnet_core.estimate.alignment.refine import Evidence, measured, refined
-        from mpsnet_core.estimate.alignment.search import searched
+        from mpsnet_core.estimate.alignment.search import brought_to_the_object, searched
         from mpsnet_core.scene.camera import FULL_FRAME, read_camera
         from mpsnet_core.scene.mesh import read_mesh
 
@@ -180,6 +180,8 @@ class Align(RunsModel, ReadsPhotos):
         rough = by_points.camera if by_points else _of_size(read_camera(str(self.start)), width, height, focal)
         progress(0.4, "aligning")
         begin = _resized(rough, 1 / factor, small.mask.shape[1], small.mask.shape[0])
+        if by_points is None:
+            begin = brought_to_the_object(evidence, faces, begin)
         fit = _enlarged(refined(evidence, faces, begin, fix_focal=fixed), factor, width, height)
         if by_points and pairs and _contradicts(fit.camera, by_points, *pairs):
             log.warning("the mesh fits the photo elsewhere than the pairs say; the camera is that of the pairs alone")

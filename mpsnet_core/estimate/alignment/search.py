@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
 from mpsnet_core.estimate.alignment.pose import Floats, Poses
-from mpsnet_core.estimate.alignment.refine import Evidence, Fit, refined
+from mpsnet_core.estimate.alignment.refine import Evidence, Fit, measured, refined
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.camera import Camera
 
@@ -98,37 +98,60 @@ def _views(evidence: Evidence, faces: MeshFaces, focal: float, progress: Progres
     """The TRIED views that look most like the photo."""
     frame = _Frame.of(evidence.mask)
     photo = np.stack([_standard(evidence.normals, evidence.mask, frame, roll) for roll in _rolls()])
-    # So far away that the object is about as large as in the photo; small pictures of it have a small focal length.
-    distance = faces.scene.size * focal / max(4 * frame.spread, 1.0)
-    small_focal = focal / frame.spread * SIDE / SPREAD
+    small = _small(faces, frame, focal)
     scores, frames = np.empty((DIRECTIONS, ROLLS)), []
     looks = _looks(DIRECTIONS)
     for number, rotation in enumerate(looks):
         if number % 16 == 0:
             progress(0.3 * number / DIRECTIONS, f"view {number + 1} of {DIRECTIONS}")
-        normals, mask = _picture(faces, rotation, small_focal, distance)
+        normals, mask = _picture(faces, rotation, *small)
         frames.append(_Frame.of(mask))
         scores[number] = _likeness(photo, _standard(normals, mask, frames[-1], 0.0))
-    height, width = evidence.mask.shape
-    centre = np.array([width / 2, height / 2])
     cameras: list[Camera] = []
     for choice in np.argsort(-scores, axis=None):
         number, roll = divmod(int(choice), ROLLS)
         angle = float(_rolls()[roll])
-        rotation = _turn(angle).T @ looks[number]
-        if any(_apart(rotation.T, other.rotation) < NEIGHBOURS for other in cameras):
+        if any(_apart((_turn(angle).T @ looks[number]).T, other.rotation) < NEIGHBOURS for other in cameras):
             continue
-        scale = frame.spread / frames[number].spread
-        far = distance * focal / small_focal / scale
-        # The mesh's middle is that of the small picture.
-        offset = _pixel_turn(angle) @ (SIDE - frames[number].middle) * scale
-        x, y = (frame.middle + offset - centre) / focal * (1, -1)
-        translation = np.array([x, y, -1.0]) * far - rotation @ faces.scene.middle
-        pose = Poses(rotation[None], translation[None], np.array([focal]), centre)
-        cameras.append(pose.camera(width, height))
+        cameras.append(_placed(evidence.mask, faces, looks[number], focal, frames[number], angle))
         if len(cameras) == TRIED:
             break
     return cameras
+
+
+def brought_to_the_object(evidence: Evidence, faces: MeshFaces, camera: Camera) -> Camera:
+    """The camera, or that from the same side which sees the mesh in the mask's place and size where that fits better.
+
+    A rough start, a viewport's view, has the object elsewhere in the picture.
+    """
+    focal, rotation = float(camera.focal[0]), camera.rotation.T
+    _, mask = _picture(faces, rotation, *_small(faces, _Frame.of(evidence.mask), focal))
+    if not mask.any():  # a sheet seen from its edge
+        return camera
+    placed = _placed(evidence.mask, faces, rotation, focal, _Frame.of(mask), 0.0)
+    return max(camera, placed, key=lambda one: measured(evidence, faces, one).overlap)
+
+
+def _small(faces: MeshFaces, frame: _Frame, focal: float) -> tuple[float, float]:
+    """Focal length and distance of small pictures: so far that the object is about as large as in the photo."""
+    return focal / frame.spread * SIDE / SPREAD, faces.scene.size * focal / max(4 * frame.spread, 1.0)
+
+
+def _placed(
+    photo: NDArray[np.bool_], faces: MeshFaces, rotation: Floats, focal: float, view: _Frame, angle: float
+) -> Camera:
+    """The camera that sees the mesh in the mask's place and size. view: of its small picture, turned by `angle`."""
+    (height, width), frame = photo.shape, _Frame.of(photo)
+    small_focal, distance = _small(faces, frame, focal)
+    centre = np.array([width / 2, height / 2])
+    rotation = _turn(angle).T @ rotation
+    scale = frame.spread / view.spread
+    far = distance * focal / small_focal / scale
+    # The mesh's middle is that of the small picture.
+    offset = _pixel_turn(angle) @ (SIDE - view.middle) * scale
+    x, y = (frame.middle + offset - centre) / focal * (1, -1)
+    translation = np.array([x, y, -1.0]) * far - rotation @ faces.scene.middle
+    return Poses(rotation[None], translation[None], np.array([focal]), centre).camera(width, height)
 
 
 def _likeness(photo: Floats, view: Floats) -> Floats:

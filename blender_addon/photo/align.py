@@ -1,0 +1,227 @@
+"""Align Photo: the camera of a real photo, found from the mesh that it shows."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from bpy.props import FloatProperty, IntProperty, StringProperty
+from mathutils import Matrix
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.estimate.alignment.operation import Align
+from mpsnet_core.scene.camera import FULL_FRAME, Camera, read_camera, write_camera
+
+from ..bake.bake import find_object
+from ..bake.mesh_file import begin_mesh
+from ..estimate.photo_options import network, reading, rig_file_for, rig_path
+from ..operators import RunsCore, as_typed, by_session_uid
+from ..outputs import fine_preview, image_file, load_image, output_path, picture_size
+from ..provenance import Provenance, stamp
+from ..rig.rig import scene_camera
+from ..rig.several_rigs import result_name
+from ..settings.align import AlignSettings
+from ..settings.declared import from_option, take_given
+from .camera import chosen_camera, is_real
+
+# On a camera object that was made here and so may be moved; others are the user's own.
+_MADE_HERE = "mpsnet_aligned"
+
+
+class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
+    """Find the camera that took a real photo from the mesh that it shows, and bake through that camera.
+
+    Four pairs of points or more place it first, where there are any; the photo's outline and normals refine it"""
+
+    bl_idname = "mps.align_photo"
+    bl_label = "Align Photo"
+    bl_options = {"UNDO"}
+
+    target: StringProperty(
+        name="Target",
+        description="Name of the mesh object that the photo shows. Empty: the target of the bake, else the active one",
+        options={"SKIP_SAVE"},
+    )
+    lens: from_option(Align, "focal", name="Lens (mm)", unset="that of Real Photo; found as well where that is 0")
+
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        photo = context.scene.mps.photo.image
+        if photo is None:
+            return "Open a photo that you took first"
+        if not is_real(photo):
+            return "A rendered photo has its camera; open one that you took"
+        return "" if _mesh(context) else "Choose the mesh object that the photo shows, as target of the step Bake"
+
+    @classmethod
+    def provenance(cls, context: Any) -> Provenance:
+        return {"Photo": stamp(context.scene.mps.photo.image)}
+
+    def prepare(self, context: Any, folder: Path) -> tuple[Align, Sequence[Path]]:
+        scene = context.scene
+        take_given(self, AlignSettings, scene.mps.align)
+        photo, estimate = scene.mps.photo.image, scene.mps.estimate
+        file = image_file(photo, "photo", "open it again")
+        if photo.source == "MOVIE":
+            raise InputError(f"{file.name} is a video; open one of its frames as a picture and align that")
+        target = find_object(scene, self.target) if self.target else _mesh(context)
+        context.view_layer.update()
+        self.later(begin_mesh(folder / "mesh.npz", target, context.evaluated_depsgraph_get(), None).slices)
+        lens = self.lens if self.properties.is_property_set("lens") else estimate.lens
+        overlay = output_path("", result_name(scene, "alignment"), "PNG")
+        self._camera, self._overlay = overlay.with_name(f"{overlay.stem}_camera.json"), overlay
+        self._photo, self._target = photo.session_uid, target.session_uid
+        operation = Align(
+            image=str(file),
+            mesh=str(folder / "mesh.npz"),
+            rig=str(rig_path(scene, photo, folder, rig_file_for(photo, estimate))),
+            **self._place(context, photo, folder),
+            focal=as_typed(lens) if lens else None,
+            **reading(estimate),
+            **network(estimate),
+            overlay=str(overlay),
+            output=str(self._camera),
+        )
+        return operation, [self._camera, overlay]
+
+    def _place(self, context: Any, photo: Any, folder: Path) -> dict[str, Any]:
+        """The core's options for where the camera is about; none where all views are tried."""
+        if photo.mps.pairs:
+            pairs = [{"pixel": list(pair.pixel), "point": list(pair.point)} for pair in photo.mps.pairs]
+            (folder / "pairs.json").write_text(json.dumps({"pairs": pairs}), encoding="utf-8")
+            return {"points": str(folder / "pairs.json")}
+        if self.start == "SEARCH":
+            return {}
+        if self.start == "VIEWPORT":
+            start = _viewport(context)
+        else:
+            camera = chosen_camera(context.scene, photo) or context.scene.camera
+            if camera is None:
+                raise InputError("there is no camera to start from; choose another start, or add a camera")
+            start = scene_camera(camera, context.scene, picture_size(photo))
+        write_camera(folder / "start.json", start)
+        return {"start": str(folder / "start.json")}
+
+    def finish(self, context: Any, result: dict[str, Any]) -> None:
+        result_is = f"its camera is in {self._camera}"
+        scene, photo = self.scene(result_is), by_session_uid(bpy.data.images, self._photo)
+        if photo is None:
+            raise InputError(f"the photo is gone; {result_is}")
+        camera = _camera_object(scene, photo, read_camera(self._camera), by_session_uid(bpy.data.objects, self._target))
+        photo.mps.camera = camera
+        photo.mps.poor = result["poor"]
+        photo.mps.fit = (
+            f"outlines {result['outline_pixels']:.1f} pixels and normals {result['normals_degrees']:.0f}° apart, "
+            f"{result['overlap']:.0%} shared"
+        )
+        for pair, residual in zip(photo.mps.pairs, result.get("residuals") or (), strict=False):
+            pair.residual = residual
+        scene.mps.align.image = overlay = load_image(self._overlay, "MPS Alignment", is_data=False)
+        self.made(overlay)
+        if not bpy.app.background:
+            fine_preview(overlay)
+        self.report({"WARNING"} if photo.mps.poor else {"INFO"}, f'Camera "{camera.name}": {photo.mps.fit}')
+
+
+def _mesh(context: Any) -> Any:
+    """The mesh object that a photo is of unless another is named; None where there is none."""
+    target = context.scene.mps.bake.target or context.view_layer.objects.active  # `--command` has no context.object
+    return target if target is not None and target.type == "MESH" else None
+
+
+def _viewport(context: Any) -> Camera:
+    """The 3D viewport's view as a camera. Raises InputError where there is none."""
+    view = getattr(context, "region_data", None)
+    if view is None or bpy.app.background:
+        raise InputError('start "VIEWPORT" needs a 3D viewport to take it from; choose "SEARCH" or "CAMERA"')
+    region = next(region for region in context.area.regions if region.type == "WINDOW")  # the button is in the sidebar
+    pose = Matrix.LocRotScale(view.view_matrix.inverted().translation, view.view_rotation, None)
+    focal = float(np.clip(view.window_matrix[0][0] * region.width / 2, 1, 1e6))
+    if not view.is_perspective:
+        focal = max(region.width, region.height) * context.space_data.lens / FULL_FRAME / 2
+    return Camera("perspective", region.width, region.height, np.full(2, focal), world_from_camera=np.array(pose))
+
+
+def _camera_object(scene: Any, photo: Any, found: Camera, target: Any) -> Any:
+    """The camera that was found, as an object of the scene with the photo behind it.
+
+    That of an earlier run is moved. The scene's pictures get the photo's size, or the camera would show it otherwise.
+    """
+    camera = chosen_camera(scene, photo)
+    if camera is None or not camera.get(_MADE_HERE):
+        camera = bpy.data.objects.new(photo.name, bpy.data.cameras.new(photo.name))
+        camera[_MADE_HERE] = True
+        scene.collection.objects.link(camera)
+    data, longer = camera.data, max(found.width, found.height)
+    data.type, data.sensor_fit, data.sensor_width = "PERSP", "AUTO", FULL_FRAME
+    data.lens = found.focal[0] / longer * FULL_FRAME
+    off = found.centre - np.array([found.width, found.height]) / 2
+    data.shift_x, data.shift_y = -off[0] / longer, off[1] / longer
+    camera.matrix_world = Matrix(found.world_from_camera.tolist())
+    if target is not None:
+        away = (camera.matrix_world.translation - target.matrix_world.translation).length + max(target.dimensions)
+        data.clip_start, data.clip_end = away / 1000, away * 10
+    data.show_background_images = True
+    data.background_images.clear()
+    data.background_images.new().image = photo
+    scene.render.resolution_x, scene.render.resolution_y = found.width, found.height
+    scene.camera = scene.camera or camera
+    return camera
+
+
+class MPS_OT_add_align_point(bpy.types.Operator):
+    """Add a pair for Align Photo: a place in the photo, and the 3D cursor's place on the mesh"""
+
+    bl_idname = "mps.add_align_point"
+    bl_label = "Add Point"
+    bl_options = {"REGISTER", "UNDO"}
+
+    x: FloatProperty(name="X", description="Pixels from the photo's left edge", min=0.0, options={"SKIP_SAVE"})
+    y: FloatProperty(name="Y", description="Pixels from the photo's top edge", min=0.0, options={"SKIP_SAVE"})
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        if is_real(context.scene.mps.photo.image):
+            return True
+        cls.poll_message_set("Open a photo that you took first")
+        return False
+
+    def invoke(self, context: Any, event: bpy.types.Event) -> set[Any]:
+        return set(context.window_manager.invoke_props_dialog(self))
+
+    def execute(self, context: Any) -> set[Any]:
+        pair = context.scene.mps.photo.image.mps.pairs.add()
+        pair.pixel, pair.point = (self.x, self.y), context.scene.cursor.location
+        return {"FINISHED"}
+
+
+class MPS_OT_remove_align_point(bpy.types.Operator):
+    """Remove this pair of points"""
+
+    bl_idname = "mps.remove_align_point"
+    bl_label = "Remove Point"
+    bl_options = {"REGISTER", "UNDO", "INTERNAL"}
+
+    index: IntProperty(
+        name="Number", description="Number of the pair in the photo's list, from 0", min=0, options={"SKIP_SAVE"}
+    )
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        photo = context.scene.mps.photo.image
+        return photo is not None and len(photo.mps.pairs) > 0
+
+    def execute(self, context: Any) -> set[Any]:
+        pairs = context.scene.mps.photo.image.mps.pairs
+        if self.index >= len(pairs):
+            self.report({"ERROR"}, f"there is no pair {self.index}; the photo has {len(pairs)}, numbered from 0")
+            return {"CANCELLED"}
+        pairs.remove(self.index)
+        return {"FINISHED"}
+
+
+CLASSES = (MPS_OT_align_photo, MPS_OT_add_align_point, MPS_OT_remove_align_point)
+
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -1,0 +1,53 @@
+"""The camera that took a photo: an object chosen for it, or what is stored with it when it was rendered or opened."""
+
+from pathlib import Path
+from typing import Any
+
+from mpsnet_core.scene.camera import write_camera
+
+from ..outputs import picture_size, remembered
+from ..provenance import Provenance, made_by, rounded
+from ..rig.rig import scene_camera
+
+
+def is_real(photo: Any) -> bool:
+    """Whether an image is a photo that was not rendered here."""
+    return photo is not None and made_by(photo) != "render_photo"
+
+
+def chosen_camera(scene: Any, image: Any) -> Any:
+    """The camera object that stands for what took a real photo, or the photo of a normal map; None for none."""
+    photo = image.mps.photo or image
+    camera = photo.mps.camera if is_real(photo) else None
+    if camera is None or camera.type != "CAMERA" or scene.objects.get(camera.name) != camera:
+        return None
+    return camera
+
+
+def lacks_camera(scene: Any, normals: Any) -> bool:
+    """Whether normals were estimated from a real photo of which nobody knows the camera."""
+    known = remembered(normals, "camera") is not None or chosen_camera(scene, normals) is not None
+    return made_by(normals) == "estimate" and not known
+
+
+def write_photo_camera(path: Path, scene: Any, image: Any, otherwise: Any = None) -> bool:
+    """Write the camera that took a photo, or the photo of a normal map.
+
+    Where none is known, the camera object `otherwise` as it stands; False where there is none either.
+    """
+    camera, stored = chosen_camera(scene, image), remembered(image, "camera")
+    if camera is None and stored is not None:
+        path.write_text(stored, encoding="utf-8")
+        return True
+    camera = camera or otherwise
+    if camera is not None:
+        write_camera(path, scene_camera(camera, scene, picture_size(image)))
+    return camera is not None
+
+
+def cameras_place(scene: Any, image: Any) -> Provenance:
+    """Where the camera object of a photo stands and its lens, as an ingredient; none where there is no such object."""
+    camera = chosen_camera(scene, image) if image else None
+    if camera is None:
+        return {}
+    return {"Camera": f"{rounded(camera.matrix_world, 4)} {rounded([camera.data.lens], 4)}"}

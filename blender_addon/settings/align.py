@@ -1,0 +1,80 @@
+"""Settings of a photo's alignment, and what is kept with the photo: its camera and the pairs of points."""
+
+from typing import Any
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    FloatVectorProperty,
+    PointerProperty,
+    StringProperty,
+)
+
+from .declared import GIVEN
+
+
+class AlignSettings:
+    """From where the camera of a real photo is looked for."""
+
+    start: EnumProperty(
+        name="Start",
+        description="From where the photo's camera is looked for. Pairs of points go before it",
+        items=[
+            ("SEARCH", "All Views", "Views all around the mesh are tried; the best one counts"),
+            ("VIEWPORT", "Viewport", "The 3D viewport shows the mesh about as the photo does"),
+            ("CAMERA", "Camera", "The photo's camera, else the scene's, stands about where the photo was taken"),
+        ],
+        default="SEARCH",
+        options=GIVEN,
+    )
+
+
+class MPS_PG_align(AlignSettings, bpy.types.PropertyGroup):
+    """The alignment: its settings, and the picture that shows how well mesh and photo fit."""
+
+    image: PointerProperty(
+        name="Overlay", description="The photo with the outlines of mask and mesh", type=bpy.types.Image
+    )
+
+
+class MPS_PG_pair(bpy.types.PropertyGroup):
+    """A place in the photo and the same place on the mesh."""
+
+    pixel: FloatVectorProperty(
+        name="Pixel", description="Place in the photo in pixels from its top left corner", size=2
+    )
+    point: FloatVectorProperty(
+        name="Point", description="The same place on the mesh, in units of the world", size=3, subtype="XYZ"
+    )
+    residual: FloatProperty(
+        name="Residual",
+        description="How far the aligned mesh's point is from the place in the photo, in pixels. -1: not aligned yet",
+        default=-1.0,
+    )
+
+
+def _camera_chosen(photo: Any, context: Any) -> None:
+    photo.poor, photo.fit = False, ""
+
+
+class MPS_PG_image(bpy.types.PropertyGroup):
+    """What belongs to an image that is a photo, or normals of one: ``image.mps``."""
+
+    camera: PointerProperty(
+        name="Taken By",
+        description="Camera of this scene that took the photo: the one that Align Photo made, or one that you choose",
+        type=bpy.types.Object,
+        poll=lambda _, candidate: candidate.type == "CAMERA",
+        update=_camera_chosen,
+    )
+    pairs: CollectionProperty(
+        name="Pairs", description="Places in the photo and on the mesh that are the same", type=MPS_PG_pair
+    )
+    fit: StringProperty(name="Fit", description="How well the mesh fits the photo, in words. Empty: not aligned")
+    poor: BoolProperty(name="Poor", description="Whether the mesh fits the photo too poorly to bake with")
+    photo: PointerProperty(
+        name="Photo", description="The photo that these normals were estimated from", type=bpy.types.Image
+    )

@@ -1,0 +1,172 @@
+"""A real photo finds its camera by the mesh: a photo that Cycles took, opened without what is known of its camera."""
+
+import re
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix
+
+from blender_addon.commands import main
+from blender_addon.panels.bake import MPS_PT_bake
+from blender_addon.panels.step import Kind
+from blender_addon.rig.rig import scene_camera
+from blender_addon.settings.record import notes_of
+from mpsnet_core.io.images import read_image
+from mpsnet_core.scene.camera import read_camera
+
+from .conftest import matte
+
+SIZE = (320, 256)
+
+
+def statue():
+    """A smooth monkey with a box on its head: no two views of it look alike."""
+    bpy.ops.mesh.primitive_monkey_add()
+    obj = bpy.context.object
+    bpy.ops.mesh.primitive_cube_add(size=0.7, location=(0.5, 0.1, 0.9))
+    obj.select_set(True)
+    bpy.context.view_layer.objects.active = obj
+    bpy.ops.object.join()
+    obj.modifiers.new("Smooth", "SUBSURF").render_levels = 2
+    obj.rotation_euler, obj.location = (0.2, -0.15, 0.5), (0.3, -0.2, 0.4)
+    bpy.ops.object.shade_smooth()
+    obj.data.materials.append(matte())
+    return obj
+
+
+@pytest.fixture(scope="module")
+def shot(registered, tmp_path_factory):
+    """A folder with the statue's scene, its photo, the rig's file and the true camera's."""
+    folder = tmp_path_factory.mktemp("shot")
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    obj = statue()
+    bpy.ops.mps.add_rig(projection="PERSPECTIVE", focal_length=60)
+    bpy.context.scene.mps.rig.target.rotation_euler.rotate_axis("Y", 0.1)
+    given = {"width": SIZE[0], "height": SIZE[1], "samples": 16}
+    bpy.ops.mps.render_photo(**given, output=str(folder / "photo.exr"))
+    bpy.ops.mps.remove_rig()
+    (folder / "photo.camera.json").rename(folder / "true.json")
+    (folder / "photo.rig.json").rename(folder / "rig.json")
+    bpy.context.scene.mps.photo.image = None
+    bpy.data.images.remove(bpy.data.images["MPS Photo"])
+    bpy.context.scene.mps.bake.target = obj
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "scene.blend"), copy=True)
+    return folder
+
+
+@pytest.fixture
+def opened(shot, scene, tmp_path):
+    """The scene with the mesh alone, and the photo opened as one from a real camera; results go to `tmp_path`."""
+    bpy.ops.wm.open_mainfile(filepath=str(shot / "scene.blend"))
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    assert not [obj for obj in bpy.data.objects if obj.type != "MESH"]
+    bpy.ops.mps.open_photo(filepath=str(shot / "photo.exr"))
+    scene = bpy.context.scene
+    scene.mps.estimate.rig_file = str(shot / "rig.json")
+    scene.mps.estimate.model = "LAMBERTIAN"
+    return scene
+
+
+def off(scene, shot):
+    """Degrees between the photo's camera and the true one."""
+    photo = scene.mps.photo.image
+    true, found = read_camera(shot / "true.json"), scene_camera(photo.mps.camera, scene, tuple(photo.size))
+    cosine = (np.trace(found.rotation.T @ true.rotation) - 1) / 2
+    return np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+
+
+def test_without_a_start_the_camera_is_found_and_the_bake_goes_through_it(opened, shot, tmp_path):
+    bpy.ops.mps.estimate(output=str(tmp_path / "normals.exr"))
+    with pytest.raises(RuntimeError, match="Press Align Photo"):
+        bpy.ops.mps.bake(size=64, output=str(tmp_path / "texture.exr"))
+    assert MPS_PT_bake.state(bpy.context).kind is Kind.TO_DO
+
+    bpy.ops.mps.align_photo()
+    photo = opened.mps.photo.image
+    assert off(opened, shot) < 0.5
+    assert not photo.mps.poor and "shared" in photo.mps.fit
+    camera = photo.mps.camera
+    assert camera.data.background_images[0].image == photo and camera.name == "photo"
+    assert (opened.render.resolution_x, opened.render.resolution_y) == SIZE
+    assert MPS_PT_bake.state(bpy.context).kind is Kind.READY
+    bpy.ops.mps.bake(size=64, output=str(tmp_path / "texture.exr"), level=False)
+    found = read_image(tmp_path / "texture.exr").pixels
+
+    # The same normals baked through the true camera.
+    true = read_camera(shot / "true.json")
+    camera.matrix_world = Matrix(true.world_from_camera.tolist())
+    camera.data.lens = 60
+    bpy.ops.mps.bake(output=str(tmp_path / "true.exr"))
+    assert np.abs(found - read_image(tmp_path / "true.exr").pixels).mean() < 0.01
+
+
+def test_points_place_it_and_one_that_contradicts_is_told(opened, shot):
+    true, obj = read_camera(shot / "true.json"), bpy.data.objects["Suzanne"]
+    bpy.context.view_layer.update()
+    vertices = [obj.matrix_world @ vertex.co for vertex in obj.data.vertices][::70]
+    wrong = 2
+    for number, vertex in enumerate(vertices):
+        x, y, w = true.projection_rows() @ [*vertex, 1]
+        opened.cursor.location = vertex
+        bpy.ops.mps.add_align_point(x=x / w + 40 * (number == wrong), y=y / w)
+    bpy.ops.mps.align_photo(lens=60)
+    assert off(opened, shot) < 0.5
+    photo = opened.mps.photo.image.mps
+    assert photo.camera.data.lens == pytest.approx(60, rel=1e-4)
+    residuals = [pair.residual for pair in photo.pairs]
+    assert len(residuals) > 6 and residuals[wrong] > 30 > 3 > sorted(residuals)[-2]
+    assert f"pair {wrong + 1} contradicts the others" in "".join(notes_of(opened, "align_photo"))
+    bpy.ops.mps.remove_align_point(index=wrong)
+    assert [pair.residual for pair in photo.pairs] == residuals[:wrong] + residuals[wrong + 1 :]
+
+
+def test_a_camera_about_there_is_refined_and_stays_the_users_own(opened, shot):
+    with pytest.raises(RuntimeError, match="there is no camera to start from"):
+        bpy.ops.mps.align_photo(start="CAMERA")
+    with pytest.raises(RuntimeError, match='"VIEWPORT" needs a 3D viewport'):
+        bpy.ops.mps.align_photo(start="VIEWPORT")
+    data = bpy.data.cameras.new("Mine")
+    data.lens = 64
+    mine = bpy.data.objects.new("Mine", data)
+    opened.collection.objects.link(mine)
+    true = Matrix(read_camera(shot / "true.json").world_from_camera.tolist())
+    mine.matrix_world = Matrix.Rotation(0.08, 4, "Z") @ true
+    before = mine.matrix_world.copy()
+    opened.mps.photo.image.mps.camera = mine
+    bpy.ops.mps.align_photo(start="CAMERA")
+    found = opened.mps.photo.image.mps.camera
+    assert off(opened, shot) < 0.5
+    assert found != mine and np.allclose(mine.matrix_world, before, atol=1e-5)
+    # Its own it moves.
+    bpy.ops.mps.align_photo()
+    assert opened.mps.photo.image.mps.camera == found and len(bpy.data.cameras) == 2
+
+
+def test_a_mesh_of_something_else_fits_poorly_and_the_bake_tells_it_too(opened, shot, tmp_path):
+    bpy.data.objects["Suzanne"].scale.z = 2.2
+    data = bpy.data.cameras.new("Mine")
+    mine = opened.camera = bpy.data.objects.new("Mine", data)
+    opened.collection.objects.link(mine)
+    mine.matrix_world, data.lens = Matrix(read_camera(shot / "true.json").world_from_camera.tolist()), 60
+    bpy.ops.mps.align_photo(start="CAMERA", lens=60)
+    photo = opened.mps.photo.image.mps
+    assert photo.poor and "the fit is poor" in "".join(notes_of(opened, "align_photo"))
+    bpy.ops.mps.estimate(output=str(tmp_path / "normals.exr"))
+    bpy.ops.mps.bake(size=32, output=str(tmp_path / "texture.exr"))
+    assert "the mesh fits the photo poorly" in "".join(notes_of(opened, "bake"))
+    photo.camera = mine  # what the user chooses, nothing has measured
+    assert not photo.poor
+    assert MPS_PT_bake.state(bpy.context).kind is Kind.OUT_OF_DATE
+
+
+def test_a_rendered_photo_is_not_aligned(photographed):
+    with pytest.raises(RuntimeError, match="A rendered photo has its camera"):
+        bpy.ops.mps.align_photo()
+
+
+def test_the_command_line_aligns_and_saves(opened, shot, tmp_path, capfd):
+    assert main(["align-photo", "--lens", "60", "--save", str(tmp_path / "aligned.blend")]) == 0
+    assert re.search(r'align-photo done: camera "photo"; outlines .* shared', capfd.readouterr().out)
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "aligned.blend"))
+    assert off(bpy.context.scene, shot) < 0.5
