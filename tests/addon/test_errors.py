@@ -377,7 +377,7 @@ def test_a_disk_that_fails_is_one_sentence(scene, tmp_path, monkeypatch):
         with pytest.raises(RuntimeError) as caught:
             verb()
         message = str(caught.value).removeprefix("Error: ").strip()
-        assert str(tmp_path / "gone") in message and "make room on the disk or check the permissions" in message
+        assert str(tmp_path / "gone") in message and "make room" in message
         assert "\n" not in message and "Traceback" not in message
 
 
