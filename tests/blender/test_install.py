@@ -1,4 +1,4 @@
-"""The installed zip: what registering it costs, and where its packages come from."""
+"""The installed zip: what registering it imports, and where its packages come from."""
 
 import json
 import zipfile
@@ -11,21 +11,20 @@ HEAVY = {"onnxruntime", "OpenImageIO", "trimesh", "embreex"}
 
 # Wraps the one function by which Blender enables add-ons at its start, in the folder of scripts that run before that.
 PROBE = """
-import json, os, sys, time
+import json, os, sys
 import addon_utils
 
 enable = addon_utils.enable
 
-def timed(module_name, *arguments, **options):
-    start = time.thread_time()
+def watched(module_name, *arguments, **options):
     module = enable(module_name, *arguments, **options)
     if module_name.endswith(".mpsnet"):
         with open(os.environ["MPSNET_REPORT"], "w") as file:
-            json.dump({"seconds": time.thread_time() - start, "modules": sorted(sys.modules)}, file)
+            json.dump({"modules": sorted(sys.modules)}, file)
     return module
 
 def register():
-    addon_utils.enable = timed
+    addon_utils.enable = watched
 
 def unregister():
     addon_utils.enable = enable
@@ -41,18 +40,13 @@ def probe(blender):
     script.unlink()
 
 
-def test_registering_is_quick_and_imports_nothing_heavy(blender, probe, tmp_path):
-    seconds = []
-    for turn in range(5):
-        report = tmp_path / f"{turn}.json"
-        done = blender.run("-b", "--python-expr", "pass", MPSNET_REPORT=str(report))
-        assert report.is_file(), done.stdout + done.stderr
-        start = json.loads(report.read_text(encoding="utf-8"))
-        assert HEAVY.isdisjoint(start["modules"])
-        assert "bl_ext.user_default.mpsnet" in start["modules"]
-        seconds.append(start["seconds"])
-    # Processor time, and the least of it: what else the machine is doing only ever adds.
-    assert min(seconds) <= 0.1, seconds
+def test_registering_imports_nothing_heavy(blender, probe, tmp_path):
+    report = tmp_path / "report.json"
+    done = blender.run("-b", "--python-expr", "pass", MPSNET_REPORT=str(report))
+    assert report.is_file(), done.stdout + done.stderr
+    start = json.loads(report.read_text(encoding="utf-8"))
+    assert HEAVY.isdisjoint(start["modules"])
+    assert "bl_ext.user_default.mpsnet" in start["modules"]
 
 
 def test_the_packages_are_the_extension_s_and_numpy_is_blender_s(blender, tmp_path):

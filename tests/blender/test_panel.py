@@ -164,7 +164,7 @@ def test_training_data_grows_in_its_section(window, album, tmp_path):
     window.ask("alone", "MPS_PT_samples")
     left, top, width, height = window.state["sidebar"]
     window.open(top + TITLE)
-    x, y = window.find("mps.render_samples", below=300)
+    x, y = window.find("mps.render_samples", below=200)
     window.input("mousemove", 500, 500, "sleep", "1")
     before = window.screenshot(tmp_path / "before.png")
 
