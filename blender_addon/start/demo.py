@@ -43,13 +43,14 @@ def remove_demo(scene: Any, made: Sequence[Any]) -> None:
     """Remove a demo: its rig, pictures, the objects `made` for it, and its scene where nothing else stands there."""
     remove_rig(scene)
     settings = scene.mps
-    pictures = {settings.photo.image, settings.estimate.image, settings.bake.image} - {None}
+    # Normals name their photo, which counts as a use of it.
+    pictures = [one for one in (settings.bake.image, settings.estimate.image, settings.photo.image) if one is not None]
     meshes = {obj.data for obj in made}
     materials = {material for mesh in meshes for material in mesh.materials if material}
     bpy.data.batch_remove(made)
     if not scene.objects:
         bpy.data.scenes.remove(scene)
-    for datablocks in (meshes, materials, pictures):
+    for datablocks in (meshes, materials, *([picture] for picture in dict.fromkeys(pictures))):
         bpy.data.batch_remove([one for one in datablocks if not one.users])
 
 

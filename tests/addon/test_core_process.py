@@ -192,7 +192,10 @@ class MPS_OT_ends(RunsCore, bpy.types.Operator):
             os._exit(9)
         raise InputError("refused")
 bpy.utils.register_class(MPS_OT_ends)
-bpy.ops.mps.ends()
+try:
+    bpy.ops.mps.ends()
+finally:
+    bpy.utils.unregister_class(MPS_OT_ends)  # bpy 4.5 hangs at its end where such a class is left
 """
     folders = []
     for ends in ("killed", "refused"):
