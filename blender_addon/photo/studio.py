@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from itertools import combinations
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, Literal, NamedTuple
 
 import bpy
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.capture.operations import Superpose
 from mpsnet_core.errors import InputError
-from mpsnet_core.io.files import written_together, written_whole
+from mpsnet_core.io.files import temporary_folder, written_together, written_whole
 from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.rig import write_rig
 
@@ -64,12 +63,12 @@ def render_photo(scene: Any, path: Path, told: RenderProgress = no_render_progre
     render_path(path)
     rig, photo = light_rig(scene), scene.mps.photo
     camera, _, lights = rig_parts(scene)
-    with _studio(scene) as studio, TemporaryDirectory(prefix="mpsnet-") as folder:
+    with _studio(scene) as studio, temporary_folder() as folder:
         notes = _leave_target_out(studio, scene.mps.bake)
         _refuse_other_light(studio)
         studio.cycles.samples = photo.samples
         # Each Cycles sample draws one of the lights by chance; with one light at a time there is no such noise.
-        parts = [Path(folder) / f"{number}.exr" for number in range(len(lights))]
+        parts = [folder / f"{number}.exr" for number in range(len(lights))]
         for number, (light, part) in enumerate(zip(lights, parts, strict=True)):
             told(number, len(lights), f"rendering light {number + 1} of {len(lights)}")
             others = [other for other in lights if other != light]
