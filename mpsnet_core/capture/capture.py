@@ -2,7 +2,7 @@
 
 import logging
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -211,7 +211,7 @@ def read_capture(
         capture = taken(as_stored(image))
     if white is not None:
         several = [white] if isinstance(white, str | os.PathLike) else white
-        capture = _with_white(capture, several, encoding=encoding, layer=layer, correction=correction)
+        capture = with_white(capture, several, encoding=encoding, layer=layer, correction=correction)
     note_doubts(capture)
     return capture
 
@@ -238,20 +238,26 @@ def _linear_rather(path: str | os.PathLike[str], image: Image, capture: Capture,
     return False
 
 
-def _with_white(
+def with_white(
     capture: Capture,
     photos: Sequence[str | os.PathLike[str]],
     *,
-    encoding: Encoding,
-    layer: str | None,
-    correction: Correction | None,
+    encoding: Encoding = "auto",
+    layer: str | None = None,
+    correction: Correction | None = None,
+    straightened: Callable[[Image], Image] = lambda image: image,
 ) -> Capture:
-    """The capture with the sum of `photos`, read as the photo was, as its white photo."""
+    """The capture with the sum of `photos`, read as the photo was, as its white photo.
+
+    straightened: takes the lens's distortion out of an image, where it was taken out of the photo.
+
+    Raises InputError where one cannot be read, is the photo itself, or does not fit it.
+    """
     total, clipped = np.zeros(capture.image.shape, np.float32), np.zeros(capture.image.shape, bool)
     for file in expand_images(photos):
         image = read_image(file, encoding=encoding, layer=layer_in(file, layer))
         try:
-            image = image if correction is None else corrected(image, correction)
+            image = straightened(image if correction is None else corrected(image, correction))
             # Checked one by one: the sum would not show which of them does not fit.
             total += _checked_white(image.pixels, None, capture.mask)
         except InputError as error:
