@@ -370,6 +370,21 @@ def _note_unit(distance: float, near: NearLights) -> None:
         )
 
 
+def channel_angles(
+    means: NDArray[np.float64], products: NDArray[np.float64], pixels: int
+) -> NDArray[np.float64] | None:
+    """(3,) the angles in radians between red and green, red and blue, green and blue as vectors of all pixels.
+
+    None where all of the object faces one way: there the channels are alike under any light, and only equal ones are
+    conclusive. means: (3,) of the pixels; products: (3, 3) the sums of the channels' products.
+    """
+    sizes = np.sqrt(np.diag(products))
+    if np.ptp(means) > 1e-3 * means.max() and not (sizes**2 / pixels > 1.01 * means**2).all():
+        return None
+    cosines = products / np.maximum(np.outer(sizes, sizes), 1e-30)
+    return np.asarray(np.arccos(np.clip(cosines[[0, 0, 1], [1, 2, 2]], -1, 1)))
+
+
 def note_doubts(capture: Capture, name: str = "") -> None:
     """Report photos that normals can be estimated from, but hardly right ones. name: which, if there are several."""
     which = f"{name}: " if name else ""
@@ -384,10 +399,9 @@ def note_doubts(capture: Capture, name: str = "") -> None:
             total += inside.sum(axis=0, dtype=np.float64)
             products += inside.T.astype(np.float64) @ inside
     pixels = int(capture.mask.sum())
-    means, sizes = total / pixels, np.sqrt(np.diag(products))
-    # Where all of it faces one way, the channels are alike under any light: only equal ones are conclusive there.
-    conclusive = np.ptp(means) <= 1e-3 * means.max() or (sizes**2 / pixels > 1.01 * means**2).all()
-    if conclusive and (products >= np.cos(ALIKE) * np.outer(sizes, sizes)).all():
+    means = total / pixels
+    angles = channel_angles(means, products, pixels)
+    if angles is not None and angles.max() <= ALIKE:
         log.warning(
             "%sthe photo's three channels are all but the same: it looks like a photo under white light, which has "
             "no normals; of three photos under one white light each, mpsnet superpose --channels makes one that does",
