@@ -97,7 +97,7 @@ class Capture:
         check_same_size("the mask", mask.shape, "the photo", image.shape[:2])
         if not mask.any():
             raise GeometryError("the mask is empty: no pixel of the object is marked; choose another mask or threshold")
-        image = _finite_inside(image, mask, "photo")
+        image = finite_inside(image, mask, "photo")
         if not any((image[rows] > 0).any(where=mask[rows, :, None]) for rows in bands(len(mask))):
             raise GeometryError("the photo is black inside the mask; were the lights on, and is it the right mask?")
         if self.clipped is not None:
@@ -128,7 +128,7 @@ class Capture:
         return saturated(self.image, self.clip) if self.clipped is None else self.clipped
 
 
-def _finite_inside(image: NDArray[Any], mask: NDArray[np.bool_], name: str) -> NDArray[Any]:
+def finite_inside(image: NDArray[Any], mask: NDArray[np.bool_], name: str) -> NDArray[Any]:
     """The image (H, W, 3) with zeros where it is not finite, outside the mask; itself where it is finite."""
     result = image
     for rows in bands(len(mask)):
@@ -148,7 +148,7 @@ def _checked_white(
     if white.ndim != 3 or white.shape[2] != 3:
         raise FormatError(f"a white photo has three channels a pixel; this one has shape {white.shape}")
     check_same_size("the white photo", white.shape[:2], "the photo", mask.shape, SAME_CAMERA)
-    white = _finite_inside(white, mask, "white photo")
+    white = finite_inside(white, mask, "white photo")
     if not (white > 0).any(where=mask[..., None]):
         raise GeometryError("the white photo is black inside the mask; was the light on, and is it of the same pose?")
     if clipped is not None:

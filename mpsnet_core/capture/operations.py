@@ -289,7 +289,7 @@ class Check(ReadsPhotos):
     def run(self, progress: Progress = silent) -> PhotoChecked:
         """Look at the photo, and write the findings where they are requested."""
         from mpsnet_core.capture.photo_check import check_photo, worst
-        from mpsnet_core.io.files import writable_path, write_json
+        from mpsnet_core.io.files import located, writable_path, write_json
         from mpsnet_core.io.frames import check_apart
         from mpsnet_core.scene.rig import read_rig
 
@@ -302,7 +302,8 @@ class Check(ReadsPhotos):
         if not mask.any():
             raise GeometryError(f"{self.image}: the mask is empty; choose another mask or threshold")
         progress(0.6, "checking the photo")
-        findings = check_photo(image, mask, rig)
+        with located(self.image):
+            findings = check_photo(image, mask, rig)
         lines = [f"{one.level:5}  {one.item:8}  {one.sentence}" for one in findings]
         result = PhotoChecked(worst(findings), findings, text="\n".join(lines))
         if self.json:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.mask_regions import box_sums, dilated
 from mpsnet_core.arrays.robust_statistics import DEVIATIONS
-from mpsnet_core.capture.capture import ALIKE, channel_angles
+from mpsnet_core.capture.capture import ALIKE, channel_angles, finite_inside
 from mpsnet_core.io.image import Image
 from mpsnet_core.scene.rig import LightRig
 
@@ -31,8 +31,9 @@ CLOSE_CHANNELS, MIXED = (0.05, ALIKE), (8.0, 20.0)
 # Degrees between two lights, and from the camera's axis; condition number of the directions' matrix: three lights that
 # stand 120° apart have 5.3 at a slant of 15°, and 10.5 at 7.7°.
 CLOSE_LIGHTS, LOW_LIGHTS, IN_LINE = (20.0, 10.0), (70.0, 80.0), (6.0, 12.0)
-# A light counts as not reaching a pixel below this share of its channel's 95th percentile, or this much of the noise.
-SHADOW, SHADOW_NOISE = 0.03, 4.0
+# A light counts as not reaching a pixel below this share of its channel's 95th percentile, or this much of the noise;
+# where that is more than the second share of it, shadows cannot be told.
+SHADOW, SHADOW_NOISE, UNTOLD = 0.03, 4.0, 0.25
 # Standard deviation of the blur, in pixels of an object whose area is that of a square of FOCUS_SIDE.
 BLURRED, FOCUS_SIDE = (1.6, 4.0), 400
 # An edge that shows the blur is this high, as a share of the object's 95th percentile, and above this much of the
@@ -43,7 +44,7 @@ SHARPEST = 90  # percentile
 FINE, COARSE = 4 / 3 + 1 / 3, 4 + 1 / 3
 # Pixels that are looked at: of larger photos some rows.
 PIXELS = 4_000_000
-RUN = 16  # pixels in a row of which the noise is measured
+RUN = 32  # pixels in a row of which the noise is measured
 LEAST_RUNS = 30
 
 
@@ -79,12 +80,18 @@ def check_photo(image: Image, mask: NDArray[np.bool_], rig: LightRig | None) -> 
         The object, at least one pixel.
     rig : LightRig, optional
         The lights; without it nothing is said of them.
+
+    Raises
+    ------
+    FormatError
+        Where the photo is not finite inside the mask.
     """
+    whole = finite_inside(image.pixels, mask, "photo")
     step = -(-mask.size // PIXELS)
     rows = slice(step // 2, None, step)
     if not mask[rows].any():
         rows = slice(None)
-    pixels, inside = image.pixels[rows].astype(np.float32), mask[rows]
+    pixels, inside = whole[rows].astype(np.float64), mask[rows]
     noise = _noise(pixels, inside)
     values = pixels[inside]
     full_scale = 1.0 if np.isfinite(image.clip) or image.clipped is not None else None
@@ -94,7 +101,7 @@ def check_photo(image: Image, mask: NDArray[np.bool_], rig: LightRig | None) -> 
         _channels(values, rig),
         *([] if rig is None else [_lights(rig)]),
         _reach(values, noise, rig),
-        _focus(image.pixels, mask, noise),
+        _focus(whole, mask, noise),
     ]
     return findings
 
@@ -119,7 +126,7 @@ def _listed(values: NDArray[np.floating[Any]]) -> list[float]:
     return [round(float(one), 4) for one in values]
 
 
-def _exposure(values: NDArray[np.float32], noise: NDArray[np.float64], full_scale: float | None) -> Finding:
+def _exposure(values: NDArray[np.float64], noise: NDArray[np.float64], full_scale: float | None) -> Finding:
     bright = np.percentile(values, 99, axis=0)
     highest, weakest = float(bright.max()), int(bright.argmin())
     signal = float((np.percentile(values, 90, axis=0) / np.maximum(noise, 1e-12)).min())
@@ -144,7 +151,7 @@ def _exposure(values: NDArray[np.float32], noise: NDArray[np.float64], full_scal
     return Finding("exposure", level, f"{words}; expose longer, at a lower ISO, or average several photos", figures)
 
 
-def _clipping(values: NDArray[np.float32], saturated: NDArray[np.bool_]) -> Finding:
+def _clipping(values: NDArray[np.float64], saturated: NDArray[np.bool_]) -> Finding:
     # A converter's float file is clipped at 1, and does not say so.
     at_one = (values.max(axis=0) <= 1.0) & (values > 0.9999)
     shares = (saturated | at_one).mean(axis=0)
@@ -152,15 +159,14 @@ def _clipping(values: NDArray[np.float32], saturated: NDArray[np.bool_]) -> Find
     level = _level(float(shares[worst_one]), CLIPPED)
     words = f"{shares[worst_one]:.1%} of the object is clipped in {CHANNELS[worst_one]}"
     if level == "good":
-        words = "nothing of the object is clipped" if not shares.any() else f"only {words}"
+        words = "next to nothing of the object is clipped" if shares.any() else "nothing of the object is clipped"
     else:
         words += f"; expose shorter, or dim the {CHANNELS[worst_one]} light"
     return Finding("clipping", level, words, {"clipped": _listed(shares)})
 
 
-def _channels(values: NDArray[np.float32], rig: LightRig | None) -> Finding:
-    numbers = values.astype(np.float64)
-    angles = channel_angles(numbers.mean(axis=0), numbers.T @ numbers, len(numbers))
+def _channels(values: NDArray[np.float64], rig: LightRig | None) -> Finding:
+    angles = channel_angles(values.mean(axis=0), values.T @ values, len(values))
     condition = 1.0 if rig is None else float(np.linalg.cond(rig.mixing))
     figures: dict[str, float | list[float]] = {"mixing_condition": round(condition, 2)}
     if angles is not None:
@@ -210,19 +216,21 @@ def _lights(rig: LightRig) -> Finding:
     return Finding("lights", level, words, figures)
 
 
-def _reach(values: NDArray[np.float32], noise: NDArray[np.float64], rig: LightRig | None) -> Finding:
+def _reach(values: NDArray[np.float64], noise: NDArray[np.float64], rig: LightRig | None) -> Finding:
     if rig is not None:
         noise = np.sqrt(np.square(np.linalg.inv(rig.mixing)) @ np.square(noise))
-        values = rig.unmixed(values)
-    least = np.maximum(SHADOW * np.percentile(values, 95, axis=0), SHADOW_NOISE * noise)
-    dark = values <= least
-    reached, none = float((~dark.any(axis=1)).mean()), float(dark.all(axis=1).mean())
+        values = values @ np.linalg.inv(rig.mixing).T
+    bright = np.percentile(values, 95, axis=0)
+    told = SHADOW_NOISE * noise < UNTOLD * bright
+    if not told.any():
+        return Finding("reach", "good", "the photo is too dark to tell which lights reach the object", {})
+    dark = (values <= np.maximum(SHADOW * bright, SHADOW_NOISE * noise)) & told
+    reached = float((~dark.any(axis=1)).mean())
     by_light = 1 - dark.mean(axis=0)
     level = _level(reached, REACHED)
     figures: dict[str, float | list[float]] = {
         "all_lights": round(reached, 4),
         "each_light": _listed(by_light),
-        "no_light": round(none, 4),
     }
     words = f"all three lights reach {reached:.0%} of the object"
     if level != "good":
@@ -231,7 +239,7 @@ def _reach(values: NDArray[np.float32], noise: NDArray[np.float64], rig: LightRi
     return Finding("reach", level, words, figures)
 
 
-def _noise(pixels: NDArray[np.float32], inside: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _noise(pixels: NDArray[np.float64], inside: NDArray[np.bool_]) -> NDArray[np.float64]:
     """(3,) standard deviation of the noise in the calmest fifth of the object; 0 where that is not known.
 
     By second differences along short runs of a row: smooth shading has next to none.
@@ -239,7 +247,7 @@ def _noise(pixels: NDArray[np.float32], inside: NDArray[np.bool_]) -> NDArray[np
     width = (pixels.shape[1] - 2) // RUN * RUN
     if width <= 0:
         return np.zeros(3)
-    second = (pixels[:, :-2] - 2 * pixels[:, 1:-1] + pixels[:, 2:])[:, :width] / np.float32(np.sqrt(6))
+    second = (pixels[:, :-2] - 2 * pixels[:, 1:-1] + pixels[:, 2:])[:, :width] / np.sqrt(6)
     whole = (inside[:, :-2] & inside[:, 1:-1] & inside[:, 2:])[:, :width].reshape(len(pixels), -1, RUN).all(axis=-1)
     if np.count_nonzero(whole) < LEAST_RUNS:
         return np.zeros(3)
@@ -260,10 +268,9 @@ def _focus(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_], noise: ND
     # Of a small object a pixel is much, and nobody's fault.
     level = _level(blur * min(1.0, FOCUS_SIDE / side), BLURRED)
     figures: dict[str, float | list[float]] = {"blur_pixels": round(blur, 3)}
-    words = f"sharpest edges are blurred by {blur:.1f} pixels"
     if level == "good":
-        return Finding("focus", level, f"the {words}", figures)
-    words = f"even the {words}, 1/{side / blur:.0f} of the object's size"
+        return Finding("focus", level, f"the sharpest edges are sharp to {max(blur, 1.0):.1f} pixels", figures)
+    words = f"even the sharpest edges are blurred by {blur:.1f} pixels, 1/{side / blur:.0f} of the object's size"
     return Finding("focus", level, f"{words}; focus on it, stop down, and hold camera and object still", figures)
 
 
@@ -290,16 +297,16 @@ def _sharpest_edges(
     near[:6], near[-6:], near[:, :6], near[:, -6:] = False, False, False, False
     if not near.any():
         return None
-    bright = np.percentile(small[near], 95, axis=0)
-    shown = bright > 0
-    weight = np.where(shown, 1 / np.maximum(bright, 1e-12), 0) / max(np.count_nonzero(shown), 1)
-    light = small @ weight.astype(np.float32)
-    grain = float(np.sqrt(np.square(weight * noise).sum())) / factor
+    light = small.sum(axis=-1, dtype=np.float64)
+    bright = max(float(np.percentile(light[near], 95)), 1e-12)
+    grain = float(np.linalg.norm(noise)) / factor
     fine, coarse = (np.gradient(box_sums(box_sums(light, reach), reach) / (2 * reach + 1) ** 4) for reach in (1, 2))
     steep = np.hypot(*fine)
-    edge = near & (steep * np.sqrt(2 * np.pi * FINE) > max(EDGE, EDGE_NOISE * grain)) & _crest(steep, *fine)
+    high = max(EDGE * bright, EDGE_NOISE * grain)
+    edge = near & (steep * np.sqrt(2 * np.pi * FINE) > high) & _crest(steep, *fine)
     if outline:
-        edge &= dilated(~inside, 2)
+        # Where noise may have hidden a sharp outline in the larger picture, this one proves nothing.
+        edge &= dilated(~inside, 2) & (2 * EDGE_NOISE * grain < EDGE * bright)
     if np.count_nonzero(edge) < LEAST_EDGES:
         return None
     ratio = steep[edge] / np.maximum(np.hypot(*coarse)[edge], 1e-12)
