@@ -338,7 +338,7 @@ class Bake(LaysOnto):
         plan = self.planned(target, [*inputs.files, *self._onto_files()], albedo=bool(self.albedo))
         reader = ViewReader(self.normals_convention, self.level_scale(), plan.base_maps.in_photos())
         seen, _ = reader.read(inputs.views, plan.meshes, part(progress, 0.05, 0.15))
-        if self.albedo:
+        if self.albedo and len(seen) > 1:
             seen = matched_views(seen, plan.meshes, baking.feather)
         baked = bake_texture_sets(plan.meshes, seen, plan.sheets, baking, progress=part(progress, 0.15, 1.0))
         with written_together():

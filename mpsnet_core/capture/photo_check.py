@@ -11,7 +11,7 @@ from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.mask_regions import box_sums, dilated
 from mpsnet_core.arrays.robust_statistics import DEVIATIONS
 from mpsnet_core.capture.capture import ALIKE, channel_angles, finite_inside
-from mpsnet_core.io.image import Image
+from mpsnet_core.io.image import Image, saturated
 from mpsnet_core.scene.rig import LightRig
 
 Level = Literal["good", "watch", "bad"]
@@ -92,18 +92,18 @@ def check_photo(image: Image, mask: NDArray[np.bool_], rig: LightRig | None) -> 
     if not mask[rows].any():
         rows = slice(None)
     pixels, inside = whole[rows].astype(np.float64), mask[rows]
+    clipped = saturated(image.pixels[rows], image.clip) if image.clipped is None else image.clipped[rows]
     noise = _noise(pixels, inside)
     values = pixels[inside]
     full_scale = 1.0 if np.isfinite(image.clip) or image.clipped is not None else None
-    findings = [
+    return [
         _exposure(values, noise, full_scale),
-        _clipping(values, image.saturated[rows][inside]),
+        _clipping(values, clipped[inside]),
         _channels(values, rig),
         *([] if rig is None else [_lights(rig)]),
         _reach(values, noise, rig),
         _focus(whole, mask, noise),
     ]
-    return findings
 
 
 def worst(findings: Sequence[Finding]) -> Level:
@@ -151,10 +151,10 @@ def _exposure(values: NDArray[np.float64], noise: NDArray[np.float64], full_scal
     return Finding("exposure", level, f"{words}; expose longer, at a lower ISO, or average several photos", figures)
 
 
-def _clipping(values: NDArray[np.float64], saturated: NDArray[np.bool_]) -> Finding:
+def _clipping(values: NDArray[np.float64], clipped: NDArray[np.bool_]) -> Finding:
     # A converter's float file is clipped at 1, and does not say so.
     at_one = (values.max(axis=0) <= 1.0) & (values > 0.9999)
-    shares = (saturated | at_one).mean(axis=0)
+    shares = (clipped | at_one).mean(axis=0)
     worst_one = int(shares.argmax())
     level = _level(float(shares[worst_one]), CLIPPED)
     words = f"{shares[worst_one]:.1%} of the object is clipped in {CHANNELS[worst_one]}"
@@ -291,7 +291,7 @@ def _sharpest_edges(
     margin = 8 * factor
     part = tuple(slice(max(0, one[0] - margin), one[-1] + 1 + margin) for one in (rows, columns))
     small = block_means(pixels[part], factor)
-    inside = block_means(mask[part][..., None].astype(np.float32), factor)[..., 0] > 0.5
+    inside = mask[part][::factor, ::factor]
     near = dilated(inside, 2)
     # A border of the picture is no edge.
     near[:6], near[-6:], near[:, :6], near[:, -6:] = False, False, False, False
