@@ -269,7 +269,7 @@ def _focus(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_], noise: ND
     level = _level(blur * min(1.0, FOCUS_SIDE / side), BLURRED)
     figures: dict[str, float | list[float]] = {"blur_pixels": round(blur, 3)}
     if level == "good":
-        return Finding("focus", level, f"the sharpest edges are sharp to {max(blur, 1.0):.1f} pixels", figures)
+        return Finding("focus", level, "the sharpest edges are sharp", figures)
     words = f"even the sharpest edges are blurred by {blur:.1f} pixels, 1/{side / blur:.0f} of the object's size"
     return Finding("focus", level, f"{words}; focus on it, stop down, and hold camera and object still", figures)
 
