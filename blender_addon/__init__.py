@@ -17,7 +17,7 @@ from .bake import many_views, relight
 from .estimate import estimate as estimate_step
 from .heights import displace, integrate
 from .material import material as material_step
-from .photo import align
+from .photo import align, check
 from .photo import photo as photo_step
 from .rig import calibrate, several_rigs
 from .rig import rig as rig_step
@@ -33,6 +33,7 @@ _MODULES = (
     calibrate,
     photo_step,
     align,
+    check,
     estimate_step,
     bake_step,
     displace,

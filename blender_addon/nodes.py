@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 
 # The bake's, the displacement's, and those that both have.
-TEXTURE_NODE, GREEN_NODE, NORMAL_NODE = "MPS Texture", "MPS Green", "MPS Normal"
+TEXTURE_NODE, GREEN_NODE, NORMAL_NODE, ALBEDO_NODE = "MPS Texture", "MPS Green", "MPS Normal", "MPS Albedo"
 HEIGHT_NODE, DISPLACEMENT_NODE, BEFORE_NODE = "MPS Height", "MPS Displacement", "MPS Before"
 UV_NODE = "MPS UV"
 
@@ -15,6 +15,7 @@ _KINDS = {
     TEXTURE_NODE: "ShaderNodeTexImage",
     GREEN_NODE: "ShaderNodeVectorMath",
     NORMAL_NODE: "ShaderNodeNormalMap",
+    ALBEDO_NODE: "ShaderNodeTexImage",
     HEIGHT_NODE: "ShaderNodeTexImage",
     DISPLACEMENT_NODE: "ShaderNodeDisplacement",
     BEFORE_NODE: "NodeReroute",

@@ -34,6 +34,7 @@ _HOME = {
     "CalibrateMixing": "capture.calibrate.operations",
     "Camera": "scene.camera",
     "Capture": "capture.capture",
+    "Check": "capture.operations",
     "Correction": "capture.correction",
     "Displacement": "relief.displacement.displacement",
     "Estimate": "estimate.operations",

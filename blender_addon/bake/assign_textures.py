@@ -6,7 +6,7 @@ from typing import Any
 from mpsnet_core.errors import InputError
 
 from ..heights.assign_displacement import remove_displacement
-from ..nodes import GREEN_NODE, NORMAL_NODE, TEXTURE_NODE, UV_NODE, ensure_node, find_node
+from ..nodes import ALBEDO_NODE, GREEN_NODE, NORMAL_NODE, TEXTURE_NODE, UV_NODE, ensure_node, find_node
 from ..outputs import remember
 from .texture_owners import store_owners
 from .texture_sets import AssignedTexture, own_materials
@@ -38,6 +38,35 @@ def assign_textures(
             shown.frame_start, shown.frame_offset, shown.frame_duration = frames[0], frames[0] - 1, len(frames)
             shown.use_auto_refresh = True
     return sentences
+
+
+def assign_albedo(worn: Sequence[AssignedTexture]) -> list[str]:
+    """Give all materials of objects the colours of their albedos; returns a sentence for each node whose place one
+    took, and for each material that has no place for one."""
+    materials, sentences = own_materials(worn), []
+    store_owners(worn)
+    for material, (image, uv_map) in materials.items():
+        nodes, links = material.node_tree.nodes, material.node_tree.links
+        colours = [socket for node in nodes if (socket := _base_colour(node))]
+        if not colours:
+            sentences.append(f'Material "{material.name}" has no shader with a base colour for "{image.name}"')
+            continue
+        shader = colours[0].node
+        x, y = shader.location.x, shader.location.y
+        uv = ensure_node(material.node_tree, UV_NODE, "ShaderNodeUVMap", x - 1000, y - 300)
+        texture = ensure_node(material.node_tree, ALBEDO_NODE, "ShaderNodeTexImage", x - 400, y)
+        uv.uv_map, texture.image = uv_map, image
+        links.new(uv.outputs["UV"], texture.inputs["Vector"])
+        before = {link.from_node.name for socket in colours for link in socket.links} - {texture.name}
+        sentences += [f'The albedo took the place of "{name}" in material "{material.name}"' for name in sorted(before)]
+        for socket in colours:
+            links.new(texture.outputs["Color"], socket)
+    return sentences
+
+
+def _base_colour(node: Any) -> Any:
+    """The input of a shader that takes the surface's colour, None where it has none."""
+    return node.inputs.get("Color" if node.type == "BSDF_DIFFUSE" else "Base Color")
 
 
 def assign_normal_map(material: Any, image: Any, uv_map: str, space: str, convention: str) -> list[str]:

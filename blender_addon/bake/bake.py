@@ -1,6 +1,6 @@
 """The bake: normals seen by the camera become a texture on the target's UVs, and its material wears it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, TypedDict
@@ -12,6 +12,7 @@ from mathutils import Matrix
 from mpsnet_core.bake.map_list import write_map_list
 from mpsnet_core.bake.operations import Bake
 from mpsnet_core.bake.presets import PRESETS
+from mpsnet_core.bake.texture_names import albedo_file
 from mpsnet_core.errors import GeometryError, InputError, SettingsError
 
 from ..child_process.core_process import Work
@@ -34,8 +35,8 @@ from ..rig.rig import rig_camera
 from ..rig.several_rigs import all_rigs
 from ..settings.bake import BakeSettings
 from ..settings.declared import take_given
-from .assign_textures import assign_textures
-from .existing_maps import base_maps, present_maps, store_base_map
+from .assign_textures import assign_albedo, assign_textures
+from .existing_maps import Part, base_maps, present_maps, store_base_map
 from .mesh_file import BegunMesh, begin_mesh
 from .moving_target import CAMERAS, MESHES, Moving
 from .texture_owners import FRAME, files_for, refuse_anothers
@@ -79,6 +80,8 @@ class BakesOnto(RunsCore):
         options={"SKIP_SAVE"},
     )
 
+    _coloured = False  # whether the albedo is baked as well
+
     def _prepared(self, context: Any, folder: Path) -> tuple[Work, Sequence[Path]]:
         settings = context.scene.mps.bake
         before = settings.target
@@ -91,8 +94,9 @@ class BakesOnto(RunsCore):
             raise
 
     def result_owners(self) -> dict[Path, list[Any]]:
-        """What will be written, and the objects that it is for, as :func:`.made_for.refuse_anothers` takes it."""
-        return files_for(self._bake_target, self._output)
+        """What will be written, and the objects that it is for, as :func:`.texture_owners.refuse_anothers` takes it."""
+        textures = files_for(self._bake_target, self._output)
+        return {**textures, **{albedo_file(file): owners for file, owners in textures.items() if self._coloured}}
 
     def baked_object(self, context: Any) -> Any:
         """The object to bake onto. Raises InputError where there is none, or it is another file's."""
@@ -174,10 +178,21 @@ class BakesOnto(RunsCore):
             if part in self._bases:
                 store_base_map(image, self._bases[part])
         scene.mps.bake.image = next(iter(images.values()))
-        worn = [found for one, target in there if target and (found := texture_of(one, target, images))]
         bake = scene.mps.bake
-        for sentence in assign_textures(worn, bake.space, bake.convention):
+        sentences = assign_textures(_worn(there, images), bake.space, bake.convention)
+        for sentence in [*sentences, *self._assign_albedo(there, result["outputs"])]:
             self.report({"INFO"}, sentence)
+
+    def _assign_albedo(self, there: Sequence[tuple[BakeTarget, Any]], outputs: Sequence[dict[str, Any]]) -> list[str]:
+        """Load the albedos and put them on the objects that they are for; returns what there is to say."""
+        colours = [
+            {**one, "output": one["albedo"], "tiles": one.get("albedo_tiles")} for one in outputs if "albedo" in one
+        ]
+        images = load_textures(colours, self._bake_target[0].name, "Albedo")
+        for image in images.values():
+            self.made(image)
+        names = [f'The albedo is baked too: image "{image.name}"' for image in images.values()]
+        return [*names, *assign_albedo(_worn(there, images))]
 
     def written(self, result: dict[str, Any]) -> str:
         """What was written where, and how much of it was seen, in words."""
@@ -185,6 +200,11 @@ class BakesOnto(RunsCore):
         one = f"Texture written to {result['outputs'][0]['output']}"
         what = one if count == 1 else f"{count} textures written to {self._output}"
         return f"{what}; {result['seen']:.0%} of the surface seen"
+
+
+def _worn(there: Sequence[tuple[BakeTarget, Any]], images: Mapping[Part, Any]) -> list[AssignedTexture]:
+    """What those objects wear of the images that are still there."""
+    return [found for one, target in there if target and (found := texture_of(one, target, images))]
 
 
 def _bake_target(target: Any, begun: BegunMesh) -> BakeTarget:
@@ -267,10 +287,12 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         if photo is not None and photo.mps.poor and chosen_camera(scene, normals_image) is not None:
             self._notes = [*self._notes, f"the mesh fits the photo poorly ({photo.mps.fit}); look at Align Photo"]
         others = self._other_rigs(scene) if self.all_rigs else []
+        albedos = self._albedos([scene.mps, *others])
+        self._coloured = bool(albedos)
         operation = Bake(
             mesh=meshes,
             view=(f"{camera}={normals}", *self._other_views(scene, others, folder)),
-            albedo=self._albedos([scene.mps, *others]),
+            albedo=albedos,
             **sampling(self),
             bits=bits(self, suffix),
             level=level(self),
@@ -361,14 +383,6 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
             return
         self.assign_result(scene, result)
         self.report({"INFO"}, f"{self.written(result)}{turned}")
-        colours = [
-            {**one, "output": one["albedo"], "tiles": one.get("albedo_tiles")}
-            for one in result["outputs"]
-            if "albedo" in one
-        ]
-        for image in load_textures(colours, self._bake_target[0].name, "Albedo").values():
-            self.made(image)
-            self.report({"INFO"}, f'The albedo is baked too: image "{image.name}"')
 
     def _assign_frames(self, scene: Any, first: Path) -> None:
         """Load a sequence of textures and put it on the target."""

@@ -72,6 +72,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
             outputs.append(output.with_name(f"{without_tokens(output.stem) or 'textures'}_report.html"))
             self._report = str(outputs[1])
         cameras, photos = self._cameras(scene, folder)
+        self._coloured = bool(self.white)
         operation = BakeViews(
             mesh=meshes,
             cameras=cameras,
@@ -79,6 +80,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
             rig=self._rig(scene, folder, turn.inverted()),
             lights_in=self.lights_in.lower(),
             **reading(estimate, unmasked="mesh"),
+            white=(bpy.path.abspath(self.white),) if self.white else (),
             **network(estimate),
             level=level(self),
             **sampling(bake),

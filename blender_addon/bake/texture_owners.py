@@ -11,7 +11,7 @@ import bpy
 from mpsnet_core.bake.texture_names import tile_patterns
 from mpsnet_core.errors import FileError
 
-from ..nodes import HEIGHT_NODE, TEXTURE_NODE, find_node
+from ..nodes import ALBEDO_NODE, HEIGHT_NODE, TEXTURE_NODE, find_node
 from ..operators import by_session_uid
 from ..outputs import from_json, remember, remembered
 from .existing_maps import Part, parts_of
@@ -105,7 +105,7 @@ def _holds(file: Path, path: Path, image: Any) -> bool:
 def _images_on(obj: Any) -> Iterator[Any]:
     """What an object wears of bakes and displacements."""
     trees = [slot.material.node_tree for slot in obj.material_slots if slot.material and slot.material.node_tree]
-    names = (TEXTURE_NODE, HEIGHT_NODE)
+    names = (TEXTURE_NODE, ALBEDO_NODE, HEIGHT_NODE)
     yield from (node.image for tree in trees for name in names if (node := find_node(tree, name)))
     modifier = find_modifier(obj, DISPLACE)
     if modifier and modifier.texture and modifier.texture.type == "IMAGE":

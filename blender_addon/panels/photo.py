@@ -63,6 +63,7 @@ class MPS_PT_real(Step):
         column.prop(estimate, "dark", placeholder="None")
         column.prop(estimate, "flat", placeholder="None")
         column.prop(estimate, "white", placeholder="None")
+        self.progress_or(context, "check_photo", "VIEWZOOM")
 
 
 class MPS_PT_align(Step):

@@ -33,6 +33,7 @@ class MPS_PT_views(Step):
         if views.cameras:
             column.prop(views, "photos")
             column.prop(views, "axes")
+        column.prop(views, "white", placeholder="None")
         column.prop(views, "lights_in")
         column.prop(views, "level")
         if views.level:

@@ -14,6 +14,7 @@ class ViewsSettings:
 
     cameras: from_option(BakeViews, "cameras", unset="this scene's cameras, each with its photo as background image")
     photos: from_option(BakeViews, "photos", unset="")
+    white: from_option(BakeViews, "white", name="White Photos", unset="no albedo is baked")
     axes: EnumSetting(
         name="Mesh Import",
         description="How the photogrammetry program's mesh came into Blender, so that mesh and cameras meet",

@@ -6,7 +6,7 @@ import logging
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import overload
 
@@ -15,14 +15,17 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape
 from mpsnet_core.bake.base_detail_removal import BaseMap, remove_base_details
+from mpsnet_core.bake.colour_matching import matched
 from mpsnet_core.bake.low_frequency_correction import Levelling, levelling, turned
 from mpsnet_core.bake.projection import View
 from mpsnet_core.bake.view_agreement import Agreement
-from mpsnet_core.capture.capture import Capture, capture_of, corrected_and_masked, note_doubts
+from mpsnet_core.capture.capture import Capture, capture_of, corrected_and_masked, note_doubts, with_white
 from mpsnet_core.capture.correction import Correction
 from mpsnet_core.capture.masks import mask_identity
 from mpsnet_core.errors import FileError, GeometryError, InputError
 from mpsnet_core.estimate import Estimator
+from mpsnet_core.estimate.albedo import albedo_from_white, read_albedo
+from mpsnet_core.io.image import Image
 from mpsnet_core.io.images import Encoding, read_image, write_image
 from mpsnet_core.io.photo_folder import PhotoFolder
 from mpsnet_core.io.provenance import identity, is_up_to_date, provenance_line
@@ -46,7 +49,8 @@ class Photography:
     """How the photos of all views are taken in.
 
     rig_of: the lights in a camera's space. mask: "mesh" (where the camera sees the mesh), a folder of masks named as
-    the photos or with _mask behind, or what :func:`read_capture` takes. encoding, layer, correction: as there.
+    the photos or with _mask behind, or what :func:`read_capture` takes. encoding, layer, correction: as there. white:
+    folders of photos under white light, named as the photos or with _white behind; those of several are added up.
     """
 
     rig_of: Callable[[Camera], LightRig]
@@ -54,11 +58,20 @@ class Photography:
     encoding: Encoding = "auto"
     layer: str | None = None
     correction: Correction | None = None
+    white: Sequence[str] = ()
 
     @cached_property
     def masks(self) -> PhotoFolder | None:
         """The folder of masks, if they come from one."""
         return PhotoFolder(self.mask, "masks") if self.mask != "mesh" and Path(self.mask).is_dir() else None
+
+    @cached_property
+    def white_folders(self) -> list[PhotoFolder]:
+        return [PhotoFolder(folder, "white photos") for folder in self.white]
+
+    def white_of(self, view: ViewPhoto) -> list[Path]:
+        """The view's photos under white light, one out of each folder. Raises FileError where a folder has none."""
+        return [_beside(view, folder, "white", "white photo") for folder in self.white_folders]
 
     def mask_of(self, view: ViewPhoto) -> str:
         """What :func:`read_capture` shall take the view's mask from.
@@ -70,13 +83,7 @@ class Photography:
             return "none"
         if self.masks is None:
             return self.mask
-        photo, top = view.photo, self.masks.path
-        for within, stem in ((top / view.folder, photo.stem), (top, view.name), (top, photo.stem)):
-            stems = [stem, f"{stem}_mask", f"{stem}{photo.suffix}"]
-            mask = self.masks.find(stems, f"the mask of photo {photo.name}", within)
-            if mask:
-                return os.fspath(mask)
-        raise FileError(f"photo {photo.name} has no mask {photo.stem} in {top}; put it there")
+        return os.fspath(_beside(view, self.masks, "mask", "mask"))
 
     def capture(self, view: ViewPhoto, scene: RayScene) -> Capture:
         """The view's photo, without its lens. Raises InputError, which names the view, where it cannot be had."""
@@ -94,23 +101,54 @@ class Photography:
             image, rig, self.mask_of(view), encoding=self.encoding, layer=self.layer, correction=self.correction
         )
         if view.lens is not None and not view.lens.is_identity:
-            from mpsnet_core.scene.photogrammetry import undistorted, undistorted_mask
+            from mpsnet_core.scene.photogrammetry import undistorted_mask
 
-            pixels = undistorted(image.pixels, view.camera, view.lens)
             mask = undistorted_mask(mask, view.camera, view.lens)
-            clip, clipped = image.clip, image.clipped
-            if clipped is not None or np.isfinite(clip):
-                # Pixels that a clipped one had a share in are wrong, though no longer at the channel's end.
-                whole = undistorted_mask(~image.saturated.any(axis=-1), view.camera, view.lens)
-                clip, clipped = np.inf, np.broadcast_to(~whole[..., None], pixels.shape)
-            image = replace(image, pixels=pixels, alpha=None, clip=clip, clipped=clipped)
+        image = _straightened(image, view)
         if self.mask == "mesh":
             if mask.shape == (view.camera.height, view.camera.width):
                 mask = mask & mesh_mask(view.camera, scene)
             if not mask.any():
                 raise GeometryError("its camera does not see the mesh; do the cameras and the mesh share one world?")
         depth = depth_of_mesh(view.camera, scene) if rig.near is not None else None
-        return capture_of(image, mask, rig, view.camera, depth)
+        capture = capture_of(image, mask, rig, view.camera, depth)
+        if not self.white:
+            return capture
+        return with_white(
+            capture,
+            self.white_of(view),
+            encoding=self.encoding,
+            layer=self.layer,
+            correction=self.correction,
+            straightened=partial(_straightened, view=view),
+        )
+
+
+def _beside(view: ViewPhoto, folder: PhotoFolder, ending: str, what: str) -> Path:
+    """The view's picture in a folder: what lies there as the photo does among the photos, else what is named as the
+    view or the photo, also with _`ending` behind. Raises FileError where there is none, or several fit."""
+    photo, top = view.photo, folder.path
+    for within, stem in ((top / view.folder, photo.stem), (top, view.name), (top, photo.stem)):
+        stems = [stem, f"{stem}_{ending}", f"{stem}{photo.suffix}"]
+        found = folder.find(stems, f"the {what} of photo {photo.name}", within)
+        if found:
+            return found
+    raise FileError(f"photo {photo.name} has no {what} {photo.stem} in {top}; put it there")
+
+
+def _straightened(image: Image, view: ViewPhoto) -> Image:
+    """A view's picture without its lens's distortion."""
+    if view.lens is None or view.lens.is_identity:
+        return image
+    from mpsnet_core.scene.photogrammetry import undistorted, undistorted_mask
+
+    pixels = undistorted(image.pixels, view.camera, view.lens)
+    clip, clipped = image.clip, image.clipped
+    if clipped is not None or np.isfinite(clip):
+        # Pixels that a clipped one had a share in are wrong, though no longer at the channel's end.
+        whole = undistorted_mask(~image.saturated.any(axis=-1), view.camera, view.lens)
+        clip, clipped = np.inf, np.broadcast_to(~whole[..., None], pixels.shape)
+    return replace(image, pixels=pixels, alpha=None, clip=clip, clipped=clipped)
 
 
 def mesh_mask(camera: Camera, scene: RayScene) -> NDArray[np.bool_]:
@@ -130,10 +168,12 @@ def mesh_mask(camera: Camera, scene: RayScene) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True)
 class KeptView:
-    """One view's estimated normals and confidence on disk; the description of both says what they were made of."""
+    """One view's estimated normals and confidence on disk, and its albedo where it is `coloured`; the description of
+    each says what they were made of."""
 
     folder: Path
     name: str
+    coloured: bool = False
 
     @property
     def normals(self) -> Path:
@@ -143,18 +183,27 @@ class KeptView:
     def confidence(self) -> Path:
         return self.folder / f"{self.name}_confidence.png"
 
-    def is_of(self, source: str) -> bool:
-        """Whether both files are there, whole, and were made of the same `source`, a line of :func:`sources_of`."""
-        return is_up_to_date(self.normals, source) and is_up_to_date(self.confidence, source)
+    @property
+    def albedo(self) -> Path:
+        return self.folder / f"{self.name}_albedo.exr"
 
-    def write(self, normals: NormalMap, source: str) -> None:
-        """Write both files."""
+    def is_of(self, source: str) -> bool:
+        """Whether all files are there, whole, and were made of the same `source`, a line of :func:`sources_of`."""
+        files = [self.normals, self.confidence, *([self.albedo] if self.coloured else [])]
+        return all(is_up_to_date(file, source) for file in files)
+
+    def write(self, capture: Capture, normals: NormalMap, source: str) -> None:
+        """Write the files. capture: what the normals were estimated from."""
         write_normals(self.normals, normals, description=source)
         write_image(self.confidence, normals.confidence, description=source)
+        if self.coloured:
+            albedo = np.concatenate([albedo_from_white(capture, normals), capture.mask[..., None]], axis=-1)
+            write_image(self.albedo, albedo, bits=16, color_space="lin_rec709_scene", description=source)
 
-    def read(self) -> NormalMap:
-        """The normals as they were estimated."""
-        return read_normals(self.normals, confidence=self.confidence)
+    def read(self, camera: Camera) -> View:
+        """The view as it was estimated."""
+        normals = read_normals(self.normals, confidence=self.confidence)
+        return View(camera, normals, read_albedo(self.albedo) if self.coloured else None)
 
 
 def sources_of(views: Sequence[ViewPhoto], photography: Photography, mesh: Mesh, recipe: str) -> list[str]:
@@ -190,6 +239,7 @@ def _source(view: ViewPhoto, photography: Photography, mask: str, shape: str, re
         json.dumps([rig.directions.tolist(), rig.mixing.tolist(), repr(rig)]),
         photography.mask if photography.mask == "mesh" else mask_identity(mask),
         shape if needs_mesh else "",
+        *map(identity, photography.white_of(view)),
     )
 
 
@@ -205,7 +255,7 @@ class KeptViews(Sequence[View]):
 
     level: the levelling's scale as a share of the mesh's size, 0 for none. base_maps: the maps that the mesh wears, to
     be taken out of the views (:mod:`mpsnet_core.bake.base_detail_removal`). shares: how much of each map each view
-    shows, once it was read.
+    shows, once it was read. gains: (V, 3) what the views' colours are multiplied by.
     """
 
     def __init__(
@@ -219,6 +269,7 @@ class KeptViews(Sequence[View]):
     ) -> None:
         self.kept, self.cameras, self.mesh, self.scene, self.level = kept, cameras, mesh, scene, level
         self.base_maps = base_maps
+        self.gains = np.ones((len(kept), 3), np.float32)
         self._shares: dict[int, Sequence[float]] = {}
 
     @property
@@ -234,22 +285,25 @@ class KeptViews(Sequence[View]):
     def __getitem__(self, number: slice) -> Sequence[View]: ...
     def __getitem__(self, number: int | slice) -> View | Sequence[View]:
         if isinstance(number, slice):
-            return KeptViews(self.kept[number], self.cameras[number], self.mesh, self.scene, self.level, self.base_maps)
-        return self.both(number)[1]
+            some = KeptViews(self.kept[number], self.cameras[number], self.mesh, self.scene, self.level, self.base_maps)
+            some.gains = self.gains[number]
+            return some
+        return matched(self.both(number)[1], self.gains[number])
 
     def both(self, number: int) -> tuple[View, View, float]:
         """A view as it was estimated, as it is levelled (the same where it is not), and the mean angle in degrees."""
         camera = self.cameras[number]
-        normals = self.kept[number].read()
+        estimated = self.kept[number].read(camera)
         if self.base_maps:
             known = self._shares.get(number)
-            normals, found = remove_base_details(normals, camera, self.mesh, self.scene, self.base_maps, known)
-            self._shares[number] = found
-        estimated = View(camera, normals)
+            normals, found = remove_base_details(
+                estimated.normals, camera, self.mesh, self.scene, self.base_maps, known
+            )
+            self._shares[number], estimated = found, replace(estimated, normals=normals)
         if not self.level:
             return estimated, estimated, 0.0
-        by: Levelling = levelling(normals, camera, self.mesh, self.scene, scale=self.level)
-        return estimated, View(camera, turned(normals, by)), by.mean_angle
+        by: Levelling = levelling(estimated.normals, camera, self.mesh, self.scene, scale=self.level)
+        return estimated, replace(estimated, normals=turned(estimated.normals, by)), by.mean_angle
 
 
 def estimate_views(
@@ -277,6 +331,7 @@ def estimate_views(
         if kept.is_of(source):
             known += 1
         else:
-            kept.write(estimator(photography.capture(view, stored.scene), part(step, 0.1, 0.8, named)), source)
+            capture = photography.capture(view, stored.scene)
+            kept.write(capture, estimator(capture, part(step, 0.1, 0.8, named)), source)
         agreed.add(view.name, *stored.both(number))
     return known

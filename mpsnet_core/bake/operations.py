@@ -4,7 +4,7 @@ import contextlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from mpsnet_core.bake.presets import PRESETS
 from mpsnet_core.capture.operations import ReadsPhotos, files_read
@@ -255,7 +255,8 @@ class Bake(LaysOnto):
     albedo: tuple[str, ...] = option(
         default=(),
         metavar="FILE",
-        help="albedo of a view (of estimate --albedo), in the views' order: baked as well, to TEXTURE_albedo",
+        help="albedo of a view (of estimate --albedo), in the views' order: baked as well, to TEXTURE_albedo, with the "
+        "colours matched where several views see the same",
         provenance="none",
     )
     format: str | None = option(
@@ -318,6 +319,7 @@ class Bake(LaysOnto):
         self, views: list[tuple[str, str]], target: "TextureTarget", baking: "Baking", progress: Progress
     ) -> TexturesBaked:
         from mpsnet_core.bake.bake import bake_texture_sets
+        from mpsnet_core.bake.colour_matching import matched_views
         from mpsnet_core.bake.inputs import BakeInputs, ViewInputs, ViewReader
         from mpsnet_core.bake.texture_files import format_textures, seen_share, texture_facts, write_textures
         from mpsnet_core.io.files import writable_path, written_together
@@ -336,6 +338,8 @@ class Bake(LaysOnto):
         plan = self.planned(target, [*inputs.files, *self._onto_files()], albedo=bool(self.albedo))
         reader = ViewReader(self.normals_convention, self.level_scale(), plan.base_maps.in_photos())
         seen, _ = reader.read(inputs.views, plan.meshes, part(progress, 0.05, 0.15))
+        if self.albedo and len(seen) > 1:
+            seen = matched_views(seen, plan.meshes, baking.feather)
         baked = bake_texture_sets(plan.meshes, seen, plan.sheets, baking, progress=part(progress, 0.15, 1.0))
         with written_together():
             made = [one for one, _ in write_textures(plan, baked)]
@@ -410,11 +414,12 @@ class Bake(LaysOnto):
 class ViewsBaked(TexturesBaked):
     """The textures of posed photos.
 
-    views: for each its share of the surface, and how far it departs from the others. level: the levelling's scale, 0
+    views: for each its share of the surface, how far it departs from the others, and what its colours were multiplied
+    by. level: the levelling's scale, 0
     for none. model: the estimator's name.
     """
 
-    views: list[dict[str, str | float | None]]
+    views: list[dict[str, Any]]
     level: float
     model: str
 
@@ -450,11 +455,20 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
     mask: str = option(
         default="mesh", help="mesh (where the camera sees it), a folder of masks named as the photos, or as in estimate"
     )
+    white: tuple[str, ...] = option(
+        default=(),
+        metavar="FOLDER",
+        help="folder of photos of the same poses under white light, the three lights turned white, named as the photos "
+        "(also NAME_white): the surface's colour is baked as well, to TEXTURE_albedo, matched where several views see "
+        "the same; of three folders, one for each light, the photos are added up",
+        path="folder",
+        provenance="none",  # in each view's own line
+    )
     level: str | None = option(default="on", metavar="on|off|SCALE", help=LEVEL)
     keep: str | None = option(
         default=None,
         metavar="FOLDER",
-        help="folder for each view's normals; the next run goes on from them",
+        help="folder for each view's normals and albedo; the next run goes on from them",
         unset="they are not kept",
         path="folder",
         provenance="none",
@@ -478,6 +492,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         """Write the textures, and report and figures where they are requested."""
         from mpsnet_core.bake.bake import bake_texture_sets
         from mpsnet_core.bake.base_detail_removal import note_shares
+        from mpsnet_core.bake.colour_matching import colour_gains
         from mpsnet_core.bake.feather import FEATHER
         from mpsnet_core.bake.multi_view import KeptView, KeptViews, estimate_views, sources_of
         from mpsnet_core.bake.view_agreement import agreement, note_doubts
@@ -495,7 +510,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         photos = [view.photo for view in views]
         check_apart(photos, outputs)
         progress(0.0, "reading the mesh")
-        plan = self.planned(target, [*inputs, *photos, *map(Path, outputs[1:])])
+        plan = self.planned(target, [*inputs, *photos, *map(Path, outputs[1:])], albedo=bool(self.white))
         mesh = join_meshes(plan.meshes)
         recipe = operation_facts(self, RunsModel, ReadsPhotos, **self.model_facts())
         sources = sources_of(views, photography, mesh, recipe)
@@ -503,15 +518,17 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         estimator = self.estimator()
         with contextlib.ExitStack() as stack:
             folder = self._folder(stack)
-            kept = [KeptView(folder, view.name) for view in views]
+            kept = [KeptView(folder, view.name, bool(self.white)) for view in views]
             stored = KeptViews(kept, [view.camera for view in views], mesh, scene, level, plan.base_maps.in_photos())
             agreed = agreement(mesh, scene, FEATHER)
             known = estimate_views(
                 views, sources, photography, estimator, stored, agreed, progress=part(progress, 0.02, 0.72)
             )
             note_shares(stored.shares)
+            if self.white:
+                stored.gains = colour_gains(agreed.colours)
             baked = bake_texture_sets(plan.meshes, stored, plan.sheets, baking, progress=part(progress, 0.72, 1.0))
-            table = agreed.views()
+            table = agreed.views(stored.gains.tolist() if self.white else None)
             note_doubts(table)
             how = f"levelled at {level:g} of the mesh's size" if level else "not levelled"
             before = f"; {known} kept from before" if known else ""
@@ -558,7 +575,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
             def rig_of(camera: "Camera") -> "LightRig":
                 return rig
 
-        return Photography(rig_of, self.mask, self.encoding, self.layer, self.correction())
+        return Photography(rig_of, self.mask, self.encoding, self.layer, self.correction(), self.white)
 
     def _folder(self, stack: contextlib.ExitStack) -> Path:
         """Where the views' normals go: to be kept, or for as long as the stack is open."""

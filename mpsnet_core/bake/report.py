@@ -12,6 +12,7 @@ from mpsnet_core.bake.texture import Texture
 from mpsnet_core.bake.view_agreement import ViewAgreement
 from mpsnet_core.io.files import written_whole
 from mpsnet_core.io.html_page import HEAD, data_url, page_path
+from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.text_table import text_table
 from mpsnet_core.scene.normal_map import encode
 from mpsnet_core.scene.pictures import BACKGROUND, colour_scale, error_picture
@@ -32,7 +33,7 @@ _KEY = "".join(f"<i style='background:{colour}'></i>{words}" for colour, words i
 _EXPLAINED = """<p><b>area seen</b>: share of the surface's area that the view sees. <b>apart</b>: mean angle in degrees
 between the view's normals and the mean of the others, as they were estimated, and levelled. <b>levelling</b>: mean
 angle that the view was turned by. A view that stays apart from the others after levelling has a wrong camera, mask or
-light.</p>
+light. <b>colour gain</b>: what red, green and blue of its albedo were multiplied by to match the others.</p>
 """
 
 
@@ -42,8 +43,12 @@ def view_table(views: Sequence[ViewAgreement]) -> str:
     def angle(value: float) -> str:
         return f"{value:.2f}" if np.isfinite(value) else "-"
 
+    names = ["view", "area seen", "apart (°)", "apart, levelled (°)", "levelling (°)"]
     lines = [[v.name, f"{v.seen:.1%}", angle(v.before), angle(v.after), angle(v.level)] for v in views]
-    return text_table(["view", "area seen", "apart (°)", "apart, levelled (°)", "levelling (°)"], lines, 1)
+    if any(v.gain is not None for v in views):
+        names.append("colour gain")
+        lines = [[*line, " ".join(f"{one:.2f}" for one in v.gain or ())] for line, v in zip(lines, views, strict=True)]
+    return text_table(names, lines, 1)
 
 
 @dataclass(frozen=True)
@@ -71,6 +76,9 @@ def texture_maps(texture: Texture, name: str = "") -> list[TextureMap]:
             on_surface(encode(texture.vectors[few])),
         )
     ]
+    if texture.colours is not None:
+        colours = on_surface(linear_to_srgb(texture.colours[few][..., :3]))
+        maps.append(TextureMap("the albedo; what no view sees continues what is near", colours))
     if texture.views is not None and texture.spread is not None:
         palette = np.array([list(bytes.fromhex(colour[1:])) for colour in COUNTS], np.float32) / 255
         counts = on_surface(palette[np.minimum(texture.views[few], len(palette) - 1)])

@@ -11,7 +11,7 @@ from mpsnet_core.bake.detail_blending import blend_detail
 from mpsnet_core.bake.existing_maps import BaseMaps, maps_beneath
 from mpsnet_core.bake.presets import preset_named, preset_output
 from mpsnet_core.bake.texture import Texture, write_texture
-from mpsnet_core.bake.texture_names import split_by, texture_files, tile_patterns
+from mpsnet_core.bake.texture_names import albedo_file, split_by, texture_files, tile_patterns
 from mpsnet_core.bake.texture_sets import TextureSet, sheets
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.albedo import write_albedo
@@ -145,11 +145,6 @@ def planned(
     check_apart([*taken, *(present.file for present in beneath if present)], map(writable_path, [*files, *coloured]))
     base_maps = BaseMaps(beneath, chosen, meshes, onto_shown)
     return Plan(target, meshes, chosen, files, tile_patterns(target.output, chosen), base_maps)
-
-
-def albedo_file(texture: Path) -> Path:
-    """Where the albedo goes that is baked beside a normal texture: NAME_albedo."""
-    return texture.with_name(f"{texture.stem}_albedo{texture.suffix}")
 
 
 def _named(mesh: Mesh, name: str) -> Mesh:

@@ -25,6 +25,11 @@ class Parted(Protocol):
     def object(self) -> str | None: ...
 
 
+def albedo_file(texture: Path) -> Path:
+    """Where the albedo goes that is baked beside a normal texture: NAME_albedo."""
+    return texture.with_name(f"{texture.stem}_albedo{texture.suffix}")
+
+
 def split_by(pattern: str | os.PathLike[str]) -> set[str]:
     """What the pattern's tokens part textures by: "tile", "material", "object".
 

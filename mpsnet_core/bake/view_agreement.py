@@ -7,6 +7,7 @@ each view is in memory, so that none needs to be read again.
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,7 @@ class ViewAgreement:
 
     seen: share of the surface's area. level: mean angle that levelling turns it by. before, after: mean angle between
     its normals and the mean of the others, weighted as in the bake, with none and with all of the views levelled.
+    gain: what its colours' channels are multiplied by, where it has any.
     """
 
     name: str
@@ -38,19 +40,22 @@ class ViewAgreement:
     level: float
     before: float
     after: float
+    gain: Sequence[float] | None = None
 
 
 @dataclass
 class Agreement:
     """The views' samples at points of the surface.
 
-    points: (N, 3) relative to the scene's middle. normals: (N, 3) unit, in the world. feather: the bake's.
+    points: (N, 3) relative to the scene's middle. normals: (N, 3) unit, in the world. feather: the bake's. colours: for
+    each view (N, 4) its colour times its weight, and the weight; (N, 0) of views without.
     """
 
     scene: RayScene
     feather: float
     points: NDArray[np.float32]
     normals: NDArray[np.float32]
+    colours: list[NDArray[np.float32]] = field(default_factory=list)
     _views: list[tuple[str, float]] = field(default_factory=list)
     _looks: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = field(default_factory=list)
 
@@ -58,20 +63,24 @@ class Agreement:
         """One more view, as estimated and as levelled by `level` degrees in the mean."""
         self._views.append((name, level))
         look = self._look(estimated)
-        self._looks.append((look, look if levelled is estimated else self._look(levelled)))
+        self._looks.append((look[:, :4], (look if levelled is estimated else self._look(levelled))[:, :4]))
+        self.colours.append(look[:, 4:])
 
     def _look(self, view: View) -> NDArray[np.float32]:
-        look = np.zeros((len(self.points), 4), np.float32)
-        seen, samples = Projector(view, self.scene, self.feather).look(self.points, self.normals)
-        look[seen] = samples[:, :4]
+        projector = Projector(view, self.scene, self.feather)
+        look = np.zeros((len(self.points), projector.samples.shape[2]), np.float32)
+        seen, samples = projector.look(self.points, self.normals)
+        look[seen] = samples
         return look
 
-    def views(self) -> list[ViewAgreement]:
-        """What each view contributes, in the order that they were added."""
+    def views(self, gains: Sequence[Sequence[float]] | None = None) -> list[ViewAgreement]:
+        """What each view contributes, in the order that they were added. gains: of their colours."""
         before, after = (_departures([looks[place] for looks in self._looks]) for place in (0, 1))
         return [
-            ViewAgreement(name, float((looks[1][:, 3] > 0).mean()), level, one, other)
-            for (name, level), looks, one, other in zip(self._views, self._looks, before, after, strict=True)
+            ViewAgreement(name, float((looks[1][:, 3] > 0).mean()), level, one, other, gains[number] if gains else None)
+            for number, ((name, level), looks, one, other) in enumerate(
+                zip(self._views, self._looks, before, after, strict=True)
+            )
         ]
 
 
@@ -121,7 +130,7 @@ def note_doubts(views: Sequence[ViewAgreement]) -> None:
             )
 
 
-def table_rows(views: Sequence[ViewAgreement]) -> list[dict[str, str | float | None]]:
+def table_rows(views: Sequence[ViewAgreement]) -> list[dict[str, Any]]:
     """The views as plain data, for JSON: no NaN but None, angles to a thousandth of a degree."""
     return [
         {
@@ -130,6 +139,7 @@ def table_rows(views: Sequence[ViewAgreement]) -> list[dict[str, str | float | N
             "level_deg": _rounded(view.level),
             "before_deg": _rounded(view.before),
             "after_deg": _rounded(view.after),
+            **({} if view.gain is None else {"gain": [round(float(one), 4) for one in view.gain]}),
         }
         for view in views
     ]

@@ -2,7 +2,7 @@
 
 import logging
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -97,7 +97,7 @@ class Capture:
         check_same_size("the mask", mask.shape, "the photo", image.shape[:2])
         if not mask.any():
             raise GeometryError("the mask is empty: no pixel of the object is marked; choose another mask or threshold")
-        image = _finite_inside(image, mask, "photo")
+        image = finite_inside(image, mask, "photo")
         if not any((image[rows] > 0).any(where=mask[rows, :, None]) for rows in bands(len(mask))):
             raise GeometryError("the photo is black inside the mask; were the lights on, and is it the right mask?")
         if self.clipped is not None:
@@ -128,7 +128,7 @@ class Capture:
         return saturated(self.image, self.clip) if self.clipped is None else self.clipped
 
 
-def _finite_inside(image: NDArray[Any], mask: NDArray[np.bool_], name: str) -> NDArray[Any]:
+def finite_inside(image: NDArray[Any], mask: NDArray[np.bool_], name: str) -> NDArray[Any]:
     """The image (H, W, 3) with zeros where it is not finite, outside the mask; itself where it is finite."""
     result = image
     for rows in bands(len(mask)):
@@ -148,7 +148,7 @@ def _checked_white(
     if white.ndim != 3 or white.shape[2] != 3:
         raise FormatError(f"a white photo has three channels a pixel; this one has shape {white.shape}")
     check_same_size("the white photo", white.shape[:2], "the photo", mask.shape, SAME_CAMERA)
-    white = _finite_inside(white, mask, "white photo")
+    white = finite_inside(white, mask, "white photo")
     if not (white > 0).any(where=mask[..., None]):
         raise GeometryError("the white photo is black inside the mask; was the light on, and is it of the same pose?")
     if clipped is not None:
@@ -211,7 +211,7 @@ def read_capture(
         capture = taken(as_stored(image))
     if white is not None:
         several = [white] if isinstance(white, str | os.PathLike) else white
-        capture = _with_white(capture, several, encoding=encoding, layer=layer, correction=correction)
+        capture = with_white(capture, several, encoding=encoding, layer=layer, correction=correction)
     note_doubts(capture)
     return capture
 
@@ -238,20 +238,26 @@ def _linear_rather(path: str | os.PathLike[str], image: Image, capture: Capture,
     return False
 
 
-def _with_white(
+def with_white(
     capture: Capture,
     photos: Sequence[str | os.PathLike[str]],
     *,
-    encoding: Encoding,
-    layer: str | None,
-    correction: Correction | None,
+    encoding: Encoding = "auto",
+    layer: str | None = None,
+    correction: Correction | None = None,
+    straightened: Callable[[Image], Image] = lambda image: image,
 ) -> Capture:
-    """The capture with the sum of `photos`, read as the photo was, as its white photo."""
+    """The capture with the sum of `photos`, read as the photo was, as its white photo.
+
+    straightened: takes the lens's distortion out of an image, where it was taken out of the photo.
+
+    Raises InputError where one cannot be read, is the photo itself, or does not fit it.
+    """
     total, clipped = np.zeros(capture.image.shape, np.float32), np.zeros(capture.image.shape, bool)
     for file in expand_images(photos):
         image = read_image(file, encoding=encoding, layer=layer_in(file, layer))
         try:
-            image = image if correction is None else corrected(image, correction)
+            image = straightened(image if correction is None else corrected(image, correction))
             # Checked one by one: the sum would not show which of them does not fit.
             total += _checked_white(image.pixels, None, capture.mask)
         except InputError as error:
@@ -364,6 +370,21 @@ def _note_unit(distance: float, near: NearLights) -> None:
         )
 
 
+def channel_angles(
+    means: NDArray[np.float64], products: NDArray[np.float64], pixels: int
+) -> NDArray[np.float64] | None:
+    """(3,) the angles in radians between red and green, red and blue, green and blue as vectors of all pixels.
+
+    None where all of the object faces one way: there the channels are alike under any light, and only equal ones are
+    conclusive. means: (3,) of the pixels; products: (3, 3) the sums of the channels' products.
+    """
+    sizes = np.sqrt(np.diag(products))
+    if np.ptp(means) > 1e-3 * means.max() and not (sizes**2 / pixels > 1.01 * means**2).all():
+        return None
+    cosines = products / np.maximum(np.outer(sizes, sizes), 1e-30)
+    return np.asarray(np.arccos(np.clip(cosines[[0, 0, 1], [1, 2, 2]], -1, 1)))
+
+
 def note_doubts(capture: Capture, name: str = "") -> None:
     """Report photos that normals can be estimated from, but hardly right ones. name: which, if there are several."""
     which = f"{name}: " if name else ""
@@ -378,10 +399,9 @@ def note_doubts(capture: Capture, name: str = "") -> None:
             total += inside.sum(axis=0, dtype=np.float64)
             products += inside.T.astype(np.float64) @ inside
     pixels = int(capture.mask.sum())
-    means, sizes = total / pixels, np.sqrt(np.diag(products))
-    # Where all of it faces one way, the channels are alike under any light: only equal ones are conclusive there.
-    conclusive = np.ptp(means) <= 1e-3 * means.max() or (sizes**2 / pixels > 1.01 * means**2).all()
-    if conclusive and (products >= np.cos(ALIKE) * np.outer(sizes, sizes)).all():
+    means = total / pixels
+    angles = channel_angles(means, products, pixels)
+    if angles is not None and angles.max() <= ALIKE:
         log.warning(
             "%sthe photo's three channels are all but the same: it looks like a photo under white light, which has "
             "no normals; of three photos under one white light each, mpsnet superpose --channels makes one that does",

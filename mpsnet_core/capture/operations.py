@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mpsnet_core.capture.correction import Correction
+    from mpsnet_core.capture.photo_check import Finding
+    from mpsnet_core.io.image import Image
     from mpsnet_core.scene.camera import Camera
 
 
@@ -51,6 +53,30 @@ class ReadsPhotos(ReadsPictures):
         if self.dark is None and self.flat is None:
             return None
         return read_correction(self.dark, self.flat, encoding=self.encoding, layer=self.layer, smooth=self.flat_smooth)
+
+    def photo_and_mask(self, photo: str, choice: str, progress: Progress) -> "tuple[Image, NDArray[np.bool_]]":
+        """A photo, corrected, and (H, W) where the object is. choice: as :func:`mpsnet_core.find_mask` takes it, or
+        alpha-or-all.
+
+        Raises InputError where a file cannot be read, no object is found, or the mask has another size.
+        """
+        from mpsnet_core.capture.correction import corrected
+        from mpsnet_core.capture.masks import find_mask
+        from mpsnet_core.io.files import located
+        from mpsnet_core.io.images import read_image
+
+        image = read_image(photo, encoding=self.encoding, layer=self.layer)
+        correction = self.correction()
+        progress(0.4, "looking for the object")
+        with located(photo):
+            if correction is not None:
+                image = corrected(image, correction)
+            words = None if choice == "alpha-or-all" else choice
+            mask = find_mask(image, words, encoding=self.encoding, layer=self.layer, correction=correction)
+        if mask.shape != image.pixels.shape[:2]:
+            sizes = [f"{array.shape[1]} x {array.shape[0]}" for array in (mask, image.pixels)]
+            raise GeometryError(f"{choice} is {sizes[0]} but {photo} is {sizes[1]}; they must be the same size")
+        return image, mask
 
 
 @dataclass(frozen=True)
@@ -195,11 +221,9 @@ class FindMask(ReadsPhotos):
 
     def run(self, progress: Progress = silent) -> MaskFound:
         """Write the mask, and the overlay where one is requested."""
-        from mpsnet_core.capture.correction import corrected
-        from mpsnet_core.capture.masks import find_mask
-        from mpsnet_core.io.files import located, writable_path, written_together
+        from mpsnet_core.io.files import writable_path, written_together
         from mpsnet_core.io.frames import check_apart
-        from mpsnet_core.io.images import checked_bits, read_image, write_image
+        from mpsnet_core.io.images import checked_bits, write_image
         from mpsnet_core.scene.pictures import mask_picture
 
         outputs = [self.output, *([self.overlay] if self.overlay else [])]
@@ -207,17 +231,7 @@ class FindMask(ReadsPhotos):
             checked_bits(writable_path(output))
             check_apart([self.image, *files_read(self), *outputs[:number]], [output])
         progress(0.0, f"reading {Path(self.image).name}")
-        image = read_image(self.image, encoding=self.encoding, layer=self.layer)
-        correction = self.correction()
-        progress(0.4, "looking for the object")
-        with located(self.image):
-            if correction is not None:
-                image = corrected(image, correction)
-            choice = None if self.mask == "alpha-or-all" else self.mask
-            mask = find_mask(image, choice, encoding=self.encoding, layer=self.layer, correction=correction)
-        if mask.shape != image.pixels.shape[:2]:
-            sizes = [f"{array.shape[1]} x {array.shape[0]}" for array in (mask, image.pixels)]
-            raise GeometryError(f"{self.mask} is {sizes[0]} but {self.image} is {sizes[1]}; they must be the same size")
+        image, mask = self.photo_and_mask(self.image, self.mask, progress)
         progress(0.8, f"writing {Path(self.output).name}")
         with written_together():
             write_image(self.output, mask, bits=None if Path(self.output).suffix.lower() == ".exr" else 8)
@@ -227,6 +241,76 @@ class FindMask(ReadsPhotos):
         share = float(mask.mean())
         text = f"{self.output}: the object covers {share:.1%} of the photo"
         return MaskFound(self.output, self.overlay, round(share, 4), text=text)
+
+
+@dataclass(frozen=True)
+class PhotoChecked(Result):
+    """What was found, item by item. level: of the worst, "good", "watch" or "bad"."""
+
+    level: str
+    findings: "list[Finding]"
+
+
+@dataclass(frozen=True)
+class Check(ReadsPhotos):
+    """Say how good a photo and its lights are, and how to mend them.
+
+    It looks at the exposure, at what is clipped, whether the channels show different lights, where these stand, how
+    much of the object all three reach, and the focus. Each is good, to be watched, or bad; a bad photo is no error.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> from mpsnet_core import Check, write_image
+    >>> light = np.random.default_rng(0).uniform(0.2, 0.7, (64, 64, 3))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_image(f"{folder}/photo.png", light * [1, 1, 0.01])
+    ...     result = Check(image=f"{folder}/photo.png", mask="none", encoding="linear").run()
+    >>> result.level, result.findings[0].item
+    ('bad', 'exposure')
+    >>> print(result.findings[0].sentence)
+    the blue channel reaches only 0.7% of full scale; make the blue light brighter, or check that it is on
+    """
+
+    command: ClassVar[str] = "check"
+
+    image: str = option(positional=True, help="photo")
+    rig: str | None = option(
+        default=None,
+        help="rig file (.json, or .lp with three lights)",
+        unset="nothing is said of the lights",
+        path="file",
+        provenance="content",
+    )
+    mask: str = option(default="alpha-or-auto", help="where the object is, as in `mask`")
+    json: str | None = option(default=None, metavar="FILE", help="write the findings as JSON", provenance="none")
+
+    def run(self, progress: Progress = silent) -> PhotoChecked:
+        """Look at the photo, and write the findings where they are requested."""
+        from mpsnet_core.capture.photo_check import check_photo, worst
+        from mpsnet_core.io.files import located, writable_path, write_json
+        from mpsnet_core.io.frames import check_apart
+        from mpsnet_core.scene.rig import read_rig
+
+        if self.json:
+            writable_path(self.json)
+            check_apart([self.image, *([self.rig] if self.rig else []), *files_read(self)], [self.json])
+        rig = read_rig(self.rig) if self.rig else None
+        progress(0.0, f"reading {Path(self.image).name}")
+        image, mask = self.photo_and_mask(self.image, self.mask, progress)
+        if not mask.any():
+            raise GeometryError(f"{self.image}: the mask is empty; choose another mask or threshold")
+        progress(0.6, "checking the photo")
+        with located(self.image):
+            findings = check_photo(image, mask, rig)
+        lines = [f"{one.level:5}  {one.item:8}  {one.sentence}" for one in findings]
+        result = PhotoChecked(worst(findings), findings, text="\n".join(lines))
+        if self.json:
+            figures = result.facts()
+            write_json(self.json, {name: figures[name] for name in ("level", "findings")})
+        progress(1.0, "done")
+        return result
 
 
 def files_read(given: ReadsPhotos) -> list[Path]:

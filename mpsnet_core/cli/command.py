@@ -15,7 +15,7 @@ from typing import Any
 from mpsnet_core import __version__
 from mpsnet_core.bake.operations import Bake, BakeViews
 from mpsnet_core.capture.calibrate.operations import CalibrateLights, CalibrateMixing
-from mpsnet_core.capture.operations import FindMask, Superpose
+from mpsnet_core.capture.operations import Check, FindMask, Superpose
 from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_CANCELLED
 from mpsnet_core.cli.arguments import Parser, Verbs
 from mpsnet_core.cli.operations import add_operation
@@ -48,6 +48,7 @@ OPERATIONS: tuple[type[Operation], ...] = (
     Estimate,
     Superpose,
     FindMask,
+    Check,
     CalibrateLights,
     CalibrateMixing,
     WriteCameras,

@@ -9,7 +9,8 @@ from mathutils import Matrix, Vector
 
 from blender_addon.panels.views import MPS_PT_views
 from mpsnet_core.arrays.unit_vectors import angular_error
-from mpsnet_core.io.images import read_image
+from mpsnet_core.estimate.albedo import read_albedo
+from mpsnet_core.io.images import read_image, write_image
 from mpsnet_core.scene.normal_map import decode
 
 from .test_steps import Kind, stands
@@ -76,6 +77,25 @@ def test_cameras_with_background_images_become_one_texture(around, scene, tmp_pa
     # The sphere's own normals are the truth here, so levelling can only make it better.
     bpy.ops.mps.bake_views(level=True, write_report=False)
     assert error(tmp_path / "texture.png") < 1.0
+
+
+def test_white_photos_give_the_material_its_colour(around, scene, tmp_path):
+    """The white sphere as if it were painted, and each view exposed otherwise."""
+    colour = np.array([0.6, 0.3, 0.15])
+    (tmp_path / "white").mkdir()
+    for number, exposure in enumerate((1, 0.4, 2, 0.7)):
+        photo = read_image(tmp_path / f"side{number}.exr").pixels
+        white = photo.sum(axis=-1, keepdims=True) * colour * exposure
+        write_image(tmp_path / "white" / f"side{number}_white.exr", white)
+    bpy.ops.mps.bake_views(level=False, white=str(tmp_path / "white"))
+    nodes = around.data.materials[0].node_tree.nodes
+    shader = next(node for node in nodes if node.type == "BSDF_PRINCIPLED")
+    shown = shader.inputs["Base Color"].links[0].from_node.image
+    assert shown.colorspace_settings.name == "sRGB"
+    assert shader.inputs["Normal"].links[0].from_node == nodes["MPS Normal"]
+    band = read_albedo(shown.filepath)[40:88]
+    assert np.abs(band / band.sum(axis=-1, keepdims=True) - colour / colour.sum()).max() < 0.01
+    assert np.quantile(np.abs(band / np.median(band, axis=(0, 1)) - 1), 0.9) < 0.1
 
 
 def test_lights_that_stand_still_are_those_of_the_scene(around, scene, tmp_path):

@@ -41,6 +41,39 @@ def test_the_albedo_is_baked_beside_the_normals(white, photographed, tmp_path, t
     np.testing.assert_allclose(found / found.sum(), COLOUR / COLOUR.sum(), rtol=0.03)
 
 
+def test_the_material_shows_albedo_and_normals_once_each(white, photographed, tmp_path, capfd):
+    """An artist's texture makes room, and is named; another bake takes the nodes of the first."""
+    tree = photographed.data.materials[0].node_tree
+    shader = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
+    painted = tree.nodes.new("ShaderNodeTexImage")
+    tree.links.new(painted.outputs["Color"], shader.inputs["Base Color"])
+    bpy.ops.mps.estimate(model="LAMBERTIAN", white=white, albedo=True, output=str(tmp_path / "n.png"))
+    for suffix, space in ((".png", "sRGB"), (".exr", "Linear Rec.709")):
+        bpy.ops.mps.bake(target=photographed.name, size=64, output=str(tmp_path / f"t{suffix}"))
+        colour, normal = (shader.inputs[name].links[0].from_node for name in ("Base Color", "Normal"))
+        image = colour.image
+        assert (colour.name, normal.name) == ("MPS Albedo", "MPS Normal")
+        assert image.filepath == str(tmp_path / f"t_albedo{suffix}")
+        assert image.colorspace_settings.name == space and not image.colorspace_settings.is_data
+        assert colour.inputs["Vector"].links[0].from_node == tree.nodes["MPS UV"]
+    assert sum(node.type == "TEX_IMAGE" for node in tree.nodes) == 3 and painted.name in tree.nodes
+    assert capfd.readouterr().out.count('The albedo took the place of "Image Texture" in material "Matte"') == 1
+    pixels = np.array(image.pixels).reshape(64, 64, 4)
+    np.testing.assert_allclose(pixels[..., :3], read_albedo(tmp_path / "t_albedo.exr")[::-1], atol=1e-3)
+
+
+def test_an_albedo_is_not_baked_over_that_of_another_object(white, photographed, tmp_path):
+    bpy.ops.mps.estimate(model="LAMBERTIAN", white=white, albedo=True, output=str(tmp_path / "n.png"))
+    bpy.ops.mps.bake(target=photographed.name, size=64, output=str(tmp_path / "t.png"))
+    twin = photographed.copy()
+    twin.data = photographed.data.copy()
+    bpy.context.scene.collection.objects.link(twin)
+    bpy.data.images[f"MPS {photographed.name} Albedo"].filepath = str(tmp_path / "u_albedo.png")
+    twin.data.materials[0] = None
+    with pytest.raises(RuntimeError, match=r"u_albedo\.png, which is for"):
+        bpy.ops.mps.bake(target=twin.name, size=64, output=str(tmp_path / "u.png"))
+
+
 def test_another_white_photo_makes_the_estimate_out_of_date(white, scene, tmp_path):
     bpy.ops.mps.estimate(model="LAMBERTIAN", white=white, output=str(tmp_path / "n.png"))
     assert MPS_PT_estimate.state(bpy.context).kind is Kind.DONE

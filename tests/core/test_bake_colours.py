@@ -15,6 +15,7 @@ from test_cli import events
 
 from mpsnet_core import read_camera, read_normals
 from mpsnet_core.bake.bake import View, bake_normals
+from mpsnet_core.bake.colour_matching import matched_views
 from mpsnet_core.estimate.albedo import write_albedo
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.scene.camera import Camera, write_camera
@@ -62,6 +63,49 @@ def test_views_that_differ_in_brightness_are_blended_in_linear_light() -> None:
     assert np.abs(found - 0.75 * paint(points[ahead])).max() < 0.02
 
 
+# What the views' channels were multiplied by, by mistake; the geometric mean is 1 in each channel.
+WRONG = np.exp([[0.5, 0.3, 0], [-0.4, -0.5, 0.1], [0.2, 0, -0.3], [-0.3, 0.2, 0.4], [0, 0, -0.2], [0, 0, 0]])
+
+
+def wrongly_exposed(rng: np.random.Generator) -> list[View]:
+    """The painted sphere from six sides, each with a gain of its own and highlights that the others do not see."""
+    views = []
+    for side, wrong in zip(SIX_SIDES, WRONG, strict=True):
+        view = painted_view(side, 0.4)
+        highlights = rng.random(view.normals.mask.shape) < 0.1
+        assert view.colours is not None
+        colours = view.colours * wrong * np.where(highlights, 1.5, 1)[..., None]
+        views.append(replace(view, colours=colours.astype(np.float32)))
+    return views
+
+
+def test_wrong_gains_are_found_from_what_the_views_share() -> None:
+    matched = matched_views(wrongly_exposed(np.random.default_rng(1)), [sphere_mesh(48, 24)], 0.05)
+    truth = [painted_view(side, 0.4).colours for side in SIX_SIDES]
+    for view, true in zip(matched, truth, strict=True):
+        assert view.colours is not None and true is not None
+        np.testing.assert_allclose(np.nanmedian(view.colours / true, axis=(0, 1)), 1, atol=0.02)
+
+
+def test_matching_keeps_one_white_balance_and_clips_nothing() -> None:
+    """Views whose colours are right but for one that is eight times darker: that one may not lift the others."""
+    views = [painted_view(side, 1 if number else 0.125) for number, side in enumerate(SIX_SIDES)]
+    matched = matched_views(views, [sphere_mesh(48, 24)], 0.05)
+    pairs = zip(matched, views, strict=True)
+    gains = np.array([np.nanmedian(one.colours / view.colours, axis=(0, 1)) for one, view in pairs])
+    np.testing.assert_allclose(gains[0] / gains[1:], 8, rtol=0.02)
+    np.testing.assert_allclose(gains / gains[:, :1], 1, rtol=0.02)
+    assert max(np.nanpercentile(one.colours, 99.5) for one in matched) < 1.01
+
+
+def test_views_that_share_nothing_stay_as_they_are(caplog: pytest.LogCaptureFixture) -> None:
+    views = [painted_view((1, 0, 0), 0.5), painted_view((-1, 0, 0))]
+    for view, as_it_was in zip(matched_views(views, [sphere_mesh()], 0.05), views, strict=True):
+        assert view.colours is not None and as_it_was.colours is not None
+        np.testing.assert_allclose(view.colours, as_it_was.colours, rtol=1e-5)
+    assert "2 of 2 views share too little of the surface" in caplog.text
+
+
 def test_what_no_view_sees_takes_its_colour_from_what_is_near() -> None:
     texture = bake_normals(sphere_mesh(), [painted_view((1, 0, 0))], size=SIZE)
     assert texture.colours is not None
@@ -79,7 +123,8 @@ def test_normals_are_the_same_with_colours_and_without() -> None:
 
 
 def test_bake_writes_the_albedo_beside_the_texture(tmp_path: Path, mpsnet: Mpsnet) -> None:
-    """A plate of two colours before two cameras; where one albedo is transparent, the other one tells."""
+    """A plate of two colours before two cameras; where one albedo is transparent, the other one tells. They differ in
+    exposure and tint, and meet in the middle."""
     mesh: Mesh = plane()
     write_mesh(tmp_path / "plate.npz", mesh)
     camera: Camera = camera_looking((0, 0, 1), size=64, reach=1.0)
@@ -90,7 +135,8 @@ def test_bake_writes_the_albedo_beside_the_texture(tmp_path: Path, mpsnet: Mpsne
     holed = mask.copy()
     holed[10:20, 10:20] = False
     write_albedo(tmp_path / "holed.png", colours * holed[..., None], holed)
-    write_albedo(tmp_path / "whole.exr", colours, mask)
+    wrong = np.array([1.5, 1.2, 1.3])
+    write_albedo(tmp_path / "whole.exr", colours / wrong**2, mask)
     view = ["--view", f"{tmp_path / 'camera.json'}={tmp_path / 'n.png'}"]
     command = ["bake", "--mesh", tmp_path / "plate.npz", *view, *view, "--albedo", tmp_path / "holed.png"]
     command += ["--albedo", tmp_path / "whole.exr", "--size", "64", "--level", "off"]
@@ -101,7 +147,7 @@ def test_bake_writes_the_albedo_beside_the_texture(tmp_path: Path, mpsnet: Mpsne
     picture = oiio.ImageBuf(str(tmp_path / "plate_albedo.png"))
     assert picture.spec().get_string_attribute("oiio:ColorSpace").lower().startswith("srgb")
     found, inner = picture.get_pixels(oiio.FLOAT), np.r_[1:30, 34:63]
-    expected = linear_to_srgb(colours)
+    expected = linear_to_srgb(colours / wrong)
     np.testing.assert_allclose(found[1:63, inner], expected[1:63, inner], atol=0.005)
 
 

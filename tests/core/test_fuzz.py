@@ -121,6 +121,7 @@ VERBS = [
     *(
         "superpose photo.exr white.exr -o o.exr",
         "mask photo.exr --mask threshold:0.1 --overlay ov.png -o o.png",
+        "check photo.exr --rig rig.json --mask threshold:0.1 --json found.json",
         "models net.onnx",
     ),
     "calibrate lights red.exr green.exr blue.exr --per-light --circle 100,80,70 -o o.json",

@@ -193,6 +193,41 @@ def test_kept_normals_are_not_estimated_again(table: Table) -> None:
     assert "kept from before" not in table.run(*keep, "--model", "lambertian-grey-world")
 
 
+def test_white_photos_become_one_albedo(table: Table) -> None:
+    """The sphere painted, with another exposure and tint in each view: one colour at each texel but for one factor."""
+
+    def paint(points: np.ndarray) -> np.ndarray:
+        return 0.5 + 0.3 * np.sin(2 * points)
+
+    (table / "white").mkdir()
+    tints = np.array([[1, 1, 1], [0.5, 0.4, 0.3], [1.5, 1.2, 2], [0.8, 1, 0.7]])
+    rng = np.random.default_rng(1)
+    for number, (corner, tint) in enumerate(zip(CORNERS[::2], tints, strict=True)):
+        seen = shot(corner, 96, rng, noise=0.0, off=0.0)
+        white = seen.image.sum(axis=-1, keepdims=True) * paint(seen.points) * tint
+        write_file(table / "white" / f"side{number}_white.exr", white, "float")
+    keep = ("--keep", table / "kept", "--white", table / "white", "--level", "off")
+    table.run(*keep, "--json", table / "figures.json", "--report", table / "report.html")
+    texels = sphere_texels(64)
+    low = texels.points[:, 2] < -0.2  # the four sides look from below
+    place = texels.row[low], texels.column[low]
+    baked = read_image(table / "texture_albedo.png").pixels[place]
+    ratio = baked / paint(texels.points[low])
+    ratio /= np.median(ratio, axis=0)
+    assert np.quantile(np.abs(ratio - 1), 0.8) < 0.05
+    assert "the albedo" in (table / "report.html").read_text()
+    gains = np.array([row["gain"] for row in json.loads((table / "figures.json").read_text())["views"]])
+    # What is left of each view's tint once its own scale is out of it.
+    left = gains * tints / (gains * tints)[:, :1]
+    np.testing.assert_allclose(left / left[0], 1, atol=0.03)
+    assert "4 kept from before" in table.run(*keep)
+    os.utime(table / "white" / "side1_white.exr", (1, 1))
+    assert "3 kept from before" in table.run(*keep)
+    with pytest.raises(InputError, match="has no white photo side2 in"):
+        (table / "white" / "side2_white.exr").unlink()
+        table.run(*keep)
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 def test_the_next_run_removes_the_normals_of_one_that_was_killed(table: Table) -> None:
     temporary = table / "tmp"

@@ -1,0 +1,322 @@
+"""What can be said of a photo before anything is made of it, item by item: whether it is good, and how to mend it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.block_means import block_means
+from mpsnet_core.arrays.mask_regions import box_sums, dilated
+from mpsnet_core.arrays.robust_statistics import DEVIATIONS
+from mpsnet_core.capture.capture import ALIKE, channel_angles, finite_inside
+from mpsnet_core.io.image import Image, saturated
+from mpsnet_core.scene.rig import LightRig
+
+Level = Literal["good", "watch", "bad"]
+LEVELS: tuple[Level, ...] = ("good", "watch", "bad")
+CHANNELS = ("red", "green", "blue")
+
+# Each pair of limits: beyond the first a photo is to be watched, beyond the second it is bad.
+# Exposure: of what the file can hold, or of the brightest channel where a file has no upper end.
+DARK, WEAK = (0.2, 0.05), (0.05, 0.02)
+AIM = 0.7
+# Brightness in standard deviations of the noise.
+NOISY = (10.0, 4.0)
+# Shares of the object's pixels.
+CLIPPED, REACHED = (0.005, 0.05), (0.5, 0.3)
+# Radians between channels as vectors of all pixels; condition number of the mixing matrix.
+CLOSE_CHANNELS, MIXED = (0.05, ALIKE), (8.0, 20.0)
+# Degrees between two lights, and from the camera's axis; condition number of the directions' matrix: three lights that
+# stand 120° apart have 5.3 at a slant of 15°, and 10.5 at 7.7°.
+CLOSE_LIGHTS, LOW_LIGHTS, IN_LINE = (20.0, 10.0), (70.0, 80.0), (6.0, 12.0)
+# A light counts as not reaching a pixel below this share of its channel's 95th percentile, or this much of the noise;
+# where that is more than the second share of it, shadows cannot be told.
+SHADOW, SHADOW_NOISE, UNTOLD = 0.03, 4.0, 0.25
+# Standard deviation of the blur, in pixels of an object whose area is that of a square of FOCUS_SIDE.
+BLURRED, FOCUS_SIDE = (1.6, 4.0), 400
+# An edge that shows the blur is this high, as a share of the object's 95th percentile, and above this much of the
+# noise; with fewer of them nothing is said.
+EDGE, EDGE_NOISE, LEAST_EDGES = 0.08, 10.0, 50
+SHARPEST = 90  # percentile
+# Variances of the two smoothed pictures that are compared, in pixels²: twice a box of 3 or 5, and the derivative's box.
+FINE, COARSE = 4 / 3 + 1 / 3, 4 + 1 / 3
+# Pixels that are looked at: of larger photos some rows.
+PIXELS = 4_000_000
+RUN = 32  # pixels in a row of which the noise is measured
+LEAST_RUNS = 30
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One item of a check.
+
+    Parameters
+    ----------
+    item : str
+        "exposure", "clipping", "channels", "lights", "reach" or "focus".
+    level : {"good", "watch", "bad"}
+    sentence : str
+        What was found and, unless it is good, how to mend it.
+    figures : dict
+        What was measured.
+    """
+
+    item: str
+    level: Level
+    sentence: str
+    figures: dict[str, float | list[float]]
+
+
+def check_photo(image: Image, mask: NDArray[np.bool_], rig: LightRig | None) -> list[Finding]:
+    """What there is to say of a photo and of the lights that it was taken under, one finding an item.
+
+    Parameters
+    ----------
+    image : Image
+        The photo, read and corrected.
+    mask : (H, W) bool
+        The object, at least one pixel.
+    rig : LightRig, optional
+        The lights; without it nothing is said of them.
+
+    Raises
+    ------
+    FormatError
+        Where the photo is not finite inside the mask.
+    """
+    whole = finite_inside(image.pixels, mask, "photo")
+    step = -(-mask.size // PIXELS)
+    rows = slice(step // 2, None, step)
+    if not mask[rows].any():
+        rows = slice(None)
+    pixels, inside = whole[rows].astype(np.float64), mask[rows]
+    clipped = saturated(image.pixels[rows], image.clip) if image.clipped is None else image.clipped[rows]
+    noise = _noise(pixels, inside)
+    values = pixels[inside]
+    full_scale = 1.0 if np.isfinite(image.clip) or image.clipped is not None else None
+    return [
+        _exposure(values, noise, full_scale),
+        _clipping(values, clipped[inside]),
+        _channels(values, rig),
+        *([] if rig is None else [_lights(rig)]),
+        _reach(values, noise, rig),
+        _focus(whole, mask, noise),
+    ]
+
+
+def worst(findings: Sequence[Finding]) -> Level:
+    """The level of the worst of them."""
+    return max((one.level for one in findings), key=LEVELS.index)
+
+
+def _level(value: float, limits: tuple[float, float]) -> Level:
+    """Of a figure that is the worse the larger it is, or the smaller, by the order of its limits."""
+    watch, bad = limits if limits[0] < limits[1] else (-limits[0], -limits[1])
+    value = value if limits[0] < limits[1] else -value
+    return "bad" if value > bad else "watch" if value > watch else "good"
+
+
+def _worse(*levels: Level) -> Level:
+    return max(levels, key=LEVELS.index)
+
+
+def _listed(values: NDArray[np.floating[Any]]) -> list[float]:
+    return [round(float(one), 4) for one in values]
+
+
+def _exposure(values: NDArray[np.float64], noise: NDArray[np.float64], full_scale: float | None) -> Finding:
+    bright = np.percentile(values, 99, axis=0)
+    highest, weakest = float(bright.max()), int(bright.argmin())
+    signal = float((np.percentile(values, 90, axis=0) / np.maximum(noise, 1e-12)).min())
+    figures: dict[str, float | list[float]] = {"brightest": _listed(bright), "noise": _listed(noise)}
+    share = float(bright[weakest]) / (full_scale or max(highest, 1e-12))
+    dark: Level = _level(highest, DARK) if full_scale else "good"
+    weak, noisy = _level(share, WEAK), _level(signal, NOISY)
+    level = _worse(dark, weak, noisy)
+    of_what = "full scale" if full_scale else "the brightest channel"
+    if level == "good":
+        words = f"the object's brightest hundredth reaches {bright.min() / (full_scale or highest):.0%} of {of_what} "
+        return Finding("exposure", level, words + "or more in each channel", figures)
+    if dark == level:
+        longer = AIM / max(highest, 1e-3)
+        words = f"the object's brightest hundredth reaches only {highest:.1%} of full scale"
+        return Finding("exposure", level, f"{words}; expose about {longer:.0f} times as long", figures)
+    name = CHANNELS[weakest]
+    if weak == level:
+        words = f"the {name} channel reaches only {share:.1%} of {of_what}"
+        return Finding("exposure", level, f"{words}; make the {name} light brighter, or check that it is on", figures)
+    words = f"the noise is 1/{max(signal, 1):.0f} of the object's brightness in its darkest channel"
+    return Finding("exposure", level, f"{words}; expose longer, at a lower ISO, or average several photos", figures)
+
+
+def _clipping(values: NDArray[np.float64], clipped: NDArray[np.bool_]) -> Finding:
+    # A converter's float file is clipped at 1, and does not say so.
+    at_one = (values.max(axis=0) <= 1.0) & (values > 0.9999)
+    shares = (clipped | at_one).mean(axis=0)
+    worst_one = int(shares.argmax())
+    level = _level(float(shares[worst_one]), CLIPPED)
+    words = f"{shares[worst_one]:.1%} of the object is clipped in {CHANNELS[worst_one]}"
+    if level == "good":
+        words = "next to nothing of the object is clipped" if shares.any() else "nothing of the object is clipped"
+    else:
+        words += f"; expose shorter, or dim the {CHANNELS[worst_one]} light"
+    return Finding("clipping", level, words, {"clipped": _listed(shares)})
+
+
+def _channels(values: NDArray[np.float64], rig: LightRig | None) -> Finding:
+    angles = channel_angles(values.mean(axis=0), values.T @ values, len(values))
+    condition = 1.0 if rig is None else float(np.linalg.cond(rig.mixing))
+    figures: dict[str, float | list[float]] = {"mixing_condition": round(condition, 2)}
+    if angles is not None:
+        figures["angles_deg"] = _listed(np.degrees(angles))
+        if angles.max() <= ALIKE:
+            words = "the three channels are all but the same, as under white light; switch the lights to red, green "
+            return Finding("channels", "bad", words + "and blue, or make one photo of three by superpose", figures)
+        if angles.min() <= CLOSE_CHANNELS[0]:
+            first, second = (("red", "green"), ("red", "blue"), ("green", "blue"))[int(angles.argmin())]
+            level: Level = _level(float(angles.min()), CLOSE_CHANNELS)
+            words = f"{first} and {second} show nearly the same light; check the lights' colours, and that all three "
+            return Finding("channels", level, words + "are on", figures)
+    level = _level(condition, MIXED)
+    if level != "good":
+        words = f"the rig's mixing matrix amplifies noise {condition:.0f} times; use lights of purer colours"
+        return Finding("channels", level, words, figures)
+    if angles is None:
+        return Finding("channels", "good", "the object faces one way, so the channels cannot be compared", figures)
+    words = f"the channels show different lights, {np.degrees(angles.min()):.0f}° apart or more"
+    return Finding("channels", level, words, figures)
+
+
+def _lights(rig: LightRig) -> Finding:
+    cosines = rig.directions @ rig.directions.T
+    pairs = [(0, 1), (0, 2), (1, 2)]
+    apart = np.degrees(np.arccos(np.clip([cosines[pair] for pair in pairs], -1, 1)))
+    first, second = (CHANNELS[light] for light in pairs[int(apart.argmin())])
+    condition, lowest = float(np.linalg.cond(rig.directions)), int(rig.slants.argmax())
+    figures: dict[str, float | list[float]] = {
+        "apart_deg": _listed(apart),
+        "slants_deg": _listed(rig.slants),
+        "condition": round(condition, 2),
+    }
+    close, low = _level(float(apart.min()), CLOSE_LIGHTS), _level(float(rig.slants[lowest]), LOW_LIGHTS)
+    in_line = _level(condition, IN_LINE)
+    level = _worse(close, low, in_line)
+    if level == "good":
+        words = f"the lights stand {apart.min():.0f}° apart or more, {rig.slants.min():.0f}° to "
+        return Finding("lights", level, f"{words}{rig.slants.max():.0f}° from the camera's axis", figures)
+    if close == level:
+        words = f"the {first} and the {second} light stand only {apart.min():.0f}° apart; move them apart"
+    elif in_line == level:
+        words = "the lights stand nearly in one line, or close around the camera; move one out of it, or all outwards"
+    else:
+        words = f"the {CHANNELS[lowest]} light stands {rig.slants[lowest]:.0f}° from the camera's axis and throws long "
+        words += "shadows; move it towards the camera"
+    return Finding("lights", level, words, figures)
+
+
+def _reach(values: NDArray[np.float64], noise: NDArray[np.float64], rig: LightRig | None) -> Finding:
+    if rig is not None:
+        noise = np.sqrt(np.square(np.linalg.inv(rig.mixing)) @ np.square(noise))
+        values = values @ np.linalg.inv(rig.mixing).T
+    bright = np.percentile(values, 95, axis=0)
+    told = SHADOW_NOISE * noise < UNTOLD * bright
+    if not told.any():
+        return Finding("reach", "good", "the photo is too dark to tell which lights reach the object", {})
+    dark = (values <= np.maximum(SHADOW * bright, SHADOW_NOISE * noise)) & told
+    reached = float((~dark.any(axis=1)).mean())
+    by_light = 1 - dark.mean(axis=0)
+    level = _level(reached, REACHED)
+    figures: dict[str, float | list[float]] = {
+        "all_lights": round(reached, 4),
+        "each_light": _listed(by_light),
+    }
+    words = f"all three lights reach {reached:.0%} of the object"
+    if level != "good":
+        name = CHANNELS[int(by_light.argmin())]
+        words += f", the {name} one {by_light.min():.0%}; move the {name} light towards the camera, or turn the object"
+    return Finding("reach", level, words, figures)
+
+
+def _noise(pixels: NDArray[np.float64], inside: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """(3,) standard deviation of the noise in the calmest fifth of the object; 0 where that is not known.
+
+    By second differences along short runs of a row: smooth shading has next to none.
+    """
+    width = (pixels.shape[1] - 2) // RUN * RUN
+    if width <= 0:
+        return np.zeros(3)
+    second = (pixels[:, :-2] - 2 * pixels[:, 1:-1] + pixels[:, 2:])[:, :width] / np.sqrt(6)
+    whole = (inside[:, :-2] & inside[:, 1:-1] & inside[:, 2:])[:, :width].reshape(len(pixels), -1, RUN).all(axis=-1)
+    if np.count_nonzero(whole) < LEAST_RUNS:
+        return np.zeros(3)
+    runs = np.abs(second).reshape(len(pixels), -1, RUN, 3)[whole]
+    return np.asarray(DEVIATIONS * np.percentile(np.median(runs, axis=1), 20, axis=0), np.float64)
+
+
+def _focus(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_], noise: NDArray[np.float64]) -> Finding:
+    side = np.sqrt(np.count_nonzero(mask))
+    factor = max(1, int(side / FOCUS_SIDE))
+    # An outline that is much blurred is one in a smaller picture; shading inside it could be taken for one there.
+    for smaller, outline in ((factor, False), (2 * factor, True), (4 * factor, True)):
+        blur = _sharpest_edges(pixels, mask, noise, smaller, outline)
+        if blur is not None:
+            break
+    else:
+        return Finding("focus", "good", "the object shows no edges by which its focus could be judged", {})
+    # Of a small object a pixel is much, and nobody's fault.
+    level = _level(blur * min(1.0, FOCUS_SIDE / side), BLURRED)
+    figures: dict[str, float | list[float]] = {"blur_pixels": round(blur, 3)}
+    if level == "good":
+        return Finding("focus", level, "the sharpest edges are sharp", figures)
+    words = f"even the sharpest edges are blurred by {blur:.1f} pixels, 1/{side / blur:.0f} of the object's size"
+    return Finding("focus", level, f"{words}; focus on it, stop down, and hold camera and object still", figures)
+
+
+def _sharpest_edges(
+    pixels: NDArray[np.floating[Any]],
+    mask: NDArray[np.bool_],
+    noise: NDArray[np.float64],
+    factor: int,
+    outline: bool,
+) -> float | None:
+    """The blur's standard deviation in pixels at the sharpest edges of paint or outline, or of the outline alone.
+
+    By how much less steep they are in a picture that is smoothed more: Zhuo and Sim, "Defocus map estimation from a
+    single image", Pattern Recognition 44, 2011. factor: how many times smaller the picture is that it looks at. None
+    where too few edges are high enough.
+    """
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    margin = 8 * factor
+    part = tuple(slice(max(0, one[0] - margin), one[-1] + 1 + margin) for one in (rows, columns))
+    small = block_means(pixels[part], factor)
+    inside = mask[part][::factor, ::factor]
+    near = dilated(inside, 2)
+    # A border of the picture is no edge.
+    near[:6], near[-6:], near[:, :6], near[:, -6:] = False, False, False, False
+    if not near.any():
+        return None
+    light = small.sum(axis=-1, dtype=np.float64)
+    bright = max(float(np.percentile(light[near], 95)), 1e-12)
+    grain = float(np.linalg.norm(noise)) / factor
+    fine, coarse = (np.gradient(box_sums(box_sums(light, reach), reach) / (2 * reach + 1) ** 4) for reach in (1, 2))
+    steep = np.hypot(*fine)
+    high = max(EDGE * bright, EDGE_NOISE * grain)
+    edge = near & (steep * np.sqrt(2 * np.pi * FINE) > high) & _crest(steep, *fine)
+    if outline:
+        # Where noise may have hidden a sharp outline in the larger picture, this one proves nothing.
+        edge &= dilated(~inside, 2) & (2 * EDGE_NOISE * grain < EDGE * bright)
+    if np.count_nonzero(edge) < LEAST_EDGES:
+        return None
+    ratio = steep[edge] / np.maximum(np.hypot(*coarse)[edge], 1e-12)
+    sharp = float(np.clip(np.percentile(ratio, SHARPEST) ** 2, 1.001, COARSE / FINE))
+    return float(factor * np.sqrt((COARSE - FINE * sharp) / (sharp - 1)))
+
+
+def _crest(steep: NDArray[np.float64], down: NDArray[np.float64], across: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Where the gradient is no smaller than beside it, along the axis that it mostly points along."""
+    along_rows, along_columns = np.ones(steep.shape, bool), np.ones(steep.shape, bool)
+    along_rows[1:-1] = (steep[1:-1] >= steep[:-2]) & (steep[1:-1] >= steep[2:])
+    along_columns[:, 1:-1] = (steep[:, 1:-1] >= steep[:, :-2]) & (steep[:, 1:-1] >= steep[:, 2:])
+    return np.where(np.abs(down) > np.abs(across), along_rows, along_columns)
