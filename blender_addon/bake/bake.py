@@ -34,7 +34,7 @@ from ..rig.rig import rig_camera
 from ..rig.several_rigs import all_rigs
 from ..settings.bake import BakeSettings
 from ..settings.declared import take_given
-from .assign_textures import assign_textures
+from .assign_textures import assign_textures, mark_assets
 from .existing_maps import base_maps, present_maps, store_base_map
 from .mesh_file import BegunMesh, begin_mesh
 from .moving_target import CAMERAS, MESHES, Moving
@@ -178,6 +178,7 @@ class BakesOnto(RunsCore):
         bake = scene.mps.bake
         for sentence in assign_textures(worn, bake.space, bake.convention):
             self.report({"INFO"}, sentence)
+        mark_assets(worn, bake.mark_asset)
 
     def written(self, result: dict[str, Any]) -> str:
         """What was written where, and how much of it was seen, in words."""
@@ -235,7 +236,7 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         stamps = ", ".join(stamp(one.estimate.image) for one in every)
         return {
             "Normals": stamps,
-            **chosen(BakeSettings, settings),
+            **chosen(BakeSettings, settings, without=("output", "mark_asset")),
             **targets_place(settings),
             **cameras_place(context.scene, context.scene.mps.estimate.image),
         }
@@ -384,6 +385,7 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         worn = [AssignedTexture(target, (image,), onto.uv_map)]
         for sentence in assign_textures(worn, self.space, self.convention, self._frames):
             self.report({"INFO"}, sentence)
+        mark_assets(worn, self.mark_asset)
 
 
 def texture_name(settings: Any, name: str) -> str:
