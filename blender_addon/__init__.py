@@ -9,7 +9,7 @@ import atexit
 
 import bpy
 
-from . import commands, menu, operators, panels, preferences, presets, settings
+from . import commands, menu, operators, panels, preferences, presets, settings, translations
 
 # Under names of their own: a room's name stands for the room.
 from .bake import bake as bake_step
@@ -51,6 +51,7 @@ _MODULES = (
     panels,
     menu,
     commands,
+    translations,
 )
 
 

@@ -1,5 +1,8 @@
 """Presets of a step's settings that artists make: Blender keeps them in the user's folder, not in .blend files."""
 
+from collections.abc import Iterable
+from typing import Any
+
 import bpy
 from bl_operators.presets import AddPresetBase
 from bl_ui.utils import PresetPanel
@@ -7,17 +10,23 @@ from bl_ui.utils import PresetPanel
 from .settings.choices import choice_names
 
 
-class MPS_PT_rig_presets(PresetPanel, bpy.types.Panel):
+class _Presets(PresetPanel):
+    preset_operator = "script.execute_preset"
+
+    def path_menu(self, searchpaths: Iterable[str], operator: str, **options: Any) -> None:
+        # An iterator is true even if it is empty: Blender would complain as long as no preset was ever made.
+        bpy.types.Menu.path_menu(self, iter(searchpaths), operator, **options)
+
+
+class MPS_PT_rig_presets(_Presets, bpy.types.Panel):
     bl_label = "Rig Presets"
     preset_subdir = "mpsnet/rig"
-    preset_operator = "script.execute_preset"
     preset_add_operator = "mps.add_rig_preset"
 
 
-class MPS_PT_bake_presets(PresetPanel, bpy.types.Panel):
+class MPS_PT_bake_presets(_Presets, bpy.types.Panel):
     bl_label = "Bake Presets"
     preset_subdir = "mpsnet/bake"
-    preset_operator = "script.execute_preset"
     preset_add_operator = "mps.add_bake_preset"
 
 
