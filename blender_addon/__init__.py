@@ -9,33 +9,39 @@ import atexit
 
 import bpy
 
-from . import commands, menu, operators, panels, preferences, settings
+from . import commands, menu, operators, panels, preferences, presets, settings, translations
 
 # Under names of their own: a room's name stands for the room.
 from .bake import bake as bake_step
-from .bake import many_views, relight
+from .bake import many_views, node_group, relight
 from .estimate import estimate as estimate_step
 from .heights import displace, integrate
 from .material import material as material_step
-from .photo import align, check
+from .photo import align, check, drop, look_through
 from .photo import photo as photo_step
 from .rig import calibrate, several_rigs
 from .rig import rig as rig_step
+from .settings import choices
 from .start import try_it
 from .training import training_data
 
 _MODULES = (
     settings,
     preferences,
+    choices,
+    presets,
     operators,
     rig_step,
     several_rigs,
     calibrate,
     photo_step,
+    drop,
     align,
     check,
+    look_through,
     estimate_step,
     bake_step,
+    node_group,
     displace,
     integrate,
     many_views,
@@ -46,6 +52,7 @@ _MODULES = (
     panels,
     menu,
     commands,
+    translations,
 )
 
 

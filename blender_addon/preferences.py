@@ -36,6 +36,13 @@ class MPS_AddonPreferences(bpy.types.AddonPreferences):
         subtype="DIR_PATH",
         options={"PATH_SUPPORTS_BLEND_RELATIVE"},
     )
+    remember: BoolProperty(
+        name="Remember Settings",
+        description="What you change in the steps' settings is what the next new file begins with, files and names "
+        "apart",
+        default=True,
+    )
+    remembered: StringProperty(options={"HIDDEN"})  # JSON, see settings/choices.py
 
     cluster: StringProperty(
         name="Cluster",
@@ -55,6 +62,7 @@ class MPS_AddonPreferences(bpy.types.AddonPreferences):
         column.prop(self, "provider")
         column.prop(self, "threads")
         column.prop(self, "output_folder", placeholder="Beside the .blend File")
+        column.prop(self, "remember")
         column.prop(self, "cluster", placeholder="This Machine")
         row = column.row()
         row.active = bool(self.cluster) and not is_loopback(self.cluster)

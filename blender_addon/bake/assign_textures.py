@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from typing import Any
 
+import bpy
+
 from mpsnet_core.errors import InputError
 
 from ..heights.assign_displacement import remove_displacement
@@ -69,6 +71,19 @@ def _base_colour(node: Any) -> Any:
     return node.inputs.get("Color" if node.type == "BSDF_DIFFUSE" else "Base Color")
 
 
+def mark_assets(worn: Sequence[AssignedTexture], what: str) -> None:
+    """Mark what wears textures as assets: the "MATERIAL", the "OBJECT", or "NONE"."""
+    materials = [slot.material for one in worn for slot in one.target.material_slots]
+    for datablock in {"NONE": [], "MATERIAL": materials, "OBJECT": [one.target for one in worn]}[what]:
+        mark_asset(datablock)
+
+
+def mark_asset(datablock: Any) -> None:
+    datablock.asset_mark()
+    if not bpy.app.background:  # drawn beside the window
+        datablock.asset_generate_preview()
+
+
 def assign_normal_map(material: Any, image: Any, uv_map: str, space: str, convention: str) -> list[str]:
     """Give every shader of a material the texture as its normal; nodes of an earlier bake are used again.
 
@@ -76,14 +91,23 @@ def assign_normal_map(material: Any, image: Any, uv_map: str, space: str, conven
 
     Raises InputError where no shader of the material takes a normal.
     """
-    nodes, links = material.node_tree.nodes, material.node_tree.links
-    shaders = [node for node in nodes if node.type.startswith("BSDF") and "Normal" in node.inputs]
+    shaders = [node for node in material.node_tree.nodes if node.type.startswith("BSDF") and "Normal" in node.inputs]
     if not shaders:
         raise InputError(f'material "{material.name}" has no shader with a Normal input; add a Principled BSDF to it')
     left, top = min(node.location.x for node in shaders), min(node.location.y for node in shaders) - 300
+    normal = ensure_normal_map(material.node_tree, image, uv_map, space, convention, left, top)
+    before = [link.from_node for shader in shaders for link in shader.inputs["Normal"].links]
+    for shader in shaders:
+        material.node_tree.links.new(normal.outputs["Normal"], shader.inputs["Normal"])
+    return list(dict.fromkeys(other.name for other in before if other != normal))
+
+
+def ensure_normal_map(tree: Any, image: Any, uv_map: str, space: str, convention: str, left: float, top: float) -> Any:
+    """The tree's Normal Map node that shows the texture, with the nodes before it; they end at `left`."""
+    links = tree.links
 
     def node(name: str, kind: str, steps: int) -> Any:
-        return ensure_node(material.node_tree, name, kind, left - 200 * steps, top)
+        return ensure_node(tree, name, kind, left - 200 * steps, top)
 
     uv, texture = node(UV_NODE, "ShaderNodeUVMap", 5), node(TEXTURE_NODE, "ShaderNodeTexImage", 4)
     normal = node(NORMAL_NODE, "ShaderNodeNormalMap", 1)
@@ -98,10 +122,7 @@ def assign_normal_map(material: Any, image: Any, uv_map: str, space: str, conven
         turn.inputs[1].default_value, turn.inputs[2].default_value = (1, -1, 1), (0, 1, 0)
         links.new(colour, turn.inputs[0])
         colour = turn.outputs["Vector"]
-    elif turn := find_node(material.node_tree, GREEN_NODE):
-        nodes.remove(turn)
+    elif turn := find_node(tree, GREEN_NODE):
+        tree.nodes.remove(turn)
     links.new(colour, normal.inputs["Color"])
-    before = [link.from_node for shader in shaders for link in shader.inputs["Normal"].links]
-    for shader in shaders:
-        links.new(normal.outputs["Normal"], shader.inputs["Normal"])
-    return list(dict.fromkeys(other.name for other in before if other != normal))
+    return normal

@@ -35,7 +35,7 @@ from ..rig.rig import rig_camera
 from ..rig.several_rigs import all_rigs
 from ..settings.bake import BakeSettings
 from ..settings.declared import take_given
-from .assign_textures import assign_albedo, assign_textures
+from .assign_textures import assign_albedo, assign_textures, mark_assets
 from .existing_maps import Part, base_maps, present_maps, store_base_map
 from .mesh_file import BegunMesh, begin_mesh
 from .moving_target import CAMERAS, MESHES, Moving
@@ -179,9 +179,11 @@ class BakesOnto(RunsCore):
                 store_base_map(image, self._bases[part])
         scene.mps.bake.image = next(iter(images.values()))
         bake = scene.mps.bake
-        sentences = assign_textures(_worn(there, images), bake.space, bake.convention)
+        worn = _worn(there, images)
+        sentences = assign_textures(worn, bake.space, bake.convention)
         for sentence in [*sentences, *self._assign_albedo(there, result["outputs"])]:
             self.report({"INFO"}, sentence)
+        mark_assets(worn, bake.mark_asset)
 
     def _assign_albedo(self, there: Sequence[tuple[BakeTarget, Any]], outputs: Sequence[dict[str, Any]]) -> list[str]:
         """Load the albedos and put them on the objects that they are for; returns what there is to say."""
@@ -255,7 +257,7 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         stamps = ", ".join(stamp(one.estimate.image) for one in every)
         return {
             "Normals": stamps,
-            **chosen(BakeSettings, settings),
+            **chosen(BakeSettings, settings, without=("output", "mark_asset")),
             **targets_place(settings),
             **cameras_place(context.scene, context.scene.mps.estimate.image),
         }
@@ -398,6 +400,7 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
         worn = [AssignedTexture(target, (image,), onto.uv_map)]
         for sentence in assign_textures(worn, self.space, self.convention, self._frames):
             self.report({"INFO"}, sentence)
+        mark_assets(worn, self.mark_asset)
 
 
 def texture_name(settings: Any, name: str) -> str:

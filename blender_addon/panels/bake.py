@@ -23,6 +23,7 @@ class MPS_PT_bake(Step):
         return "Choose the target, the mesh object that gets the texture"
 
     def draw(self, context: Any) -> None:
+        self.layout.popover("MPS_PT_bake_presets", text="Presets", icon="PRESET")
         bake = context.scene.mps.bake
         target = bake.target or context.view_layer.objects.active
         column = self.column()
@@ -36,6 +37,7 @@ class MPS_PT_bake(Step):
         column.prop(bake, "preset")
         column.prop(bake, "size")
         column.prop(bake, "output", text="File", placeholder="Automatic")
+        column.prop(bake, "mark_asset")
         normals = context.scene.mps.estimate.image
         if normals is not None and normals.source == "SEQUENCE":
             column.prop(bake, "animated")
@@ -46,6 +48,7 @@ class MPS_PT_bake(Step):
         self.picture(bake.image)
         lit = context.scene.mps.relight.lamp is not None
         self.layout.operator("mps.relight", icon="LIGHT_SUN", depress=lit)
+        self.layout.operator("mps.make_node_group", icon="NODETREE")
 
 
 class MPS_PT_texture(Step):

@@ -45,6 +45,7 @@ class MPS_PT_photo(Step):
         for verb in ("open_photo", "render_truth"):
             self.failure(context.scene, verb)
         self.picture(photo.image)
+        self.layout.operator("mps.look_through", icon="VIEW_CAMERA")
 
 
 class MPS_PT_real(Step):

@@ -35,6 +35,7 @@ class MPS_PT_rig(Step):
     def draw(self, context: Any) -> None:
         rig = context.scene.mps.rig
         self._rigs(context.scene.mps)
+        self.layout.popover("MPS_PT_rig_presets", text="Presets", icon="PRESET")
         column = self.column()
         column.prop(rig, "light_type")
         column.prop(rig, "slant")
@@ -49,6 +50,7 @@ class MPS_PT_rig(Step):
         column.prop(rig, "view")
         column.prop(rig, "margin")
         self.progress_or(context, "add_rig", "LIGHT", text="Replace Rig" if rig.lights else "Add Rig")
+        self.layout.operator("mps.add_rig_ring", icon="CON_FOLLOWPATH")
         if rig.lights:
             self._standing(context.scene)
             self.column().prop(rig, "camera", text="Taken By")

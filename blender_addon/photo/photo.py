@@ -113,6 +113,8 @@ class MPS_OT_open_photo(ReportingOperator, bpy.types.Operator):
     filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
 
     def invoke(self, context: Any, event: bpy.types.Event) -> set[Any]:
+        if self.filepath:  # it was dropped
+            return self.execute(context)
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 

@@ -4,20 +4,23 @@
 at all. Those of the others wait in ``scene.mps.rigs``.
 """
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
 import bpy
-from bpy.props import IntProperty
+from bpy.props import FloatProperty, IntProperty
+from mathutils import Euler, Matrix
 
 from mpsnet_core.errors import InputError
 
-from ..operators import idle
+from ..operators import ReportingOperator, idle
 from ..outputs import file_name
+from ..settings.declared import GIVEN
 from ..settings.estimate import EstimateSettings
 from ..settings.photo import PhotoSettings
 from ..settings.rig import RigSettings
-from .rig import remove_rig
+from .rig import MPS_OT_add_rig, add_rig, bounding_sphere, remove_rig
 
 _STEPS = {"rig": RigSettings, "photo": PhotoSettings, "estimate": EstimateSettings}
 _VERBS = ("add_rig", "render_photo", "open_photo", "superpose", "show_mask", "estimate")
@@ -42,6 +45,35 @@ class MPS_OT_new_rig(_OnRigs):
     def execute(self, context: Any) -> set[Any]:
         new_rig(context.scene)
         return {"FINISHED"}
+
+
+class MPS_OT_add_rig_ring(ReportingOperator, bpy.types.Operator):
+    """Add rigs in a ring around the selected objects, with the settings of the rig; those that are there stay.
+
+    The first one looks along +Y, as Blender's front view"""
+
+    bl_idname = "mps.add_rig_ring"
+    bl_label = "Add Ring of Rigs"
+    bl_options = {"REGISTER", "UNDO"}
+
+    count: IntProperty(
+        name="Count", description="How many rigs stand around the object", default=8, min=2, max=64, options=GIVEN
+    )
+    elevation: FloatProperty(
+        name="Elevation (°)",
+        description="How far the cameras look down on the object, in degrees. 0: from the side, 90: from above",
+        default=20.0,
+        min=-90.0,
+        max=90.0,
+        options=GIVEN,
+    )
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return idle(cls, context) and MPS_OT_add_rig.poll(context)
+
+    def act(self, context: Any) -> None:
+        add_rig_ring(context, self.count, self.elevation)
 
 
 class MPS_OT_choose_rig(_OnRigs):
@@ -102,6 +134,26 @@ def new_rig(scene: Any) -> None:
             if name not in settings.__annotations__ or name in {"output", "rig_file", "white"}:
                 group.property_unset(name)
     _forget(mps)
+
+
+def add_rig_ring(context: Any, count: int, elevation: float) -> None:
+    """Build rigs around the selected objects, their cameras evenly around the vertical and `elevation` degrees above
+    the horizon. The chosen rig is the first of them where it was never built; the last one is chosen then.
+
+    Raises InputError where nothing with a surface is selected.
+    """
+    scene = context.scene
+    bounding_sphere(
+        context.evaluated_depsgraph_get(), context.view_layer.objects.selected
+    )  # refused before any is made
+    for number in range(count):
+        if scene.mps.rig.lights:
+            new_rig(scene)
+        add_rig(context)
+        turned = Euler((math.radians(90 - elevation), 0, math.tau * number / count))
+        target = scene.mps.rig.target
+        target.matrix_world = Matrix.LocRotScale(target.matrix_world.translation, turned, None)
+    context.view_layer.update()
 
 
 def choose_rig(scene: Any, index: int) -> None:
@@ -198,6 +250,6 @@ def _names(group: Any) -> list[str]:
     return [one.identifier for one in group.bl_rna.properties if one.identifier != "rna_type"]
 
 
-CLASSES = (MPS_OT_new_rig, MPS_OT_choose_rig, MPS_OT_drop_rig)
+CLASSES = (MPS_OT_new_rig, MPS_OT_add_rig_ring, MPS_OT_choose_rig, MPS_OT_drop_rig)
 
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

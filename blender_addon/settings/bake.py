@@ -130,6 +130,16 @@ class BakeSettings:
     onto_file: from_option(Bake, "onto", name="Present Map", unset="those in the materials")
     onto_convention: from_option(Bake, "onto_convention", name="Its Convention")
     onto_shown: from_option(Bake, "onto_shown", name="In the Photo", labels={"auto": "Find Out"})
+    mark_asset: EnumSetting(
+        name="Mark as Asset",
+        description="What Blender's Asset Browser shows of the result",
+        items=[
+            ("NONE", "Nothing", "Mark nothing; what is marked already stays so"),
+            ("MATERIAL", "Material", "The materials that wear the texture"),
+            ("OBJECT", "Object", "The objects that wear the texture"),
+        ],
+        default="NONE",
+    )
 
 
 class MPS_PG_bake(BakeSettings, bpy.types.PropertyGroup):

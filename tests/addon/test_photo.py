@@ -379,3 +379,15 @@ def test_files_that_are_gone_are_told_with_the_photo(sphere, scene, tmp_path):
     write_image(tmp_path / "gone.png", np.zeros((4, 4, 3), np.float32))
     bpy.ops.mps.render_photo(output=str(tmp_path / "photo.exr"))
     assert "render_photo" not in scene.mps.records
+
+
+def test_a_photo_that_is_dropped_opens_as_the_photo(scene, tmp_path):
+    handler = bpy.types.MPS_FH_photo
+    suffixes = handler.bl_file_extensions.split(";")
+    assert {".png", ".exr", ".cr3", ".mov"} <= set(suffixes)
+    picture = bpy.data.images.new("Picture", 8, 8)
+    picture.save(filepath=str(tmp_path / "dropped.png"))
+    # As Blender calls it: with the file, as if its button had been pressed.
+    assert handler.bl_import_operator == "mps.open_photo"
+    assert bpy.ops.mps.open_photo("INVOKE_DEFAULT", filepath=str(tmp_path / "dropped.png")) == {"FINISHED"}
+    assert scene.mps.photo.image.name == "dropped"

@@ -169,3 +169,29 @@ def test_rigs_that_are_called_the_same_in_a_file_have_files_of_their_own(sphere,
         bpy.ops.mps.choose_rig(index=number)
         names.add(file_name(result_name(scene, "photo")).casefold())
     assert len(names) == 2
+
+
+def test_a_ring_of_rigs_looks_at_the_object_from_all_around(sphere, scene):
+    sphere.location = (1, 2, 3)
+    bpy.ops.mps.add_rig_ring(count=4, elevation=30)
+    assert len(scene.mps.rigs) == 4
+    # Where each camera stands, as seen from the object: at the front, right, back and left, 30 degrees up.
+    low, high = np.sqrt(3) / 2, 0.5
+    expected = [(0, -low, high), (low, 0, high), (0, low, high), (-low, 0, high)]
+    for number, direction in enumerate(expected):
+        bpy.ops.mps.choose_rig(index=number)
+        place = np.array(scene.mps.rig.camera.matrix_world)
+        away = place[:3, 3] - (1, 2, 3)
+        np.testing.assert_allclose(away / np.linalg.norm(away), direction, atol=1e-5)
+        np.testing.assert_allclose(place[:3, 2], direction, atol=1e-5)  # it looks at the object
+        assert place[2, 0] == pytest.approx(0, abs=1e-5)  # and stands upright
+        np.testing.assert_allclose(light_rig(scene).slants, 30, atol=1e-3)
+    bpy.ops.mps.add_rig_ring(count=2)
+    assert len(scene.mps.rigs) == 6
+
+
+def test_a_ring_around_nothing_makes_no_rig(scene):
+    bpy.ops.object.empty_add()
+    with pytest.raises(RuntimeError, match="no selected object has a surface"):
+        bpy.ops.mps.add_rig_ring()
+    assert not scene.mps.rigs and len(bpy.data.objects) == 1

@@ -1,0 +1,125 @@
+"""The baked texture, and its heights where there are, as a node group that goes into any material."""
+
+from typing import Any
+
+import bpy
+
+from mpsnet_core.errors import InputError
+
+from ..nodes import (
+    DISPLACEMENT_NODE,
+    GREEN_NODE,
+    HEIGHT_NODE,
+    NORMAL_NODE,
+    TEXTURE_NODE,
+    UV_NODE,
+    ensure_node,
+    find_node,
+)
+from ..operators import ReportingOperator
+from .assign_textures import ensure_normal_map, mark_asset
+
+# Stored with a group that was made here: the texture that it shows, by which it is known when it is made again.
+_SHOWS = "mpsnet_surface_of"
+_SCALE_NODE = "MPS Scale"
+_FRAMES = ("frame_start", "frame_offset", "frame_duration", "use_cyclic", "use_auto_refresh")
+
+
+class MPS_OT_make_node_group(ReportingOperator, bpy.types.Operator):
+    """Make a node group of the baked texture, and of its heights where there are, to drag into other materials.
+
+    The Asset Browser shows it. Press again after another bake or displacement"""
+
+    bl_idname = "mps.make_node_group"
+    bl_label = "Make Node Group"
+    bl_options = {"UNDO"}
+    requires = "bake"
+
+    def act(self, context: Any) -> None:
+        target = context.scene.mps.bake.target or context.view_layer.objects.active
+        slots = target.material_slots if target is not None else ()
+        trees = {slot.material.node_tree for slot in slots if slot.material and slot.material.node_tree}
+        # Materials may share a texture and with it the group.
+        groups = {surface_group(tree) for tree in trees if find_node(tree, NORMAL_NODE) and _shown(tree) is not None}
+        if not groups:
+            name = f'"{target.name}"' if target is not None else "the active object"
+            raise InputError(f"{name} wears no baked texture; choose the object that it was baked onto")
+        for group in groups:
+            mark_asset(group)
+        self.report({"INFO"}, f"Made {', '.join(sorted(group.name for group in groups))}; find it in the Asset Browser")
+
+
+def surface_group(tree: Any) -> Any:
+    """A node group with what a bake and a displacement have put into a material's tree: the one that shows the same
+    texture, made anew, where there is one.
+
+    Its outputs are Normal and, where there are heights, Displacement; both show the same relief, times Strength.
+    """
+    image = _shown(tree)
+    known = (one for one in bpy.data.node_groups if one.get(_SHOWS) == image and not one.library)
+    group: Any = next(known, None)
+    if group is None:
+        group = bpy.data.node_groups.new(f"MPS Surface {image.name.removeprefix('MPS ')}", "ShaderNodeTree")
+        group[_SHOWS] = image
+    inputs = ensure_node(group, "Group Input", "NodeGroupInput", -1000, 200)
+    outputs = ensure_node(group, "Group Output", "NodeGroupOutput", 300, 0)
+    before = find_node(tree, NORMAL_NODE)
+    convention = "DIRECTX" if find_node(tree, GREEN_NODE) else "OPENGL"
+    normal = ensure_normal_map(group, image, before.uv_map, before.space, convention, 200, 0)
+    _copy_frames(tree, group, TEXTURE_NODE)
+    if not _sockets(group):  # nodes of other materials would keep a default that came later
+        group.interface.new_socket("Strength", in_out="INPUT", socket_type="NodeSocketFloat").default_value = 1.0
+    _ensure_output(group, "Normal")
+    group.links.new(inputs.outputs["Strength"], normal.inputs["Strength"])
+    group.links.new(normal.outputs["Normal"], outputs.inputs["Normal"])
+    heights, displaced = find_node(tree, HEIGHT_NODE), find_node(tree, DISPLACEMENT_NODE)
+    if heights is None or displaced is None:
+        _remove_displacement(group)
+        return group
+    picture = ensure_node(group, HEIGHT_NODE, "ShaderNodeTexImage", -600, -400)
+    displacement = ensure_node(group, DISPLACEMENT_NODE, "ShaderNodeDisplacement", 0, -400)
+    picture.image, displacement.space = heights.image, displaced.space
+    displacement.inputs["Midlevel"].default_value = displaced.inputs["Midlevel"].default_value
+    _ensure_output(group, "Displacement")
+    group.links.new(group.nodes[UV_NODE].outputs["UV"], picture.inputs["Vector"])
+    group.links.new(picture.outputs["Color"], displacement.inputs["Height"])
+    times = ensure_node(group, _SCALE_NODE, "ShaderNodeMath", -300, -600)
+    times.operation = "MULTIPLY"
+    times.inputs[1].default_value = displaced.inputs["Scale"].default_value
+    group.links.new(inputs.outputs["Strength"], times.inputs[0])
+    group.links.new(times.outputs["Value"], displacement.inputs["Scale"])
+    group.links.new(displacement.outputs["Displacement"], outputs.inputs["Displacement"])
+    return group
+
+
+def _shown(tree: Any) -> Any:
+    """The baked texture that a material's tree shows; None where it shows none."""
+    texture = find_node(tree, TEXTURE_NODE)
+    return texture.image if texture is not None else None
+
+
+def _copy_frames(tree: Any, group: Any, name: str) -> None:
+    source, copy = (nodes[name].image_user for nodes in (tree.nodes, group.nodes))
+    for one in _FRAMES:
+        setattr(copy, one, getattr(source, one))
+
+
+def _sockets(group: Any) -> dict[str, Any]:
+    return {one.name: one for one in group.interface.items_tree if one.item_type == "SOCKET"}
+
+
+def _ensure_output(group: Any, name: str) -> None:
+    if name not in _sockets(group):
+        group.interface.new_socket(name, in_out="OUTPUT", socket_type="NodeSocketVector")
+
+
+def _remove_displacement(group: Any) -> None:
+    """Take off what an object that was displaced has left in the group."""
+    for name in (HEIGHT_NODE, DISPLACEMENT_NODE, _SCALE_NODE):
+        if node := group.nodes.get(name):
+            group.nodes.remove(node)
+    if socket := _sockets(group).get("Displacement"):
+        group.interface.remove(socket)
+
+
+register, unregister = bpy.utils.register_classes_factory((MPS_OT_make_node_group,))

@@ -1,0 +1,133 @@
+"""The artist's choices among the settings, and how they go on from one file to the next.
+
+What was changed in a file since it was opened is kept in the add-on's preferences, and a scene in which nothing was
+ever set begins with it. Files, names and what was measured in one photo stay where they are.
+"""
+
+import json
+from collections.abc import Iterator
+from contextlib import suppress
+from typing import Any
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ..outputs import from_json
+from ..preferences import PACKAGE
+
+_KINDS = {"BOOLEAN", "INT", "FLOAT", "ENUM"}
+_OF_ONE_PHOTO = ("calibrate.circle", "calibrate.second", "material.crop", "material.width")
+
+# The choices of each scene, by its session number, as they stood when its file was opened.
+_opened: dict[int, dict[str, Any]] = {}
+
+
+def choice_names(group: Any) -> list[str]:
+    """The names of a step's settings that are choices, in their order: what sets others stands before them."""
+    # Settings are never taken from an operator's last run; results are not marked so.
+    return [one.identifier for one in group.bl_rna.properties if one.type in _KINDS and one.is_skip_save]
+
+
+def choices(scene: Any) -> dict[str, Any]:
+    """All choices of a scene as JSON can hold them, "rig.slant" and so on."""
+    found = {}
+    for step, group in _steps(scene):
+        for name in choice_names(group):
+            value = getattr(group, name)
+            found[f"{step}.{name}"] = sorted(value) if isinstance(value, set) else value
+    return {path: value for path, value in found.items() if not path.startswith(_OF_ONE_PHOTO)}
+
+
+def keep_choices() -> None:
+    """Keep in the preferences what was changed in the open scene since its file was opened."""
+    preferences, scene = _preferences(), bpy.context.scene
+    if preferences is None or not preferences.remember or scene.session_uid not in _opened:
+        return
+    opened = _opened[scene.session_uid]
+    changed = {path: value for path, value in choices(scene).items() if opened.get(path) != value}
+    if changed:
+        preferences.remembered = json.dumps({**from_json(preferences.remembered, dict), **changed})
+        bpy.context.preferences.is_dirty = True  # else Blender would not save them when it quits
+
+
+def begin_with_choices() -> None:
+    """Give scenes in which nothing was ever set what is kept in the preferences."""
+    preferences = _preferences()
+    kept = from_json(preferences.remembered, dict) if preferences is not None and preferences.remember else {}
+    _opened.clear()
+    for scene in bpy.data.scenes:
+        if not scene.library and not _touched(scene.mps):
+            for path, value in choices(scene).items():
+                # What one that came before has set goes back to what it was.
+                _set(scene, path, kept.get(path, value))
+        _opened[scene.session_uid] = choices(scene)
+
+
+def _steps(scene: Any) -> Iterator[tuple[str, Any]]:
+    for step in scene.mps.bl_rna.properties:
+        if step.type == "POINTER" and step.identifier != "rna_type":
+            yield step.identifier, getattr(scene.mps, step.identifier)
+
+
+def _set(scene: Any, path: str, value: Any) -> None:
+    step, _, name = path.partition(".")
+    group, value = getattr(scene.mps, step), set(value) if isinstance(value, list) else value
+    if getattr(group, name) != value:
+        with suppress(TypeError, ValueError, OverflowError):  # what another version kept
+            setattr(group, name, value)
+
+
+def _touched(group: Any) -> bool:
+    """Whether anything in a group was ever set."""
+    for one in group.bl_rna.properties:
+        if one.identifier == "rna_type":
+            continue
+        value = getattr(group, one.identifier)
+        if isinstance(value, bpy.types.PropertyGroup):
+            if _touched(value):
+                return True
+        elif one.type in {"POINTER", "COLLECTION"}:  # which count as set from the start
+            if value:
+                return True
+        elif group.is_property_set(one.identifier):
+            return True
+    return False
+
+
+def _preferences() -> Any:
+    """The add-on's preferences; None where it runs as a plain module."""
+    addon = bpy.context.preferences.addons.get(PACKAGE)
+    return addon.preferences if addon is not None else None
+
+
+@persistent
+def _leave(*_: Any) -> None:
+    keep_choices()
+
+
+@persistent
+def _open(*_: Any) -> None:
+    begin_with_choices()
+
+
+# Blender 5.1 and later say when they quit.
+_LEAVING = [name for name in ("load_pre", "save_pre", "exit_pre") if hasattr(bpy.app.handlers, name)]
+
+
+def register() -> None:
+    if bpy.app.background:  # a script's settings are the script's, and it must not depend on an artist's
+        return
+    for name in _LEAVING:
+        getattr(bpy.app.handlers, name).append(_leave)
+    bpy.app.handlers.load_post.append(_open)
+    bpy.app.timers.register(begin_with_choices, first_interval=0)  # the file that is open already
+
+
+def unregister() -> None:
+    if bpy.app.background:
+        return
+    for name in _LEAVING:
+        getattr(bpy.app.handlers, name).remove(_leave)
+    bpy.app.handlers.load_post.remove(_open)
+    if bpy.app.timers.is_registered(begin_with_choices):
+        bpy.app.timers.unregister(begin_with_choices)
