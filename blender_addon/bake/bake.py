@@ -56,6 +56,7 @@ BITS = {".png": 16, ".tif": 16, ".tiff": 16, ".exr": 32}
 
 class Detail(TypedDict, total=False):
     strength: float
+    fill: bool
     onto: str
     onto_convention: Literal["opengl", "directx"]
     onto_shown: Literal["auto", "yes", "no"]
@@ -121,7 +122,7 @@ class BakesOnto(RunsCore):
 
     def detail(self, settings: Any, targets: Sequence[Any], folder: Path) -> Detail:
         """The core's options for the photo's detail and the normal maps that it goes on top of."""
-        options: Detail = {"strength": as_typed(settings.strength)}
+        options: Detail = {"strength": as_typed(settings.strength), "fill": settings.fill}
         self._bases = base_maps(targets, self._bake_target, self._output)
         if not settings.onto:
             return options
@@ -184,7 +185,8 @@ class BakesOnto(RunsCore):
         count = len(result["outputs"])
         one = f"Texture written to {result['outputs'][0]['output']}"
         what = one if count == 1 else f"{count} textures written to {self._output}"
-        return f"{what}; {result['seen']:.0%} of the surface seen"
+        filled = f", {result['filled']:.0%} filled" if "filled" in result else ""
+        return f"{what}; {result['seen']:.0%} of the surface seen{filled}"
 
 
 def _bake_target(target: Any, begun: BegunMesh) -> BakeTarget:

@@ -61,6 +61,7 @@ class MPS_PT_texture(Step):
         column.prop(bake, "space")
         column.prop(bake, "convention")
         column.prop(bake, "samples")
+        column.prop(bake, "fill")
         column.prop(bake, "padding")
         if bake.padding == "NEAREST":
             column.prop(bake, "margin")

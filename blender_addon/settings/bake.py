@@ -127,6 +127,7 @@ class BakeSettings:
         precision=3,
     )
     strength: from_option(Bake, "strength")
+    fill: from_option(Bake, "fill", name="Fill Unseen")
     onto_file: from_option(Bake, "onto", name="Present Map", unset="those in the materials")
     onto_convention: from_option(Bake, "onto_convention", name="Its Convention")
     onto_shown: from_option(Bake, "onto_shown", name="In the Photo", labels={"auto": "Find Out"})

@@ -127,6 +127,10 @@ class LaysOnto(MakesTextures):
         high=MAX_STRENGTH,
         help="fraction of the photos' relief that is added to the object's own surface: 1 as it is, 0 none",
     )
+    fill: bool = option(
+        default=False,
+        help="fill what no view sees: it continues the relief around it smoothly, within each UV island",
+    )
     onto: str | None = option(
         default=None,
         metavar="MAP",
@@ -185,6 +189,7 @@ class LaysOnto(MakesTextures):
             samples=self.samples,
             feather=feather,
             strength=self.strength,
+            fill=self.fill,
         )
 
     def planned(self, target: "TextureTarget", taken: "Sequence[Path]", *, albedo: bool = False) -> "Plan":
@@ -207,12 +212,13 @@ class TexturesBaked(Result):
     """The textures of one pose.
 
     output: their file, or its name with tokens in it. outputs: each one's file, what it is of, and the share of it that
-    some view saw. seen: that share of all.
+    some view saw. seen: that share of all. filled: the share that was filled, None unless it was to be.
     """
 
     output: str
     outputs: "list[TextureFacts]"
     seen: float
+    filled: float | None
 
 
 @dataclass(frozen=True)
@@ -220,7 +226,8 @@ class FramesBaked(Result):
     """The textures of a sequence.
 
     folder: where they are. first_output: the first one's file. first, last: their numbers. made, there: how many were
-    made now, and before. seen: the share of the surface that some view saw, None where none was made.
+    made now, and before. seen: the share of the surface that some view saw, None where none was made. filled: the share
+    that was filled, None unless it was to be.
     """
 
     folder: str
@@ -231,6 +238,7 @@ class FramesBaked(Result):
     made: int
     there: int
     seen: float | None
+    filled: float | None
 
 
 @dataclass(frozen=True)
@@ -319,7 +327,13 @@ class Bake(LaysOnto):
     ) -> TexturesBaked:
         from mpsnet_core.bake.bake import bake_texture_sets
         from mpsnet_core.bake.inputs import BakeInputs, ViewInputs, ViewReader
-        from mpsnet_core.bake.texture_files import format_textures, seen_share, texture_facts, write_textures
+        from mpsnet_core.bake.texture_files import (
+            filled_share,
+            format_textures,
+            seen_share,
+            texture_facts,
+            write_textures,
+        )
         from mpsnet_core.io.files import writable_path, written_together
         from mpsnet_core.io.images import checked_bits
 
@@ -340,7 +354,8 @@ class Bake(LaysOnto):
         with written_together():
             made = [one for one, _ in write_textures(plan, baked)]
         text = format_textures(made, self.texture_words(target))
-        return TexturesBaked(target.output, [*map(texture_facts, made)], round(seen_share(made), 4), text=text)
+        seen_of = round(seen_share(made), 4)
+        return TexturesBaked(target.output, [*map(texture_facts, made)], seen_of, filled_share(made), text=text)
 
     def _sequence(
         self, views: list[tuple[str, str]], target: "TextureTarget", baking: "Baking", progress: Progress
@@ -376,6 +391,7 @@ class Bake(LaysOnto):
             outcome.made,
             outcome.there,
             outcome.seen,
+            outcome.filled,
             text=f"{output.parent}: textures of {len(frames)} frames, {outcome.made} made{there}",
         )
 
@@ -580,7 +596,13 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
     ) -> ViewsBaked:
         """Textures, report and figures, all of them or none."""
         from mpsnet_core.bake.report import texture_maps, view_table, write_bake_report
-        from mpsnet_core.bake.texture_files import format_textures, seen_share, texture_facts, write_textures
+        from mpsnet_core.bake.texture_files import (
+            filled_share,
+            format_textures,
+            seen_share,
+            texture_facts,
+            write_textures,
+        )
         from mpsnet_core.bake.view_agreement import table_rows
         from mpsnet_core.io.files import write_json, written_together
 
@@ -596,6 +618,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
                 plan.target.output,
                 [*map(texture_facts, made)],
                 round(seen_share(made), 4),
+                filled_share(made),
                 table_rows(table),
                 self.level_scale(),
                 model,
@@ -605,5 +628,6 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
                 write_bake_report(self.report, Path(plan.target.output).name, maps, table, [text, summary])
             if self.json:
                 figures = result.facts()
-                write_json(self.json, {name: figures[name] for name in ("views", "seen", "level", "model")})
+                names = ("views", "seen", "filled", "level", "model")
+                write_json(self.json, {name: figures[name] for name in names if name in figures})
         return result

@@ -105,7 +105,8 @@ class Plan:
 @dataclass(frozen=True)
 class Made:
     """A texture that was written. pattern: see :class:`Plan`. seen, covered: how many texels a view saw, and all.
-    albedo: the file of the colours, where the views have them."""
+    albedo: the file of the colours, where the views have them. filled: how many texels were filled, None where none was
+    to be."""
 
     file: Path
     pattern: Path
@@ -113,6 +114,7 @@ class Made:
     seen: int
     covered: int
     albedo: Path | None = None
+    filled: int | None = None
 
 
 def planned(
@@ -174,13 +176,14 @@ def write_textures(plan: Plan, baked: Iterable[tuple[TextureSet, Texture]]) -> I
             albedo = albedo_file(plan.files[place])
             write_albedo(albedo, texture.colours[..., :3], bits=target.bits)
         seen, covered = int(texture.seen.sum()), int(texture.covered.sum())
-        yield Made(plan.files[place], plan.patterns[place], sheet, seen, covered, albedo), texture
+        filled = None if texture.filled is None else int(texture.filled.sum())
+        yield Made(plan.files[place], plan.patterns[place], sheet, seen, covered, albedo, filled), texture
         del texture
 
 
 @dataclass(frozen=True)
 class TextureFacts:
-    """A texture's file, the share of it that some view saw, and what it is of.
+    """A texture's file, the shares of it that some view saw and that were filled, and what it is of.
 
     tiles, albedo_tiles: the file's name for all tiles, with <UDIM> in it.
     """
@@ -193,6 +196,7 @@ class TextureFacts:
     tiles: str | None
     albedo: str | None
     albedo_tiles: str | None
+    filled: float | None
 
 
 def texture_facts(texture: Made) -> TextureFacts:
@@ -207,6 +211,7 @@ def texture_facts(texture: Made) -> TextureFacts:
         str(texture.pattern) if tiled else None,
         None if albedo is None else str(albedo),
         str(albedo_file(texture.pattern)) if tiled and albedo is not None else None,
+        filled_share([texture]),
     )
 
 
@@ -215,10 +220,17 @@ def seen_share(made: Sequence[Made]) -> float:
     return sum(texture.seen for texture in made) / sum(texture.covered for texture in made)
 
 
+def filled_share(made: Sequence[Made]) -> float | None:
+    """The share of all the textures' surface that was filled, None where none was to be."""
+    filled = [texture.filled for texture in made if texture.filled is not None]
+    return round(sum(filled) / sum(texture.covered for texture in made), 4) if filled else None
+
+
 def format_textures(made: Sequence[Made], facts: str) -> str:
     """A line for each texture: where it is, what it is, how much of it was seen. facts: what is true of all."""
     lines = [
         f"{texture.file}: {facts}, {texture.seen / texture.covered:.1%} of its surface seen"
+        + (f", {texture.filled / texture.covered:.1%} filled" if texture.filled is not None else "")
         + (f"; albedo in {texture.albedo.name}" if texture.albedo is not None else "")
         for texture in made
     ]
