@@ -13,7 +13,7 @@ from . import commands, menu, operators, panels, preferences, settings
 
 # Under names of their own: a room's name stands for the room.
 from .bake import bake as bake_step
-from .bake import many_views, relight
+from .bake import coverage, many_views, relight
 from .estimate import estimate as estimate_step
 from .heights import displace, integrate
 from .material import material as material_step
@@ -38,6 +38,7 @@ _MODULES = (
     displace,
     integrate,
     many_views,
+    coverage,
     material_step,
     training_data,
     relight,

@@ -170,8 +170,10 @@ class BakesOnto(RunsCore):
         if not any(target for _, target in there):
             raise InputError(f"the target is gone; its texture is in {self._output}")
         images = load_textures(result["outputs"], self._bake_target[0].name)
+        coverage = self._beside(result, "coverage")
         for part, image in images.items():
             self.made(image)
+            image.mps.coverage = coverage[part]
             if part in self._bases:
                 store_base_map(image, self._bases[part])
         scene.mps.bake.image = next(iter(images.values()))
@@ -180,13 +182,25 @@ class BakesOnto(RunsCore):
         for sentence in assign_textures(worn, bake.space, bake.convention):
             self.report({"INFO"}, sentence)
 
+    def _beside(self, result: dict[str, Any], what: str) -> dict[tuple[str | None, str | None], Any]:
+        """The pictures "coverage" or "albedo" that were written beside the textures, as :func:`load_textures` does."""
+        pictures = [
+            {**one, "output": one[what], "tiles": one.get(f"{what}_tiles")} for one in result["outputs"] if what in one
+        ]
+        return load_textures(pictures, self._bake_target[0].name, what.title())
+
     def written(self, result: dict[str, Any]) -> str:
-        """What was written where, and how much of it was seen, in words."""
+        """What was written where, in words."""
         count = len(result["outputs"])
         one = f"Texture written to {result['outputs'][0]['output']}"
-        what = one if count == 1 else f"{count} textures written to {self._output}"
-        filled = f", {result['filled']:.0%} filled" if "filled" in result else ""
-        return f"{what}; {result['seen']:.0%} of the surface seen{filled}"
+        return one if count == 1 else f"{count} textures written to {self._output}"
+
+    def _finished(self, context: Any, result: dict[str, Any]) -> None:
+        notes = [*result.get("notes", [])]
+        if "seen" in result:
+            filled = f", {result['filled']:.0%} filled" if "filled" in result else ""
+            notes.append(f"{result['seen']:.0%} of the surface seen{filled}")
+        super()._finished(context, {**result, "notes": notes})
 
 
 def _bake_target(target: Any, begun: BegunMesh) -> BakeTarget:
@@ -277,6 +291,7 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
             bits=bits(self, suffix),
             level=level(self),
             **self.detail(self, targets, folder),
+            coverage=not self._frames,
             format=suffix[1:] if self._frames else None,
             output=str(self._output),
         )
@@ -363,12 +378,7 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
             return
         self.assign_result(scene, result)
         self.report({"INFO"}, f"{self.written(result)}{turned}")
-        colours = [
-            {**one, "output": one["albedo"], "tiles": one.get("albedo_tiles")}
-            for one in result["outputs"]
-            if "albedo" in one
-        ]
-        for image in load_textures(colours, self._bake_target[0].name, "Albedo").values():
+        for image in self._beside(result, "albedo").values():
             self.made(image)
             self.report({"INFO"}, f'The albedo is baked too: image "{image.name}"')
 

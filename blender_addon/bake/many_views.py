@@ -84,6 +84,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
             **sampling(bake),
             bits=bits(bake, output.suffix.lower()),
             **self.detail(bake, targets, folder),
+            coverage=True,
             keep=str(requested_path(self.keep)) if self.keep else None,
             report=self._report or None,
             output=str(output),

@@ -44,6 +44,7 @@ class MPS_PT_bake(Step):
         self.progress_or(context, "bake", "TEXTURE")
         self.layout.template_ID(bake, "image", open="image.open")
         self.picture(bake.image)
+        self.layout.operator("mps.show_coverage", icon="OVERLAY", depress=bool(bake.overlays))
         lit = context.scene.mps.relight.lamp is not None
         self.layout.operator("mps.relight", icon="LIGHT_SUN", depress=lit)
 

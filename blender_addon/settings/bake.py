@@ -3,7 +3,7 @@
 from typing import Any
 
 import bpy
-from bpy.props import PointerProperty
+from bpy.props import CollectionProperty, PointerProperty, StringProperty
 
 from mpsnet_core.bake.operations import Bake
 from mpsnet_core.bake.presets import PRESETS
@@ -133,6 +133,12 @@ class BakeSettings:
     onto_shown: from_option(Bake, "onto_shown", name="In the Photo", labels={"auto": "Find Out"})
 
 
+class MPS_PG_overlay(bpy.types.PropertyGroup):
+    """A copy of an object that shows its coverage; a pointer, so that it survives renaming."""
+
+    object: PointerProperty(name="Overlay", description="Copy that shows the coverage", type=bpy.types.Object)
+
+
 class MPS_PG_bake(BakeSettings, bpy.types.PropertyGroup):
     """The bake: its settings and target, and the texture once it is there."""
 
@@ -144,3 +150,9 @@ class MPS_PG_bake(BakeSettings, bpy.types.PropertyGroup):
         poll=lambda _, candidate: candidate.type == "MESH",
     )
     image: PointerProperty(name="Texture", description="The baked normal texture", type=bpy.types.Image)
+    overlays: CollectionProperty(
+        name="Overlays", description="The copies that show the coverage, while it is shown", type=MPS_PG_overlay
+    )
+    shading: StringProperty(
+        name="Shading", description="Viewport that shows the coverage, and how it was shaded before, as JSON"
+    )

@@ -131,6 +131,11 @@ class LaysOnto(MakesTextures):
         default=False,
         help="fill what no view sees: it continues the relief around it smoothly, within each UV island",
     )
+    coverage: bool = option(
+        default=False,
+        help="also write what the views saw, to TEXTURE_coverage: white there, grey where filled, black elsewhere",
+        provenance="none",
+    )
     onto: str | None = option(
         default=None,
         metavar="MAP",
@@ -204,6 +209,7 @@ class LaysOnto(MakesTextures):
             onto_convention=self.onto_convention,
             onto_shown=self.onto_shown,
             albedo=albedo,
+            coverage=self.coverage,
         )
 
 
@@ -412,6 +418,8 @@ class Bake(LaysOnto):
             raise SettingsError("--confidence takes one normal map a view; leave it out for a sequence")
         if self.albedo:
             raise SettingsError("--albedo is of one still photo a view; leave it out for a sequence")
+        if self.coverage:
+            raise SettingsError("--coverage is of one pose; leave it out for a sequence")
         inputs = frame_inputs(self.mesh[0], views)
         checked_bits(Path(f"texture{target.suffix}"), target.bits)
         numbers = sorted(inputs)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.bake.base_detail_removal import Shown
 from mpsnet_core.bake.detail_blending import blend_detail
 from mpsnet_core.bake.existing_maps import BaseMaps, maps_beneath
@@ -17,12 +18,15 @@ from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.albedo import write_albedo
 from mpsnet_core.io.files import ensure_folder, writable_path
 from mpsnet_core.io.frames import check_apart
+from mpsnet_core.io.images import write_image
 from mpsnet_core.scene.mesh import Mesh, read_mesh
 from mpsnet_core.scene.mesh_labels import Labels
 from mpsnet_core.scene.normal_map import Convention
 
 # So many textures are listed one by one; of more, the first and the last.
 LISTED = 12
+# What a coverage map holds where a texel was filled; 1 where a view saw it, 0 elsewhere.
+FILLED = 0.5
 
 
 @dataclass(frozen=True)
@@ -91,7 +95,8 @@ def texture_target(
 class Plan:
     """Textures to bake for meshes: a sheet and a file for each.
 
-    patterns: the files with <UDIM> in place of the tile's number. base_maps: the maps that go beneath them.
+    patterns: the files with <UDIM> in place of the tile's number. base_maps: the maps that go beneath them. coverage:
+    whether a map of what was seen is written beside each.
     """
 
     target: TextureTarget
@@ -100,13 +105,14 @@ class Plan:
     files: Sequence[Path]
     patterns: Sequence[Path]
     base_maps: BaseMaps
+    coverage: bool
 
 
 @dataclass(frozen=True)
 class Made:
     """A texture that was written. pattern: see :class:`Plan`. seen, covered: how many texels a view saw, and all.
     albedo: the file of the colours, where the views have them. filled: how many texels were filled, None where none was
-    to be."""
+    to be. coverage: the file of what was seen, where it was requested."""
 
     file: Path
     pattern: Path
@@ -115,6 +121,7 @@ class Made:
     covered: int
     albedo: Path | None = None
     filled: int | None = None
+    coverage: Path | None = None
 
 
 def planned(
@@ -126,11 +133,12 @@ def planned(
     onto_convention: Convention = "opengl",
     onto_shown: Shown = "auto",
     albedo: bool = False,
+    coverage: bool = False,
 ) -> Plan:
     """The textures that the target means; meshes are read.
 
     taken: what no texture may overwrite. onto, onto_convention: as :func:`maps_beneath` takes them. onto_shown: whether
-    the photos show that map. albedo: whether the views' colours are baked as well.
+    the photos show that map. albedo: whether the views' colours are baked as well. coverage: as a Plan has it.
 
     Raises InputError where a mesh cannot be read, no texture has a present map, or a texture has no place.
     """
@@ -144,14 +152,31 @@ def planned(
     files = texture_files(target.output, chosen)
     beneath = maps_beneath(onto, onto_convention, chosen) if onto else [None] * len(chosen)
     coloured = map(albedo_file, files) if albedo else ()
-    check_apart([*taken, *(present.file for present in beneath if present)], map(writable_path, [*files, *coloured]))
+    seen = map(coverage_file, files) if coverage else ()
+    written = map(writable_path, [*files, *coloured, *seen])
+    check_apart([*taken, *(present.file for present in beneath if present)], written)
     base_maps = BaseMaps(beneath, chosen, meshes, onto_shown)
-    return Plan(target, meshes, chosen, files, tile_patterns(target.output, chosen), base_maps)
+    return Plan(target, meshes, chosen, files, tile_patterns(target.output, chosen), base_maps, coverage)
 
 
 def albedo_file(texture: Path) -> Path:
     """Where the albedo goes that is baked beside a normal texture: NAME_albedo."""
     return texture.with_name(f"{texture.stem}_albedo{texture.suffix}")
+
+
+def coverage_file(texture: Path) -> Path:
+    """Where the map goes of what was seen of a texture: NAME_coverage."""
+    return texture.with_name(f"{texture.stem}_coverage{texture.suffix}")
+
+
+def write_coverage(path: Path, texture: Texture) -> None:
+    """Write what was seen of a texture: 1 there, `FILLED` where it was filled, 0 elsewhere; continued by a texel beyond
+    the islands. Raises FileError."""
+    seen = texture.seen.astype(np.float32)
+    if texture.filled is not None:
+        seen[texture.filled] = FILLED
+    around = extend_to_nearest(seen[..., None], texture.covered, 1)[..., 0]
+    write_image(path, around, bits=None if path.suffix.lower() == ".exr" else 8)
 
 
 def _named(mesh: Mesh, name: str) -> Mesh:
@@ -177,7 +202,10 @@ def write_textures(plan: Plan, baked: Iterable[tuple[TextureSet, Texture]]) -> I
             write_albedo(albedo, texture.colours[..., :3], bits=target.bits)
         seen, covered = int(texture.seen.sum()), int(texture.covered.sum())
         filled = None if texture.filled is None else int(texture.filled.sum())
-        yield Made(plan.files[place], plan.patterns[place], sheet, seen, covered, albedo, filled), texture
+        coverage = coverage_file(plan.files[place]) if plan.coverage else None
+        if coverage is not None:
+            write_coverage(coverage, texture)
+        yield Made(plan.files[place], plan.patterns[place], sheet, seen, covered, albedo, filled, coverage), texture
         del texture
 
 
@@ -185,7 +213,7 @@ def write_textures(plan: Plan, baked: Iterable[tuple[TextureSet, Texture]]) -> I
 class TextureFacts:
     """A texture's file, the shares of it that some view saw and that were filled, and what it is of.
 
-    tiles, albedo_tiles: the file's name for all tiles, with <UDIM> in it.
+    tiles, albedo_tiles, coverage_tiles: the file's name for all tiles, with <UDIM> in it.
     """
 
     output: str
@@ -197,6 +225,8 @@ class TextureFacts:
     albedo: str | None
     albedo_tiles: str | None
     filled: float | None
+    coverage: str | None
+    coverage_tiles: str | None
 
 
 def texture_facts(texture: Made) -> TextureFacts:
@@ -212,6 +242,8 @@ def texture_facts(texture: Made) -> TextureFacts:
         None if albedo is None else str(albedo),
         str(albedo_file(texture.pattern)) if tiled and albedo is not None else None,
         filled_share([texture]),
+        None if texture.coverage is None else str(texture.coverage),
+        str(coverage_file(texture.pattern)) if tiled and texture.coverage is not None else None,
     )
 
 

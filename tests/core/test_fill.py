@@ -11,6 +11,7 @@ from synthetic import degrees_between
 
 from mpsnet_core.bake.bake import View, bake_normals
 from mpsnet_core.cli import main
+from mpsnet_core.io.images import read_channel
 from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import NormalMap, write_normals
@@ -113,10 +114,17 @@ def test_the_command_reports_what_it_filled(tmp_path: Path, capsys: pytest.Captu
     share = np.pi * 0.09
     _, bare, _ = bake()
     assert "filled" not in bare and "filled" not in bare["outputs"][0]
-    _, filled, _ = bake("--fill")
+    assert not (tmp_path / "t_coverage.png").exists()
+    _, filled, _ = bake("--fill", "--coverage")
     assert filled["seen"] == bare["seen"] == pytest.approx(1 - share, abs=0.02)
     assert filled["filled"] == filled["outputs"][0]["filled"] == pytest.approx(share, abs=0.02)
+    assert filled["outputs"][0]["coverage"] == str(tmp_path / "t_coverage.png")
+    levels, counts = np.unique(read_channel(tmp_path / "t_coverage.png"), return_counts=True)
+    assert levels == pytest.approx([0.5, 1], abs=0.005)  # 8 bits
+    assert counts / SIZE**2 == pytest.approx([filled["filled"], filled["seen"]], abs=1e-3)
     _, frames, _ = bake("--fill", normals="n_#.png", output="frames")
     assert frames["filled"] == filled["filled"] and frames["seen"] == filled["seen"]
     code, _, said = bake("--fill", "--space", "object")
     assert code == 2 and "only a texture in tangent space can be filled" in said
+    code, _, said = bake("--coverage", normals="n_#.png", output="frames")
+    assert code == 2 and "--coverage is of one pose" in said
