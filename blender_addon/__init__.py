@@ -14,10 +14,11 @@ from . import commands, menu, operators, panels, preferences, settings
 # Under names of their own: a room's name stands for the room.
 from .bake import bake as bake_step
 from .bake import coverage, many_views, relight
+from .estimate import error_map
 from .estimate import estimate as estimate_step
 from .heights import displace, integrate
 from .material import material as material_step
-from .photo import align
+from .photo import align, paint_mask
 from .photo import photo as photo_step
 from .rig import calibrate, several_rigs
 from .rig import rig as rig_step
@@ -33,7 +34,9 @@ _MODULES = (
     calibrate,
     photo_step,
     align,
+    paint_mask,
     estimate_step,
+    error_map,
     bake_step,
     displace,
     integrate,

@@ -195,12 +195,11 @@ class BakesOnto(RunsCore):
         one = f"Texture written to {result['outputs'][0]['output']}"
         return one if count == 1 else f"{count} textures written to {self._output}"
 
-    def _finished(self, context: Any, result: dict[str, Any]) -> None:
-        notes = [*result.get("notes", [])]
-        if "seen" in result:
-            filled = f", {result['filled']:.0%} filled" if "filled" in result else ""
-            notes.append(f"{result['seen']:.0%} of the surface seen{filled}")
-        super()._finished(context, {**result, "notes": notes})
+    def remarks(self, result: dict[str, Any]) -> Sequence[str]:
+        if "seen" not in result:  # of a sequence whose textures were all there
+            return ()
+        filled = f", {result['filled']:.0%} filled" if "filled" in result else ""
+        return [f"{result['seen']:.0%} of the surface seen{filled}"]
 
 
 def _bake_target(target: Any, begun: BegunMesh) -> BakeTarget:

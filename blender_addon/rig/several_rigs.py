@@ -20,7 +20,7 @@ from ..settings.rig import RigSettings
 from .rig import remove_rig
 
 _STEPS = {"rig": RigSettings, "photo": PhotoSettings, "estimate": EstimateSettings}
-_VERBS = ("add_rig", "render_photo", "open_photo", "superpose", "show_mask", "estimate")
+_VERBS = ("add_rig", "render_photo", "open_photo", "superpose", "show_mask", "paint_mask", "estimate", "error_map")
 
 
 class _OnRigs(bpy.types.Operator):
