@@ -64,9 +64,10 @@ def texture_maps(texture: Texture, name: str = "") -> list[TextureMap]:
     def on_surface(colours: NDArray[np.float32]) -> NDArray[np.float32]:
         return np.where(covered[..., None], colours, np.float32(BACKGROUND))
 
+    beyond = "has the mesh's own normals" if texture.filled is None else "is filled where its island is seen"
     maps = [
         TextureMap(
-            f"the texture{name and f' of {name}'}, {texture.space} space; what no view sees has the mesh's own normals",
+            f"the texture{name and f' of {name}'}, {texture.space} space; what no view sees {beyond}",
             on_surface(encode(texture.vectors[few])),
         )
     ]
