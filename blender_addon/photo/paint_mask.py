@@ -66,6 +66,7 @@ def _values(file: Path) -> NDArray[np.float32]:
     """(H, W) the mean of a picture's colours, the lowest row first; its file goes."""
     image = bpy.data.images.load(str(file), check_existing=False)
     try:
+        image.colorspace_settings.is_data = True  # as the file has them
         width, height = image.size
         pixels = np.empty((height, width, 4), np.float32)
         image.pixels.foreach_get(pixels.ravel())
@@ -92,6 +93,7 @@ def _show(context: Any, image: bpy.types.Image) -> None:
         bpy.ops.wm.window_new()
         area = context.window_manager.windows[-1].screen.areas[0]
         area.type = "IMAGE_EDITOR"
+        area.spaces.active.uv_editor.show_uv = False  # the photo is on no UVs
     if area is not None:
         area.spaces.active.image = image
         area.spaces.active.ui_mode = "PAINT"

@@ -145,7 +145,8 @@ class CompareNormals(Operation):
         errors = normal_errors(estimate, read_true_normals(self.truth, self.camera))
         if self.output:
             progress(0.6, f"writing {Path(self.output).name}")
-            write_image(self.output, scaled_error_picture(errors.degrees, errors.mask), color_space="sRGB")
+            bits = None if Path(self.output).suffix.lower() == ".exr" else 8
+            write_image(self.output, scaled_error_picture(errors.degrees, errors.mask), bits=bits, color_space="sRGB")
         progress(1.0, "done")
         share = float(errors.mask.sum() / estimate.mask.sum())
         text = f"{self.normals}: mean {errors.mean:.2f}°, median {errors.median:.2f}°, over {share:.1%} of its pixels"

@@ -9,6 +9,7 @@ from mesh_file import write_mesh
 from surface_shapes import camera_looking
 from synthetic import degrees_between
 
+from mpsnet_core.bake import fill
 from mpsnet_core.bake.bake import View, bake_normals
 from mpsnet_core.cli import main
 from mpsnet_core.io.images import read_channel
@@ -55,13 +56,20 @@ def on_texels() -> np.ndarray:
     return dome(*np.meshgrid(place, -place))
 
 
+@pytest.fixture(params=[(512, 0.1), (40, 0.3)], ids=["at once", "coarse to fine"])
+def most(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> float:
+    """Degrees that the filling may err by: solved at once, and as large textures are, the rim first in large blocks."""
+    finest, degrees = request.param
+    monkeypatch.setattr(fill, "FINEST", finest)
+    return float(degrees)
+
+
 @pytest.mark.parametrize("samples", [1, 2])
 @pytest.mark.parametrize("hole", [0.1, 0.4])
-def test_a_hole_continues_the_relief_around_it(samples: int, hole: float) -> None:
+def test_a_hole_continues_the_relief_around_it(samples: int, hole: float, most: float) -> None:
     view = view_of_dome(hole)
-    bare, filled = (
-        bake_normals(plates(0.0), [view], size=SIZE, samples=samples, margin=0, fill=fill) for fill in (False, True)
-    )
+    settings = {"size": SIZE, "samples": samples, "margin": 0}
+    bare, filled = (bake_normals(plates(0.0), [view], **settings, fill=filling) for filling in (False, True))
     assert filled.filled is not None and bare.filled is None
     assert (filled.seen == bare.seen).all() and (filled.filled == ~filled.seen).all()
     assert filled.filled.mean() == pytest.approx(np.pi * hole**2, rel=0.15)
@@ -69,7 +77,7 @@ def test_a_hole_continues_the_relief_around_it(samples: int, hole: float) -> Non
         assert (filled.vectors[filled.seen] == bare.vectors[filled.seen]).all()
     assert np.linalg.norm(filled.vectors, axis=-1) == pytest.approx(1, abs=1e-5)
     # Before, what was not seen was flat: off by up to asin(hole / RADIUS).
-    assert degrees_between(filled.vectors, on_texels()).max() < 0.1
+    assert degrees_between(filled.vectors, on_texels()).max() < most
     assert degrees_between(bare.vectors, on_texels())[filled.filled].max() > 0.9 * np.degrees(np.arcsin(hole / RADIUS))
 
 
@@ -86,6 +94,7 @@ def test_what_reaches_the_plates_edge_goes_on_to_it() -> None:
     assert np.ptp(beyond[:, 1]) > 0.1  # along the rim it changes as the rim does
 
 
+@pytest.mark.usefixtures("most")
 def test_nothing_reaches_another_island() -> None:
     """The second plate borders on the first in the texture alone: no view sees it, and it stays flat."""
     texture = bake_normals(plates(0.0, 3.0), [view_of_dome(0.2)], size=SIZE, margin=0, fill=True)
