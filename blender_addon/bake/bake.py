@@ -35,6 +35,7 @@ from ..rig.several_rigs import all_rigs
 from ..settings.bake import BakeSettings
 from ..settings.declared import take_given
 from .assign_textures import assign_textures
+from .coverage import coverage_folder, store_coverage
 from .existing_maps import base_maps, present_maps, store_base_map
 from .mesh_file import BegunMesh, begin_mesh
 from .moving_target import CAMERAS, MESHES, Moving
@@ -173,7 +174,7 @@ class BakesOnto(RunsCore):
         coverage = self._beside(result, "coverage")
         for part, image in images.items():
             self.made(image)
-            image.mps.coverage = coverage[part]
+            store_coverage(image, coverage[part])
             if part in self._bases:
                 store_base_map(image, self._bases[part])
         scene.mps.bake.image = next(iter(images.values()))
@@ -290,7 +291,7 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
             bits=bits(self, suffix),
             level=level(self),
             **self.detail(self, targets, folder),
-            coverage=not self._frames,
+            coverage=None if self._frames else coverage_folder(),
             format=suffix[1:] if self._frames else None,
             output=str(self._output),
         )

@@ -1,6 +1,7 @@
 """Coverage: what the views of the last bake saw, shown on the objects themselves."""
 
 import json
+import tempfile
 from contextlib import suppress
 from typing import Any
 
@@ -41,6 +42,18 @@ class MPS_OT_show_coverage(ReportingOperator, bpy.types.Operator):
             _end(context.scene.mps.bake)
         else:
             _begin(context)
+
+
+def coverage_folder() -> str:
+    """A new folder for the maps of a bake; what :func:`store_coverage` takes of it is packed into the .blend file."""
+    return tempfile.mkdtemp(prefix="coverage_", dir=bpy.app.tempdir)
+
+
+def store_coverage(texture: Any, coverage: Any) -> None:
+    """Keep a texture's coverage with it, in place of that of the bake before."""
+    before, texture.mps.coverage = texture.mps.coverage, coverage
+    if before is not None and not before.users:
+        bpy.data.images.remove(before)
 
 
 def _begin(context: Any) -> None:

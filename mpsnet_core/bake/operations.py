@@ -131,9 +131,11 @@ class LaysOnto(MakesTextures):
         default=False,
         help="fill what no view sees: it continues the relief around it smoothly, within each UV island",
     )
-    coverage: bool = option(
-        default=False,
-        help="also write what the views saw, to TEXTURE_coverage: white there, grey where filled, black elsewhere",
+    coverage: str | None = option(
+        default=None,
+        metavar="FOLDER",
+        help="folder for maps of what the views saw, named as the textures: white there, grey where filled, else black",
+        path="folder",
         provenance="none",
     )
     onto: str | None = option(

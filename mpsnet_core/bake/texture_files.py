@@ -96,7 +96,7 @@ class Plan:
     """Textures to bake for meshes: a sheet and a file for each.
 
     patterns: the files with <UDIM> in place of the tile's number. base_maps: the maps that go beneath them. coverage:
-    whether a map of what was seen is written beside each.
+    folder for a map of what was seen of each, None for none.
     """
 
     target: TextureTarget
@@ -105,7 +105,7 @@ class Plan:
     files: Sequence[Path]
     patterns: Sequence[Path]
     base_maps: BaseMaps
-    coverage: bool
+    coverage: Path | None
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ def planned(
     onto_convention: Convention = "opengl",
     onto_shown: Shown = "auto",
     albedo: bool = False,
-    coverage: bool = False,
+    coverage: str | None = None,
 ) -> Plan:
     """The textures that the target means; meshes are read.
 
@@ -152,21 +152,18 @@ def planned(
     files = texture_files(target.output, chosen)
     beneath = maps_beneath(onto, onto_convention, chosen) if onto else [None] * len(chosen)
     coloured = map(albedo_file, files) if albedo else ()
-    seen = map(coverage_file, files) if coverage else ()
+    folder = ensure_folder(coverage, "coverage") if coverage else None
+    seen = [folder / file.name for file in files] if folder else ()
     written = map(writable_path, [*files, *coloured, *seen])
     check_apart([*taken, *(present.file for present in beneath if present)], written)
+    check_apart(files, seen)
     base_maps = BaseMaps(beneath, chosen, meshes, onto_shown)
-    return Plan(target, meshes, chosen, files, tile_patterns(target.output, chosen), base_maps, coverage)
+    return Plan(target, meshes, chosen, files, tile_patterns(target.output, chosen), base_maps, folder)
 
 
 def albedo_file(texture: Path) -> Path:
     """Where the albedo goes that is baked beside a normal texture: NAME_albedo."""
     return texture.with_name(f"{texture.stem}_albedo{texture.suffix}")
-
-
-def coverage_file(texture: Path) -> Path:
-    """Where the map goes of what was seen of a texture: NAME_coverage."""
-    return texture.with_name(f"{texture.stem}_coverage{texture.suffix}")
 
 
 def write_coverage(path: Path, texture: Texture) -> None:
@@ -202,7 +199,7 @@ def write_textures(plan: Plan, baked: Iterable[tuple[TextureSet, Texture]]) -> I
             write_albedo(albedo, texture.colours[..., :3], bits=target.bits)
         seen, covered = int(texture.seen.sum()), int(texture.covered.sum())
         filled = None if texture.filled is None else int(texture.filled.sum())
-        coverage = coverage_file(plan.files[place]) if plan.coverage else None
+        coverage = plan.coverage / plan.files[place].name if plan.coverage else None
         if coverage is not None:
             write_coverage(coverage, texture)
         yield Made(plan.files[place], plan.patterns[place], sheet, seen, covered, albedo, filled, coverage), texture
@@ -243,7 +240,7 @@ def texture_facts(texture: Made) -> TextureFacts:
         str(albedo_file(texture.pattern)) if tiled and albedo is not None else None,
         filled_share([texture]),
         None if texture.coverage is None else str(texture.coverage),
-        str(coverage_file(texture.pattern)) if tiled and texture.coverage is not None else None,
+        str(texture.coverage.with_name(texture.pattern.name)) if tiled and texture.coverage is not None else None,
     )
 
 

@@ -123,17 +123,18 @@ def test_the_command_reports_what_it_filled(tmp_path: Path, capsys: pytest.Captu
     share = np.pi * 0.09
     _, bare, _ = bake()
     assert "filled" not in bare and "filled" not in bare["outputs"][0]
-    assert not (tmp_path / "t_coverage.png").exists()
-    _, filled, _ = bake("--fill", "--coverage")
+    _, filled, _ = bake("--fill", "--coverage", str(tmp_path / "seen"))
     assert filled["seen"] == bare["seen"] == pytest.approx(1 - share, abs=0.02)
     assert filled["filled"] == filled["outputs"][0]["filled"] == pytest.approx(share, abs=0.02)
-    assert filled["outputs"][0]["coverage"] == str(tmp_path / "t_coverage.png")
-    levels, counts = np.unique(read_channel(tmp_path / "t_coverage.png"), return_counts=True)
+    assert filled["outputs"][0]["coverage"] == str(tmp_path / "seen" / "t.png")
+    levels, counts = np.unique(read_channel(tmp_path / "seen" / "t.png"), return_counts=True)
     assert levels == pytest.approx([0.5, 1], abs=0.005)  # 8 bits
     assert counts / SIZE**2 == pytest.approx([filled["filled"], filled["seen"]], abs=1e-3)
     _, frames, _ = bake("--fill", normals="n_#.png", output="frames")
     assert frames["filled"] == filled["filled"] and frames["seen"] == filled["seen"]
     code, _, said = bake("--fill", "--space", "object")
     assert code == 2 and "only a texture in tangent space can be filled" in said
-    code, _, said = bake("--coverage", normals="n_#.png", output="frames")
+    code, _, said = bake("--coverage", str(tmp_path))
+    assert code == 2 and "would overwrite" in said
+    code, _, said = bake("--coverage", "seen", normals="n_#.png", output="frames")
     assert code == 2 and "--coverage is of one pose" in said

@@ -164,10 +164,10 @@ def test_the_command_bakes_what_the_photos_show(table: Table) -> None:
 
 def test_what_no_photo_shows_is_filled(table: Table) -> None:
     """The four sides look from below; the sphere is one island."""
-    words = table.run("--space", "tangent", "--fill", "--coverage", "--json", table / "figures.json")
+    words = table.run("--space", "tangent", "--fill", "--coverage", table / "seen", "--json", table / "figures.json")
     figures = json.loads((table / "figures.json").read_text())
     assert figures["filled"] > 0.1 and figures["seen"] + figures["filled"] == pytest.approx(1, abs=1e-3)
-    assert f"{figures['filled']:.1%} filled" in words and (table / "texture_coverage.png").is_file()
+    assert f"{figures['filled']:.1%} filled" in words and (table / "seen/texture.png").is_file()
 
 
 def test_levelling_can_be_left_out(table: Table) -> None:
