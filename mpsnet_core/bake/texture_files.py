@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.bake.base_detail_removal import Shown
+from mpsnet_core.bake.coverage import write_coverage
 from mpsnet_core.bake.detail_blending import blend_detail
 from mpsnet_core.bake.existing_maps import BaseMaps, maps_beneath
 from mpsnet_core.bake.presets import preset_named, preset_output
@@ -18,15 +18,12 @@ from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.albedo import write_albedo
 from mpsnet_core.io.files import ensure_folder, writable_path
 from mpsnet_core.io.frames import check_apart
-from mpsnet_core.io.images import write_image
 from mpsnet_core.scene.mesh import Mesh, read_mesh
 from mpsnet_core.scene.mesh_labels import Labels
 from mpsnet_core.scene.normal_map import Convention
 
 # So many textures are listed one by one; of more, the first and the last.
 LISTED = 12
-# What a coverage map holds where a texel was filled; 1 where a view saw it, 0 elsewhere.
-FILLED = 0.5
 
 
 @dataclass(frozen=True)
@@ -164,16 +161,6 @@ def planned(
 def albedo_file(texture: Path) -> Path:
     """Where the albedo goes that is baked beside a normal texture: NAME_albedo."""
     return texture.with_name(f"{texture.stem}_albedo{texture.suffix}")
-
-
-def write_coverage(path: Path, texture: Texture) -> None:
-    """Write what was seen of a texture: 1 there, `FILLED` where it was filled, 0 elsewhere; continued by a texel beyond
-    the islands. Raises FileError."""
-    seen = texture.seen.astype(np.float32)
-    if texture.filled is not None:
-        seen[texture.filled] = FILLED
-    around = extend_to_nearest(seen[..., None], texture.covered, 1)[..., 0]
-    write_image(path, around, bits=None if path.suffix.lower() == ".exr" else 8)
 
 
 def _named(mesh: Mesh, name: str) -> Mesh:
