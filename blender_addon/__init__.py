@@ -13,11 +13,12 @@ from . import commands, menu, operators, panels, preferences, presets, settings,
 
 # Under names of their own: a room's name stands for the room.
 from .bake import bake as bake_step
-from .bake import many_views, node_group, relight
+from .bake import coverage, many_views, node_group, relight
+from .estimate import error_map
 from .estimate import estimate as estimate_step
 from .heights import displace, integrate
 from .material import material as material_step
-from .photo import align, check, drop, look_through
+from .photo import align, check, drop, look_through, paint_mask
 from .photo import photo as photo_step
 from .rig import calibrate, several_rigs
 from .rig import rig as rig_step
@@ -39,12 +40,15 @@ _MODULES = (
     align,
     check,
     look_through,
+    paint_mask,
     estimate_step,
+    error_map,
     bake_step,
     node_group,
     displace,
     integrate,
     many_views,
+    coverage,
     material_step,
     training_data,
     relight,

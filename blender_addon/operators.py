@@ -232,6 +232,10 @@ class RunsCore(ReportingOperator):
         """Take the core's result into Blender. Its notes are reported and stored already."""
         raise NotImplementedError
 
+    def remarks(self, result: dict[str, Any]) -> Sequence[str]:
+        """What there is to say of the core's result, in sentences; they stay with the step."""
+        return ()
+
     def look(self) -> None:
         """Take what the core has written so far into Blender; called ten times a second beside a live window."""
 
@@ -255,7 +259,7 @@ class RunsCore(ReportingOperator):
         return work, outputs
 
     def _finished(self, context: Any, result: dict[str, Any]) -> None:
-        notes = [*self._notes, *result.get("notes", [])]
+        notes = [*self._notes, *result.get("notes", []), *self.remarks(result)]
         for note in notes:
             self.report({"INFO"}, note)
         self.finish(context, result)

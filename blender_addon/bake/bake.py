@@ -36,6 +36,7 @@ from ..rig.several_rigs import all_rigs
 from ..settings.bake import BakeSettings
 from ..settings.declared import take_given
 from .assign_textures import assign_albedo, assign_textures, mark_assets
+from .coverage import coverage_folder, store_coverage
 from .existing_maps import Part, base_maps, present_maps, store_base_map
 from .mesh_file import BegunMesh, begin_mesh
 from .moving_target import CAMERAS, MESHES, Moving
@@ -57,6 +58,7 @@ BITS = {".png": 16, ".tif": 16, ".tiff": 16, ".exr": 32}
 
 class Detail(TypedDict, total=False):
     strength: float
+    fill: bool
     onto: str
     onto_convention: Literal["opengl", "directx"]
     onto_shown: Literal["auto", "yes", "no"]
@@ -125,7 +127,7 @@ class BakesOnto(RunsCore):
 
     def detail(self, settings: Any, targets: Sequence[Any], folder: Path) -> Detail:
         """The core's options for the photo's detail and the normal maps that it goes on top of."""
-        options: Detail = {"strength": as_typed(settings.strength)}
+        options: Detail = {"strength": as_typed(settings.strength), "fill": settings.fill}
         self._bases = base_maps(targets, self._bake_target, self._output)
         if not settings.onto:
             return options
@@ -173,35 +175,46 @@ class BakesOnto(RunsCore):
         if not any(target for _, target in there):
             raise InputError(f"the target is gone; its texture is in {self._output}")
         images = load_textures(result["outputs"], self._bake_target[0].name)
+        coverage = self._beside(result, "coverage")
         for part, image in images.items():
             self.made(image)
+            store_coverage(image, coverage[part])
             if part in self._bases:
                 store_base_map(image, self._bases[part])
         scene.mps.bake.image = next(iter(images.values()))
         bake = scene.mps.bake
         worn = _worn(there, images)
         sentences = assign_textures(worn, bake.space, bake.convention)
-        for sentence in [*sentences, *self._assign_albedo(there, result["outputs"])]:
+        for sentence in [*sentences, *self._assign_albedo(there, result)]:
             self.report({"INFO"}, sentence)
         mark_assets(worn, bake.mark_asset)
 
-    def _assign_albedo(self, there: Sequence[tuple[BakeTarget, Any]], outputs: Sequence[dict[str, Any]]) -> list[str]:
+    def _assign_albedo(self, there: Sequence[tuple[BakeTarget, Any]], result: dict[str, Any]) -> list[str]:
         """Load the albedos and put them on the objects that they are for; returns what there is to say."""
-        colours = [
-            {**one, "output": one["albedo"], "tiles": one.get("albedo_tiles")} for one in outputs if "albedo" in one
-        ]
-        images = load_textures(colours, self._bake_target[0].name, "Albedo")
+        images = self._beside(result, "albedo")
         for image in images.values():
             self.made(image)
         names = [f'The albedo is baked too: image "{image.name}"' for image in images.values()]
         return [*names, *assign_albedo(_worn(there, images))]
 
+    def _beside(self, result: dict[str, Any], what: str) -> dict[Part, Any]:
+        """The pictures "coverage" or "albedo" that were written beside the textures, as :func:`load_textures` does."""
+        pictures = [
+            {**one, "output": one[what], "tiles": one.get(f"{what}_tiles")} for one in result["outputs"] if what in one
+        ]
+        return load_textures(pictures, self._bake_target[0].name, what.title())
+
     def written(self, result: dict[str, Any]) -> str:
-        """What was written where, and how much of it was seen, in words."""
+        """What was written where, in words."""
         count = len(result["outputs"])
         one = f"Texture written to {result['outputs'][0]['output']}"
-        what = one if count == 1 else f"{count} textures written to {self._output}"
-        return f"{what}; {result['seen']:.0%} of the surface seen"
+        return one if count == 1 else f"{count} textures written to {self._output}"
+
+    def remarks(self, result: dict[str, Any]) -> Sequence[str]:
+        if "seen" not in result:  # of a sequence whose textures were all there
+            return ()
+        filled = f", {result['filled']:.0%} filled" if "filled" in result else ""
+        return [f"{result['seen']:.0%} of the surface seen{filled}"]
 
 
 def _worn(there: Sequence[tuple[BakeTarget, Any]], images: Mapping[Part, Any]) -> list[AssignedTexture]:
@@ -299,6 +312,7 @@ class MPS_OT_bake(BakesOnto, BakeSettings, bpy.types.Operator):
             bits=bits(self, suffix),
             level=level(self),
             **self.detail(self, targets, folder),
+            coverage=None if self._frames else coverage_folder(),
             format=suffix[1:] if self._frames else None,
             output=str(self._output),
         )

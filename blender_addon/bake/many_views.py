@@ -24,6 +24,7 @@ from ..settings.declared import take_given
 from ..settings.estimate import EstimateSettings
 from ..settings.views import ViewsSettings
 from .bake import BakesOnto, bits, level, sampling, targets_place
+from .coverage import coverage_folder
 from .texture_sets import without_tokens
 
 # What Blender's importers of OBJ and glTF do to a file whose y axis is up.
@@ -86,6 +87,7 @@ class MPS_OT_bake_views(BakesOnto, ViewsSettings, bpy.types.Operator):
             **sampling(bake),
             bits=bits(bake, output.suffix.lower()),
             **self.detail(bake, targets, folder),
+            coverage=coverage_folder(),
             keep=str(requested_path(self.keep)) if self.keep else None,
             report=self._report or None,
             output=str(output),

@@ -31,7 +31,7 @@ from ..provenance import Provenance, chosen, file_stamp, rounded, stamp
 from ..rig.several_rigs import result_name, rig_at
 from ..settings.declared import take_given
 from ..settings.estimate import EstimateSettings
-from .photo_options import network, reading, rig_and_camera_options, rig_file_for
+from .photo_options import network, painted_mask, reading, rig_and_camera_options, rig_file_for
 
 
 class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
@@ -82,7 +82,7 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         operation = Estimate(
             image=(str(photo),),
             **rig_and_camera_options(context, image, folder, self.later, rig_file),
-            **reading(self),
+            **reading(self, painted=painted_mask(scene.mps.estimate, folder)),
             **network(self),
             passes=None if moves or self.average_passes else 1,
             white=(bpy.path.abspath(self.white),) if self.white and not moves else (),
@@ -156,7 +156,8 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
         photo = image_file(scene.mps.photo.image, "photo", "render or open one first")
         mask = output_path("", result_name(scene, "mask"), "PNG")
         self._overlay = mask.with_name(f"{mask.stem}_shown.png")
-        operation = FindMask(image=str(photo), output=str(mask), overlay=str(self._overlay), **reading(self))
+        options = reading(self, painted=painted_mask(scene.mps.estimate, folder))
+        operation = FindMask(image=str(photo), output=str(mask), overlay=str(self._overlay), **options)
         return operation, [mask, self._overlay]
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any, TypedDict
 
 import bpy
+import numpy as np
 
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.scene.rig import LightRig, read_rig, write_rig
@@ -135,14 +136,42 @@ def model_name(settings: Any) -> str:
     return bpy.path.abspath(settings.model_file)
 
 
-def reading(settings: Any, unmasked: str = "alpha-or-auto") -> Reading:
+def reading(settings: Any, unmasked: str = "alpha-or-auto", painted: str = "") -> Reading:
     """The core's options for how a photo is read: encoding, dark frame, flat field and mask.
 
-    unmasked: the mask unless one is chosen.
+    unmasked: the mask unless one is chosen. painted: the file of :func:`painted_mask`, "" where there is none.
 
-    Raises SettingsError where a file is chosen and none is named.
+    Raises SettingsError where a file is chosen and none is named, or a painted mask and none is painted.
     """
-    return {**reading_without_mask(settings), "mask": _mask(settings) or unmasked}
+    if settings.mask == "PAINTED" and not painted:
+        raise SettingsError("no mask is painted for this; press Paint Mask in the step Photo, or choose another mask")
+    return {**reading_without_mask(settings), "mask": painted or _mask(settings) or unmasked}
+
+
+def painted_mask(estimate: Any, folder: Path) -> str:
+    """Write the mask as it is painted now into `folder`; returns its file, "" where none is chosen or painted.
+
+    What was painted is packed, so that it is saved with the .blend file.
+    """
+    image = estimate.painted_mask
+    if estimate.mask != "PAINTED" or image is None or not all(image.size):
+        return ""
+    if image.is_dirty:
+        image.pack()
+    width, height = image.size
+    pixels = np.empty((height, width, image.channels), np.float32)
+    image.pixels.foreach_get(pixels.ravel())
+    bright = pixels[..., : 1 if image.channels < 3 else 3].max(axis=-1) > 0.5
+    if image.channels in (2, 4):
+        bright &= pixels[..., -1] > 0.5
+    mask = bpy.data.images.new("MPS Mask", width, height, alpha=False, is_data=True)
+    try:
+        mask.pixels.foreach_set(np.dstack([bright] * 3 + [np.ones_like(bright)]).astype(np.float32).ravel())
+        mask.filepath_raw, mask.file_format = str(folder / "painted_mask.png"), "PNG"
+        mask.save()
+    finally:
+        bpy.data.images.remove(mask)
+    return str(folder / "painted_mask.png")
 
 
 def reading_without_mask(settings: Any) -> ReadingWithoutMask:

@@ -46,6 +46,7 @@ class MPS_PT_bake(Step):
         self.progress_or(context, "bake", "TEXTURE")
         self.layout.template_ID(bake, "image", open="image.open")
         self.picture(bake.image)
+        self.layout.operator("mps.show_coverage", icon="OVERLAY", depress=bool(bake.overlays))
         lit = context.scene.mps.relight.lamp is not None
         self.layout.operator("mps.relight", icon="LIGHT_SUN", depress=lit)
         self.layout.operator("mps.make_node_group", icon="NODETREE")
@@ -64,6 +65,7 @@ class MPS_PT_texture(Step):
         column.prop(bake, "space")
         column.prop(bake, "convention")
         column.prop(bake, "samples")
+        column.prop(bake, "fill")
         column.prop(bake, "padding")
         if bake.padding == "NEAREST":
             column.prop(bake, "margin")

@@ -164,6 +164,7 @@ class MPS_PT_mask(Step):
         elif estimate.mask == "THRESHOLD":
             column.prop(estimate, "threshold", slider=True)
         self.progress_or(context, "show_mask", "MOD_MASK")
+        self.progress_or(context, "paint_mask", "BRUSH_DATA")
         self.picture(estimate.mask_image, scale=12)
 
 

@@ -16,7 +16,7 @@ from mpsnet_core.scene.camera import FULL_FRAME, Camera, read_camera, write_came
 
 from ..bake.bake import find_object
 from ..bake.mesh_file import begin_mesh
-from ..estimate.photo_options import network, reading, rig_file_for, rig_path
+from ..estimate.photo_options import network, painted_mask, reading, rig_file_for, rig_path
 from ..operators import RunsCore, as_typed, by_session_uid
 from ..outputs import fine_preview, image_file, load_image, output_path, picture_size
 from ..provenance import Provenance, stamp
@@ -79,7 +79,7 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
             rig=str(rig_path(scene, photo, folder, rig_file_for(photo, estimate))),
             **self._place(context, photo, folder),
             focal=as_typed(lens) if lens else None,
-            **reading(estimate),
+            **reading(estimate, painted=painted_mask(estimate, folder)),
             **network(estimate),
             overlay=str(overlay),
             output=str(self._camera),

@@ -197,7 +197,9 @@ def load_raw(path: Path) -> bpy.types.Image:
 
 
 class MPS_OT_render_truth(_Renders, bpy.types.Operator):
-    """Render the true normals of the photo's view, as an OpenEXR with Blender's Normal pass, to compare with"""
+    """Render the true normals of the photo's view, as an OpenEXR with Blender's Normal pass, to compare with.
+
+    The camera is written beside the file"""
 
     bl_idname = "mps.render_truth"
     bl_label = "Render True Normals"
@@ -214,6 +216,8 @@ class MPS_OT_render_truth(_Renders, bpy.types.Operator):
         return "normals", render_path(output_path(self.output, result_name(scene, "true_normals"), "EXR"))
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
+        result_is = f"its true normals are in {result['output']}"
+        rig_at(self.scene(result_is), self._rig_place, result_is).photo.truth = result["output"]
         self.report({"INFO"}, f"True normals written to {result['output']}")
 
 

@@ -19,7 +19,7 @@ from mpsnet_core.scene.rig import write_rig
 from ..child_process.core_process import run
 from ..operators import operator_report
 from ..outputs import literally, render_path, sidecar
-from ..rig.rig import light_rig, rig_parts, scene_camera, surfaces, view_layer
+from ..rig.rig import light_rig, rig_camera, rig_parts, scene_camera, surfaces, view_layer
 
 # Called before each of Cycles's renders, with how many are done of how many, and words for the one that begins.
 RenderProgress = Callable[[int, int, str], None]
@@ -118,15 +118,17 @@ def render_normals(scene: Any, path: Path, told: RenderProgress = no_render_prog
     ``Camera.rotation`` to come to camera space), averaged over each pixel and so a little shorter than 1 at edges;
     ``ViewLayer.Combined.A`` holds the alpha. Blender 4.5 writes one part with these names, 5.x a part for each pass.
 
-    Raises InputError where the rig is incomplete or the file cannot be written.
+    The camera is written beside it. Raises InputError where the rig is incomplete or the file cannot be written.
     """
     render_path(path)
-    with _studio(scene) as studio:
+    camera, photo = rig_camera(scene), scene.mps.photo
+    with _studio(scene) as studio, written_together():
         notes = _leave_target_out(studio, scene.mps.bake)
         studio.cycles.samples = _NORMAL_SAMPLES
         studio.cycles.max_bounces = 0
         studio.view_layers[0].use_pass_normal = True
         told(0, 1, "rendering the true normals")
+        write_camera(sidecar(path, "camera"), scene_camera(camera, scene, (photo.width, photo.height)))
         _render(studio, path, "OPEN_EXR_MULTILAYER")
     return Rendered(path, notes)
 

@@ -22,6 +22,8 @@ COLLECTION = "MPS Rig"
 SENSOR_WIDTH = 36.0
 # How the brightness of lights with a place falls off their axis: a disc is seen smaller from the side.
 _LOBES = {"AREA": 1.0, "POINT": 0.0, "SPOT": 0.0}
+# How near a perspective camera comes to a tip that points at it, in radii of the object.
+_NEAREST = 0.1
 
 # Columns are the camera's x, y and z axes in the world.
 _VIEWS = {
@@ -83,8 +85,10 @@ def add_rig(context: Any) -> None:
     selected = [obj for obj in context.view_layer.objects.selected if obj not in old]
     if not selected:
         raise InputError("nothing is selected; select the object that the rig shall stand around")
-    centre, radius = bounding_sphere(context.evaluated_depsgraph_get(), selected)
     orientation = _orientation(context, settings.view)
+    points = _points(context.evaluated_depsgraph_get(), selected)
+    centre, radius = _sphere_around(points, orientation)
+    seen = (points - np.array(centre)) @ np.array(orientation)
     remove_rig(scene)
 
     settings.collection = collection = bpy.data.collections.new(COLLECTION)
@@ -96,7 +100,7 @@ def add_rig(context: Any) -> None:
     settings.target = target
     meshes = [obj for obj in selected if obj.type == "MESH"]
     scene.mps.estimate.surface = meshes[0] if len(meshes) == 1 else None
-    settings.camera = _add_camera(scene, radius)
+    settings.camera = _add_camera(scene, seen, radius)
     reach = settings.distance * radius
     directions = direction_from_angles([settings.slant] * 3, settings.tilt + np.array([0.0, 120.0, 240.0]))
     for name, direction in zip(COLOURS, directions, strict=True):
@@ -143,11 +147,21 @@ def bounding_sphere(depsgraph: Any, objects: Iterable[Any]) -> tuple[Vector, flo
 
     Raises InputError where none of them has a surface.
     """
+    return _sphere_around(_points(depsgraph, objects), Matrix.Identity(3))
+
+
+def _points(depsgraph: Any, objects: Iterable[Any]) -> NDArray[np.float64]:
+    """(N, 3) points of all the objects' surfaces, in the world. Raises InputError where there is none."""
     clouds = [points for _, points in surfaces(depsgraph, objects)]
     if not clouds:
         raise InputError("no selected object has a surface; select the mesh that the rig shall stand around")
-    points = np.concatenate(clouds)
-    centre = (points.min(axis=0) + points.max(axis=0)) / 2
+    return np.concatenate(clouds)
+
+
+def _sphere_around(points: NDArray[np.float64], axes: Matrix) -> tuple[Vector, float]:
+    """Centre of the points' box along the axes, the columns, and how far they reach from there."""
+    turned = points @ np.array(axes)
+    centre = np.array(axes) @ (turned.min(axis=0) + turned.max(axis=0)) / 2
     radius = float(np.linalg.norm(points - centre, axis=1).max())
     if radius == 0:
         raise InputError("the selected object is a single point; select a mesh with a surface")
@@ -186,26 +200,38 @@ def _orientation(context: Any, view: str) -> Matrix:
     return region.view_rotation.to_matrix()
 
 
-def _add_camera(scene: Any, radius: float) -> Any:
-    """A camera on the target's +z axis, from where the sphere fits the photo with its margin."""
+def _add_camera(scene: Any, seen: NDArray[np.float64], radius: float) -> Any:
+    """A camera that looks along the target's -z axis, from where what it sees fits the photo with its margin.
+
+    seen: (N, 3) points of the surface in the target's axes. radius: how far they reach from the target.
+    """
     settings, photo = scene.mps.rig, scene.mps.photo
     data = bpy.data.cameras.new("MPS Camera")
-    longer, shorter = max(photo.width, photo.height), min(photo.width, photo.height)
-    framed = radius * (1 + settings.margin)
     data.sensor_fit, data.sensor_width, data.lens = "AUTO", SENSOR_WIDTH, settings.focal_length
+    # (2,) the part of the picture that the object may fill, in units of its longer side.
+    fill = np.array([photo.width, photo.height]) / max(photo.width, photo.height) / (1 + settings.margin)
     if settings.projection == "ORTHOGRAPHIC":
         data.type = "ORTHO"
-        data.ortho_scale = 2 * framed * longer / shorter
-        away = max(settings.distance, 2.0) * radius
+        data.ortho_scale = float((np.ptp(seen[:, :2], axis=0) / fill).max())
+        place = np.array([0, 0, max(settings.distance, 2.0) * radius])
     else:
         data.type = "PERSP"
-        half_angle = math.atan(SENSOR_WIDTH / 2 / settings.focal_length * shorter / longer)
-        away = framed / math.sin(half_angle)
+        place = _where_it_fits(seen, fill * SENSOR_WIDTH / 2 / settings.focal_length, radius)
+    nearest, away = place[2] - seen[:, 2].max(), place[2]
     # Room for an object that is moved within the rig, without the loss of depth that 0.1 mm to 1 km would cost.
-    data.clip_start, data.clip_end = (away - radius) / 100, (away + radius) * 10
+    data.clip_start, data.clip_end = nearest / 100, (away + radius) * 10
     camera = bpy.data.objects.new("MPS Camera", data)
-    camera.location = (0, 0, away)
+    camera.location = place
     return camera
+
+
+def _where_it_fits(seen: NDArray[np.float64], slopes: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
+    """(3,) the nearest place from which points (N, 3) lie within a view along -z whose sides have slopes (2,)."""
+    # Each side of the view is a plane that moves with the camera; its outermost point bounds where it may be.
+    reach = seen[:, 2:] * slopes
+    high, low = (seen[:, :2] + reach).max(axis=0), (reach - seen[:, :2]).max(axis=0)
+    away = ((high + low) / (2 * slopes)).max()
+    return np.array([*(high - low) / 2, max(away, seen[:, 2].max() + _NEAREST * radius)])
 
 
 def _add_light(settings: Any, name: str, location: Vector) -> Any:

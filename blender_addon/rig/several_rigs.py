@@ -23,7 +23,7 @@ from ..settings.rig import RigSettings
 from .rig import MPS_OT_add_rig, add_rig, bounding_sphere, remove_rig
 
 _STEPS = {"rig": RigSettings, "photo": PhotoSettings, "estimate": EstimateSettings}
-_VERBS = ("add_rig", "render_photo", "open_photo", "superpose", "show_mask", "estimate")
+_VERBS = ("add_rig", "render_photo", "open_photo", "superpose", "show_mask", "paint_mask", "estimate", "error_map")
 
 
 class _OnRigs(bpy.types.Operator):

@@ -61,7 +61,7 @@ def _camera_chosen(photo: Any, context: Any) -> None:
 
 
 class MPS_PG_image(bpy.types.PropertyGroup):
-    """What belongs to an image that is a photo, or normals of one: ``image.mps``."""
+    """What belongs to an image that is a photo, normals of one, or a baked texture: ``image.mps``."""
 
     camera: PointerProperty(
         name="Taken By",
@@ -77,4 +77,7 @@ class MPS_PG_image(bpy.types.PropertyGroup):
     poor: BoolProperty(name="Poor", description="Whether the mesh fits the photo too poorly to bake with")
     photo: PointerProperty(
         name="Photo", description="The photo that these normals were estimated from", type=bpy.types.Image
+    )
+    coverage: PointerProperty(
+        name="Coverage", description="Which of this texture's texels some view saw", type=bpy.types.Image
     )

@@ -3,7 +3,7 @@
 from typing import Any
 
 import bpy
-from bpy.props import PointerProperty
+from bpy.props import CollectionProperty, PointerProperty, StringProperty
 
 from mpsnet_core.bake.operations import Bake
 from mpsnet_core.bake.presets import PRESETS
@@ -127,6 +127,7 @@ class BakeSettings:
         precision=3,
     )
     strength: from_option(Bake, "strength")
+    fill: from_option(Bake, "fill", name="Fill Unseen")
     onto_file: from_option(Bake, "onto", name="Present Map", unset="those in the materials")
     onto_convention: from_option(Bake, "onto_convention", name="Its Convention")
     onto_shown: from_option(Bake, "onto_shown", name="In the Photo", labels={"auto": "Find Out"})
@@ -142,6 +143,12 @@ class BakeSettings:
     )
 
 
+class MPS_PG_overlay(bpy.types.PropertyGroup):
+    """A copy of an object that shows its coverage; a pointer, so that it survives renaming."""
+
+    object: PointerProperty(name="Overlay", description="Copy that shows the coverage", type=bpy.types.Object)
+
+
 class MPS_PG_bake(BakeSettings, bpy.types.PropertyGroup):
     """The bake: its settings and target, and the texture once it is there."""
 
@@ -153,3 +160,9 @@ class MPS_PG_bake(BakeSettings, bpy.types.PropertyGroup):
         poll=lambda _, candidate: candidate.type == "MESH",
     )
     image: PointerProperty(name="Texture", description="The baked normal texture", type=bpy.types.Image)
+    overlays: CollectionProperty(
+        name="Overlays", description="The copies that show the coverage, while it is shown", type=MPS_PG_overlay
+    )
+    shading: StringProperty(
+        name="Shading", description="Viewport that shows the coverage, and how it was shaded before, as JSON"
+    )

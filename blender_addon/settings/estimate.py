@@ -34,6 +34,7 @@ class EstimateSettings:
             ("FILE", "File", "Where a mask picture is white"),
             ("THRESHOLD", "Threshold", "Where the photo is brighter than a threshold"),
             ("NONE", "None", "The whole photo: a wall or cloth that fills it"),
+            ("PAINTED", "Painted", "What is bright in the picture that Paint Mask opens, as it is painted now"),
         ],
         default="AUTO",
     )
@@ -101,6 +102,14 @@ class MPS_PG_estimate(EstimateSettings, bpy.types.PropertyGroup):
     )
     mesh: PointerProperty(
         name="Mesh", description="Mesh that was made of the normals and their heights", type=bpy.types.Object
+    )
+    error_image: PointerProperty(
+        name="Errors", description="The angles between the normals and the true ones", type=bpy.types.Image
+    )
+    painted_mask: PointerProperty(
+        name="Painted Mask",
+        description="The photo, bright where it is the object and dark elsewhere, to be painted on",
+        type=bpy.types.Image,
     )
     albedo_image: PointerProperty(name="Albedo", description="The surface's colour", type=bpy.types.Image)
     image: PointerProperty(name="Normals", description="Normal map in camera space", type=bpy.types.Image)

@@ -1,7 +1,7 @@
 """The photo's settings."""
 
 import bpy
-from bpy.props import PointerProperty
+from bpy.props import PointerProperty, StringProperty
 
 from .declared import BoolSetting, FileSetting, IntSetting
 
@@ -34,3 +34,4 @@ class MPS_PG_photo(PhotoSettings, bpy.types.PropertyGroup):
     """The one photo: how it is rendered, and the image once it is there."""
 
     image: PointerProperty(name="Photo", description="The photo under red, green and blue light", type=bpy.types.Image)
+    truth: StringProperty(name="True Normals", description="File of the true normals of the photo's view. Empty: none")

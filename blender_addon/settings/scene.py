@@ -6,7 +6,7 @@ from bpy.props import BoolProperty, CollectionProperty, FloatProperty, IntProper
 from ..child_process.trust import is_ticked, tick
 from . import unknown
 from .align import MPS_PG_align, MPS_PG_image, MPS_PG_pair
-from .bake import MPS_PG_bake
+from .bake import MPS_PG_bake, MPS_PG_overlay
 from .calibrate import MPS_PG_calibrate
 from .displace import MPS_PG_displace
 from .estimate import MPS_PG_estimate
@@ -77,6 +77,7 @@ CLASSES = (
     MPS_PG_photo,
     MPS_PG_superpose,
     MPS_PG_estimate,
+    MPS_PG_overlay,
     MPS_PG_bake,
     MPS_PG_heights,
     MPS_PG_displace,

@@ -14,12 +14,14 @@ from mpsnet_core.arrays.push_pull import push_pull
 from mpsnet_core.arrays.rasterize import texel_areas, triangle_of_texel
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.bake.fill import fill_unseen
 from mpsnet_core.bake.padding import Padding, padded
 from mpsnet_core.bake.projection import Projector, View
 from mpsnet_core.bake.settings import Baking
 from mpsnet_core.bake.texel_surface import Place, UnderTexels
 from mpsnet_core.bake.texture import Space, Texture
 from mpsnet_core.bake.texture_sets import TextureSet, sheets
+from mpsnet_core.bake.uv_islands import islands_of
 from mpsnet_core.bake.view_accumulator import Projectors, ViewAccumulator, seen_triangles
 from mpsnet_core.defaults import MARGIN, TEXTURE_SIZE
 from mpsnet_core.errors import GeometryError
@@ -49,6 +51,7 @@ def bake_normals(
     samples: int = 1,
     feather: float = 0.0,
     strength: float = 1.0,
+    fill: bool = False,
     progress: Progress = silent,
 ) -> Texture:
     """Bake the views' normals onto the mesh's UVs, those from 0 to 1.
@@ -59,7 +62,7 @@ def bake_normals(
         With UVs.
     views : sequence of View
         Read one after the other, and more than once where memory does not hold them all.
-    size, space, margin, padding, samples, feather, strength
+    size, space, margin, padding, samples, feather, strength, fill
         As for :class:`mpsnet_core.bake.settings.Baking`.
     progress : Progress
         Receives the share done and a message.
@@ -68,8 +71,8 @@ def bake_normals(
     -------
     Texture
         Each texel is the mean over the views that see it, weighted by confidence and by the fourth power of the cosine
-        between surface and camera. Texels that no view sees keep the mesh's shading normal. Colours have the same
-        weights; where no view has one, and beyond the islands, they continue smoothly.
+        between surface and camera. Texels that no view sees keep the mesh's shading normal unless they are filled.
+        Colours have the same weights; where no view has one, and beyond the islands, they continue smoothly.
 
     Raises
     ------
@@ -80,7 +83,7 @@ def bake_normals(
     Cancelled
         Where `progress` raises it.
     """
-    baking = Baking(size, space, margin, padding, samples, feather, strength)
+    baking = Baking(size, space, margin, padding, samples, feather, strength, fill)
     ((_, texture),) = bake_texture_sets([mesh], views, sheets([mesh]), baking, progress=progress)
     return texture
 
@@ -154,7 +157,9 @@ def _prepared(meshes: Sequence[Mesh], views: Sequence[View], baking: Baking, pro
     scene = RayScene(whole.world_vertices, whole.triangles)
     del whole
     projectors = Projectors(views, scene, baking.feather)
-    return _Bake(meshes, projectors, seen_triangles(meshes, projectors, scene, progress), scene.middle, baking)
+    seen = seen_triangles(meshes, projectors, scene, progress)
+    islands = [islands_of(mesh).of_triangle for mesh in meshes] if baking.fill else None
+    return _Bake(meshes, projectors, seen, scene.middle, baking, islands)
 
 
 def _finished(texture: Texture, baking: Baking) -> Texture:
@@ -171,13 +176,15 @@ def _finished(texture: Texture, baking: Baking) -> Texture:
 
 @dataclass(frozen=True)
 class _Bake:
-    """What all textures of a bake share. seen: for each mesh, (T,) whether a view sees its triangles' middles."""
+    """What all textures of a bake share. seen: for each mesh, (T,) whether a view sees its triangles' middles. islands:
+    for each mesh, (T,) the UV island of its triangles; None where nothing is filled."""
 
     meshes: Sequence[Mesh]
     projectors: Projectors
     seen: Sequence[NDArray[np.bool_]]
     middle: NDArray[np.float64]
     baking: Baking
+    islands: Sequence[NDArray[np.int32]] | None
 
     def texture(self, sheet: TextureSet, progress: Progress) -> Texture | None:
         """The sheet's texture, without padding; None where no texel lies on it."""
@@ -194,16 +201,24 @@ class _Bake:
         held = POINTS_HELD if self.projectors.all else size**2
         rows = list(bands(size, max(1, held // (size * samples**2))))
         texture = _blank(size, self.baking.space, colours=self.projectors.values > 4)
+        island_of, islands = self._islands(sheet), np.full((size, size), -1, np.int32)
+        known = np.zeros((size, size), bool)
+        sampled = 0.9 if island_of is None else 0.6  # the share of the work
         for number, band in enumerate(rows):
-            step = part(progress, 0.9 * number / len(rows), 0.9 * (number + 1) / len(rows))
+            step = part(progress, sampled * number / len(rows), sampled * (number + 1) / len(rows))
             fine = slice(band.start * samples, band.stop * samples)
             laid = triangle_of_texel(corners[order], size * samples, fine)
             patches = _patches(surfaces, order, laid, self.projectors.values)
-            averaged = _averaged(self._points(patches, laid >= 0, fine.start, step), samples)
+            points = self._points(patches, laid >= 0, fine.start, step)
+            if island_of is not None:
+                under = np.where(laid >= 0, island_of[order[laid]], np.int32(-1))
+                islands[band] = under.reshape(-1, samples, size, samples).max(axis=(1, 3))
+                known[band] = (points.seen | (laid < 0)).reshape(-1, samples, size, samples).all(axis=(1, 3))
+            averaged = _averaged(points, samples)
             for name, values in vars(averaged).items():
                 if isinstance(values, np.ndarray):
                     getattr(texture, name)[band] = values
-            del laid, patches, averaged
+            del laid, patches, points, averaged
         if not texture.covered.any():
             return None
         inside = ((corners > -1) & (corners < size * samples)).all(axis=(1, 2))
@@ -214,7 +229,18 @@ class _Bake:
                 else "; pack the objects' UVs together, or give each object a texture of its own"
             )
             log.info("UVs overlap: where they do, the texture shows the part of the surface that a view sees%s", mend)
-        return texture
+        return texture if island_of is None else fill_unseen(texture, islands, known, progress=part(progress, 0.6, 0.9))
+
+    def _islands(self, sheet: TextureSet) -> NDArray[np.int32] | None:
+        """The UV island of each of the sheet's triangles, in the order of :meth:`texture`'s corners."""
+        if self.islands is None:
+            return None
+        numbers, first = [], 0
+        for triangles, island in zip(sheet.parts, self.islands, strict=True):
+            numbers.append(first + (island if triangles is None else island[triangles]))
+            first += int(island.max()) + 1
+        together: NDArray[np.int32] = np.concatenate(numbers)
+        return together
 
     def _points(
         self, patches: "Sequence[_Patch]", covered: NDArray[np.bool_], first: int, progress: Progress

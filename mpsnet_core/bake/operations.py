@@ -127,6 +127,17 @@ class LaysOnto(MakesTextures):
         high=MAX_STRENGTH,
         help="fraction of the photos' relief that is added to the object's own surface: 1 as it is, 0 none",
     )
+    fill: bool = option(
+        default=False,
+        help="fill what no view sees: it continues the relief around it smoothly, within each UV island",
+    )
+    coverage: str | None = option(
+        default=None,
+        metavar="FOLDER",
+        help="folder for maps of what the views saw, named as the textures: white there, grey where filled, else black",
+        path="folder",
+        provenance="none",
+    )
     onto: str | None = option(
         default=None,
         metavar="MAP",
@@ -185,6 +196,7 @@ class LaysOnto(MakesTextures):
             samples=self.samples,
             feather=feather,
             strength=self.strength,
+            fill=self.fill,
         )
 
     def planned(self, target: "TextureTarget", taken: "Sequence[Path]", *, albedo: bool = False) -> "Plan":
@@ -199,6 +211,7 @@ class LaysOnto(MakesTextures):
             onto_convention=self.onto_convention,
             onto_shown=self.onto_shown,
             albedo=albedo,
+            coverage=self.coverage,
         )
 
 
@@ -207,12 +220,13 @@ class TexturesBaked(Result):
     """The textures of one pose.
 
     output: their file, or its name with tokens in it. outputs: each one's file, what it is of, and the share of it that
-    some view saw. seen: that share of all.
+    some view saw. seen: that share of all. filled: the share that was filled, None unless it was to be.
     """
 
     output: str
     outputs: "list[TextureFacts]"
     seen: float
+    filled: float | None
 
 
 @dataclass(frozen=True)
@@ -220,7 +234,8 @@ class FramesBaked(Result):
     """The textures of a sequence.
 
     folder: where they are. first_output: the first one's file. first, last: their numbers. made, there: how many were
-    made now, and before. seen: the share of the surface that some view saw, None where none was made.
+    made now, and before. seen: the share of the surface that some view saw, None where none was made. filled: the share
+    that was filled, None unless it was to be.
     """
 
     folder: str
@@ -231,6 +246,7 @@ class FramesBaked(Result):
     made: int
     there: int
     seen: float | None
+    filled: float | None
 
 
 @dataclass(frozen=True)
@@ -321,7 +337,13 @@ class Bake(LaysOnto):
         from mpsnet_core.bake.bake import bake_texture_sets
         from mpsnet_core.bake.colour_matching import matched_views
         from mpsnet_core.bake.inputs import BakeInputs, ViewInputs, ViewReader
-        from mpsnet_core.bake.texture_files import format_textures, seen_share, texture_facts, write_textures
+        from mpsnet_core.bake.texture_files import (
+            filled_share,
+            format_textures,
+            seen_share,
+            texture_facts,
+            write_textures,
+        )
         from mpsnet_core.io.files import writable_path, written_together
         from mpsnet_core.io.images import checked_bits
 
@@ -344,7 +366,8 @@ class Bake(LaysOnto):
         with written_together():
             made = [one for one, _ in write_textures(plan, baked)]
         text = format_textures(made, self.texture_words(target))
-        return TexturesBaked(target.output, [*map(texture_facts, made)], round(seen_share(made), 4), text=text)
+        seen_of = round(seen_share(made), 4)
+        return TexturesBaked(target.output, [*map(texture_facts, made)], seen_of, filled_share(made), text=text)
 
     def _sequence(
         self, views: list[tuple[str, str]], target: "TextureTarget", baking: "Baking", progress: Progress
@@ -380,6 +403,7 @@ class Bake(LaysOnto):
             outcome.made,
             outcome.there,
             outcome.seen,
+            outcome.filled,
             text=f"{output.parent}: textures of {len(frames)} frames, {outcome.made} made{there}",
         )
 
@@ -400,6 +424,8 @@ class Bake(LaysOnto):
             raise SettingsError("--confidence takes one normal map a view; leave it out for a sequence")
         if self.albedo:
             raise SettingsError("--albedo is of one still photo a view; leave it out for a sequence")
+        if self.coverage:
+            raise SettingsError("--coverage is of one pose; leave it out for a sequence")
         inputs = frame_inputs(self.mesh[0], views)
         checked_bits(Path(f"texture{target.suffix}"), target.bits)
         numbers = sorted(inputs)
@@ -597,7 +623,13 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
     ) -> ViewsBaked:
         """Textures, report and figures, all of them or none."""
         from mpsnet_core.bake.report import texture_maps, view_table, write_bake_report
-        from mpsnet_core.bake.texture_files import format_textures, seen_share, texture_facts, write_textures
+        from mpsnet_core.bake.texture_files import (
+            filled_share,
+            format_textures,
+            seen_share,
+            texture_facts,
+            write_textures,
+        )
         from mpsnet_core.bake.view_agreement import table_rows
         from mpsnet_core.io.files import write_json, written_together
 
@@ -613,6 +645,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
                 plan.target.output,
                 [*map(texture_facts, made)],
                 round(seen_share(made), 4),
+                filled_share(made),
                 table_rows(table),
                 self.level_scale(),
                 model,
@@ -622,5 +655,6 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
                 write_bake_report(self.report, Path(plan.target.output).name, maps, table, [text, summary])
             if self.json:
                 figures = result.facts()
-                write_json(self.json, {name: figures[name] for name in ("views", "seen", "level", "model")})
+                names = ("views", "seen", "filled", "level", "model")
+                write_json(self.json, {name: figures[name] for name in names if name in figures})
         return result

@@ -15,10 +15,9 @@ from mpsnet_core.io.html_page import HEAD, data_url, page_path
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.text_table import text_table
 from mpsnet_core.scene.normal_map import encode
-from mpsnet_core.scene.pictures import BACKGROUND, colour_scale, error_picture
+from mpsnet_core.scene.pictures import BACKGROUND, scaled_error_picture
 
 PICTURE = 1024  # pixels on a side, at most
-SCALES = (1.0, 2.0, 5.0, 10.0, 20.0, 45.0, 90.0)  # degrees
 # Seen by none, by one view, by two, ...; the last colour stands for all above.
 COUNTS = ("#335ca8", "#8c2121", "#d66b21", "#edbf40", "#9ecc6b", "#4db399")
 
@@ -70,9 +69,10 @@ def texture_maps(texture: Texture, name: str = "") -> list[TextureMap]:
     def on_surface(colours: NDArray[np.float32]) -> NDArray[np.float32]:
         return np.where(covered[..., None], colours, np.float32(BACKGROUND))
 
+    beyond = "has the mesh's own normals" if texture.filled is None else "is filled where its island is seen"
     maps = [
         TextureMap(
-            f"the texture{name and f' of {name}'}, {texture.space} space; what no view sees has the mesh's own normals",
+            f"the texture{name and f' of {name}'}, {texture.space} space; what no view sees {beyond}",
             on_surface(encode(texture.vectors[few])),
         )
     ]
@@ -84,11 +84,8 @@ def texture_maps(texture: Texture, name: str = "") -> list[TextureMap]:
         counts = on_surface(palette[np.minimum(texture.views[few], len(palette) - 1)])
         maps.append(TextureMap("how many views see it:", counts, _KEY))
         shared, spread = texture.views[few] > 1, texture.spread[few].astype(np.float64)
-        high = float(np.percentile(spread[shared], 98)) if shared.any() else 0.0
-        highest = next(scale for scale in SCALES if scale >= min(high, SCALES[-1]))
-        picture = error_picture(spread, shared, highest)
-        scaled = np.concatenate([picture, colour_scale(highest, len(picture))], axis=1)
-        maps.append(TextureMap("how far the views, as they were baked, lie apart where several see it (°)", scaled))
+        apart = scaled_error_picture(spread, shared)
+        maps.append(TextureMap("how far the views, as they were baked, lie apart where several see it (°)", apart))
     return maps
 
 

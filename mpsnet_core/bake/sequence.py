@@ -23,12 +23,13 @@ class Outcome:
     """What became of a sequence.
 
     made, there: how many textures were made now, and before. seen: the share of the surface that some view saw, mean
-    over those made now, None where none was.
+    over those made now, None where none was. filled: likewise the share that was filled, None unless it was to be.
     """
 
     made: int
     there: int
     seen: float | None
+    filled: float | None
 
 
 def bake_sequence(
@@ -51,7 +52,7 @@ def bake_sequence(
     mesh_of = lru_cache(maxsize=1)(read_mesh)
     # A share of the present map's relief that was found anew for each frame would flicker: all have the first one's.
     first, shares = next(iter(frames.values())), None
-    made, seen = 0, 0.0
+    made, seen, filled = 0, 0.0, 0.0
     for number, (output, inputs) in enumerate(frames.items()):
         ends = number / len(frames), (number + 1) / len(frames)
         step = part(progress, *ends, f"{output.name}, {len(frames)} in all")
@@ -77,5 +78,7 @@ def bake_sequence(
         write_texture(output, texture, convention=target.convention, bits=target.bits, description=line)
         made += 1
         seen += texture.seen_fraction
+        filled += texture.filled_fraction or 0.0
     progress(1.0, "done")
-    return Outcome(made, len(frames) - made, round(seen / made, 4) if made else None)
+    of_frames = [round(share / made, 4) if made else None for share in (seen, filled)]
+    return Outcome(made, len(frames) - made, of_frames[0], of_frames[1] if baking.fill else None)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from mpsnet_core.bake.fill import check_filling
 from mpsnet_core.bake.padding import PADDINGS, Padding
 from mpsnet_core.bake.texture import SPACES, Space
 from mpsnet_core.defaults import MARGIN, MAX_STRENGTH, MAX_TEXTURE_SIZE, TEXTURE_SIZE
@@ -32,6 +33,9 @@ class Baking:
         the mesh's own normals: see :mod:`mpsnet_core.bake.feather`.
     strength : float
         Factor, 0 to 2, of the gradients against the mesh's own normals; 0 leaves nothing of the views.
+    fill : bool
+        Whether what no view sees continues the relief around it smoothly, see :mod:`mpsnet_core.bake.fill`; not in
+        object space.
 
     Raises
     ------
@@ -46,6 +50,7 @@ class Baking:
     samples: int = 1
     feather: float = 0.0
     strength: float = 1.0
+    fill: bool = False
 
     def __post_init__(self) -> None:
         check_texture(self.size, self.space, self.margin)
@@ -56,6 +61,8 @@ class Baking:
             raise SettingsError(f"a feather of {self.feather:g} times the mesh's size cannot be baked; choose 0 to 1")
         if not 0 <= self.strength <= MAX_STRENGTH:
             raise SettingsError(f"a strength of {self.strength:g} cannot be baked; choose 0 to {MAX_STRENGTH:g}")
+        if self.fill:
+            check_filling(self.space)
 
 
 def check_texture(size: int, space: str, margin: int) -> None:

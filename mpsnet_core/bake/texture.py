@@ -35,6 +35,8 @@ class Texture:
         mean; 0 where fewer than two see the texel.
     colours : (S, S, 4) float32 array, optional
         Where the views have colours: linear, and 1 where some view has one, else 0.
+    filled : (S, S) bool array, optional
+        Texels that no view sees and that continue smoothly what is seen around them; None where nothing was filled.
     """
 
     vectors: NDArray[np.float32]
@@ -44,11 +46,17 @@ class Texture:
     views: NDArray[np.uint16] | None = None
     spread: NDArray[np.float32] | None = None
     colours: NDArray[np.float32] | None = None
+    filled: NDArray[np.bool_] | None = None
 
     @property
     def seen_fraction(self) -> float:
         """The share of the surface's texels that some view saw."""
         return float(self.seen.sum() / max(self.covered.sum(), 1))
+
+    @property
+    def filled_fraction(self) -> float | None:
+        """The share of the surface's texels that were filled, None where none was to be."""
+        return None if self.filled is None else float(self.filled.sum() / max(self.covered.sum(), 1))
 
 
 def write_texture(

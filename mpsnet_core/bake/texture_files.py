@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from mpsnet_core.bake.base_detail_removal import Shown
+from mpsnet_core.bake.coverage import write_coverage
 from mpsnet_core.bake.detail_blending import blend_detail
 from mpsnet_core.bake.existing_maps import BaseMaps, maps_beneath
 from mpsnet_core.bake.presets import preset_named, preset_output
@@ -91,7 +92,8 @@ def texture_target(
 class Plan:
     """Textures to bake for meshes: a sheet and a file for each.
 
-    patterns: the files with <UDIM> in place of the tile's number. base_maps: the maps that go beneath them.
+    patterns: the files with <UDIM> in place of the tile's number. base_maps: the maps that go beneath them. coverage:
+    folder for a map of what was seen of each, None for none.
     """
 
     target: TextureTarget
@@ -100,12 +102,14 @@ class Plan:
     files: Sequence[Path]
     patterns: Sequence[Path]
     base_maps: BaseMaps
+    coverage: Path | None
 
 
 @dataclass(frozen=True)
 class Made:
     """A texture that was written. pattern: see :class:`Plan`. seen, covered: how many texels a view saw, and all.
-    albedo: the file of the colours, where the views have them."""
+    albedo: the file of the colours, where the views have them. filled: how many texels were filled, None where none was
+    to be. coverage: the file of what was seen, where it was requested."""
 
     file: Path
     pattern: Path
@@ -113,6 +117,8 @@ class Made:
     seen: int
     covered: int
     albedo: Path | None = None
+    filled: int | None = None
+    coverage: Path | None = None
 
 
 def planned(
@@ -124,11 +130,12 @@ def planned(
     onto_convention: Convention = "opengl",
     onto_shown: Shown = "auto",
     albedo: bool = False,
+    coverage: str | None = None,
 ) -> Plan:
     """The textures that the target means; meshes are read.
 
     taken: what no texture may overwrite. onto, onto_convention: as :func:`maps_beneath` takes them. onto_shown: whether
-    the photos show that map. albedo: whether the views' colours are baked as well.
+    the photos show that map. albedo: whether the views' colours are baked as well. coverage: as a Plan has it.
 
     Raises InputError where a mesh cannot be read, no texture has a present map, or a texture has no place.
     """
@@ -142,9 +149,13 @@ def planned(
     files = texture_files(target.output, chosen)
     beneath = maps_beneath(onto, onto_convention, chosen) if onto else [None] * len(chosen)
     coloured = map(albedo_file, files) if albedo else ()
-    check_apart([*taken, *(present.file for present in beneath if present)], map(writable_path, [*files, *coloured]))
+    folder = ensure_folder(coverage, "coverage") if coverage else None
+    seen = [folder / file.name for file in files] if folder else ()
+    written = map(writable_path, [*files, *coloured, *seen])
+    check_apart([*taken, *(present.file for present in beneath if present)], written)
+    check_apart(files, seen)
     base_maps = BaseMaps(beneath, chosen, meshes, onto_shown)
-    return Plan(target, meshes, chosen, files, tile_patterns(target.output, chosen), base_maps)
+    return Plan(target, meshes, chosen, files, tile_patterns(target.output, chosen), base_maps, folder)
 
 
 def _named(mesh: Mesh, name: str) -> Mesh:
@@ -169,15 +180,19 @@ def write_textures(plan: Plan, baked: Iterable[tuple[TextureSet, Texture]]) -> I
             albedo = albedo_file(plan.files[place])
             write_albedo(albedo, texture.colours[..., :3], bits=target.bits)
         seen, covered = int(texture.seen.sum()), int(texture.covered.sum())
-        yield Made(plan.files[place], plan.patterns[place], sheet, seen, covered, albedo), texture
+        filled = None if texture.filled is None else int(texture.filled.sum())
+        coverage = plan.coverage / plan.files[place].name if plan.coverage else None
+        if coverage is not None:
+            write_coverage(coverage, texture)
+        yield Made(plan.files[place], plan.patterns[place], sheet, seen, covered, albedo, filled, coverage), texture
         del texture
 
 
 @dataclass(frozen=True)
 class TextureFacts:
-    """A texture's file, the share of it that some view saw, and what it is of.
+    """A texture's file, the shares of it that some view saw and that were filled, and what it is of.
 
-    tiles, albedo_tiles: the file's name for all tiles, with <UDIM> in it.
+    tiles, albedo_tiles, coverage_tiles: the file's name for all tiles, with <UDIM> in it.
     """
 
     output: str
@@ -188,6 +203,9 @@ class TextureFacts:
     tiles: str | None
     albedo: str | None
     albedo_tiles: str | None
+    filled: float | None
+    coverage: str | None
+    coverage_tiles: str | None
 
 
 def texture_facts(texture: Made) -> TextureFacts:
@@ -202,6 +220,9 @@ def texture_facts(texture: Made) -> TextureFacts:
         str(texture.pattern) if tiled else None,
         None if albedo is None else str(albedo),
         str(albedo_file(texture.pattern)) if tiled and albedo is not None else None,
+        filled_share([texture]),
+        None if texture.coverage is None else str(texture.coverage),
+        str(texture.coverage.with_name(texture.pattern.name)) if tiled and texture.coverage is not None else None,
     )
 
 
@@ -210,10 +231,17 @@ def seen_share(made: Sequence[Made]) -> float:
     return sum(texture.seen for texture in made) / sum(texture.covered for texture in made)
 
 
+def filled_share(made: Sequence[Made]) -> float | None:
+    """The share of all the textures' surface that was filled, None where none was to be."""
+    filled = [texture.filled for texture in made if texture.filled is not None]
+    return round(sum(filled) / sum(texture.covered for texture in made), 4) if filled else None
+
+
 def format_textures(made: Sequence[Made], facts: str) -> str:
     """A line for each texture: where it is, what it is, how much of it was seen. facts: what is true of all."""
     lines = [
         f"{texture.file}: {facts}, {texture.seen / texture.covered:.1%} of its surface seen"
+        + (f", {texture.filled / texture.covered:.1%} filled" if texture.filled is not None else "")
         + (f"; albedo in {texture.albedo.name}" if texture.albedo is not None else "")
         for texture in made
     ]

@@ -37,7 +37,7 @@ from mpsnet_core.learning.operations import Quantize, Train
 from mpsnet_core.operation import Operation
 from mpsnet_core.operation_json import from_json
 from mpsnet_core.relief.operations import Integrate, MakeMaterial
-from mpsnet_core.scene.operations import WriteCameras
+from mpsnet_core.scene.operations import CompareNormals, WriteCameras
 from mpsnet_core.synthesis.operations import MakeSamples, ShowSamples, Synthesize, Work
 
 # What libraries, and the smallest photo, take.
@@ -53,6 +53,7 @@ OPERATIONS: tuple[type[Operation], ...] = (
     CalibrateMixing,
     WriteCameras,
     Align,
+    CompareNormals,
     Bake,
     BakeViews,
     Integrate,

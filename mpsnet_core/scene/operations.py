@@ -1,4 +1,4 @@
-"""The operation cameras: what photogrammetry found, as camera files of ours, and photos without their lens."""
+"""The operations cameras (what photogrammetry found, as files of ours) and compare (normals against true ones)."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -96,3 +96,58 @@ class WriteCameras(ReadsPictures):
         with written_together():
             write_camera(camera, view.camera)
             write_image(photo, stored, bits=16, color_space="lin_rec709_scene")
+
+
+@dataclass(frozen=True)
+class NormalsCompared(Result):
+    """The picture of the errors, where one was requested, and their mean and median in degrees. share: of the pixels
+    that have a normal, those that were compared."""
+
+    output: str | None
+    mean: float
+    median: float
+    share: float
+
+
+@dataclass(frozen=True)
+class CompareNormals(Operation):
+    """Normals against true ones of the same view: the angle between them, and a picture of it."""
+
+    command: ClassVar[str] = "compare"
+
+    normals: str = option(positional=True, help="estimated normal map, in camera space")
+    truth: str = option(
+        help="true normal map of the same view; with --camera an OpenEXR of Blender's passes Normal and Combined"
+    )
+    camera: str | None = option(
+        default=None,
+        help="camera file of the view: the true normals are in the world's axes",
+        unset="they are in the camera's",
+    )
+    output: str | None = option(
+        default=None, short="-o", metavar="FILE", help="picture of the errors with its scale: .png, .tif or .exr"
+    )
+
+    def run(self, progress: Progress = silent) -> NormalsCompared:
+        """Compare them, and write the picture where one is requested."""
+        from mpsnet_core.io.files import writable_path
+        from mpsnet_core.io.frames import check_apart
+        from mpsnet_core.io.images import checked_bits, write_image
+        from mpsnet_core.scene.normal_errors import normal_errors, read_true_normals
+        from mpsnet_core.scene.normal_map import read_normals
+        from mpsnet_core.scene.pictures import scaled_error_picture
+
+        if self.output:
+            checked_bits(writable_path(self.output))
+            check_apart([file for file in (self.normals, self.truth, self.camera) if file], [self.output])
+        progress(0.0, "reading the normals")
+        estimate = read_normals(self.normals)
+        errors = normal_errors(estimate, read_true_normals(self.truth, self.camera))
+        if self.output:
+            progress(0.6, f"writing {Path(self.output).name}")
+            bits = None if Path(self.output).suffix.lower() == ".exr" else 8
+            write_image(self.output, scaled_error_picture(errors.degrees, errors.mask), bits=bits, color_space="sRGB")
+        progress(1.0, "done")
+        share = float(errors.mask.sum() / estimate.mask.sum())
+        text = f"{self.normals}: mean {errors.mean:.2f}°, median {errors.median:.2f}°, over {share:.1%} of its pixels"
+        return NormalsCompared(self.output, round(errors.mean, 3), round(errors.median, 3), round(share, 4), text=text)

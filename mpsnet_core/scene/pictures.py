@@ -17,6 +17,7 @@ GAP = 10
 OUTLINE_COLOUR = (1.0, 0.55, 0.1)
 LEGEND_STEP = 150
 SCALE_WIDTH = 90
+ERROR_SCALES = (1.0, 2.0, 5.0, 10.0, 20.0, 45.0, 90.0)  # degrees
 
 
 def photo_picture(image: NDArray[np.float32], mask: NDArray[np.bool_] | None = None) -> NDArray[np.float32]:
@@ -56,6 +57,15 @@ def colour_scale(highest: float, height: int) -> NDArray[np.float32]:
         label = f"{highest * step / steps:.3g}°"
         _write(canvas, label, bar + 6, min(max(y + 6, 14), height - 4), 15)
     return canvas
+
+
+def scaled_error_picture(error: NDArray[np.float64], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """:func:`error_picture` with its colour bar on the right, which ends at one of `ERROR_SCALES` that nearly all of
+    the errors are below."""
+    high = float(np.percentile(error[mask], 98)) if mask.any() else 0.0
+    highest = next(scale for scale in ERROR_SCALES if scale >= min(high, ERROR_SCALES[-1]))
+    picture = error_picture(error, mask, highest)
+    return np.concatenate([picture, colour_scale(highest, len(picture))], axis=1)
 
 
 def legend(entries: Sequence[tuple[tuple[float, float, float], str]], width: int) -> NDArray[np.float32]:

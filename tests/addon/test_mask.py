@@ -42,6 +42,60 @@ def test_what_is_shown_is_what_is_estimated(on_grey, scene, tmp_path, choice):
     np.testing.assert_array_equal(read_normals(tmp_path / "n.exr").mask, found)
 
 
+def paint(image, rows, columns, colour):
+    """Brush strokes: the picture's pixels, its first row on top, become a colour."""
+    width, height = image.size
+    pixels = np.empty((height, width, image.channels), np.float32)
+    image.pixels.foreach_get(pixels.ravel())
+    pixels[::-1][rows, columns] = colour
+    image.pixels.foreach_set(pixels.ravel())
+
+
+@pytest.mark.parametrize("rubber", [(0, 0, 0, 1), (0.8, 0.8, 0.8, 0)], ids=["black", "eraser"])
+def test_a_painted_mask_is_used_as_it_is_painted(on_grey, scene, tmp_path, rubber):
+    bpy.ops.mps.show_mask(mask="FIND")
+    found = read_mask(Path(bpy.path.abspath(scene.mps.estimate.mask_image.filepath)).parent / f"{scene.name}_mask.png")
+    bpy.ops.mps.paint_mask()
+    picture = scene.mps.estimate.painted_mask
+    assert scene.mps.estimate.mask == "PAINTED" and tuple(picture.size) == (96, 96)
+    bpy.ops.mps.estimate(model="LAMBERTIAN", output=str(tmp_path / "found.exr"))
+    np.testing.assert_array_equal(read_normals(tmp_path / "found.exr").mask, found)
+
+    paint(picture, slice(0, 10), slice(0, 20), (1, 1, 1, 1))
+    paint(picture, slice(40, 60), slice(40, 50), rubber)
+    expected = found.copy()
+    expected[:10, :20], expected[40:60, 40:50] = True, False
+    bpy.ops.mps.estimate(output=str(tmp_path / "painted.exr"))
+    np.testing.assert_array_equal(read_normals(tmp_path / "painted.exr").mask, expected)
+    # It is saved with the file, and the button shows what it comes to, on which one may paint on.
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+    bpy.ops.mps.paint_mask()
+    picture = bpy.context.scene.mps.estimate.painted_mask
+    paint(picture, slice(0, 10), slice(0, 20), (0, 0, 0, 1))
+    expected[:10, :20] = False
+    bpy.ops.mps.estimate(output=str(tmp_path / "on.exr"))
+    np.testing.assert_array_equal(read_normals(tmp_path / "on.exr").mask, expected)
+
+
+def test_the_mask_opens_to_be_painted_in_the_image_editor_that_is_there(on_grey, scene):
+    area = bpy.context.window.screen.areas[0]
+    before = area.type
+    area.type = "IMAGE_EDITOR"
+    try:
+        bpy.ops.mps.paint_mask()
+        editor = area.spaces.active
+        assert (editor.image, editor.ui_mode) == (scene.mps.estimate.painted_mask, "PAINT")
+    finally:
+        area.type = before
+
+
+def test_a_painted_mask_that_is_not_there_is_asked_for(on_grey, scene):
+    for verb in (bpy.ops.mps.estimate, bpy.ops.mps.show_mask):
+        with pytest.raises(RuntimeError, match="no mask is painted for this; press Paint Mask"):
+            verb(mask="PAINTED")
+
+
 def test_a_background_photo_that_is_not_named_is_asked_for(on_grey):
     with pytest.raises(RuntimeError, match="background photo but none is named"):
         bpy.ops.mps.show_mask(mask="BACKGROUND")

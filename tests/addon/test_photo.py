@@ -193,6 +193,7 @@ def test_rendering_leaves_no_trace(sphere, scene, tmp_path):
         "photo.camera.json",
         "photo.exr",
         "photo.rig.json",
+        "truth.camera.json",
         "truth.exr",
     ]
 

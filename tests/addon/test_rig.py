@@ -142,15 +142,41 @@ def test_the_sphere_around_objects_counts_modifiers_and_instances(scene):
 
 
 @pytest.mark.parametrize("projection", ["ORTHOGRAPHIC", "PERSPECTIVE"])
-@pytest.mark.parametrize("size", [(64, 64), (200, 50), (50, 200)])
-def test_the_object_is_framed_with_its_margin(sphere, scene, projection, size):
+@pytest.mark.parametrize("size", [(640, 640), (2000, 500), (500, 2000)])
+@pytest.mark.parametrize(
+    ("shape", "turned"),
+    [
+        ("sphere", (0, 0, 0)),
+        ("box", (0, 0, 0)),
+        ("box", (0, 0, math.pi / 2)),  # its end faces the camera
+        ("box", (0.5, 0.8, 0.3)),
+    ],
+)
+def test_what_the_camera_sees_fills_the_photo_but_for_its_margin(scene, projection, size, shape, turned):
+    if shape == "sphere":
+        bpy.ops.mesh.primitive_uv_sphere_add(segments=128, ring_count=64, location=(3, -2, 5))
+    else:
+        bpy.ops.mesh.primitive_cube_add(size=2, location=(3, -2, 5), rotation=turned, scale=(3, 0.5, 0.4))
+    obj = bpy.context.object
     scene.mps.photo.width, scene.mps.photo.height = size
-    bpy.ops.mps.add_rig(projection=projection, margin=0.25)
-    camera = scene_camera(scene.mps.rig.camera, scene, size)
-    vertices = np.array([(*vertex.co, 1) for vertex in sphere.data.vertices])
-    points = vertices @ camera.projection_rows().T
+    scene.render.resolution_x, scene.render.resolution_y = size
+    bpy.ops.mps.add_rig(projection=projection)
+    camera = scene.mps.rig.camera
+    # Blender's own words for where a point is in the picture: 0 to 1 along both sides.
+    seen = np.array([world_to_camera_view(scene, camera, obj.matrix_world @ v.co)[:2] for v in obj.data.vertices])
+    tighter = int(np.argmax(np.ptp(seen, axis=0)))
+    low, high = seen[:, tighter].min(), seen[:, tighter].max()
+    assert high - low == pytest.approx(0.9, abs=0.02)
+    assert (low, high) == pytest.approx((0.05, 0.95), abs=0.01)
+    assert seen.mean(axis=0) == pytest.approx((0.5, 0.5), abs=0.1)
+
+
+def test_the_margin_is_a_fraction_of_the_objects_size(sphere, scene):
+    bpy.ops.mps.add_rig(margin=0.25, projection="PERSPECTIVE")
+    camera = scene_camera(scene.mps.rig.camera, scene, (1000, 1000))
+    points = np.array([(*vertex.co, 1) for vertex in sphere.data.vertices]) @ camera.projection_rows().T
     extent = np.ptp(points[:, :2] / points[:, 2:], axis=0).max()
-    assert extent == pytest.approx(min(size) / 1.25, rel=0.05 if projection == "PERSPECTIVE" else 0.01)
+    assert extent == pytest.approx(1000 / 1.25, rel=1e-3)
 
 
 @pytest.mark.parametrize("kind", ["ORTHO", "PERSP"])

@@ -10,11 +10,11 @@ from mesh_file import write_mesh
 from relief_shapes import cube_sphere, tangent_normals, torus, waves, waves_slope
 from surface_shapes import texels_of
 
+from mpsnet_core.arrays.graph_poisson import Solver, graph_of
 from mpsnet_core.cli import main
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.io.images import write_image
 from mpsnet_core.relief.displacement.displacement import Displacement, displacement
-from mpsnet_core.relief.displacement.graph_poisson import Solver, graph_of
 from mpsnet_core.relief.height_files import read_height, write_height
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import encode

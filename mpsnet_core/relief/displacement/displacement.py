@@ -2,7 +2,7 @@
 
 Between neighbouring texels the normals determine how the heights change, whatever the UVs' stretch
 (:mod:`mpsnet_core.relief.displacement.height_constraints`), and on the two sides of a seam the heights are the same.
-All of that is solved at once (:mod:`mpsnet_core.relief.displacement.graph_poisson`), so that no island has a height of
+All of that is solved at once (:mod:`mpsnet_core.arrays.graph_poisson`), so that no island has a height of
 its own and no seam opens. Normals that no surface can have together, as at folds of the mesh and at the borders of what
 a photo shows, count less, and the heights lie flatter there.
 """
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.connected_components import connected
+from mpsnet_core.arrays.graph_poisson import Graph, Solver, graph_of
 from mpsnet_core.arrays.push_pull import push_pull
 from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.bake.settings import check_texture
@@ -21,7 +22,6 @@ from mpsnet_core.bake.texture import Space
 from mpsnet_core.defaults import MAX_BUMPS
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.progress import Progress, part, silent
-from mpsnet_core.relief.displacement.graph_poisson import Graph, Solver, graph_of
 from mpsnet_core.relief.displacement.height_constraints import Chords, chords
 from mpsnet_core.relief.displacement.uv_layout import Layout, layout_of
 from mpsnet_core.relief.height_map import HeightMap

@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.graph_poisson import Graph
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.bake.texture import Space
 from mpsnet_core.bake.uv_islands import welded
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.progress import Progress
-from mpsnet_core.relief.displacement.graph_poisson import Graph
 from mpsnet_core.relief.displacement.uv_layout import Layout
 from mpsnet_core.scene.mesh import smooth_corner_normals
 from mpsnet_core.scene.normal_map import OUTWARDS_SHARE

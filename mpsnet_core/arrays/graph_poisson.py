@@ -144,7 +144,7 @@ class Solver:
             residual = residual - length * image
             heights += length * direction
         else:
-            log.info("the heights have not converged to the normals: %d iterations were too few", MOST_STEPS)
+            log.info("the solution has not converged: %d iterations were too few", MOST_STEPS)
         return heights
 
     def _cycle(self, number: int, residual: Vector) -> Vector:

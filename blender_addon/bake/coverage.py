@@ -1,0 +1,132 @@
+"""Coverage: what the views of the last bake saw, shown on the objects themselves."""
+
+import json
+import tempfile
+from contextlib import suppress
+from typing import Any
+
+import bpy
+
+from mpsnet_core.errors import InputError
+
+from ..nodes import NORMAL_NODE, TEXTURE_NODE, find_node, new_material
+from ..operators import ReportingOperator
+from ..outputs import from_json
+from ..rig.rig import bounding_sphere
+
+NAME = "MPS Coverage"
+# Of what no view saw, of what was filled, and of what some view saw; and the values from which on each counts.
+_COLOURS = ((0.0, (0.35, 0.03, 0.02, 1)), (0.1, (0.8, 0.35, 0.03, 1)), (0.9, (0.07, 0.4, 0.1, 1)))
+# How far the copy stands out from the object, so that it is what is seen, as a share of the object's radius.
+_OUT = 2e-3
+
+
+class MPS_OT_show_coverage(ReportingOperator, bpy.types.Operator):
+    """Show on the objects what the views saw: green there, orange where it is filled, red elsewhere.
+
+    The objects and their materials stay as they are: copies that no render shows stand over them. Press again to end
+    it"""
+
+    bl_idname = "mps.show_coverage"
+    bl_label = "Show Coverage"
+    bl_options = {"UNDO"}
+
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        bake = context.scene.mps.bake
+        known = bake.image is not None and bake.image.mps.coverage is not None
+        return "" if known or bake.overlays else "Bake the texture first"
+
+    def act(self, context: Any) -> None:
+        if context.scene.mps.bake.overlays:
+            _end(context.scene.mps.bake)
+        else:
+            _begin(context)
+
+
+def coverage_folder() -> str:
+    """A new folder for the maps of a bake; what :func:`store_coverage` takes of it is packed into the .blend file."""
+    return tempfile.mkdtemp(prefix="coverage_", dir=bpy.app.tempdir)
+
+
+def store_coverage(texture: Any, coverage: Any) -> None:
+    """Keep a texture's coverage with it, in place of that of the bake before."""
+    before, texture.mps.coverage = texture.mps.coverage, coverage
+    if before is not None and not before.users:
+        bpy.data.images.remove(before)
+
+
+def _begin(context: Any) -> None:
+    scene = context.scene
+    shown = [obj for obj in scene.objects if _worn(obj) and obj.visible_get()]
+    if not shown:
+        raise InputError("no object that wears a baked texture is visible; show one")
+    for obj in shown:
+        _, radius = bounding_sphere(context.evaluated_depsgraph_get(), [obj])
+        overlay = obj.copy()
+        overlay.name = NAME
+        overlay.hide_render = overlay.hide_select = True
+        scene.mps.bake.overlays.add().object = overlay
+        scene.collection.objects.link(overlay)
+        worn = _worn(obj)
+        for number, slot in enumerate(overlay.material_slots):
+            slot.link = "OBJECT"
+            slot.material = _material(*worn[min(number, len(worn) - 1)])
+        out = overlay.modifiers.new(NAME, "DISPLACE")
+        out.strength, out.mid_level = _OUT * radius / max(max(map(abs, obj.matrix_world.to_scale())), 1e-9), 0
+    space = context.space_data
+    if space is not None and space.type == "VIEW_3D" and space.shading.type in {"WIREFRAME", "SOLID"}:
+        place = [context.screen.name, list(context.screen.areas).index(context.area)]
+        scene.mps.bake.shading = json.dumps([*place, space.shading.type])
+        space.shading.type = "MATERIAL"
+
+
+def _end(bake: Any) -> None:
+    for overlay in [one.object for one in bake.overlays]:
+        if overlay is None:
+            continue
+        materials = [slot.material for slot in overlay.material_slots if slot.link == "OBJECT"]
+        bpy.data.objects.remove(overlay)
+        for material in dict.fromkeys(materials):
+            if material is not None and not material.users:
+                bpy.data.materials.remove(material)
+    bake.overlays.clear()
+    # The viewport that it was begun in, whichever it is ended in; a hostile file may hold anything.
+    with suppress(ValueError, KeyError, IndexError, TypeError, AttributeError):
+        screen, area, before = from_json(bake.shading, list)
+        shading = bpy.data.screens[screen].areas[area].spaces.active.shading
+        if shading.type == "MATERIAL":
+            shading.type = before
+    bake.shading = ""
+
+
+def _worn(obj: Any) -> list[tuple[Any, str]]:
+    """The coverage of the textures in an object's materials, and the UV maps that they lie on; none of a copy."""
+    found = []
+    for slot in obj.material_slots if obj.type == "MESH" else ():
+        tree = slot.material.node_tree if slot.material else None
+        texture, normal = (find_node(tree, name) for name in (TEXTURE_NODE, NORMAL_NODE)) if tree else (None, None)
+        if texture is not None and texture.image is not None and texture.image.mps.coverage is not None:
+            found.append((texture.image.mps.coverage, normal.uv_map if normal is not None else ""))
+    return found
+
+
+def _material(coverage: Any, uv_map: str) -> Any:
+    material = new_material(NAME)
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    shader = next(node for node in nodes if node.type == "BSDF_PRINCIPLED")
+    shader.inputs["Roughness"].default_value = 1
+    uv, texture, colours = (nodes.new(f"ShaderNode{kind}") for kind in ("UVMap", "TexImage", "ValToRGB"))
+    uv.uv_map, texture.image, texture.interpolation = uv_map, coverage, "Closest"
+    ramp = colours.color_ramp
+    ramp.interpolation = "CONSTANT"
+    ramp.elements.new(0.5)
+    for element, (start, colour) in zip(ramp.elements, _COLOURS, strict=True):
+        element.position, element.color = start, colour
+    links.new(uv.outputs["UV"], texture.inputs["Vector"])
+    links.new(texture.outputs["Color"], colours.inputs["Fac"])
+    links.new(colours.outputs["Color"], shader.inputs["Base Color"])
+    return material
+
+
+register, unregister = bpy.utils.register_classes_factory((MPS_OT_show_coverage,))

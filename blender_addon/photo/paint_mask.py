@@ -1,0 +1,102 @@
+"""The mask is painted: a picture of the photo, bright on the object and dark elsewhere, which any brush changes.
+
+What is brighter than half and opaque is the object, so white adds to it, and black or an eraser takes away. The next
+estimate reads the picture as it is painted then.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.capture.operations import FindMask
+
+from ..estimate.photo_options import painted_mask, reading
+from ..operators import RunsCore
+from ..outputs import image_file
+from ..provenance import Provenance, stamp
+from ..rig.several_rigs import rig_at
+
+# The picture's darkest and brightest values outside of the object, and on it; between them is half.
+_OUTSIDE, _INSIDE = (0.02, 0.4), (0.6, 0.95)
+
+
+class MPS_OT_paint_mask(RunsCore, bpy.types.Operator):
+    """Open the photo's mask in an Image Editor to paint on it: white adds to the object, black takes away.
+
+    The next estimate uses it as it is painted then. Press again to see what it comes to"""
+
+    bl_idname = "mps.paint_mask"
+    bl_label = "Paint Mask"
+    requires = "photo"
+
+    @classmethod
+    def provenance(cls, context: Any) -> Provenance:
+        return {"Photo": stamp(context.scene.mps.photo.image)}
+
+    def prepare(self, context: Any, folder: Path) -> tuple[FindMask, Sequence[Path]]:
+        scene = context.scene
+        estimate = scene.mps.estimate
+        photo = image_file(scene.mps.photo.image, "photo", "render or open one first")
+        there = Path(bpy.app.tempdir)  # until it is read; the picture itself goes into the .blend file
+        self._mask, self._shown = there / "mpsnet_mask.png", there / "mpsnet_mask_shown.png"
+        options = reading(estimate, painted=painted_mask(estimate, folder))
+        operation = FindMask(image=str(photo), output=str(self._mask), overlay=str(self._shown), **options)
+        return operation, [self._mask, self._shown]
+
+    def finish(self, context: Any, result: dict[str, Any]) -> None:
+        estimate = rig_at(self.scene("its mask is not painted"), self._rig_place, "its mask is not painted").estimate
+        mask, shown = _values(self._mask) > 0.5, _values(self._shown)
+        picture = np.where(mask, _between(shown, *_INSIDE), _between(shown, *_OUTSIDE))
+        image = estimate.painted_mask
+        if image is None or tuple(image.size) != mask.shape[::-1]:
+            image = bpy.data.images.new("MPS Painted Mask", *mask.shape[::-1], alpha=True, is_data=True)
+        image.pixels.foreach_set(np.dstack([picture] * 3 + [np.ones_like(picture)]).astype(np.float32).ravel())
+        image.update()
+        image.pack()
+        estimate.painted_mask, estimate.mask = image, "PAINTED"
+        self.made(image)
+        _show(context, image)
+
+
+def _values(file: Path) -> NDArray[np.float32]:
+    """(H, W) the mean of a picture's colours, the lowest row first; its file goes."""
+    image = bpy.data.images.load(str(file), check_existing=False)
+    try:
+        image.colorspace_settings.is_data = True  # as the file has them
+        width, height = image.size
+        pixels = np.empty((height, width, 4), np.float32)
+        image.pixels.foreach_get(pixels.ravel())
+    finally:
+        bpy.data.images.remove(image)
+        file.unlink()
+    values: NDArray[np.float32] = pixels[..., :3].mean(axis=-1)
+    return values
+
+
+def _between(values: NDArray[np.float32], low: float, high: float) -> NDArray[np.float32]:
+    """Values from 0 to 1 as values from `low` to `high`."""
+    return low + (high - low) * np.clip(values, 0, 1)
+
+
+def _show(context: Any, image: bpy.types.Image) -> None:
+    """Open an image to be painted on: in the editor that the button was pressed in, in another, or in a new window."""
+    area, window = context.area, context.window
+    if window is None:
+        return
+    if area is None or area.type != "IMAGE_EDITOR":
+        area = next((one for one in window.screen.areas if one.type == "IMAGE_EDITOR"), None)
+    if area is None and not bpy.app.background:
+        bpy.ops.wm.window_new()
+        area = context.window_manager.windows[-1].screen.areas[0]
+        area.type = "IMAGE_EDITOR"
+        area.spaces.active.uv_editor.show_uv = False  # the photo is on no UVs
+    if area is not None:
+        area.spaces.active.image = image
+        area.spaces.active.ui_mode = "PAINT"
+
+
+register, unregister = bpy.utils.register_classes_factory((MPS_OT_paint_mask,))

@@ -1,0 +1,150 @@
+"""Filling: what no view sees continues the relief around it, each UV island on its own."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.connected_components import connected
+from mpsnet_core.arrays.graph_poisson import Graph, Solver, graph_of
+from mpsnet_core.arrays.mask_regions import dilated
+from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.upsample import upsampled
+from mpsnet_core.bake.texture import Texture
+from mpsnet_core.errors import SettingsError
+from mpsnet_core.progress import Progress, part, silent
+
+# Textures up to this size are solved at once.
+FINEST = 512
+# How far from the rim, in texels, what was solved by blocks is good enough.
+BAND = 4
+
+
+def check_filling(space: str) -> None:
+    """Raises SettingsError where a texture in that space cannot be filled."""
+    if space != "tangent":
+        raise SettingsError("only a texture in tangent space can be filled; bake in tangent space, or do not fill")
+
+
+def fill_unseen(
+    texture: Texture, islands: NDArray[np.int32], known: NDArray[np.bool_], *, progress: Progress = silent
+) -> Texture:
+    """The texture with what no view sees filled smoothly from the rim of what some view does.
+
+    Parameters
+    ----------
+    texture : Texture
+        In tangent space, without padding.
+    islands : (S, S) int32 array
+        Number of the UV island that lies under each texel, from 0; -1 where none does. Nothing reaches from one to
+        another, whose tangents differ.
+    known : (S, S) bool array
+        Texels that are seen as a whole. Of others that are seen in part, the mesh's own normal is in the mean: they are
+        replaced as well, though they count as seen.
+    progress : Progress
+
+    Returns
+    -------
+    Texture
+        With `filled`. Texels that hang together with none that is seen stay as they are.
+
+    Notes
+    -----
+    The normals' x and y solve Laplace's equation with the rim's as boundary values, and no change across the islands'
+    borders: the smoothest membrane. It stays within the rim's values, so that a unit vector goes with each x and y.
+    """
+    xy, reached = _membrane(texture.vectors[..., :2], islands, known, progress)
+    vectors, place = texture.vectors.copy(), np.nonzero(reached)
+    upright = np.sqrt(np.maximum(1 - np.einsum("ni,ni->n", xy[place], xy[place]), 0))
+    vectors[place] = np.concatenate([xy[place], upright[:, None]], axis=-1)
+    return replace(texture, vectors=vectors, filled=reached & ~texture.seen)
+
+
+def _membrane(
+    xy: NDArray[np.float32], islands: NDArray[np.int32], known: NDArray[np.bool_], progress: Progress
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """(S, S, 2) the values, unknown ones as :func:`fill_unseen` says, and (S, S) which of these are reached.
+
+    Of a large texture half as many texels a side are solved first. That is exact enough where it is smooth: what is
+    left are bands along the rim and along the islands' borders.
+    """
+    xy, settled = xy.copy(), np.zeros_like(known)
+    if len(islands) > FINEST:
+        coarse, blocks, even = _solved_by_blocks(xy, islands, known, progress)
+        near = dilated(known, BAND)
+        size = len(islands)
+        for rows in bands(size):
+            over = np.arange(size)[rows] // 2
+            there = np.repeat(even[over], 2, axis=1)[:, :size] & ~near[rows]
+            there &= np.repeat(blocks[over], 2, axis=1)[:, :size] == islands[rows]
+            doubled = upsampled(coarse, (2 * len(coarse), 2 * len(coarse)), rows)[:, :size]
+            xy[rows][there], settled[rows] = doubled[there], there
+    reached = _solve(xy, islands, known | settled, part(progress, 0.5, 1.0))
+    return xy, reached | settled
+
+
+def _solved_by_blocks(
+    xy: NDArray[np.float32], islands: NDArray[np.int32], known: NDArray[np.bool_], progress: Progress
+) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.bool_]]:
+    """:func:`_membrane` of blocks of 2 x 2 texels: their values, their islands, and whether all around each of them has
+    a value and is of one island."""
+    half = -(-len(islands) // 2)
+    quarters = [np.s_[down::2, right::2] for down, right in np.ndindex(2, 2)]
+    blocks = np.full((half, half), -1, np.int32)
+    for quarter in quarters:
+        part_of = islands[quarter]
+        inside = np.s_[: part_of.shape[0], : part_of.shape[1]]
+        blocks[inside] = np.maximum(blocks[inside], part_of)
+    total, count = np.zeros((half, half, 2), np.float32), np.zeros((half, half), np.uint8)
+    for quarter in quarters:
+        part_of = islands[quarter]
+        inside = np.s_[: part_of.shape[0], : part_of.shape[1]]
+        own = known[quarter] & (part_of == blocks[inside])
+        total[inside] += np.where(own[..., None], xy[quarter], np.float32(0))
+        count[inside] += own
+    total /= np.maximum(count, 1)[..., None]
+    coarse, reached = _membrane(total, blocks, count > 0, part(progress, 0.0, 0.5))
+    valued = np.where(reached | (count > 0), blocks, np.int32(-1))
+    padded = np.pad(valued, 1, constant_values=-1)
+    even = valued >= 0
+    for down, right in np.ndindex(3, 3):
+        even &= padded[down : down + half, right : right + half] == valued
+    return coarse, blocks, even
+
+
+def _solve(
+    xy: NDArray[np.float32], islands: NDArray[np.int32], known: NDArray[np.bool_], progress: Progress
+) -> NDArray[np.bool_]:
+    """Write unknown values between the known ones; returns (S, S) which were reached."""
+    size = len(islands)
+    none = np.empty((0, 2), np.int32)
+    graph = graph_of(np.where(known, np.int32(-1), islands), none, np.empty(0, np.float32))
+    row, column = graph.cells.T
+    # (N,) how many of a texel's neighbours are known, and (N, 2) the sums of their values.
+    rim, sums = np.zeros(len(row), np.float32), np.zeros((len(row), 2), np.float32)
+    for down, right in ((0, 1), (1, 0), (0, -1), (-1, 0)):
+        y, x = np.clip(row + down, 0, size - 1), np.clip(column + right, 0, size - 1)
+        beside = known[y, x] & (islands[y, x] == graph.islands)
+        rim += beside
+        sums[beside] += xy[y[beside], x[beside]]
+    filled = np.zeros_like(known)
+    reached = _reached(graph, rim > 0)
+    if reached.any():
+        # What is not reached is held where it is, apart from the rest.
+        solver, start = Solver(replace(graph, hold=np.where(reached, rim, 1))), np.zeros_like(rim)
+        place = row[reached], column[reached]
+        for axis in (0, 1):
+            step = part(progress, axis / 2, (axis + 1) / 2, "filling what no view sees")
+            xy[(*place, axis)] = solver.solve(sums[:, axis], start, step)[reached]
+        filled[place] = True
+    return filled
+
+
+def _reached(graph: Graph, rim: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(N,) which unknowns hang together with any of the rim, (N,)."""
+    own = np.arange(len(rim))
+    ends = [(own[ahead != own], ahead[ahead != own].astype(np.int64)) for ahead in graph.neighbours[:2]]
+    part_of = connected(len(rim), *map(np.concatenate, zip(*ends, strict=True)))
+    touched = np.zeros(len(rim), bool)
+    touched[part_of[rim]] = True
+    return touched[part_of]

@@ -1,0 +1,60 @@
+"""Estimated normals against true ones: the angle between them, pixel by pixel."""
+
+import os
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.arrays.unit_vectors import angular_error
+from mpsnet_core.errors import GeometryError
+from mpsnet_core.io.images import read_data
+from mpsnet_core.scene.camera import read_camera
+from mpsnet_core.scene.normal_map import NormalMap, read_normals
+
+
+@dataclass(frozen=True)
+class NormalErrors:
+    """degrees: (H, W) float64, the angles. mask: (H, W) bool, where both normals are known, at least in one pixel."""
+
+    degrees: NDArray[np.float64]
+    mask: NDArray[np.bool_]
+
+    @property
+    def mean(self) -> float:
+        return float(self.degrees[self.mask].mean())
+
+    @property
+    def median(self) -> float:
+        return float(np.median(self.degrees[self.mask]))
+
+
+def read_true_normals(path: str | os.PathLike[str], camera: str | os.PathLike[str] | None = None) -> NormalMap:
+    """True normals in camera space: of a normal map or, with the camera's file, of a render's passes in world space.
+
+    Such a render is an OpenEXR file with the layers Normal and Combined, as Blender writes it. Pixels that the object
+    fills only in part are left out: there the pass is a mean with the background.
+
+    Raises InputError where a file cannot be read or lacks a layer.
+    """
+    if camera is None:
+        return read_normals(path)
+    world, _ = read_data(path, layer="Normal")
+    _, alpha = read_data(path, layer="Combined")
+    if alpha is None:
+        raise GeometryError(f"{path}: its layer Combined has no alpha, which shows the object; render it again")
+    known = (alpha > 0.99) & world.any(axis=-1)
+    return NormalMap(world @ read_camera(camera).rotation.astype(np.float32), known)
+
+
+def normal_errors(estimate: NormalMap, truth: NormalMap) -> NormalErrors:
+    """The angles between two normal maps of one view. Raises GeometryError where they are not of one view."""
+    sizes = [f"{mask.shape[1]} x {mask.shape[0]}" for mask in (estimate.mask, truth.mask)]
+    if sizes[0] != sizes[1]:
+        raise GeometryError(f"the normals are {sizes[0]} but the true ones {sizes[1]}; they must show one view")
+    both = estimate.mask & truth.mask
+    if not both.any():
+        raise GeometryError("no pixel has both a normal and a true one; they must show the same object in one view")
+    degrees = np.zeros(both.shape)
+    degrees[both] = angular_error(estimate.vectors[both], truth.vectors[both])
+    return NormalErrors(degrees, both)

@@ -1,0 +1,119 @@
+"""Coverage: what the bake's views saw, in words and on the object."""
+
+import re
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon.settings.record import notes_of
+
+from .test_photo import pixels
+
+
+@pytest.fixture
+def baked(estimated, scene, tmp_path):
+    bpy.ops.mps.bake(size=64, fill=True, output=str(tmp_path / "texture.png"))
+    return estimated
+
+
+def test_the_share_seen_stays_with_the_step_and_is_that_of_the_map(baked, scene, tmp_path):
+    (note,) = [note for note in notes_of(scene, "bake") if "of the surface seen" in note]
+    kept = scene.mps.bake.image.mps.coverage
+    assert kept.packed_file and tuple(kept.size) == (64, 64)  # the texture's folder is not littered
+    assert not [file for file in tmp_path.iterdir() if "coverage" in file.name]
+    coverage = np.empty((64, 64, 4), np.float32)
+    kept.pixels.foreach_get(coverage.ravel())
+    coverage = coverage[..., 0]
+    seen, filled = ((np.abs(coverage - level) < 0.01).mean() for level in (1, 0.5))
+    assert 0.2 < seen < 0.6 and seen + filled > 0.99
+    # The sphere's UVs fill the texture but for a few corners at its poles.
+    shares = [int(share) / 100 for share in re.fullmatch("(.*)% of the surface seen, (.*)% filled", note).groups()]
+    assert shares == pytest.approx([seen, filled], abs=0.02)
+    bpy.ops.mps.bake()
+    assert len([image for image in bpy.data.images if image.name.startswith("MPS Sphere Coverage")]) == 1
+
+
+def look(scene, path):
+    """(H, W, 3) what the rig's camera sees of the viewport's objects by daylight."""
+    sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+    sun.data.energy = 3
+    bpy.context.view_layer.update()
+    sun.matrix_world = scene.mps.rig.camera.matrix_world
+    scene.collection.objects.link(sun)
+    lights = [light.object for light in scene.mps.rig.lights]
+    for light in lights:
+        light.hide_render = True
+    render = scene.render
+    render.engine, scene.cycles.samples = "CYCLES", 4
+    render.resolution_x = render.resolution_y = 64
+    render.image_settings.file_format, render.filepath = "OPEN_EXR", str(path)
+    scene.camera = scene.mps.rig.camera
+    bpy.ops.render.render(write_still=True)
+    for light in lights:
+        light.hide_render = False
+    bpy.data.objects.remove(sun)
+    return pixels(path)[..., :3]
+
+
+def test_coverage_is_shown_on_the_object_and_taken_off_without_a_trace(baked, scene, tmp_path):
+    material = baked.material_slots[0].material
+    before = (set(bpy.data.objects), set(bpy.data.materials), set(bpy.data.meshes), len(material.node_tree.nodes))
+    bpy.ops.mps.show_coverage()
+    (overlay,) = set(bpy.data.objects) - before[0]
+    assert overlay.hide_render and overlay.hide_select
+    assert baked.material_slots[0].material == material and baked.data.materials[0] == material
+    # Renders do not show it; what the viewport shows is looked at by one that does.
+    overlay.hide_render = False
+    front = look(scene, tmp_path / "front.exr")[32, 32]
+    scene.mps.rig.target.rotation_euler.z += np.pi
+    behind = look(scene, tmp_path / "behind.exr")[32, 32]
+    assert front[1] > 2 * front[0]  # green: the photo was taken from here
+    assert behind[0] > 1.5 * behind[1] > 1.5 * behind[2]  # orange: nobody looked from here, so it was filled
+    bpy.ops.mps.show_coverage()
+    assert before == (
+        set(bpy.data.objects),
+        set(bpy.data.materials),
+        set(bpy.data.meshes),
+        len(material.node_tree.nodes),
+    )
+    assert not scene.mps.bake.overlays
+
+
+def test_the_photo_and_the_next_bake_go_on_below_the_coverage(baked, scene, tmp_path):
+    shots = []
+    for name in ("before.exr", "below.exr"):
+        bpy.ops.mps.render_photo(width=96, height=96, samples=16, output=str(tmp_path / name))
+        shots.append(pixels(tmp_path / name))
+        if name == "before.exr":
+            bpy.ops.mps.show_coverage()
+    np.testing.assert_allclose(*shots, atol=1e-3)
+    bpy.ops.mps.bake(size=64, output=str(tmp_path / "texture.png"))
+    assert baked.material_slots[0].material.node_tree.nodes["MPS Texture"].image == scene.mps.bake.image
+    bpy.ops.mps.show_coverage()
+    assert not [obj for obj in bpy.data.objects if obj.name.startswith("MPS Coverage")]
+
+
+def test_the_viewport_that_shows_it_is_given_its_shading_back(baked):
+    view = next(area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D")
+    shading = view.spaces.active.shading
+    shading.type = "SOLID"
+    with bpy.context.temp_override(area=view):
+        bpy.ops.mps.show_coverage()
+    assert shading.type == "MATERIAL"
+    bpy.ops.mps.show_coverage()
+    assert shading.type == "SOLID"
+
+
+def test_coverage_survives_the_file_and_its_copys_deletion(baked, scene, tmp_path):
+    bpy.ops.mps.show_coverage()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shown.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "shown.blend"))
+    bpy.data.objects.remove(bpy.context.scene.mps.bake.overlays[0].object)
+    bpy.context.scene.mps.bake.shading = '["nowhere", 99, {}]'
+    bpy.ops.mps.show_coverage()
+    assert not bpy.context.scene.mps.bake.overlays and bpy.context.scene.mps.bake.shading == ""
+
+
+def test_before_the_bake_there_is_none(estimated):
+    assert not bpy.ops.mps.show_coverage.poll()
