@@ -3,7 +3,6 @@
 They stand here because :mod:`mpsnet_core.learning.training` cannot be imported without PyTorch (extra ``train``).
 """
 
-import logging
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal
@@ -15,21 +14,6 @@ from mpsnet_core.progress import Progress, silent
 
 if TYPE_CHECKING:
     from mpsnet_core.learning.training.loop import Places
-
-log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class HadWorkers(Operation):
-    """Options that scripts may still pass, of the processes that made examples."""
-
-    workers: str | None = option(default=None, help="", provenance="none")
-    keep: bool = option(default=False, help="", provenance="none")
-
-    def note_removed_options(self) -> None:
-        """Report that they do nothing any more, where they are used."""
-        if self.workers is not None or self.keep:
-            log.info("--workers and --keep do nothing any more: examples are made where the network learns")
 
 
 @dataclass(frozen=True)
@@ -47,7 +31,7 @@ class NetworkTrained(Result):
 
 
 @dataclass(frozen=True)
-class Train(HadWorkers):
+class Train(Operation):
     """Train a network on samples and export it to ONNX."""
 
     command: ClassVar[str] = "train"
@@ -84,7 +68,6 @@ class Train(HadWorkers):
         from mpsnet_core.learning.training.recipe import read_recipe
 
         output = _model_path(self.output)
-        self.note_removed_options()
         self._check_numbers()
         if self.threads:
             import torch

@@ -68,7 +68,6 @@ def shot(
         torch.from_numpy(mask),
         lit,
         directions,
-        "blobs",
     )
     return photograph(packed, draw)[0]
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from mpsnet_core.defaults import MESH_VIEWS, STATUE_SIZE, STATUE_SLANT, STATUE_TILTS, SYNTHETIC_SIZE
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.registry import DEFAULT_MODEL
-from mpsnet_core.learning.operations import HadWorkers
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, silent
 
@@ -209,7 +208,7 @@ class EvaluateSamples(Magnifies):
 
 
 @dataclass(frozen=True)
-class EvaluatePatchSizes(HadWorkers):
+class EvaluatePatchSizes(Operation):
     """Train MPS-Net with patches of five sizes (table 1)."""
 
     command: ClassVar[str] = "evaluate patch-sizes"
@@ -229,7 +228,6 @@ class EvaluatePatchSizes(HadWorkers):
         """Train and measure the ten networks, and write rows and report where they are requested."""
         from mpsnet_core.learning.evaluation.patch_sizes import evaluate_patch_sizes
 
-        self.note_removed_options()
         outcome = evaluate_patch_sizes(
             [Path(folder) for folder in self.samples],
             [Path(folder) for folder in self.validation],

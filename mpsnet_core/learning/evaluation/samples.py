@@ -77,6 +77,7 @@ def _case(samples: PackedSamples, index: int, magnify: int, white: bool) -> Case
     # Draws are the same with and without the white photo.
     capture, truth = photograph(packed, replace(CaptureModel(), white=float(white)).draw(rng))
     recipe = read_sample_data(path)["recipe"]
+    kind = recipe["shape"]["kind"]
     many = len(recipe["materials"]) > 1 or recipe["paint"]["amount"] * recipe["paint"]["hue"] > 0
-    labels = {"object": path.stem, "shape": packed.kind, "colours": "many" if many else "one", "photos": 1 + white}
+    labels = {"object": path.stem, "shape": kind, "colours": "many" if many else "one", "photos": 1 + white}
     return Case(labels, capture, truth, magnify=magnify)
