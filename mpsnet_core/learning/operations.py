@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal
 
-from mpsnet_core.errors import FileError, SettingsError
+from mpsnet_core.errors import FileError
 from mpsnet_core.estimate.registry import find_network, registered_models
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, silent
@@ -46,14 +46,15 @@ class Train(Operation):
         default=None, metavar="FILE", help="a checkpoint to go on from, or a network to train further"
     )
     logs: str | None = option(default=None, metavar="DIR", help="for TensorBoard", provenance="none")
-    stop_after: int = option(default=0, metavar="STEPS", help="to go on later; 0: at the end")
-    minutes: float = option(default=0.0, help="to go on later, by the clock; 0: at the end")
+    stop_after: int = option(default=0, low=0, metavar="STEPS", help="to go on later; 0: at the end")
+    minutes: float = option(default=0.0, low=0, high=1e6, help="to go on later, by the clock; 0: at the end")
     anneal: int = option(
         default=0,
+        low=0,
         metavar="STEPS",
         help="from the checkpoint to resume, which stays: lower the learning rate to nothing over so many steps",
     )
-    threads: int = option(default=0, help="of the processor, 0 for all cores")
+    threads: int = option(default=0, low=0, help="of the processor, 0 for all cores")
     precision: Literal["auto", "float32", "bfloat16"] = option(
         default="auto",
         choices={"auto": "bfloat16 where the processor or GPU computes with it", "float32": "", "bfloat16": ""},
@@ -68,7 +69,6 @@ class Train(Operation):
         from mpsnet_core.learning.training.recipe import read_recipe
 
         output = _model_path(self.output)
-        self._check_numbers()
         if self.threads:
             import torch
 
@@ -95,13 +95,6 @@ class Train(Operation):
         figures = "" if trained.figures is None else f": {trained.figures} on held-out samples"
         mae_deg = None if trained.figures is None else round(trained.figures.mae_deg, 4)
         return NetworkTrained(step, model=str(output), mae_deg=mae_deg, text=f"wrote {output}{figures}")
-
-    def _check_numbers(self) -> None:
-        for name in ("threads", "stop_after", "anneal"):
-            if getattr(self, name) < 0:
-                raise SettingsError(f"--{name.replace('_', '-')} cannot be {getattr(self, name)}; choose 0 or more")
-        if not 0 <= self.minutes < 1e6:
-            raise SettingsError(f"--minutes cannot be {self.minutes:g}; choose a number from 0 to a million")
 
     def _places(self, output: Path) -> "Places":
         from mpsnet_core.io.files import makeable_folder, writable_path
@@ -135,7 +128,7 @@ class Quantize(Operation):
 
     model: str = option(positional=True, metavar="MODEL", help="a shipped model's name, or an .onnx file of ours")
     samples: tuple[str, ...] = option(metavar="DIR", help="to calibrate on")
-    count: int = option(default=64, help="photographs of the samples")
+    count: int = option(default=64, low=1, help="photographs of the samples")
     output: str = option(short="-o", metavar="MODEL", help="the .onnx file", provenance="none")
 
     def run(self, progress: Progress = silent) -> TwinMade:

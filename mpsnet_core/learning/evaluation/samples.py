@@ -11,10 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from mpsnet_core.errors import SettingsError
 from mpsnet_core.io.text_table import table_of_means
 from mpsnet_core.learning.evaluation.evaluation import Evaluation
-from mpsnet_core.learning.evaluation.magnify import check_magnify
 from mpsnet_core.learning.evaluation.measure import Case
 from mpsnet_core.learning.training.packed import PackedSamples
 from mpsnet_core.learning.training.photographing import photograph
@@ -31,7 +29,7 @@ class Samples(Evaluation):
     photographs are magnified, see :func:`mpsnet_core.learning.evaluation.magnify.estimate_magnified`. white: whether
     each is measured once more with a white photo beside it.
 
-    Raises InputError where there are no samples, or the count is below 0.
+    Raises FileError where there are no samples.
     """
 
     title = "Held-out samples, photographed"
@@ -44,9 +42,6 @@ class Samples(Evaluation):
         magnify: Sequence[int] = (1,),
         white: bool = False,
     ) -> None:
-        check_magnify(magnify)
-        if count < 0:
-            raise SettingsError(f"{count} samples cannot be measured; choose 0, which is all, or more")
         self._samples = PackedSamples(folders)
         total = len(self._samples)
         count = min(count or total, total)
