@@ -84,9 +84,9 @@ def test_what_is_added_removed_or_made_anew_is_found(folder: Path) -> None:
 
 @pytest.mark.parametrize("left", [1, 50, 5000, -1])
 def test_a_packed_file_that_was_cut_short_is_named(folder: Path, left: int) -> None:
-    samples, packed = PackedSamples([folder]), folder / PACKED / "sample_000001.npz"
+    samples, packed = PackedSamples([folder]), folder / PACKED / "sample_000001.npy"
     packed.write_bytes(packed.read_bytes()[:left])
-    with pytest.raises(InputError, match=r"sample_000001.npz is damaged; delete it, and the sample is packed again"):
+    with pytest.raises(InputError, match=r"sample_000001.npy is damaged; delete it, and the sample is packed again"):
         samples[1]
 
 

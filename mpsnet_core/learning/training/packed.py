@@ -8,7 +8,7 @@ import logging
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -17,7 +17,6 @@ from torch import Tensor
 
 from mpsnet_core.errors import FileError, FormatError
 from mpsnet_core.io.files import ensure_folder, written_whole
-from mpsnet_core.io.npz import read_arrays
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.job import sample_path, samples_there
 from mpsnet_core.synthesis.sample import read_sample
@@ -26,7 +25,6 @@ log = logging.getLogger(__name__)
 
 PACKED = "packed"
 MARGIN = 4  # pixels around the object
-MAX_BYTES = 2 << 30
 
 
 class Packed(NamedTuple):
@@ -92,17 +90,15 @@ class PackedSamples:
     def __getitem__(self, index: int) -> Packed:
         packed = _packed_path(self.paths[index])
         try:
-            arrays = read_arrays(packed, MAX_BYTES)
-            lights, normals, mask, lit = (
-                torch.from_numpy(arrays[name]) for name in ("lights", "normals", "mask", "lit")
-            )
-            return Packed(lights, normals, mask, lit, arrays["directions"])
-        except (FormatError, KeyError, TypeError):
+            record = np.load(packed, allow_pickle=False)
+            lights, normals, mask, lit = (torch.from_numpy(record[name]) for name in Packed._fields[:4])
+            return Packed(lights, normals, mask, lit, record["directions"])
+        except (EOFError, LookupError, MemoryError, OSError, SyntaxError, TypeError, ValueError):
             raise FormatError(f"{packed} is damaged; delete it, and the sample is packed again") from None
 
 
 def _packed_path(path: Path) -> Path:
-    return path.parent / PACKED / f"{path.stem}.npz"
+    return path.parent / PACKED / f"{path.stem}.npy"
 
 
 def _is_packed(path: Path) -> bool:
@@ -117,17 +113,17 @@ def _pack(path: Path) -> None:
     ensure_folder(packed.parent, "packed samples")
     with written_whole(packed) as unfinished:
         try:
-            arrays = _arrays(path)
+            record = _record(path)
         except FormatError as error:
             log.warning("left out: %s", error)
         else:
             with unfinished.open("wb") as file:
-                np.savez(file, **arrays)
+                np.save(file, record, allow_pickle=False)
         os.utime(unfinished, ns=(remade, remade))
 
 
-def _arrays(path: Path) -> dict[str, NDArray[np.generic]]:
-    """The fields of :class:`Packed`. Raises FormatError where the sample is damaged or dark."""
+def _record(path: Path) -> NDArray[np.void]:
+    """The fields of :class:`Packed`, as one record. Raises FormatError where the sample is damaged or dark."""
     sample = read_sample(path)
     rows, columns = np.nonzero(sample.mask)
     if not (sample.lights[:, sample.mask] > 0).any():
@@ -138,10 +134,14 @@ def _arrays(path: Path) -> dict[str, NDArray[np.generic]]:
     )
     mask = sample.mask[box]
     lights = sample.lights[:, *box].transpose(0, 3, 1, 2).reshape(9, *mask.shape)
-    return {
+    fields: dict[str, NDArray[Any]] = {
+        "directions": sample.recipe.light_directions,
         "lights": (lights * mask).astype(np.float16),
         "normals": (sample.normals[box].transpose(2, 0, 1) * mask).astype(np.float16),
         "mask": mask,
         "lit": (sample.lit[:, *box] >= 0.5) & mask,
-        "directions": sample.recipe.light_directions,
     }
+    record = np.empty((), [(name, values.dtype, values.shape) for name, values in fields.items()])
+    for name, values in fields.items():
+        record[name] = values
+    return record
