@@ -3,33 +3,17 @@
 They stand here because :mod:`mpsnet_core.learning.training` cannot be imported without PyTorch (extra ``train``).
 """
 
-import logging
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal
 
-from mpsnet_core.errors import FileError, SettingsError
+from mpsnet_core.errors import FileError
 from mpsnet_core.estimate.registry import find_network, registered_models
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, silent
 
 if TYPE_CHECKING:
     from mpsnet_core.learning.training.loop import Places
-
-log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class HadWorkers(Operation):
-    """Options that scripts may still pass, of the processes that made examples."""
-
-    workers: str | None = option(default=None, help="", provenance="none")
-    keep: bool = option(default=False, help="", provenance="none")
-
-    def note_removed_options(self) -> None:
-        """Report that they do nothing any more, where they are used."""
-        if self.workers is not None or self.keep:
-            log.info("--workers and --keep do nothing any more: examples are made where the network learns")
 
 
 @dataclass(frozen=True)
@@ -47,7 +31,7 @@ class NetworkTrained(Result):
 
 
 @dataclass(frozen=True)
-class Train(HadWorkers):
+class Train(Operation):
     """Train a network on samples and export it to ONNX."""
 
     command: ClassVar[str] = "train"
@@ -62,14 +46,15 @@ class Train(HadWorkers):
         default=None, metavar="FILE", help="a checkpoint to go on from, or a network to train further"
     )
     logs: str | None = option(default=None, metavar="DIR", help="for TensorBoard", provenance="none")
-    stop_after: int = option(default=0, metavar="STEPS", help="to go on later; 0: at the end")
-    minutes: float = option(default=0.0, help="to go on later, by the clock; 0: at the end")
+    stop_after: int = option(default=0, low=0, metavar="STEPS", help="to go on later; 0: at the end")
+    minutes: float = option(default=0.0, low=0, high=1e6, help="to go on later, by the clock; 0: at the end")
     anneal: int = option(
         default=0,
+        low=0,
         metavar="STEPS",
         help="from the checkpoint to resume, which stays: lower the learning rate to nothing over so many steps",
     )
-    threads: int = option(default=0, help="of the processor, 0 for all cores")
+    threads: int = option(default=0, low=0, help="of the processor, 0 for all cores")
     precision: Literal["auto", "float32", "bfloat16"] = option(
         default="auto",
         choices={"auto": "bfloat16 where the processor or GPU computes with it", "float32": "", "bfloat16": ""},
@@ -84,8 +69,6 @@ class Train(HadWorkers):
         from mpsnet_core.learning.training.recipe import read_recipe
 
         output = _model_path(self.output)
-        self.note_removed_options()
-        self._check_numbers()
         if self.threads:
             import torch
 
@@ -112,13 +95,6 @@ class Train(HadWorkers):
         figures = "" if trained.figures is None else f": {trained.figures} on held-out samples"
         mae_deg = None if trained.figures is None else round(trained.figures.mae_deg, 4)
         return NetworkTrained(step, model=str(output), mae_deg=mae_deg, text=f"wrote {output}{figures}")
-
-    def _check_numbers(self) -> None:
-        for name in ("threads", "stop_after", "anneal"):
-            if getattr(self, name) < 0:
-                raise SettingsError(f"--{name.replace('_', '-')} cannot be {getattr(self, name)}; choose 0 or more")
-        if not 0 <= self.minutes < 1e6:
-            raise SettingsError(f"--minutes cannot be {self.minutes:g}; choose a number from 0 to a million")
 
     def _places(self, output: Path) -> "Places":
         from mpsnet_core.io.files import makeable_folder, writable_path
@@ -152,7 +128,7 @@ class Quantize(Operation):
 
     model: str = option(positional=True, metavar="MODEL", help="a shipped model's name, or an .onnx file of ours")
     samples: tuple[str, ...] = option(metavar="DIR", help="to calibrate on")
-    count: int = option(default=64, help="photographs of the samples")
+    count: int = option(default=64, low=1, help="photographs of the samples")
     output: str = option(short="-o", metavar="MODEL", help="the .onnx file", provenance="none")
 
     def run(self, progress: Progress = silent) -> TwinMade:

@@ -13,7 +13,6 @@ from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.synthesis.draws import between, between_log
 
 Range = tuple[float, float]
-Rows = tuple[tuple[float, ...], ...]
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,6 @@ class CaptureModel:
         broader the lights' spectra are.
     colour_overlap: the same of a surface's colour. A sample is rendered in red, green and blue, but real channels and
         lights are broad, and see of each other's colour. The MPS-Net paper's images have 2/9 to 5/9, which is 0.4.
-    mixing, colours: both matrices for all photographs instead of drawn ones.
     light_strengths: of each light against the others, log-uniform. LEDs of three colours are of three kinds and are
         seldom brought to one brightness; our estimate.
     channel_gains: of each camera channel, log-uniform. Daylight multipliers of cameras' raw files are some 2, 1 and 1.5
@@ -99,8 +97,6 @@ class CaptureModel:
 
     crosstalk: Range = (0.0, 0.4)
     colour_overlap: Range = (0.0, 0.6)
-    mixing: Rows | None = None
-    colours: Rows | None = None
     light_strengths: Range = (0.7, 1.4)
     channel_gains: Range = (0.6, 1.6)
     exact: float = 0.33
@@ -126,34 +122,10 @@ class CaptureModel:
     white_strengths: Range = (0.3, 1.4)
     mask_error: tuple[int, int] = (-3, 2)
 
-    @classmethod
-    def ideal(cls) -> "CaptureModel":
-        """A perfect rig and camera: every channel sees its own light alone, whose direction is known."""
-        return cls(
-            crosstalk=(0.0, 0.0),
-            colour_overlap=(0.0, 0.0),
-            light_strengths=(1.0, 1.0),
-            channel_gains=(1.0, 1.0),
-            exact=1.0,
-            rendered=0.0,
-            exposure=(1.0, 1.0),
-            highlights=(0.01, 0.01),
-            full_well=(np.inf, np.inf),
-            read_noise=(0.0, 0.0),
-            bits=(0,),
-            srgb=0.0,
-            jpeg=0.0,
-            blur=(0.0, 0.0),
-            mosaic=0.0,
-            white=0.0,
-            mask_error=(0, 0),
-        )
-
     def draw(self, rng: np.random.Generator) -> CaptureDraw:
         """One photograph's numbers. Takes as many random numbers whatever the ranges are."""
         mixing, colours = _overlap(rng, self.crosstalk), _overlap(rng, self.colour_overlap)
-        mixing = mixing if self.mixing is None else np.array(self.mixing)
-        colours = colours / colours.sum(axis=1, keepdims=True) if self.colours is None else np.array(self.colours)
+        colours = colours / colours.sum(axis=1, keepdims=True)
         strengths = [between_log(rng, *self.light_strengths) for _ in range(3)]
         gains = [between_log(rng, *self.channel_gains) for _ in range(3)]
         kind, rendered, unknown = rng.random(3) < (self.exact, self.rendered, self.unknown)

@@ -42,26 +42,26 @@ SHOWN = 0.01
 class FolderSummary:
     """What a folder of samples holds.
 
-    count: whole samples. renderers: what made them, and how many each. mean_shares: (4,) mean share of the object's
-    pixels that no, one, two and three lights reach. samples_with: (4,) how many samples have at least 1% of such
-    pixels. skipped: a sentence for each file that is no whole sample.
+    samples: how many whole ones. renderers: what made them, and how many each. mean_shares: (4,) mean share of the
+    object's pixels that no, one, two and three lights reach. samples_with: (4,) how many samples have at least 1% of
+    such pixels. skipped: a sentence for each file that is no whole sample.
     """
 
-    count: int
+    samples: int
     renderers: dict[str, int]
     mean_shares: tuple[float, ...]
     samples_with: tuple[int, ...]
     skipped: list[str] = field(default_factory=list)
 
     def __str__(self) -> str:
-        if not self.count:
+        if not self.samples:
             return "no samples"
         makers = ", ".join(f"{count} by {renderer}" for renderer, count in sorted(self.renderers.items()))
         shares = [
             f"{words} {share:.1%} (in {count} samples)"
             for words, share, count in zip(LIT_WORDS, self.mean_shares, self.samples_with, strict=True)
         ]
-        return f"{self.count} sample(s), {makers}\npixels reached by {', '.join(reversed(shares))}"
+        return f"{self.samples} sample(s), {makers}\npixels reached by {', '.join(reversed(shares))}"
 
 
 def folder_samples(folder: str | os.PathLike[str]) -> list[Path]:

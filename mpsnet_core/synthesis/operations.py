@@ -1,8 +1,8 @@
 """Operations on training samples: made without Blender, gone on with, and shown."""
 
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from mpsnet_core.errors import InputError, SettingsError
 from mpsnet_core.operation import Operation, Result, option
@@ -13,6 +13,12 @@ from mpsnet_core.synthesis.job import CONTACT_SHEET, MAX_BOUNCES, RANGES, Sample
 MAX_PROCESSES = 1024
 # So many of the files that `show` skips are named; all are counted.
 NAMED = 10
+
+
+def job_number(name: str, help: str) -> Any:
+    """The option that sets the whole number `name` of a job."""
+    low, high = RANGES[name]
+    return option(default=getattr(SampleJob, name, MISSING), low=low, high=high, help=help)
 
 
 @dataclass(frozen=True)
@@ -77,23 +83,11 @@ class Synthesize(RunsWorkers):
 
     command: ClassVar[str] = "synthesize"
 
-    count: int = option(
-        low=RANGES["count"][0],
-        high=RANGES["count"][1],
-        help="how many samples the folder shall hold in the end. A larger count goes on where a smaller stopped",
+    count: int = job_number(
+        "count", "how many samples the folder shall hold in the end. A larger count goes on where a smaller stopped"
     )
-    seed: int = option(
-        default=SampleJob.seed,
-        low=RANGES["seed"][0],
-        high=RANGES["seed"][1],
-        help="what the samples are drawn from: the same seed gives the same samples",
-    )
-    size: int = option(
-        default=SampleJob.size,
-        low=RANGES["size"][0],
-        high=RANGES["size"][1],
-        help="width and height of a sample in pixels",
-    )
+    seed: int = job_number("seed", "what the samples are drawn from: the same seed gives the same samples")
+    size: int = job_number("size", "width and height of a sample in pixels")
     shapes: str | None = option(
         default=None,
         metavar="KIND,...",
@@ -109,11 +103,8 @@ class Synthesize(RunsWorkers):
         choices={"all": "", "training": "four in five", "validation": "the fifth that was left out"},
         help="which of the measured materials",
     )
-    views: int = option(
-        default=SampleJob.views,
-        low=RANGES["views"][0],
-        high=RANGES["views"][1],
-        help="how many samples in a row show the same shape, each in another pose, light and material",
+    views: int = job_number(
+        "views", "how many samples in a row show the same shape, each in another pose, light and material"
     )
     bounces: int = option(
         default=SampleJob.bounces,
@@ -121,12 +112,7 @@ class Synthesize(RunsWorkers):
         high=MAX_BOUNCES,
         help="how often light goes from surface to surface at most, drawn anew for each sample. 0: none",
     )
-    supersampling: int = option(
-        default=SampleJob.supersampling,
-        low=RANGES["supersampling"][0],
-        high=RANGES["supersampling"][1],
-        help="rays along a pixel's side",
-    )
+    supersampling: int = job_number("supersampling", "rays along a pixel's side")
     output: str = option(
         short="-o",
         metavar="FOLDER",
@@ -227,7 +213,7 @@ class ShowSamples(Operation):
     command: ClassVar[str] = "show"
 
     path: tuple[str, ...] = option(positional=True, help="a sample, a folder of samples, or a photo", provenance="none")
-    count: int = option(default=8, help="how many of a folder's samples, evenly spread")
+    count: int = option(default=8, low=1, help="how many of a folder's samples, evenly spread")
     output: str | None = option(
         default=None, short="-o", help="picture: .png or .tif", unset="beside what it shows", provenance="none"
     )
@@ -239,8 +225,6 @@ class ShowSamples(Operation):
         from mpsnet_core.io.images import checked_bits
         from mpsnet_core.synthesis.contact_sheet import folder_samples, is_sample, show, summarise, write_sheet
 
-        if self.count < 1:
-            raise SettingsError(f"--count {self.count} shows nothing; choose 1 or more")
         paths = [Path(path) for path in self.path]
         first = paths[0]
         beside = first / CONTACT_SHEET if first.is_dir() else first.with_name(f"{first.stem}_sheet.png")
@@ -256,18 +240,10 @@ class ShowSamples(Operation):
             else:
                 (samples if is_sample(path) else photos).append(path)
         summary = summarise(samples, part(progress, 0.0, 0.8))
-        if len(paths) == 1 and summary.skipped and not summary.count:
+        if len(paths) == 1 and summary.skipped and not summary.samples:
             raise InputError(summary.skipped[0])
         write_sheet(output, show(samples, photos, self.count))
         progress(1.0, "done")
         skipped = [f"skipped {len(summary.skipped)} file(s)", *summary.skipped[:NAMED]] if summary.skipped else []
         described = [str(summary)] if samples else []
-        return SamplesShown(
-            str(output),
-            summary.count,
-            summary.renderers,
-            summary.mean_shares,
-            summary.samples_with,
-            summary.skipped,
-            text="\n".join([*described, *skipped, str(output)]),
-        )
+        return SamplesShown(str(output), **vars(summary), text="\n".join([*described, *skipped, str(output)]))

@@ -51,7 +51,8 @@ def fresh(name: str, path: Path) -> Path:
         inputs.append(torch.rand(2, sum(FEATURE_CHANNELS[feature] for feature in features), size, size))
     free = {0: "n"} if network.kind == "patch" else {0: "n", 2: "h", 3: "w"}
     axes = {n: {0: "n"} if CONSTANTS.intersection(f) else free for n, f in network.inputs.items()} | {"normals": free}
-    network.forward = lambda *given: network.predict(*given).normals
+    predict = network.forward
+    network.forward = lambda *given: predict(*given).normals
     names = list(network.inputs)
     torch.onnx.export(
         network, tuple(inputs), path, input_names=names, output_names=["normals"], dynamic_axes=axes, dynamo=False

@@ -9,6 +9,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from ideal_capture import IDEAL
 from sphere_sample import RED, sphere_sample
 from synthetic import degrees_between, write_file
 
@@ -41,7 +42,7 @@ def generator(seed: int) -> np.random.Generator:
 
 
 def ideal(**changes: Any) -> CaptureDraw:
-    return replace(CaptureModel.ideal().draw(generator(1)), **changes)
+    return replace(IDEAL.draw(generator(1)), **changes)
 
 
 def taken(sample: Sample, draw: CaptureDraw) -> Capture:
@@ -68,13 +69,12 @@ def shot(
         torch.from_numpy(mask),
         lit,
         directions,
-        "blobs",
     )
     return photograph(packed, draw)[0]
 
 
 def test_an_ideal_capture_gives_equation_2_its_exact_normals(white: Sample) -> None:
-    capture = taken(white, CaptureModel.ideal().draw(generator(5)))
+    capture = taken(white, IDEAL.draw(generator(5)))
     estimate = lambertian_normals(capture)
     lit = white.mask & (white.lit > 0).all(axis=0)
     assert lit.sum() > 3000
@@ -101,7 +101,7 @@ def test_the_mixing_is_found_again_on_a_white_sphere(white: Sample) -> None:
 
 
 def test_what_is_known_of_the_mixing_is_undone(white: Sample) -> None:
-    model = replace(CaptureModel.ideal(), crosstalk=(0.3, 0.3), light_strengths=(0.7, 1.4), channel_gains=(0.6, 1.6))
+    model = replace(IDEAL, crosstalk=(0.3, 0.3), light_strengths=(0.7, 1.4), channel_gains=(0.6, 1.6))
     lit = white.mask & (white.lit > 0).all(axis=0)
     unknown = replace(model, exact=0.0, measured=0.0, unknown=1.0, bad_direction_error=(0.0, 0.0))
     errors = []
@@ -218,7 +218,7 @@ def test_a_blurred_edge_is_a_gaussian_s_integral(sigma: float) -> None:
 
 def test_direction_errors_are_those_of_a_gaussian_across_each_light() -> None:
     sigma = 2.0
-    model = replace(CaptureModel.ideal(), exact=0.0, measured=1.0, direction_error=(sigma, sigma))
+    model = replace(IDEAL, exact=0.0, measured=1.0, direction_error=(sigma, sigma))
     rng = generator(6)
     given = np.array([turned(DIRECTIONS, model.draw(rng).direction_errors) for _ in range(700)])
     angles = degrees_between(given, DIRECTIONS)

@@ -107,7 +107,7 @@ def test_a_broken_file_gives_its_row_to_the_next_whole_one(folder: Path) -> None
 
 def test_a_folder_in_numbers(folder: Path, sample: Sample) -> None:
     summary = summarise(folder_samples(folder))
-    assert (summary.count, summary.renderers) == (4, {"a test": 2, "Cycles": 2})
+    assert (summary.samples, summary.renderers) == (4, {"a test": 2, "Cycles": 2})
     assert len(summary.skipped) == 2
     assert "sample_000001.exr" in summary.skipped[0] and "sample_000002.exr is no sample" in summary.skipped[1]
     count = np.bincount(sample.lit.sum(axis=0).astype(int)[sample.mask], minlength=4)
@@ -195,7 +195,6 @@ def test_a_folder_without_samples_is_told(tmp_path: Path) -> None:
 test_a_bad_show_gets_one_clear_sentence = gets_one_clear_sentence(
     [
         ("nothing to show", lambda b: b.run("show", b / "nowhere.exr"), "nowhere.exr does not exist; check the path"),
-        ("show none", lambda b: b.run("show", b.photo(), "--count", "0"), "--count 0 shows nothing; choose 1 or more"),
         ("show over the photo", lambda b: b.run("show", b.photo("a.png"), "-o", b / "a.png"), "overwrite…a.png"),
         (
             "show in no folder",

@@ -266,7 +266,7 @@ test_a_bad_diligent_folder_gets_one_clear_sentence = gets_one_clear_sentence(
         (
             "unknown object",
             lambda b: b.evaluate("--object", "teapot"),
-            "DiLiGenT has no object 'teapot'; choose ball, bear…reading",
+            "object 'teapot' is not known; choose ball, bear…reading",
         ),
         (
             "none of the objects asked for",

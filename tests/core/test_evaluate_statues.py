@@ -175,22 +175,12 @@ test_a_bad_evaluation_of_statues_gets_one_clear_sentence = gets_one_clear_senten
         (
             "statues magnified 100 times",
             lambda b: b.run("evaluate", "statues", b.text("a.obj", ""), "--magnify", "100"),
-            "photographs cannot be magnified 100 times; choose 1, which is not at all, to 8",
-        ),
-        (
-            "light on statues after many bounces",
-            lambda b: b.run("evaluate", "statues", b.text("a.obj", ""), "--bounces", "9"),
-            "light cannot be followed over 9 bounces; choose 0 to 3",
+            "magnify 100 cannot be; choose 1 to 8",
         ),
         (
             "lights behind statues",
             lambda b: b.run("evaluate", "statues", b.text("a.obj", ""), "--slant", "95"),
             "the first light is behind the object",
-        ),
-        (
-            "photographs magnified 0 times",
-            lambda b: b.evaluate("--magnify", "0"),
-            "photographs cannot be magnified 0 times; choose 1, which is not at all, to 8",
         ),
         (
             "a photograph magnified beyond all bounds",

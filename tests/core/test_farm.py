@@ -345,12 +345,6 @@ def test_blender_is_the_one_that_is_named_or_else_this_pythons() -> None:
     assert blender_command()[0] == THIS_PYTHON
 
 
-def test_fewer_than_no_processes_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="-1 processes cannot be"):
-        run(tmp_path, 1, processes=-1)
-    assert listing(tmp_path) == []
-
-
 @pytest.mark.parametrize(
     ("seconds", "words"),
     [(0.2, "1 s"), (99.4, "99 s"), (99.6, "2 min"), (720, "12 min"), (5990, "1 h 40 min"), (12000, "3 h 20 min")],

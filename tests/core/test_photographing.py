@@ -8,6 +8,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from ideal_capture import IDEAL
 from sphere_sample import sphere_sample
 from torch import Tensor
 from torch.nn import functional
@@ -61,7 +62,7 @@ def equal(ones: list[Scale], others: list[Scale]) -> bool:
 def test_equation_2_finds_the_truth_on_every_scale_in_every_frame(
     spheres: PackedSamples, finer: tuple[float, ...], canonical: bool
 ) -> None:
-    photographer = Photographer(spheres, CaptureModel.ideal(), finer=finer, canonical=canonical)
+    photographer = Photographer(spheres, IDEAL, finer=finer, canonical=canonical)
     senses = set()
     for step in range(6):
         scales = photographer.batch(step, 4)
@@ -79,7 +80,7 @@ def test_equation_2_finds_the_truth_on_every_scale_in_every_frame(
 def test_a_sphere_s_normals_point_to_where_the_pixel_is_in_every_frame(spheres: PackedSamples) -> None:
     places = torch.arange(float(WINDOW))
     for finer in ((1.0,), ()):
-        photographer = Photographer(spheres, CaptureModel.ideal(), finer=finer, canonical=False, window=WINDOW)
+        photographer = Photographer(spheres, IDEAL, finer=finer, canonical=False, window=WINDOW)
         for step in range(6):
             (scale,) = photographer.batch(step, 2)
             for truth, weights in zip(scale.truth, scale.weights > 0, strict=True):
@@ -92,7 +93,7 @@ def test_a_sphere_s_normals_point_to_where_the_pixel_is_in_every_frame(spheres: 
 
 
 def test_a_finer_window_shows_what_the_coarser_one_shows_there(spheres: PackedSamples) -> None:
-    scales = Photographer(spheres, CaptureModel.ideal(), finer=EVERY_SCALE).batch(0, 4)
+    scales = Photographer(spheres, IDEAL, finer=EVERY_SCALE).batch(0, 4)
     half = WINDOW // 2
     for coarse, fine in itertools.pairwise(scales):
         means = functional.avg_pool2d(fine.maps["photo"], 2)
@@ -109,7 +110,7 @@ def test_magnified_scales_are_soft(checked: PackedSamples) -> None:
     """Where pixels are interpolated, neighbours differ the less the more there are of them."""
     for step in range(4):
         steps = []
-        for scale in Photographer(checked, CaptureModel.ideal(), finer=EVERY_SCALE).batch(step, 1):
+        for scale in Photographer(checked, IDEAL, finer=EVERY_SCALE).batch(step, 1):
             photo = scale.maps["photo"][0]
             across = photo.diff(dim=2).abs().amax(dim=0)[inside(scale.maps["mask"])[0, :, 1:]]
             steps.append(float(across.max()))

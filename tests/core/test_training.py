@@ -16,7 +16,6 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from conftest import Mpsnet
 from small_networks import recipe_data
 from sphere_sample import sphere_sample
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
@@ -339,16 +338,6 @@ def test_two_processes_train_one_model(samples: Path, tmp_path: Path) -> None:
     assert OnnxModel(model).card.name == "tiny"
     assert read_checkpoint(tmp_path / "model.checkpoint").step == 3
     assert sorted(file.name for file in tmp_path.iterdir()) == ["model.checkpoint", "model.onnx", "tiny.toml"]
-
-
-def test_options_of_earlier_versions_are_accepted_and_told(ball: Path, tmp_path: Path, mpsnet: Mpsnet) -> None:
-    toml, model = tmp_path / "tiny.toml", tmp_path / "model.onnx"
-    facts = 'name = "tiny"\ntitle = "a test"\nnetwork = "demultiplexer"\noptions = {width = 0.1}\n'
-    toml.write_text(f"{facts}steps = 1\nbatch = 1\ncrop = 16\nwarm_up = 0\n")
-    done = mpsnet("train", "--recipe", toml, "--samples", ball, "--workers", "2", "--keep", "-o", model)
-    assert (done.returncode, done.stdout) == (0, f"wrote {model}\n")
-    (line,) = done.stderr.splitlines()
-    assert line.endswith("--workers and --keep do nothing any more: examples are made where the network learns")
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.defaults import SYNTHETIC_SIZE
-from mpsnet_core.learning.evaluation.diligent import check_protocols
 from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_measures
 from mpsnet_core.learning.evaluation.measure import Case, Result
 from mpsnet_core.learning.evaluation.scenes import HELD_OUT_BLOB, held_out_blob, ideal_photograph, published_view
@@ -54,7 +53,6 @@ class ColourChanges(Evaluation):
     title = "One blob, many colours"
 
     def __init__(self, *, protocols: Sequence[str] = ("published",), size: int = SYNTHETIC_SIZE) -> None:
-        check_protocols(protocols)
         self._white: dict[tuple[str, str], NDArray[np.float32]] = {}
         self.cases = [partial(_case, name, protocol, size) for name in COLOURINGS for protocol in protocols]
 

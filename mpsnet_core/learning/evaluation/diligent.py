@@ -11,19 +11,16 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.errors import FileError, FormatError, GeometryError, InputError, SettingsError, check_choice
+from mpsnet_core.errors import FileError, FormatError, GeometryError, InputError, SettingsError
 from mpsnet_core.estimate.lambertian import usable_channels
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.images import read_data, read_mask
 from mpsnet_core.io.text_table import table_of_means
 from mpsnet_core.learning.evaluation.evaluation import Evaluation
-from mpsnet_core.learning.evaluation.magnify import check_magnify
 from mpsnet_core.learning.evaluation.matfile import read_mat_array
 from mpsnet_core.learning.evaluation.measure import Case
-from mpsnet_core.learning.evaluation.published import PUBLISHED_LIGHTS, Lights, diligent_figures
+from mpsnet_core.learning.evaluation.published import OBJECTS, PUBLISHED_LIGHTS, Lights, diligent_figures
 from mpsnet_core.scene.rig import LightRig
-
-OBJECTS = ("ball", "bear", "buddha", "cat", "cow", "goblet", "harvest", "pot1", "pot2", "reading")
 
 # How a white photograph's R, G, B make up one channel of the capture: c_i = Σ_j P_ij I_k(i),j.
 PROTOCOLS: dict[str, NDArray[np.float64]] = {
@@ -33,18 +30,6 @@ PROTOCOLS: dict[str, NDArray[np.float64]] = {
 }
 DAMAGED_PHOTOGRAPHS = 20  # of the bear, by the data set's authors
 BRIGHT_FACING = "bright_facing_mae_deg"
-
-
-def protocol_weights(protocol: str) -> NDArray[np.float64]:
-    """(3, 3) weights of a protocol of :data:`PROTOCOLS`. Raises SettingsError where there is none of that name."""
-    check_choice("protocol", protocol, PROTOCOLS)
-    return PROTOCOLS[protocol]
-
-
-def check_protocols(protocols: Sequence[str]) -> None:
-    """Raises SettingsError where one of them is none of :data:`PROTOCOLS`."""
-    for protocol in protocols:
-        protocol_weights(protocol)
 
 
 def object_folder(root: str | os.PathLike[str], name: str) -> Path | None:
@@ -64,7 +49,6 @@ def read_diligent(folder: str | os.PathLike[str], lights: Lights, protocol: str)
     Raises InputError where a file is missing or does not fit.
     """
     folder = Path(folder)
-    channels = protocol_weights(protocol)
     directions = _numbers(folder / "light_directions.txt")
     intensities = _numbers(folder / "light_intensities.txt")
     if (intensities <= 0).any():
@@ -75,7 +59,7 @@ def read_diligent(folder: str | os.PathLike[str], lights: Lights, protocol: str)
         if not 1 <= light <= count:
             raise SettingsError(f"{folder.name} has lights 1 to {count}, not {light}; mend --lights")
     mixed = []
-    for weights, light in zip(channels, lights, strict=True):
+    for weights, light in zip(PROTOCOLS[protocol], lights, strict=True):
         # The photographs' 16-bit values are linear, whatever their files' metadata.
         photo, _ = read_data(folder / names[light - 1])
         mixed.append(photo / intensities[light - 1] @ weights)
@@ -105,7 +89,7 @@ class Diligent(Evaluation):
     pixels whose true normal faces all three lights and whose channels are all above 2% of their 99th percentile. Light
     between surfaces may make a cast shadow so bright.
 
-    Raises InputError where an object or a protocol is not known, or none of the objects is there.
+    Raises FileError where none of the objects is there.
     """
 
     title = "DiLiGenT, one photo each"
@@ -119,11 +103,6 @@ class Diligent(Evaluation):
         protocols: Sequence[str] = tuple(PROTOCOLS),
         magnify: Sequence[int] = (1,),
     ) -> None:
-        check_magnify(magnify)
-        for name in objects:
-            if name not in OBJECTS:
-                raise SettingsError(f"DiLiGenT has no object {name!r}; choose {', '.join(OBJECTS)}")
-        check_protocols(protocols)
         folders = {name: object_folder(root, name) for name in dict.fromkeys(objects)}
         if not any(folders.values()):
             wanted = ", ".join(f"{name}PNG" for name in list(folders)[:2])

@@ -1,6 +1,6 @@
 """Magnified photographs: a model's error on pictures of more pixels than detail."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,16 +11,8 @@ from mpsnet_core.errors import SettingsError
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.normal_map import NormalMap
 
-MAX_MAGNIFY = 8
 MAX_SIDE = 8192  # pixels of a magnified object
 MARGIN = 2  # pixels around the mask that are magnified with it
-
-
-def check_magnify(magnify: Sequence[int]) -> None:
-    """Raises SettingsError where photographs cannot be magnified so many times."""
-    for times in magnify:
-        if not 1 <= times <= MAX_MAGNIFY:
-            raise SettingsError(f"photographs cannot be magnified {times} times; choose 1, which is not at all, to 8")
 
 
 def magnified_name(name: str, times: int) -> str:

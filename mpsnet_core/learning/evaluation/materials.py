@@ -11,7 +11,6 @@ from mpsnet_core.defaults import SYNTHETIC_SIZE
 from mpsnet_core.estimate.registry import LAMBERTIAN
 from mpsnet_core.io.text_table import mean_cell, text_table
 from mpsnet_core.learning.evaluation.charts import Curve, line_chart
-from mpsnet_core.learning.evaluation.diligent import check_protocols
 from mpsnet_core.learning.evaluation.evaluation import Evaluation
 from mpsnet_core.learning.evaluation.measure import Case
 from mpsnet_core.learning.evaluation.scenes import HELD_OUT_BLOB, held_out_blob, ideal_photograph, published_view
@@ -28,7 +27,7 @@ class Materials(Evaluation):
     merl: folder of ``.binary`` files or the ``.npz``. protocols: of the photo's colours, see
     :func:`mpsnet_core.learning.evaluation.scenes.ideal_photograph`. size: pixels a side.
 
-    Raises InputError where there are no such materials, or a protocol is not known.
+    Raises InputError where there are no such materials.
     """
 
     title = "One blob, each measured material"
@@ -37,7 +36,6 @@ class Materials(Evaluation):
     def __init__(
         self, merl: str | os.PathLike[str], *, protocols: Sequence[str] = ("published",), size: int = SYNTHETIC_SIZE
     ) -> None:
-        check_protocols(protocols)
         source = os.fspath(merl)
         materials = material_names(source)
         self._are_fits = materials[0][0] == "fit"

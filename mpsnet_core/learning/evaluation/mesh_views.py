@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mpsnet_core.errors import FileError, SettingsError
+from mpsnet_core.errors import FileError
 from mpsnet_core.learning.evaluation.scenes import HELD_OUT_SEED, published_view
 from mpsnet_core.synthesis.recipe import Material, Recipe
 from mpsnet_core.synthesis.reflectance import load_reflectance
@@ -16,7 +16,6 @@ from mpsnet_core.synthesis.shapes.meshes import load_mesh, mesh_files
 from mpsnet_core.synthesis.shapes.shape import turn_about
 
 ELEVATION, FIRST_TURN = 15.0, 20.0  # degrees
-MAX_VIEWS = 360
 
 
 @dataclass(frozen=True)
@@ -54,10 +53,8 @@ class MeshView:
 def mesh_views(paths: Sequence[str | os.PathLike[str]], views: int) -> list[MeshView]:
     """So many views of each mesh. paths: mesh files, or folders of them.
 
-    Raises InputError where a file is missing, a folder has no meshes, or the number of views cannot be shown.
+    Raises FileError where a file is missing or a folder has no meshes.
     """
-    if not 1 <= views <= MAX_VIEWS:
-        raise SettingsError(f"{views} views of a mesh cannot be shown; choose 1 to {MAX_VIEWS}")
     files: list[Path] = []
     for path in map(Path, paths):
         files += [path / name for name in mesh_files(path)] if path.is_dir() else [path]

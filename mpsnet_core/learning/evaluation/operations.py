@@ -7,12 +7,27 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from mpsnet_core.defaults import MESH_VIEWS, STATUE_SIZE, STATUE_SLANT, STATUE_TILTS, SYNTHETIC_SIZE
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.registry import DEFAULT_MODEL
-from mpsnet_core.learning.operations import HadWorkers
+from mpsnet_core.learning.evaluation.published import OBJECTS, PUBLISHED_LIGHTS
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, silent
+from mpsnet_core.synthesis.job import MAX_BOUNCES
 
 if TYPE_CHECKING:
     from mpsnet_core.learning.evaluation.evaluation import Evaluation
+
+
+# How a channel of the photo weighs a light's red, green and blue.
+PROTOCOLS = {"separated": "its own alone", "published": "5/9 its own, 2/9 each of the others", "white": "all alike"}
+
+
+def picture_size(default: int) -> Any:
+    """The option that sets the size of synthetic pictures."""
+    return option(default=default, low=16, high=8192, help="side of a picture in pixels")
+
+
+def mesh_view_count() -> Any:
+    """The option that sets how often each mesh is shown."""
+    return option(default=MESH_VIEWS, low=1, high=360, help="of each mesh, from all around")
 
 
 @dataclass(frozen=True)
@@ -67,7 +82,7 @@ class Magnifies(MeasuresModels):
     heading: ClassVar[str] = "the photographs"
 
     magnify: tuple[int, ...] = option(
-        default=(1,), metavar="N", help="magnify the photographs N times before the estimate"
+        default=(1,), low=1, high=8, metavar="N", help="magnify the photographs N times before the estimate"
     )
 
 
@@ -77,10 +92,8 @@ class PhotographsSynthetic(MeasuresModels):
 
     heading: ClassVar[str] = "the photographs"
 
-    protocol: tuple[str, ...] = option(
-        default=("published",), help="how a channel weighs colours: separated, published or white"
-    )
-    size: int = option(default=SYNTHETIC_SIZE, help="side of a picture in pixels")
+    protocol: tuple[str, ...] = option(default=("published",), choices=PROTOCOLS, help="how a channel weighs colours")
+    size: int = picture_size(SYNTHETIC_SIZE)
 
 
 @dataclass(frozen=True)
@@ -92,17 +105,16 @@ class EvaluateDiligent(Magnifies):
     folder: str = option(
         positional=True, help="DiLiGenT's pmsData folder; objects that are absent are named and skipped"
     )
-    object: tuple[str, ...] = option(default=(), metavar="NAME", help="object of the set", unset="all ten")
+    object: tuple[str, ...] = option(
+        default=(), metavar="NAME", choices=dict.fromkeys(OBJECTS, ""), help="object of the set", unset="all ten"
+    )
     lights: tuple[str, ...] = option(default=(), metavar="A,B,C", help="lights giving R, G, B")
     protocol: tuple[str, ...] = option(
-        default=(),
-        help="how a channel weighs colours: separated, published or white",
-        unset="all three",
+        default=(), choices=PROTOCOLS, help="how a channel weighs colours", unset="all three"
     )
 
     def evaluation(self) -> "Evaluation":
-        from mpsnet_core.learning.evaluation.diligent import OBJECTS, PROTOCOLS, Diligent
-        from mpsnet_core.learning.evaluation.published import PUBLISHED_LIGHTS
+        from mpsnet_core.learning.evaluation.diligent import Diligent
 
         return Diligent(
             self.folder,
@@ -143,7 +155,7 @@ class EvaluateRendered(PhotographsSynthetic):
 
     mesh: tuple[str, ...] = option(positional=True, help="mesh files, or folders of them")
     merl: str = option(default="", metavar="PATH", help="measured materials in place of principled ones")
-    views: int = option(default=MESH_VIEWS, help="of each mesh, from all around")
+    views: int = mesh_view_count()
 
     def evaluation(self) -> "Evaluation":
         from mpsnet_core.learning.evaluation.rendered import Rendered
@@ -158,13 +170,13 @@ class EvaluateStatues(Magnifies):
     command: ClassVar[str] = "evaluate statues"
 
     mesh: tuple[str, ...] = option(positional=True, help="mesh files, or folders of them")
-    views: int = option(default=MESH_VIEWS, help="of each mesh, from all around")
+    views: int = mesh_view_count()
     slant: float = option(default=STATUE_SLANT, metavar="DEGREES", help="of the three lights")
     tilt: tuple[float, ...] = option(
         default=STATUE_TILTS, metavar="DEGREES", help="of the first light, the others 120° apart"
     )
-    bounces: int = option(default=0, help="of light between surfaces: 0 to 3")
-    size: int = option(default=STATUE_SIZE, help="side of a picture in pixels")
+    bounces: int = option(default=0, low=0, high=MAX_BOUNCES, help="of light between surfaces: 0 to 3")
+    size: int = picture_size(STATUE_SIZE)
 
     def evaluation(self) -> "Evaluation":
         from mpsnet_core.learning.evaluation.statues import Statues
@@ -199,7 +211,7 @@ class EvaluateSamples(Magnifies):
     command: ClassVar[str] = "evaluate samples"
 
     folder: tuple[str, ...] = option(positional=True, help="folders of samples that training does not see")
-    count: int = option(default=0, help="how many, evenly spread; 0 for all")
+    count: int = option(default=0, low=0, help="how many, evenly spread; 0 for all")
     white: bool = option(default=False, help="measure each once more with a white photo beside it")
 
     def evaluation(self) -> "Evaluation":
@@ -209,7 +221,7 @@ class EvaluateSamples(Magnifies):
 
 
 @dataclass(frozen=True)
-class EvaluatePatchSizes(HadWorkers):
+class EvaluatePatchSizes(Operation):
     """Train MPS-Net with patches of five sizes (table 1)."""
 
     command: ClassVar[str] = "evaluate patch-sizes"
@@ -219,7 +231,7 @@ class EvaluatePatchSizes(HadWorkers):
     runs: str = option(metavar="DIR", help="for checkpoints; a cancelled run goes on from them", provenance="none")
     width: float = option(default=0.125, help="factor of the published numbers of maps")
     steps: int = option(default=600, help="of each of the ten trainings, of 500 patches")
-    patches: int = option(default=500_000, help="to measure on")
+    patches: int = option(default=500_000, low=1, help="to measure on")
     json: str | None = option(default=None, metavar="FILE", help="write the rows as JSON", provenance="none")
     output: str | None = option(
         default=None, short="-o", metavar="REPORT", help="write an HTML report with a chart", provenance="none"
@@ -229,7 +241,6 @@ class EvaluatePatchSizes(HadWorkers):
         """Train and measure the ten networks, and write rows and report where they are requested."""
         from mpsnet_core.learning.evaluation.patch_sizes import evaluate_patch_sizes
 
-        self.note_removed_options()
         outcome = evaluate_patch_sizes(
             [Path(folder) for folder in self.samples],
             [Path(folder) for folder in self.validation],

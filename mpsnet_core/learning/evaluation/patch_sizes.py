@@ -11,7 +11,6 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
-from mpsnet_core.errors import SettingsError
 from mpsnet_core.io.files import ensure_folder, writable_path, write_json, written_together
 from mpsnet_core.io.text_table import text_table
 from mpsnet_core.learning.evaluation.charts import Curve, line_chart
@@ -67,8 +66,6 @@ def evaluate_patch_sizes(
     """
     if json:
         writable_path(json)
-    if patches < 1:
-        raise SettingsError(f"{patches} patches cannot be measured; choose 1 or more")
     held_out = PackedSamples(validation)  # before hours of training
     a_picture = math.ceil(patches / len(held_out))
     runs = ensure_folder(runs, "runs")

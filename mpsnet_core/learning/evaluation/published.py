@@ -8,7 +8,9 @@ from typing import Any
 
 Lights = tuple[int, int, int]
 
+# DiLiGenT's objects, in the paper's order and in ours.
 _OBJECTS = ("ball", "bear", "pot1", "pot2", "goblet", "reading", "cow", "harvest", "cat", "buddha")
+OBJECTS = tuple(sorted(_OBJECTS))
 
 
 def _by_object(*errors: float) -> dict[str, float]:

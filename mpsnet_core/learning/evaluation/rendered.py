@@ -9,7 +9,6 @@ import numpy as np
 
 from mpsnet_core.defaults import MESH_VIEWS, SYNTHETIC_SIZE
 from mpsnet_core.io.text_table import table_of_means
-from mpsnet_core.learning.evaluation.diligent import check_protocols
 from mpsnet_core.learning.evaluation.evaluation import Evaluation
 from mpsnet_core.learning.evaluation.measure import Case
 from mpsnet_core.learning.evaluation.mesh_views import MeshView, mesh_views
@@ -44,7 +43,6 @@ class Rendered(Evaluation):
         views: int = MESH_VIEWS,
         size: int = SYNTHETIC_SIZE,
     ) -> None:
-        check_protocols(protocols)
         source = os.fspath(merl)
         self.measured = bool(source)
         self.cases = [

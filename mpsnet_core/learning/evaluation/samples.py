@@ -11,10 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from mpsnet_core.errors import SettingsError
 from mpsnet_core.io.text_table import table_of_means
 from mpsnet_core.learning.evaluation.evaluation import Evaluation
-from mpsnet_core.learning.evaluation.magnify import check_magnify
 from mpsnet_core.learning.evaluation.measure import Case
 from mpsnet_core.learning.training.packed import PackedSamples
 from mpsnet_core.learning.training.photographing import photograph
@@ -31,7 +29,7 @@ class Samples(Evaluation):
     photographs are magnified, see :func:`mpsnet_core.learning.evaluation.magnify.estimate_magnified`. white: whether
     each is measured once more with a white photo beside it.
 
-    Raises InputError where there are no samples, or the count is below 0.
+    Raises FileError where there are no samples.
     """
 
     title = "Held-out samples, photographed"
@@ -44,9 +42,6 @@ class Samples(Evaluation):
         magnify: Sequence[int] = (1,),
         white: bool = False,
     ) -> None:
-        check_magnify(magnify)
-        if count < 0:
-            raise SettingsError(f"{count} samples cannot be measured; choose 0, which is all, or more")
         self._samples = PackedSamples(folders)
         total = len(self._samples)
         count = min(count or total, total)
@@ -77,6 +72,7 @@ def _case(samples: PackedSamples, index: int, magnify: int, white: bool) -> Case
     # Draws are the same with and without the white photo.
     capture, truth = photograph(packed, replace(CaptureModel(), white=float(white)).draw(rng))
     recipe = read_sample_data(path)["recipe"]
+    kind = recipe["shape"]["kind"]
     many = len(recipe["materials"]) > 1 or recipe["paint"]["amount"] * recipe["paint"]["hue"] > 0
-    labels = {"object": path.stem, "shape": packed.kind, "colours": "many" if many else "one", "photos": 1 + white}
+    labels = {"object": path.stem, "shape": kind, "colours": "many" if many else "one", "photos": 1 + white}
     return Case(labels, capture, truth, magnify=magnify)

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.errors import GeometryError, SettingsError
-from mpsnet_core.learning.evaluation.diligent import protocol_weights
+from mpsnet_core.errors import GeometryError
+from mpsnet_core.learning.evaluation.diligent import PROTOCOLS
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import LightRig, published_rig
 from mpsnet_core.synthesis.recipe import Material, Recipe
@@ -43,8 +43,6 @@ def published_view(
 
     changes: other fields of the :class:`Recipe`.
     """
-    if not 16 <= size <= 8192:
-        raise SettingsError(f"pictures of {size} pixels a side cannot be made; choose a size from 16 to 8192")
     pose = np.eye(4)
     pose[2, 3] = DISTANCE
     return Recipe(
@@ -64,9 +62,9 @@ def ideal_photograph(sample: Sample, protocol: str) -> Capture:
     """The sample photographed without noise or error, its colours weighed by the protocol.
 
     protocol: of :data:`mpsnet_core.learning.evaluation.diligent.PROTOCOLS`; "separated" is an ideal rig, "published"
-    the paper's multiplexed images. Raises InputError where it is not known or no light reaches the object.
+    the paper's multiplexed images. Raises GeometryError where no light reaches the object.
     """
-    weights = protocol_weights(protocol).astype(np.float32)
+    weights = PROTOCOLS[protocol].astype(np.float32)
     # Not as a matrix product, whose order of summing differs between machines.
     image = np.stack([sum(weights[k, j] * sample.lights[k, ..., j] for j in range(3)) for k in range(3)], axis=-1)
     seen = image.max(axis=-1)[sample.mask]

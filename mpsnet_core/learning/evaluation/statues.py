@@ -7,15 +7,12 @@ from functools import lru_cache, partial
 from typing import Any
 
 from mpsnet_core.defaults import MESH_VIEWS, STATUE_SIZE, STATUE_SLANT, STATUE_TILTS
-from mpsnet_core.errors import SettingsError
 from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_measures
 from mpsnet_core.learning.evaluation.fine_relief import fine_relief
-from mpsnet_core.learning.evaluation.magnify import check_magnify
 from mpsnet_core.learning.evaluation.measure import Case, Result
 from mpsnet_core.learning.evaluation.mesh_views import MeshView, mesh_views
 from mpsnet_core.learning.evaluation.scenes import ideal_photograph
 from mpsnet_core.scene.rig import published_rig
-from mpsnet_core.synthesis.job import MAX_BOUNCES
 from mpsnet_core.synthesis.recipe import Material
 from mpsnet_core.synthesis.sample import Sample
 
@@ -48,9 +45,6 @@ class Statues(Evaluation):
         magnify: Sequence[int] = (1,),
         size: int = STATUE_SIZE,
     ) -> None:
-        check_magnify(magnify)
-        if not 0 <= bounces <= MAX_BOUNCES:
-            raise SettingsError(f"light cannot be followed over {bounces} bounces; choose 0 to {MAX_BOUNCES}")
         for tilt in tilts:
             published_rig(slant, tilt)
         self.bounces = bounces

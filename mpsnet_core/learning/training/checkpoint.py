@@ -37,9 +37,8 @@ _DAMAGED = (
 
 class Checkpoint(NamedTuple):
     """step: how many are done. weights, mean_weights: the network's, and their running mean. optimisers: their states.
-    seconds: trained so far. samples: fingerprint of the samples. precision: of the layers. keep: unused, part of the
-    format. continues: record of the network that it began with, see
-    :class:`mpsnet_core.learning.training.loop.Trained`."""
+    seconds: trained so far. samples: fingerprint of the samples. precision: of the layers. continues:
+    record of the network that it began with, see :class:`mpsnet_core.learning.training.loop.Trained`."""
 
     recipe: TrainingRecipe
     step: int
@@ -49,7 +48,6 @@ class Checkpoint(NamedTuple):
     seconds: float
     samples: str
     precision: str
-    keep: bool
     continues: dict[str, Any] | None
 
 

@@ -88,7 +88,7 @@ class _Answer(nn.Module):
         self.eval()  # the exporter restores the mode that it finds
 
     def forward(self, *inputs: Tensor) -> Tensor | tuple[Tensor, Tensor]:
-        prediction = self.network.predict(*inputs)
+        prediction = self.network.forward(*inputs)  # so that the layers keep their own names
         if prediction.expected_error is None:
             return prediction.normals
         return prediction.normals, (1 - prediction.expected_error / RIGHT_ANGLE).clamp(0, 1)

@@ -105,10 +105,6 @@ def train(
     """
     places = places or Places()
     with _processes() as processes:
-        if recipe.batch % processes.count:
-            raise SettingsError(
-                f"a batch of {recipe.batch} cannot be shared by {processes.count} processes; mend the recipe"
-            )
         _check_places(places, anneal)
         run = _Run(recipe, samples, validation, processes, precision, progress)
         run.begin(places.resume)
@@ -223,16 +219,20 @@ class _Run:
         precision: Precision,
         progress: Progress,
     ) -> None:
+        if recipe.batch % processes.count:
+            raise SettingsError(
+                f"a batch of {recipe.batch} cannot be shared by {processes.count} processes; mend the recipe"
+            )
         device, self.recipe, self.processes = processes.device, recipe, processes
         torch.manual_seed(recipe.seed)
         self.network = network = build_network(recipe.network, dict(recipe.options)).to(device)
         _check_fit(recipe, network)
         nn.utils.convert_conv2d_weight_memory_format(network, torch.channels_last)
-        packed = PackedSamples(samples, recipe.kinds, progress)
+        packed = PackedSamples(samples, progress)
         self.photographer = Photographer.of(network, packed, seed=recipe.seed, window=recipe.crop, device=device)
         self.held_out: Photographer | None = None
         if validation:
-            held_out = PackedSamples(validation, (), progress)
+            held_out = PackedSamples(validation, progress)
             self.held_out = Photographer.of(
                 network, held_out, seed=VALIDATION_SEED, window=VALIDATION_CROP, shuffled=False, device=device
             )
@@ -327,7 +327,6 @@ class _Run:
             self.seconds,
             self.fingerprint,
             self.precision,
-            False,
             self.continues,
         )
         write_checkpoint(path, checkpoint)

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from onnxruntime.quantization import CalibrationMethod, QuantFormat, QuantType, quantize_static
 from torch import Tensor
 
-from mpsnet_core.errors import FormatError, SettingsError
+from mpsnet_core.errors import FormatError
 from mpsnet_core.estimate.card import CARD_KEY, TRAINING_KEY, ModelCard, record_from_metadata
 from mpsnet_core.estimate.features import CONSTANTS
 from mpsnet_core.estimate.onnx_model import OnnxModel
@@ -72,8 +72,6 @@ def quantise(
     used, or where `output` cannot be written; Cancelled where `progress` does.
     """
     output = writable_path(output)
-    if count < 1:
-        raise SettingsError(f"{count} photographs cannot calibrate a model; choose 1 or more")
     source = OnnxModel(model)
     card = source.card
     if card.kind == "patch":

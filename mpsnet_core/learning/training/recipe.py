@@ -9,7 +9,6 @@ from typing import Any
 
 from mpsnet_core.errors import FormatError, InputError, SettingsError
 from mpsnet_core.io.files import existing_file
-from mpsnet_core.synthesis.job import SHAPES
 
 RECIPES = Path(__file__).parent / "recipes"
 # A name of many dots takes memory by the square of them.
@@ -46,8 +45,8 @@ class TrainingRecipe:
     line (Hägele et al., "Scaling laws and compute-optimal training beyond fixed training durations", 2024).
     weight_decay: of weights, not of biases and batch norm. ema: decay of the weights' running mean, which becomes the
     model. error_weight: in the loss, of the squared error of the expected error. gradient_weight: in the loss, of the
-    difference between the normals' gradients and the true ones. kinds: of shapes to train on; empty for all. seed: of
-    the first weights, the photographs and their order.
+    difference between the normals' gradients and the true ones. seed: of the first weights, the photographs and their
+    order.
 
     Raises SettingsError where a value is out of its range.
     """
@@ -69,7 +68,6 @@ class TrainingRecipe:
     error_weight: float = 1.0
     gradient_weight: float = 0.0
     optimiser: str = "adamw"
-    kinds: tuple[str, ...] = ()
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -83,9 +81,6 @@ class TrainingRecipe:
             raise SettingsError("the recipe's samples must be a list of texts")
         if self.optimiser not in OPTIMISERS:
             raise SettingsError(f"the recipe's optimiser must be {' or '.join(OPTIMISERS)}, not {self.optimiser!r}")
-        for shape in self.kinds:
-            if shape not in SHAPES:
-                raise SettingsError(f"the recipe's kinds must be some of {', '.join(SHAPES)}, not {shape!r}")
         for name, (low, high) in _RANGES.items():
             value, kind = getattr(self, name), type(getattr(self, name))
             if kind not in (int, float) or (kind is float and isinstance(low, int)) or not low <= value <= high:
@@ -97,8 +92,7 @@ class TrainingRecipe:
 
     def to_json(self) -> dict[str, Any]:
         """The recipe as plain data, for :func:`recipe_from_data`."""
-        lists = {"samples": list(self.samples), "kinds": list(self.kinds)}
-        return {**asdict(self), "options": dict(self.options), **lists}
+        return {**asdict(self), "options": dict(self.options), "samples": list(self.samples)}
 
 
 def recipe_names() -> list[str]:
@@ -134,8 +128,7 @@ def recipe_from_data(data: Mapping[str, Any]) -> TrainingRecipe:
     for name in ("name", "title", "network", "steps"):
         if name not in data:
             raise SettingsError(f'the recipe lacks "{name}"; add it')
-    lists = {name: data[name] for name in ("samples", "kinds") if name in data}
-    for name, values in lists.items():
-        if not isinstance(values, list | tuple):
-            raise SettingsError(f"the recipe's {name} must be a list, not {values!r}")
-    return TrainingRecipe(**{**data, **{name: tuple(values) for name, values in lists.items()}})
+    samples = data.get("samples", ())
+    if not isinstance(samples, list | tuple):
+        raise SettingsError(f"the recipe's samples must be a list, not {samples!r}")
+    return TrainingRecipe(**{**data, "samples": tuple(samples)})

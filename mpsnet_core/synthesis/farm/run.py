@@ -13,7 +13,7 @@ from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from mpsnet_core.errors import InputError, SettingsError
+from mpsnet_core.errors import InputError
 from mpsnet_core.io.child_process import ChildEnded
 from mpsnet_core.io.claims import Claims
 from mpsnet_core.io.files import resolved, writable_path
@@ -88,8 +88,6 @@ def make_samples(
     Raises InputError where the folder holds another job, no worker can be started, 20 samples in a row cannot be made
     or the cluster cannot be used.
     """
-    if processes < 0:
-        raise SettingsError(f"{processes} processes cannot be; choose 1 or more, or 0 for as many as there are cores")
     folder = resolved(folder)
     place_job(folder, job)
     writable_path(folder / CONTACT_SHEET)

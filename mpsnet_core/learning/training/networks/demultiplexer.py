@@ -39,7 +39,7 @@ class Demultiplexer(Network):
             convolution(fourth, 3, 1),
         )
 
-    def predict(self, *inputs: Tensor) -> Prediction:
+    def forward(self, *inputs: Tensor) -> Prediction:
         photo, lights = inputs
         # What the network adds; at first the three intensities are the pixel's own.
         intensities = photo + self.layers(self.photo(photo) + self.lights(lights))

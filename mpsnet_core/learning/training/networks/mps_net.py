@@ -82,7 +82,7 @@ class MpsNet(_Layers):
         self.conv9 = _normed(large, middle, stride=2 if patch > 1 else 1)
         self.conv10 = convolution(middle, 3, (patch + 1) // 2, padding=0)
 
-    def predict(self, *inputs: Tensor) -> Prediction:
+    def forward(self, *inputs: Tensor) -> Prediction:
         photo, initial_normals = inputs
         return Prediction(unit(self.conv10(self.conv9(self._features(photo, initial_normals))).flatten(1)))
 
@@ -102,6 +102,6 @@ class MpsNetDense(_Layers):
         self.conv9 = _normed(large, middle)
         self.conv10 = convolution(middle, 3, 3, padding=2, dilation=2)
 
-    def predict(self, *inputs: Tensor) -> Prediction:
+    def forward(self, *inputs: Tensor) -> Prediction:
         photo, initial_normals = inputs
         return Prediction(unit(self.conv10(self.conv9(self._features(photo, initial_normals)))))

@@ -70,7 +70,7 @@ class Multiscale(Network):
         with torch.no_grad():
             self.answer.get_parameter("bias")[3] = -2.0  # 7 degrees by softplus: of the right size from the start
 
-    def predict(self, *inputs: Tensor) -> Prediction:
+    def forward(self, *inputs: Tensor) -> Prediction:
         pixels, rig = inputs
         photo, mask, white, previous = pixels[:, 0:3], pixels[:, 3:4], pixels[:, 4:7], pixels[:, 7:11]
         lights, means, given = rig[:, 0:9], rig[:, 9:12], rig[:, 12:14]

@@ -31,7 +31,7 @@ class Network(nn.Module, ABC):
     Attributes
     ----------
     inputs : dict of str to tuple of str
-        For each argument of :meth:`predict` the feature maps that are stacked into it
+        For each argument of :meth:`forward` the feature maps that are stacked into it
         (:data:`mpsnet_core.estimate.features.FEATURE_CHANNELS`).
     kind, frame, multiple, halo, patch
         As on the card (:class:`mpsnet_core.estimate.card.ModelCard`).
@@ -45,11 +45,8 @@ class Network(nn.Module, ABC):
     patch: int = 1
 
     @abstractmethod
-    def predict(self, *inputs: Tensor) -> Prediction:
-        """Normals from the inputs, in the order of `inputs`; (N, C, H, W) each, "lights" (N, 9, 1, 1)."""
-
     def forward(self, *inputs: Tensor) -> Prediction:
-        return self.predict(*inputs)
+        """Normals from the inputs, in the order of `inputs`; (N, C, H, W) each, "lights" (N, 9, 1, 1)."""
 
 
 def unit(vectors: Tensor) -> Tensor:

@@ -42,7 +42,7 @@ class PsFcn(Network):
             if isinstance(layer, nn.Conv2d | nn.ConvTranspose2d):
                 nn.init.kaiming_normal_(layer.weight, a=0.1, mode="fan_in")
 
-    def predict(self, *inputs: Tensor) -> Prediction:
+    def forward(self, *inputs: Tensor) -> Prediction:
         photo, lights = inputs
         directions = lights.expand(-1, -1, *photo.shape[2:])
         images = [torch.cat([photo[:, k : k + 1], directions[:, 3 * k : 3 * k + 3]], dim=1) for k in range(3)]
