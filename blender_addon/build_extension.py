@@ -1,13 +1,17 @@
-"""Build the extension's zips, one per platform, each with the wheels of every Python that Blender has there.
+"""Build the extension's zips, one for each platform and Python, and beside them the index of a repository of them.
 
     python blender_addon/build_extension.py [--python 3.11,3.13] [--platform linux-x64,windows-x64,macos-arm64]
 
-A zip may hold wheels for several Pythons: when it is enabled, Blender unpacks those that fit its own Python.
+A zip has everything but Python and NumPy, which are Blender's own, and what it has is as its makers published it: each
+wheel is a whole one from PyPI, so that its RECORD holds. Only our own wheel is made here, without the networks that
+Blender's panel does not offer. Videos take no library: Blender decodes them.
 """
 
 import argparse
+import email
 import importlib.util
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -19,8 +23,10 @@ from pathlib import Path
 from typing import Any
 
 from packaging.requirements import Requirement
-from packaging.tags import Tag, compatible_tags, cpython_tags, mac_platforms
+from packaging.tags import mac_platforms
 from packaging.utils import canonicalize_name, parse_wheel_filename
+
+from mpsnet_core.estimate.registry import known_models
 
 ADDON = Path(__file__).resolve().parent
 PROJECT = ADDON.parent
@@ -50,11 +56,13 @@ PLATFORMS = {
     "macos-arm64": Platform(list(mac_platforms((14, 0), "arm64")), "darwin", "Darwin", "posix", "arm64"),
 }
 
-# What the core reads with libraries of its own that a person in Blender cannot install: camera raw and videos.
-EXTRAS = ("raw", "video")
+# What the core reads with a library of its own that a person in Blender cannot install: camera raw.
+EXTRAS = ("raw",)
 
-# extensions.blender.org takes no larger file.
-MAX_ZIP_BYTES = 200 * 1000 * 1000
+NOTICES = "THIRD_PARTY_NOTICES.txt"
+
+# A good deal below what extensions.blender.org takes.
+MAX_ZIP_BYTES = 80 * 1000 * 1000
 
 
 class BuildError(Exception):
@@ -82,14 +90,6 @@ class Target:
         names = {key: value for key, value in vars(PLATFORMS[self.platform]).items() if key != "tags"}
         return {**names, "python_version": self.python, "python_full_version": f"{self.python}.0", "extra": ""}
 
-    @property
-    def tags(self) -> set[Tag]:
-        """The wheel tags that this Python can use."""
-        version = tuple(int(number) for number in self.python.split("."))
-        platforms = PLATFORMS[self.platform].tags
-        interpreter = f"cp{version[0]}{version[1]}"
-        return {*cpython_tags(version, platforms=platforms), *compatible_tags(version, interpreter, platforms)}
-
 
 def run(command: Sequence[str | Path], failure: str) -> None:
     """Run `command` quietly; raise BuildError with `failure` and its last words where it fails."""
@@ -110,11 +110,17 @@ def find_blender_ext() -> Path:
 
 
 def build_core_wheel(folder: Path) -> Path:
-    """Make the wheel of mpsnet_core in `folder`."""
+    """Make the wheel of mpsnet_core in `folder`, without the networks that are there to compare with."""
     shutil.rmtree(folder, ignore_errors=True)
-    run(
-        [sys.executable, "-m", "pip", "wheel", "--no-deps", f"--wheel-dir={folder}", PROJECT], "no wheel of mpsnet_core"
+    source = folder / "source"
+    offered = {model.file for model in known_models() if not model.comparison}
+    left_out = {model.file.name for model in known_models() if model.file and model.file not in offered}
+    shutil.copytree(
+        PROJECT / "mpsnet_core", source / "mpsnet_core", ignore=shutil.ignore_patterns("__pycache__", *left_out)
     )
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy2(PROJECT / name, source)
+    run([sys.executable, "-m", "pip", "wheel", "--no-deps", f"--wheel-dir={folder}", source], "no wheel of mpsnet_core")
     return next(folder.glob("*.whl"))
 
 
@@ -172,35 +178,50 @@ def identity(wheel: Path) -> tuple[str, str]:
     return str(name), str(version)
 
 
-def check_unambiguous(chosen: dict[Target, list[Path]]) -> None:
-    """Refuse sets from which Blender would unpack something else than was resolved.
-
-    Of two wheels of a package that both fit its Python, Blender takes the newer.
-    """
-    every = {wheel.name: wheel for wheels in chosen.values() for wheel in wheels}
-    for target, wheels in chosen.items():
-        own = {identity(wheel)[0]: wheel.name for wheel in wheels}
-        for name in every:
-            package, version, _, tags = parse_wheel_filename(name)
-            expected = own.get(package, name)
-            if tags & target.tags and (version, name) > (parse_wheel_filename(expected)[1], expected):
-                raise BuildError(
-                    f"{target} was to have {expected} but would take {name}, chosen for another; "
-                    f"pin {package} in pyproject.toml to a version that serves both"
-                )
+def notices(wheels: Iterable[Path]) -> str:
+    """What the makers of `wheels` want passed on with them: each one's licence by its name, and the files of it."""
+    parts = ["What this extension brings along, and on what terms. MPS-Net's own are in LICENSE.\n"]
+    for wheel in wheels:
+        with zipfile.ZipFile(wheel) as archive:
+            names = archive.namelist()
+            metadata = next(name for name in names if re.fullmatch(r"[^/]+\.dist-info/METADATA", name))
+            licence = _licence(archive.read(metadata).decode())
+            parts.append(f"{'=' * 100}\n{' '.join(identity(wheel))}: {licence}\n")
+            for name in filter(_is_notice, names):
+                text = archive.read(name).decode("utf-8", errors="replace").replace("\r\n", "\n").strip()
+                parts.append(f"--- {name}\n\n{text}\n")
+    return "\n".join(parts)
 
 
-def stage(core: Path, wheels: Iterable[Path], platforms: Sequence[str]) -> Path:
-    """Lay out the extension's source with its wheels, and name them in its manifest."""
+def _licence(metadata: str) -> str:
+    """A licence's name from a wheel's metadata, where some have had its whole text."""
+    fields = email.message_from_string(metadata)
+    classified = [line for line in fields.get_all("Classifier", []) if line.startswith("License ::")]
+    stated = [fields["License-Expression"], *(line.split("::")[-1] for line in classified), fields["License"]]
+    names = (line.strip().splitlines()[0] for line in stated if line and line.strip())
+    return next((name for name in names if not name.lower().startswith("copyright")), "its own")
+
+
+def _is_notice(name: str) -> bool:
+    """Whether a file in a wheel is about its licence."""
+    path = Path(name)
+    inside = name.endswith("/") or path.suffix == ".py"
+    named = re.match(r"(licen[cs]e|copying|notice|third-?party)", path.name, re.IGNORECASE)
+    return not inside and bool(named or ".dist-info/licenses/" in name)
+
+
+def stage(core: Path, wheels: Sequence[Path], platform: str) -> Path:
+    """Lay out the extension's source with its wheels and their notices, and name the wheels in its manifest."""
     source = WORK / "source"
     shutil.rmtree(source, ignore_errors=True)
     shutil.copytree(ADDON, source, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy2(PROJECT / "LICENSE", source)
+    (source / NOTICES).write_text(notices(wheels), encoding="utf-8")
     (source / "wheels").mkdir()
-    names = sorted({Path(shutil.copy2(wheel, source / "wheels")).name for wheel in (core, *wheels)})
+    names = sorted(Path(shutil.copy2(wheel, source / "wheels")).name for wheel in (core, *wheels))
     manifest = source / "blender_manifest.toml"
     # JSON's lists of strings are TOML's as well; ahead of everything else they are in no table.
-    head = f"platforms = {json.dumps(list(platforms))}\nwheels = {json.dumps([f'./wheels/{name}' for name in names])}\n"
+    head = f"platforms = {json.dumps([platform])}\nwheels = {json.dumps([f'./wheels/{name}' for name in names])}\n"
     manifest.write_text(head + manifest.read_text(encoding="utf-8"), encoding="utf-8")
     return source
 
@@ -211,12 +232,15 @@ def check_zip(path: Path, blender_ext: Path) -> None:
     with zipfile.ZipFile(path) as archive:
         if any(Path(name).name.startswith("numpy-") for name in archive.namelist()):
             raise BuildError(f"{path.name} holds a numpy wheel, which would replace Blender's own; leave it out")
-    if path.stat().st_size > MAX_ZIP_BYTES:
-        raise BuildError(f"{path.name} is above the 200 MB that extensions.blender.org takes; build fewer Pythons")
+        parts = sorted((info.compress_size / 1e6, Path(info.filename).name) for info in archive.infolist())[::-1]
+    size = path.stat().st_size
+    print(f"{path.name}  {size / 1e6:.1f} MB: " + ", ".join(f"{name.split('-')[0]} {mb:.1f}" for mb, name in parts[:6]))
+    if size > MAX_ZIP_BYTES:
+        raise BuildError(f"{path.name} is above {MAX_ZIP_BYTES / 1e6:.0f} MB; see above what takes the room")
 
 
-def build(pythons: Sequence[str], platforms: Sequence[str], output: Path, blender_ext: Path) -> list[Path]:
-    """Build one zip a platform into `output` and return their paths."""
+def build(pythons: Sequence[str], platforms: Sequence[str], output: Path, blender_ext: Path) -> None:
+    """Build one zip for each platform and Python into `output`, and the index of a repository of all zips there."""
     project = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     manifest = tomllib.loads((ADDON / "blender_manifest.toml").read_text(encoding="utf-8"))
     if manifest["version"] != project["version"]:
@@ -226,23 +250,18 @@ def build(pythons: Sequence[str], platforms: Sequence[str], output: Path, blende
     extras = project["optional-dependencies"]
     requirements = [*project["dependencies"], *(line for extra in EXTRAS for line in extras[extra])]
     core = build_core_wheel(WORK / "core")
-    chosen: dict[Target, list[Path]] = {}
+    output.mkdir(parents=True, exist_ok=True)
+    packager = [sys.executable, str(blender_ext)]
     for target in (Target(python, platform) for platform in platforms for python in pythons):
         pins = resolve(requirements, target)
         print(f"{target}: {', '.join(pins)}", flush=True)
-        chosen[target] = download(pins, target)
-    check_unambiguous(chosen)
-    source = stage(core, (wheel for wheels in chosen.values() for wheel in wheels), platforms)
-    output.mkdir(parents=True, exist_ok=True)
-    packager = [sys.executable, str(blender_ext)]
-    run([*packager, "validate", str(source)], "Blender refuses the extension")
-    build_options = ["build", f"--source-dir={source}", f"--output-dir={output}", "--split-platforms"]
-    run([*packager, *build_options], "Blender cannot pack the extension")
-    stem = f"{manifest['id']}-{manifest['version']}"
-    zips = [output / f"{stem}-{platform.replace('-', '_')}.zip" for platform in platforms]
-    for path in zips:
+        source = stage(core, download(pins, target), target.platform)
+        path = output / f"{manifest['id']}-{manifest['version']}-{target.platform}-python{target.python}.zip"
+        run([*packager, "validate", str(source)], "Blender refuses the extension")
+        build_options = ["build", f"--source-dir={source}", f"--output-filepath={path}"]
+        run([*packager, *build_options], "Blender cannot pack the extension")
         check_zip(path, blender_ext)
-    return zips
+    run([*packager, "server-generate", f"--repo-dir={output}", "--html"], f"Blender cannot list the zips in {output}")
 
 
 def choices(allowed: Iterable[str]) -> Any:
@@ -258,7 +277,7 @@ def choices(allowed: Iterable[str]) -> Any:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description="Build the Blender extension's zips, one per platform.")
+    parser = argparse.ArgumentParser(description="Build the Blender extension's zips, one per platform and Python.")
     parser.add_argument(
         "--python",
         type=choices(BLENDER_NUMPY),
@@ -282,12 +301,10 @@ def main() -> int:
         blender_ext = options.blender_ext or find_blender_ext()
         if not blender_ext.is_file():
             raise BuildError(f"{blender_ext} does not exist; Blender has it under scripts/addons_core/bl_pkg/cli")
-        zips = build(options.python, options.platform, options.output.resolve(), blender_ext.resolve())
+        build(options.python, options.platform, options.output.resolve(), blender_ext.resolve())
     except BuildError as error:
         print(f"build_extension: {error}", file=sys.stderr)
         return 2
-    for path in zips:
-        print(f"{path}  {path.stat().st_size / 1e6:.1f} MB")
     return 0
 
 

@@ -14,6 +14,7 @@ from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_CANCELLED, EXIT_UNFORESEEN
 from mpsnet_core.errors import FileError, InputError, in_one_line
 from mpsnet_core.io.crash_log import unforeseen
 
+from .estimate.decode_video import decode_video
 from .operators import CANCELLED
 from .photo.background_render import render_job
 from .training.training_data import samples_folder, samples_status
@@ -59,10 +60,13 @@ def main(argv: Sequence[str]) -> int:
         if verb == "work":
             from .training.samples.worker import work
 
-            work(options["folder"])
+            work(options["path"])
             return 0
         if verb == "render":
-            return render_job(Path(options["folder"]))
+            return render_job(Path(options["path"]))
+        if verb == "decode":
+            decode_video(Path(options["path"]))
+            return 0
         with _window():
             _do(verb, options)
     except (InputError, RuntimeError) as error:
@@ -191,9 +195,9 @@ def _parser() -> argparse.ArgumentParser:
         for setting in kind.properties:
             if setting.identifier != "rna_type" and not setting.is_hidden:
                 _add_flag(sub, setting)
-    for verb in ("work", "render"):  # without help and so not listed: what the farm and a live window start
+    for verb in ("work", "render", "decode"):  # without help and so not listed: what the farm and a live window start
         started = verbs.add_parser(verb)
-        started.add_argument("folder")
+        started.add_argument("path")
         started.set_defaults(verb=verb)
     return parser
 

@@ -3,6 +3,7 @@
 So can be another Blender that speaks the same protocol, see background_render.py.
 """
 
+import json
 import sys
 import threading
 import time
@@ -18,9 +19,11 @@ import numpy
 from mpsnet_core.cli import EXIT_CANCELLED
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.io.child_process import ChildEnded, ChildProcess, child_environment
-from mpsnet_core.io.files import remove_unfinished
+from mpsnet_core.io.files import VIDEO_DECODER, remove_unfinished
 from mpsnet_core.operation import Operation
 from mpsnet_core.operation_json import to_json
+
+from ..preferences import PACKAGE
 
 CANCEL_SECONDS = 0.8
 
@@ -125,7 +128,15 @@ def _environment() -> dict[str, str]:
     Beside pip's bpy they are, but for this project's own where they are run from its folder.
     """
     home = Path(__file__).parents[2] if bpy.app.module else Path(numpy.__file__).parents[1]
-    return child_environment(home, isolated=True)
+    return {**child_environment(home, isolated=True), VIDEO_DECODER: json.dumps(blender_command("decode"))}
+
+
+def blender_command(*verb: str) -> list[str]:
+    """What starts another Blender, without a window, for a verb of commands.py."""
+    if bpy.app.module:
+        return [sys.executable, "-m", "blender_addon", *verb]
+    # Where the extension was enabled just now, the preferences may not be saved yet.
+    return [bpy.app.binary_path, "-b", "--addons", PACKAGE, "--command", "mpsnet", *verb]
 
 
 def _end(child: ChildProcess, folders: set[Path]) -> None:

@@ -13,7 +13,6 @@ speak the protocol of :mod:`mpsnet_core.io.child_process`; the request is a :cla
 import re
 import shutil
 import signal
-import sys
 import tempfile
 import threading
 import time
@@ -32,7 +31,7 @@ from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.io.child_process import Parent, ParentGone, only_request
 from mpsnet_core.io.crash_log import unforeseen
 
-from ..child_process.core_process import Program
+from ..child_process.core_process import Program, blender_command
 from ..child_process.file_copy import save_copy
 from ..child_process.linked_data import (
     BakeFolder,
@@ -45,7 +44,6 @@ from ..child_process.linked_data import (
 from ..child_process.simulation_caches import simulations_write_into
 from ..child_process.trust import blocked_scripts_note, take_run_permission
 from ..operators import operator_report
-from ..preferences import PACKAGE
 from .studio import RenderKind, RenderProgress, render
 
 REPORT_SECONDS = 0.5
@@ -150,12 +148,8 @@ def _paint(image: bpy.types.Image, file: str) -> None:
 
 def rendering_blender(folder: Path) -> Program:
     """A Blender without a window that renders what is requested; what it writes on its way goes to `folder`."""
-    command = [sys.executable, "-m", "blender_addon"]
-    if not bpy.app.module:
-        # Where the extension was enabled just now, the preferences may not be saved yet.
-        command = [bpy.app.binary_path, "-b", "--addons", PACKAGE, "--command", "mpsnet"]
     places = {name: str(folder) for name in ("TMPDIR", "TEMP", "TMP")}
-    return Program((*command, "render", str(folder)), "the rendering Blender", places)
+    return Program(tuple(blender_command("render", str(folder))), "the rendering Blender", places)
 
 
 # --- in the one that renders ------------------------------------------------------------------------------------------

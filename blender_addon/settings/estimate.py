@@ -4,11 +4,11 @@ import bpy
 from bpy.props import IntProperty, PointerProperty
 
 from mpsnet_core.estimate.operations import Estimate
-from mpsnet_core.estimate.registry import registered_models
+from mpsnet_core.estimate.registry import known_models
 
 from .declared import BoolSetting, EnumSetting, FileSetting, FloatSetting, format_setting, from_option, identifier
 
-MODELS = {identifier(entry.name): entry for entry in registered_models()}
+MODELS = {identifier(entry.name): entry for entry in known_models()}
 MODEL_ITEMS = [(name, entry.label, entry.title) for name, entry in MODELS.items()]
 
 

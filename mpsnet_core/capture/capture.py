@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.capture.correction import Correction, corrected
-from mpsnet_core.capture.masks import Notes, find_mask
+from mpsnet_core.capture.masks import Notes, find_mask, follows_values
 from mpsnet_core.capture.sizes import SAME_CAMERA, check_same_size
 from mpsnet_core.capture.transfer_curve import CLOSE, DECIDED, linear_rather
 from mpsnet_core.errors import FormatError, GeometryError, InputError, SettingsError
@@ -207,8 +207,9 @@ def read_capture(
 
     capture = taken(image)
     if image.assumed and _linear_rather(path, image, capture, decide=correction is None):
-        encoding = "linear"
-        capture = taken(as_stored(image))
+        encoding, image = "linear", as_stored(image)
+        # What is found by brightness lies elsewhere by another curve; any other mask stays.
+        capture = taken(image) if follows_values(mask, image) else replace(capture, image=image.pixels)
     if white is not None:
         several = [white] if isinstance(white, str | os.PathLike) else white
         capture = with_white(capture, several, encoding=encoding, layer=layer, correction=correction)

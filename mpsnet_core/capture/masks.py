@@ -126,6 +126,14 @@ def mask_source(choice: str) -> str | None:
     return choice.removeprefix("background:")
 
 
+def follows_values(choice: str | os.PathLike[str] | None, image: Image) -> bool:
+    """Whether the mask that :func:`find_mask` returns for a choice depends on how bright the photo's pixels are."""
+    words = "" if choice is None else os.fspath(choice)
+    if words == "alpha-or-auto":
+        return image.alpha is None
+    return words == "auto" or words.startswith(("threshold:", "background:"))
+
+
 def mask_identity(choice: str | None) -> str:
     """Text that changes with a choice of mask, and with the files that it names."""
     return identity(choice) if choice and mask_source(choice) else str(choice)

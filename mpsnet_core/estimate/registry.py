@@ -88,8 +88,13 @@ _MODELS = (
 )
 
 
+def known_models() -> list[RegisteredModel]:
+    """All models that have names, the default first, be their files here or not."""
+    return list(_MODELS)
+
+
 def registered_models() -> list[RegisteredModel]:
-    """All models that come with the package, the default first."""
+    """The models that are here, the default first: Blender's extension leaves those to compare with out."""
     return [entry for entry in _MODELS if entry.file is None or entry.file.is_file()]
 
 
@@ -106,10 +111,15 @@ def find_network(name: str | os.PathLike[str]) -> NetworkFile:
     Raises SettingsError where there is none, FileError where its file is missing.
     """
     name = os.fspath(name)
-    for entry in registered_models():
+    for entry in known_models():
         if entry.name == name:
             if entry.file is None:
                 raise SettingsError(f"{name} is no network and has no file; name a network")
+            if not entry.file.is_file():
+                raise FileError(
+                    f"the network {name} is not here: Blender's extension leaves those to compare with out; take "
+                    "another model, or the command line, which has all"
+                )
             return NetworkFile(entry.file, entry.passes)
     if Path(name).suffix.lower() == ".onnx":
         if Path(name).is_file():

@@ -40,6 +40,9 @@ RAW_SUFFIXES = (
 PHOTO_SUFFIXES = (*IMAGE_SUFFIXES, *RAW_SUFFIXES)
 VIDEO_SUFFIXES = (".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mts", ".mxf", ".webm")
 
+# In the environment, as a JSON list: the command of a program that decodes videos where PyAV is not installed.
+VIDEO_DECODER = "MPSNET_VIDEO_DECODER"
+
 
 class _Block(threading.local):
     """Pending changes of a block of :func:`written_together`: a path and the file that replaces it, None to remove it.

@@ -1,8 +1,9 @@
-"""The build script's judgement about wheels, where it has to be the same as Blender's own."""
+"""The build script: what it makes of wheels, and where it has to judge as Blender does."""
 
 import subprocess
 import sys
 import tomllib
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -12,14 +13,11 @@ pytest.importorskip("bpy")
 from blender_addon.build_extension import (
     ADDON,
     PROJECT,
-    BuildError,
     Target,
-    check_unambiguous,
     find_blender_ext,
     missing_requirements,
+    notices,
 )
-
-LINUX_311, LINUX_313 = Target("3.11", "linux-x64"), Target("3.13", "linux-x64")
 
 
 def test_blender_s_own_validator_accepts_the_manifest():
@@ -45,31 +43,33 @@ def test_requirements_of_another_platform_are_found_missing():
         ],
     }
     assert missing_requirements([tqdm], Target("3.11", "windows-x64")) == ["colorama"]
-    assert missing_requirements([tqdm], LINUX_311) == []
+    assert missing_requirements([tqdm], Target("3.11", "linux-x64")) == []
     assert missing_requirements([tqdm, {"name": "Colorama"}], Target("3.11", "windows-x64")) == []
 
 
-@pytest.mark.parametrize(
-    ("for_311", "for_313"),
-    [
-        ("packaging-26.3-py3-none-any.whl", "packaging-27.0-py3-none-any.whl"),
-        ("protobuf-6.1-cp311-cp311-manylinux2014_x86_64.whl", "protobuf-7.0-cp310-abi3-manylinux2014_x86_64.whl"),
-    ],
-)
-def test_a_newer_wheel_that_both_pythons_take_is_refused(for_311, for_313):
-    chosen = {LINUX_311: [Path(for_311)], LINUX_313: [Path(for_313)]}
-    with pytest.raises(BuildError, match=rf"Python 3\.11 .* was to have {for_311} but would take {for_313}"):
-        check_unambiguous(chosen)
+def wheel(folder: Path, name: str, files: dict[str, str]) -> Path:
+    path = folder / f"{name}-1.0-py3-none-any.whl"
+    with zipfile.ZipFile(path, "w") as archive:
+        for inside, text in files.items():
+            archive.writestr(inside, text)
+    return path
 
 
-@pytest.mark.parametrize(
-    ("for_311", "for_313"),
-    [
-        ("packaging-26.3-py3-none-any.whl", "packaging-26.3-py3-none-any.whl"),
-        ("oiio-3.0-cp311-cp311-manylinux_2_28_x86_64.whl", "oiio-3.2-cp313-cp313-manylinux_2_28_x86_64.whl"),
-        # The older one serves both, but Blender takes the newer where it can.
-        ("protobuf-6.1-cp310-abi3-manylinux2014_x86_64.whl", "protobuf-7.0-cp313-cp313-manylinux2014_x86_64.whl"),
-    ],
-)
-def test_wheels_that_blender_tells_apart_are_accepted(for_311, for_313):
-    check_unambiguous({LINUX_311: [Path(for_311)], LINUX_313: [Path(for_313)]})
+def test_notices_hold_each_wheels_licence_by_name_and_its_files(tmp_path):
+    plain = wheel(
+        tmp_path,
+        "plain",
+        {
+            "plain-1.0.dist-info/METADATA": "Name: plain\nLicense: Copyright (c) Ann\n\nLICENSE",
+            "plain-1.0.dist-info/licenses/LICENCE": "Ann's words",
+            "plain-1.0.dist-info/licenses/vendored/COPYING.zlib": "of zlib",
+            "plain/ThirdPartyNotices.txt": "of others",
+            "plain/licenses.py": "code",
+            "plain/__init__.py": "more code",
+        },
+    )
+    bare = wheel(tmp_path, "bare", {"bare-1.0.dist-info/METADATA": "Name: bare\nLicense-Expression: Apache-2.0\n"})
+    found = notices([plain, bare])
+    assert "plain 1.0: its own\n" in found and "bare 1.0: Apache-2.0\n" in found
+    assert all(words in found for words in ("Ann's words", "of zlib", "of others"))
+    assert "code" not in found

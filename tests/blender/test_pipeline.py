@@ -6,6 +6,7 @@ import pytest
 from mirror_ball import CROSSTALK, Scene, around, grey_photograph, lamps_around, photograph
 from synthetic import degrees_between, shaded_sphere, write_file
 
+from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.images import write_image
 from mpsnet_core.scene.camera import Camera, write_camera
 from mpsnet_core.scene.rig import published_rig, read_rig, write_rig
@@ -144,6 +145,49 @@ def test_command_line_bakes_views(blender, scene, tmp_path):
     # As in the texture above: a smooth sphere has no normals of its own, where u = 0.25 faces the camera.
     normals = 2 * read(tmp_path / "texture.exr")[48:80, 24:40, :3] - 1
     assert degrees_between(normals, [0, 0, 1]).mean() < 3
+
+
+@pytest.fixture
+def rig(tmp_path):
+    write_rig(tmp_path / "rig.json", published_rig())
+    return tmp_path / "rig.json"
+
+
+def opened_photo(photo, rig):
+    """Blender's arguments that open a photo and name its rig."""
+    settings = f"bpy.context.scene.mps.estimate.rig_file = {str(rig)!r}"
+    return ["--python-expr", f"import bpy; bpy.ops.mps.open_photo(filepath={str(photo)!r}); {settings}"]
+
+
+def test_a_video_is_decoded_by_blender_itself(blender, rig, tmp_path):
+    """The extension brings no PyAV; what that encodes here comes out, the sphere's normals."""
+    av = pytest.importorskip("av")
+    sphere = shaded_sphere(96)
+    with av.open(str(tmp_path / "turn.mkv"), "w") as container:
+        stream = container.add_stream("ffv1", rate=25)
+        stream.height, stream.width = sphere.image.shape[:2]
+        stream.pix_fmt = "gbrp16le"
+        for strength in (0.5, 0.7, 0.9):
+            values = np.rint(np.clip(linear_to_srgb(strength * sphere.image), 0, 1) * 65535).astype(np.uint16)
+            container.mux(
+                stream.encode(av.VideoFrame.from_ndarray(values, format="rgb48le").reformat(format="gbrp16le"))
+            )
+        container.mux(stream.encode(None))
+    flags = ["--model=LAMBERTIAN", "--mask=THRESHOLD", f"--output={tmp_path / 'normals'}"]
+    done = blender.run("-b", *opened_photo(tmp_path / "turn.mkv", rig), "--command", "mpsnet", "estimate", *flags)
+    assert done.returncode == 0, done.stdout + done.stderr
+    found = sorted((tmp_path / "normals").iterdir())
+    assert [path.name for path in found] == [f"turn_{number:06d}_normals.png" for number in (1, 2, 3)]
+    for path in found:
+        assert degrees_between(2 * read(path)[..., :3] - 1, sphere.normals)[sphere.lit].mean() < 0.5
+
+
+def test_a_network_that_is_only_to_compare_with_is_not_there(blender, rig, tmp_path):
+    write_file(tmp_path / "front.exr", shaded_sphere(96).image, "float")
+    photo = opened_photo(tmp_path / "front.exr", rig)
+    done = blender.run("-b", *photo, "--command", "mpsnet", "estimate", "--model=PSFCN", f"--output={tmp_path}/n.png")
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert "the network psfcn is not here: Blender's extension leaves those to compare with out" in done.stderr
 
 
 @pytest.mark.parametrize(

@@ -66,6 +66,19 @@ def test_what_the_user_or_the_file_says_is_not_doubted(
     assert ("TAKEN AS LINEAR" in caplog.text) == (space == "unknown" and encoding == "auto")
 
 
+@pytest.mark.parametrize("mask", [None, "none", "threshold:0.3"])
+def test_the_mask_is_as_for_linear_values_and_told_once(
+    tmp_path: Path, sphere: Sphere, caplog: pytest.LogCaptureFixture, mask: str | None
+) -> None:
+    photo = written(tmp_path / "photo.png", sphere.image)
+    capture = read_capture(photo, sphere.rig, mask=mask)
+    assert "TAKEN AS LINEAR" in caplog.text
+    assert caplog.text.count("no mask and no alpha") == (mask is None)
+    as_told = read_capture(photo, sphere.rig, mask=mask, encoding="linear")
+    np.testing.assert_array_equal(capture.mask, as_told.mask)
+    np.testing.assert_allclose(capture.image, as_told.image, atol=1e-6)
+
+
 def test_a_white_photo_is_taken_as_the_photo_is(tmp_path: Path, sphere: Sphere) -> None:
     photo = written(tmp_path / "photo.png", sphere.image)
     grey = sphere.image.mean(axis=-1, keepdims=True) * np.ones(3)

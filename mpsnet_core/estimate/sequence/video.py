@@ -1,4 +1,9 @@
-"""Videos as a source of frames, decoded by FFmpeg through PyAV (extra ``video``), one frame at a time."""
+"""Videos as a source of frames, one at a time, decoded by FFmpeg through PyAV (extra ``video``).
+
+Where PyAV is not installed and another program decodes videos, Blender for its extension, the frames are those of its
+timeline: at an even rate, so that one stands twice where the video paused, and the last until the promised end. That
+program does not tell a video's curve.
+"""
 
 import logging
 import os
@@ -13,7 +18,8 @@ from numpy.typing import NDArray
 
 from mpsnet_core.errors import FileError, FormatError, InputError, check_choice
 from mpsnet_core.estimate.sequence.source import Frame, Masks
-from mpsnet_core.io.files import VIDEO_SUFFIXES, existing_file
+from mpsnet_core.estimate.sequence.video_decoder import VideoDecoder
+from mpsnet_core.io.files import VIDEO_DECODER, VIDEO_SUFFIXES, existing_file
 from mpsnet_core.io.frames import RESULT, results_folder
 from mpsnet_core.io.image import MAX_PIXELS, Image, srgb_to_linear
 from mpsnet_core.io.images import ENCODINGS, Encoding, checked_bits
@@ -29,12 +35,12 @@ log = logging.getLogger(__name__)
 # Allowed are files that hold pictures themselves. FFmpeg's playlists name other files, and addresses.
 _OPEN = {"protocol_whitelist": "file", "format_whitelist": "avi,matroska,webm,mov,mp4,m4a,3gp,3g2,mj2,mpegts,mxf"}
 
-# Transfer characteristics by their numbers in ITU-T H.273.
+# Transfer characteristics by their numbers in ITU-T H.273, where 2 is unknown, as it is for matrices.
+_UNKNOWN = 2
 _LINEAR = 8
 _NOT_SRGB = {9: "logarithmic", 10: "logarithmic", 16: "PQ (HDR)", 17: "DCI", 18: "HLG (HDR)"}
 # And matrices.
 _BT709 = 1
-_UNKNOWN_MATRIX = 2
 # Lower pictures whose matrix is not stated are by BT.601, others by BT.709.
 _HD_HEIGHT = 720
 
@@ -45,13 +51,14 @@ _SHORT = 0.02
 @dataclass(frozen=True)
 class Video:
     """A video's header. width, height: as stored, before it is turned upright. frame_rate: a second, on average.
-    count: how many frames there are about, 0 where unknown."""
+    count: how many frames there are about, 0 where unknown. decoder: the program that decodes it, None for PyAV."""
 
     path: Path
     width: int
     height: int
     frame_rate: float
     count: int
+    decoder: VideoDecoder | None = None
 
 
 def is_video(path: str | os.PathLike[str]) -> bool:
@@ -67,6 +74,11 @@ def read_video_header(path: str | os.PathLike[str], *, encoding: Encoding = "aut
     """
     path = existing_file(path, "video")
     check_choice("encoding", encoding, ENCODINGS)
+    if not _pyav_there() and VIDEO_DECODER in os.environ:
+        decoder = VideoDecoder(path)
+        _check_size(path, decoder.width, decoder.height)
+        log.info("video read as %s%s", _curve(path, _UNKNOWN, encoding), ", as requested" if encoding != "auto" else "")
+        return Video(path, decoder.width, decoder.height, decoder.frame_rate, decoder.count, decoder)
     with _opened(path) as container:
         stream = container.streams.video[0]
         codec = stream.codec_context
@@ -109,6 +121,16 @@ def video_frames(
     nothing can be read, or a frame is of another size than the first.
     """
     source = identity(video.path)
+
+    def frame(number: int, read: Callable[[], Image]) -> Frame:
+        made_from = "\n".join([source, str(number), *masks.mask_identity(number, reach)])
+        return Frame(number, f"{video.path.name}, frame {number}", outputs(number), made_from, read, masks.of(number))
+
+    if video.decoder is not None:
+        curve = _curve(video.path, _UNKNOWN, encoding)
+        for number in range(1, video.count + 1):
+            yield frame(number, partial(video.decoder.read, number, "linear" if curve == "linear" else "srgb"))
+        return
     with _opened(video.path) as container:
         stream = container.streams.video[0]
         linear = _curve(video.path, stream.codec_context.color_trc, encoding) == "linear"
@@ -127,10 +149,7 @@ def video_frames(
                     f"{video.path}: frame {number} is {picture.width} x {picture.height}, the first is {video.width} x "
                     f"{video.height}; cut the video where its size changes"
                 )
-            made_from = "\n".join([source, str(number), *masks.mask_identity(number, reach)])
-            name = f"{video.path.name}, frame {number}"
-            read = partial(_image, picture, linear, name)
-            yield Frame(number, name, outputs(number), made_from, read, masks.of(number))
+            yield frame(number, partial(_image, picture, linear, f"{video.path.name}, frame {number}"))
     if number == 0:
         raise FormatError(f"{video.path} holds no frame that can be read{damage}; copy or export it again")
     if damage or video.count - number > max(2, _SHORT * video.count):
@@ -145,7 +164,7 @@ def _image(picture: "VideoFrame", linear: bool, name: str) -> Image:
     parts = picture.format.components
     deep, alpha = any(part.bits > 8 for part in parts), any(part.is_alpha for part in parts)
     matrix = int(picture.colorspace)
-    if matrix == _UNKNOWN_MATRIX and picture.height >= _HD_HEIGHT:
+    if matrix == _UNKNOWN and picture.height >= _HD_HEIGHT:
         matrix = _BT709
     kind = {(False, False): "rgb24", (True, False): "rgb48le", (False, True): "rgba", (True, True): "rgba64le"}
     try:
@@ -172,14 +191,30 @@ def _curve(path: Path, transfer: int, encoding: Encoding) -> str:
     return "linear" if transfer == _LINEAR else "sRGB"
 
 
+def _check_size(path: Path, width: int, height: int) -> None:
+    if width * height > MAX_PIXELS or width * height == 0:
+        raise FormatError(
+            f"{path} says it is {width} x {height}; this program reads up to {MAX_PIXELS // 10**6} megapixels; "
+            "scale it down"
+        )
+
+
+def _pyav_there() -> bool:
+    try:
+        import av  # noqa: F401
+    except ImportError:
+        return False
+    return True
+
+
 def _opened(path: Path) -> "InputContainer":
     """The video's container, to be closed after use."""
-    try:
-        import av
-    except ImportError:
+    if not _pyav_there():
         raise FileError(
             f'{path} is a video, which takes PyAV to read; install it with pip install "mpsnet[video]", or give frames'
-        ) from None
+        )
+    import av
+
     try:
         container = av.open(f"file:{path}", options=dict(_OPEN))
     except (av.FFmpegError, OSError, ValueError) as error:
@@ -191,11 +226,7 @@ def _opened(path: Path) -> "InputContainer":
         codec = container.streams.video[0].codec_context
         if codec is None:
             raise FormatError(f"{path} is by a codec that this FFmpeg does not have; convert it, to H.264 for instance")
-        if codec.width * codec.height > MAX_PIXELS or codec.width * codec.height == 0:
-            raise FormatError(
-                f"{path} says it is {codec.width} x {codec.height}; this program reads up to {MAX_PIXELS // 10**6} "
-                "megapixels; scale it down"
-            )
+        _check_size(path, codec.width, codec.height)
         codec.options = {"max_pixels": str(MAX_PIXELS)}  # a frame's own header may say another size
     except InputError:
         container.close()

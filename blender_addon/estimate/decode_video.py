@@ -1,0 +1,73 @@
+"""Frames of a video for the core, decoded by a Blender without a window: the extension brings no FFmpeg of its own.
+
+The sequencer is how Blender hands out any frame of a movie with the values that are in the file. `decoder_command` is
+for the Blender with the panel, `decode_video` for the one that decodes, see :mod:`mpsnet_core.estimate.sequence
+.video_decoder`.
+"""
+
+import contextlib
+from pathlib import Path
+
+import bpy
+
+from mpsnet_core.errors import FormatError, InputError
+from mpsnet_core.io.child_process import Parent, ParentGone, requests
+from mpsnet_core.io.files import temporary_folder
+
+from ..operators import operator_report
+
+
+def decode_video(path: Path) -> None:
+    """Send the video's header, and each frame that stdin requests, until the input ends."""
+    parent = Parent()
+    with contextlib.suppress(ParentGone), temporary_folder() as folder:
+        try:
+            scene = _opened(path)
+            render = scene.render
+            header = {"width": render.resolution_x, "height": render.resolution_y, "count": scene.frame_end}
+            parent.send(result={**header, "frame_rate": render.fps / render.fps_base})
+            for request in requests():
+                parent.send(result={"file": str(_frame(scene, request["frame"], folder / "frame.tif"))})
+        except InputError as error:
+            parent.send(error=str(error))
+
+
+def _opened(path: Path) -> bpy.types.Scene:
+    """A scene that shows the video at its own size and rate, and in its own values."""
+    try:
+        clip, image = bpy.data.movieclips.load(str(path)), bpy.data.images.load(str(path))
+    except RuntimeError as error:
+        raise FormatError(f"{path} cannot be read as a video ({operator_report(error)}); is it whole?") from None
+    if clip.source != "MOVIE" or not all(clip.size) or clip.fps <= 0 or clip.frame_duration < 1:
+        raise FormatError(f"{path} cannot be read as a video; is it a video file, and whole?")
+    scene = bpy.data.scenes.new("Decoded")
+    bpy.context.window_manager.windows[0].scene = scene  # of another the renderer keeps the first frame
+    scene.frame_end = clip.frame_duration
+    render = scene.render
+    render.resolution_x, render.resolution_y = clip.size
+    render.resolution_percentage = 100
+    render.fps = max(round(clip.fps), 1)
+    render.fps_base = render.fps / clip.fps
+    render.use_compositing, render.dither_intensity, render.film_transparent = False, 0.0, True
+    # From sRGB to sRGB nothing is converted, whatever the values mean.
+    scene.display_settings.display_device = "sRGB"
+    scene.view_settings.view_transform = "Standard"
+    scene.sequencer_colorspace_settings.name = "sRGB"
+    strip = scene.sequence_editor_create().strips.new_movie("Video", str(path), 1, 1, fit_method="ORIGINAL")
+    strip.colorspace_settings.name = "sRGB"
+    strip.blend_type = "REPLACE"
+    stored = render.image_settings
+    stored.file_format, stored.color_depth, stored.tiff_codec = "TIFF", "16", "NONE"
+    image.size[:]  # read, so that its depth is known: bytes or floats, three or four of them
+    stored.color_mode = "RGBA" if image.depth in (32, 128) else "RGB"
+    return scene
+
+
+def _frame(scene: bpy.types.Scene, number: int, file: Path) -> Path:
+    scene.frame_set(number)
+    scene.render.filepath = str(file)
+    try:
+        bpy.ops.render.render(write_still=True)
+    except RuntimeError as error:
+        raise FormatError(f"frame {number} cannot be decoded ({operator_report(error)}); convert the video") from None
+    return file
