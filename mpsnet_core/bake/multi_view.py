@@ -22,7 +22,7 @@ from mpsnet_core.capture.capture import Capture, capture_of, corrected_and_maske
 from mpsnet_core.capture.correction import Correction
 from mpsnet_core.capture.masks import mask_identity
 from mpsnet_core.errors import FileError, GeometryError, InputError
-from mpsnet_core.estimate import Estimator
+from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.io.images import Encoding, read_image, write_image
 from mpsnet_core.io.photo_folder import PhotoFolder
 from mpsnet_core.io.provenance import identity, is_up_to_date, provenance_line

@@ -148,9 +148,9 @@ class Superpose(ReadsPictures):
         import numpy as np
 
         from mpsnet_core.capture.superpose import as_channels, superpose
-        from mpsnet_core.io.frames import check_apart
+        from mpsnet_core.io.files import check_apart, checked_bits
         from mpsnet_core.io.image import linear_to_srgb
-        from mpsnet_core.io.images import checked_bits, write_image
+        from mpsnet_core.io.images import write_image
 
         check_apart(self.image, [self.output])
         is_png = self.channels and Path(self.output).suffix.lower() == ".png"
@@ -196,16 +196,16 @@ class FindMask(ReadsPhotos):
     def run(self, progress: Progress = silent) -> MaskFound:
         """Write the mask, and the overlay where one is requested."""
         from mpsnet_core.capture.correction import corrected
-        from mpsnet_core.capture.masks import find_mask
-        from mpsnet_core.io.files import located, writable_path, written_together
-        from mpsnet_core.io.frames import check_apart
-        from mpsnet_core.io.images import checked_bits, read_image, write_image
+        from mpsnet_core.capture.masks import find_mask, mask_source
+        from mpsnet_core.io.files import check_apart, located, writable_image, written_together
+        from mpsnet_core.io.frames import files_meant
+        from mpsnet_core.io.images import read_image, write_image
         from mpsnet_core.scene.pictures import mask_picture
 
         outputs = [self.output, *([self.overlay] if self.overlay else [])]
-        for number, output in enumerate(outputs):
-            checked_bits(writable_path(output))
-            check_apart([self.image, *files_read(self), *outputs[:number]], [output])
+        for output in outputs:
+            writable_image(output)
+        check_apart(files_meant((self.image, mask_source(self.mask), self.dark, self.flat)), outputs)
         progress(0.0, f"reading {Path(self.image).name}")
         image = read_image(self.image, encoding=self.encoding, layer=self.layer)
         correction = self.correction()
@@ -227,22 +227,3 @@ class FindMask(ReadsPhotos):
         share = float(mask.mean())
         text = f"{self.output}: the object covers {share:.1%} of the photo"
         return MaskFound(self.output, self.overlay, round(share, 4), text=text)
-
-
-def files_read(given: ReadsPhotos) -> list[Path]:
-    """The files that options of photos and their place, ``white`` and ``onto`` mean, in folders and patterns one by
-    one: what no result may overwrite.
-
-    Raises FileError where a folder or a pattern means none.
-    """
-    from mpsnet_core.capture.masks import mask_source
-    from mpsnet_core.io.frames import expand_images, is_several
-
-    mask = getattr(given, "mask", None)
-    mask = None if mask in (None, "mesh") else mask_source(mask)  # mesh is a word of views
-    meshes = getattr(given, "mesh", None) or []
-    files = [Path(one) for one in ([meshes] if isinstance(meshes, str) else meshes)]
-    files += [Path(one) for name in ("camera", "onto") if (one := getattr(given, name, None))]
-    for one in filter(None, (mask, given.dark, given.flat, *(getattr(given, "white", None) or ()))):
-        files += expand_images([one]) if is_several(one) else [Path(one)]
-    return files

@@ -51,8 +51,7 @@ class WriteCameras(ReadsPictures):
 
     def run(self, progress: Progress = silent) -> CamerasWritten:
         """Write a camera file for each photo, and the photo without its lens where that bends it."""
-        from mpsnet_core.io.files import ensure_folder
-        from mpsnet_core.io.frames import check_apart
+        from mpsnet_core.io.files import check_apart, ensure_folder
         from mpsnet_core.scene.camera import write_camera
         from mpsnet_core.scene.view_photos import CAMERA_SUFFIX, posed_photos
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import FileError, FormatError, GeometryError, InputError, SettingsError, check_choice
-from mpsnet_core.estimate.lambertian import usable_channels
+from mpsnet_core.estimate.estimator import usable_channels
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.images import read_data, read_mask
 from mpsnet_core.io.text_table import table_of_means
