@@ -101,7 +101,7 @@ class Photography:
             clip, clipped = image.clip, image.clipped
             if clipped is not None or np.isfinite(clip):
                 # Pixels that a clipped one had a share in are wrong, though no longer at the channel's end.
-                whole = undistorted_mask(~image.saturated.any(axis=-1), view.camera, view.lens)
+                whole = undistorted_mask(~np.any(image.saturated, axis=-1), view.camera, view.lens)
                 clip, clipped = np.inf, np.broadcast_to(~whole[..., None], pixels.shape)
             image = replace(image, pixels=pixels, alpha=None, clip=clip, clipped=clipped)
         if self.mask == "mesh":

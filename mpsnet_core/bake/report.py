@@ -72,7 +72,7 @@ def texture_maps(texture: Texture, name: str = "") -> list[TextureMap]:
         )
     ]
     if texture.views is not None and texture.spread is not None:
-        palette = np.array([list(bytes.fromhex(colour[1:])) for colour in COUNTS], np.float32) / 255
+        palette = np.array([list(bytes.fromhex(colour[1:])) for colour in COUNTS], np.float32) / np.float32(255)
         counts = on_surface(palette[np.minimum(texture.views[few], len(palette) - 1)])
         maps.append(TextureMap("how many views see it:", counts, _KEY))
         shared, spread = texture.views[few] > 1, texture.spread[few].astype(np.float64)

@@ -104,7 +104,7 @@ def white_map(capture: Capture) -> NDArray[np.float32] | None:
     means = white_means(capture)
     if capture.white is None or means is None:
         return None
-    scaled: NDArray[np.float32] = capture.white / means.astype(np.float32)
+    scaled = divided(capture.white, means)
     return np.where(white_valid(capture)[..., None], scaled, np.float32(0))
 
 

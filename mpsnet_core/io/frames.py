@@ -148,9 +148,10 @@ def matching_files(given: str | os.PathLike[str], what: str = "image") -> list[P
     """
     path = Path(given)
     if path.is_dir():
-        found = path.iterdir()
+        found = list(path.iterdir())
     else:
-        found = path.parent.glob(re.sub("#", "[0-9]", glob.escape(path.name).replace("[*]", "*").replace("[?]", "?")))
+        pattern = glob.escape(path.name).replace("[*]", "*").replace("[?]", "?")
+        found = list(path.parent.glob(pattern.replace("#", "[0-9]")))
     files = sorted((file for file in found if file.is_file() and not file.name.startswith(".")), key=natural_order)
     if not files:
         raise FileError(f"no {what} matches {path}; check the pattern")

@@ -187,7 +187,8 @@ def _case(name: str, folder: Path, lights: Lights, protocol: str, magnify: int) 
     capture, truth = read_diligent(folder, lights, protocol), _truth(folder)
     if truth.shape != capture.image.shape:
         raise GeometryError(f"{folder}: the truth is {truth.shape}, the photos {capture.image.shape}")
-    bright_facing = usable_channels(capture).all(axis=-1) & (truth @ capture.rig.directions.T > 0).all(axis=-1)
+    usable, towards = usable_channels(capture), truth @ capture.rig.directions.T > 0
+    bright_facing = np.all(usable & towards, axis=-1)
     return Case(labels, capture, truth, {BRIGHT_FACING.removesuffix("_deg"): bright_facing}, magnify)
 
 

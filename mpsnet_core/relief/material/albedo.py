@@ -48,4 +48,5 @@ def _single(
     light = distant.rig.unmixed(distant.image[rows])
     cosines = normals[rows] @ distant.rig.directions.T.astype(np.float32)
     trust = np.clip((cosines - GRAZING) / (FULL - GRAZING), 0, 1) * usable[rows]
-    return np.maximum(light, 0) / np.maximum(cosines, np.float32(GRAZING)), trust.astype(np.float32)
+    albedo: NDArray[np.float32] = np.divide(np.maximum(light, 0), np.maximum(cosines, np.float32(GRAZING)))
+    return albedo, trust.astype(np.float32)
