@@ -87,7 +87,7 @@ _HOME = {
     "curvature_range": "relief.curvature",
     "depth_of_mesh": "scene.mesh_depth",
     "displacement": "relief.displacement.displacement",
-    "estimate_normals": "estimate",
+    "estimate_normals": "estimate.estimator",
     "estimate_sequence": "estimate.sequence.run",
     "find_lights": "capture.calibrate.lights",
     "find_mask": "capture.masks",

@@ -1,6 +1,9 @@
 """What goes wrong and is not a fault of the program, and how that is said."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
+from typing import NoReturn, TypeVar
+
+T = TypeVar("T")
 
 # A sentence with two paths in it is about half as long.
 LONGEST = 500
@@ -39,6 +42,18 @@ def check_choice(what: str, value: object, choices: Collection[object]) -> None:
         *others, last = map(str, choices)
         known = f"{', '.join(others)} or {last}" if others else last
         raise SettingsError(f"{what} {value!r} is not known; choose {known}")
+
+
+class Choices(dict[str, T]):
+    """What each choice of a setting means. Another than these raises SettingsError, as :func:`check_choice` does."""
+
+    def __init__(self, what: str, meanings: Mapping[str, T]) -> None:
+        super().__init__(meanings)
+        self.what = what
+
+    def __missing__(self, value: str) -> NoReturn:
+        check_choice(self.what, value, self)
+        raise KeyError(value)
 
 
 class Cancelled(Exception):

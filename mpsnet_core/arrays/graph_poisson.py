@@ -60,7 +60,7 @@ class Graph:
 
     def times(self, heights: Vector, diagonal: Vector) -> Vector:
         """(N,) the normal equations' matrix times `heights`."""
-        out = diagonal * heights
+        out: Vector = diagonal * heights
         for neighbour, weight in zip(self.neighbours, self.weights, strict=True):
             out -= weight * heights[neighbour]
         one, other = self.ties.T
@@ -152,8 +152,8 @@ class Solver:
         level = self.levels[number]
         if level.parent is None and self.inverse is not None:
             return (self.inverse @ residual).astype(np.float32)
-        damped = np.float32(DAMPING) / np.maximum(level.diagonal, np.float32(1e-12))
-        heights = damped * residual
+        damped: Vector = np.divide(np.float32(DAMPING), np.maximum(level.diagonal, np.float32(1e-12)))
+        heights: Vector = damped * residual
         if level.parent is not None:
             coarse = self.levels[number + 1].graph
             rest = residual - level.graph.times(heights, level.diagonal)
@@ -227,7 +227,7 @@ def _pseudo_inverse(graph: Graph) -> NDArray[np.float64]:
     one, other = graph.ties.T
     np.subtract.at(matrix, (one, other), graph.tie_weights)
     np.subtract.at(matrix, (other, one), graph.tie_weights)
-    return np.linalg.pinv(matrix, rcond=1e-6, hermitian=True)
+    return np.linalg.pinv(matrix, rcond=1e-6, hermitian=True).astype(np.float64, copy=False)
 
 
 def _dot(one: Vector, other: Vector) -> float:

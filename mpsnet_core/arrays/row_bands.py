@@ -1,12 +1,9 @@
 """Bands of rows, which keep intermediate arrays small for images of any size."""
 
-from collections.abc import Iterator
-
 # A multiple of what TIFF and EXR files compress together.
 ROWS = 256
 
 
-def bands(height: int, rows: int = ROWS) -> Iterator[slice]:
+def bands(height: int, rows: int = ROWS) -> list[slice]:
     """Slices of `rows` rows that cover an image of `height` rows from top to bottom."""
-    for top in range(0, height, rows):
-        yield slice(top, min(top + rows, height))
+    return [slice(top, min(top + rows, height)) for top in range(0, height, rows)]

@@ -348,7 +348,7 @@ def _averaged(points: Texture, samples: int) -> Texture:
     assert points.views is not None and points.spread is not None
     return Texture(
         normalised(vectors),
-        blocks(points.seen).any(axis=(1, 3)),
+        np.any(blocks(points.seen), axis=(1, 3)),
         weight > 0,
         points.space,
         blocks(points.views).max(axis=(1, 3)),

@@ -186,8 +186,8 @@ def _wears(seen: MeshSeen, present: BaseMap) -> NDArray[np.bool_]:
     worn = np.ones(len(seen.triangle), bool) if present.triangles is None else present.triangles[seen.triangle]
     if present.corner is None:
         return worn
-    worn &= (np.floor(seen.at(seen.mesh.uvs)) == present.corner).all(axis=1)
-    return worn
+    on_tile: NDArray[np.bool_] = np.all(np.floor(seen.at(seen.mesh.uvs)) == present.corner, axis=1)
+    return worn & on_tile
 
 
 def _normals_worn(

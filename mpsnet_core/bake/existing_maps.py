@@ -15,9 +15,10 @@ from mpsnet_core.bake.detail_blending import read_base_map
 from mpsnet_core.bake.map_list import ListedMap, read_map_list
 from mpsnet_core.bake.texture_names import TOKENS, check_one_texture, map_files
 from mpsnet_core.bake.texture_sets import TextureSet
-from mpsnet_core.errors import FileError, SettingsError
+from mpsnet_core.defaults import CONVENTIONS
+from mpsnet_core.errors import FileError, SettingsError, check_choice
 from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.normal_map import Convention, check_convention
+from mpsnet_core.scene.normal_map import Convention
 
 log = logging.getLogger(__name__)
 
@@ -47,7 +48,7 @@ def maps_beneath(
     listed = read_map_list(given) if is_list else [ListedMap(Path(given), convention=convention)]
     sought: list[Path | None] = [None] * len(sheets)
     for entry in listed:
-        check_convention(entry.convention)
+        check_choice("convention", entry.convention, CONVENTIONS)
         for number, (sheet, file) in enumerate(zip(sheets, map_files(entry.file, sheets), strict=True)):
             meant = entry.object in (None, sheet.object) and entry.material in (None, sheet.material)
             # Not every object or tile need have a map; one that is named in full and missing fails where it is read.

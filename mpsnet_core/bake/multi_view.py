@@ -23,8 +23,8 @@ from mpsnet_core.capture.capture import Capture, capture_of, corrected_and_maske
 from mpsnet_core.capture.correction import Correction
 from mpsnet_core.capture.masks import mask_identity
 from mpsnet_core.errors import FileError, GeometryError, InputError
-from mpsnet_core.estimate import Estimator
 from mpsnet_core.estimate.albedo import albedo_from_white, read_albedo
+from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.images import Encoding, read_image, write_image
 from mpsnet_core.io.photo_folder import PhotoFolder
@@ -146,7 +146,7 @@ def _straightened(image: Image, view: ViewPhoto) -> Image:
     clip, clipped = image.clip, image.clipped
     if clipped is not None or np.isfinite(clip):
         # Pixels that a clipped one had a share in are wrong, though no longer at the channel's end.
-        whole = undistorted_mask(~image.saturated.any(axis=-1), view.camera, view.lens)
+        whole = undistorted_mask(~np.any(image.saturated, axis=-1), view.camera, view.lens)
         clip, clipped = np.inf, np.broadcast_to(~whole[..., None], pixels.shape)
     return replace(image, pixels=pixels, alpha=None, clip=clip, clipped=clipped)
 

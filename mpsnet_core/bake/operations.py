@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from mpsnet_core.bake.presets import PRESETS
-from mpsnet_core.capture.operations import ReadsPhotos, files_read
+from mpsnet_core.capture.operations import ReadsPhotos
 from mpsnet_core.defaults import CONVENTIONS, LEVEL_SCALE, MARGIN, MAX_STRENGTH, MAX_TEXTURE_SIZE, TEXTURE_SIZE
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.operations import RunsModel
@@ -344,10 +344,9 @@ class Bake(LaysOnto):
             texture_facts,
             write_textures,
         )
-        from mpsnet_core.io.files import writable_path, written_together
-        from mpsnet_core.io.images import checked_bits
+        from mpsnet_core.io.files import writable_image, written_together
 
-        checked_bits(writable_path(target.output), target.bits)
+        writable_image(target.output, target.bits)
         maps = [tuple(map(Path, files)) or (None,) * len(views) for files in (self.confidence, self.albedo)]
         inputs = BakeInputs(
             tuple(map(Path, self.mesh)),
@@ -375,8 +374,8 @@ class Bake(LaysOnto):
         from mpsnet_core.bake.existing_maps import one_base_map
         from mpsnet_core.bake.inputs import ViewReader
         from mpsnet_core.bake.sequence import bake_sequence
-        from mpsnet_core.io.files import ensure_folder, remove_abandoned
-        from mpsnet_core.io.frames import check_apart, results_folder
+        from mpsnet_core.io.files import check_apart, ensure_folder, remove_abandoned
+        from mpsnet_core.io.frames import results_folder
         from mpsnet_core.io.provenance import operation_facts
 
         frames, (first, last) = self._frames(views, target)
@@ -413,7 +412,7 @@ class Bake(LaysOnto):
         """What each frame's texture is baked from, and the first and last number."""
         from mpsnet_core.bake.inputs import frame_inputs
         from mpsnet_core.bake.texture_names import split_by
-        from mpsnet_core.io.images import checked_bits
+        from mpsnet_core.io.files import checked_bits
 
         if len(self.mesh) > 1 or split_by(target.output):
             raise SettingsError(
@@ -522,7 +521,7 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         from mpsnet_core.bake.feather import FEATHER
         from mpsnet_core.bake.multi_view import KeptView, KeptViews, estimate_views, sources_of
         from mpsnet_core.bake.view_agreement import agreement, note_doubts
-        from mpsnet_core.io.frames import check_apart
+        from mpsnet_core.io.files import check_apart
         from mpsnet_core.io.provenance import operation_facts
         from mpsnet_core.scene.joined_mesh import join_meshes
         from mpsnet_core.scene.rays import RayScene
@@ -563,19 +562,19 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
 
     def _target(self) -> "TextureTarget":
         from mpsnet_core.bake.texture_files import texture_target
-        from mpsnet_core.io.files import writable_path
-        from mpsnet_core.io.images import checked_bits
+        from mpsnet_core.io.files import writable_image
 
         self.check_onto()
         target = texture_target(self.output, self.mesh, preset=self.preset, convention=self.convention, bits=self.bits)
-        checked_bits(writable_path(target.output), target.bits)
+        writable_image(target.output, target.bits)
         return target
 
     def _files(self, target: "TextureTarget") -> tuple[list[Path], list[str]]:
         """What is read, but for the photos, and what is written. Raises InputError where one would overwrite another,
         or has no place."""
-        from mpsnet_core.io.files import files_within, writable_path
-        from mpsnet_core.io.frames import check_apart
+        from mpsnet_core.capture.masks import mask_source
+        from mpsnet_core.io.files import check_apart, files_within, writable_path
+        from mpsnet_core.io.frames import files_meant
         from mpsnet_core.io.html_page import page_path
 
         if self.report:
@@ -583,9 +582,10 @@ class BakeViews(RunsModel, ReadsPhotos, LaysOnto):
         if self.json:
             writable_path(self.json)
         outputs = [file for file in (target.output, self.report, self.json) if file]
-        inputs = [Path(self.rig), *files_within(self.cameras), *files_read(self)]
-        for number, file in enumerate(outputs):
-            check_apart([*inputs, *outputs[:number]], [file])
+        mask = None if self.mask in (None, "mesh") else mask_source(self.mask)
+        given = (self.rig, *self.mesh, self.onto, mask, self.dark, self.flat)
+        inputs = [*files_within(self.cameras), *files_meant(given)]
+        check_apart(inputs, outputs)
         return inputs, outputs
 
     def _photography(self) -> "Photography":

@@ -78,8 +78,8 @@ class Projector:
         world = normals.vectors @ view.camera.rotation.T.astype(np.float32)
         layers = [world, np.ones_like(world[..., :1])]
         if view.colours is not None:
-            known = np.isfinite(view.colours).all(axis=-1, keepdims=True)
-            layers += [np.where(known, view.colours, 0), known]
+            known = np.all(np.isfinite(view.colours), axis=-1, keepdims=True)
+            layers += [np.where(known, view.colours, 0), known.astype(np.float32)]
         # (H + 2, W + 2, 4): world normals and a 1, times their weight; with colours (..., 8), these and a 1 likewise.
         # The border of nothing spares sampling at the image's edge a special case.
         self.samples = np.pad(
@@ -101,9 +101,9 @@ class Projector:
             towards = (self.camera.world_from_camera[:3, 3] - self.middle).astype(np.float32) - points
             facing = np.einsum("ni,ni->n", normals, towards) / np.linalg.norm(towards, axis=1)
         candidate = np.flatnonzero(facing > MIN_FACING)
-        points = points[candidate] + self.middle
-        depth = points @ self.depth[:3] + self.depth[3]
-        projected = points @ self.projection[:, :3].T + self.projection[:, 3]
+        world = points[candidate] + self.middle
+        depth = world @ self.depth[:3] + self.depth[3]
+        projected = world @ self.projection[:, :3].T + self.projection[:, 3]
         ahead = (depth > 0) | (self.camera.projection == "orthographic")
         with np.errstate(divide="ignore", invalid="ignore"):
             pixels = projected[:, :2] / projected[:, 2:]

@@ -80,7 +80,7 @@ def texture_maps(texture: Texture, name: str = "") -> list[TextureMap]:
         colours = on_surface(linear_to_srgb(texture.colours[few][..., :3]))
         maps.append(TextureMap("the albedo; what no view sees continues what is near", colours))
     if texture.views is not None and texture.spread is not None:
-        palette = np.array([list(bytes.fromhex(colour[1:])) for colour in COUNTS], np.float32) / 255
+        palette = np.array([list(bytes.fromhex(colour[1:])) for colour in COUNTS], np.float32) / np.float32(255)
         counts = on_surface(palette[np.minimum(texture.views[few], len(palette) - 1)])
         maps.append(TextureMap("how many views see it:", counts, _KEY))
         shared, spread = texture.views[few] > 1, texture.spread[few].astype(np.float64)

@@ -85,7 +85,7 @@ class UnderTexels:
         strength: what the gradients against the surface's own normals are multiplied by.
         """
         normal, tangent = self.at(place, self.normal, self.tangent)
-        baked = np.where(vectors.any(axis=1)[:, None], vectors @ self.object_from_world_normals.T, normal)
+        baked = np.where(np.any(vectors, axis=1)[:, None], vectors @ self.object_from_world_normals.T, normal)
         if strength != 1:
             own = normalised(normal)
             along = np.einsum("ni,ni->n", baked, own)[:, None] * own

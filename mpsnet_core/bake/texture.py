@@ -51,7 +51,7 @@ class Texture:
     @property
     def seen_fraction(self) -> float:
         """The share of the surface's texels that some view saw."""
-        return float(self.seen.sum() / max(self.covered.sum(), 1))
+        return int(self.seen.sum()) / max(int(self.covered.sum()), 1)
 
     @property
     def filled_fraction(self) -> float | None:

@@ -16,8 +16,7 @@ from mpsnet_core.bake.texture_names import albedo_file, split_by, texture_files,
 from mpsnet_core.bake.texture_sets import TextureSet, sheets
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.albedo import write_albedo
-from mpsnet_core.io.files import ensure_folder, writable_path
-from mpsnet_core.io.frames import check_apart
+from mpsnet_core.io.files import check_apart, ensure_folder, writable_path
 from mpsnet_core.scene.mesh import Mesh, read_mesh
 from mpsnet_core.scene.mesh_labels import Labels
 from mpsnet_core.scene.normal_map import Convention

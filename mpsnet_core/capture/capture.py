@@ -14,11 +14,11 @@ from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.capture.correction import Correction, corrected
 from mpsnet_core.capture.masks import Notes, find_mask, follows_values
-from mpsnet_core.capture.sizes import SAME_CAMERA, check_same_size
+from mpsnet_core.capture.sizes import SAME_CAMERA, SAME_SIZE, check_same_size, size
 from mpsnet_core.capture.transfer_curve import CLOSE, DECIDED, linear_rather
 from mpsnet_core.errors import FormatError, GeometryError, InputError, SettingsError
 from mpsnet_core.io.frames import expand_images
-from mpsnet_core.io.image import Image, saturated
+from mpsnet_core.io.image import SATURATED_SHARE, Image
 from mpsnet_core.io.images import Encoding, as_stored, layer_in, read_image
 from mpsnet_core.scene.camera import Camera, camera_of_lens
 from mpsnet_core.scene.rig import LightRig, NearLights
@@ -94,16 +94,12 @@ class Capture:
             image = image.astype(np.float32, copy=False)
         if image.ndim != 3 or image.shape[2] != 3:
             raise FormatError(f"a photo has three channels a pixel; this one has shape {image.shape}")
-        check_same_size("the mask", mask.shape, "the photo", image.shape[:2])
+        self._check_sizes(mask.shape, image.shape)
         if not mask.any():
             raise GeometryError("the mask is empty: no pixel of the object is marked; choose another mask or threshold")
-        image = finite_inside(image, mask, "photo")
-        if not any((image[rows] > 0).any(where=mask[rows, :, None]) for rows in bands(len(mask))):
-            raise GeometryError("the photo is black inside the mask; were the lights on, and is it the right mask?")
         if self.clipped is not None:
             check_same_size("what is clipped", self.clipped.shape, "the photo", image.shape)
-        if self.camera is not None:
-            check_same_size("the camera", (self.camera.height, self.camera.width), "the photo", mask.shape)
+        image = _finite_and_lit(image, mask, "photo", "were the lights on, and is it the right mask?")
         if self.rig.near is not None and (self.camera is None or self.depth is None):
             raise GeometryError(
                 "the rig's lights stand near the object, so its distance counts: give the camera, and the object's "
@@ -111,7 +107,6 @@ class Capture:
             )
         if self.depth is not None:
             depth = np.asarray(self.depth, np.float32)
-            check_same_size("the depth", depth.shape, "the photo", mask.shape)
             if not (np.isfinite(depth) & (depth > 0)).all(where=mask):
                 raise GeometryError(
                     "the object's depth is not above 0 everywhere inside the mask; check camera and mesh"
@@ -122,22 +117,43 @@ class Capture:
         object.__setattr__(self, "image", image)
         object.__setattr__(self, "mask", mask)
 
+    def _check_sizes(self, mask: tuple[int, ...], photo: tuple[int, ...]) -> None:
+        parts = {
+            "the mask": mask,
+            "the camera": None if self.camera is None else (self.camera.height, self.camera.width),
+            "the depth": None if self.depth is None else np.shape(self.depth),
+        }
+        for name, shape in parts.items():
+            if shape is not None and shape != photo[:2]:
+                raise GeometryError(f"{name} is {size(shape)} but the photo is {size(photo)}; {SAME_SIZE}")
+
     @property
     def saturated(self) -> NDArray[np.bool_]:
         """(H, W, 3) where a channel is saturated, and so wrong."""
-        return saturated(self.image, self.clip) if self.clipped is None else self.clipped
+        return self.image >= SATURATED_SHARE * self.clip if self.clipped is None else self.clipped
 
 
 def finite_inside(image: NDArray[Any], mask: NDArray[np.bool_], name: str) -> NDArray[Any]:
-    """The image (H, W, 3) with zeros where it is not finite, outside the mask; itself where it is finite."""
+    """The image (H, W, 3) with zeros where it is not finite, outside the mask; itself where it is finite.
+
+    Raises FormatError where it is not finite inside the mask.
+    """
     result = image
-    for rows in bands(len(mask)):
-        finite = np.isfinite(image[rows])
-        if not finite.all(where=mask[rows, :, None]):
+    for channel in range(3):  # one at a time, which takes little memory
+        finite = np.isfinite(image[..., channel])
+        if not finite.all(where=mask):
             raise FormatError(f"the {name} holds values that are not finite inside the mask; export it again")
         if not finite.all():
             result = image.copy() if result is image else result
-            result[rows][~finite] = 0
+            result[..., channel][~finite] = 0
+    return result
+
+
+def _finite_and_lit(image: NDArray[Any], mask: NDArray[np.bool_], name: str, black: str) -> NDArray[Any]:
+    """:func:`finite_inside`; raises GeometryError where the image is black inside the mask, and asks `black`."""
+    result = finite_inside(image, mask, name)
+    if not any((result[..., channel] > 0).any(where=mask) for channel in range(3)):
+        raise GeometryError(f"the {name} is black inside the mask; {black}")
     return result
 
 
@@ -148,9 +164,7 @@ def _checked_white(
     if white.ndim != 3 or white.shape[2] != 3:
         raise FormatError(f"a white photo has three channels a pixel; this one has shape {white.shape}")
     check_same_size("the white photo", white.shape[:2], "the photo", mask.shape, SAME_CAMERA)
-    white = finite_inside(white, mask, "white photo")
-    if not (white > 0).any(where=mask[..., None]):
-        raise GeometryError("the white photo is black inside the mask; was the light on, and is it of the same pose?")
+    white = _finite_and_lit(white, mask, "white photo", "was the light on, and is it of the same pose?")
     if clipped is not None:
         check_same_size("what is clipped in the white photo", clipped.shape, "the white photo", white.shape)
     return white
@@ -395,7 +409,8 @@ def note_doubts(capture: Capture, name: str = "") -> None:
         mask = capture.mask[rows]
         inside = capture.image[rows][mask]
         if len(inside):
-            clipped = saturated(inside, capture.clip) if capture.clipped is None else capture.clipped[rows][mask]
+            level = SATURATED_SHARE * capture.clip
+            clipped = inside >= level if capture.clipped is None else capture.clipped[rows][mask]
             spoilt += int(clipped.any(axis=1).sum())
             total += inside.sum(axis=0, dtype=np.float64)
             products += inside.T.astype(np.float64) @ inside

@@ -334,7 +334,7 @@ def _outlined(
 
 
 def _factor(pixels: NDArray[np.float32]) -> int:
-    return -(-max(pixels.shape[:2]) // WORKING_SIDE)
+    return int(-(-max(pixels.shape[:2]) // WORKING_SIDE))
 
 
 def _white(small: NDArray[np.float32]) -> NDArray[np.float32]:

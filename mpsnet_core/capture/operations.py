@@ -174,9 +174,9 @@ class Superpose(ReadsPictures):
         import numpy as np
 
         from mpsnet_core.capture.superpose import as_channels, superpose
-        from mpsnet_core.io.frames import check_apart
+        from mpsnet_core.io.files import check_apart, checked_bits
         from mpsnet_core.io.image import linear_to_srgb
-        from mpsnet_core.io.images import checked_bits, write_image
+        from mpsnet_core.io.images import write_image
 
         check_apart(self.image, [self.output])
         is_png = self.channels and Path(self.output).suffix.lower() == ".png"
@@ -221,15 +221,16 @@ class FindMask(ReadsPhotos):
 
     def run(self, progress: Progress = silent) -> MaskFound:
         """Write the mask, and the overlay where one is requested."""
-        from mpsnet_core.io.files import writable_path, written_together
-        from mpsnet_core.io.frames import check_apart
-        from mpsnet_core.io.images import checked_bits, write_image
+        from mpsnet_core.capture.masks import mask_source
+        from mpsnet_core.io.files import check_apart, writable_image, written_together
+        from mpsnet_core.io.frames import files_meant
+        from mpsnet_core.io.images import write_image
         from mpsnet_core.scene.pictures import mask_picture
 
         outputs = [self.output, *([self.overlay] if self.overlay else [])]
-        for number, output in enumerate(outputs):
-            checked_bits(writable_path(output))
-            check_apart([self.image, *files_read(self), *outputs[:number]], [output])
+        for output in outputs:
+            writable_image(output)
+        check_apart(files_meant((self.image, mask_source(self.mask), self.dark, self.flat)), outputs)
         progress(0.0, f"reading {Path(self.image).name}")
         image, mask = self.photo_and_mask(self.image, self.mask, progress)
         progress(0.8, f"writing {Path(self.output).name}")
@@ -288,14 +289,15 @@ class Check(ReadsPhotos):
 
     def run(self, progress: Progress = silent) -> PhotoChecked:
         """Look at the photo, and write the findings where they are requested."""
+        from mpsnet_core.capture.masks import mask_source
         from mpsnet_core.capture.photo_check import check_photo, worst
-        from mpsnet_core.io.files import located, writable_path, write_json
-        from mpsnet_core.io.frames import check_apart
+        from mpsnet_core.io.files import check_apart, located, writable_path, write_json
+        from mpsnet_core.io.frames import files_meant
         from mpsnet_core.scene.rig import read_rig
 
         if self.json:
             writable_path(self.json)
-            check_apart([self.image, *([self.rig] if self.rig else []), *files_read(self)], [self.json])
+            check_apart(files_meant((self.image, self.rig, mask_source(self.mask), self.dark, self.flat)), [self.json])
         rig = read_rig(self.rig) if self.rig else None
         progress(0.0, f"reading {Path(self.image).name}")
         image, mask = self.photo_and_mask(self.image, self.mask, progress)
@@ -311,22 +313,3 @@ class Check(ReadsPhotos):
             write_json(self.json, {name: figures[name] for name in ("level", "findings")})
         progress(1.0, "done")
         return result
-
-
-def files_read(given: ReadsPhotos) -> list[Path]:
-    """The files that options of photos and their place, ``white`` and ``onto`` mean, in folders and patterns one by
-    one: what no result may overwrite.
-
-    Raises FileError where a folder or a pattern means none.
-    """
-    from mpsnet_core.capture.masks import mask_source
-    from mpsnet_core.io.frames import expand_images, is_several
-
-    mask = getattr(given, "mask", None)
-    mask = None if mask in (None, "mesh") else mask_source(mask)  # mesh is a word of views
-    meshes = getattr(given, "mesh", None) or []
-    files = [Path(one) for one in ([meshes] if isinstance(meshes, str) else meshes)]
-    files += [Path(one) for name in ("camera", "onto") if (one := getattr(given, name, None))]
-    for one in filter(None, (mask, given.dark, given.flat, *(getattr(given, "white", None) or ()))):
-        files += expand_images([one]) if is_several(one) else [Path(one)]
-    return files

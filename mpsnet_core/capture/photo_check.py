@@ -11,7 +11,7 @@ from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.mask_regions import box_sums, dilated
 from mpsnet_core.arrays.robust_statistics import DEVIATIONS
 from mpsnet_core.capture.capture import ALIKE, channel_angles, finite_inside
-from mpsnet_core.io.image import Image, saturated
+from mpsnet_core.io.image import Image
 from mpsnet_core.scene.rig import LightRig
 
 Level = Literal["good", "watch", "bad"]
@@ -92,7 +92,7 @@ def check_photo(image: Image, mask: NDArray[np.bool_], rig: LightRig | None) -> 
     if not mask[rows].any():
         rows = slice(None)
     pixels, inside = whole[rows].astype(np.float64), mask[rows]
-    clipped = saturated(image.pixels[rows], image.clip) if image.clipped is None else image.clipped[rows]
+    clipped = np.asarray(image.saturated)[rows]
     noise = _noise(pixels, inside)
     values = pixels[inside]
     full_scale = 1.0 if np.isfinite(image.clip) or image.clipped is not None else None

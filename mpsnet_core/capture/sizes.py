@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from mpsnet_core.errors import GeometryError
 
+SAME_SIZE = "they must be the same size"
 SAME_CAMERA = "take both with the same camera, held alike"
 
 
@@ -13,7 +14,7 @@ def size(shape: Sequence[int]) -> str:
 
 
 def check_same_size(
-    name: str, shape: Sequence[int], other: str, expected: Sequence[int], remedy: str = "they must be the same size"
+    name: str, shape: Sequence[int], other: str, expected: Sequence[int], remedy: str = SAME_SIZE
 ) -> None:
     """Raises GeometryError where two arrays differ in shape; `name` and `other` name them in the sentence."""
     if tuple(shape) != tuple(expected):

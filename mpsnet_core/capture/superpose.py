@@ -74,7 +74,9 @@ def as_channels(
         raise SettingsError(f"{len(photos)} photo(s) where three are needed, one for each light in the rig's order")
     images = _read(photos, encoding, grey=True)
     means = [
-        np.where(image.saturated.any(axis=-1), np.float32(max(1, image.pixels.max())), image.pixels.mean(axis=-1))
+        np.where(
+            image.saturated.any(axis=-1), np.maximum(np.float32(1), image.pixels.max()), image.pixels.mean(axis=-1)
+        )
         for image in images
     ]
     return np.stack(means, axis=-1), _alpha(images)

@@ -187,7 +187,8 @@ def _by_rig(capture: Capture, white: NDArray[np.float32], normals: NDArray[np.fl
     # A highlight of one light looks like a shadow of the others, but is brighter than what is lit by all.
     ceiling = BRIGHTER * np.percentile(white[lit] / shading[lit][:, None], 95, axis=0)
     least = (white / np.maximum(ceiling, 1e-9).astype(np.float32)).max(axis=-1)
-    return np.minimum(np.maximum((arrives * cosines).sum(axis=-1), least), shading)
+    reached: NDArray[np.float32] = np.maximum((arrives * cosines).sum(axis=-1), least)
+    return np.minimum(reached, shading)
 
 
 def _comparable(capture: Capture, white: NDArray[np.float32]) -> NDArray[np.bool_]:

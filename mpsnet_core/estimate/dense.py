@@ -170,7 +170,7 @@ def _previous(answer: NDArray[Any], window: Window) -> Floats:
         for side, source in zip(window, (rows, columns), strict=True)
     )
     part = part[down, right]
-    values: Floats = part[..., :4] / np.maximum(part[..., 4:], np.float32(1e-3))
+    values: Floats = np.divide(part[..., :4], np.maximum(part[..., 4:], np.float32(1e-3)))
     values[..., :3] = normalised(values[..., :3])
     return values
 

@@ -25,11 +25,11 @@ ROWS = 32
 
 
 def under_distant_lights(capture: Capture) -> Capture:
-    """The capture as its rig's directions would light it from afar; itself where the lights are distant.
+    """The capture of near lights as its rig's directions would light it from afar.
 
     Exact for a matt surface that all three lights reach; values can be below zero elsewhere. The mixing is undone.
     """
-    return capture if capture.rig.near is None else _relit(capture, turned=False)
+    return _relit(capture, turned=False)
 
 
 def as_distant_lights(capture: Capture) -> Capture:

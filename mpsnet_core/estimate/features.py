@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate.lambertian import divided, initial_normals
 
 # Channels of each map; maps are zero outside the mask.
 FEATURE_CHANNELS = {
@@ -28,6 +28,21 @@ FEATURE_CHANNELS = {
 CONSTANTS = frozenset({"lights", "channel_means", "given"})
 # A channel that is black everywhere must not blow up the others: its mean counts as this share of theirs.
 LEAST_MEAN = 1e-4
+
+
+def divided(image: NDArray[np.float32], means: NDArray[np.float64] | float) -> NDArray[np.float32]:
+    """The image (..., 3) divided by its mean, or each channel by its own; by 1 where the mean is not above 0."""
+    divisor: NDArray[np.float32] = np.where(np.greater(means, 0), means, 1).astype(np.float32)
+    return image / divisor
+
+
+def initial_normals(image: NDArray[np.float32], directions: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Equation 2: ``n = L⁻¹ c``, normalised.
+
+    image: (..., 3) linear, one channel a light. directions: (3, 3), a unit vector a row. Returns (..., 3) unit
+    vectors in the directions' frame; a black pixel faces the camera (+z).
+    """
+    return normalised(image @ np.linalg.inv(directions).T.astype(np.float32))
 
 
 def channel_count(features: Iterable[str]) -> int:
@@ -89,7 +104,7 @@ def white_map(capture: Capture) -> NDArray[np.float32] | None:
     means = white_means(capture)
     if capture.white is None or means is None:
         return None
-    scaled: NDArray[np.float32] = capture.white / means.astype(np.float32)
+    scaled = divided(capture.white, means)
     return np.where(white_valid(capture)[..., None], scaled, np.float32(0))
 
 

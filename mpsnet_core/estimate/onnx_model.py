@@ -35,7 +35,7 @@ MAX_ARENA_BYTES = 16 << 30
 
 
 class OnnxModel:
-    """A network from an ONNX file, with its card; options as of :class:`mpsnet_core.estimate.Estimator`.
+    """A network from an ONNX file, with its card; options as of :class:`mpsnet_core.estimate.estimator.Estimator`.
 
     passes: in place of the card's, for networks in the canonical frame.
 

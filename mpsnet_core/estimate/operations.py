@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from mpsnet_core.capture.operations import HasViewpoint, ReadsPhotos, files_read
+from mpsnet_core.capture.operations import HasViewpoint, ReadsPhotos
 from mpsnet_core.defaults import CONVENTIONS, MAX_SMOOTHING
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.registry import (
@@ -30,10 +30,9 @@ if TYPE_CHECKING:
 
     from mpsnet_core.capture.capture import Capture
     from mpsnet_core.capture.masks import Notes
-    from mpsnet_core.estimate import Estimator
+    from mpsnet_core.estimate.estimator import Estimator
     from mpsnet_core.estimate.sequence.run import Outcome
     from mpsnet_core.estimate.sequence.source import Frame
-    from mpsnet_core.scene.rig import LightRig
 
 log = logging.getLogger(__name__)
 
@@ -71,8 +70,8 @@ class RunsModel(Operation):
         return {"model": content(network.path), "passes": str(passes or network.passes)}
 
     def estimator(self, passes: Literal[1, 3] | None = None) -> "Estimator":
-        """The model made ready. passes: as :class:`mpsnet_core.estimate.Estimator` takes them."""
-        from mpsnet_core.estimate import Estimator
+        """The model made ready. passes: as :class:`mpsnet_core.estimate.estimator.Estimator` takes them."""
+        from mpsnet_core.estimate.estimator import Estimator
 
         return Estimator(self.model, passes=passes, provider=self.provider, threads=self.threads, tile=self.tile)
 
@@ -186,48 +185,34 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
 
     def run(self, progress: Progress = silent) -> NormalsMade | FramesMade:
         """Write the normal map of one photo, or those of several, of numbered frames or of a video."""
-        from mpsnet_core.estimate.sequence.video import is_video
-        from mpsnet_core.io.frames import expand_images, is_several
-        from mpsnet_core.scene.rig import read_rig
+        from mpsnet_core.io.files import check_apart, writable_image
+        from mpsnet_core.io.frames import expand_images, files_meant, is_several, is_video, output_files
 
-        if self.albedo and not self.white:
-            raise SettingsError("--albedo is made from a photo under white light; give it with --white")
-        if self.white_light and not self.albedo:
-            raise SettingsError(
-                "--white-light tells what lit the photo that --albedo is made from; give both, or neither"
-            )
-        white_light = _white_light(self.white_light or "rig")
-        rig = read_rig(self.rig)
+        white_light, beside = self._white_light(), self._beside_photos()
         photos = expand_images(self.image)
-        # A folder or a pattern is a sequence, be there one frame in it so far; but only one photo's confidence is
-        # written.
-        sequence = any(map(is_several, self.image)) and not self.confidence
-        if sequence or len(photos) > 1 or is_video(photos[0]):
-            return self._frames(photos, rig, progress)
+        inputs = [*photos, *files_meant(beside)]
+        # One frame in a folder is a sequence, too; but only one photo's confidence is written.
+        if len(photos) > 1 or is_video(photos[0]) or (any(map(is_several, self.image)) and not self.confidence):
+            return self._frames(photos, inputs, progress)
         if self.smooth:
             raise SettingsError("--smooth takes the frames of a sequence, and there is one photo; leave it out")
-        return self._photo(photos[0], rig, white_light, progress)
+        [output] = output_files(photos, self.output, self.format)
+        maps = [writable_image(path) for path in (self.confidence, self.albedo) if path]
+        check_apart(inputs, [output, *maps])
+        return self._photo(photos[0], output, white_light, progress)
 
     def _photo(
-        self, photo: Path, rig: "LightRig", white_light: "NDArray[np.float64] | None", progress: Progress
+        self, photo: Path, output: Path, white_light: "NDArray[np.float64] | None", progress: Progress
     ) -> NormalsMade:
         from mpsnet_core.capture.capture import read_capture
         from mpsnet_core.estimate.albedo import albedo_from_white, write_albedo
-        from mpsnet_core.io.files import ensure_folder, writable_path, written_together
-        from mpsnet_core.io.frames import check_apart, output_files
-        from mpsnet_core.io.images import checked_bits, write_image
+        from mpsnet_core.io.files import ensure_folder, written_together
+        from mpsnet_core.io.images import write_image
         from mpsnet_core.scene.normal_map import write_normals
+        from mpsnet_core.scene.rig import read_rig
 
-        [output] = output_files([photo], self.output, self._suffix)
-        inputs = [photo, Path(self.rig), *files_read(self)]
-        check_apart(inputs, [output])
-        outputs = [output]
-        for other in filter(None, (self.confidence, self.albedo)):
-            checked_bits(writable_path(other))
-            check_apart([*inputs, *outputs], [other])
-            outputs.append(Path(other))
-        correction, (camera, depth) = self.correction(), self.viewpoint()
         estimator = self.estimator(self.passes)
+        rig, correction, (camera, depth) = read_rig(self.rig), self.correction(), self.viewpoint()
         progress(0.0, f"reading {photo.name}")
         capture = read_capture(
             photo,
@@ -240,7 +225,10 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
             correction=correction,
             white=self.white or None,
         )
+
+        progress(0.1, f"normals by {self.model}")
         normals = estimator(capture, part(progress, 0.1, 0.9))
+
         progress(0.9, f"writing {output.name}")
         ensure_folder(output.parent, "normals")
         with written_together():
@@ -250,30 +238,52 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
             if self.albedo:
                 write_albedo(self.albedo, albedo_from_white(capture, normals, white_light), capture.mask)
         progress(1.0, "done")
-        text = f"{output}: normals by {estimator.name}" + (f"\n{self.albedo}: albedo" if self.albedo else "")
+        text = f"{output}: normals by {self.model}" + (f"\n{self.albedo}: albedo" if self.albedo else "")
         return NormalsMade([str(output)], int(normals.mask.sum()), self.albedo, text=text)
 
-    def _frames(self, photos: list[Path], rig: "LightRig", progress: Progress) -> FramesMade:
-        from mpsnet_core.estimate.sequence.video import is_video
+    def _white_light(self) -> "NDArray[np.float64] | None":
+        """(3,) the direction of the white photo's one light, None where it was the rig's lights."""
+        if self.albedo and not self.white:
+            raise SettingsError("--albedo is made from a photo under white light; give it with --white")
+        if self.white_light and not self.albedo:
+            raise SettingsError(
+                "--white-light tells what lit the photo that --albedo is made from; give both, or neither"
+            )
+        if self.white_light in (None, "rig"):
+            return None
+        from mpsnet_core.scene.rig import direction_from_angles, slant_and_tilt
+
+        return direction_from_angles(*slant_and_tilt("--white-light", self.white_light))
+
+    def _beside_photos(self) -> list[str | None]:
+        """What else is read: files, folders and patterns."""
+        from mpsnet_core.capture.masks import mask_source
+
+        mask = None if self.mask is None else mask_source(self.mask)
+        return [self.rig, self.camera, self.mesh, self.dark, self.flat, mask, *self.white]
+
+    def _frames(self, photos: list[Path], inputs: list[Path], progress: Progress) -> FramesMade:
+        from mpsnet_core.io.frames import is_video
 
         if self.confidence:
             raise SettingsError("--confidence takes one photo at a time; leave it out or give one photo")
         if self.white:
             raise SettingsError("--white is a second photo of one still pose; leave it out, or give one photo")
-        if not any(is_video(photo) for photo in photos):
-            return self._photos(photos, rig, progress)
+        if not any(map(is_video, photos)):
+            return self._photos(photos, inputs, progress)
         if len(photos) > 1:
             raise SettingsError(
                 f"{next(filter(is_video, photos))} is a video; give it alone, and each video on its own"
             )
-        return self._video(photos[0], rig, progress)
+        return self._video(photos[0], inputs, progress)
 
-    def _photos(self, photos: list[Path], rig: "LightRig", progress: Progress) -> FramesMade:
+    def _photos(self, photos: list[Path], inputs: list[Path], progress: Progress) -> FramesMade:
         from mpsnet_core.estimate.sequence.source import frame_masks, photo_frames
-        from mpsnet_core.io.frames import check_apart, numbering, output_files
+        from mpsnet_core.io.files import check_apart
+        from mpsnet_core.io.frames import numbering, output_files
 
-        outputs = output_files(photos, self.output, self._suffix)
-        check_apart([*photos, self.rig, *files_read(self)], outputs)
+        outputs = output_files(photos, self.output, self.format)
+        check_apart(inputs, outputs)
         numbered = numbering(photos)
         masks = frame_masks(self.mask)
         if numbered is None and (self.smooth or masks.by_number):
@@ -284,8 +294,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         for number in numbered.numbers if numbered else ():
             masks.of(number)  # one that is missing is reported before any work
         frames = photo_frames(photos, outputs, masks=masks, reach=self.smooth, encoding=self.encoding, layer=self.layer)
-        step = numbered.step if numbered else 1
-        outcome = self._sequence(frames, len(photos), rig, progress, step)
+        outcome = self._sequence(frames, len(photos), progress, numbered.step if numbered else 1)
         if numbered is None or outputs == [Path(self.output)]:
             text = f"{self.output}: {self._summary(outcome)}"
             listed = [str(output) for output in outputs]
@@ -296,34 +305,31 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         padded = len({len(digits) for digits in numbered.digits}) == 1
         return self._made(outcome, first, (number, max(numbered.numbers)), padded, None)
 
-    def _video(self, path: Path, rig: "LightRig", progress: Progress) -> FramesMade:
+    def _video(self, path: Path, inputs: list[Path], progress: Progress) -> FramesMade:
         from mpsnet_core.estimate.sequence.source import frame_masks
         from mpsnet_core.estimate.sequence.video import read_video_header, video_frames, video_outputs
-        from mpsnet_core.io.files import resolved
-        from mpsnet_core.io.frames import check_apart
+        from mpsnet_core.io.files import check_apart, resolved
 
         if self.layer:
             raise SettingsError(f"{path} is a video, which has no layers; leave --layer out")
-        outputs = video_outputs(path, self.output, self._suffix)
-        taken = [path, Path(self.rig), *files_read(self)]
+        outputs = video_outputs(path, self.output, self.format)
         # How many frames there are is not known; a result's name ends in its number, so these are all that can be
         # meant.
-        numbers = {int(digits) for file in taken for digits in re.findall("[0-9]+", resolved(file).stem)}
-        check_apart(taken, map(outputs, numbers))
+        numbers = {int(digits) for file in inputs for digits in re.findall("[0-9]+", resolved(file).stem)}
+        check_apart(inputs, map(outputs, numbers))
         video = read_video_header(path, encoding=self.encoding)
         frames = video_frames(video, outputs, masks=frame_masks(self.mask), reach=self.smooth, encoding=self.encoding)
-        outcome = self._sequence(frames, video.count, rig, progress)
+        outcome = self._sequence(frames, video.count, progress)
         return self._made(outcome, outputs(1), (1, outcome.made + outcome.there), True, video.frame_rate)
 
-    def _sequence(
-        self, frames: "Iterable[Frame]", count: int, rig: "LightRig", progress: Progress, step: int = 1
-    ) -> "Outcome":
+    def _sequence(self, frames: "Iterable[Frame]", count: int, progress: Progress, step: int = 1) -> "Outcome":
         from mpsnet_core.capture.capture import capture_from
         from mpsnet_core.estimate.sequence.run import estimate_sequence
         from mpsnet_core.io.files import located
         from mpsnet_core.io.provenance import operation_facts
+        from mpsnet_core.scene.rig import read_rig
 
-        correction, (camera, depth) = self.correction(), self.viewpoint()
+        rig, correction, (camera, depth) = read_rig(self.rig), self.correction(), self.viewpoint()
         notes: Notes = "doubts"
 
         def take(frame: "Frame") -> "Capture":
@@ -381,17 +387,6 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
     def _summary(self, outcome: "Outcome") -> str:
         there = f", {outcome.there} there already" if outcome.there else ""
         return f"normals by {self.model}, {outcome.made} made{there}"
-
-    @property
-    def _suffix(self) -> str:
-        return f".{self.format.lstrip('.')}"
-
-
-def _white_light(given: str) -> "NDArray[np.float64] | None":
-    """(3,) the direction of the white photo's one light, None where it was the rig's lights."""
-    from mpsnet_core.scene.rig import direction_from_angles, slant_and_tilt
-
-    return None if given == "rig" else direction_from_angles(*slant_and_tilt("--white-light", given))
 
 
 @dataclass(frozen=True)

@@ -18,13 +18,13 @@ import sys
 import tempfile
 import threading
 import zlib
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from mpsnet_core.errors import FileError, FormatError, InputError
+from mpsnet_core.errors import FileError, FormatError, InputError, SettingsError
 
 # Rigs and cameras are a few hundred bytes; a larger file is not one of ours and is not parsed.
 MAX_JSON_BYTES = 1 << 20
@@ -42,6 +42,9 @@ VIDEO_SUFFIXES = (".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mts", ".mxf", ".webm
 
 # In the environment, as a JSON list: the command of a program that decodes videos where PyAV is not installed.
 VIDEO_DECODER = "MPSNET_VIDEO_DECODER"
+
+# Bits per channel of each format; the first is the default.
+WRITABLE_BITS = {".png": (16, 8), ".tif": (16, 8, 32), ".tiff": (16, 8, 32), ".exr": (32, 16)}
 
 
 class _Block(threading.local):
@@ -226,6 +229,43 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
     if not _takes_files(path.parent):
         raise FileError(f"cannot write {path}: the folder {path.parent} takes no files; choose another folder")
     return path
+
+
+def checked_bits(path: Path, bits: int | None = None) -> int:
+    """Bits per channel to write `path` with: `bits` if the format supports them, its default if None.
+
+    Raises SettingsError where the format is not supported, or does not support these bits.
+    """
+    choices = WRITABLE_BITS.get(path.suffix.lower())
+    if choices is None:
+        kind = path.suffix or "no suffix"
+        raise SettingsError(
+            f"cannot write {path}: {kind} is not an image format of ours; use {', '.join(WRITABLE_BITS)}"
+        )
+    if bits is None:
+        return choices[0]
+    if bits not in choices:
+        allowed = " or ".join(map(str, sorted(choices)))
+        reason = f"{path.suffix} files hold {allowed} bits a channel, not {bits}"
+        raise SettingsError(f"cannot write {path}: {reason}; change the format or the bits")
+    return bits
+
+
+def writable_image(path: str | os.PathLike[str], bits: int | None = None) -> Path:
+    """`path` as a Path, for checks before long work. Raises as :func:`writable_path` and :func:`checked_bits` do."""
+    path = writable_path(path)
+    checked_bits(path, bits)
+    return path
+
+
+def check_apart(taken: Iterable[str | os.PathLike[str]], outputs: Iterable[str | os.PathLike[str]]) -> None:
+    """Raises FileError where one of `outputs` is among the files `taken` by inputs, or among the outputs before it."""
+    files = set(map(resolved, taken))
+    for output in outputs:
+        file = resolved(output)
+        if file in files:
+            raise FileError(f"the result would overwrite {output}, a file that it needs; choose another output")
+        files.add(file)
 
 
 def is_utf8(path: str | os.PathLike[str]) -> bool:

@@ -10,8 +10,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mpsnet_core.errors import FileError
-from mpsnet_core.io.files import IMAGE_SUFFIXES, PHOTO_SUFFIXES, RAW_SUFFIXES, makeable_folder, resolved, writable_path
-from mpsnet_core.io.images import checked_bits
+from mpsnet_core.io.files import (
+    IMAGE_SUFFIXES,
+    PHOTO_SUFFIXES,
+    RAW_SUFFIXES,
+    VIDEO_SUFFIXES,
+    checked_bits,
+    makeable_folder,
+    writable_image,
+)
 
 # Suffix of a photo's name for its normals.
 RESULT = "_normals"
@@ -120,6 +127,20 @@ def is_several(given: str | os.PathLike[str]) -> bool:
     return path.is_dir() or (bool(set("#*?") & set(path.name)) and not path.is_file())
 
 
+def is_video(path: str | os.PathLike[str]) -> bool:
+    """Whether a file is a video by its name."""
+    return Path(path).suffix.lower() in VIDEO_SUFFIXES
+
+
+def files_meant(options: Iterable[str | None]) -> list[Path]:
+    """The files that options name, those of folders and patterns one by one: what no result may overwrite.
+
+    Raises FileError where a folder or a pattern means none.
+    """
+    given = [one for one in options if one]
+    return [file for one in given for file in (expand_images([one]) if is_several(one) else [Path(one)])]
+
+
 def matching_files(given: str | os.PathLike[str], what: str = "image") -> list[Path]:
     """The files in a folder, or those that match a pattern, in natural order; see :func:`expand_images`.
 
@@ -127,26 +148,28 @@ def matching_files(given: str | os.PathLike[str], what: str = "image") -> list[P
     """
     path = Path(given)
     if path.is_dir():
-        found = path.iterdir()
+        found = list(path.iterdir())
     else:
-        found = path.parent.glob(re.sub("#", "[0-9]", glob.escape(path.name).replace("[*]", "*").replace("[?]", "?")))
+        pattern = glob.escape(path.name).replace("[*]", "*").replace("[?]", "?")
+        found = list(path.parent.glob(pattern.replace("#", "[0-9]")))
     files = sorted((file for file in found if file.is_file() and not file.name.startswith(".")), key=natural_order)
     if not files:
         raise FileError(f"no {what} matches {path}; check the pattern")
     return files
 
 
-def output_files(photos: Sequence[Path], output: str | os.PathLike[str], suffix: str) -> list[Path]:
+def output_files(photos: Sequence[Path], output: str | os.PathLike[str], kind: str) -> list[Path]:
     """The file of each photo's normals: `output` itself for one photo, NAME_normals in the folder `output` for several.
 
-    Raises FileError where two results would share a name, or a result would overwrite a photo.
+    kind: of file in a folder, as "png".
+
+    Raises FileError where two results would share a name, or cannot be written.
     """
     target = Path(output)
     if len(photos) == 1 and not target.is_dir() and (target.suffix or target.is_file()):
-        checked_bits(target)
-        check_apart(photos, [target])
-        return [writable_path(target)]
+        return [writable_image(target)]
     results_folder(target, f"there are {len(photos)} photos")
+    suffix = f".{kind.lstrip('.')}"
     checked_bits(Path(f"normals{suffix}"))
     numbered = numbering(photos)
     stems = numbered.stems if numbered else [photo.stem for photo in photos]
@@ -154,7 +177,6 @@ def output_files(photos: Sequence[Path], output: str | os.PathLike[str], suffix:
     if len(set(files)) < len(files):
         twice = next(file for file, times in Counter(files).items() if times > 1)
         raise FileError(f"two photos would both be written to {twice}; rename one or estimate them apart")
-    check_apart(photos, files)
     return files
 
 
@@ -169,14 +191,6 @@ def results_folder(output: str | os.PathLike[str], given: str, what: str = "norm
     if not target.is_dir() and (target.exists() or target.suffix.lower() in PHOTO_SUFFIXES):
         raise FileError(f"{target} is one file, but {given}; give a folder")
     return makeable_folder(target, what)
-
-
-def check_apart(taken: Iterable[str | os.PathLike[str]], outputs: Iterable[str | os.PathLike[str]]) -> None:
-    """Raises FileError where one of `outputs` is among the files `taken` by other inputs or outputs."""
-    files = {resolved(file) for file in taken}
-    for output in outputs:
-        if resolved(output) in files:
-            raise FileError(f"the result would overwrite {output}, a file that it needs; choose another output")
 
 
 def _is_result(file: Path) -> bool:

@@ -1,11 +1,6 @@
 """Image: a photo's linear values and what its file states of them; the sRGB curve."""
 
-import os
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -51,17 +46,12 @@ class Image:
     @property
     def saturated(self) -> NDArray[np.bool_]:
         """(H, W, 3) where a channel is saturated, and so wrong."""
-        return saturated(self.pixels, self.clip) if self.clipped is None else self.clipped
+        return self.pixels >= SATURATED_SHARE * self.clip if self.clipped is None else self.clipped
 
 
 def storage_type(shape: tuple[int, ...]) -> type[np.floating[Any]]:
     """The type that stores values of an image (H, W): half floats where it is large."""
     return np.float16 if shape[0] * shape[1] > HALF_ABOVE else np.float32
-
-
-def saturated(pixels: NDArray[np.floating[Any]], clip: float) -> NDArray[np.bool_]:
-    """Where the values of a photo that clips at `clip` are saturated; of the shape of `pixels`."""
-    return pixels >= SATURATED_SHARE * clip
 
 
 def srgb_to_linear(values: NDArray[Any]) -> NDArray[Any]:
@@ -73,27 +63,3 @@ def linear_to_srgb(values: NDArray[Any]) -> NDArray[Any]:
     """The sRGB curve (IEC 61966-2-1); any shape, clipped to 0 to 1."""
     values = np.clip(values, 0, 1)
     return np.where(values <= 0.0031308, values * 12.92, 1.055 * values ** (1 / 2.4) - 0.055)
-
-
-@contextmanager
-def libraries_silent() -> Iterator[None]:
-    """Keep libpng and OpenEXR from printing to stderr what OpenImageIO returns as well.
-
-    stderr belongs to the whole process, so only one thread at a time may redirect it.
-    """
-    with _stderr_lock:
-        try:
-            stderr = os.dup(2)
-        except OSError:  # a windowed program has none
-            yield
-            return
-        with Path(os.devnull).open("wb") as null:
-            os.dup2(null.fileno(), 2)
-        try:
-            yield
-        finally:
-            os.dup2(stderr, 2)
-            os.close(stderr)
-
-
-_stderr_lock = threading.RLock()

@@ -2,8 +2,9 @@
 
 import logging
 import os
-from collections.abc import Callable
-from contextlib import closing, suppress
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, TypeVar
@@ -12,10 +13,10 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.errors import FileError, FormatError, SettingsError, check_choice
-from mpsnet_core.io.files import RAW_SUFFIXES, existing_file, is_utf8, temporary_folder, written_whole
-from mpsnet_core.io.image import MAX_PIXELS, Image, libraries_silent, linear_to_srgb, srgb_to_linear, storage_type
+from mpsnet_core.arrays.row_bands import ROWS, bands
+from mpsnet_core.errors import Choices, FileError, FormatError, SettingsError
+from mpsnet_core.io.files import RAW_SUFFIXES, checked_bits, existing_file, temporary_folder, written_whole
+from mpsnet_core.io.image import MAX_PIXELS, Image, linear_to_srgb, srgb_to_linear, storage_type
 from mpsnet_core.io.raw import read_raw
 
 log = logging.getLogger(__name__)
@@ -23,15 +24,13 @@ log = logging.getLogger(__name__)
 _Kind = TypeVar("_Kind")
 
 Encoding = Literal["auto", "linear", "srgb"]
-ENCODINGS: tuple[Encoding, ...] = ("auto", "linear", "srgb")
+# Whether values are linear; None where the file decides.
+_IS_LINEAR = Choices[bool | None]("encoding", {"auto": None, "linear": True, "srgb": False})
 
 # Checked before any memory is allocated: a broken or hostile header can claim any number.
 MAX_CHANNELS = 1024
 # Far above the sun's, and its square is finite in float32; larger values count as not finite.
 MAX_VALUE = 1e15
-
-# Bits per channel of each format; the first is the default.
-WRITABLE_BITS = {".png": (16, 8), ".tif": (16, 8, 32), ".tiff": (16, 8, 32), ".exr": (32, 16)}
 
 # First bytes of the formats that are read, and OpenImageIO's names of these formats.
 _SIGNATURES = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"v/1\x01")
@@ -52,7 +51,7 @@ class _Layer:
 
 def image_layers(path: str | os.PathLike[str]) -> list[str]:
     """Names of the layers in a file, "" for channels without a layer's name. Parts of multi-part EXRs count too."""
-    path = existing_file(path, "image")
+    path = Path(path)
     with closing(_open(path)) as source, libraries_silent():
         return list(_layers(source, path))
 
@@ -101,14 +100,14 @@ def read_image(
     SettingsError
         If the layer is missing or ambiguous, or the encoding unknown.
     """
-    check_choice("encoding", encoding, ENCODINGS)
+    requested = _IS_LINEAR[encoding]
     path = Path(path)
     if path.suffix.lower() in RAW_SUFFIXES:
         return _read_raw(path, encoding, layer)
     values, names, spec = _read_layer(path, layer)
     colour = _colour_channels(names, grey, path)
     alpha = np.clip(_as_float(values[..., names["A"]]), 0, 1) if "A" in names else None
-    linear, assumed = (encoding == "linear", False) if encoding != "auto" else _stated_encoding(path, spec)
+    linear, assumed = _stated_encoding(path, spec) if requested is None else (requested, False)
     premultiplied = alpha is not None and not spec.getattribute("oiio:UnassociatedAlpha")
     fits = compact and spec.format.basetype in (oiio.HALF, oiio.UINT8, oiio.UINT16)
     pixels = np.empty((*values.shape[:2], 3), storage_type(values.shape) if fits else np.float32)
@@ -173,7 +172,8 @@ def _read_raw(path: Path, encoding: Encoding, layer: str | None) -> Image:
         raise SettingsError(f"{path} is a camera raw file, which is linear, not sRGB; leave the encoding at auto")
     if layer is not None:
         raise SettingsError(f"{path} is a camera raw file, which has no layer {layer!r}; leave the layer out")
-    image = read_raw(path)
+    with libraries_silent():
+        image = read_raw(path)
     log.info("read as camera raw: linear, without white balance")
     return image
 
@@ -221,8 +221,9 @@ def read_orientation(path: str | os.PathLike[str]) -> int:
 
     Raises FileError where the file is missing, FormatError where it is damaged.
     """
-    path = existing_file(path, "image")
+    path = Path(path)
     if path.suffix.lower() in RAW_SUFFIXES:
+        existing_file(path, "image")
         return 1
     with closing(_open(path)) as source:
         return _orientation(source.spec())
@@ -283,10 +284,7 @@ def write_bands(
 
     band: returns the values (h, W, C) of some rows, from the top to the bottom. All else as of :func:`write_image`.
     """
-    path = Path(path)
-    bits = checked_bits(path, bits)
-    with written_whole(path) as unfinished:
-        _write(unfinished, path, shape, band, bits, color_space, description)
+    _write(Path(path), written_whole(path), shape, band, bits, color_space, description)
 
 
 def png_bytes(pixels: NDArray[Any]) -> bytes:
@@ -294,51 +292,53 @@ def png_bytes(pixels: NDArray[Any]) -> bytes:
     height, width, channels = pixels.shape
     with temporary_folder() as folder:
         file = folder / "picture.png"
-        _write(file, file, (height, width, channels), lambda rows: pixels[rows], 8, "sRGB", None)
+        _write(file, nullcontext(file), (height, width, channels), lambda rows: pixels[rows], 8, "sRGB", None)
         return file.read_bytes()
 
 
 def _write(
-    file: Path,
     path: Path,
+    place: AbstractContextManager[Path],
     shape: tuple[int, int, int],
     band: Callable[[slice], NDArray[Any]],
-    bits: int,
+    bits: int | None,
     color_space: str,
     description: str | None,
 ) -> None:
-    """Write into `file` the image that becomes `path`."""
-    premultiplied = path.suffix.lower() == ".exr" and shape[2] == 4  # as OpenEXR defines colour
-    spec = _output_spec(path.suffix.lower(), shape, bits)
+    """Write the image `path` into the file that `place` yields."""
+    height, _, channels = shape
+    premultiplied = path.suffix.lower() == ".exr" and channels == 4  # as OpenEXR defines colour
+    spec = _output_spec(path, shape, bits)
     spec.attribute("oiio:ColorSpace", color_space)
     if description is not None:
         spec.attribute("ImageDescription", description)
+    with place as file:
+        target = oiio.ImageOutput.create(str(file))
+        if target is None:
+            raise FileError(f"cannot write {path}: {complaint(oiio)}")
+        try:
+            done = target.open(str(file), spec)
+            for top in range(0, height, ROWS) if done else ():
+                bottom = min(top + ROWS, height)
+                values = np.ascontiguousarray(band(slice(top, bottom)), dtype=np.float32)
+                if premultiplied:
+                    values = np.concatenate([values[..., :3] * values[..., 3:], values[..., 3:]], axis=-1)
+                done = target.write_scanlines(top, bottom, 0, values)
+                if not done:
+                    break
+        finally:
+            with libraries_silent():  # libpng reports a picture that is not whole
+                closed = target.close()
+        # OpenImageIO reports success where a full disk cut a file short.
+        if not (closed and done and is_whole(file)):
+            reason = complaint(target) or complaint(oiio) or "the file was cut short"
+            reason = reason.replace(str(file), path.name)
+            raise FileError(f"cannot write {path} ({reason[:80]}); make room on the disk")
 
-    def stored(rows: slice) -> NDArray[np.float32]:
-        values = np.ascontiguousarray(band(rows), dtype=np.float32)
-        if premultiplied:
-            return np.concatenate([values[..., :3] * values[..., 3:], values[..., 3:]], axis=-1)
-        return values
 
-    target = oiio.ImageOutput.create(str(file))
-    if target is None:
-        raise FileError(f"cannot write {path}: {complaint(oiio)}")
-    try:
-        done = target.open(str(file), spec) and all(
-            target.write_scanlines(rows.start, rows.stop, 0, stored(rows)) for rows in bands(shape[0])
-        )
-    finally:
-        with libraries_silent():  # libpng reports a picture that is not whole
-            closed = target.close()
-    # OpenImageIO reports success where a full disk cut a file short.
-    if not (closed and done and is_whole(file)):
-        reason = complaint(target) or complaint(oiio) or "the file was cut short"
-        reason = reason.replace(str(file), path.name)
-        raise FileError(f"cannot write {path} ({reason[:80]}); make room on the disk")
-
-
-def _output_spec(suffix: str, shape: tuple[int, int, int], bits: int) -> Any:
+def _output_spec(path: Path, shape: tuple[int, int, int], bits: int | None) -> Any:
     height, width, channels = shape
+    bits, suffix = checked_bits(path, bits), path.suffix.lower()
     is_exr = suffix == ".exr"
     kind = ("half" if bits == 16 else "float") if is_exr else {8: "uint8", 16: "uint16", 32: "float"}[bits]
     spec = oiio.ImageSpec(width, height, channels, kind)
@@ -392,31 +392,12 @@ def is_whole(path: str | os.PathLike[str]) -> bool:
             return last is not None and not complaint(source)
 
 
-def checked_bits(path: Path, bits: int | None = None) -> int:
-    """Bits per channel to write `path` with: `bits` if the format supports them, its default if None.
-
-    Raises SettingsError where the format is not supported, or does not support these bits.
-    """
-    choices = WRITABLE_BITS.get(path.suffix.lower())
-    if choices is None:
-        kind = path.suffix or "no suffix"
-        raise SettingsError(
-            f"cannot write {path}: {kind} is not an image format of ours; use {', '.join(WRITABLE_BITS)}"
-        )
-    if bits is None:
-        return choices[0]
-    if bits not in choices:
-        allowed = " or ".join(map(str, sorted(choices)))
-        reason = f"{path.suffix} files hold {allowed} bits a channel, not {bits}"
-        raise SettingsError(f"cannot write {path}: {reason}; change the format or the bits")
-    return bits
-
-
 def _open(path: Path) -> Any:
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
     source = image_input(path, config)
     if source is None:
+        existing_file(path, "image")
         reason = complaint(oiio) or "it is a file of another kind"
         raise FormatError(f"{path} cannot be read as an image ({reason}); is it PNG, JPEG, TIFF or EXR, and whole?")
     return source
@@ -429,8 +410,6 @@ def image_input(path: str | os.PathLike[str], *config: Any) -> Any:
 
     Raises FileError where the file's name is not valid UTF-8.
     """
-    if not is_utf8(path):
-        raise FileError(f"{path} cannot be opened: its name is not valid UTF-8; rename it")
     try:
         with Path(path).open("rb") as file:
             known = file.read(8).startswith(_SIGNATURES)
@@ -438,12 +417,39 @@ def image_input(path: str | os.PathLike[str], *config: Any) -> Any:
         known = False
     if not known:
         return None
-    with libraries_silent():
-        source = oiio.ImageInput.open(os.fspath(path), *config)
+    try:
+        with libraries_silent():
+            source = oiio.ImageInput.open(os.fspath(path), *config)
+    except TypeError:
+        raise FileError(f"{path} cannot be opened: its name is not valid UTF-8; rename it") from None
     if source is not None and source.format_name() not in _FORMATS:
         source.close()
         return None
     return source
+
+
+@contextmanager
+def libraries_silent() -> Iterator[None]:
+    """Keep libpng and OpenEXR from printing to stderr what OpenImageIO returns as well.
+
+    stderr belongs to the whole process, so only one thread at a time may redirect it.
+    """
+    with _stderr_lock:
+        try:
+            stderr = os.dup(2)
+        except OSError:  # a windowed program has none
+            yield
+            return
+        with Path(os.devnull).open("wb") as null:
+            os.dup2(null.fileno(), 2)
+        try:
+            yield
+        finally:
+            os.dup2(stderr, 2)
+            os.close(stderr)
+
+
+_stderr_lock = threading.RLock()
 
 
 def complaint(source: Any) -> str:
@@ -517,7 +523,6 @@ def _read_layer(path: Path, layer: str | None) -> tuple[NDArray[Any], dict[str, 
 
     Integers of 8 and 16 bits stay integers (see :func:`_as_float`), all else is float32.
     """
-    path = existing_file(path, "image")
     with closing(_open(path)) as source, libraries_silent():
         chosen = _choose(_layers(source, path), layer, path)
         source.seek_subimage(chosen.subimage, 0)
@@ -529,19 +534,16 @@ def _read_layer(path: Path, layer: str | None) -> tuple[NDArray[Any], dict[str, 
     if values is None or reason:
         raise FormatError(f"{path} is damaged or cut short ({reason or 'no pixels'}); copy or export it again")
     values = np.asarray(values).reshape(spec.height, spec.width, last + 1 - first)
-    if _is_float(spec):
-        for rows in bands(len(values)):
-            band = values[rows]
-            band[~(np.abs(band) <= MAX_VALUE)] = np.nan
     values = _upright(_on_display_window(values, spec), spec)
     return values, {name: number - first for name, number in chosen.channels.items()}, spec
 
 
 def _as_float(values: NDArray[Any]) -> NDArray[np.float32]:
-    """Stored values as float32, integers as 0 to 1."""
+    """Stored values as float32, integers as 0 to 1, NaN for what counts as not finite."""
     if values.dtype.kind != "u":
-        return values
-    return np.multiply(values, np.float32(1 / np.iinfo(values.dtype).max), dtype=np.float32)
+        return np.where(np.abs(values) <= MAX_VALUE, values, np.float32(np.nan))
+    scaled: NDArray[np.float32] = np.multiply(values, np.float32(1 / np.iinfo(values.dtype).max), dtype=np.float32)
+    return scaled
 
 
 def _is_float(spec: Any) -> bool:

@@ -11,7 +11,7 @@ from mpsnet_core.arrays.mask_regions import dilated
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.errors import FileError, FormatError, InputError
 from mpsnet_core.io.files import existing_file
-from mpsnet_core.io.image import MAX_PIXELS, SATURATED_SHARE, Image, libraries_silent
+from mpsnet_core.io.image import MAX_PIXELS, SATURATED_SHARE, Image
 
 
 def read_raw(path: Path) -> Image:
@@ -35,7 +35,7 @@ def read_raw(path: Path) -> Image:
             f"{path} is a camera raw file, which needs rawpy: pip install 'mpsnet[raw]', or convert it to a linear TIFF"
         ) from None
     try:
-        with libraries_silent(), rawpy.RawPy() as raw:
+        with rawpy.RawPy() as raw:
             raw.open_file(str(path))
             _check(raw, path)
             raw.unpack()

@@ -97,8 +97,7 @@ class Train(Operation):
         return NetworkTrained(step, model=str(output), mae_deg=mae_deg, text=f"wrote {output}{figures}")
 
     def _places(self, output: Path) -> "Places":
-        from mpsnet_core.io.files import makeable_folder, writable_path
-        from mpsnet_core.io.frames import check_apart
+        from mpsnet_core.io.files import check_apart, makeable_folder, writable_path
         from mpsnet_core.learning.training.loop import Places
 
         checkpoint = Path(self.checkpoint) if self.checkpoint else output.with_suffix(".checkpoint")
@@ -133,7 +132,7 @@ class Quantize(Operation):
 
     def run(self, progress: Progress = silent) -> TwinMade:
         """Write the twin, and report what it costs in accuracy."""
-        from mpsnet_core.io.frames import check_apart
+        from mpsnet_core.io.files import check_apart
         from mpsnet_core.learning.training.quantize import quantise
 
         output = _model_path(self.output)

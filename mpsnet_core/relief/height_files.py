@@ -19,6 +19,7 @@ from mpsnet_core.arrays.push_pull import push_pull
 from mpsnet_core.errors import FileError, FormatError, InputError
 from mpsnet_core.io.files import (
     MAX_JSON_BYTES,
+    checked_bits,
     existing_file,
     read_json,
     remove_file,
@@ -26,7 +27,7 @@ from mpsnet_core.io.files import (
     write_json,
     written_together,
 )
-from mpsnet_core.io.images import checked_bits, image_description, read_channel, read_mask, write_image
+from mpsnet_core.io.images import image_description, read_channel, read_mask, write_image
 from mpsnet_core.relief.height_map import HeightMap
 from mpsnet_core.relief.height_names import earlier_scale, height_names, scale_sidecar
 from mpsnet_core.scene.camera import Camera, camera_data, camera_from_data

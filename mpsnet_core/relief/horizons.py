@@ -125,7 +125,7 @@ def horizons(ground: Ground, sector: Sector, reach: int) -> NDArray[np.float32]:
         for cell in np.ndindex(BLOCK, BLOCK):
             ahead, step = _at(cell, offsets[cell])
             parts = ground.heights[cell], highest[ahead], across[cell], place[ahead] if stretch > 1 else None
-            _look(gradients[cell], parts, step, (along[cell], forth[cell]), aside[cell])
+            _look(gradients[cell], parts, step, (float(along[cell]), float(forth[cell])), float(aside[cell]))
         # One pixel at a time until the stretches fit in.
         away += stretch * length if away >= STRETCHES * stretch * length else 1
     # What every look has left out: see there.

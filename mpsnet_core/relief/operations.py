@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from mpsnet_core.capture.operations import HasViewpoint, ReadsPhotos, files_read
+from mpsnet_core.capture.operations import HasViewpoint, ReadsPhotos
 from mpsnet_core.defaults import (
     BEND,
     CONVENTIONS,
@@ -294,7 +294,8 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
     def _products(self) -> "dict[str, Product]":
         """What is requested, by its option. Raises InputError where that is nothing, or cannot be made or written."""
         from mpsnet_core.bake.texture_names import check_one_texture
-        from mpsnet_core.io.frames import check_apart, is_several
+        from mpsnet_core.io.files import check_apart
+        from mpsnet_core.io.frames import is_several
 
         for file in (self.normals, self.height or ""):
             check_one_texture(file)
@@ -501,8 +502,8 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
     def run(self, progress: Progress = silent) -> MaterialMade:
         """Write the material's textures into the folder."""
         from mpsnet_core.capture.capture import note_doubts
-        from mpsnet_core.io.files import makeable_folder
-        from mpsnet_core.io.frames import check_apart
+        from mpsnet_core.io.files import check_apart, makeable_folder
+        from mpsnet_core.io.frames import files_meant
         from mpsnet_core.relief.material.material import check_material, flat_material
         from mpsnet_core.relief.material.material_files import material_files, write_material
         from mpsnet_core.relief.material.scale import parse_crop
@@ -512,7 +513,8 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
         length_mm, pixels = self._scale()
         name = self._checked_name()
         folder = makeable_folder(self.output, "material")
-        check_apart([self.image, self.rig, *files_read(self)], material_files(folder, name).values())
+        inputs = files_meant((self.image, self.rig, self.camera, self.mesh, self.dark, self.flat))
+        check_apart(inputs, material_files(folder, name).values())
         estimator = self.estimator()
         progress(0.0, f"reading {Path(self.image).name}")
         capture, pixel_mm = self._capture(length_mm, pixels, crop)

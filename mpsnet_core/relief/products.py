@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import FileError, SettingsError
-from mpsnet_core.io.files import writable_path
-from mpsnet_core.io.images import checked_bits, write_image
+from mpsnet_core.io.files import writable_image
+from mpsnet_core.io.images import write_image
 from mpsnet_core.progress import Progress
 from mpsnet_core.relief.curvature import check_curvature, curvature, curvature_picture, curvature_range
 from mpsnet_core.relief.height_files import HeightFacts, height_files, write_height
@@ -239,5 +239,5 @@ class MeshFile(Product):
 
 
 def _picture(path: Path) -> list[Path]:
-    checked_bits(writable_path(path))
+    writable_image(path)
     return [path]

@@ -113,8 +113,8 @@ def surface_mesh(
 
 def _numbered(triangles: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """(V,) the numbers that triangles (T, 3) use, and the triangles by their places among these."""
-    used, triangles = np.unique(triangles, return_inverse=True)
-    return used, triangles.reshape(-1, 3).astype(np.int32)
+    used, places = np.unique(triangles, return_inverse=True)
+    return used, places.reshape(-1, 3).astype(np.int32)
 
 
 def _points(

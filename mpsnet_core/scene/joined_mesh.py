@@ -1,12 +1,16 @@
 """Several meshes as one, where only their shape counts: for occlusion and world positions."""
 
+import itertools
 from collections.abc import Sequence
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.scene.mesh import Mesh
+
+T = TypeVar("T", bound=np.generic)
 
 
 def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
@@ -24,7 +28,7 @@ def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
     """
     if len(meshes) == 1:
         return meshes[0]
-    starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes[:-1]])
+    starts = itertools.accumulate((len(mesh.vertices) for mesh in meshes[:-1]), initial=0)
     triangles = [_outwards(mesh, mesh.triangles) + start for mesh, start in zip(meshes, starts, strict=True)]
     return Mesh(
         np.concatenate([mesh.world_vertices for mesh in meshes]),
@@ -34,7 +38,7 @@ def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
     )
 
 
-def _outwards(mesh: Mesh, at_corners: NDArray[np.generic]) -> NDArray[np.generic]:
+def _outwards(mesh: Mesh, at_corners: NDArray[T]) -> NDArray[T]:
     """Corner values (T, 3, ...) in counter-clockwise order in the world: reversed for a mirrored object."""
     return at_corners[:, ::-1] if np.linalg.det(mesh.world_from_object[:3, :3]) < 0 else at_corners
 

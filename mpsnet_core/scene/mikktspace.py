@@ -9,16 +9,16 @@ from itertools import permutations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.arrays.connected_components import connected
 from mpsnet_core.arrays.unit_vectors import normalised
 
 
 def mikktspace_tangents(
-    corners: NDArray[np.floating[Any]],
-    normals: NDArray[np.floating[Any]],
-    uvs: NDArray[np.floating[Any]],
+    corners: ArrayLike,
+    normals: ArrayLike,
+    uvs: ArrayLike,
     polygons: NDArray[np.integer[Any]] | None = None,
 ) -> NDArray[np.float32]:
     """Tangent and bitangent sign for every corner of every triangle.
@@ -45,7 +45,8 @@ def mikktspace_tangents(
     corner at the same vertex, else at the same position of its quad, else it is +x. mikktspace.c leaves zero at the few
     corners whose angle is too small for single precision (about 5e-4 rad); here they have the unit tangent.
     """
-    corners, normals, uvs = (np.asarray(a, np.float64) for a in (corners, normals, uvs))
+    corners, normals = np.asarray(corners, np.float64), np.asarray(normals, np.float64)
+    uvs = np.asarray(uvs, np.float64)
     vertex = _welded(corners, normals, uvs)
     if polygons is None:
         tangents = _tangents(corners, normals, uvs, vertex, np.empty(0, np.int64))
@@ -148,11 +149,11 @@ class _Quads:
 
     def complete(self, tangents: NDArray[np.float64], places: NDArray[np.float64]) -> None:
         """Copy tangents to the corners of each quad that have none. tangents: (3T, 4). places: (3T, 3) positions."""
-        missing = ~tangents[self.around, :3].any(axis=-1)
+        missing: NDArray[np.bool_] = ~np.any(tangents[self.around, :3], axis=-1)
         some = np.flatnonzero(missing.any(axis=1))
         for one, other in permutations(range(4), 2):
             to, source = self.around[some, one], self.around[some, other]
-            copied = missing[some, one] & ~missing[some, other] & (places[to] == places[source]).all(axis=1)
+            copied = missing[some, one] & ~missing[some, other] & np.all(places[to] == places[source], axis=1)
             tangents[to[copied]] = tangents[source[copied]]
         tangents[self.diagonal] = tangents[self.twins]
 

@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.errors import FormatError, GeometryError, check_choice
+from mpsnet_core.errors import Choices, FormatError, GeometryError
 from mpsnet_core.io.images import read_channel, read_data, write_bands
 
 Convention = Literal["opengl", "directx"]
-CONVENTIONS: tuple[Convention, ...] = ("opengl", "directx")
+# The sign of y in the green channel.
+_GREEN = Choices("convention", {"opengl": 1, "directx": -1})
 # The share of a map's normals that must face outwards, or the camera, in the space that the map is read in.
 OUTWARDS_SHARE = 0.9
 
@@ -82,14 +83,8 @@ def decode(colours: NDArray[Any], convention: Convention = "opengl") -> NDArray[
     return normalised((np.asarray(colours, np.float32) * 2 - 1) * _signs(convention))
 
 
-def check_convention(convention: str) -> None:
-    """Raises SettingsError where `convention` is neither "opengl" nor "directx"."""
-    check_choice("convention", convention, CONVENTIONS)
-
-
 def _signs(convention: Convention) -> NDArray[np.float32]:
-    check_convention(convention)
-    return np.array([1, 1 if convention == "opengl" else -1, 1], dtype=np.float32)
+    return np.array([1, _GREEN[convention], 1], dtype=np.float32)
 
 
 def write_normals(

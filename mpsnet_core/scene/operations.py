@@ -51,8 +51,7 @@ class WriteCameras(ReadsPictures):
 
     def run(self, progress: Progress = silent) -> CamerasWritten:
         """Write a camera file for each photo, and the photo without its lens where that bends it."""
-        from mpsnet_core.io.files import ensure_folder
-        from mpsnet_core.io.frames import check_apart
+        from mpsnet_core.io.files import check_apart, ensure_folder
         from mpsnet_core.scene.camera import write_camera
         from mpsnet_core.scene.view_photos import CAMERA_SUFFIX, posed_photos
 
@@ -130,15 +129,14 @@ class CompareNormals(Operation):
 
     def run(self, progress: Progress = silent) -> NormalsCompared:
         """Compare them, and write the picture where one is requested."""
-        from mpsnet_core.io.files import writable_path
-        from mpsnet_core.io.frames import check_apart
-        from mpsnet_core.io.images import checked_bits, write_image
+        from mpsnet_core.io.files import check_apart, writable_image
+        from mpsnet_core.io.images import write_image
         from mpsnet_core.scene.normal_errors import normal_errors, read_true_normals
         from mpsnet_core.scene.normal_map import read_normals
         from mpsnet_core.scene.pictures import scaled_error_picture
 
         if self.output:
-            checked_bits(writable_path(self.output))
+            writable_image(self.output)
             check_apart([file for file in (self.normals, self.truth, self.camera) if file], [self.output])
         progress(0.0, "reading the normals")
         estimate = read_normals(self.normals)

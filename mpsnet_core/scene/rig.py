@@ -1,6 +1,8 @@
 """LightRig: the three lights and how their colours mix into the camera's channels; rig files."""
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -8,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mpsnet_core.errors import FormatError, GeometryError, SettingsError
+from mpsnet_core.errors import FormatError, GeometryError, InputError, SettingsError
 from mpsnet_core.io.files import existing_file, located, read_json, write_json
 
 RIG_FORMAT = "mpsnet-rig"
@@ -277,8 +279,7 @@ def read_rig(path: str | os.PathLike[str]) -> LightRig:
         directions = read_lp(path)[1]
         with located(f"rig file {path}"):
             return _lp_rig(directions, path.name)
-    data, near = read_rig_data(path)
-    with located(f"rig file {path}"):
+    with rig_data(path) as (data, near):
         named, mixing = list(zip(data["lights"], LIGHT_NAMES, strict=True)), data.get("mixing", np.eye(3))
         if near:
             positions = [_json_position(light, name) for light, name in named]
@@ -286,13 +287,14 @@ def read_rig(path: str | os.PathLike[str]) -> LightRig:
         return LightRig(np.array([_json_direction(light, name) for light, name in named]), mixing)
 
 
-def read_rig_data(path: str | os.PathLike[str]) -> tuple[dict[str, Any], bool]:
+@contextmanager
+def rig_data(path: str | os.PathLike[str]) -> Iterator[tuple[dict[str, Any], bool]]:
     """The JSON of a rig file with three "lights", and whether they are near: these have a "target".
 
-    Raises FileError where the file is missing, FormatError where it is malformed.
+    Errors in the block name the file. Raises FileError where it is missing, FormatError where it is malformed.
     """
     data = read_json(path, RIG_FORMAT, RIG_VERSION, ("lights", "mixing", "target", "lobe"))
-    with located(f"rig file {path}"):
+    try:
         lights = data.get("lights")
         if not isinstance(lights, list) or len(lights) != 3:
             raise FormatError('"lights" must be a list of three lights')
@@ -302,7 +304,9 @@ def read_rig_data(path: str | os.PathLike[str]) -> tuple[dict[str, Any], bool]:
         for key in ("target", "lobe"):
             if key in data and not near:
                 raise FormatError(f'"{key}" is for lights with a "position" each; leave it out')
-    return data, near
+        yield data, near
+    except InputError as error:
+        raise type(error)(f"rig file {path}: {error}") from None
 
 
 def _json_position(light: Any, name: str) -> NDArray[np.float64]:

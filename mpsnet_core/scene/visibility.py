@@ -41,8 +41,8 @@ class Visibility:
         distance = scene.distances(origins, directions) - back
         # Distance along the ray to depth along the camera's axis.
         depth = (distance * (directions @ -camera.rotation[:, 2])).reshape(height, width)
-        pixel = max(camera.height, camera.width) / (max(height, width) * camera.focal.min())
-        pixel = np.full_like(depth, pixel) if camera.projection == "orthographic" else pixel * depth
+        apart = max(camera.height, camera.width) / (max(height, width) * float(camera.focal.min()))
+        pixel = np.full_like(depth, apart) if camera.projection == "orthographic" else apart * depth
         seen = np.isfinite(depth)
         if seen.any() and depth[seen].max() < -self.offset:  # an orthographic camera's rays begin behind its plane
             log.warning(

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import FormatError, GeometryError
-from mpsnet_core.io.files import located
 from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.rig import LIGHT_NAMES, LightRig, NearLights, near_rig, read_rig_data, write_rig_data
+from mpsnet_core.scene.rig import LIGHT_NAMES, LightRig, NearLights, near_rig, rig_data, write_rig_data
 
 
 @dataclass(frozen=True)
@@ -73,8 +72,7 @@ def read_world_lights(path: str | os.PathLike[str]) -> WorldLights:
         raise FormatError(
             f"{path}: an .lp file's lights stand before the camera; for lights in the world give a rig .json"
         )
-    data, is_near = read_rig_data(path)
-    with located(f"rig file {path}"):
+    with rig_data(path) as (data, is_near):
         key, mixing = "position" if is_near else "direction", data.get("mixing", np.eye(3))
         lights = np.array([_three(light, key, name) for light, name in zip(data["lights"], LIGHT_NAMES, strict=True)])
         if not is_near:

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import existing_file
-from mpsnet_core.io.image import libraries_silent
-from mpsnet_core.io.images import complaint, image_input
+from mpsnet_core.io.images import complaint, image_input, libraries_silent
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rays import RayScene
 from mpsnet_core.synthesis.recipe import Recipe

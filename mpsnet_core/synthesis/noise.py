@@ -75,7 +75,8 @@ def _gradient_noise(points: NDArray[Any], seed: int) -> NDArray[np.float32]:
         corners.append(gx * offsets[0][i] + gy * offsets[1][j] + gz * offsets[2][k])
     for fade in reversed(fades):
         corners = [a + fade * (b - a) for a, b in zip(corners[::2], corners[1::2], strict=True)]
-    return corners[0] * _SCALE
+    scaled: NDArray[np.float32] = corners[0] * _SCALE
+    return scaled
 
 
 def _voronoi(points: NDArray[Any], seed: int) -> tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.float32]]:

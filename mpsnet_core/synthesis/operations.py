@@ -220,9 +220,7 @@ class ShowSamples(Operation):
 
     def run(self, progress: Progress = silent) -> SamplesShown:
         """Write the picture, and describe the samples."""
-        from mpsnet_core.io.files import writable_path
-        from mpsnet_core.io.frames import check_apart
-        from mpsnet_core.io.images import checked_bits
+        from mpsnet_core.io.files import check_apart, checked_bits, writable_path
         from mpsnet_core.synthesis.contact_sheet import folder_samples, is_sample, show, summarise, write_sheet
 
         paths = [Path(path) for path in self.path]

@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from mpsnet_core import Capture, read_mesh
-from mpsnet_core.estimate import Estimator
 from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
 from mpsnet_core.estimate.alignment.points import USUAL_FOCAL, camera_from_points
 from mpsnet_core.estimate.alignment.pose import Poses, rotations, spread_rotations
 from mpsnet_core.estimate.alignment.refine import Evidence, refined
 from mpsnet_core.estimate.alignment.search import searched
+from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import published_rig
 

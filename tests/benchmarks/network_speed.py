@@ -30,8 +30,8 @@ from onnx import TensorProto, helper
 
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import InputError
-from mpsnet_core.estimate import Estimator
 from mpsnet_core.estimate.card import CARD_KEY, ModelCard
+from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS
 from mpsnet_core.estimate.registry import find_network
 from mpsnet_core.io.images import write_image

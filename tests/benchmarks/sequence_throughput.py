@@ -24,7 +24,7 @@ import numpy as np
 
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture, capture_from
-from mpsnet_core.estimate import Estimator
+from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.estimate.sequence.run import estimate_sequence
 from mpsnet_core.estimate.sequence.source import Frame, Masks, photo_frames
 from mpsnet_core.estimate.sequence.video import read_video_header, video_frames, video_outputs

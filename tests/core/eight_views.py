@@ -13,7 +13,7 @@ from mpsnet_core.bake.bake import View, bake_normals
 from mpsnet_core.bake.feather import FEATHER
 from mpsnet_core.bake.low_frequency_correction import correct_low_frequencies
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate import estimate_normals
+from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rig import published_rig

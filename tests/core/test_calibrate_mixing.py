@@ -14,7 +14,7 @@ from mpsnet_core.capture.calibrate.circles import find_balls
 from mpsnet_core.capture.calibrate.mixing import mixing_from_ball, mixing_from_ball_by_light, mixing_from_card
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import InputError
-from mpsnet_core.estimate import estimate_normals
+from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.io.image import linear_to_srgb, srgb_to_linear
 from mpsnet_core.io.images import read_image, read_mask
 from mpsnet_core.scene.camera import Camera

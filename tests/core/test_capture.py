@@ -11,7 +11,7 @@ from mpsnet_core import read_mask
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.capture.capture import read_capture
 from mpsnet_core.errors import FileError, GeometryError
-from mpsnet_core.estimate import estimate_normals
+from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.io import image
 from mpsnet_core.io.images import write_image
 from mpsnet_core.scene.camera import Camera

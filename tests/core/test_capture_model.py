@@ -15,7 +15,7 @@ from synthetic import degrees_between, write_file
 
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import InputError
-from mpsnet_core.estimate.lambertian import lambertian_normals
+from mpsnet_core.estimate.estimator import lambertian_normals
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.images import read_image
 from mpsnet_core.learning.training.packed import Packed

@@ -14,7 +14,7 @@ from networks import sees_all
 from synthetic import degrees_between
 
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate import estimate_normals
+from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rig import LightRig, direction_from_angles

@@ -14,7 +14,7 @@ from conftest import Mpsnet
 from sphere_sample import RED, sphere_sample
 from synthetic import degrees_between
 
-from mpsnet_core.estimate.lambertian import lambertian_normals
+from mpsnet_core.estimate.estimator import lambertian_normals
 from mpsnet_core.learning.evaluation.colour import (
     CHANGE,
     COLOURINGS,

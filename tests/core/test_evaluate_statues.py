@@ -12,7 +12,7 @@ from synthetic import diligent_object, shaded_sphere
 
 from mpsnet_core import published_rig
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate.lambertian import lambertian_normals
+from mpsnet_core.estimate.estimator import lambertian_normals
 from mpsnet_core.learning.evaluation.diligent import Diligent
 from mpsnet_core.learning.evaluation.evaluation import evaluate
 from mpsnet_core.learning.evaluation.fine_relief import fine_relief

@@ -143,7 +143,7 @@ test_a_bad_output_gets_one_clear_sentence = gets_one_clear_sentence(
         ),
         (
             "over a photo in the folder",
-            lambda b: output_files([b / "a.png", b / "a_normals.png"], b.folder, ".png"),
+            lambda b: b.estimate(b.photo("a.png"), b.photo("a_normals.png"), output=""),
             "overwrite…a_normals.png…choose another output",
         ),
         ("over the mask", lambda b: b.estimate(output="mask.png"), "overwrite…mask.png…choose another output"),

@@ -7,7 +7,7 @@ import pytest
 from synthetic import CROSSTALK, Sphere, degrees_between, shaded_sphere, write_file
 
 from mpsnet_core.capture.capture import Capture, read_capture
-from mpsnet_core.estimate import Estimator, estimate_normals
+from mpsnet_core.estimate.estimator import Estimator, estimate_normals
 from mpsnet_core.scene.rig import LightRig, direction_from_angles, published_rig
 
 BASELINES = ("lambertian", "lambertian-grey-world")

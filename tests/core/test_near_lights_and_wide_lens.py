@@ -13,8 +13,8 @@ from synthetic import CROSSTALK, degrees_between, write_file
 from mpsnet_core.capture.capture import Capture, read_capture
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
-from mpsnet_core.estimate import estimate_normals
 from mpsnet_core.estimate.distant_lights import as_distant_lights
+from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.scene.camera import Camera, camera_of_lens, write_camera
 from mpsnet_core.scene.mesh import Mesh, smooth_corner_normals
 from mpsnet_core.scene.mesh_depth import depth_of_mesh

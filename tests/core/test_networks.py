@@ -13,8 +13,7 @@ from torch import Tensor, nn
 
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import InputError
-from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS, feature_maps
-from mpsnet_core.estimate.lambertian import initial_normals
+from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS, feature_maps, initial_normals
 from mpsnet_core.learning.training.networks import NETWORKS, Network, build_network
 from mpsnet_core.scene.rig import direction_from_angles
 

@@ -12,8 +12,9 @@ from synthetic import CROSSTALK, degrees_between
 
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import Cancelled
-from mpsnet_core.estimate import dense, estimate_normals
+from mpsnet_core.estimate import dense
 from mpsnet_core.estimate.dense import dense_answer
+from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.estimate.features import FEATURE_CHANNELS
 from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.progress import silent

@@ -10,7 +10,7 @@ from synthetic import degrees_between, shaded_sphere
 
 from mpsnet_core.capture.capture import read_capture
 from mpsnet_core.errors import InputError
-from mpsnet_core.estimate import estimate_normals
+from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.io import files
 from mpsnet_core.io.frames import expand_images
 from mpsnet_core.io.images import Encoding, read_image

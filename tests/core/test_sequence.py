@@ -19,7 +19,7 @@ from synthetic import degrees_between, left_by, listing, named, shaded_sphere, w
 
 from mpsnet_core.capture.capture import Capture, capture_from
 from mpsnet_core.errors import Cancelled, InputError
-from mpsnet_core.estimate import Estimator
+from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.estimate.sequence.run import Outcome, estimate_sequence
 from mpsnet_core.estimate.sequence.source import Frame, Masks, frame_masks, photo_frames
 from mpsnet_core.io.image import Image

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.rank_correlation import rank_correlation
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate import Estimator, estimate_normals
+from mpsnet_core.estimate.estimator import Estimator, estimate_normals
 from mpsnet_core.estimate.registry import AVERAGED_MODEL, DEFAULT_MODEL, MODELS_FOLDER, registered_models
 from mpsnet_core.learning.evaluation.scenes import HELD_OUT_BLOB, ideal_photograph, published_view
 from mpsnet_core.scene.normal_map import NormalMap

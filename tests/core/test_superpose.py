@@ -10,7 +10,7 @@ from mpsnet_core.capture.capture import read_capture
 from mpsnet_core.capture.superpose import as_channels
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
-from mpsnet_core.estimate import estimate_normals
+from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.images import read_image
 

@@ -26,7 +26,7 @@ from mpsnet_core.bake.multi_view import Photography, sources_of
 from mpsnet_core.capture.capture import read_capture
 from mpsnet_core.cli import main
 from mpsnet_core.errors import FileError, InputError
-from mpsnet_core.estimate import estimate_normals
+from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.io.images import read_image
 from mpsnet_core.io.photo_folder import PhotoFolder
 from mpsnet_core.scene.camera import read_camera, write_camera

@@ -127,7 +127,7 @@ def _circles(image: NDArray[np.float32], bright: NDArray[np.bool_]) -> list[Circ
     # The eye's cube root: a mirror ball's outline is faint beside the lights that it mirrors.
     picture = _smooth(np.cbrt(np.maximum(image.mean(axis=-1), 0)))
     height, width = picture.shape
-    gradient_y, gradient_x = np.gradient(picture)
+    gradient_x, gradient_y = np.gradient(picture, axis=1), np.gradient(picture, axis=0)
     steep = np.hypot(gradient_x, gradient_y)
     edge = _ridge(steep, gradient_x, gradient_y) & ~dilated(bright, 4)
     edge &= steep > max(2.0 * float(np.median(steep)), 0.02 * float(np.percentile(steep, 99.5)))

@@ -102,7 +102,7 @@ def find_coloured_highlights(photo: Image, ball: Ball) -> tuple[Highlight, Highl
     window = _window(photo, ball)
     gains = np.array([_peak(window.excess[..., channel]) for channel in range(3)])
     share = (window.excess / gains).max(axis=-1)
-    bright, clipped = share > SKIRT, window.clipped.any(axis=-1)
+    bright, clipped = share > SKIRT, np.any(window.clipped, axis=-1)
     # One saturated channel leaves two that show which light a pixel belongs to, if not its colour; two do not.
     attributable = bright & (window.clipped.sum(axis=-1) < 2)
     colours = _three_colours(window.excess[bright & ~clipped] / gains)

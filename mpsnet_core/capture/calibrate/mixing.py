@@ -260,9 +260,8 @@ def _ball_pixels(photo: Image, ball: Ball) -> tuple[NDArray[np.float64], NDArray
     """Points (P, 2) well inside the ball and their colours (P, 3), without those that are clipped."""
     height, width = photo.pixels.shape[:2]
     left, right, top, bottom = ball.window(width, height)
-    x, y = np.meshgrid(np.arange(left, right), np.arange(top, bottom))
-    x, y = x.ravel(), y.ravel()
-    points = np.stack([x, y], axis=-1) + 0.5
+    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(left, right), np.arange(top, bottom)))
+    points = np.stack([x, y], axis=-1).astype(np.float64) + 0.5
     if len(points):
         _, normal, back = surface(ball, points)
         inside = np.einsum("ni,ni->n", normal, back) > np.sqrt(1 - USED_RADIUS**2)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from mpsnet_core.capture.operations import HasLens, ReadsPhotos, files_read
+from mpsnet_core.capture.operations import HasLens, ReadsPhotos
 from mpsnet_core.errors import FileError, GeometryError, InputError, SettingsError
 from mpsnet_core.operation import Result, option
 from mpsnet_core.progress import Progress, part, silent
@@ -59,9 +59,9 @@ class LooksAtBall(ReadsPhotos, HasLens):
 
     def _inputs(self, given: Sequence[str], output: str, rig: str | None = None) -> list[Path]:
         """The photos, once it is sure that the results can be written and overwrite none of what is read."""
-        from mpsnet_core.io.files import writable_path
-        from mpsnet_core.io.frames import check_apart, expand_images, natural_order
-        from mpsnet_core.io.images import checked_bits
+        from mpsnet_core.capture.masks import mask_source
+        from mpsnet_core.io.files import check_apart, checked_bits, writable_path
+        from mpsnet_core.io.frames import expand_images, files_meant, natural_order
 
         if self.radius is not None and not 0 < self.radius < math.inf:
             raise SettingsError(f"--radius is the ball's radius, a number above 0, not {self.radius:g}")
@@ -69,11 +69,13 @@ class LooksAtBall(ReadsPhotos, HasLens):
         if files == sorted(files, key=lambda file: str(file)):
             files = sorted(files, key=natural_order)  # a shell puts 10 before 2
         outputs = [file for file in (output, self.overlay, self.json) if file]
+        mask = self.mask and mask_source(self.mask)
+        others = files_meant((mask, self.dark, self.flat, self.camera if isinstance(self, HasLens) else None))
         for number, one in enumerate(outputs):
             writable_path(one)
             # The rig may be read whole and then written anew; nothing else may take its place.
             to_keep = [rig] if number and rig else []
-            check_apart([*files, *files_read(self), *to_keep, *outputs[:number]], [one])
+            check_apart([*files, *others, *to_keep, *outputs[:number]], [one])
         if self.overlay:
             checked_bits(Path(self.overlay), 8)
         return files
@@ -302,8 +304,7 @@ class CalibrateLights(LooksAtBall):
     def _choose_of_lp(self) -> LightsCalibrated:
         """A rig of three of an .lp file's lights."""
         from mpsnet_core.capture.calibrate.report import COLOURS, directions_facts
-        from mpsnet_core.io.files import writable_path
-        from mpsnet_core.io.frames import check_apart
+        from mpsnet_core.io.files import check_apart, writable_path
         from mpsnet_core.scene.rig import LightRig, read_lp, write_rig
 
         if len(self.ball) > 1 or self.overlay or self.json:

@@ -136,7 +136,7 @@ def _edges(photo: Pyramid, ball: Ball, share: float, wanted: float) -> _Edges:
     across = np.stack([-along[:, 1], along[:, 0]], axis=-1)  # outwards
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     count = int(np.ceil((max(reach, NOISE_REACH * radius) + 2 * step) / step))
-    offsets = step * np.arange(-count, count + 1)
+    offsets = step * np.arange(-count, count + 1, dtype=np.float64)
     places = outline[:, None] + offsets[:, None] * across[:, None]
     fine = np.roll(_sampled(picture, places / smaller), beside // 2, axis=0)
     profile = fine.reshape(LINES, beside, -1).mean(axis=1)
@@ -148,7 +148,7 @@ def _edges(photo: Pyramid, ball: Ball, share: float, wanted: float) -> _Edges:
     outline, across = outline[::beside], across[::beside]
     height, width = picture.shape
     ends = outline[:, None] + np.array([-1, 1])[:, None] * (reach + step) * across[:, None]
-    whole = ((ends > smaller) & (ends < np.array([width - 1, height - 1]) * smaller)).all(axis=(1, 2))
+    whole = np.all((ends > smaller) & (ends < np.array([width - 1, height - 1]) * smaller), axis=(1, 2))
     return _Edges(outline, across, offsets[1:-1], steep, usual, sure, whole, reach, step)
 
 

@@ -148,4 +148,5 @@ class _Canvas:
         return any(abs(y - other) < TEXT + 2 and left < end and start < right for start, end, other in self.label_boxes)
 
     def _here(self, point: Point) -> NDArray[np.float64]:
-        return (np.array(point, np.float64) - [self.left, self.top]) * self.scale
+        here: NDArray[np.float64] = (np.array(point, np.float64) - [self.left, self.top]) * self.scale
+        return here

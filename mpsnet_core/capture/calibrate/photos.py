@@ -71,7 +71,8 @@ def mean_photo(photos: BallPhotos, images: Iterable[Image] | None = None) -> NDA
         if total.ndim:
             check_same_size(str(file), image.pixels.shape, str(photos.files[0]), total.shape)
         total = total + image.pixels
-    return np.nan_to_num(total / np.float32(len(photos.files)), posinf=0.0, neginf=0.0)
+    mean: NDArray[np.float32] = np.nan_to_num(total / np.float32(len(photos.files)), posinf=0.0, neginf=0.0)
+    return mean
 
 
 def seen_balls(photos: BallPhotos, image: NDArray[np.float32]) -> list[Ball]:

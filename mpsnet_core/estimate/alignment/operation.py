@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from mpsnet_core.capture.operations import ReadsPhotos, files_read
+from mpsnet_core.capture.operations import ReadsPhotos
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.estimate.operations import RunsModel
 from mpsnet_core.operation import Result, option
@@ -119,18 +119,19 @@ class Align(RunsModel, ReadsPhotos):
 
     def run(self, progress: Progress = silent) -> CameraFound:
         """Write the camera file, and the overlay where it is requested."""
+        from mpsnet_core.capture.masks import mask_source
         from mpsnet_core.estimate.alignment.pairs import read_pairs
-        from mpsnet_core.io.files import writable_path
-        from mpsnet_core.io.frames import check_apart
-        from mpsnet_core.io.images import checked_bits
+        from mpsnet_core.io.files import check_apart, writable_image, writable_path
+        from mpsnet_core.io.frames import files_meant
 
         if self.points and self.start:
             raise SettingsError("points and start both place the camera; give one of them")
         outputs = [Path(self.output), *([Path(self.overlay)] if self.overlay else []), *self._others()]
-        check_apart([self.image, self.rig, self.mesh, *files_read(self)], outputs)
+        mask = self.mask and mask_source(self.mask)
+        check_apart(files_meant((self.image, self.rig, self.mesh, mask, self.dark, self.flat)), outputs)
         writable_path(self.output)
         if self.overlay:
-            checked_bits(writable_path(self.overlay))
+            writable_image(self.overlay)
         pairs = read_pairs(self.points) if self.points else None
         progress(0.0, f"reading {Path(self.image).name}")
         capture = self._capture()

@@ -203,5 +203,5 @@ def _residual(
         middle, strength = prior
         residual = np.concatenate([residual, strength * (np.log(poses.focal) - middle)[:, None]], axis=1)
     cost = (residual**2).sum(axis=1)
-    behind = ((seen[..., 2] > -1e-6) & (weight > 0)).any(axis=1)
+    behind = np.any((seen[..., 2] > -1e-6) & (weight > 0), axis=1)
     return np.where(behind[:, None], 0.0, residual), np.where(behind, np.inf, cost)

@@ -37,7 +37,7 @@ class Poses:
     @classmethod
     def of(cls, camera: Camera) -> "Poses":
         """The one pose of a perspective camera; an orthographic one is replaced by one that is far away."""
-        world = np.linalg.inv(camera.world_from_camera)
+        world = np.linalg.inv(camera.world_from_camera).astype(np.float64, copy=False)
         return cls(world[None, :3, :3], world[None, :3, 3], camera.focal[:1].copy(), camera.centre)
 
     def chosen(self, which: NDArray[np.intp]) -> "Poses":

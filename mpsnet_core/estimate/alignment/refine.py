@@ -141,7 +141,7 @@ def measured(evidence: Evidence, faces: MeshFaces, camera: Camera) -> Fit:
     scale = _scale(evidence, 256)
     image = _Image(scale, local, faces)
     union, both = scale.inside | image.seen, scale.inside & image.seen
-    overlap = both.sum() / max(1, union.sum())
+    overlap = int(both.sum()) / max(1, int(union.sum()))
     cosine = (_smooth(image.normals, image.seen, SMOOTH) * scale.normals).sum(axis=-1)[both]
     degrees = float(np.degrees(np.arccos(np.clip(np.median(cosine), -1, 1)))) if both.any() else 180.0
     mine, _ = _outline(image.seen.astype(np.float64))
@@ -296,8 +296,7 @@ def _normal_terms(scale: _Scale, image: _Image, focal: float) -> list[tuple[Floa
         residual = (here - other[rows, columns]) / sigma
         jacobian = np.zeros((len(rows), 3, PARAMETERS))
         jacobian[..., :3] = -cross_matrix(here)
-        by_row, by_column = np.gradient(own, axis=(0, 1))
-        gradient = np.stack([by_column[rows, columns], by_row[rows, columns]], axis=-1)
+        gradient = np.stack([np.gradient(own, axis=axis)[rows, columns] for axis in (1, 0)], axis=-1)
         jacobian -= gradient @ moving
         jacobian /= sigma
         length = np.linalg.norm(residual, axis=1)
@@ -340,7 +339,7 @@ def _blurred(values: Floats, sigma: float) -> Floats:
 def _outline(shares: Floats) -> tuple[Floats, Floats]:
     """Points (N, 2; x, y) in pixels where shares (h, w) of an object cross a half, and unit normals that point out."""
     padded = np.pad(shares, 1)
-    slopes = np.stack(np.gradient(_blurred(padded, 1.5))[::-1], axis=-1)
+    slopes = np.stack([np.gradient(_blurred(padded, 1.5), axis=axis) for axis in (1, 0)], axis=-1)
     points, normals = [], []
     for axis in (0, 1):
         low, high = (padded[:-1], padded[1:]) if axis == 0 else (padded[:, :-1], padded[:, 1:])

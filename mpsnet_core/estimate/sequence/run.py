@@ -63,7 +63,7 @@ def estimate_sequence(
     take : callable
         Reads a frame as a capture; called in a thread of its own, for one frame after the other.
     estimator : callable
-        Returns the normals of a capture, :class:`mpsnet_core.estimate.Estimator` for instance.
+        Returns the normals of a capture, :class:`mpsnet_core.estimate.estimator.Estimator` for instance.
     recipe : str
         Text that changes with every other setting that the normals depend on. Each output stores a line made of it and
         `Frame.made_from`; an output that is whole and has the same line is up to date.

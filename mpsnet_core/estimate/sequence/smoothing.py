@@ -106,7 +106,7 @@ def _similarity(a: Shot, b: Shot) -> NDArray[np.float32]:
     for channel in range(3):
         first, second = a.photo[..., channel], b.photo[..., channel]
         difference = np.where(both, second - first, np.float32(0))
-        squares += np.square(difference / _noise(difference, (first + second) / 2, both))
+        squares += np.square(difference / _noise(difference, (first + second) / np.float32(2), both))
     count = box_sums(both.astype(np.float32), PATCH // 2)
     mean_square = box_sums(squares, PATCH // 2) / np.maximum(3 * count, 1)
     return np.where(both, np.exp(-np.maximum(mean_square - SURE, 0)), 0).astype(np.float32)

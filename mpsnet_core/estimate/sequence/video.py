@@ -16,13 +16,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.defaults import ENCODINGS
 from mpsnet_core.errors import FileError, FormatError, InputError, check_choice
 from mpsnet_core.estimate.sequence.source import Frame, Masks
 from mpsnet_core.estimate.sequence.video_decoder import VideoDecoder
-from mpsnet_core.io.files import VIDEO_DECODER, VIDEO_SUFFIXES, existing_file
+from mpsnet_core.io.files import VIDEO_DECODER, checked_bits, existing_file
 from mpsnet_core.io.frames import RESULT, results_folder
 from mpsnet_core.io.image import MAX_PIXELS, Image, srgb_to_linear
-from mpsnet_core.io.images import ENCODINGS, Encoding, checked_bits
+from mpsnet_core.io.images import Encoding
 from mpsnet_core.io.provenance import identity
 
 if TYPE_CHECKING:
@@ -61,11 +62,6 @@ class Video:
     decoder: VideoDecoder | None = None
 
 
-def is_video(path: str | os.PathLike[str]) -> bool:
-    """Whether a file is a video by its name."""
-    return Path(path).suffix.lower() in VIDEO_SUFFIXES
-
-
 def read_video_header(path: str | os.PathLike[str], *, encoding: Encoding = "auto") -> Video:
     """Read a video's header, and report the curve that its values are assumed to follow.
 
@@ -97,12 +93,13 @@ def read_video_header(path: str | os.PathLike[str], *, encoding: Encoding = "aut
         return Video(path, codec.width, codec.height, rate, stream.frames or round(seconds * rate))
 
 
-def video_outputs(video: Path, folder: str | os.PathLike[str], suffix: str) -> Callable[[int], Path]:
+def video_outputs(video: Path, folder: str | os.PathLike[str], kind: str) -> Callable[[int], Path]:
     """Where the normals of a video's frames go, by number from 1: NAME_000001_normals in `folder`.
 
-    Raises InputError where `folder` cannot be one.
+    kind: of file, as "png". Raises InputError where `folder` cannot be one.
     """
     target = results_folder(folder, f"{video} is a video")
+    suffix = f".{kind.lstrip('.')}"
     checked_bits(Path(f"normals{suffix}"))
     return lambda number: target / f"{video.stem}_{number:06d}{RESULT}{suffix}"
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import FileError, FormatError, GeometryError, InputError, SettingsError
-from mpsnet_core.estimate.lambertian import usable_channels
+from mpsnet_core.estimate.estimator import usable_channels
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.images import read_data, read_mask
 from mpsnet_core.io.text_table import table_of_means
@@ -166,7 +166,8 @@ def _case(name: str, folder: Path, lights: Lights, protocol: str, magnify: int) 
     capture, truth = read_diligent(folder, lights, protocol), _truth(folder)
     if truth.shape != capture.image.shape:
         raise GeometryError(f"{folder}: the truth is {truth.shape}, the photos {capture.image.shape}")
-    bright_facing = usable_channels(capture).all(axis=-1) & (truth @ capture.rig.directions.T > 0).all(axis=-1)
+    usable, towards = usable_channels(capture), truth @ capture.rig.directions.T > 0
+    bright_facing = np.all(usable & towards, axis=-1)
     return Case(labels, capture, truth, {BRIGHT_FACING.removesuffix("_deg"): bright_facing}, magnify)
 
 

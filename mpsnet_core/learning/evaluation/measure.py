@@ -11,7 +11,7 @@ from mpsnet_core.arrays.rank_correlation import rank_correlation
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import GeometryError
-from mpsnet_core.estimate import Estimator
+from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.estimate.registry import AVERAGED_MODEL, registered_models
 from mpsnet_core.learning.evaluation.confidence import error_by_confidence
 from mpsnet_core.learning.evaluation.magnify import estimate_magnified, magnified_name

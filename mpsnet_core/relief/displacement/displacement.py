@@ -220,7 +220,7 @@ def _trust(
     around. Gradients that do agree are trusted however steep they are. steps: (N,) from texel to texel in the world.
     """
     apart = (heights[graph.neighbours[:2]] - heights - np.stack([right, below])) * (graph.weights[:2] > 0) / steps
-    trust: NDArray[np.float32] = 1 / (1 + (apart**2).sum(axis=0) / np.float32(STRAY**2))
+    trust: NDArray[np.float32] = np.reciprocal(1 + np.sum(np.square(apart), axis=0) / np.float32(STRAY**2))
     return trust
 
 
@@ -259,7 +259,7 @@ def _with_margin(
     The first texels go on with the gradient of the nearest one inside, so that what is read between texels along a
     seam, half of it from the margin, is the same on both sides.
     """
-    number = np.arange(len(heights))
+    number = np.arange(len(heights), dtype=np.int32)
     right, below = (heights[graph.neighbours[axis]] - heights for axis in (0, 1))
     layers = np.zeros((*covered.shape, 5), np.float32)
     layers[covered, 0] = heights

@@ -12,8 +12,7 @@ from mpsnet_core.bake.texture_names import check_one_texture, split_by, texture_
 from mpsnet_core.bake.texture_sets import sheets
 from mpsnet_core.defaults import MARGIN
 from mpsnet_core.errors import SettingsError
-from mpsnet_core.io.files import written_together
-from mpsnet_core.io.frames import check_apart
+from mpsnet_core.io.files import check_apart, written_together
 from mpsnet_core.operation import Result
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.relief.displacement.displacement import Displacement, displacement

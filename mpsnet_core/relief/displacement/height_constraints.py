@@ -71,7 +71,7 @@ def chords(vectors: NDArray[np.float32], space: Space, own: Layout, base: Layout
         if own is not base:
             wanted = np.where((own.triangle[more] >= 0)[..., None], wanted, normal)
         here, inside = slice(numbers[rows.start], numbers[rows.stop]), base.triangle[rows] >= 0
-        facing_out += np.count_nonzero(_dot(wanted, normal)[: len(inside)][inside] >= 0)
+        facing_out += int(np.count_nonzero(_dot(wanted, normal)[: len(inside)][inside] >= 0))
         for number, axis in enumerate((1, 0)):
             # Beyond the last column and row stands what is at the other end; there is no neighbour there.
             towards = wanted + np.roll(wanted, -1, axis)

@@ -123,7 +123,7 @@ def _breaks(wanted: Gradients, weights: Links) -> NDArray[np.bool_]:
 def _alike(gradient: NDArray[np.float32], facing: NDArray[np.float32]) -> NDArray[np.float32]:
     """(N - 1, M) 0 to 1: how well the pixels (N, M) at both ends of links along the first axis agree."""
     apart = (gradient[1:] - gradient[:-1]) * np.minimum(facing[1:], facing[:-1])
-    alike: NDArray[np.float32] = 1 / (1 + np.square(apart / APART))
+    alike: NDArray[np.float32] = np.reciprocal(1 + np.square(apart / APART))
     return alike
 
 

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.distant_lights import under_distant_lights
-from mpsnet_core.estimate.lambertian import usable_channels
+from mpsnet_core.estimate.estimator import usable_channels
 
 # A light that only grazes the surface (cosine below the first) shows nothing of its colour; above the second, all.
 GRAZING, FULL = 0.1, 0.3
@@ -22,7 +22,7 @@ def estimated_albedo(capture: Capture, normals: NDArray[np.float32], *, grey: bo
     One photo has three values a pixel, and the normals were made of them: what differs from pixel to pixel in colour
     rests on the model that separated normal and colour. Equation 2 cannot: to it all is grey but the mean.
     """
-    distant = under_distant_lights(capture)
+    distant = capture if capture.rig.near is None else under_distant_lights(capture)
     usable = usable_channels(capture)
     total, weight = np.zeros(3), np.zeros(3)
     for rows in bands(len(normals)):
@@ -48,4 +48,5 @@ def _single(
     light = distant.rig.unmixed(distant.image[rows])
     cosines = normals[rows] @ distant.rig.directions.T.astype(np.float32)
     trust = np.clip((cosines - GRAZING) / (FULL - GRAZING), 0, 1) * usable[rows]
-    return np.maximum(light, 0) / np.maximum(cosines, np.float32(GRAZING)), trust.astype(np.float32)
+    albedo: NDArray[np.float32] = np.divide(np.maximum(light, 0), np.maximum(cosines, np.float32(GRAZING)))
+    return albedo, trust.astype(np.float32)

@@ -256,4 +256,5 @@ def _camera(shape: tuple[int, ...], pitch: tuple[float, float]) -> Camera:
 def _within_range(albedo: NDArray[np.float32]) -> NDArray[np.float32]:
     """Albedos of at most 1; all of them darkened where one in a hundred was above BRIGHTEST."""
     bright = float(np.percentile(albedo[::4, ::4], 99))
-    return np.clip(albedo * np.float32(min(1.0, BRIGHTEST / max(bright, 1e-6))), 0, 1)
+    darkened: NDArray[np.float32] = np.clip(albedo * np.float32(min(1.0, BRIGHTEST / max(bright, 1e-6))), 0, 1)
+    return darkened

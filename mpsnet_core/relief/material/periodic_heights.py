@@ -49,4 +49,4 @@ def _waves(height: int, width: int, pitch: tuple[float, float]) -> tuple[NDArray
         across[-1] = 0
     if height % 2 == 0:
         down[height // 2] = 0
-    return across[None], down[:, None]
+    return across[None].astype(np.float64, copy=False), down[:, None].astype(np.float64, copy=False)

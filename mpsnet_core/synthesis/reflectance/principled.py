@@ -111,7 +111,7 @@ class PrincipledBsdf(AboveSurface):
             coat_facets = ggx(self._coat_alpha, sine_squared, cos_light, cos_view)
             gloss += coat * coat_facets * fresnel_dielectric(cos_difference, COAT_IOR)
         if self._sheen:
-            cos_between = length * length / 2 - 1
+            cos_between = length * length * np.float32(0.5) - 1
             gloss += sheen * sheen_lobe(spread, shear, cos_light, cos_view, cos_between)
         result += gloss[:, None]
         if self._metallic:

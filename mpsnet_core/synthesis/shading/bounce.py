@@ -168,7 +168,7 @@ class _Grid:
         other_positions: NDArray[np.float32],
     ) -> NDArray[np.float32]:
         """(N,) how much two pieces of surface belong together, 0 to 1."""
-        alike = np.maximum(dot(normals, other_normals), 0)
+        alike: NDArray[np.float32] = np.maximum(dot(normals, other_normals), 0)
         for _ in range(_SQUARINGS):
             alike *= alike
         plane = dot(normals, other_positions - positions)

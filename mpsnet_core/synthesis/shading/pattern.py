@@ -88,7 +88,8 @@ def dirt_weight(dirt: Dirt, points: NDArray[Any]) -> NDArray[np.float32] | None:
     level = fractal_noise(points * dirt.scale, dirt.seed, DIRT_OCTAVES)
     edge = NOISE.inv_cdf(1 - min(dirt.amount, 0.999))
     share = np.clip((level - np.float32(edge - DIRT_EDGE)) / np.float32(2 * DIRT_EDGE), 0, 1)
-    return share * share * (3 - 2 * share)
+    smooth: NDArray[np.float32] = share * share * (3 - 2 * share)
+    return smooth
 
 
 def bumped(bump: Bump, points: NDArray[Any], normals: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -163,7 +163,7 @@ class _Image:
         fine[self.pixels] = values
         times, (height, width) = self.times, self.grid
         fine = fine.reshape(height // times, times, width // times, times, *values.shape[1:])
-        return fine[:, 0, :, 0] if times == 1 else fine.mean(axis=(1, 3))
+        return fine[:, 0, :, 0] if times == 1 else fine.mean(axis=(1, 3), dtype=np.float32)
 
     def mean(self, values: NDArray[np.float32], alpha: NDArray[np.float32]) -> NDArray[np.float32]:
         """(H, W) mean over the part of the pixel that the points cover."""

@@ -1,0 +1,153 @@
+"""From a capture to a normal map: the Lambertian baseline and the networks, one call for all."""
+
+import logging
+import os
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpsnet_core.capture.capture import Capture
+from mpsnet_core.estimate.distant_lights import under_distant_lights
+from mpsnet_core.estimate.features import divided
+from mpsnet_core.estimate.registry import DEFAULT_MODEL, DEFAULT_TILE, LAMBERTIAN, LAMBERTIAN_GREY_WORLD, find_network
+from mpsnet_core.progress import Progress, silent
+from mpsnet_core.scene.normal_map import NormalMap
+
+log = logging.getLogger(__name__)
+
+# Below this share of its channel's 99th percentile inside the mask a pixel counts as unlit by that channel's light.
+SHADOW_SHARE = 0.02
+
+
+class Estimator:
+    """A model made ready once, for any number of captures.
+
+    Parameters
+    ----------
+    model : str or path
+        A name of `mpsnet models` or the path of an ONNX file.
+    passes : {1, 3}, optional
+        3 averages the network's answers on the scene turned and mirrored. By default the registry's number for stills,
+        else that of the network's card.
+    provider : {"cpu", "cuda", "directml", "coreml"}
+        What runs the network.
+    threads : int
+        CPU threads of the network, 0 for all.
+    tile : int
+        Side in pixels of the tiles of dense networks; memory grows with its square.
+
+    Raises
+    ------
+    InputError
+        Where there is no such model, its file is not one of ours, or an option is out of range.
+
+    Notes
+    -----
+    The baselines use none of the options.
+    """
+
+    def __init__(
+        self,
+        model: str | os.PathLike[str] = DEFAULT_MODEL,
+        *,
+        passes: Literal[1, 3] | None = None,
+        provider: str = "cpu",
+        threads: int = 0,
+        tile: int = DEFAULT_TILE,
+    ) -> None:
+        self.name = os.fspath(model)
+        self._network = None
+        if self.name not in (LAMBERTIAN, LAMBERTIAN_GREY_WORLD):
+            from mpsnet_core.estimate.onnx_model import OnnxModel  # onnxruntime takes a while to load
+
+            network = find_network(self.name)
+            self._network = OnnxModel(
+                network.path, provider=provider, threads=threads, tile=tile, passes=passes or network.passes
+            )
+        elif provider != "cpu":
+            log.info("%s is no network and runs without provider %s", self.name, provider)
+
+    def __call__(self, capture: Capture, progress: Progress = silent) -> NormalMap:
+        """Normals of `capture`, in camera space. Raises Cancelled where `progress` does."""
+        if self._network is not None:
+            return self._network(capture, progress)
+        normals = lambertian_normals(capture, grey_world=self.name == LAMBERTIAN_GREY_WORLD)
+        progress(1.0, "normals estimated")
+        return normals
+
+
+def estimate_normals(
+    capture: Capture,
+    model: str | os.PathLike[str] = DEFAULT_MODEL,
+    *,
+    passes: Literal[1, 3] | None = None,
+    provider: str = "cpu",
+    threads: int = 0,
+    tile: int = DEFAULT_TILE,
+    progress: Progress = silent,
+) -> NormalMap:
+    """Estimate the surface normal of every pixel inside the capture's mask.
+
+    Parameters
+    ----------
+    capture : Capture
+        The photo with its mask, lights and camera.
+    model, passes, provider, threads, tile
+        As of :class:`Estimator`, which is the one to keep when there are many captures.
+    progress : callable
+        Receives the share that is done, 0 to 1, and what is being done.
+
+    Returns
+    -------
+    NormalMap
+        In camera space: x right, y up, z towards the camera.
+
+    Raises
+    ------
+    InputError
+        As :class:`Estimator` does.
+    Cancelled
+        Where `progress` raises it.
+
+    Examples
+    --------
+    A matt plane that faces the camera, by equation 2:
+
+    >>> import numpy as np
+    >>> from mpsnet_core import Capture, estimate_normals, published_rig
+    >>> rig = published_rig()
+    >>> image = np.broadcast_to(rig.directions @ [0.0, 0.0, 1.0], (2, 2, 3))
+    >>> normals = estimate_normals(Capture(image, np.ones((2, 2), bool), rig), "lambertian")
+    >>> np.allclose(normals.vectors, [0.0, 0.0, 1.0], atol=1e-6)
+    True
+    """
+    estimator = Estimator(model, passes=passes, provider=provider, threads=threads, tile=tile)
+    return estimator(capture, progress)
+
+
+def usable_channels(capture: Capture) -> NDArray[np.bool_]:
+    """(H, W, 3) False where a light does not reach the pixel (shadow) or its channel is saturated."""
+    saturated = capture.saturated
+    if not np.array_equal(capture.rig.mixing, np.eye(3)):
+        # Unmixing computes each light from all channels, so one saturated channel spoils all three.
+        saturated = np.broadcast_to(saturated.any(axis=-1, keepdims=True), saturated.shape)
+    light = capture.rig.unmixed(capture.image)
+    lit: NDArray[np.bool_] = light > SHADOW_SHARE * np.percentile(light[capture.mask], 99, axis=0)
+    return lit & ~saturated
+
+
+def lambertian_normals(capture: Capture, grey_world: bool = False) -> NormalMap:
+    """Normals by equation 2, with or without grey-world. Confidence is the share of usable channels (0, ⅓, ⅔, 1).
+
+    Under near lights every pixel has its own three. Perspective makes no difference: a matt surface looks the same from
+    all sides.
+    """
+    confidence = usable_channels(capture).mean(axis=-1, dtype=np.float32)
+    if capture.rig.near is not None:
+        capture = under_distant_lights(capture)
+    image = capture.rig.unmixed(capture.image)
+    if grey_world:
+        image = divided(image, image[capture.mask].mean(axis=0, dtype=np.float64))
+    solution = image @ np.linalg.inv(capture.rig.directions).T.astype(np.float32)
+    return NormalMap(solution, capture.mask, confidence)
