@@ -17,7 +17,8 @@ from synthetic import Sphere, listing, write_file
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.sequence.source import Frame, Masks
-from mpsnet_core.estimate.sequence.video import is_video, read_video_header, video_frames, video_outputs
+from mpsnet_core.estimate.sequence.video import read_video_header, video_frames, video_outputs
+from mpsnet_core.io.frames import is_video
 from mpsnet_core.io.image import srgb_to_linear
 from mpsnet_core.scene.normal_map import read_normals
 
