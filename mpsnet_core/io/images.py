@@ -417,9 +417,9 @@ def image_input(path: str | os.PathLike[str], *config: Any) -> Any:
             return None
         with libraries_silent():
             source = oiio.ImageInput.open(os.fspath(path), *config)
-    except OSError:
+    except (OSError, UnicodeEncodeError):
         return None
-    except (UnicodeEncodeError, TypeError):  # Python's, and OpenImageIO's
+    except TypeError:  # OpenImageIO's
         raise FileError(f"{path} cannot be opened: its name is not valid UTF-8; rename it") from None
     if source is not None and source.format_name() not in _FORMATS:
         source.close()
