@@ -112,11 +112,11 @@ class Projector:
             & (pixels > -0.5).all(axis=1)
             & (pixels < [self.camera.width + 0.5, self.camera.height + 0.5]).all(axis=1)
         )
-        candidate, points, pixels, depth = candidate[inside], points[inside], pixels[inside], depth[inside]
+        candidate, world, pixels, depth = candidate[inside], world[inside], pixels[inside], depth[inside]
         sampled = self._sample(pixels)
         hit = sampled[:, 3] > 0
         candidate, sampled = candidate[hit], sampled[hit]
-        visible = self.visibility.seen(points[hit], pixels[hit], depth[hit])
+        visible = self.visibility.seen(world[hit], pixels[hit], depth[hit])
         seen = candidate[visible]
         return seen, sampled[visible] * (facing[seen] ** FACING_POWER)[:, None]
 

@@ -413,14 +413,13 @@ def image_input(path: str | os.PathLike[str], *config: Any) -> Any:
     try:
         with Path(path).open("rb") as file:
             known = file.read(8).startswith(_SIGNATURES)
-    except OSError:
-        known = False
-    if not known:
-        return None
-    try:
+        if not known:
+            return None
         with libraries_silent():
             source = oiio.ImageInput.open(os.fspath(path), *config)
-    except TypeError:
+    except (OSError, UnicodeEncodeError):
+        return None
+    except TypeError:  # OpenImageIO's
         raise FileError(f"{path} cannot be opened: its name is not valid UTF-8; rename it") from None
     if source is not None and source.format_name() not in _FORMATS:
         source.close()
