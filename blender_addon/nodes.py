@@ -8,6 +8,7 @@ import bpy
 # The bake's, the displacement's, and those that both have.
 TEXTURE_NODE, GREEN_NODE, NORMAL_NODE, ALBEDO_NODE = "MPS Texture", "MPS Green", "MPS Normal", "MPS Albedo"
 HEIGHT_NODE, DISPLACEMENT_NODE, BEFORE_NODE = "MPS Height", "MPS Displacement", "MPS Before"
+OBJECT_TEXTURE_NODE, OBJECT_NORMAL_NODE = "MPS Object Texture", "MPS Object Normal"
 UV_NODE = "MPS UV"
 
 
@@ -18,6 +19,8 @@ _KINDS = {
     ALBEDO_NODE: "ShaderNodeTexImage",
     HEIGHT_NODE: "ShaderNodeTexImage",
     DISPLACEMENT_NODE: "ShaderNodeDisplacement",
+    OBJECT_TEXTURE_NODE: "ShaderNodeTexImage",
+    OBJECT_NORMAL_NODE: "ShaderNodeNormalMap",
     BEFORE_NODE: "NodeReroute",
 }
 

@@ -7,7 +7,7 @@ import bpy
 
 from mpsnet_core.errors import InputError
 
-from ..heights.assign_displacement import remove_displacement
+from ..heights.assign_displacement import remove_displacement, remove_object_normals
 from ..nodes import ALBEDO_NODE, GREEN_NODE, NORMAL_NODE, TEXTURE_NODE, UV_NODE, ensure_node, find_node
 from ..outputs import remember
 from .texture_owners import store_owners
@@ -33,6 +33,7 @@ def assign_textures(
         # Later steps read this from the texture: the panel may have changed by then.
         remember(image, "space", space)
         remember(image, "convention", convention)
+        remove_object_normals(material)
         for name in assign_normal_map(material, image, uv_map, space, convention):
             sentences.append(f'The texture took the place of "{name}" in material "{material.name}"')
         if frames:

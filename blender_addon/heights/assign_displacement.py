@@ -9,10 +9,22 @@ import bpy
 from mpsnet_core.errors import InputError
 
 from ..bake.mesh_file import DISPLACE, MODIFIERS, SUBDIVISION, TRIAL, find_modifier
-from ..nodes import BEFORE_NODE, DISPLACEMENT_NODE, HEIGHT_NODE, NORMAL_NODE, UV_NODE, ensure_node, find_node
+from ..nodes import (
+    BEFORE_NODE,
+    DISPLACEMENT_NODE,
+    HEIGHT_NODE,
+    NORMAL_NODE,
+    OBJECT_NORMAL_NODE,
+    OBJECT_TEXTURE_NODE,
+    UV_NODE,
+    ensure_node,
+    find_node,
+)
 
 # Stored with a material: its displacement method before it wore heights.
 _METHOD_BEFORE = "mpsnet_displacement_method"
+# And whether Cycles corrected its normals before it wore those in object space.
+_CORRECTION_BEFORE = "mpsnet_bump_map_correction"
 
 # --- modifiers --------------------------------------------------------------------------------------------------------
 
@@ -141,13 +153,10 @@ def _output_of(material: Any) -> Any:
 
 
 def remove_displacement(target: Any) -> bool:
-    """Take off what :mod:`.displace` gave an object, before it wears another normal map; True where there was some.
-
-    Left on where the normal map was left on beside it.
-    """
+    """Take off what :mod:`.displace` gave an object, before it wears another normal map; True where there was some."""
     materials = [slot.material for slot in target.material_slots if slot.material and slot.material.node_tree]
     displacing = [material for material in materials if find_node(material.node_tree, DISPLACEMENT_NODE)]
-    if (not find_modifier(target, DISPLACE) and not displacing) or any(map(_shows_normals, materials)):
+    if not find_modifier(target, DISPLACE) and not displacing:
         return False
     for name in (DISPLACE, SUBDIVISION):
         remove_modifier(target, name)
@@ -156,24 +165,53 @@ def remove_displacement(target: Any) -> bool:
     return True
 
 
-def _shows_normals(material: Any) -> bool:
-    """Whether a baked normal map in tangent space is linked to a shader."""
-    normal = find_node(material.node_tree, NORMAL_NODE)
-    return normal is not None and normal.space == "TANGENT" and normal.outputs["Normal"].is_linked
-
-
 def show_normals(material: Any, shown: bool) -> bool:
     """Link the baked normal map to the material's shaders, or take it off; True where it was there and is off now."""
-    tree = material.node_tree
-    normal = find_node(tree, NORMAL_NODE)
+    normal = find_node(material.node_tree, NORMAL_NODE)
     if normal is None:
         return False
+    _link_normal(material.node_tree, normal, shown)
+    return not shown
+
+
+def show_object_normals(material: Any, image: Any, uv_map: str) -> None:
+    """Give the material's shaders the normals in object space, in the place of the baked normal map."""
+    show_normals(material, False)
+    tree = material.node_tree
+    baked = find_node(tree, NORMAL_NODE)
+    left, top = (baked.location.x, baked.location.y - 250) if baked is not None else (-600, -600)
+    uv = ensure_node(tree, UV_NODE, "ShaderNodeUVMap", left - 800, top)
+    texture = ensure_node(tree, OBJECT_TEXTURE_NODE, "ShaderNodeTexImage", left - 600, top)
+    normal = ensure_node(tree, OBJECT_NORMAL_NODE, "ShaderNodeNormalMap", left, top)
+    uv.uv_map, texture.image, normal.space = uv_map, image, "OBJECT"
+    tree.links.new(uv.outputs["UV"], texture.inputs["Vector"])
+    tree.links.new(texture.outputs["Color"], normal.inputs["Color"])
+    _link_normal(tree, normal, True)
+    if hasattr(material, "cycles"):
+        # It darkens where normals and surface differ, for a surface that the relief is not on; this one it is on.
+        if _CORRECTION_BEFORE not in material:
+            material[_CORRECTION_BEFORE] = material.cycles.use_bump_map_correction
+        material.cycles.use_bump_map_correction = False
+
+
+def remove_object_normals(material: Any) -> None:
+    """Take off what :func:`show_object_normals` gave a material."""
+    for name in (OBJECT_TEXTURE_NODE, OBJECT_NORMAL_NODE):
+        node = find_node(material.node_tree, name)
+        if node is not None:
+            material.node_tree.nodes.remove(node)
+    before = material.pop(_CORRECTION_BEFORE, None)
+    if before is not None and hasattr(material, "cycles"):
+        material.cycles.use_bump_map_correction = bool(before)
+
+
+def _link_normal(tree: Any, normal: Any, linked: bool) -> None:
+    """Link a Normal Map node to the shaders whose normal is free, or take it off them."""
     for shader in tree.nodes:
         if not shader.type.startswith("BSDF") or "Normal" not in shader.inputs:
             continue
         socket = shader.inputs["Normal"]
-        if shown and not socket.is_linked:
+        if linked and not socket.is_linked:
             tree.links.new(normal.outputs["Normal"], socket)
-        for link in [link for link in socket.links if link.from_node == normal and not shown]:
+        for link in [link for link in socket.links if link.from_node == normal and not linked]:
             tree.links.remove(link)
-    return not shown

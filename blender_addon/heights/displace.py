@@ -34,7 +34,9 @@ from .assign_displacement import (
     move_by_modifier,
     remove_heights,
     remove_modifier,
+    remove_object_normals,
     show_normals,
+    show_object_normals,
     subdivide,
     subdivided,
 )
@@ -70,6 +72,7 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
         self._target = target.session_uid
         path = output_path(self.output, f"{target.name}_height", self.file_format)
         self._output = with_tokens(path, "ONE", tiled)
+        self._normals: Path | None = None
         self._notes = overruled_format(self._output, context.scene.mps.displace)
         self._size = _size(target)
         context.view_layer.update()
@@ -83,6 +86,8 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
             what: remembered(image, what) or getattr(bake, what) for what in ("space", "convention")
         }
         self._space = known["space"]
+        if self.keep_normals and self._space == "TANGENT":
+            self._normals = with_tokens(path.with_name(f"{path.stem}_normal{path.suffix}"), "ONE", tiled)
         base = folder / "base.npz"
         if self.levels:
             with subdivided(target, self.subdivision, min(self.levels, MOST_BASE_LEVELS)):
@@ -93,39 +98,46 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
             height=str(self._output),
             uvs=str(folder / "mesh.npz"),
             base=str(base) if self.levels else None,
+            object_space=str(self._normals) if self._normals else None,
             space=known["space"].lower(),
             convention=known["convention"].lower(),
             scale=as_typed(self.scale),
             margin=bake.margin,
         )
-        return operation, [self._output]
+        return operation, self._files()
+
+    def _files(self) -> list[Path]:
+        return [self._output, *([self._normals] if self._normals else [])]
 
     def result_owners(self) -> dict[Path, list[Any]]:
-        return {self._output: [by_session_uid(bpy.data.objects, self._target)]}
+        return {file: [by_session_uid(bpy.data.objects, self._target)] for file in self._files()}
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         scene = self.scene(f"its heights are in {self._output}")
         target = by_session_uid(bpy.data.objects, self._target)
         if target is None:
             raise InputError(f"the target is gone; its heights are in {self._output}")
-        name = f"MPS {target.name} Height"
-        if result["tiles"]:
-            image = load_tiles(self._output, result["tiles"], name, is_data=True)
-        else:
-            image = load_image(self._output, name, is_data=True)
+        image = _loaded(self._output, result["tiles"], f"MPS {target.name} Height")
+        if not result["tiles"]:
             fine_preview(image, stretched=True)
         self.made(image)
+        normals = None
+        if self._normals:
+            normals = _loaded(self._normals, result["tiles"], f"MPS {target.name} Object Normal")
         scene.mps.displace.image = image
         height = result["height"]
-        normals_off = self._assign(target, image, height["strength"] / self._size, height["midlevel"])
-        off = "; the normal map is off, it would show the relief twice" if normals_off else ""
+        normals_off = self._assign(target, image, normals, height["strength"] / self._size, height["midlevel"])
+        off = "; the normal map is off, the displaced surface alone is shaded" if normals_off else ""
         self.report(
             {"INFO"},
             f"Displaced by {height['lowest']:.3g} to {height['highest']:.3g}; heights written to {self._output}{off}",
         )
 
-    def _assign(self, target: Any, image: Any, strength: float, midlevel: float) -> bool:
-        """Displace the object by the heights in the chosen way; returns whether that took its normal map off."""
+    def _assign(self, target: Any, image: Any, normals: Any, strength: float, midlevel: float) -> bool:
+        """Displace the object by the heights in the chosen way; returns whether that took its normal map off.
+
+        normals: the image of those in object space, None where there is none.
+        """
         subdivide(target, self.subdivision, self.levels, self.levels)
         by_material = self.method == "MATERIAL"
         if by_material:
@@ -142,8 +154,16 @@ class MPS_OT_displace(BakesOnto, DisplaceSettings, bpy.types.Operator):
             else:
                 for name in remove_heights(material):
                     self.report({"INFO"}, f'Material "{material.name}" is displaced by "{name}" again')
-            normals_off |= show_normals(material, self.keep_normals or self._space == "OBJECT")
+            if normals is not None:
+                show_object_normals(material, normals, self._uv_map)
+            else:
+                remove_object_normals(material)
+                normals_off |= show_normals(material, self._space == "OBJECT")
         return normals_off
+
+
+def _loaded(file: Path, tiles: Sequence[int], name: str) -> Any:
+    return load_tiles(file, tiles, name, is_data=True) if tiles else load_image(file, name, is_data=True)
 
 
 def _texture_of(target: Any) -> Any:

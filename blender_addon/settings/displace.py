@@ -42,18 +42,23 @@ class DisplaceSettings:
         name="Subdivide",
         description="How the mesh is subdivided",
         items=[
-            ("SIMPLE", "Simple", "The mesh keeps its shape: comes closest to what the photo shows"),
-            ("CATMULL_CLARK", "Catmull-Clark", "The mesh becomes round: for one that is made for it"),
+            (
+                "CATMULL_CLARK",
+                "Catmull-Clark",
+                "The mesh becomes round, edges with a crease apart: for one that is made for it",
+            ),
+            ("SIMPLE", "Simple", "The mesh keeps its shape, and the heights make its facets round"),
         ],
         default="SIMPLE",
     )
-    # The core's default keeps all, for any normals; here they are estimated, which err most in broad shapes.
-    scale: from_option(Integrate, "scale", name="Broadest", default=0.5)
+    # The core's default keeps all, for any normals. Here they are estimated, which err most in broad shapes; and those
+    # are in a low poly of some thousand faces already.
+    scale: from_option(Integrate, "scale", name="Broadest", default=0.02)
     keep_normals: BoolSetting(
-        name="Normal Map Too",
-        description="Leave the normal map on. In tangent space it shows the same relief a second time, "
-        "so it is taken off unless this is chosen. One in object space always stays: it does not",
-        default=False,
+        name="Keep the Normals",
+        description="Shade the displaced surface by the baked normals, as a texture in object space: the relief shows "
+        "once, with what is finer than the mesh. Off, for objects that bend: by the displaced surface alone",
+        default=True,
     )
     file_format: format_setting(
         "File format of the heights. OpenEXR holds them in world units, the others from black to white", default="EXR"

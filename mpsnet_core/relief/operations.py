@@ -49,7 +49,7 @@ _NEEDED = {
     **dict.fromkeys(("curvature_radius", "curvature_range"), "curvature"),
     "occlusion_reach": "occlusion",
     **dict.fromkeys(("light", "albedo", "turntable"), "relit"),
-    **dict.fromkeys(("space", "base", "scale", "mean", "margin"), "uvs"),
+    **dict.fromkeys(("space", "base", "object_space", "scale", "mean", "margin"), "uvs"),
 }
 _ONE_SCALE = "give one of --width, --pixel-size or --ruler"
 
@@ -186,12 +186,21 @@ class DisplacesMesh(Operation):
         help="with --uvs, what is to be displaced, where that is the same mesh subdivided",
         provenance="content",
     )
+    object_space: str | None = option(
+        default=None,
+        metavar="FILE",
+        help="with --uvs, write the texture in object space as well: it shades the displaced surface as the one in "
+        "tangent space shades the mesh",
+        path="file",
+        provenance="none",
+    )
     scale: float = option(
         default=0.0,
         low=0,
         high=MAX_BUMPS,
         help="how broad bumps of heights on UVs are at most, as a fraction of the object's size: wider ones are left "
-        "to the mesh, as estimated normals err smoothly, which bends the whole. 0 keeps all",
+        "to the mesh, as estimated normals err smoothly, which bends the whole; where no view saw, the relief fades. "
+        "0 keeps all",
     )
     mean: float | None = option(default=None, help="with --uvs, of the heights", unset="the surface stays where it is")
     margin: int = option(
@@ -239,6 +248,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
             self.uvs,
             self.height,
             base=self.base,
+            object_space=self.object_space,
             convention=self.convention,
             space=self.space,
             scale=self.scale,

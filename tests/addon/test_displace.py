@@ -143,27 +143,31 @@ def worn(estimated, scene, tmp_path):
     return estimated
 
 
-def normal_is_worn(material):
+def worn_normal(material):
+    """The name of the node that is the shader's normal, None where there is none."""
     shader = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
-    return shader.inputs["Normal"].is_linked
+    return next((link.from_node.name for link in shader.inputs["Normal"].links), None)
 
 
 def test_again_and_again_it_takes_what_it_made(worn, scene, tmp_path):
     for _ in range(2):
-        bpy.ops.mps.displace(levels=1, output=str(tmp_path / "h.exr"))
+        bpy.ops.mps.displace(levels=1, keep_normals=False, output=str(tmp_path / "h.exr"))
     material, displacement, heights, modifiers = nodes_and_modifiers(worn)
     assert len(displacement) == len(heights) == 1 and modifiers == ["SUBSURF"]
-    assert material.displacement_method == "BOTH" and not normal_is_worn(material)
+    assert material.displacement_method == "BOTH" and worn_normal(material) is None
     assert heights[0].image == scene.mps.displace.image and heights[0].image.colorspace_settings.is_data
     assert displacement[0].outputs[0].links[0].to_socket.name == "Displacement"
     for _ in range(2):
-        bpy.ops.mps.displace(method="MODIFIER", levels=2, output=str(tmp_path / "h.exr"))
+        bpy.ops.mps.displace(method="MODIFIER", levels=2, keep_normals=True, output=str(tmp_path / "h.exr"))
     material, displacement, heights, modifiers = nodes_and_modifiers(worn)
+    normal = material.node_tree.nodes[worn_normal(material)]
+    assert normal.name == "MPS Object Normal" and normal.space == "OBJECT"
+    assert Path(normal.inputs["Color"].links[0].from_node.image.filepath).name == "h_normal.exr"
     assert not displacement and not heights and modifiers == ["SUBSURF", "DISPLACE"]
     assert worn.modifiers["MPS Subdivision"].levels == worn.modifiers["MPS Subdivision"].render_levels == 2
-    bpy.ops.mps.displace(method="MATERIAL", levels=0, keep_normals=True, output=str(tmp_path / "h.exr"))
+    bpy.ops.mps.displace(method="MATERIAL", levels=0, keep_normals=False, output=str(tmp_path / "h.exr"))
     material, displacement, heights, modifiers = nodes_and_modifiers(worn)
-    assert len(displacement) == len(heights) == 1 and not modifiers and normal_is_worn(material)
+    assert len(displacement) == len(heights) == 1 and not modifiers and worn_normal(material) is None
 
 
 def test_the_subdivision_comes_before_the_displacement(worn, scene, tmp_path):
@@ -211,13 +215,13 @@ def test_udim_tiles_displace_as_one_texture_does(estimated, scene, tmp_path):
         layer.uv.foreach_set("vector", (scale * uvs).ravel())
         bpy.ops.mps.bake(tiles=tiles, size=128 // scale, output=str(tmp_path / f"{name}.exr"))
         heights = str(tmp_path / f"{name}_height.exr")
-        bpy.ops.mps.displace(method="MODIFIER", levels=1, output=heights)
+        bpy.ops.mps.displace(method="MODIFIER", levels=1, scale=0.5, output=heights)
         points = world_points(estimated)
         if tiles:
             scene.mps.bake.image.pack()
             for file in tmp_path.glob("four.*"):
                 file.unlink()
-        bpy.ops.mps.displace(method="MATERIAL", levels=1, output=heights)
+        bpy.ops.mps.displace(method="MATERIAL", levels=1, scale=0.5, keep_normals=False, output=heights)
         results.append((points, render(tmp_path / "look.exr", camera, estimated)))
     assert scene.mps.displace.image.source == "TILED"
     assert len(list(tmp_path.glob("four_height.1*.exr"))) == 4
@@ -273,18 +277,18 @@ def test_after_another_bake_the_relief_shows_once(worn, scene, tmp_path, capfd, 
     bpy.ops.mps.displace(method=method, levels=1, output=str(tmp_path / "h.exr"))
     bpy.ops.mps.bake(output=str(tmp_path / "again.png"))
     material, displacement, heights, modifiers = nodes_and_modifiers(worn)
-    assert normal_is_worn(material) and not displacement and not heights and not modifiers
+    assert worn_normal(material) == "MPS Normal" and "MPS Object Normal" not in material.node_tree.nodes
+    assert not displacement and not heights and not modifiers
     assert material.displacement_method == "BUMP"
     assert 'The displacement of "Sphere" is off, it would show the relief twice' in capfd.readouterr().out
 
 
-@pytest.mark.parametrize("chosen", [{"keep_normals": True}, {}])
-def test_a_displacement_that_is_wanted_beside_the_normal_map_stays(worn, scene, tmp_path, chosen):
-    """Because both were chosen, or because one in object space does not show the relief twice."""
-    bpy.ops.mps.displace(levels=1, output=str(tmp_path / "h.exr"), **chosen)
-    bpy.ops.mps.bake(space="TANGENT" if chosen else "OBJECT", output=str(tmp_path / "again.png"))
+def test_a_displacement_stays_under_a_bake_in_object_space(worn, scene, tmp_path):
+    """It does not show the relief twice."""
+    bpy.ops.mps.displace(levels=1, output=str(tmp_path / "h.exr"))
+    bpy.ops.mps.bake(space="OBJECT", output=str(tmp_path / "again.png"))
     material, displacement, _, modifiers = nodes_and_modifiers(worn)
-    assert normal_is_worn(material) and len(displacement) == 1 and modifiers == ["SUBSURF"]
+    assert worn_normal(material) == "MPS Normal" and len(displacement) == 1 and modifiers == ["SUBSURF"]
 
 
 def test_the_texture_that_counts_is_the_one_that_the_target_wears(worn, scene, tmp_path):
@@ -311,7 +315,8 @@ def test_a_texture_in_object_space_stays(estimated, scene, tmp_path):
     bpy.ops.mps.bake(size=128, space="OBJECT", output=str(tmp_path / "texture.png"))
     scene.mps.bake.space = "TANGENT"  # for the next one
     bpy.ops.mps.displace(method="MODIFIER", levels=1, output=str(tmp_path / "h.exr"))
-    assert normal_is_worn(estimated.material_slots[0].material)
+    assert worn_normal(estimated.material_slots[0].material) == "MPS Normal"
+    assert not (tmp_path / "h_normal.exr").exists()
 
 
 def test_the_next_bake_is_onto_the_object_without_the_displacement(worn, scene, tmp_path):

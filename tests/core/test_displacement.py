@@ -15,6 +15,7 @@ from mpsnet_core.cli import main
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.io.images import write_image
 from mpsnet_core.relief.displacement.displacement import Displacement, displacement
+from mpsnet_core.relief.displacement.height_constraints import object_normals
 from mpsnet_core.relief.height_files import read_height, write_height
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import encode
@@ -209,6 +210,59 @@ def test_broad_bumps_are_left_to_the_mesh_where_that_is_asked_for() -> None:
     inner = np.s_[:, 16:-16]
     assert held[inner] == pytest.approx(fine[inner], abs=1.5e-3)
     assert np.abs(whole - fine)[inner].max() > 0.015
+
+
+def plate(cells: int) -> Mesh:
+    """The unit square in `cells` x `cells` squares, which fills its texture."""
+    x, y = np.meshgrid(*[np.linspace(0, 1, cells + 1)] * 2)
+    vertices = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)
+    number = np.arange(x.size).reshape(x.shape)
+    p, q, r, s = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
+    faces = np.concatenate([np.stack([p, q, r], -1), np.stack([p, r, s], -1)]).reshape(-1, 3)
+    return Mesh(vertices, faces, np.broadcast_to([0.0, 0, 1], (len(faces), 3, 3)), vertices[faces][..., :2])
+
+
+def test_the_relief_fades_where_no_view_saw_the_surface() -> None:
+    """A ramp on the left, seen; on the right the normals are the mesh's own. Edges are a 24th long."""
+    size, x = 96, (np.arange(96) + 0.5) / 96
+    vectors = np.broadcast_to(np.array([0, 0, 1], np.float32), (size, size, 3)).copy()
+    vectors[:, : size // 2] = unit(np.array([-0.2, 0, 1]))
+    kept = displacement(vectors, plate(24), margin=0).values
+    assert (kept[:, -1] - kept[:, 0]).min() > 0.08
+    faded = displacement(vectors, plate(24), scale=2, margin=0).values
+    relief = np.ptp(faded[:, x < 0.5])
+    assert relief > 0.03
+    assert np.abs(faded[:, x > 0.5 + 5 / 24]).max() < 0.01 * relief
+
+
+def test_the_facets_of_a_sphere_become_round_where_no_view_saw_it() -> None:
+    mesh = cube_sphere(6)
+    flat = np.broadcast_to(np.array([0, 0, 1], np.float32), (SIZE, SIZE, 3))
+    heights, points = heights_on(displacement(flat, mesh, scale=0.5), mesh)
+    below = 1 - np.linalg.norm(points, axis=1)
+    left = below - heights
+    print(f"{left.std() / below.std():.3f} of the facets' {below.std():.4f} left")
+    assert left.std() < 0.3 * below.std()
+
+
+def test_islands_smaller_than_a_texel_have_the_heights_of_those_around_them() -> None:
+    mesh = cube_sphere(12)
+    uvs = 0.75 * mesh.uvs.astype(float)
+    where = uvs[100].copy()
+    uvs[100] = (0.93, 0.06) + (where - where.mean(axis=0)) * 0.02
+    apart = replace(mesh, uvs=uvs)
+    vectors = tangent_normals(apart, SIZE, lambda points, _: bumpy_sphere(points))
+    found = displacement(vectors, apart).values
+    assert bilinear(found, uvs[100]).mean() == pytest.approx(bilinear(found, where).mean(), abs=0.1 * AMPLITUDE)
+
+
+def test_normals_in_object_space_are_those_of_the_surface() -> None:
+    mesh = cube_sphere(12)
+    found = object_normals(tangent_normals(mesh, SIZE, lambda points, _: bumpy_sphere(points)), mesh, margin=4)
+    texels = texels_of(mesh.uvs, SIZE)
+    points = texels.of(mesh.vertices[mesh.triangles])
+    assert found[tuple(texels.place.T)] == pytest.approx(bumpy_sphere(points), abs=1e-4)
+    assert np.linalg.norm(found, axis=-1) == pytest.approx(1, abs=1e-5)
 
 
 def test_each_part_of_the_surface_has_the_mean(tmp_path: Path) -> None:

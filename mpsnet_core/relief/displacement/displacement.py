@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.connected_components import connected
 from mpsnet_core.arrays.graph_poisson import Graph, Solver, graph_of
 from mpsnet_core.arrays.push_pull import push_pull
-from mpsnet_core.arrays.rasterize import extend_to_nearest
+from mpsnet_core.arrays.rasterize import extend_to_nearest, texel_areas
 from mpsnet_core.bake.settings import check_texture
 from mpsnet_core.bake.texture import Space
 from mpsnet_core.defaults import MAX_BUMPS
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.progress import Progress, part, silent
-from mpsnet_core.relief.displacement.height_constraints import Chords, chords
-from mpsnet_core.relief.displacement.uv_layout import Layout, layout_of
+from mpsnet_core.relief.displacement.height_constraints import Chords, chords, seen_share
+from mpsnet_core.relief.displacement.uv_layout import Layout, Seams, layout_of
 from mpsnet_core.relief.height_map import HeightMap
 from mpsnet_core.relief.sizes import MAX_SIZE, check_square
 from mpsnet_core.scene.camera import Camera
@@ -36,6 +36,12 @@ PASSES = 3
 STRAY = 0.2
 # Texels that heights are carried on beyond an island with their gradient; from there on as they are.
 CARRIED = 1.5
+# Within how many of the mesh's edges the relief has faded to a third where no view saw it, or within how many texels
+# where those are longer.
+FADE, TEXELS = 1.0, 3.0
+# Reads at seams that are nearer to what they should be than this share of the relief are no spikes; after so many steps
+# little changes.
+SPIKE, SEAM_STEPS = 0.02, 60
 # The share of its texels that a base has in common with its mesh, at least.
 COMMON = 0.5
 
@@ -119,14 +125,18 @@ def displacement(
     progress(0.0, "laying out the UVs")
     own, laid = _layouts(mesh, base, size)
     covered = laid.triangle >= 0
-    wanted = chords(vectors, space, own, laid, part(progress, 0.02, 0.2))
     areas = laid.areas()[laid.triangle[covered]]
-    graph, offsets = _graph(laid, areas, scale)
+    seen = seen_share(vectors, space, own, _fade(own, areas)) if scale else np.ones(vectors.shape[:2], np.float32)
+    wanted = chords(vectors, seen, space, own, laid, part(progress, 0.02, 0.2))
+    seams = laid.seams()
+    met = seams.met
+    graph = graph_of(laid.island, seams.texels[met], _hold(own, areas, seen[covered], scale))
     del own, laid
-    heights, trust, apart = _solved(graph, offsets, wanted, areas, part(progress, 0.25, 0.85, "integrating"))
-    heights -= _means(graph, areas, heights - (wanted.outwards if mean is None else np.float32(mean)))
+    heights, trust, apart = _solved(graph, seams.offsets[met], wanted, areas, part(progress, 0.25, 0.85, "integrating"))
+    if mean is not None or not scale:
+        heights -= _means(graph, areas, heights - (wanted.outwards if mean is None else np.float32(mean)))
     progress(0.9, "growing the margin")
-    values = _with_margin(graph, heights, covered, margin)
+    values = _meeting(_with_margin(graph, heights, covered, margin), graph, heights, covered, seams)
     progress(1.0, "displaced")
     contradicted = float(areas[trust < 0.5].sum() / areas.sum())
     seam_step = float(np.sqrt(np.mean(apart**2))) if len(apart) else 0.0
@@ -144,17 +154,21 @@ def _layouts(mesh: Mesh, base: Mesh | None, size: int) -> tuple[Layout, Layout]:
     return own, laid
 
 
-def _graph(laid: Layout, areas: NDArray[np.float64], scale: float) -> tuple[Graph, NDArray[np.float64]]:
-    """The graph of the N covered texels, and (M, 2, 2) how far right and down of its ties' texels the seams are.
+def _fade(own: Layout, areas: NDArray[np.float64]) -> float:
+    """Within how much of the world the relief fades where no view saw it. areas: (N,) of the texels in the world."""
+    edge = np.sqrt(2 * (own.areas() * texel_areas(own.corners)).mean())
+    return float(max(FADE * edge, TEXELS * np.sqrt(areas.mean())))
 
-    areas: (N,) of the texels in the world. scale: as :func:`displacement` takes it.
+
+def _hold(own: Layout, areas: NDArray[np.float64], seen: NDArray[np.float32], scale: float) -> NDArray[np.float32]:
+    """(N,) how firmly the heights are held to where the mesh lies: not for a scale of 0, most where no view saw it.
+
+    areas: (N,) of the texels in the world. seen: (N,) from 0 to 1. scale: as :func:`displacement` takes it.
     """
-    hold = np.zeros(len(areas), np.float32)
-    if scale:
-        hold += areas / (scale * np.linalg.norm(np.ptp(laid.mesh.world_vertices, axis=0)) / (2 * np.pi)) ** 2
-    texels, offsets = laid.meeting()
-    number = np.cumsum(laid.triangle >= 0) - 1
-    return graph_of(laid.island, number[texels].astype(np.int32), hold), offsets
+    if not scale:
+        return np.zeros(len(areas), np.float32)
+    broadest = float(scale * np.linalg.norm(np.ptp(own.mesh.world_vertices, axis=0)) / (2 * np.pi))
+    return (areas / np.where(seen > 0, broadest, min(_fade(own, areas), broadest)) ** 2).astype(np.float32)
 
 
 def _solved(
@@ -172,7 +186,8 @@ def _solved(
         across = _gradient(graph, right, below, graph.ties, offsets)
         known = across[:, 0] - across[:, 1]
         step = part(progress, done / PASSES, (done + 1) / PASSES)
-        heights = solver.solve(graph.right_side(right, below, known), heights, step)
+        wanted_side = graph.right_side(right, below, known) + graph.hold * wanted.outwards
+        heights = solver.solve(wanted_side, heights, step)
     return heights, trust, heights[graph.ties[:, 1]] - heights[graph.ties[:, 0]] - known
 
 
@@ -277,3 +292,36 @@ def _with_margin(
     values: NDArray[np.float32] = layers[..., 0] + np.einsum("...i,...i->...", layers[..., 1:3], offset)
     del layers, offset, distance
     return push_pull(values, reached)
+
+
+def _meeting(
+    values: NDArray[np.float32], graph: Graph, heights: NDArray[np.float32], covered: NDArray[np.bool_], seams: Seams
+) -> NDArray[np.float32]:
+    """(S, S) the heights such that what is read at the seams is the same on both sides, as nearly as that goes.
+
+    Where islands are nearer to one another than two texels, or too small to cover one, what is read between texels is
+    in part another island's: a spike on the surface. Simultaneous iterative reconstruction (SIRT) brings the reads to
+    the height that the islands have there, by the texels between islands.
+    """
+    right, below = (heights[graph.neighbours[axis]] - heights for axis in (0, 1))
+    near = np.maximum(seams.texels, 0)
+    sides = heights[near] + _gradient(graph, right, below, near, seams.offsets)
+    known = seams.texels >= 0
+    there = known.any(axis=1)
+    wanted = ((sides * known).sum(axis=1) / np.maximum(known.sum(axis=1), 1))[there, None]
+    size = len(values)
+    place = np.clip(seams.places[there], 0, size - 1)
+    first = np.minimum(place.astype(np.int64), size - 2)
+    x, y = np.moveaxis(place - first, -1, 0)
+    share = np.stack([(1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y], axis=-1)
+    texel = (first[..., 1] * size + first[..., 0])[..., None] + np.array([0, 1, size, size + 1])
+    gives = share * ~covered.ravel()[texel]
+    found = values.ravel().astype(np.float64)
+    apart = np.abs(wanted - (found[texel] * share).sum(axis=-1))
+    if not apart.size or apart.max() < SPIKE * np.ptp(heights):
+        return values
+    reads = np.maximum(np.bincount(texel.ravel(), share.ravel(), size * size), 1e-9)
+    for _ in range(SEAM_STEPS):
+        missing = wanted - (found[texel] * share).sum(axis=-1)
+        found += np.bincount(texel.ravel(), (gives * missing[..., None]).ravel(), size * size) / reads
+    return found.reshape(size, size).astype(np.float32)

@@ -12,14 +12,16 @@ from mpsnet_core.bake.texture_names import check_one_texture, split_by, texture_
 from mpsnet_core.bake.texture_sets import sheets
 from mpsnet_core.defaults import MARGIN
 from mpsnet_core.errors import SettingsError
-from mpsnet_core.io.files import check_apart, written_together
+from mpsnet_core.io.files import check_apart, writable_image, written_together
+from mpsnet_core.io.images import write_image
 from mpsnet_core.operation import Result
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.relief.displacement.displacement import Displacement, displacement
+from mpsnet_core.relief.displacement.height_constraints import object_normals
 from mpsnet_core.relief.displacement.udim import tiles_of
 from mpsnet_core.relief.height_files import HeightFacts, height_files, write_height
 from mpsnet_core.scene.mesh import Mesh, read_mesh
-from mpsnet_core.scene.normal_map import Convention, read_normals
+from mpsnet_core.scene.normal_map import Convention, encode, read_normals
 
 log = logging.getLogger(__name__)
 
@@ -32,8 +34,9 @@ DOUBTFUL = 0.3
 class HeightsOnUVs(Result):
     """Heights on a mesh's UVs.
 
-    outputs: the files of heights and of their scales. tiles: the UDIM tiles' numbers. unit: what the mesh's unit is
-    called. height: the lowest and the highest, how the files mean them, and the step at the seams.
+    outputs: the files of heights and of their scales, and of the normals in object space. tiles: the UDIM tiles'
+    numbers. unit: what the mesh's unit is called. height: the lowest and the highest, how the files mean them, and the
+    step at the seams.
     """
 
     outputs: list[str]
@@ -48,6 +51,7 @@ def write_displacement(
     height: str,
     *,
     base: str | None = None,
+    object_space: str | None = None,
     convention: Convention = "opengl",
     space: Space = "tangent",
     scale: float = 0.0,
@@ -60,23 +64,34 @@ def write_displacement(
     """Write the heights that a normal texture means on the mesh that it was baked onto.
 
     normals, height: one texture, or UDIM tiles where both names have ``<UDIM>``. uvs: the file of the mesh; base: of
-    what is to be displaced, where that is the same mesh subdivided. bits: as :func:`write_height` takes them. The rest
+    what is to be displaced, where that is the same mesh subdivided. object_space: file for the same normals in object
+    space, which shade the displaced surface as these shade the mesh. bits: as :func:`write_height` takes them. The rest
     is as :func:`displacement` takes it.
 
     Raises InputError where a file cannot be read or written, a number is out of range, or the texture does not fit the
     mesh.
     """
     tiled = _tiled(normals, height)
+    if object_space and space == "object":
+        raise SettingsError(f"{normals} is in object space already; leave --object-space out")
     progress(0.0, "reading the mesh")
     mesh, base_mesh = read_mesh(uvs), read_mesh(base) if base else None
     chosen = sheets([mesh], tiles=tiled)
     textures, outputs = (texture_files(name, chosen) if tiled else [Path(name)] for name in (normals, height))
-    files = _checked_outputs(outputs, bits, [*textures, *(Path(file) for file in (uvs, base) if file)])
+    taken = [*textures, *(Path(file) for file in (uvs, base) if file)]
+    files = _checked_outputs(outputs, bits, taken)
+    turned: list[Path] = []
+    if object_space:
+        _tiled(normals, object_space)
+        turned = texture_files(object_space, chosen) if tiled else [Path(object_space)]
+        check_apart([*taken, *files], map(writable_image, turned))
     tiles = tiles_of(chosen)
     progress(0.05, f"reading {Path(normals).name}")
+    vectors = tiles.joined(read_normals(texture, convention=convention).vectors for texture in textures)
+    laid = tiles.mesh(mesh) if tiled else mesh
     found = displacement(
-        tiles.joined(read_normals(texture, convention=convention).vectors for texture in textures),
-        tiles.mesh(mesh) if tiled else mesh,
+        vectors,
+        laid,
         space=space,
         base=tiles.mesh(base_mesh) if tiled and base_mesh else base_mesh,
         scale=scale,
@@ -90,11 +105,14 @@ def write_displacement(
         for output, values in zip(outputs, tiles.parted(found.values), strict=True):
             heights = replace(found, values=values).as_height_map()
             means = write_height(output, heights, bits=bits, unit=unit, on_uvs=True, ends=ends)
+        if turned:
+            for file, part_of in zip(turned, tiles.parted(object_normals(vectors, laid, margin)), strict=True):
+                write_image(file, encode(part_of))
     inside = found.values[found.covered]
     lowest, highest = float(inside.min()), float(inside.max())
     _warn_of_misfit(found, highest - lowest, mesh, unit, f"in {space} space and {convention}")
     return HeightsOnUVs(
-        [str(file) for file in files],
+        [str(file) for file in [*files, *turned]],
         [sheet.tile for sheet in chosen if sheet.tile],
         unit,
         means.facts(lowest, highest, found.seam_step),

@@ -7,14 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.graph_poisson import Graph
+from mpsnet_core.arrays.mask_regions import box_sums, eroded
+from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.bake.texture import Space
 from mpsnet_core.bake.uv_islands import welded
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.progress import Progress
-from mpsnet_core.relief.displacement.uv_layout import Layout
-from mpsnet_core.scene.mesh import smooth_corner_normals
+from mpsnet_core.relief.displacement.uv_layout import Layout, layout_of
+from mpsnet_core.scene.mesh import Mesh, smooth_corner_normals
 from mpsnet_core.scene.normal_map import OUTWARDS_SHARE
 
 # Gradients steeper than this (cosine of the angle between the surface and the one it is displaced from; 80°) are
@@ -22,6 +24,10 @@ from mpsnet_core.scene.normal_map import OUTWARDS_SHARE
 # heights before a camera may be (gradients.LEAST_FACING): here steep texels count as much as all others, and what bends
 # away further from its own mesh is no height over it.
 LEAST_FACING = 0.17
+# Normals nearer than this to the mesh's own are those: as far as eight bits a channel tell. Texels around one that have
+# to be the same, for it to count as not seen.
+SAME = 0.007
+AROUND = 2
 ROWS = 64
 
 
@@ -45,8 +51,17 @@ class Chords:
         return right, below
 
 
-def chords(vectors: NDArray[np.float32], space: Space, own: Layout, base: Layout, progress: Progress) -> Chords:
+def chords(
+    vectors: NDArray[np.float32],
+    seen: NDArray[np.float32],
+    space: Space,
+    own: Layout,
+    base: Layout,
+    progress: Progress,
+) -> Chords:
     """What the normals `vectors` (S, S, 3), baked onto the mesh of `own`, require of heights on the mesh of `base`.
+
+    seen: (S, S) from 0, the mesh's own smooth normals instead, to 1.
 
     The displaced surface is s = p + h n, with n the base's smooth unit normals. Its chord s_j - s_i is at right angles
     to m, the mean of the normals wanted at its two ends (exactly so on a sphere, a cylinder and a plane):
@@ -67,7 +82,7 @@ def chords(vectors: NDArray[np.float32], space: Space, own: Layout, base: Layout
         more = slice(rows.start, min(rows.stop + 1, size))
         point, normal = base.at(more, *surface)
         normal = normalised(normal)
-        wanted = _wanted(vectors[more], space, own, shading, more)
+        wanted = _wanted(vectors[more], seen[more], space, own, shading, more)
         if own is not base:
             wanted = np.where((own.triangle[more] >= 0)[..., None], wanted, normal)
         here, inside = slice(numbers[rows.start], numbers[rows.stop]), base.triangle[rows] >= 0
@@ -110,15 +125,60 @@ def _shading(layout: Layout) -> list[NDArray[np.floating[Any]]]:
 
 
 def _wanted(
-    vectors: NDArray[np.float32], space: Space, own: Layout, shading: list[NDArray[np.floating[Any]]], rows: slice
+    vectors: NDArray[np.float32],
+    seen: NDArray[np.float32],
+    space: Space,
+    own: Layout,
+    shading: list[NDArray[np.floating[Any]]],
+    rows: slice,
 ) -> NDArray[np.float64]:
     """(h, S, 3) unit normals in the world for some rows of the texture."""
+    tangent, normal, sign = own.at(rows, *shading)
     wanted = vectors.astype(np.float64)
     if space == "tangent":
-        tangent, normal, sign = own.at(rows, *shading)
-        x, y, z = np.moveaxis(wanted, -1, 0)[..., None]
-        wanted = x * tangent + y * sign * np.cross(normal, tangent) + z * normal
-    return normalised(wanted @ np.linalg.inv(own.mesh.world_from_object[:3, :3]))
+        wanted = _from_tangent_space(wanted, tangent, normal, sign)
+    weight = seen[..., None]
+    mixed = weight * normalised(wanted) + (1 - weight) * normalised(normal)
+    return normalised(mixed @ np.linalg.inv(own.mesh.world_from_object[:3, :3]))
+
+
+def _from_tangent_space(
+    vectors: NDArray[np.float64], tangent: NDArray[np.float64], normal: NDArray[np.float64], sign: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(h, S, 3) in object space what `vectors` are in tangent space."""
+    x, y, z = np.moveaxis(vectors, -1, 0)[..., None]
+    found: NDArray[np.float64] = x * tangent + y * sign * np.cross(normal, tangent) + z * normal
+    return found
+
+
+def object_normals(vectors: NDArray[np.float32], mesh: Mesh, margin: int) -> NDArray[np.float32]:
+    """(S, S, 3) a texture in object space that shades any surface near the mesh as `vectors` (S, S, 3) in tangent space
+    shade the mesh itself. margin: texels that the islands' borders are grown by."""
+    own = layout_of(mesh, len(vectors))
+    shading, covered = _shading(own), own.triangle >= 0
+    found = np.zeros(vectors.shape, np.float32)
+    for rows in bands(len(vectors), ROWS):
+        found[rows] = normalised(_from_tangent_space(vectors[rows].astype(np.float64), *own.at(rows, *shading)))
+    found[~covered] = 0, 0, 1
+    return extend_to_nearest(found, covered, margin, in_place=True)
+
+
+def seen_share(vectors: NDArray[np.float32], space: Space, own: Layout, fade: float) -> NDArray[np.float32]:
+    """(S, S) from 0 where no view saw the surface, which a bake tells by normals that are the mesh's own, to 1 from
+    `fade` on, in the world, beyond the border: what is seen there is seen at a glance, and errs most."""
+    flat = np.ones(vectors.shape[:2], bool)
+    shading = _shading(own)[1]
+    for rows in bands(len(flat), ROWS):
+        normal = normalised(own.at(rows, shading)[0]) if space == "object" else np.array([0.0, 0.0, 1.0])
+        flat[rows] = np.linalg.norm(vectors[rows] - normal, axis=-1) < SAME
+    covered = own.triangle >= 0
+    unseen = eroded(flat | ~covered, AROUND) & covered  # one texel may be so by chance
+    texel = np.sqrt(own.areas()[own.triangle[covered]].mean())
+    reach = int(np.clip(fade / texel, 1, len(flat) // 8))
+    # A straight border has as much of either around it.
+    around, of_those = (box_sums(inside.astype(np.float32), reach) for inside in (covered, unseen))
+    share = 2 * of_those / np.maximum(around, 1)
+    return np.where(unseen, 0, np.clip(1 - share, 0, 1)).astype(np.float32)
 
 
 def _dot(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -52,10 +52,8 @@ class Layout:
         areas: NDArray[np.float64] = np.linalg.norm(across, axis=1) / 2 / np.maximum(texel_areas(self.corners), NO_AREA)
         return areas
 
-    def meeting(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Places a texel or so apart along the seams: (M, 2) the texels nearest to them on either side, numbered row by
-        row, and (M, 2, 2) how far right and down of those texels' centres they are. Islands that are too small to cover
-        a texel there are left out."""
+    def seams(self) -> "Seams":
+        """Places a texel or so apart along the seams."""
         size = len(self.island)
         ends = texel_coordinates(self.islands.seam_uvs, size)
         count = np.ceil(np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=-1).max(axis=1)).astype(np.int64)
@@ -74,8 +72,28 @@ class Layout:
             far = np.linalg.norm(offset, axis=-1)
             nearer = inside & (self.island[y, x] == islands) & (far < nearest)
             texels[nearer], offsets[nearer], nearest[nearer] = (y * size + x)[nearer], offset[nearer], far[nearer]
-        met = (texels >= 0).all(axis=1) & (texels[:, 0] != texels[:, 1])
-        return texels[met], offsets[met]
+        number = np.cumsum(self.triangle >= 0) - 1
+        return Seams(places, np.where(texels >= 0, number[texels], -1).astype(np.int32), offsets)
+
+
+@dataclass(frozen=True)
+class Seams:
+    """Places along the seams, and what is near them.
+
+    places: (M, 2 sides, 2) texel coordinates. texels: (M, 2) numbers of the side's covered texels that are nearest,
+    counted row by row over all covered ones; -1 on islands that are too small to cover one there. offsets: (M, 2, 2)
+    how far right and down of those texels' centres the places are.
+    """
+
+    places: NDArray[np.float64]
+    texels: NDArray[np.int32]
+    offsets: NDArray[np.float64]
+
+    @property
+    def met(self) -> NDArray[np.bool_]:
+        """(M,) where both sides cover a texel, and not the same one."""
+        met: NDArray[np.bool_] = (self.texels >= 0).all(axis=1) & (self.texels[:, 0] != self.texels[:, 1])
+        return met
 
 
 def layout_of(mesh: Mesh, size: int) -> Layout:
