@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix, Vector
 
+from blender_addon.bake.many_views import _with_photos
 from blender_addon.panels.views import MPS_PT_views
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.io.images import read_image
@@ -76,6 +77,17 @@ def test_cameras_with_background_images_become_one_texture(around, scene, tmp_pa
     # The sphere's own normals are the truth here, so levelling can only make it better.
     bpy.ops.mps.bake_views(level=True, write_report=False)
     assert error(tmp_path / "texture.png") < 1.0
+
+
+def test_a_photo_behind_two_cameras_is_one_view_of_the_one_that_took_it(around, scene):
+    cameras = [bpy.data.objects[f"Side {number}"] for number in range(4)]
+    image, other = (camera.data.background_images[0].image for camera in cameras[:2])
+    cameras[1].data.background_images[0].image = image
+    assert [obj for obj, _ in _with_photos(scene)] == [cameras[0], cameras[2], cameras[3]]
+    image["mpsnet_made_by"], image.mps.camera = "open_photo", cameras[1]
+    assert [obj for obj, _ in _with_photos(scene)] == cameras[1:]
+    cameras[1].data.background_images[0].image = other
+    assert [obj for obj, _ in _with_photos(scene)] == cameras
 
 
 def test_lights_that_stand_still_are_those_of_the_scene(around, scene, tmp_path):
