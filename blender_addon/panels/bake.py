@@ -68,14 +68,12 @@ def lacks_targets(context: Any, *, alone: bool = False) -> str:
     meshes = [obj for obj in chosen if obj is not None and obj.type == "MESH"]
     if not meshes:
         return "Choose the target, the mesh object that gets the texture"
-    return next(filter(None, (_lacks_target(obj, bake.uv_map, objects) for obj in meshes)), "")
+    return next(filter(None, (_lacks_target(obj, bake.uv_map) for obj in meshes)), "")
 
 
-def _lacks_target(obj: Any, uv_map: str, objects: Any) -> str:
+def _lacks_target(obj: Any, uv_map: str) -> str:
     if obj.library or obj.data.library:
         return f'"{obj.name}" is linked from another file; make it local first'
-    if objects.get(obj.name) != obj:
-        return f'"{obj.name}" is not in the view layer; link it there or choose another object'
     if obj.modifiers or obj.mode == "EDIT":  # which may make faces and UVs
         return ""
     if not obj.data.polygons:

@@ -308,12 +308,6 @@ def no_faces(scene, tmp_path):
     bpy.context.object.data.clear_geometry()
 
 
-def the_target_is_in_no_view_layer(scene, tmp_path):
-    scene.mps.bake.target = target = bpy.context.object
-    scene.collection.objects.unlink(target)
-    bpy.context.view_layer.update()
-
-
 def nothing_is_selected_to_bake_onto(scene, tmp_path):
     scene.mps.bake.objects = "SELECTED"
     bpy.context.object.select_set(False)
@@ -358,7 +352,6 @@ def only_a_camera_is_selected(scene, tmp_path):
         (MPS_PT_bake, no_uv_map),
         (MPS_PT_bake, another_uv_map),
         (MPS_PT_bake, no_faces),
-        (MPS_PT_bake, the_target_is_in_no_view_layer),
         (MPS_PT_bake, nothing_is_selected_to_bake_onto),
     ],
 )
