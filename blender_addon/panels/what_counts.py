@@ -63,7 +63,7 @@ def camera_of(scene: Any) -> str:
     camera = chosen_camera(scene, photo) if photo is not None else None
     if camera is not None:
         known = photo.mps
-        fit = f", {known.outline_pixels:.1f} px" if known.outline_pixels else ""
+        fit = f", {known.outline_pixels:.1f} px" if known.outline_pixels >= 0 else ""
         where = f"aligned{fit}" if known.fit else camera.name
         return f"{where}, {entered}" if entered else where
     if entered:

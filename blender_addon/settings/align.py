@@ -57,7 +57,7 @@ class MPS_PG_pair(bpy.types.PropertyGroup):
 
 
 def _camera_chosen(photo: Any, context: Any) -> None:
-    photo.poor, photo.fit, photo.outline_pixels = False, "", 0.0
+    photo.poor, photo.fit, photo.outline_pixels = False, "", -1.0
 
 
 class MPS_PG_image(bpy.types.PropertyGroup):
@@ -75,7 +75,9 @@ class MPS_PG_image(bpy.types.PropertyGroup):
     )
     fit: StringProperty(name="Fit", description="How well the mesh fits the photo, in words. Empty: not aligned")
     outline_pixels: FloatProperty(
-        name="Outline", description="How far the outlines of mesh and photo are apart, in pixels. 0: not aligned"
+        name="Outline",
+        description="How far the outlines of mesh and photo are apart, in pixels. -1: not known",
+        default=-1.0,
     )
     poor: BoolProperty(name="Poor", description="Whether the mesh fits the photo too poorly to bake with")
     photo: PointerProperty(
