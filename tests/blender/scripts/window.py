@@ -113,7 +113,7 @@ def alone(*panels):
     for cls in EVERY_PANEL:
         if cls.__name__ in panels:
             bpy.utils.register_class(cls)
-            category = cls.bl_category
+    category = next((cls.bl_category for cls in EVERY_PANEL if cls.__name__ in panels), category)
     viewport()[1].tag_redraw()
 
 
