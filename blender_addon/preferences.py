@@ -44,6 +44,11 @@ class MPS_AddonPreferences(bpy.types.AddonPreferences):
     )
     remembered: StringProperty(options={"HIDDEN"})  # JSON, see settings/choices.py
 
+    training: BoolProperty(
+        name="Training Data",
+        description='Show the tab "MPS Training" in the sidebar of the 3D viewport, which renders training data',
+        default=False,
+    )
     cluster: StringProperty(
         name="Cluster",
         description="Address of a Dask scheduler whose machines render training data, such as tls://host:8786. "
@@ -63,11 +68,14 @@ class MPS_AddonPreferences(bpy.types.AddonPreferences):
         column.prop(self, "threads")
         column.prop(self, "output_folder", placeholder="Beside the .blend File")
         column.prop(self, "remember")
+        column.prop(self, "training")
+        column = column.column()
+        column.active = self.training
         column.prop(self, "cluster", placeholder="This Machine")
         row = column.row()
         row.active = bool(self.cluster) and not is_loopback(self.cluster)
         row.prop(self, "cluster_trusted")
-        row = column.row()
+        row = self.layout.row()
         row.enabled = output_folder().is_dir()
         row.operator("wm.path_open", text="Open Output Folder", icon="FILE_FOLDER").filepath = str(output_folder())
 

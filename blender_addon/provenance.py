@@ -64,6 +64,11 @@ def file_stamp(path: str) -> str:
     return f"{Path(path).name} {_size(Path(bpy.path.abspath(path)))}" if path else ""
 
 
+def is_there(path: Path) -> bool:
+    """Whether there is a file or a folder of that name."""
+    return _size(path) >= 0
+
+
 @contextmanager
 def seen_lately() -> Iterator[None]:
     """Within, files have the sizes that they had up to a second ago: panels are drawn many times a second, and a file's

@@ -16,7 +16,8 @@ from mpsnet_core.scene.view_files import write_views
 from mpsnet_core.scene.world_lights import in_world, write_world_lights
 
 from ..estimate.photo_options import network, reading
-from ..outputs import file_name, image_file, requested_path
+from ..outputs import file_name, image_file, origin, requested_path
+from ..photo.camera import chosen_camera
 from ..provenance import Provenance, chosen, file_stamp, rounded, stamp
 from ..rig.rig import drawn_rig, light_rig, rig_camera, scene_camera
 from ..settings.bake import BakeSettings
@@ -144,9 +145,11 @@ def _lights(scene: Any) -> Provenance:
 
 
 def _with_photos(scene: Any) -> list[tuple[Any, Any]]:
-    """The scene's cameras that have a photo behind them, and their photos."""
-    found = ((obj, background(obj)) for obj in scene.objects)
-    return [(obj, image) for obj, image in found if image is not None]
+    """The scene's cameras that have a photo behind them, and their photos, each once: by the camera that took it."""
+    found = [(obj, image) for obj in scene.objects if (image := background(obj)) is not None]
+    taker = {origin(image): obj for obj, image in reversed(found)}
+    taker.update({origin(image): obj for obj, image in found if chosen_camera(scene, image) == obj})
+    return [(obj, image) for obj, image in found if taker[origin(image)] == obj]
 
 
 def background(obj: Any) -> Any:

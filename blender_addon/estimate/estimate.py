@@ -55,7 +55,7 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
             **chosen(EstimateSettings, settings, without=("output", "confidence", "albedo")),
             "White Photo": file_stamp(settings.white),
             "Rig File": file_stamp(rig_file_for(context.scene.mps.photo.image, settings)),
-            "Camera's lens": _lens_of_camera(context.scene),
+            **_lens_of_camera(context.scene),
         }
 
     def prepare(self, context: Any, folder: Path) -> tuple[Estimate, Sequence[Path]]:
@@ -73,7 +73,7 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         self._notes = self._unused(scene.mps.estimate, rig_file)
         if self.albedo and not self.white and not moves:
             raise SettingsError(
-                "the albedo is made from a white photo and none is named; choose one in Photo > Real Photo"
+                "the albedo is made from a white photo and none is named; choose one in Photo > Lens and Corrections"
             )
         if self.surface:
             scene.mps.estimate.surface = find_object(scene, self.surface)
@@ -130,11 +130,14 @@ class MPS_OT_estimate(RunsCore, EstimateSettings, bpy.types.Operator):
         self.report({"INFO"}, f"Normals written to {self._output}")
 
 
-def _lens_of_camera(scene: Any) -> str:
-    """What counts of the camera object of a real photo under distant lights."""
+def _lens_of_camera(scene: Any) -> Provenance:
+    """What counts of the camera object of a real photo under distant lights; nothing where there is no such object.
+
+    Normals that were estimated before their photo was aligned stay as they are.
+    """
     photo = scene.mps.photo.image
     camera = chosen_camera(scene, photo) if photo and not scene.mps.estimate.lens else None
-    return rounded([camera.data.lens, camera.data.ortho_scale], 4) if camera else ""
+    return {"Camera's lens": rounded([camera.data.lens, camera.data.ortho_scale], 4)} if camera else {}
 
 
 class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):

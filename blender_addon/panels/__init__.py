@@ -1,4 +1,4 @@
-"""The sidebar's tab "MPS": the steps from top to bottom, and training data."""
+"""The sidebar's tab "MPS": the steps from top to bottom; and "MPS Training", where the preferences show it."""
 
 import bpy
 

@@ -2,7 +2,14 @@
 
 from typing import Any
 
+from mpsnet_core.errors import InputError
+
+from ..bake.bake import NO_CAMERA
+from ..outputs import remembered
+from ..photo.camera import chosen_camera
+from ..rig.rig import rig_camera
 from .step import Step
+from .what_counts import lacks_file
 
 
 class MPS_PT_bake(Step):
@@ -15,41 +22,69 @@ class MPS_PT_bake(Step):
 
     @classmethod
     def lacks(cls, context: Any) -> str:
-        bake = context.scene.mps.bake
-        selected = context.view_layer.objects.selected if bake.objects == "SELECTED" else []
-        chosen = [*selected] or [bake.target or context.view_layer.objects.active]
-        if super().lacks(context) or any(obj is not None and obj.type == "MESH" for obj in chosen):
-            return super().lacks(context)
-        return "Choose the target, the mesh object that gets the texture"
+        return super().lacks(context) or _lacks_view(context.scene) or lacks_targets(context)
 
     def draw(self, context: Any) -> None:
-        self.layout.popover("MPS_PT_bake_presets", text="Presets", icon="PRESET")
         bake = context.scene.mps.bake
         target = bake.target or context.view_layer.objects.active
         column = self.column()
         column.prop(bake, "objects")
         if bake.objects == "ACTIVE":
             column.prop(bake, "target", placeholder=target.name if target else "")
-        if bake.objects == "ACTIVE" and target is not None and target.type == "MESH":
-            column.prop_search(bake, "uv_map", target.data, "uv_layers")
-        else:
-            column.prop(bake, "uv_map")
         column.prop(bake, "preset")
         column.prop(bake, "size")
-        column.prop(bake, "output", text="File", placeholder="Automatic")
-        column.prop(bake, "mark_asset")
         normals = context.scene.mps.estimate.image
         if normals is not None and normals.source == "SEQUENCE":
             column.prop(bake, "animated")
         if context.scene.mps.rigs:
             column.prop(bake, "all_rigs")
         self.progress_or(context, "bake", "TEXTURE")
-        self.layout.template_ID(bake, "image", open="image.open")
-        self.picture(bake.image)
-        self.layout.operator("mps.show_coverage", icon="OVERLAY", depress=bool(bake.overlays))
+        self.picture(bake.image, folded="texture")
         lit = context.scene.mps.relight.lamp is not None
-        self.layout.operator("mps.relight", icon="LIGHT_SUN", depress=lit)
-        self.layout.operator("mps.make_node_group", icon="NODETREE")
+        if bake.image or lit or bake.overlays:
+            row = self.layout.row(align=True)
+            row.operator("mps.relight", icon="LIGHT_SUN", depress=lit)
+            row.operator("mps.show_coverage", icon="OVERLAY", depress=bool(bake.overlays))
+
+
+def _lacks_view(scene: Any) -> str:
+    """Whether the normals cannot be read, or nobody knows the camera that saw them."""
+    normals, bake = scene.mps.estimate.image, scene.mps.bake
+    if normals.source == "SEQUENCE" and (bake.objects == "SELECTED" or bake.split != "ONE" or bake.tiles):
+        return "A sequence goes onto the target alone: set Objects to Target, Textures to One for All, UDIM Tiles off"
+    if lacking := lacks_file(normals, "normal map"):
+        return lacking
+    if remembered(normals, "camera") is None and chosen_camera(scene, normals) is None:
+        try:
+            rig_camera(scene)
+        except InputError:
+            return NO_CAMERA
+    return ""
+
+
+def lacks_targets(context: Any, *, alone: bool = False) -> str:
+    """Why the objects that are chosen cannot get a texture; "" where they can. alone: the target in any case."""
+    bake, objects = context.scene.mps.bake, context.view_layer.objects
+    selected = bake.objects == "SELECTED" and not alone
+    chosen = objects.selected if selected else [bake.target or objects.active]
+    meshes = [obj for obj in chosen if obj is not None and obj.type == "MESH"]
+    if not meshes:
+        return "Choose the target, the mesh object that gets the texture"
+    return next(filter(None, (_lacks_target(obj, bake.uv_map) for obj in meshes)), "")
+
+
+def _lacks_target(obj: Any, uv_map: str) -> str:
+    if obj.library or obj.data.library:
+        return f'"{obj.name}" is linked from another file; make it local first'
+    if obj.modifiers or obj.mode == "EDIT":  # which may make faces and UVs
+        return ""
+    if not obj.data.polygons:
+        return f'"{obj.name}" has no faces; choose an object with a surface'
+    if not obj.data.uv_layers:
+        return f'"{obj.name}" has no UV map; unwrap it first'
+    if uv_map and uv_map not in obj.data.uv_layers:
+        return f'"{obj.name}" has no UV map "{uv_map}"; choose another in Texture'
+    return ""
 
 
 class MPS_PT_texture(Step):
@@ -58,8 +93,15 @@ class MPS_PT_texture(Step):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: Any) -> None:
+        self.layout.popover("MPS_PT_bake_presets", text="Presets", icon="PRESET")
         bake = context.scene.mps.bake
+        target = bake.target or context.view_layer.objects.active
         column = self.column()
+        if bake.objects == "ACTIVE" and target is not None and target.type == "MESH":
+            column.prop_search(bake, "uv_map", target.data, "uv_layers")
+        else:
+            column.prop(bake, "uv_map")
+        column.prop(bake, "output", text="File", placeholder="Automatic")
         column.prop(bake, "split")
         column.prop(bake, "tiles")
         column.prop(bake, "space")
@@ -71,6 +113,9 @@ class MPS_PT_texture(Step):
             column.prop(bake, "margin")
         column.prop(bake, "file_format")
         column.prop(bake, "bits")
+        column.prop(bake, "mark_asset")
+        self.layout.template_ID(bake, "image", open="image.open")
+        self.layout.operator("mps.make_node_group", icon="NODETREE")
 
 
 class MPS_PT_detail(Step):

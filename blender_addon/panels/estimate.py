@@ -5,6 +5,8 @@ from typing import Any
 from ..settings.estimate import MODELS
 from .models import MPS_MT_estimate_models, model_menu
 from .step import Step
+from .text import wrapped
+from .what_counts import camera_of, lacks_of_estimate, lights_of
 
 
 class MPS_PT_estimate(Step):
@@ -15,15 +17,37 @@ class MPS_PT_estimate(Step):
     def result(cls, context: Any) -> Any:
         return context.scene.mps.estimate.image
 
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        return super().lacks(context) or lacks_of_estimate(context.scene)
+
+    def draw(self, context: Any) -> None:
+        scene, estimate = context.scene, context.scene.mps.estimate
+        model_menu(self.layout, estimate, MPS_MT_estimate_models)
+        if estimate.model == "FILE":
+            self.column().prop(estimate, "model_file")
+        if scene.mps.photo.image is not None:
+            lines = self.layout.column(align=True)
+            lines.scale_y = 0.9
+            wrapped(lines, f"Lights: {lights_of(scene).words}")
+            wrapped(lines, f"Camera: {camera_of(scene) or 'far away, no lens known'}")
+        self.progress_or(context, "estimate", "NORMALS_FACE")
+        self.picture(estimate.image, folded="normals")
+        if estimate.albedo_image:
+            self.picture(estimate.albedo_image, folded="albedo")
+
+
+class MPS_PT_estimate_options(Step):
+    bl_label = "Options"
+    bl_parent_id = "MPS_PT_estimate"
+    bl_options = {"DEFAULT_CLOSED"}
+
     def draw(self, context: Any) -> None:
         estimate = context.scene.mps.estimate
         photo = context.scene.mps.photo.image
         moves = photo is not None and photo.source in {"SEQUENCE", "MOVIE"}
-        model_menu(self.layout, estimate, MPS_MT_estimate_models)
         column = self.column()
-        if estimate.model == "FILE":
-            column.prop(estimate, "model_file")
-        elif MODELS[estimate.model].passes and not moves:
+        if estimate.model != "FILE" and MODELS[estimate.model].passes and not moves:
             column.prop(estimate, "average_passes")
         column.prop(estimate, "file_format")
         column.prop(estimate, "output", text="Folder" if moves else "File", placeholder="Automatic")
@@ -32,12 +56,11 @@ class MPS_PT_estimate(Step):
             row = column.row()
             row.active = bool(estimate.white)
             row.prop(estimate, "albedo")
-        self.progress_or(context, "estimate", "NORMALS_FACE")
+        column = self.column()
+        column.label(text="Near Lights")
+        column.prop(estimate, "surface", placeholder="None")
+        column.prop(estimate, "distance")
         self.layout.template_ID(estimate, "image", open="image.open")
-        self.picture(estimate.image)
-        if estimate.albedo_image:
-            self.layout.label(text="Albedo")
-            self.picture(estimate.albedo_image)
 
 
-CLASSES = (MPS_PT_estimate,)
+CLASSES = (MPS_PT_estimate, MPS_PT_estimate_options)

@@ -2,7 +2,9 @@
 
 from typing import Any
 
+from .bake import lacks_targets
 from .step import Step
+from .what_counts import lacks_file
 
 
 class MPS_PT_heights(Step):
@@ -14,6 +16,13 @@ class MPS_PT_heights(Step):
     @classmethod
     def result(cls, context: Any) -> Any:
         return context.scene.mps.heights.image
+
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        normals = context.scene.mps.estimate.image
+        if normals is not None and normals.source == "SEQUENCE":
+            return "Heights are made of one photo's normals, and these are a sequence; estimate one photo"
+        return super().lacks(context) or lacks_file(normals, "normal map")
 
     def draw(self, context: Any) -> None:
         heights = context.scene.mps.heights
@@ -29,7 +38,7 @@ class MPS_PT_heights(Step):
         for what in ("curvature", "occlusion", "relit"):
             column.prop(heights, what)
         self.progress_or(context, "integrate", "OUTLINER_DATA_LIGHTPROBE")
-        self.picture(heights.image)
+        self.picture(heights.image, folded="heights")
 
 
 class MPS_PT_displace(Step):
@@ -41,6 +50,10 @@ class MPS_PT_displace(Step):
     @classmethod
     def result(cls, context: Any) -> Any:
         return context.scene.mps.displace.image
+
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        return super().lacks(context) or lacks_targets(context, alone=True)
 
     def draw(self, context: Any) -> None:
         displace = context.scene.mps.displace
@@ -56,7 +69,7 @@ class MPS_PT_displace(Step):
         column.prop(displace, "file_format")
         column.prop(displace, "output", text="File", placeholder="Automatic")
         self.progress_or(context, "displace", "MOD_DISPLACE")
-        self.picture(displace.image)
+        self.picture(displace.image, folded="displacement")
 
 
 CLASSES = (MPS_PT_heights, MPS_PT_displace)

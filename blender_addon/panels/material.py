@@ -5,6 +5,7 @@ from typing import Any
 from .models import MPS_MT_material_models, model_menu
 from .step import Step
 from .text import wrapped
+from .what_counts import lacks_file, lights_of
 
 
 class MPS_PT_material(Step):
@@ -16,6 +17,13 @@ class MPS_PT_material(Step):
     @classmethod
     def result(cls, context: Any) -> Any:
         return context.scene.mps.material.image
+
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        photo = context.scene.mps.photo.image
+        if photo is not None and photo.source in {"SEQUENCE", "MOVIE"}:
+            return "A flat material is made of one photo, and this is a sequence; open one of its frames"
+        return super().lacks(context) or lacks_file(photo, "photo") or lights_of(context.scene).lacks
 
     def draw(self, context: Any) -> None:
         material = context.scene.mps.material
@@ -29,11 +37,10 @@ class MPS_PT_material(Step):
         column.prop(material, "relief")
         column.prop(material, "repeats")
         column.prop(material, "output", placeholder="Automatic")
-        wrapped(self.layout, "Photo, rig and lens as in 2 Photo")
         self.progress_or(context, "make_material", "MATERIAL")
         if material.told:
             wrapped(self.layout, material.told)
-        self.picture(material.image, scale=12)
+        self.picture(material.image, scale=12, folded="material")
 
 
 class MPS_PT_material_crop(Step):

@@ -6,6 +6,9 @@ import bpy
 
 from ..settings.estimate import MODELS
 
+# What they are called in the menus; others go by the names that evaluations and scripts have for them.
+_NAMES = {"MULTISCALE": "Default", "MULTISCALE_INT8": "Quick", "LAMBERTIAN": "Equation 2", "FILE": "File…"}
+
 
 class _Models:
     bl_label = "Model"
@@ -17,7 +20,8 @@ class _Models:
         for item in settings.bl_rna.properties["model"].enum_items:
             identifier = item.identifier
             if identifier in self.also or (identifier in MODELS and not MODELS[identifier].comparison):
-                self.layout.prop_enum(settings, "model", identifier)  # type: ignore[attr-defined]
+                text = _name(settings, identifier)
+                self.layout.prop_enum(settings, "model", identifier, text=text)  # type: ignore[attr-defined]
 
 
 class MPS_MT_estimate_models(_Models, bpy.types.Menu):
@@ -31,8 +35,12 @@ class MPS_MT_material_models(_Models, bpy.types.Menu):
 
 
 def model_menu(layout: Any, settings: Any, menu: type[_Models]) -> None:
-    """The menu as a button over the layout's whole width, for its names are longer than half a panel."""
-    layout.menu(menu.__name__, text=settings.bl_rna.properties["model"].enum_items[settings.model].name)
+    """The menu as a button over the layout's whole width, for some names are longer than half a panel."""
+    layout.menu(menu.__name__, text=f"Model: {_name(settings, settings.model)}")
+
+
+def _name(settings: Any, model: str) -> str:
+    return _NAMES.get(model) or str(settings.bl_rna.properties["model"].enum_items[model].name)
 
 
 CLASSES = (MPS_MT_estimate_models, MPS_MT_material_models)

@@ -4,61 +4,95 @@ from typing import Any
 
 import bpy
 
+from mpsnet_core.errors import InputError
+
 from ..child_process.trust import SCRIPTS_OFF
-from ..estimate.photo_options import rig_file_for
 from ..photo.camera import is_real
 from ..provenance import made_by
+from ..rig.rig import drawn_rig, rig_camera, scene_camera
 from ..settings.record import notes_of
 from .step import Step, sentence
 from .text import wrapped
+from .what_counts import lacks_file, lacks_mask, lights_of
 
 
 class MPS_PT_photo(Step):
     bl_label = "2  Photo"
-    verbs = ("render_photo", "open_photo", "render_truth")
+    verbs = ("open_photo", "render_photo")
 
     @classmethod
     def result(cls, context: Any) -> Any:
         return context.scene.mps.photo.image
 
     @classmethod
+    def verb(cls, context: Any) -> str:
+        return "open_photo" if context.scene.mps.way == "PHOTOGRAPH" else "render_photo"
+
+    @classmethod
     def lacks(cls, context: Any) -> str:
-        if context.scene.mps.photo.image or not super().lacks(context):
+        scene = context.scene
+        if lacking := super().lacks(context):
+            return lacking
+        if cls.verb(context) == "open_photo":
             return ""
-        return "Add a rig to render the photo, or open one that you took"
+        try:
+            drawn_rig(scene)
+            scene_camera(rig_camera(scene), scene)
+        except InputError as error:
+            return str(error)
+        return ""
 
     def draw(self, context: Any) -> None:
-        photo = context.scene.mps.photo
+        photo, verb = context.scene.mps.photo, self.verb(context)
+        if verb == "open_photo":
+            row = self.layout.row()
+            row.scale_y = 1.3
+            row.template_ID(photo, "image", open="mps.open_photo")
+        else:
+            self._render(context, photo)
+        for other in self.verbs:
+            if other != verb:
+                self.progress_of(context, other)
+            if other != "render_photo" or verb != other:
+                self.failure(context.scene, other)
+        self.picture(photo.image, folded="photo")
+
+    def _render(self, context: Any, photo: Any) -> None:
         column = self.column()
         size = column.column(align=True)
         size.prop(photo, "width")
         size.prop(photo, "height")
         column.prop(photo, "samples")
-        column.prop(photo, "animation")
-        column.prop(photo, "output", text="Folder" if photo.animation else "File", placeholder="Automatic")
         notes = [note for verb in ("render_photo", "render_truth") for note in notes_of(context.scene, verb)]
         if any(SCRIPTS_OFF in note for note in notes) or bpy.app.autoexec_fail:
             column.prop(context.window_manager.mps, "run_scripts")
         self.progress_or(context, "render_photo", "RENDER_STILL")
-        self.progress_of(context, "render_truth")
+
+
+class MPS_PT_render(Step):
+    bl_label = "Animation and Files"
+    way = "RENDER"
+    bl_parent_id = "MPS_PT_photo"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        photo = context.scene.mps.photo
+        column = self.column()
+        column.prop(photo, "animation")
+        column.prop(photo, "output", text="Folder" if photo.animation else "File", placeholder="Automatic")
         self.layout.template_ID(photo, "image", open="mps.open_photo")
-        for verb in ("open_photo", "render_truth"):
-            self.failure(context.scene, verb)
-        self.picture(photo.image)
         self.layout.operator("mps.look_through", icon="VIEW_CAMERA")
 
 
 class MPS_PT_real(Step):
-    bl_label = "Real Photo"
+    bl_label = "Lens and Corrections"
+    way = "PHOTOGRAPH"
     bl_parent_id = "MPS_PT_photo"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: Any) -> None:
         estimate = context.scene.mps.estimate
         column = self.column()
-        row = column.row()
-        row.active = not estimate.rig_file or bool(rig_file_for(context.scene.mps.photo.image, estimate))
-        row.prop(estimate, "rig_file", placeholder="Automatic")
         column.prop(estimate, "lens")
         column.prop(estimate, "encoding")
         column.prop(estimate, "dark", placeholder="None")
@@ -69,13 +103,21 @@ class MPS_PT_real(Step):
 
 class MPS_PT_align(Step):
     bl_label = "Camera"
+    way = "PHOTOGRAPH"
     verbs = ("align_photo",)
     optional = True
     bl_parent_id = "MPS_PT_photo"
+    bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        return is_real(context.scene.mps.photo.image)
+        return super().poll(context) and is_real(context.scene.mps.photo.image)
+
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        scene = context.scene
+        photo = scene.mps.photo.image
+        return super().lacks(context) or lacks_file(photo, "photo") or lights_of(scene).lacks
 
     @classmethod
     def result(cls, context: Any) -> Any:
@@ -98,11 +140,13 @@ class MPS_PT_align(Step):
         self.progress_or(context, "align_photo", "CAMERA_DATA")
         if photo.fit:
             wrapped(self.layout, sentence(photo.fit), icon="ERROR" if photo.poor else "CHECKMARK")
-            self.picture(align.image)
+            self.picture(align.image, folded="overlay")
+            self.layout.operator("mps.look_through", icon="VIEW_CAMERA")
 
 
 class MPS_PT_superpose(Step):
     bl_label = "Three White Lights"
+    way = "PHOTOGRAPH"
     verbs = ("superpose",)
     optional = True
     bl_parent_id = "MPS_PT_photo"
@@ -130,28 +174,21 @@ class MPS_PT_superpose(Step):
         self.progress_or(context, "superpose", "IMAGE_RGB")
 
 
-class MPS_PT_near(Step):
-    bl_label = "Near Lights"
-    bl_parent_id = "MPS_PT_photo"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    def draw(self, context: Any) -> None:
-        estimate = context.scene.mps.estimate
-        column = self.column()
-        column.prop(estimate, "surface", placeholder="None")
-        column.prop(estimate, "distance")
-
-
 class MPS_PT_mask(Step):
     bl_label = "Mask"
+    way = "PHOTOGRAPH"
     verbs = ("show_mask",)
     optional = True
+    bl_parent_id = "MPS_PT_photo"
+    bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod
     def result(cls, context: Any) -> Any:
         return context.scene.mps.estimate.mask_image
 
-    bl_parent_id = "MPS_PT_photo"
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        return super().lacks(context) or lacks_mask(context.scene.mps.estimate)
 
     def draw(self, context: Any) -> None:
         estimate = context.scene.mps.estimate
@@ -170,9 +207,9 @@ class MPS_PT_mask(Step):
 
 CLASSES = (
     MPS_PT_photo,
-    MPS_PT_real,
+    MPS_PT_render,
     MPS_PT_align,
-    MPS_PT_superpose,
-    MPS_PT_near,
     MPS_PT_mask,
+    MPS_PT_real,
+    MPS_PT_superpose,
 )

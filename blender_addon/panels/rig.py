@@ -1,12 +1,19 @@
-"""Step 1: the rig, and the calibration of real lights."""
+"""Step 1: the rig: real lights by their file or a calibration, or lights and a camera in the scene."""
 
 from typing import Any
 
 from mpsnet_core.errors import InputError
+from mpsnet_core.scene.rig import LightRig
 
-from ..rig.rig import COLOURS, drawn_rig
+from ..estimate.photo_options import rig_file_for
+from ..photo.camera import is_real
+from ..rig.rig import COLOURS, drawn_rig, rig_objects
 from .step import Kind, State, Step, sentence
 from .text import wrapped
+from .what_counts import Lights, lights_of
+
+# Types of objects that can have a surface.
+_SURFACES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "EMPTY"}
 
 
 class MPS_PT_rig(Step):
@@ -15,17 +22,26 @@ class MPS_PT_rig(Step):
 
     @classmethod
     def result(cls, context: Any) -> Any:
+        if context.scene.mps.way == "PHOTOGRAPH":
+            return not lights_of(context.scene).lacks
         return bool(context.scene.mps.rig.lights)
 
     @classmethod
     def lacks(cls, context: Any) -> str:
-        if cls.result(context) or context.view_layer.objects.selected:
-            return super().lacks(context)
-        return "Select the object, then add the rig. A photo that you took needs none"
+        scene, objects = context.scene, context.view_layer.objects
+        if scene.mps.way == "PHOTOGRAPH":
+            return lights_of(scene).lacks
+        if scene.mps.rig.lights:
+            return ""
+        if objects.active is not None and objects.active.mode != "OBJECT":
+            return "Switch to Object Mode first"
+        if any(obj.type in _SURFACES for obj in set(objects.selected) - set(rig_objects(scene))):
+            return ""
+        return "Select the object, then add the rig"
 
     @classmethod
     def state(cls, context: Any) -> State:
-        if cls.result(context):
+        if context.scene.mps.way == "RENDER" and cls.result(context):
             try:
                 drawn_rig(context.scene)
             except InputError as error:
@@ -33,30 +49,33 @@ class MPS_PT_rig(Step):
         return super().state(context)
 
     def draw(self, context: Any) -> None:
-        rig = context.scene.mps.rig
         self._rigs(context.scene.mps)
-        self.layout.popover("MPS_PT_rig_presets", text="Presets", icon="PRESET")
+        if context.scene.mps.way == "PHOTOGRAPH":
+            self._real(context.scene)
+        else:
+            self._virtual(context)
+
+    def _real(self, scene: Any) -> None:
+        estimate, photo = scene.mps.estimate, scene.mps.photo.image
+        row = self.column().row()
+        row.active = not estimate.rig_file or bool(rig_file_for(photo, estimate))
+        row.prop(estimate, "rig_file", placeholder="Automatic")
+        lights = lights_of(scene)
+        if lights.lacks:
+            wrapped(self.layout, sentence(lights.lacks), icon="INFO")
+        if lights.rig is not None:
+            _table(self.layout, lights.rig)
+
+    def _virtual(self, context: Any) -> None:
+        scene, rig = context.scene, context.scene.mps.rig
         column = self.column()
         column.prop(rig, "light_type")
         column.prop(rig, "slant")
         column.prop(rig, "tilt")
-        column.prop(rig, "distance")
-        column.prop(rig, "light_size")
-        column.prop(rig, "strength")
-        column = self.column()
-        column.prop(rig, "projection")
-        if rig.projection == "PERSPECTIVE":
-            column.prop(rig, "focal_length")
         column.prop(rig, "view")
-        column.prop(rig, "margin")
         self.progress_or(context, "add_rig", "LIGHT", text="Replace Rig" if rig.lights else "Add Rig")
-        self.layout.operator("mps.add_rig_ring", icon="CON_FOLLOWPATH")
-        if rig.lights:
-            self._standing(context.scene)
-            self.column().prop(rig, "camera", text="Taken By")
-            row = self.layout.row(align=True)
-            row.operator("mps.remove_rig", icon="TRASH")
-            row.operator("mps.new_rig", icon="ADD")
+        if rig.lights and (error := _standing_lights(scene).lacks):
+            wrapped(self.layout, sentence(error), icon="ERROR")
 
     def _rigs(self, mps: Any) -> None:
         """The list of several rigs; one alone needs none."""
@@ -73,24 +92,61 @@ class MPS_PT_rig(Step):
                 row.operator("mps.drop_rig", text="", icon="REMOVE")
                 row.operator("mps.new_rig", text="", icon="ADD")
 
-    def _standing(self, scene: Any) -> None:
-        box = self.layout.box().column(align=True)
-        try:
-            lights = drawn_rig(scene)
-        except InputError as error:
-            wrapped(box, sentence(str(error)), icon="ERROR")
-            return
-        grid = box.grid_flow(row_major=True, columns=3, even_columns=True)
-        for heading in ("", "Slant", "Tilt"):
-            grid.label(text=heading)
-        for colour, slant, tilt in zip(COLOURS, lights.slants, lights.tilts, strict=True):
-            grid.label(text=colour)
-            grid.label(text=f"{slant:.1f}°")
-            grid.label(text=f"{tilt:.1f}°")
+
+def _standing_lights(scene: Any) -> Lights:
+    """Those of the rig file, where it counts for the scene's photo, else those in the scene."""
+    if is_real(scene.mps.photo.image) and (lights := lights_of(scene)).rig is not None:
+        return lights
+    try:
+        return Lights("the virtual rig", drawn_rig(scene))
+    except InputError as error:
+        return Lights("the virtual rig", lacks=str(error))
+
+
+def _table(layout: Any, rig: LightRig) -> None:
+    grid = layout.box().grid_flow(row_major=True, columns=4, even_columns=True)
+    grid.scale_y = 0.8
+    for text in ("", *COLOURS):
+        grid.label(text=text)
+    for text, angles in (("Slant", rig.slants), ("Tilt", rig.tilts)):
+        grid.label(text=text)
+        for angle in angles:
+            grid.label(text=f"{angle:.1f}°")
+
+
+class MPS_PT_rig_placement(Step):
+    bl_label = "Placement"
+    way = "RENDER"
+    bl_parent_id = "MPS_PT_rig"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        self.layout.popover("MPS_PT_rig_presets", text="Presets", icon="PRESET")
+        rig = context.scene.mps.rig
+        column = self.column()
+        column.prop(rig, "distance")
+        column.prop(rig, "light_size")
+        column.prop(rig, "strength")
+        column = self.column()
+        column.prop(rig, "projection")
+        if rig.projection == "PERSPECTIVE":
+            column.prop(rig, "focal_length")
+        column.prop(rig, "margin")
+        self.layout.operator("mps.add_rig_ring", icon="CON_FOLLOWPATH")
+        if rig.lights:
+            lights = _standing_lights(context.scene)
+            if lights.rig is not None:
+                self.layout.label(text=f"Lights: {lights.words}")
+                _table(self.layout, lights.rig)
+            self.column().prop(rig, "camera", text="Taken By")
+            row = self.layout.row(align=True)
+            row.operator("mps.remove_rig", icon="TRASH")
+            row.operator("mps.new_rig", icon="ADD")
 
 
 class MPS_PT_calibrate(Step):
     bl_label = "Calibrate Real Lights"
+    way = "PHOTOGRAPH"
     verbs = ("calibrate_lights", "calibrate_mixing")
     optional = True
     bl_parent_id = "MPS_PT_rig"
@@ -146,6 +202,7 @@ class MPS_PT_outline(Step):
 
 CLASSES = (
     MPS_PT_rig,
+    MPS_PT_rig_placement,
     MPS_PT_calibrate,
     MPS_PT_outline,
 )

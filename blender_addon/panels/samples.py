@@ -1,4 +1,4 @@
-"""Training data."""
+"""Training data, in a tab of its own that the preferences show."""
 
 from typing import Any
 
@@ -10,9 +10,13 @@ from .step import Step
 
 class MPS_PT_samples(Step):
     bl_label = "Training Data"
+    bl_category = "MPS Training"
     verbs = ("render_samples",)
     optional = True
-    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return bool(preference("training"))
 
     @classmethod
     def result(cls, context: Any) -> Any:

@@ -20,6 +20,8 @@ from ..provenance import changed_since, made_by, made_when, seen_lately
 from ..settings.record import error_of, notes_of
 from .text import fitted, wrapped
 
+FOLDED = True  # whether pictures of results are, at first
+
 
 class Kind(Enum):
     """How a step can stand: the word and the icon in its header."""
@@ -53,8 +55,13 @@ class Step(bpy.types.Panel):
     bl_region_type = "UI"
     bl_category = "MPS"
 
+    way = ""  # to a photo that it belongs to, see MPS_PG_scene; "" for both
     verbs: tuple[str, ...] = ()
     optional = False  # what need not be done says nothing until it is
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return cls.way in ("", context.scene.mps.way)
 
     @classmethod
     def result(cls, context: Any) -> Any:
@@ -62,9 +69,14 @@ class Step(bpy.types.Panel):
         return None
 
     @classmethod
+    def verb(cls, context: Any) -> str:
+        """The operator that makes the result."""
+        return cls.verbs[0]
+
+    @classmethod
     def lacks(cls, context: Any) -> str:
         """What has to be there before the step, as a sentence without a full stop; "" where nothing is missing."""
-        return _operator(cls.verbs[0]).lacks(context)
+        return _operator(cls.verb(context)).lacks(context)
 
     @classmethod
     def state(cls, context: Any) -> State:
@@ -77,7 +89,9 @@ class Step(bpy.types.Panel):
         result = cls.result(context)
         if not result:
             lacking = cls.lacks(context)
-            return State(Kind.TO_DO, lacking) if lacking else State(Kind.READY)
+            pressed = cls.verb(context)
+            works = not lacking and _operator(pressed).poll(context)
+            return State(Kind.READY) if works else State(Kind.TO_DO, lacking)
         changed = _changed(context, result) if isinstance(result, bpy.types.Image) else []
         if changed:
             return State(Kind.OUT_OF_DATE, f"Changed since: {', '.join(changed)}")
@@ -110,11 +124,14 @@ class Step(bpy.types.Panel):
         if self.progress_of(context, verb):
             return
         scene = context.scene
-        lacking = self.lacks(context) if self.verbs[:1] == (verb,) else _operator(verb).lacks(context)
-        if lacking:
-            wrapped(self.layout, lacking, icon="INFO")
+        with seen_lately():
+            own = bool(self.verbs) and self.verb(context) == verb
+            lacking = self.lacks(context) if own else _operator(verb).lacks(context)
+        if lacking and not error_of(scene, verb):  # which says so below
+            wrapped(self.layout, sentence(lacking), icon="INFO")
         row = self.layout.row()
         row.scale_y = 1.3
+        row.active = not lacking
         if text:
             row.operator(f"mps.{verb}", icon=icon, text=text)
         else:
@@ -148,19 +165,27 @@ class Step(bpy.types.Panel):
         row.operator("mps.dismiss", text="", icon="X", emboss=False).verb = verb
         wrapped(box, sentence(error))
 
-    def picture(self, image: Any, scale: float = 8) -> None:
-        """An image that a step made: how it looks, whether it is out of date, when it was made and where it is."""
+    def picture(self, image: Any, scale: float = 8, *, folded: str = "") -> None:
+        """An image that a step made: how it looks, whether it is out of date, when it was made and where it is.
+
+        folded: a name, for a picture that is shown where it is unfolded; Blender remembers that with the window.
+        """
         if image is None:
             return
         with seen_lately():
             changed = _changed(bpy.context, image)
         if changed:
             wrapped(self.layout, f"Out of date. Changed since: {', '.join(changed)}", icon="FILE_REFRESH")
-        self.layout.template_icon(icon_value=image.preview_ensure().icon_id, scale=scale)
         path = Path(bpy.path.abspath(image.filepath, library=image.library))
-        row = self.layout.row()
+        if folded:
+            row, body = self.layout.panel(f"MPS_{folded}", default_closed=FOLDED)
+        else:
+            body, row = self.layout, None
+        if body:
+            body.template_icon(icon_value=image.preview_ensure().icon_id, scale=scale)
+        row = row or self.layout.row()
         when = made_when(image)
-        row.label(text=fitted(f"{when}  {path.name}" if when else path.name, take=1.5))
+        row.label(text=fitted(f"{when}  {path.name}" if when else path.name, take=2.5 if folded else 1.5))
         if may_open(path.parent):
             row.operator("wm.path_open", text="", icon="FILE_FOLDER", emboss=False).filepath = str(path.parent)
 

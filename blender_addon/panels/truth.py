@@ -7,6 +7,7 @@ from .step import Step
 
 class MPS_PT_truth(Step):
     bl_label = "Compare with the Truth"
+    way = "RENDER"
     bl_parent_id = "MPS_PT_estimate"
     bl_options = {"DEFAULT_CLOSED"}
     verbs = ("error_map", "render_truth")

@@ -5,8 +5,9 @@ from typing import Any
 from ..bake.many_views import background
 from ..outputs import may_open
 from ..provenance import made_by
+from .bake import lacks_targets
 from .step import Step
-from .text import wrapped
+from .what_counts import NO_LIGHTS
 
 
 class MPS_PT_views(Step):
@@ -22,9 +23,14 @@ class MPS_PT_views(Step):
 
     @classmethod
     def lacks(cls, context: Any) -> str:
-        if context.scene.mps.views.cameras or any(background(obj) for obj in context.scene.objects):
-            return ""
-        return "Give each camera its photo as background image, or choose what a photogrammetry program wrote"
+        scene, views = context.scene, context.scene.mps.views
+        if views.cameras and not views.photos:
+            return "Choose the folder with the photos of these cameras"
+        if not views.cameras and not any(background(obj) for obj in scene.objects):
+            return "Give each camera its photo as background image, or choose what a photogrammetry program wrote"
+        if not (scene.mps.estimate.rig_file or scene.mps.rig.lights):
+            return NO_LIGHTS
+        return lacks_targets(context)
 
     def draw(self, context: Any) -> None:
         views = context.scene.mps.views
@@ -40,7 +46,6 @@ class MPS_PT_views(Step):
             column.prop(views, "level_scale")
         column.prop(views, "keep", placeholder="Not kept")
         column.prop(views, "write_report")
-        wrapped(self.layout, "Model as in 3 Estimate; target, size and file as in 4 Bake")
         self.progress_or(context, "bake_views", "CAMERA_STEREO")
         self.picture(self.result(context))
         if views.report_file and may_open(views.report_file):

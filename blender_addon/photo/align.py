@@ -44,7 +44,7 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
         description="Name of the mesh object that the photo shows. Empty: the target of the bake, else the active one",
         options={"SKIP_SAVE"},
     )
-    lens: from_option(Align, "focal", name="Lens (mm)", unset="that of Real Photo; found as well where that is 0")
+    lens: from_option(Align, "focal", name="Lens (mm)", unset="that of the photo; found as well where that is 0")
 
     @classmethod
     def lacks(cls, context: Any) -> str:
@@ -111,7 +111,7 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
             raise InputError(f"the photo is gone; {result_is}")
         camera = _camera_object(scene, photo, read_camera(self._camera), by_session_uid(bpy.data.objects, self._target))
         photo.mps.camera = camera
-        photo.mps.poor = result["poor"]
+        photo.mps.poor, photo.mps.outline_pixels = result["poor"], result["outline_pixels"]
         photo.mps.fit = (
             f"outlines {result['outline_pixels']:.1f} pixels and normals {result['normals_degrees']:.0f}° apart, "
             f"{result['overlap']:.0%} shared"

@@ -129,6 +129,7 @@ class MPS_OT_open_photo(ReportingOperator, bpy.types.Operator):
         self._made_from = self.provenance(context)
         self.made(image)
         _take(context.scene.mps, image)
+        context.scene.mps.way = "PHOTOGRAPH"
 
 
 class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):

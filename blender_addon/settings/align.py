@@ -57,7 +57,7 @@ class MPS_PG_pair(bpy.types.PropertyGroup):
 
 
 def _camera_chosen(photo: Any, context: Any) -> None:
-    photo.poor, photo.fit = False, ""
+    photo.poor, photo.fit, photo.outline_pixels = False, "", -1.0
 
 
 class MPS_PG_image(bpy.types.PropertyGroup):
@@ -74,6 +74,11 @@ class MPS_PG_image(bpy.types.PropertyGroup):
         name="Pairs", description="Places in the photo and on the mesh that are the same", type=MPS_PG_pair
     )
     fit: StringProperty(name="Fit", description="How well the mesh fits the photo, in words. Empty: not aligned")
+    outline_pixels: FloatProperty(
+        name="Outline",
+        description="How far the outlines of mesh and photo are apart, in pixels. -1: not known",
+        default=-1.0,
+    )
     poor: BoolProperty(name="Poor", description="Whether the mesh fits the photo too poorly to bake with")
     photo: PointerProperty(
         name="Photo", description="The photo that these normals were estimated from", type=bpy.types.Image

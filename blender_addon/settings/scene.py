@@ -1,9 +1,20 @@
 """Where the settings live: in the scene, with a photo, and what runs at the moment in the window manager."""
 
+from typing import Any
+
 import bpy
-from bpy.props import BoolProperty, CollectionProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
 
 from ..child_process.trust import is_ticked, tick
+from ..provenance import made_by
 from . import unknown
 from .align import MPS_PG_align, MPS_PG_image, MPS_PG_pair
 from .bake import MPS_PG_bake, MPS_PG_overlay
@@ -21,10 +32,36 @@ from .samples import MPS_PG_samples
 from .superpose import MPS_PG_superpose
 from .views import MPS_PG_views
 
+_PHOTOGRAPH, _RENDER = range(2)
+_CHOSEN = "mpsnet_way"
+
+
+def _way(mps: Any) -> int:
+    """The way that was chosen; else the one that fits what the scene holds, as files of earlier versions do."""
+    chosen, photo = mps.get(_CHOSEN), mps.photo.image
+    if chosen in (_PHOTOGRAPH, _RENDER):
+        return int(chosen)
+    rendered = made_by(photo) == "render_photo" if photo is not None else bool(mps.rig.lights)
+    return _RENDER if rendered else _PHOTOGRAPH
+
+
+def _choose_way(mps: Any, way: int) -> None:
+    mps[_CHOSEN] = way
+
 
 class MPS_PG_scene(bpy.types.PropertyGroup):
     """Everything the add-on stores in a scene: ``scene.mps``."""
 
+    way: EnumProperty(
+        name="Photo",
+        description="Where the photo comes from, and so which settings the panel shows",
+        items=[
+            ("PHOTOGRAPH", "Photograph", "You took the photo of a real object under real lights"),
+            ("RENDER", "Render", "Blender renders the photo of an object in this scene, under a rig of lights"),
+        ],
+        get=_way,
+        set=_choose_way,
+    )
     rig: PointerProperty(type=MPS_PG_rig)
     calibrate: PointerProperty(type=MPS_PG_calibrate)
     photo: PointerProperty(type=MPS_PG_photo)

@@ -9,7 +9,9 @@ from mathutils import Matrix
 
 from blender_addon.commands import main
 from blender_addon.panels.bake import MPS_PT_bake
+from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.step import Kind
+from blender_addon.panels.what_counts import camera_of
 from blender_addon.rig.rig import scene_camera
 from blender_addon.settings.record import notes_of
 from mpsnet_core.io.images import read_image
@@ -90,6 +92,8 @@ def test_without_a_start_the_camera_is_found_and_the_bake_goes_through_it(opened
     assert camera.data.background_images[0].image == photo and camera.name == "photo"
     assert (opened.render.resolution_x, opened.render.resolution_y) == SIZE
     assert MPS_PT_bake.state(bpy.context).kind is Kind.READY
+    assert MPS_PT_estimate.state(bpy.context).kind is Kind.DONE  # it was made before the camera was known, and stays
+    assert camera_of(opened).startswith("aligned, ")
     bpy.ops.mps.bake(size=64, output=str(tmp_path / "texture.exr"), level=False)
     found = read_image(tmp_path / "texture.exr").pixels
 

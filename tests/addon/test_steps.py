@@ -5,16 +5,20 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import bpy
+import numpy as np
 import pytest
 
+from blender_addon.panels import CLASSES
 from blender_addon.panels.bake import MPS_PT_bake
 from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.photo import MPS_PT_photo
 from blender_addon.panels.rig import MPS_PT_rig
 from blender_addon.panels.step import Kind
 from blender_addon.panels.text import lines, shortened
+from blender_addon.panels.what_counts import camera_of, lights_of
 from blender_addon.provenance import seen_lately
 from blender_addon.time_left import Pace, in_words
+from mpsnet_core.scene.rig import near_rig, write_rig
 
 
 def stands(step):
@@ -28,6 +32,7 @@ def kinds():
 
 def test_the_steps_become_ready_and_done_from_top_to_bottom(sphere, scene, tmp_path):
     TO_DO, READY, DONE = Kind.TO_DO, Kind.READY, Kind.DONE
+    scene.mps.way = "RENDER"
     assert kinds() == [READY, TO_DO, TO_DO, TO_DO]
     bpy.ops.mps.add_rig()
     assert kinds() == [DONE, READY, TO_DO, TO_DO]
@@ -40,7 +45,9 @@ def test_the_steps_become_ready_and_done_from_top_to_bottom(sphere, scene, tmp_p
 
 
 def test_what_is_missing_is_said_where_it_is_and_on_the_button(scene):
-    assert stands(MPS_PT_rig) == (Kind.TO_DO, "Select the object, then add the rig. A photo that you took needs none")
+    assert stands(MPS_PT_rig)[1].startswith("Where are the lights?")
+    scene.mps.way = "RENDER"
+    assert stands(MPS_PT_rig) == (Kind.TO_DO, "Select the object, then add the rig")
     assert stands(MPS_PT_estimate) == (Kind.TO_DO, "Render or open a photo first")
     with pytest.raises(RuntimeError, match="Render or open a photo first"):
         bpy.ops.mps.estimate()
@@ -162,6 +169,211 @@ def test_a_photo_from_outside_is_not_compared_with_the_rig(photographed, scene, 
     assert stands(MPS_PT_photo) == (Kind.DONE, "")
 
 
+def shown():
+    """The panels that the way to the photo shows, and whose parents it shows."""
+    polled = {cls.__name__ for cls in CLASSES if hasattr(cls, "poll") and cls.poll(bpy.context)}
+    return {cls.__name__ for cls in CLASSES if {cls.__name__, getattr(cls, "bl_parent_id", cls.__name__)} <= polled}
+
+
+def test_the_way_to_the_photo_shows_its_own_settings_and_follows_what_is_there(sphere, scene, tmp_path):
+    assert scene.mps.way == "PHOTOGRAPH"
+    photographs = shown()
+    bpy.ops.mps.add_rig()  # as in a file of an earlier version, where nobody chose
+    assert scene.mps.way == "RENDER"
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+    mps = bpy.context.scene.mps
+    assert mps.way == "RENDER"
+    assert photographs - shown() == {
+        "MPS_PT_calibrate",
+        "MPS_PT_outline",
+        "MPS_PT_mask",
+        "MPS_PT_real",
+        "MPS_PT_superpose",
+    }
+    assert shown() - photographs == {"MPS_PT_rig_placement", "MPS_PT_render"}
+    bpy.ops.mps.render_photo(width=16, height=16, samples=1, output=str(tmp_path / "photo.exr"))
+    mps.way = "RENDER"
+    bpy.ops.mps.open_photo(filepath=str(tmp_path / "photo.exr"))
+    assert mps.way == "PHOTOGRAPH" and "MPS_PT_align" in shown()
+    mps.way = "RENDER"
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+    assert bpy.context.scene.mps.way == "RENDER"
+
+
+def test_a_hostile_way_is_none(photographed, scene):
+    for value in (7, -1, "RENDER", [1], 0.5):
+        scene.mps["mpsnet_way"] = value
+        assert scene.mps.way == "RENDER"
+
+
+def test_training_data_is_in_no_tab_of_the_artists(scene):
+    assert "MPS_PT_samples" not in shown()
+    assert bpy.types.MPS_PT_samples.bl_category != bpy.types.MPS_PT_bake.bl_category
+
+
+def test_it_is_said_which_lights_and_which_camera_count(photographed, scene, tmp_path):
+    def said():
+        return lights_of(scene).words, camera_of(scene)
+
+    photo = scene.mps.photo.image
+    assert said() == ("as the photo was rendered", "as the photo was rendered")
+    scene.mps.photo.image = None
+    assert said() == ("the virtual rig", "the virtual rig's")
+    (tmp_path / "measured.json").write_text(photo["mpsnet_rig"], encoding="utf-8")
+    photo.save(filepath=str(tmp_path / "taken.exr"))
+    bpy.ops.mps.open_photo(filepath=str(tmp_path / "taken.exr"))
+    scene.mps.estimate.rig_file = str(tmp_path / "measured.json")
+    assert said() == ("measured.json, calibrated", "the virtual rig's")
+    assert lights_of(scene).rig.slants == pytest.approx([30] * 3, abs=1e-3)
+    bpy.ops.mps.remove_rig()
+    scene.mps.estimate.lens = 50
+    assert said()[1] == "lens 50 mm"
+    scene.mps.estimate.lens = 0
+    assert said()[1] == ""
+    scene.collection.objects.link(camera := bpy.data.objects.new("Mine", bpy.data.cameras.new("Mine")))
+    taken = scene.mps.photo.image.mps
+    taken.camera = camera
+    assert said()[1] == "Mine"
+    taken.fit, taken.outline_pixels = "as Align Photo says it", 0.4
+    assert said()[1] == "aligned, 0.4 px"
+
+
+def no_lights(scene, tmp_path):
+    bpy.ops.mps.open_photo(filepath=copied(tmp_path, "photo.exr", "alone.exr"))
+    bpy.ops.mps.remove_rig()
+
+
+def copied(folder, name, new):
+    (folder / new).write_bytes((folder / name).read_bytes())
+    return str(folder / new)
+
+
+def the_rig_file_is_gone(scene, tmp_path):
+    no_lights(scene, tmp_path)
+    scene.mps.estimate.rig_file = str(tmp_path / "gone.json")
+
+
+def the_lights_are_near_and_no_camera_is_known(scene, tmp_path):
+    no_lights(scene, tmp_path)
+    places = np.eye(3) * 2
+    write_rig(tmp_path / "near.json", near_rig(places - [0, 0, 3], [0, 0, -5]))
+    scene.mps.estimate.rig_file = str(tmp_path / "near.json")
+
+
+def the_photo_is_gone(scene, tmp_path):
+    (tmp_path / "photo.exr").unlink()
+
+
+def no_model_is_named(scene, tmp_path):
+    scene.mps.estimate.model = "FILE"
+
+
+def no_mask_is_named(scene, tmp_path):
+    scene.mps.estimate.mask = "FILE"
+
+
+def the_background_is_gone(scene, tmp_path):
+    scene.mps.estimate.mask, scene.mps.estimate.background = "BACKGROUND", str(tmp_path / "gone.exr")
+
+
+def the_dark_frame_is_gone(scene, tmp_path):
+    scene.mps.estimate.dark = str(tmp_path / "gone.exr")
+
+
+def albedo_without_a_white_photo(scene, tmp_path):
+    scene.mps.estimate.albedo = True
+
+
+def the_normals_are_gone(scene, tmp_path):
+    (tmp_path / "normals.png").unlink()
+
+
+def no_camera_saw_the_normals(scene, tmp_path):
+    scene.mps.estimate.image = bpy.data.images.load(copied(tmp_path, "normals.png", "others.png"))
+    bpy.ops.mps.remove_rig()
+
+
+def no_uv_map(scene, tmp_path):
+    mesh = bpy.context.object.data
+    mesh.uv_layers.remove(mesh.uv_layers[0])
+
+
+def another_uv_map(scene, tmp_path):
+    scene.mps.bake.uv_map = "Gone"
+
+
+def no_faces(scene, tmp_path):
+    bpy.context.object.data.clear_geometry()
+
+
+def nothing_is_selected_to_bake_onto(scene, tmp_path):
+    scene.mps.bake.objects = "SELECTED"
+    bpy.context.object.select_set(False)
+
+
+def a_light_is_hidden(scene, tmp_path):
+    scene.mps.photo.image = None
+    scene.mps.rig.lights[0].object.hide_render = True
+
+
+def a_panoramic_camera(scene, tmp_path):
+    scene.mps.photo.image = None
+    scene.mps.rig.camera.data.type = "PANO"
+
+
+def only_a_camera_is_selected(scene, tmp_path):
+    camera = scene.mps.rig.camera
+    scene.collection.objects.link(camera.copy())
+    bpy.ops.mps.remove_rig()
+    bpy.ops.object.select_all(action="DESELECT")
+    next(obj for obj in scene.objects if obj.type == "CAMERA").select_set(True)
+    scene.mps.way = "RENDER"
+
+
+@pytest.mark.parametrize(
+    ("step", "spoil"),
+    [
+        (MPS_PT_rig, only_a_camera_is_selected),
+        (MPS_PT_photo, a_light_is_hidden),
+        (MPS_PT_photo, a_panoramic_camera),
+        (MPS_PT_estimate, no_lights),
+        (MPS_PT_estimate, the_rig_file_is_gone),
+        (MPS_PT_estimate, the_lights_are_near_and_no_camera_is_known),
+        (MPS_PT_estimate, the_photo_is_gone),
+        (MPS_PT_estimate, no_model_is_named),
+        (MPS_PT_estimate, no_mask_is_named),
+        (MPS_PT_estimate, the_background_is_gone),
+        (MPS_PT_estimate, the_dark_frame_is_gone),
+        (MPS_PT_estimate, albedo_without_a_white_photo),
+        (MPS_PT_bake, the_normals_are_gone),
+        (MPS_PT_bake, no_camera_saw_the_normals),
+        (MPS_PT_bake, no_uv_map),
+        (MPS_PT_bake, another_uv_map),
+        (MPS_PT_bake, no_faces),
+        (MPS_PT_bake, nothing_is_selected_to_bake_onto),
+    ],
+)
+def test_a_step_is_ready_only_where_pressing_it_works(estimated, scene, tmp_path, step, spoil):
+    if step is MPS_PT_estimate:
+        scene.mps.estimate.image = None
+    if step in (MPS_PT_estimate, MPS_PT_bake):
+        assert stands(step) == (Kind.READY, "")
+    spoil(scene, tmp_path)
+    kind, why = stands(step)
+    assert kind is Kind.TO_DO and why
+    with pytest.raises(RuntimeError):
+        getattr(bpy.ops.mps, step.verb(bpy.context))()
+
+
+def test_other_steps_wait_for_what_runs(estimated, scene):
+    assert stands(MPS_PT_bake) == (Kind.READY, "")
+    bpy.context.window_manager.mps.running = "MPS_OT_estimate"
+    assert stands(MPS_PT_bake)[0] is Kind.TO_DO
+    bpy.context.window_manager.mps.running = ""
+
+
 def test_an_error_stays_until_the_next_run(photographed, scene, tmp_path):
     with pytest.raises(RuntimeError, match="does not exist"):
         bpy.ops.mps.estimate(model="FILE", model_file=str(tmp_path / "nothing.onnx"))
@@ -178,7 +390,7 @@ def test_an_error_that_is_dismissed_is_gone(photographed):
     with pytest.raises(RuntimeError):
         bpy.ops.mps.estimate(model="FILE", model_file="nowhere.onnx")
     bpy.ops.mps.dismiss(verb="estimate")
-    assert stands(MPS_PT_estimate) == (Kind.READY, "")
+    assert stands(MPS_PT_estimate) == (Kind.TO_DO, "Model File nowhere.onnx does not exist; choose another")
     bpy.ops.mps.dismiss(verb="estimate")  # nothing is left to take away
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix, Vector
 
+from blender_addon.bake.many_views import _with_photos
 from blender_addon.panels.views import MPS_PT_views
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.estimate.albedo import read_albedo
@@ -96,6 +97,17 @@ def test_white_photos_give_the_material_its_colour(around, scene, tmp_path):
     band = read_albedo(shown.filepath)[40:88]
     assert np.abs(band / band.sum(axis=-1, keepdims=True) - colour / colour.sum()).max() < 0.01
     assert np.quantile(np.abs(band / np.median(band, axis=(0, 1)) - 1), 0.9) < 0.1
+
+
+def test_a_photo_behind_two_cameras_is_one_view_of_the_one_that_took_it(around, scene):
+    cameras = [bpy.data.objects[f"Side {number}"] for number in range(4)]
+    image, other = (camera.data.background_images[0].image for camera in cameras[:2])
+    cameras[1].data.background_images[0].image = image
+    assert [obj for obj, _ in _with_photos(scene)] == [cameras[0], cameras[2], cameras[3]]
+    image["mpsnet_made_by"], image.mps.camera = "open_photo", cameras[1]
+    assert [obj for obj, _ in _with_photos(scene)] == cameras[1:]
+    cameras[1].data.background_images[0].image = other
+    assert [obj for obj, _ in _with_photos(scene)] == cameras
 
 
 def test_lights_that_stand_still_are_those_of_the_scene(around, scene, tmp_path):

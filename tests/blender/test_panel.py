@@ -17,6 +17,7 @@ def test_panel_is_drawn_and_its_button_adds_a_rig(window, tmp_path):
     before = window.wait(lambda state: "Cube" in state["objects"], 10, "default scene")
     left, top, width, height = before["sidebar"]
     assert width > 100 and height > 400
+    window.ask("run", "bpy.context.scene.mps.way = 'RENDER'")
     x, y = window.find("mps.add_rig")
     window.input("mousemove", 10, 500, "sleep", "0.5")
     picture = window.screenshot(tmp_path / "panel.png").mean(axis=-1)
@@ -157,13 +158,20 @@ def test_a_photo_is_rendered_beside_a_live_window(window, album, tmp_path):
     assert not [path.name for path in tmp_path.iterdir() if "slow" in path.name]
 
 
+TRAINING = """
+package = bpy.types.MPS_PT_rig.__module__.rpartition(".panels")[0]
+bpy.context.preferences.addons[package].preferences.training = True
+"""
+
+
 def test_training_data_grows_in_its_section(window, album, tmp_path):
     folder, count = tmp_path / "samples", 24
     settings = {"count": count, "size": 32, "samples": 1, "kinds": ["BLOBS"], "processes": 2, "output": str(folder)}
     window.ask("set", "samples", settings)
+    window.ask("run", TRAINING)
     window.ask("alone", "MPS_PT_samples")
+    window.wait(lambda state: state["sidebar"], 30, "tab of its own")
     left, top, width, height = window.state["sidebar"]
-    window.open(top + TITLE)
     x, y = window.find("mps.render_samples", below=200)
     window.input("mousemove", 500, 500, "sleep", "1")
     before = window.screenshot(tmp_path / "before.png")
@@ -197,7 +205,8 @@ def test_training_data_grows_in_its_section(window, album, tmp_path):
     window.see(look, lambda pixels: pixels > 1.5 * shown, "contact sheet of all")
 
 
-def test_real_lights_are_found_and_undone(window, album, tmp_path):
+def test_real_lights_are_found_and_undone(unfolded, album, tmp_path):
+    window = unfolded
     angles = [(30, 90), (35, 205), (25, 335)]
     directions = np.array([around(*angle) for angle in angles])
     scene = Scene([((0.0, 0.0, 0.0), 97.4)], lamps_around((0, 0, 0), 2e4, angles=angles), (300, 300))
@@ -208,9 +217,7 @@ def test_real_lights_are_found_and_undone(window, album, tmp_path):
     window.ask("set", "calibrate", settings)
     window.ask("alone", "MPS_PT_rig", "MPS_PT_calibrate")
     _, top, _, _ = window.state["sidebar"]
-    _, above = window.find("mps.add_rig", below=240)
-    window.open(above + 38)  # the title is next below
-    lights = window.find("mps.calibrate_lights", below=above + 140 - top)
+    lights = window.find("mps.calibrate_lights", below=140)
 
     window.click(*lights)
     window.wait(lambda state: state["rig_file"] and not state["running"], 60, "lights")
@@ -234,7 +241,8 @@ def test_real_lights_are_found_and_undone(window, album, tmp_path):
     assert rig.is_file()
 
 
-def test_the_mask_is_shown_below_its_button(window, tmp_path):
+def test_the_mask_is_shown_below_its_button(unfolded, tmp_path):
+    window = unfolded
     sphere = shaded_sphere(128)
     photo = np.full((256, 256, 3), 0.01, np.float32)
     photo[64:192, 64:192][sphere.mask] = sphere.image[sphere.mask]
@@ -243,7 +251,7 @@ def test_the_mask_is_shown_below_its_button(window, tmp_path):
     window.ask("set", "estimate", {"mask": "FIND"})
     window.ask("alone", "MPS_PT_photo", "MPS_PT_mask")
     left, top, width, height = window.state["sidebar"]
-    x, y = window.find("mps.show_mask", below=400)
+    x, y = window.find("mps.show_mask", below=100)
 
     def below():
         window.input("mousemove", 500, 500, "sleep", "1")

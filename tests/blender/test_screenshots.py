@@ -37,15 +37,21 @@ bpy.utils.register_class(MPS_PT_probe)
 INK = 0.2  # what text differs by from what is behind it, at least
 
 STEPS = {
-    "rig": ("MPS_PT_start", "MPS_PT_rig"),
+    "rig": ("MPS_PT_start", "MPS_PT_rig", "MPS_PT_rig_placement"),
     "calibrate": ("MPS_PT_rig", "MPS_PT_calibrate", "MPS_PT_outline"),
-    "photo": ("MPS_PT_photo", "MPS_PT_real", "MPS_PT_superpose", "MPS_PT_near", "MPS_PT_mask"),
-    "estimate": ("MPS_PT_estimate",),
+    "photo": (
+        "MPS_PT_photo",
+        "MPS_PT_render",
+        "MPS_PT_align",
+        "MPS_PT_mask",
+        "MPS_PT_real",
+        "MPS_PT_superpose",
+    ),
+    "estimate": ("MPS_PT_estimate", "MPS_PT_estimate_options"),
     "bake": ("MPS_PT_bake", "MPS_PT_texture", "MPS_PT_detail"),
     "heights": ("MPS_PT_heights", "MPS_PT_displace"),
     "views": ("MPS_PT_views",),
     "material": ("MPS_PT_material", "MPS_PT_material_crop"),
-    "samples": ("MPS_PT_samples",),
 }
 
 
@@ -182,6 +188,8 @@ def test_every_state_of_every_step(unfolded, album, tmp_path, look):
 
     run("for obj in bpy.data.objects: obj.select_set(False)\nbpy.context.view_layer.objects.active = None")
     photographer.photograph("to_do")
+    run("bpy.context.scene.mps.way = 'RENDER'")
+    photographer.photograph("to_do_render", "rig", "photo")
     work("add_rig")
     photographer.photograph("failed", "rig")
     run(
@@ -242,6 +250,8 @@ def test_every_state_of_every_step(unfolded, album, tmp_path, look):
     photographer.photograph("out_of_date", "photo", "estimate", "bake", "heights", "material")
     run("bpy.ops.mps.new_rig()")
     photographer.photograph("several", "rig", "photo", "bake")
+    run(f"bpy.ops.mps.open_photo(filepath={str(tmp_path / 'photo.exr')!r})")
+    photographer.photograph("opened", "rig", "photo", "estimate")
     assert not photographer.faults, "\n".join(photographer.faults)
     # A panel may end where the picture does; many such mean that a message covers them, or keeps the mouse.
     assert len(photographer.still) < 6, photographer.still

@@ -23,7 +23,9 @@ bpy.context.preferences.view.show_splash = False
 bpy.context.preferences.use_preferences_save = False  # the next window has them as they come
 # In the order of their registration, which is that of the sidebar.
 EVERY_PANEL = sys.modules[bpy.types.MPS_PT_rig.__module__.rpartition(".")[0]].CLASSES
+category = "MPS"  # the tab that is shown
 if unfolded:
+    sys.modules[EVERY_PANEL[-1].__base__.__module__].FOLDED = False
     for panel in EVERY_PANEL:
         panel.bl_options = set()
 
@@ -39,11 +41,11 @@ def sidebar():
     if not area.spaces.active.show_region_ui:  # to set it draws all anew
         area.spaces.active.show_region_ui = True
     region = next(region for region in area.regions if region.type == "UI")
-    if region.active_panel_category == "MPS":
+    if region.active_panel_category == category:
         return region
     # The tabs cannot be chosen before they have been drawn.
     with contextlib.suppress(AttributeError, TypeError):
-        region.active_panel_category = "MPS"
+        region.active_panel_category = category
     area.tag_redraw()
     return None
 
@@ -104,12 +106,14 @@ def answer(verb, *arguments):
 
 
 def alone(*panels):
+    global category
     for cls in EVERY_PANEL:
         if cls.is_registered:
             bpy.utils.unregister_class(cls)
     for cls in EVERY_PANEL:
         if cls.__name__ in panels:
             bpy.utils.register_class(cls)
+    category = next((cls.bl_category for cls in EVERY_PANEL if cls.__name__ in panels), category)
     viewport()[1].tag_redraw()
 
 

@@ -1,0 +1,114 @@
+"""Which lights and which camera count for the photo, in a line each, and what is missing for it to be estimated."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from mpsnet_core.errors import InputError
+from mpsnet_core.scene.rig import LightRig, read_rig
+
+from ..estimate.photo_options import rig_file_for
+from ..outputs import origin, remembered
+from ..photo.camera import chosen_camera, is_real
+from ..provenance import is_there
+from ..rig.rig import drawn_rig
+
+NO_LIGHTS = "Where are the lights? Choose their rig file, or calibrate them"
+
+
+@dataclass(frozen=True)
+class Lights:
+    """words: which they are. rig: as they stand, where that can be told. lacks: why they cannot be used."""
+
+    words: str
+    rig: LightRig | None = None
+    lacks: str = ""
+
+
+def lights_of(scene: Any) -> Lights:
+    """The lights that count for the scene's photo, as :func:`.rig_path` chooses them."""
+    photo, settings = scene.mps.photo.image, scene.mps.estimate
+    if file := rig_file_for(photo, settings):
+        path = Path(bpy.path.abspath(file))
+        return _lights(f"{path.name}, calibrated", lambda: _rig_in(path, int(time.monotonic())))
+    if photo is not None and remembered(photo, "rig") is not None:
+        return Lights("the rig file beside the photo" if is_real(photo) else "as the photo was rendered")
+    if scene.mps.rig.lights:
+        return _lights("the virtual rig", lambda: drawn_rig(scene))
+    return Lights("not known", lacks=NO_LIGHTS)
+
+
+def _lights(words: str, read: Callable[[], LightRig]) -> Lights:
+    try:
+        return Lights(words, read())
+    except InputError as error:
+        return Lights(words, lacks=str(error))
+
+
+@lru_cache(maxsize=1)
+def _rig_in(path: Path, second: int) -> LightRig:
+    """The rig in a file, which is read once a second: panels are drawn many times, and its folder may be far away."""
+    return read_rig(path)
+
+
+def camera_of(scene: Any) -> str:
+    """The camera that counts for the scene's photo, in words; "" where none is known, and far away is assumed."""
+    photo, lens = scene.mps.photo.image, scene.mps.estimate.lens
+    entered = f"lens {lens:g} mm" if lens else ""
+    camera = chosen_camera(scene, photo) if photo is not None else None
+    if camera is not None:
+        known = photo.mps
+        fit = f", {known.outline_pixels:.1f} px" if known.outline_pixels >= 0 else ""
+        where = f"aligned{fit}" if known.fit else camera.name
+        return f"{where}, {entered}" if entered else where
+    if entered:
+        return entered
+    if photo is not None and remembered(photo, "camera") is not None:
+        return "the camera file beside the photo" if is_real(photo) else "as the photo was rendered"
+    return "the virtual rig's" if scene.mps.rig.lights else ""
+
+
+def lacks_of_estimate(scene: Any) -> str:
+    """What has to be there before the photo can be estimated with the settings as they are; "" where nothing is."""
+    photo, settings = scene.mps.photo.image, scene.mps.estimate
+    lights = lights_of(scene)
+    if lacking := lacks_file(photo, "photo") or lights.lacks:
+        return lacking
+    if lights.rig is not None and lights.rig.near is not None and not camera_of(scene):
+        return "These lights stand near the object, so the camera counts: enter the photo's lens, or align the photo"
+    return lacks_mask(settings) or _lacks_other_files(settings, moves=photo.source in {"SEQUENCE", "MOVIE"})
+
+
+def lacks_file(image: Any, what: str) -> str:
+    """Whether an image has no file to read it from, in words."""
+    if image.packed_file or is_there(origin(image)):
+        return ""
+    return f'The {what} "{image.name}" has no file on disk; save it, or choose another'
+
+
+def lacks_mask(settings: Any) -> str:
+    """Which picture the mask needs and has not."""
+    needed = {"FILE": "mask_file", "BACKGROUND": "background"}.get(settings.mask)
+    return _lacks_named(settings, needed, optional=False) if needed else ""
+
+
+def _lacks_other_files(settings: Any, *, moves: bool) -> str:
+    if settings.model == "FILE" and (lacking := _lacks_named(settings, "model_file", optional=False)):
+        return lacking
+    if settings.albedo and not settings.white and not moves:
+        return "The albedo is made from a white photo; choose one in 2 Photo, or switch Albedo off"
+    return next(filter(None, (_lacks_named(settings, name, optional=True) for name in ("dark", "flat", "white"))), "")
+
+
+def _lacks_named(settings: Any, name: str, *, optional: bool) -> str:
+    path, label = getattr(settings, name), settings.bl_rna.properties[name].name
+    if not path:
+        return "" if optional else f"Choose the {label.lower()}"
+    if (optional and "*" in path) or is_there(Path(bpy.path.abspath(path))):
+        return ""
+    return f"{label} {path} does not exist; choose another"
