@@ -113,7 +113,8 @@ def alone(*panels):
     for cls in EVERY_PANEL:
         if cls.__name__ in panels:
             bpy.utils.register_class(cls)
-    category = next((cls.bl_category for cls in EVERY_PANEL if cls.__name__ in panels), category)
+    shown = [cls for cls in EVERY_PANEL if cls.__name__ in panels and issubclass(cls, bpy.types.Panel)]
+    category = shown[0].bl_category if shown else category
     viewport()[1].tag_redraw()
 
 
