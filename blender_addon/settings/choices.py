@@ -80,7 +80,7 @@ def _set(scene: Any, path: str, value: Any) -> None:
 def _touched(group: Any) -> bool:
     """Whether anything in a group was ever set."""
     for one in group.bl_rna.properties:
-        if one.identifier == "rna_type":
+        if one.identifier in {"rna_type", "way"}:  # the way counts as set though nobody chose it
             continue
         value = getattr(group, one.identifier)
         if isinstance(value, bpy.types.PropertyGroup):

@@ -191,7 +191,7 @@ def test_the_way_to_the_photo_shows_its_own_settings_and_follows_what_is_there(s
         "MPS_PT_real",
         "MPS_PT_superpose",
     }
-    assert shown() - photographs == {"MPS_PT_rig_placement", "MPS_PT_render"}
+    assert shown() - photographs == {"MPS_PT_rig_placement", "MPS_PT_render", "MPS_PT_truth"}
     bpy.ops.mps.render_photo(width=16, height=16, samples=1, output=str(tmp_path / "photo.exr"))
     mps.way = "RENDER"
     bpy.ops.mps.open_photo(filepath=str(tmp_path / "photo.exr"))
