@@ -99,7 +99,7 @@ def opened(blender: Blender, folder: Path, *arguments: str) -> Iterator[Window]:
         )
         window = Window(state, request, shlex.split(os.environ.get("MPSNET_SCREEN", "")))
         try:
-            window.wait(lambda state: state["sidebar"], 120, "sidebar")
+            window.wait(lambda state: state["sidebar"], "sidebar")
             yield window
             window.screenshot(folder / "last.png")
         finally:

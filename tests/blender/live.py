@@ -15,6 +15,8 @@ EDITORS = 1310  # where Blender's other editors begin, right of the viewport and
 BELOW = 905  # and below it
 STEP = 8  # pixels; a button is about 20 high
 TITLE = 16  # from a panel's top to the middle of its title
+# How long to wait for what will come: a busy machine draws a window in software, and takes a minute for some frames.
+PATIENCE = 300  # seconds
 
 
 class Window:
@@ -28,14 +30,14 @@ class Window:
     def state(self) -> dict[str, Any]:
         return json.loads(self.file.read_text(encoding="utf-8")) if self.file.exists() else {"sidebar": None}
 
-    def wait(self, until: Callable[[dict[str, Any]], Any], seconds: float, what: str) -> dict[str, Any]:
-        deadline = time.monotonic() + seconds
+    def wait(self, until: Callable[[dict[str, Any]], Any], what: str) -> dict[str, Any]:
+        deadline = time.monotonic() + PATIENCE
         while time.monotonic() < deadline:
             state = self.state
             if until(state):
                 return state
             time.sleep(0.02)
-        pytest.fail(f"after {seconds} s still no {what}: {self.state}")
+        pytest.fail(f"after {PATIENCE} s still no {what}: {self.state}")
 
     def input(self, *arguments: str | int) -> None:
         subprocess.run([*self.screen, "xdotool", *map(str, arguments)], check=True, capture_output=True)
@@ -46,7 +48,7 @@ class Window:
         unfinished.write_text(json.dumps([self.requests, verb, *arguments]), encoding="utf-8")
         unfinished.replace(self.request)
         if verb != "quit":
-            self.wait(lambda state: state.get("answered") == self.requests, 60, f"answer to {verb} {arguments}")
+            self.wait(lambda state: state.get("answered") == self.requests, f"answer to {verb} {arguments}")
 
     def under_mouse(self, x: int, y: int) -> str:
         """The Python command of the button at (x, y), which Blender copies on Ctrl C; "" where there is none."""
@@ -58,7 +60,7 @@ class Window:
         def over(state: dict[str, Any]) -> bool:
             return state["clipboard"] or (state["ticks"] >= sent + 3 and time.monotonic() > answer_by)
 
-        done = self.wait(over, 60, "answer to Ctrl C")
+        done = self.wait(over, "answer to Ctrl C")
         return done["clipboard"]
 
     def find(self, operator: str, below: int = STEP) -> tuple[int, int]:
@@ -84,16 +86,16 @@ class Window:
     def screenshot(self, path: Path) -> np.ndarray:
         """(H, W, 3) values 0 to 1 of the whole screen, once Blender has drawn what it was asked for before."""
         seen = self.state.get("ticks", 0)
-        self.wait(lambda state: state.get("ticks", 0) >= seen + 3, 60, "tick")  # it draws between two of them
+        self.wait(lambda state: state.get("ticks", 0) >= seen + 3, "tick")  # it draws between two of them
         subprocess.run([*self.screen, "import", "-window", "root", path], check=True)
         return oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT)[..., :3]
 
     def see(self, look: Callable[[], Any], until: Callable[[Any], Any], what: str) -> Any:
         """What `look` shows as soon as it is as it should be: how long Blender takes to draw, nobody knows."""
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + PATIENCE
         while not until(seen := look()):
             if time.monotonic() > deadline:
-                pytest.fail(f"after 60 s still no {what} to be seen")
+                pytest.fail(f"after {PATIENCE} s still no {what} to be seen")
             time.sleep(0.5)
         return seen
 

@@ -14,7 +14,7 @@ from mpsnet_core.synthesis.job import sample_path, samples_there
 
 
 def test_panel_is_drawn_and_its_button_adds_a_rig(window, tmp_path):
-    before = window.wait(lambda state: "Cube" in state["objects"], 10, "default scene")
+    before = window.wait(lambda state: "Cube" in state["objects"], "default scene")
     left, top, width, height = before["sidebar"]
     assert width > 100 and height > 400
     window.ask("run", "bpy.context.scene.mps.way = 'RENDER'")
@@ -29,41 +29,41 @@ def test_panel_is_drawn_and_its_button_adds_a_rig(window, tmp_path):
     assert edges.any(axis=1).mean() > 0.3
 
     window.click(x, y)
-    after = window.wait(lambda state: len(state["objects"]) > len(before["objects"]), 60, "rig")
+    after = window.wait(lambda state: len(state["objects"]) > len(before["objects"]), "rig")
     added = set(after["objects"]) - set(before["objects"])
     assert {"MPS Red", "MPS Green", "MPS Blue", "MPS Camera"} <= added
 
     window.input("key", "ctrl+z")
-    window.wait(lambda state: state["objects"] == before["objects"], 60, "undo")
+    window.wait(lambda state: state["objects"] == before["objects"], "undo")
 
 
 def test_the_steps_run_beside_a_live_window(window, tmp_path):
     window.ask("invoke", "add_rig", {})
     window.ask("invoke", "render_photo", {"width": 128, "height": 128, "samples": 16})
-    window.wait(lambda state: "MPS Photo" in state["images"], 120, "photo")
+    window.wait(lambda state: "MPS Photo" in state["images"], "photo")
 
     window.ask("invoke", "estimate", {})
     # The operator came back at once, and the window goes on ticking until the normals are there.
-    window.wait(lambda state: "MPS Normals" in state["images"] and not state["running"], 120, "normals")
+    window.wait(lambda state: "MPS Normals" in state["images"] and not state["running"], "normals")
 
     cancelled = tmp_path / "cancelled.png"
     window.ask("invoke", "bake", {"size": 16384, "output": str(cancelled)})
-    window.wait(lambda state: state["running"] and state["progress"] > 0, 60, "running bake")
+    window.wait(lambda state: state["running"] and state["progress"] > 0, "running bake")
     window.input("mousemove", 500, 500, "key", "Escape")
-    window.wait(lambda state: not state["running"], 60, "end of the cancelled bake")
+    window.wait(lambda state: not state["running"], "end of the cancelled bake")
     assert not [path.name for path in tmp_path.iterdir() if "cancelled" in path.name]
 
     plain = window.state["nodes"]
     texture = tmp_path / "texture.png"
     window.ask("invoke", "bake", {"size": 128, "output": str(texture)})
-    window.wait(lambda state: "MPS Cube" in state["images"] and not state["running"], 120, "texture")
+    window.wait(lambda state: "MPS Cube" in state["images"] and not state["running"], "texture")
     assert texture.is_file()
     assert set(window.state["nodes"]) - set(plain) == {"MPS UV", "MPS Texture", "MPS Normal"}
 
     window.input("key", "ctrl+z")
-    window.wait(lambda state: state["nodes"] == plain, 60, "undo of the bake")
+    window.wait(lambda state: state["nodes"] == plain, "undo of the bake")
     window.input("key", "ctrl+shift+z")
-    window.wait(lambda state: "MPS Normal" in state["nodes"], 60, "redo of the bake")
+    window.wait(lambda state: "MPS Normal" in state["nodes"], "redo of the bake")
 
 
 # Counts how often the viewport is drawn, and how often the sidebar is; a slice of a mesh fills a tick.
@@ -92,27 +92,27 @@ def test_a_heavy_bake_leaves_the_viewport_undrawn_and_is_cancelled_before_it_beg
 
     window.ask("invoke", "add_rig", {})
     window.ask("invoke", "render_photo", {"width": 64, "height": 64, "samples": 1})
-    window.wait(lambda state: "MPS Photo" in state["images"] and not state["running"], 120, "photo")
+    window.wait(lambda state: "MPS Photo" in state["images"] and not state["running"], "photo")
     window.ask("invoke", "estimate", {"model": "LAMBERTIAN"})
-    window.wait(lambda state: "MPS Normals" in state["images"] and not state["running"], 120, "normals")
+    window.wait(lambda state: "MPS Normals" in state["images"] and not state["running"], "normals")
     window.ask("run", COUNTING)
     window.input("mousemove", 300, 880, "sleep", "3")
 
     texture = tmp_path / "texture.png"
     window.ask("invoke", "bake", {"size": 2048, "output": str(texture)})
-    window.wait(lambda state: state["message"] == "starting", 60, "mesh that is handed over")
+    window.wait(lambda state: state["message"] == "starting", "mesh that is handed over")
     window.input("key", "Escape")
-    window.wait(lambda state: not state["running"], 60, "end of the cancelled bake")
+    window.wait(lambda state: not state["running"], "end of the cancelled bake")
     assert not texture.exists() and not window.state["errors"].get("bake")
 
     window.input("sleep", "3")
     window.ask("invoke", "bake", {"size": 2048, "output": str(texture)})
-    before = window.wait(lambda state: state["progress"] > 0, 60, "running bake") and drawn()
-    window.wait(lambda state: state["progress"] > 0.5 or not state["running"], 120, "half of the bake")
+    before = window.wait(lambda state: state["progress"] > 0, "running bake") and drawn()
+    window.wait(lambda state: state["progress"] > 0.5 or not state["running"], "half of the bake")
     after = drawn()
     assert after["UI"] - before["UI"] >= 4
     assert after["WINDOW"] - before["WINDOW"] <= 2  # `drawn` itself has it drawn
-    window.wait(lambda state: "MPS Grid" in state["images"] and not state["running"], 120, "texture")
+    window.wait(lambda state: "MPS Grid" in state["images"] and not state["running"], "texture")
 
 
 def test_a_photo_is_rendered_beside_a_live_window(window, album, tmp_path):
@@ -126,35 +126,35 @@ def test_a_photo_is_rendered_beside_a_live_window(window, album, tmp_path):
     window.ask("run", scenes.format(str(tmp_path / "before")))
 
     window.click(x, y)
-    before = window.wait(lambda state: state["running"] and state["progress"] > 0.001, 120, "progress")
+    before = window.wait(lambda state: state["running"] and state["progress"] > 0.001, "progress")
     # The window ticks on, shows how far it is, and the time left once that can be told.
-    window.wait(lambda state: state["ticks"] > before["ticks"] + 10 and state["left"], 60, "time left")
+    window.wait(lambda state: state["ticks"] > before["ticks"] + 10 and state["left"], "time left")
     window.photograph(album / "panel_photo_running.png", sidecar=200)
     window.ask("run", scenes.format(str(tmp_path / "meanwhile")))
     assert (tmp_path / "meanwhile").read_text() == (tmp_path / "before").read_text()
     window.input("key", "Escape")
-    window.wait(lambda state: not state["running"], 60, "end by Esc")
+    window.wait(lambda state: not state["running"], "end by Esc")
 
     window.ask("invoke", "render_photo", {})
-    window.wait(lambda state: state["running"], 60, "running photo")
+    window.wait(lambda state: state["running"], "running photo")
     left, _, width, _ = window.state["sidebar"]
     assert window.under_mouse(left + width - 50, y).startswith("bpy.ops.mps.cancel(")  # right of the progress
     window.click(left + width - 50, y)
-    window.wait(lambda state: not state["running"], 60, "end by the X")
+    window.wait(lambda state: not state["running"], "end by the X")
     window.ask("invoke", "render_truth", {"output": str(tmp_path / "slow_truth.exr")})
     assert window.state["running"] == "MPS_OT_render_truth"
     window.ask("run", "bpy.ops.mps.cancel()")
-    window.wait(lambda state: not state["running"], 60, "end of the true normals")
+    window.wait(lambda state: not state["running"], "end of the true normals")
     assert not [path.name for path in tmp_path.iterdir() if "slow" in path.name]
 
     quick = {"width": 64, "height": 64, "samples": 1, "output": str(tmp_path / "quick.exr")}
     window.ask("invoke", "render_photo", quick)
-    window.wait(lambda state: "MPS Photo" in state["images"] and not state["running"], 120, "photo")
+    window.wait(lambda state: "MPS Photo" in state["images"] and not state["running"], "photo")
     assert (tmp_path / "quick.exr").is_file() and (tmp_path / "quick.rig.json").is_file()
     window.ask("invoke", "render_photo", slow)
-    window.wait(lambda state: state["running"] and state["progress"] > 0, 120, "another running photo")
+    window.wait(lambda state: state["running"] and state["progress"] > 0, "another running photo")
     window.ask("run", "bpy.ops.wm.read_homefile()")
-    window.wait(lambda state: state["sidebar"] and not state["running"], 30, "another file")
+    window.wait(lambda state: state["sidebar"] and not state["running"], "another file")
     assert not [path.name for path in tmp_path.iterdir() if "slow" in path.name]
 
 
@@ -170,16 +170,16 @@ def test_training_data_grows_in_its_section(window, album, tmp_path):
     window.ask("set", "samples", settings)
     window.ask("run", TRAINING)
     window.ask("alone", "MPS_PT_samples")
-    window.wait(lambda state: state["sidebar"], 30, "tab of its own")
+    window.wait(lambda state: state["sidebar"], "tab of its own")
     left, top, width, height = window.state["sidebar"]
     x, y = window.find("mps.render_samples", below=200)
     window.input("mousemove", 500, 500, "sleep", "1")
     before = window.screenshot(tmp_path / "before.png")
 
     window.click(x, y)
-    window.wait(lambda state: state["running"] and "MPS Samples" in state["images"], 120, "contact sheet")
+    window.wait(lambda state: state["running"] and "MPS Samples" in state["images"], "contact sheet")
     window.input("mousemove", 500, 500, "sleep", "1", "key", "Escape")
-    window.wait(lambda state: not state["running"], 60, "end of the cancelled rendering")
+    window.wait(lambda state: not state["running"], "end of the cancelled rendering")
     there = samples_there(folder)
     assert 0 < len(there) < count
     assert not list(folder.glob(".*"))
@@ -196,9 +196,9 @@ def test_training_data_grows_in_its_section(window, album, tmp_path):
 
     kept = {number: sample_path(folder, number).stat().st_mtime_ns for number in there}
     window.click(x, y)
-    window.wait(lambda state: state["running"], 60, "rendering that goes on")
+    window.wait(lambda state: state["running"], "rendering that goes on")
     window.photograph(album / "panel_training_data.png", sidecar=200)
-    window.wait(lambda state: not state["running"], 240, "end of the rendering")
+    window.wait(lambda state: not state["running"], "end of the rendering")
     assert samples_there(folder) == set(range(count))
     assert {number: sample_path(folder, number).stat().st_mtime_ns for number in there} == kept
     window.input("mousemove", 500, 500)
@@ -220,7 +220,7 @@ def test_real_lights_are_found_and_undone(unfolded, album, tmp_path):
     lights = window.find("mps.calibrate_lights", below=140)
 
     window.click(*lights)
-    window.wait(lambda state: state["rig_file"] and not state["running"], 60, "lights")
+    window.wait(lambda state: state["rig_file"] and not state["running"], "lights")
     assert "MPS Calibration" in window.state["images"]
     assert "Slant" in window.state["found"].splitlines()[0]
     assert degrees_between(read_rig(rig).directions, directions).max() < 1
@@ -230,14 +230,14 @@ def test_real_lights_are_found_and_undone(unfolded, album, tmp_path):
     window.input(*over, 4, "sleep", "1")
 
     window.click(*window.find("mps.calibrate_mixing", below=lights[1] + 4 * STEP - top))
-    after = window.wait(lambda state: "Channel" in state["found"] and not state["running"], 60, "mixing")
+    after = window.wait(lambda state: "Channel" in state["found"] and not state["running"], "mixing")
     np.testing.assert_allclose(read_rig(rig).mixing, CROSSTALK, atol=0.02)
     assert after["rig_file"] == str(rig)
 
     window.input("mousemove", 500, 500, "key", "ctrl+z")
-    window.wait(lambda state: "Slant" in state["found"], 60, "undo of the mixing")
+    window.wait(lambda state: "Slant" in state["found"], "undo of the mixing")
     window.input("key", "ctrl+z")
-    window.wait(lambda state: not state["rig_file"] and "MPS Calibration" not in state["images"], 60, "undo of both")
+    window.wait(lambda state: not state["rig_file"] and "MPS Calibration" not in state["images"], "undo of both")
     assert rig.is_file()
 
 
@@ -259,11 +259,11 @@ def test_the_mask_is_shown_below_its_button(unfolded, tmp_path):
 
     before = below()
     window.click(x, y)
-    window.wait(lambda state: "MPS Mask" in state["images"] and not state["running"], 60, "mask")
+    window.wait(lambda state: "MPS Mask" in state["images"] and not state["running"], "mask")
     window.see(below, lambda now: (np.abs(now - before).max(axis=-1) > 0.1).sum() > 5000, "mask")
 
     window.input("mousemove", 500, 500, "key", "ctrl+z")
-    window.wait(lambda state: "MPS Mask" not in state["images"], 60, "undo of the mask")
+    window.wait(lambda state: "MPS Mask" not in state["images"], "undo of the mask")
 
 
 def test_many_views_are_baked_and_reported(window, tmp_path):
@@ -280,29 +280,29 @@ def test_many_views_are_baked_and_reported(window, tmp_path):
     x, y = window.find("mps.bake_views", below=200)
 
     window.click(x, y)
-    done = window.wait(lambda state: "MPS Cube" in state["images"] and not state["running"], 60, "texture")
+    done = window.wait(lambda state: "MPS Cube" in state["images"] and not state["running"], "texture")
     assert set(done["nodes"]) - set(plain) == {"MPS UV", "MPS Texture", "MPS Normal"}
     assert texture.is_file() and "Camera" in report.read_text(encoding="utf-8")
     x, y = window.find("wm.path_open", below=y + 3 * STEP - top)
     assert str(report) in window.under_mouse(x, y)
 
     window.input("mousemove", 500, 500, "key", "ctrl+z")
-    window.wait(lambda state: state["nodes"] == plain, 60, "undo of the bake")
+    window.wait(lambda state: state["nodes"] == plain, "undo of the bake")
     assert not window.under_mouse(x, y)
 
 
 def test_a_result_finds_its_scene_and_target_whatever_they_are_called_by_then(window, tmp_path):
     window.ask("invoke", "add_rig", {})
     window.ask("invoke", "render_photo", {"width": 64, "height": 64, "samples": 4})
-    window.wait(lambda state: "MPS Photo" in state["images"], 120, "photo")
+    window.wait(lambda state: "MPS Photo" in state["images"], "photo")
     window.ask("invoke", "estimate", {"model": "LAMBERTIAN"})
-    window.wait(lambda state: "MPS Normals" in state["images"] and not state["running"], 120, "normals")
+    window.wait(lambda state: "MPS Normals" in state["images"] and not state["running"], "normals")
     texture = tmp_path / "texture.png"
     window.ask("invoke", "bake", {"size": 2048, "output": str(texture)})
     assert window.state["running"]
     renamed = "for one in (*bpy.data.scenes, *bpy.data.objects, *bpy.data.images): one.name = f'renamed {one.name}'"
     window.ask("run", renamed)
-    window.wait(lambda state: not state["running"], 120, "texture")
+    window.wait(lambda state: not state["running"], "texture")
     assert "MPS Cube" in window.state["images"] and texture.is_file()  # called as the target was when it began
     assert "MPS Texture" in window.state["nodes"]
 
@@ -311,7 +311,7 @@ def test_a_result_finds_its_scene_and_target_whatever_they_are_called_by_then(wi
 def test_operators_are_found_by_search(window, words):
     """The search that F3 opens, the words, Enter; the scene gets first what each operator needs to be chosen."""
     window.ask("invoke", "add_rig", {})
-    before = window.wait(lambda state: "MPS Red" in state["objects"], 60, "rig")
+    before = window.wait(lambda state: "MPS Red" in state["objects"], "rig")
     if words == "bake texture":
         window.ask("run", "bpy.context.scene.mps.estimate.image = bpy.data.images.new('No File', 4, 4)")
     window.ask("run", "bpy.context.scene.mps.photo.width = bpy.context.scene.mps.photo.height = 32")
@@ -320,8 +320,8 @@ def test_operators_are_found_by_search(window, words):
     window.input("sleep", "1", "type", "--delay", 60, words)
     window.input("sleep", "1", "key", "Return")
     if words == "add rig":
-        window.wait(lambda state: state["rig"] != before["rig"], 60, "another rig")
+        window.wait(lambda state: state["rig"] != before["rig"], "another rig")
     elif words == "render photo":
-        window.wait(lambda state: "MPS Photo" in state["images"], 60, "photo")
+        window.wait(lambda state: "MPS Photo" in state["images"], "photo")
     else:
-        window.wait(lambda state: "has no file on disk" in state["errors"].get("bake", ""), 60, "error of the bake")
+        window.wait(lambda state: "has no file on disk" in state["errors"].get("bake", ""), "error of the bake")
