@@ -98,9 +98,9 @@ def python() -> Iterator[str]:
     """Every name of the package, by room."""
     yield "# Python"
     yield ""
-    yield "All names come from `mpsnet_core`: `from mpsnet_core import Estimate`. Arrays are NumPy arrays. Camera space is x"
-    yield "right, y up, z towards the camera. Bad input raises `InputError`, whose subclasses say what is bad: a file, a"
-    yield "format, a geometry, or settings."
+    yield "All names come from `mpsnet_core`: `from mpsnet_core import Estimate`. Arrays are NumPy arrays. Camera space"
+    yield "is x right, y up, z towards the camera. Bad input raises `InputError`, whose subclasses say what is bad: a"
+    yield "file, a format, a geometry, or settings."
     homes = {name: getattr(mpsnet_core, name) for name in mpsnet_core.__all__}
     rooms = mpsnet_core._HOME
     for room, title in ROOMS.items():
@@ -137,7 +137,8 @@ def blender() -> Iterator[str]:
     yield from ("", "## Operators")
     for name in sorted(dir(bpy.ops.mps)):
         facts = getattr(bpy.ops.mps, name).get_rna_type()
-        yield from ("", f"### bpy.ops.mps.{name}", "", f"{facts.name}. {facts.description}.".replace("..", "."))
+        words = f"**{facts.name}.** {' '.join(facts.description.split())}"
+        yield from ("", f"### bpy.ops.mps.{name}", "", words if words.endswith(".") else words + ".")
         yield from _properties(facts)
     yield from ("", "## Settings")
     for group in bpy.types.Scene.bl_rna.properties["mps"].fixed_type.properties:
@@ -152,10 +153,10 @@ def _properties(facts: Any) -> Iterator[str]:
         if one.identifier in {"rna_type", "name"} or one.is_hidden:
             continue
         yield from ("", f"`{one.identifier}`")
-        words = [f"{one.name}." if not one.description else f"{one.name}: {one.description}."]
+        words = [f"**{one.name}.**", *([f"{one.description}."] if one.description else [])]
         if one.type == "ENUM" and 0 < len(one.enum_items) < 20:
             words.append("One of " + ", ".join(f"`{item.identifier}`" for item in one.enum_items) + ".")
-        yield f": {' '.join(words)}".replace("\n", " ")
+        yield ": " + " ".join(" ".join(words).split())
 
 
 if __name__ == "__main__":
