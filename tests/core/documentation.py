@@ -22,7 +22,7 @@ def commands(page: Path, program: str) -> list[list[str]]:
     found = []
     for block in blocks(page, "bash"):
         for line in block.replace("\\\n", " ").splitlines():
-            words = shlex.split(line, comments=True)
+            words = shlex.split(re.sub(r"(^|\s)#\s.*", "", line))
             if words and words[0] == program:
                 found.append(words[1:])
     return found
