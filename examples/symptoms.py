@@ -85,7 +85,7 @@ def turned_about_x(degrees: float) -> Array:
 
 def halfway(rig: LightRig) -> Array:
     """(3, 3) where a mirror's normal would point for each light."""
-    return unit(rig.directions + [0, 0, 1])
+    return unit(rig.directions + np.array([0, 0, 1]))
 
 
 def unit(vectors: Array) -> Array:
