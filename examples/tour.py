@@ -1,4 +1,4 @@
-"""Run every command of the guided tour (README.md beside this file) as it stands there, one after the other.
+"""Run every command of the guided tour (docs/tutorials/tour.md) as it stands there, one after the other.
 
     python examples/tour.py                            leaves its files in examples/output/tour
     python examples/tour.py --blender COMMAND          what `blender` in the text stands for, if not on the path
@@ -17,7 +17,7 @@ import tempfile
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-TOUR = HERE / "README.md"
+TOUR = HERE.parent / "docs" / "tutorials" / "tour.md"
 OUTPUT = HERE / "output" / "tour"
 
 

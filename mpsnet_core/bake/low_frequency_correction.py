@@ -96,9 +96,11 @@ def correct_low_frequencies(
     GeometryError
         Where the sizes of normals and camera differ.
 
-    Notes ----- Around each place the rotation vector r is found that brings the estimates n onto the mesh's normals m
-    by least squares with Gaussian weights w: sum w |r x n - t|², t the rotation vector from n to m, which is
-    perpendicular to n. That is (sum w (1 - n nᵀ)) r = sum w t: Wahba's problem (1965), linearised.
+    Notes
+    -----
+    Around each place the rotation vector r is found that brings the estimates n onto the mesh's normals m by least
+    squares with Gaussian weights w: ``sum w |r x n - t|²``, t the rotation vector from n to m, which is perpendicular
+    to n. That is ``(sum w (1 - n nᵀ)) r = sum w t``: Wahba's problem (1965), linearised.
     """
     return turned(normals, levelling(normals, camera, mesh, scene, scale=scale))
 

@@ -56,8 +56,10 @@ def curvature(
     SettingsError
         Where the radius is below 0.
 
-    Notes ----- The divergence of the normals in space, each constant along its pixel's ray. Depth discontinuities that
-    the normals do not show have no curvature.
+    Notes
+    -----
+    The divergence of the normals in space, each constant along its pixel's ray. Depth discontinuities that the normals
+    do not show have no curvature.
     """
     height, width = normals.mask.shape
     check_size("camera", (camera.height, camera.width), normals)

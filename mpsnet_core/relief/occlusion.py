@@ -54,11 +54,13 @@ def ambient_occlusion(
     SettingsError
         Where the reach is below 1.
 
-    Notes ----- Horizon-based: in 16 directions over the picture the highest elevation of the surface, and between the
-    horizons of two opposite ones the integral in closed form (Jimenez et al., Practical Real-Time Strategies for
-    Accurate Indirect Occlusion, SIGGRAPH 2016 courses, section 4). As there, each of 4 x 4 neighbours has 16 directions
-    of its own, averaged over the surface that they share: of the same 16 for all, every high edge would cast 16
-    straight shadows. Of what is far away only the highest pixel of each stretch counts.
+    Notes
+    -----
+    Horizon-based: in 16 directions over the picture the highest elevation of the surface, and between the horizons of
+    two opposite ones the integral in closed form (Jimenez et al., Practical Real-Time Strategies for Accurate Indirect
+    Occlusion, SIGGRAPH 2016 courses, section 4). As there, each of 4 x 4 neighbours has 16 directions of its own,
+    averaged over the surface that they share: of the same 16 for all, every high edge would cast 16 straight shadows.
+    Of what is far away only the highest pixel of each stretch counts.
     """
     mask = heights.mask
     check_size("height map", mask.shape, normals)

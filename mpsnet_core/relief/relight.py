@@ -49,8 +49,10 @@ def relit(
     GeometryError
         Where the sizes differ, or the direction is 0 or not finite.
 
-    Notes ----- Linear radiance is ``albedo * ((1 - a) * max(n . l, 0) + a * occlusion)`` with a = 0.15. Lambertian
-    radiance is the same in all directions and the light is distant, so a perspective camera makes no difference.
+    Notes
+    -----
+    Linear radiance is ``albedo * ((1 - a) * max(n . l, 0) + a * occlusion)`` with a = 0.15. Lambertian radiance is the
+    same in all directions and the light is distant, so a perspective camera makes no difference.
     """
     light = np.asarray(direction, np.float64)
     if light.shape != (3,) or not np.isfinite(light).all() or not light.any():

@@ -3,6 +3,7 @@
 import doctest
 import importlib
 import pkgutil
+import re
 
 import pytest
 
@@ -31,3 +32,8 @@ def test_examples_are_true():
 def test_what_the_package_offers_has_a_docstring(name: str):
     offered = getattr(mpsnet_core, name)
     assert not callable(offered) or (offered.__doc__ or "").strip()
+
+
+@pytest.mark.parametrize("name", sorted(mpsnet_core.__all__))
+def test_sections_of_docstrings_have_a_line_of_their_own(name: str):
+    assert not re.search(r"\w+ -{3,} \w", getattr(mpsnet_core, name).__doc__ or "")

@@ -41,7 +41,7 @@ class Lens:
     Notes
     -----
     Where a pinhole camera sees a point p = (x, y), in focal lengths from the optical axis, x right and y down, this
-    lens shows it at A d with r² = |p|² and ::
+    lens shows it at A d, where r is the length of p and ::
 
         d = p (1 + radial[0] r² + radial[1] r⁴ + ...) / (1 + divisor[0] r² + ...) + tangential r² + 2 (tangential·p) p
 

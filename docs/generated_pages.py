@@ -1,0 +1,163 @@
+"""The pages of the reference that follow from the code: the command line, the Python API, and Blender's operators.
+
+``conf.py`` writes them before each build; they are not kept.
+"""
+
+import inspect
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import mpsnet_core
+from mpsnet_core.cli.command import OPERATIONS
+from mpsnet_core.operation import Operation, Setting, settings
+
+# What the rooms of the package are, for people who look for a function.
+ROOMS = {
+    "operation": "Operations in general",
+    "capture": "Photos, masks and calibration",
+    "estimate": "Normals",
+    "bake": "Textures",
+    "relief": "Heights, meshes and materials",
+    "scene": "Cameras, rigs, meshes and normal maps",
+    "io": "Files",
+    "arrays": "Measures",
+    "synthesis": "Training data",
+    "learning": "Training",
+    "errors": "Errors",
+}
+
+
+def write(folder: Path) -> None:
+    """Write the pages into the folder of the reference."""
+    pages = {"command_line": command_line(), "python": python(), "blender": blender()}
+    for name, lines in pages.items():
+        text = "\n".join(lines) + "\n"
+        page = folder / f"{name}.md"
+        # Sphinx reads a page again where its time has changed.
+        if not page.exists() or page.read_text(encoding="utf-8") != text:
+            page.write_text(text, encoding="utf-8")
+
+
+def command_line() -> Iterator[str]:
+    """Each command with its options."""
+    yield "# Command line"
+    yield ""
+    yield "`mpsnet COMMAND --help` prints the same. Every command also takes `--progress bar`, `json` or `none`."
+    yield "It ends with 0; with 2 and one sentence for bad input; with 1 for a fault of the program; with 130 when you"
+    yield "cancel it."
+    for kind in sorted((one for one in OPERATIONS if one.listed), key=lambda one: one.command):
+        yield from ("", f"## mpsnet {kind.command}", "", f"{kind.help()}.")
+        yield from _rest_of_docstring(kind)
+        heading = ""
+        for setting in settings(kind):
+            if not setting.option.help:
+                continue
+            if not setting.option.positional and setting.heading != heading:
+                heading = setting.heading
+                yield from ("", f"**{heading[:1].upper()}{heading[1:]}**" if heading else "")
+            yield from ("", _flag(setting), f": {_described(setting)}")
+
+
+def _rest_of_docstring(kind: type[Operation]) -> Iterator[str]:
+    """What an operation says below its first line, up to the list of its parameters."""
+    text = inspect.cleandoc(kind.__doc__ or "").partition("\n\n")[2].partition("\n\nParameters\n")[0]
+    if text and not text.startswith(("Parameters", "Examples", "Raises", "Notes", "See Also")):
+        yield from ("", text.replace("``", "`"))
+
+
+def _flag(setting: Setting) -> str:
+    if setting.option.positional:
+        return f"`{setting.name.upper()}`"
+    names = [setting.option.short] if setting.option.short else []
+    names.append("--" + setting.name.replace("_", "-"))
+    value = "" if setting.kind is bool else f" {setting.option.metavar or setting.name.rpartition('_')[2].upper()}"
+    return ", ".join(f"`{name}{value}`" for name in names)
+
+
+def _described(setting: Setting) -> str:
+    """What an option does, its choices and bounds, and what applies where it is not given, in sentences."""
+    one = setting.option
+    text = one.help[:1].upper() + one.help[1:]
+    if one.choices:
+        choices = [f"`{value}`" + (f" ({meaning})" if meaning else "") for value, meaning in one.choices.items()]
+        text += ": " + ", ".join(choices)
+    text += "."
+    if one.low is not None or one.high is not None:
+        least, most = (None if bound is None else f"{bound:g}" for bound in (one.low, one.high))
+        text += f" From {least} on." if most is None else f" Up to {most}." if least is None else f" {least} to {most}."
+    if setting.several and not one.positional:
+        text += " You can repeat it."
+    if setting.required:
+        return text + " **Required.**"
+    default = one.unset or ("" if setting.default in (None, (), False) else f"`{setting.default}`")
+    return text + (f" Default: {default}." if default else "")
+
+
+def python() -> Iterator[str]:
+    """Every name of the package, by room."""
+    yield "# Python"
+    yield ""
+    yield "All names come from `mpsnet_core`: `from mpsnet_core import Estimate`. Arrays are NumPy arrays. Camera space"
+    yield "is x right, y up, z towards the camera. Bad input raises `InputError`, whose subclasses say what is bad: a"
+    yield "file, a format, a geometry, or settings."
+    homes = {name: getattr(mpsnet_core, name) for name in mpsnet_core.__all__}
+    rooms = mpsnet_core._HOME
+    for room, title in ROOMS.items():
+        names = [name for name in homes if rooms[name].split(".")[0] == room]
+        yield from ("", f"## {title}")
+        for name in sorted(names, key=lambda name: (not inspect.isclass(homes[name]), name)):
+            thing = homes[name]
+            kind = "autoclass" if inspect.isclass(thing) else "autofunction" if callable(thing) else "autodata"
+            signature = "(**options)" if inspect.isclass(thing) and issubclass(thing, Operation) else ""
+            yield from ("", "```{eval-rst}", f".. {kind}:: mpsnet_core.{name}{signature}")
+            if inspect.isclass(thing) and not issubclass(thing, (Operation, Exception)):
+                yield "   :members:"
+            yield "```"
+    missing = {rooms[name].split(".")[0] for name in homes} - set(ROOMS)
+    if missing:
+        raise RuntimeError(f"rooms without a title in the reference: {sorted(missing)}")
+
+
+def blender() -> Iterator[str]:
+    """The operators with their properties, and the settings in the scene."""
+    yield "# Blender's operators and settings"
+    yield ""
+    yield "Every button of the panel is an operator, every field a setting of the scene. Scripts call the operators as"
+    yield "`bpy.ops.mps.bake(size=2048)`: an operator takes the settings of its step as arguments. Bad input raises"
+    yield "`RuntimeError` with one sentence."
+    try:
+        import bpy
+    except ImportError:
+        yield from ("", "This copy of the page was built without `bpy`, so the lists are missing.")
+        return
+    import blender_addon
+
+    blender_addon.register()
+    yield from ("", "## Operators")
+    for name in sorted(dir(bpy.ops.mps)):
+        facts = getattr(bpy.ops.mps, name).get_rna_type()
+        words = f"**{facts.name}.** {' '.join(facts.description.split())}"
+        yield from ("", f"### bpy.ops.mps.{name}", "", words if words.endswith(".") else words + ".")
+        yield from _properties(facts)
+    yield from ("", "## Settings")
+    for group in bpy.types.Scene.bl_rna.properties["mps"].fixed_type.properties:
+        if group.type == "POINTER" and group.identifier != "rna_type":
+            yield from ("", f"### scene.mps.{group.identifier}")
+            yield from _properties(group.fixed_type)
+    blender_addon.unregister()
+
+
+def _properties(facts: Any) -> Iterator[str]:
+    for one in facts.properties:
+        if one.identifier in {"rna_type", "name"} or one.is_hidden:
+            continue
+        yield from ("", f"`{one.identifier}`")
+        words = [f"**{one.name}.**", *([f"{one.description}."] if one.description else [])]
+        if one.type == "ENUM" and 0 < len(one.enum_items) < 20:
+            words.append("One of " + ", ".join(f"`{item.identifier}`" for item in one.enum_items) + ".")
+        yield ": " + " ".join(" ".join(words).split())
+
+
+if __name__ == "__main__":
+    write(Path(__file__).parent / "reference")

@@ -1,0 +1,48 @@
+"""The documentation says what is so: its commands and code fit the program, its links lead somewhere."""
+
+import importlib
+import importlib.util
+import re
+import subprocess
+import sys
+
+import pytest
+from documentation import GENERATED, PROJECT, WRITTEN, blocks, commands
+
+from mpsnet_core.cli.command import _parser
+
+
+def page_name(page):
+    return str(page.relative_to(PROJECT))
+
+
+@pytest.mark.parametrize("page", WRITTEN, ids=page_name)
+def test_commands_are_ones_that_there_are(page):
+    for arguments in commands(page, "mpsnet"):
+        _parser().parse_args(arguments)
+
+
+@pytest.mark.parametrize("page", WRITTEN, ids=page_name)
+def test_python_compiles_and_imports_what_there_is(page):
+    for block in blocks(page, "python"):
+        compile(block, page.name, "exec")
+        for module, names in re.findall(r"^from ([\w.]+) import \(?([^)]+?)\)?$", block, re.MULTILINE):
+            if importlib.util.find_spec("torch") is None and ".training" in module:
+                continue
+            for name in re.findall(r"\w+", names):
+                assert hasattr(importlib.import_module(module), name), f"{module} has no {name}"
+
+
+@pytest.mark.parametrize("page", WRITTEN, ids=page_name)
+def test_links_and_pictures_lead_to_files(page):
+    links = re.findall(r"\]\(([^)#\s]+)[^)]*\)", page.read_text(encoding="utf-8"))
+    places = [(page.parent / link).resolve() for link in links if "://" not in link]
+    assert not [place for place in places if place not in GENERATED and not place.exists()]
+
+
+@pytest.mark.long
+def test_the_site_builds_without_a_warning(tmp_path):
+    pytest.importorskip("furo", reason="needs the extra docs")
+    build = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-b", "html", "docs", tmp_path]
+    done = subprocess.run(build, cwd=PROJECT, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stderr
