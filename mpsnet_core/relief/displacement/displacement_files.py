@@ -1,11 +1,12 @@
 """The files of a normal texture, one or UDIM tiles, to those of heights on the same mesh's UVs."""
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mpsnet_core.bake.texture import Space
 from mpsnet_core.bake.texture_names import check_one_texture, split_by, texture_files
@@ -19,7 +20,7 @@ from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.relief.displacement.displacement import Displacement, displacement
 from mpsnet_core.relief.displacement.height_constraints import object_normals
 from mpsnet_core.relief.displacement.udim import tiles_of
-from mpsnet_core.relief.height_files import HeightFacts, height_files, write_height
+from mpsnet_core.relief.height_files import HeightFacts, HeightScale, height_files, write_height
 from mpsnet_core.scene.mesh import Mesh, read_mesh
 from mpsnet_core.scene.normal_map import Convention, encode, read_normals
 
@@ -81,8 +82,7 @@ def write_displacement(
     taken = [*textures, *(Path(file) for file in (uvs, base) if file)]
     files = _checked_outputs(outputs, bits, taken)
     turned: list[Path] = []
-    if object_space:
-        _tiled(normals, object_space)
+    if object_space and _tiled(normals, object_space) == tiled:
         turned = texture_files(object_space, chosen) if tiled else [Path(object_space)]
         check_apart([*taken, *files], map(writable_image, turned))
     tiles = tiles_of(chosen)
@@ -100,11 +100,8 @@ def write_displacement(
         progress=part(progress, 0.1, 0.9),
     )
     progress(0.9, f"writing {Path(height).name}")
-    ends = float(found.values.min()), float(found.values.max())
     with written_together():
-        for output, values in zip(outputs, tiles.parted(found.values), strict=True):
-            heights = replace(found, values=values).as_height_map()
-            means = write_height(output, heights, bits=bits, unit=unit, on_uvs=True, ends=ends)
+        means = _write_heights(dict(zip(outputs, tiles.parted(found.values), strict=True)), found, bits, unit)
         if turned:
             for file, part_of in zip(turned, tiles.parted(object_normals(vectors, laid, margin)), strict=True):
                 write_image(file, encode(part_of))
@@ -132,6 +129,17 @@ def _tiled(normals: str, height: str) -> bool:
         check_one_texture(normals)
         check_one_texture(height)
     return normals_tiled
+
+
+def _write_heights(
+    parts: Mapping[Path, NDArray[np.float32]], found: Displacement, bits: int | None, unit: str
+) -> HeightScale:
+    """Write each file's part of the heights, all on one scale, which is returned."""
+    ends = float(found.values.min()), float(found.values.max())
+    for file, values in parts.items():
+        heights = replace(found, values=values).as_height_map()
+        means = write_height(file, heights, bits=bits, unit=unit, on_uvs=True, ends=ends)
+    return means
 
 
 def _checked_outputs(outputs: Sequence[Path], bits: int | None, taken: Sequence[Path]) -> list[Path]:
