@@ -220,7 +220,7 @@ def _standing_out(photo: NDArray[np.float32], behind: NDArray[np.float32], notes
         raise GeometryError("no object stands out from the background; give a mask file, or a photo of the background")
     if notes == "all":
         share = 100 * mask.mean()
-        log.info("the mask covers %.1f%% of the photo; it is clear by %.2f, where 1 is wholly", share, clearness)
+        log.info("the mask covers %.1f%% of the photo, with a certainty of %.2f of 1", share, clearness)
     if notes != "none":
         _note_doubts(mask, clearness)
     return _Found(mask, threshold)
