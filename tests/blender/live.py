@@ -63,10 +63,13 @@ class Window:
         done = self.wait(over, "answer to Ctrl C")
         return done["clipboard"]
 
-    def find(self, operator: str, below: int = STEP) -> tuple[int, int]:
-        """Where in the sidebar, looking from `below` its top to its bottom, the button of `operator` is."""
+    def find(self, operator: str, below: int = STEP, at: float = 0.5) -> tuple[int, int]:
+        """Where in the sidebar, looking from `below` its top to its bottom, the button of `operator` is.
+
+        at: which share of the sidebar's width is left of where it looks.
+        """
         left, top, width, height = self.state["sidebar"]
-        x = left + width // 2
+        x = left + round(width * at)
         picture = self.screenshot(self.file.with_name("sidebar.png"))[top : top + height, left : left + width]
         for y in lines(picture):
             if y >= below and self.under_mouse(x, top + y).startswith(f"bpy.ops.{operator}("):

@@ -36,7 +36,7 @@ def test_try_it_shows_all_steps_and_relight_ends(unfolded, album, tmp_path):
     window.photograph(album / "tour_try_it.png", "MPS_PT_start", "MPS_PT_rig", "MPS_PT_photo")
     window.photograph(album / "tour_estimate.png", "MPS_PT_photo", "MPS_PT_estimate")
     window.photograph(album / "tour_bake.png", "MPS_PT_bake")
-    window.click(*window.find("mps.relight", below=100))
+    window.click(*window.find("mps.relight", below=100, at=0.25))
     window.wait(lambda state: "MPS White Lamp" not in state["objects"], "end of Relight")
     window.input("mousemove", 300, 880)
     window.see(lambda: changed(1), lambda pixels: pixels < 500, "still picture")

@@ -22,10 +22,11 @@ TICK = 0.03  # seconds
 bpy.context.preferences.view.show_splash = False
 bpy.context.preferences.use_preferences_save = False  # the next window has them as they come
 # In the order of their registration, which is that of the sidebar.
-EVERY_PANEL = sys.modules[bpy.types.MPS_PT_rig.__module__.rpartition(".")[0]].CLASSES
+PANELS = sys.modules[bpy.types.MPS_PT_rig.__module__.rpartition(".")[0]]
+EVERY_PANEL = [cls for cls in PANELS.CLASSES if issubclass(cls, bpy.types.Panel)]
 category = "MPS"  # the tab that is shown
 if unfolded:
-    sys.modules[EVERY_PANEL[-1].__base__.__module__].FOLDED = False
+    PANELS.step.FOLDED = False
     for panel in EVERY_PANEL:
         panel.bl_options = set()
 
@@ -113,7 +114,7 @@ def alone(*panels):
     for cls in EVERY_PANEL:
         if cls.__name__ in panels:
             bpy.utils.register_class(cls)
-    shown = [cls for cls in EVERY_PANEL if cls.__name__ in panels and issubclass(cls, bpy.types.Panel)]
+    shown = [cls for cls in EVERY_PANEL if cls.__name__ in panels]
     category = shown[0].bl_category if shown else category
     viewport()[1].tag_redraw()
 
