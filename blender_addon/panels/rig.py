@@ -9,7 +9,7 @@ from ..estimate.photo_options import rig_file_for
 from ..photo.camera import is_real
 from ..rig.light_preview import light_preview
 from ..rig.rig import COLOURS, drawn_rig, rig_objects
-from .step import FOLDED, Kind, State, Step, sentence
+from .step import Kind, State, Step, sentence
 from .text import wrapped
 from .what_counts import Lights, lights_of
 
@@ -86,7 +86,7 @@ class MPS_PT_rig(Step):
         self.failure(scene, "light_preview")
         if preview is None:
             return
-        header, body = self.layout.panel("MPS_light_preview", default_closed=FOLDED)
+        header, body = self.foldable("light_preview")
         header.label(text="Photo and Normals")
         if preview.error:
             wrapped(self.layout, sentence(preview.error), icon="ERROR")

@@ -66,7 +66,7 @@ class LightPreview:
 
     scene_uid: int
     error: str = ""
-    moved: bool = True
+    moved: bool = False
     mesh_of: str = ""
     shown: str = ""
     process: CoreProcess | None = None
@@ -93,7 +93,7 @@ class LightPreview:
             self._show(np.load(self.folder / "preview.npy"))
             self.error = ""
             redraw_panels(bpy.context.window_manager)
-        if scene != bpy.context.scene:
+        if scene != bpy.context.scene or scene.mps.way != "RENDER":  # nobody sees it
             return
         if self.moved:  # wait for the end of a movement: the mesh may be large
             self.moved, self.mesh_of, self.shown = False, "", ""
